@@ -1,0 +1,32 @@
+# Compiler settings of every target: one interface target, warnings are errors.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE RelWithDebInfo CACHE STRING "Build type" FORCE)
+endif()
+
+find_program(SRFS_CCACHE ccache)
+if(SRFS_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${SRFS_CCACHE})
+endif()
+
+set(SRFS_SANITIZE "" CACHE STRING "Sanitizers: empty, 'address,undefined' or 'thread'")
+option(SRFS_WERROR "Warnings are errors" ON)
+
+add_library(srfs_compile_options INTERFACE)
+add_library(srfs::compile_options ALIAS srfs_compile_options)
+target_compile_options(srfs_compile_options INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align
+  -Wnull-dereference -Wdouble-promotion -Wformat=2 -Wimplicit-fallthrough -Wconversion -Wno-sign-conversion)
+if(SRFS_WERROR)
+  target_compile_options(srfs_compile_options INTERFACE -Werror)
+endif()
+if(SRFS_SANITIZE)
+  target_compile_options(srfs_compile_options INTERFACE -fsanitize=${SRFS_SANITIZE} -fno-omit-frame-pointer
+    -fno-sanitize-recover=all -Wno-maybe-uninitialized -Wno-null-dereference)
+  target_link_options(srfs_compile_options INTERFACE -fsanitize=${SRFS_SANITIZE})
+endif()

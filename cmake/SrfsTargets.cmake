@@ -1,0 +1,88 @@
+# srfs_add_library(<name> SOURCES ... [DEPS ...] [PRIVATE_DEPS ...]): a static library of the house.
+function(srfs_add_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS;PRIVATE_DEPS" ${ARGN})
+  add_library(${name} STATIC ${ARG_SOURCES})
+  target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE srfs::compile_options ${ARG_PRIVATE_DEPS})
+endfunction()
+
+# srfs_add_executable(<name> SOURCES ... [DEPS ...]): an installed program (bin/).
+function(srfs_add_executable name)
+  cmake_parse_arguments(ARG "NO_INSTALL" "" "SOURCES;DEPS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
+  target_link_libraries(${name} PRIVATE srfs::compile_options ${ARG_DEPS})
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+  if(NOT ARG_NO_INSTALL)
+    install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+  endif()
+endfunction()
+
+# add_srfs_node(<folder> LOGIC <pure sources> ADAPTER <adapter sources> [DEPS ...] [TEST <test sources>]):
+# one node = a logic library without DDS or hardware, an executable `<folder>_node`, a unit test of the logic.
+function(add_srfs_node name)
+  cmake_parse_arguments(ARG "" "" "LOGIC;ADAPTER;DEPS;TEST" ${ARGN})
+  if(ARG_LOGIC)
+    srfs_add_library(srfs_${name}_logic SOURCES ${ARG_LOGIC} DEPS srfs_base srfs_wire srfs_mission)
+    set(logic srfs_${name}_logic)
+  endif()
+  srfs_add_executable(${name}_node SOURCES ${ARG_ADAPTER}
+    DEPS ${logic} srfs_ros srfs_hw srfs_msgs srfs_mission ${ARG_DEPS})
+  if(ARG_TEST)
+    srfs_add_unit_test(${name}_logic SOURCES ${ARG_TEST} DEPS ${logic})
+  endif()
+endfunction()
+
+# srfs_add_unit_test(<name> SOURCES ... DEPS ...): GoogleTest without DDS, hardware, clock or sleep. Label: unit.
+function(srfs_add_unit_test name)
+  if(NOT SRFS_BUILD_TESTS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  add_executable(test_${name} ${ARG_SOURCES})
+  target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
+  target_compile_definitions(test_${name} PRIVATE SRFS_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  target_link_libraries(test_${name} PRIVATE srfs::compile_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
+  set_target_properties(test_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  add_test(NAME unit.${name} COMMAND test_${name})
+  set_tests_properties(unit.${name} PROPERTIES LABELS unit TIMEOUT 120)
+  set_property(GLOBAL APPEND PROPERTY SRFS_UNIT_TESTS test_${name})
+endfunction()
+
+# srfs_add_node_test(<name> SOURCES ... DEPS ...): GoogleTest over real DDS or real descriptors, own DDS domain
+# (tests/dds_domain.hpp). Label: node.
+function(srfs_add_node_test name)
+  if(NOT SRFS_BUILD_TESTS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS" ${ARGN})
+  add_executable(test_${name} ${ARG_SOURCES})
+  target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
+  target_compile_definitions(test_${name} PRIVATE SRFS_SOURCE_DIR="${PROJECT_SOURCE_DIR}" SRFS_BINARY_DIR="${CMAKE_BINARY_DIR}")
+  target_link_libraries(test_${name} PRIVATE srfs::compile_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
+  set_target_properties(test_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+  add_test(NAME node.${name} COMMAND test_${name})
+  set_tests_properties(node.${name} PROPERTIES LABELS node TIMEOUT 180)
+endfunction()
+
+# srfs_add_fuzzer(<name> SOURCE <file> DEPS ...): a libFuzzer target (clang, -DSRFS_BUILD_FUZZERS=ON). With gcc the
+# same source is built as a unit test that replays its seed corpus tests/fuzz/corpus/<name>/ (see tests/fuzz/replay_main.cpp).
+function(srfs_add_fuzzer name)
+  cmake_parse_arguments(ARG "" "SOURCE" "DEPS" ${ARGN})
+  if(SRFS_BUILD_FUZZERS)
+    add_executable(fuzz_${name} ${ARG_SOURCE})
+    target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+    add_test(NAME fuzz.${name} COMMAND fuzz_${name} -runs=200000 -seed=1 -max_total_time=60
+      ${PROJECT_SOURCE_DIR}/tests/fuzz/corpus/${name})
+    set_tests_properties(fuzz.${name} PROPERTIES LABELS fuzz TIMEOUT 180)
+  elseif(SRFS_BUILD_TESTS)
+    add_executable(fuzz_${name} ${ARG_SOURCE} ${PROJECT_SOURCE_DIR}/tests/fuzz/replay_main.cpp)
+    add_test(NAME unit.fuzz_${name} COMMAND fuzz_${name} ${PROJECT_SOURCE_DIR}/tests/fuzz/corpus/${name})
+    set_tests_properties(unit.fuzz_${name} PROPERTIES LABELS unit TIMEOUT 120)
+  else()
+    return()
+  endif()
+  target_include_directories(fuzz_${name} PRIVATE ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
+  target_link_libraries(fuzz_${name} PRIVATE srfs::compile_options ${ARG_DEPS})
+  set_target_properties(fuzz_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
+endfunction()

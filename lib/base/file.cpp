@@ -1,0 +1,71 @@
+#include "base/file.hpp"
+
+#include <cerrno>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/fd.hpp"
+
+namespace srfs {
+namespace {
+
+tl::unexpected<FileError> failure(const char* what, const std::filesystem::path& path, int error) {
+  return Err(FileError{fmt::format("{}: cannot {}: {}", path.string(), what, errno_text(error))});
+}
+
+bool write_all(int fd, std::string_view content) {
+  while (!content.empty()) {
+    const ssize_t n = write(fd, content.data(), content.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return false;
+    content.remove_prefix(static_cast<std::size_t>(n));
+  }
+  return true;
+}
+
+}  // namespace
+
+Result<std::string, FileError> read_file(const std::filesystem::path& path, std::size_t limit) {
+  const Fd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!fd) return failure("open", path, errno);
+  std::string content;
+  char chunk[16384];
+  while (true) {
+    const ssize_t n = read(fd.get(), chunk, sizeof chunk);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return failure("read", path, errno);
+    if (n == 0) return content;
+    content.append(chunk, static_cast<std::size_t>(n));
+    if (content.size() > limit) return failure("read", path, EFBIG);
+  }
+}
+
+Result<void, FileError> write_file_atomically(const std::filesystem::path& path, std::string_view content) {
+  std::error_code ec;
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  std::filesystem::create_directories(folder, ec);
+  // The pid keeps two writers from sharing a temporary file; the last rename wins whole.
+  const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());
+  {
+    const Fd fd(open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    if (!fd) return failure("create", temporary, errno);
+    if (!write_all(fd.get(), content) || fsync(fd.get()) != 0) {
+      const int error = errno;
+      unlink(temporary.c_str());
+      return failure("write", temporary, error);
+    }
+  }
+  if (rename(temporary.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    unlink(temporary.c_str());
+    return failure("replace", path, error);
+  }
+  const Fd folder_fd(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder_fd || fsync(folder_fd.get()) != 0) return failure("sync the folder of", path, errno);
+  return {};
+}
+
+}  // namespace srfs
