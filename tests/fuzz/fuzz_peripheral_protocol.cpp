@@ -1,0 +1,37 @@
+// Messages of a hostile or broken peripheral. What is accepted must be exactly what encode() would have
+// written. The input is tried as it is, and with its CRC put right, so that the bodies are reached.
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+
+#include "base/octets.hpp"
+#include "wire/crc16.hpp"
+#include "wire/peripheral_protocol.hpp"
+
+namespace {
+
+void require(bool condition) {
+  if (!condition) std::abort();
+}
+
+void decode_both_ways(srfs::OctetView message) {
+  if (const auto request = srfs::wire::decode_request(message)) {
+    require(std::ranges::equal(srfs::wire::encode(*request), message));
+  }
+  if (const auto response = srfs::wire::decode_response(message)) {
+    require(std::ranges::equal(srfs::wire::encode(*response), message));
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t size) {
+  const srfs::OctetView message(input, size);
+  decode_both_ways(message);
+  srfs::OctetWriter writer;
+  writer.bytes(message);
+  writer.u16(srfs::wire::crc16(message));
+  decode_both_ways(writer.view());
+  return 0;
+}
