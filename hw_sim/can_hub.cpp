@@ -1,0 +1,200 @@
+#include "hw_sim/can_hub.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <vector>
+
+#include <fmt/format.h>
+#include <linux/can.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/timerfd.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+namespace srfs::sim {
+namespace {
+
+constexpr std::size_t max_clients = 16;
+constexpr int datagrams_per_call = 64;
+constexpr int backlog = 16;
+
+using Address = Result<sockaddr_un, std::string>;
+
+Address socket_address(const std::filesystem::path& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::string text = path.string();
+  if (text.size() >= sizeof address.sun_path) {
+    return Err(fmt::format("socket path too long ({} octets): {}", text.size(), text));
+  }
+  std::memcpy(address.sun_path, text.c_str(), text.size() + 1);
+  return address;
+}
+
+const sockaddr* generic(const sockaddr_un& address) {
+  return reinterpret_cast<const sockaddr*>(&address);
+}
+
+bool somebody_listens(const sockaddr_un& address) {
+  const Fd probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  return ::connect(probe.get(), generic(address), sizeof address) == 0 || errno == EAGAIN;
+}
+
+bool watch(int epoll, int fd) {
+  epoll_event event{};
+  event.events = EPOLLIN;
+  event.data.fd = fd;
+  return ::epoll_ctl(epoll, EPOLL_CTL_ADD, fd, &event) == 0;
+}
+
+std::optional<BusFrame> to_bus_frame(const can_frame& raw) {
+  if (raw.len > CAN_MAX_DLEN || (raw.can_id & CAN_ERR_FLAG) != 0) return std::nullopt;
+  const bool extended = (raw.can_id & CAN_EFF_FLAG) != 0;
+  BusFrame frame{.id = raw.can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK),
+                 .extended = extended,
+                 .remote = (raw.can_id & CAN_RTR_FLAG) != 0,
+                 .size = raw.len,
+                 .data = {}};
+  std::copy_n(raw.data, raw.len, frame.data.begin());
+  return frame;
+}
+
+can_frame to_raw(const BusFrame& frame, bool echo) {
+  can_frame raw{};
+  raw.can_id = frame.id | (frame.extended ? CAN_EFF_FLAG : 0U) | (frame.remote ? CAN_RTR_FLAG : 0U);
+  raw.len = frame.size;
+  raw.__res0 = echo ? 1 : 0;
+  std::copy_n(frame.data.begin(), frame.size, raw.data);
+  return raw;
+}
+
+}  // namespace
+
+CanHub::CanHub(std::filesystem::path socket_path, BusArbiter arbiter)
+    : socket_path_(std::move(socket_path)),
+      arbiter_(std::move(arbiter)),
+      epoll_(::epoll_create1(EPOLL_CLOEXEC)),
+      listener_(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)),
+      timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)) {}
+
+CanHub::~CanHub() {
+  if (!socket_path_.empty()) ::unlink(socket_path_.c_str());
+}
+
+Result<std::unique_ptr<CanHub>, std::string> CanHub::create(const std::filesystem::path& socket_path,
+                                                            BusArbiter arbiter) {
+  const auto address = socket_address(socket_path);
+  if (!address) return Err(address.error());
+  if (somebody_listens(*address)) return Err(fmt::format("another hub listens at {}", socket_path.string()));
+  ::unlink(socket_path.c_str());
+  std::unique_ptr<CanHub> hub(new CanHub({}, std::move(arbiter)));
+  if (::bind(hub->listener_.get(), generic(*address), sizeof *address) != 0) {
+    return Err(fmt::format("cannot listen at {}: {}", socket_path.string(), errno_text(errno)));
+  }
+  hub->socket_path_ = socket_path;
+  if (::listen(hub->listener_.get(), backlog) != 0 || !watch(hub->epoll_.get(), hub->listener_.get()) ||
+      !watch(hub->epoll_.get(), hub->timer_.get())) {
+    return Err(fmt::format("cannot listen at {}: {}", socket_path.string(), errno_text(errno)));
+  }
+  return hub;
+}
+
+void CanHub::on_readable(MonotonicTime now) {
+  advance(now);  // frames that came in meanwhile wait for the bus behind those that were there
+  std::array<epoll_event, max_clients + 2> events{};
+  const int n = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), 0);
+  for (int i = 0; i < n; ++i) {
+    const int fd = events[static_cast<std::size_t>(i)].data.fd;
+    if (fd == listener_.get()) {
+      accept_clients();
+    } else if (fd == timer_.get()) {
+      std::uint64_t expiries = 0;
+      [[maybe_unused]] const auto got = ::read(fd, &expiries, sizeof expiries);
+      armed_.reset();
+    } else {
+      read_client(fd, now);
+    }
+  }
+  arm_timer();
+}
+
+void CanHub::advance(MonotonicTime now) {
+  while (const auto delivery = arbiter_.advance(now)) {
+    deliver(*delivery);
+    if (tap_) tap_(*delivery);
+  }
+  arm_timer();
+}
+
+void CanHub::accept_clients() {
+  while (true) {
+    Fd socket(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+    if (!socket) return;
+    if (clients_.size() == max_clients) {
+      ++counters_.refused_clients;
+      continue;
+    }
+    const int fd = socket.get();
+    if (!watch(epoll_.get(), fd)) continue;
+    ++counters_.connected;
+    clients_.emplace(fd, Client{.socket = std::move(socket), .bus = arbiter_.add_client()});
+  }
+}
+
+void CanHub::read_client(int fd, MonotonicTime now) {
+  const auto client = clients_.find(fd);
+  if (client == clients_.end()) return;
+  for (int i = 0; i < datagrams_per_call; ++i) {
+    can_frame raw{};
+    const ssize_t n = ::recv(fd, &raw, sizeof raw, MSG_TRUNC);
+    if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
+    if (n <= 0) {
+      drop_client(fd);
+      return;
+    }
+    const auto frame = n == static_cast<ssize_t>(sizeof raw) ? to_bus_frame(raw) : std::nullopt;
+    if (!frame) {
+      ++counters_.malformed;
+      continue;
+    }
+    (void)arbiter_.submit(client->second.bus, *frame, now);  // refusals are counted by the arbiter
+  }
+}
+
+void CanHub::drop_client(int fd) {
+  const auto client = clients_.find(fd);
+  if (client == clients_.end()) return;
+  arbiter_.remove_client(client->second.bus);
+  clients_.erase(client);
+  ++counters_.disconnected;
+}
+
+void CanHub::deliver(const BusDelivery& delivery) {
+  for (auto& [fd, client] : clients_) {
+    const bool echo = client.bus == delivery.sender;
+    if (!echo && delivery.lost) continue;
+    const can_frame raw = to_raw(echo ? delivery.original : delivery.frame, echo);
+    // A client that went away shows as a hang-up at its descriptor; it is dropped there.
+    if (::send(fd, &raw, sizeof raw, MSG_NOSIGNAL | MSG_DONTWAIT) < 0 &&
+        (errno == EAGAIN || errno == ENOBUFS)) {
+      ++counters_.receive_overruns;
+    }
+  }
+}
+
+void CanHub::arm_timer() {
+  const auto deadline = arbiter_.next_deadline();
+  if (deadline == armed_) return;
+  armed_ = deadline;
+  itimerspec when{};  // all zero disarms
+  if (deadline) {
+    when.it_value.tv_sec = deadline->ns() / 1'000'000'000;
+    when.it_value.tv_nsec = deadline->ns() % 1'000'000'000;
+  }
+  ::timerfd_settime(timer_.get(), TFD_TIMER_ABSTIME, &when, nullptr);
+}
+
+}  // namespace srfs::sim

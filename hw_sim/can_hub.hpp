@@ -1,0 +1,83 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/fd.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "hw_sim/bus_arbiter.hpp"
+
+namespace srfs::sim {
+
+struct CanHubCounters {
+  std::uint64_t connected = 0;  ///< clients ever
+  std::uint64_t disconnected = 0;
+  std::uint64_t refused_clients = 0;   ///< above the limit of 16
+  std::uint64_t malformed = 0;         ///< datagrams that are not one classic struct can_frame
+  std::uint64_t receive_overruns = 0;  ///< deliveries a client was too slow to take: lost for that client
+};
+
+/// The simulated CAN bus: an AF_UNIX SOCK_SEQPACKET server that carries struct can_frame (docs/icd_can.md,
+/// "The hub") and paces them through a BusArbiter. Not thread-safe; never blocks.
+///
+/// Use: watch fd() for EPOLLIN and call on_readable() with the time of the wake-up. Connections, frames and
+/// the ends of frames on the wire all arrive through that one descriptor.
+class CanHub {
+ public:
+  /// Sees every frame at its end on the bus, lost and corrupted ones too.
+  using Tap = std::function<void(const BusDelivery&)>;
+
+  /// Listens at @p socket_path; replaces a socket file that nobody listens at. Error: ready to print.
+  [[nodiscard]] static Result<std::unique_ptr<CanHub>, std::string> create(
+      const std::filesystem::path& socket_path, BusArbiter arbiter);
+  ~CanHub();
+  CanHub(const CanHub&) = delete;
+  CanHub& operator=(const CanHub&) = delete;
+
+  /// One descriptor for everything (level-triggered, EPOLLIN): the same for the hub's lifetime.
+  [[nodiscard]] int fd() const { return epoll_.get(); }
+  /// Handles all that is due at @p now, bounded to 64 datagrams per client and call.
+  void on_readable(MonotonicTime now);
+  /// Delivers the frames whose end is not after @p now. on_readable() includes it.
+  void advance(MonotonicTime now);
+  /// When advance() has something to do; fd() turns readable then.
+  [[nodiscard]] std::optional<MonotonicTime> next_deadline() const { return arbiter_.next_deadline(); }
+
+  void set_tap(Tap tap) { tap_ = std::move(tap); }
+  void set_faults(BusFaults faults) { arbiter_.set_faults(std::move(faults)); }
+  [[nodiscard]] const BusFaults& faults() const { return arbiter_.faults(); }
+  [[nodiscard]] const BusCounters& bus_counters() const { return arbiter_.counters(); }
+  [[nodiscard]] const CanHubCounters& counters() const { return counters_; }
+  [[nodiscard]] std::size_t clients() const { return clients_.size(); }
+
+ private:
+  struct Client {
+    Fd socket;
+    BusClient bus = 0;
+  };
+  CanHub(std::filesystem::path socket_path, BusArbiter arbiter);
+  void accept_clients();
+  void read_client(int fd, MonotonicTime now);
+  void drop_client(int fd);
+  void deliver(const BusDelivery& delivery);
+  void arm_timer();
+
+  std::filesystem::path socket_path_;
+  BusArbiter arbiter_;
+  CanHubCounters counters_;
+  Tap tap_;
+  Fd epoll_;
+  Fd listener_;
+  Fd timer_;
+  std::optional<MonotonicTime> armed_;
+  std::map<int, Client> clients_;
+};
+
+}  // namespace srfs::sim

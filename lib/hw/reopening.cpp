@@ -1,0 +1,76 @@
+#include "hw/reopening.hpp"
+
+#include <cerrno>
+#include <utility>
+
+#include <sys/epoll.h>
+#include <sys/timerfd.h>
+
+#include "base/log.hpp"
+
+namespace srfs::hw {
+namespace {
+
+void arm(int timer, nanoseconds after) {
+  itimerspec when{};
+  when.it_value.tv_sec = after.count() / 1'000'000'000;
+  when.it_value.tv_nsec = after.count() % 1'000'000'000;
+  ::timerfd_settime(timer, 0, &when, nullptr);  // also clears an expiry that was not read
+}
+
+bool watch(int epoll, int fd) {
+  epoll_event event{};
+  event.events = EPOLLIN;
+  return ::epoll_ctl(epoll, EPOLL_CTL_ADD, fd, &event) == 0;
+}
+
+}  // namespace
+
+Reopening::Reopening(std::string name, Opener opener, bool watched)
+    : name_(std::move(name)),
+      opener_(std::move(opener)),
+      watched_(watched),
+      epoll_(::epoll_create1(EPOLL_CLOEXEC)),
+      timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)) {
+  if (watched_) watch(epoll_.get(), timer_.get());
+  try_open();
+}
+
+int Reopening::device() {
+  if (!device_ && monotonic_now() >= next_try_) try_open();
+  return device_.get();
+}
+
+void Reopening::try_open() {
+  auto opened = opener_();
+  if (opened && watched_ && !watch(epoll_.get(), opened->get())) opened = Err("epoll: " + errno_text(errno));
+  if (!opened) {
+    if (opened.error() != reason_) {
+      reason_ = std::move(opened.error());
+      log::warn("{}: {}", name_, reason_);
+    }
+    retry_later();
+    return;
+  }
+  device_ = std::move(*opened);
+  arm(timer_.get(), nanoseconds(0));
+  if (was_there_) ++reopened_;
+  if (!reason_.empty()) log::info("{}: open", name_);
+  was_there_ = true;
+  reason_.clear();
+}
+
+void Reopening::lost(std::string reason) {
+  if (!device_) return;
+  device_.reset();  // leaves the epoll set by itself: nobody else holds the descriptor
+  reason_ = std::move(reason);
+  log::warn("{}: {}", name_, reason_);
+  retry_later();
+}
+
+void Reopening::retry_later() {
+  next_try_ = monotonic_now() + retry_interval;
+  arm(timer_.get(), retry_interval);
+}
+
+}  // namespace srfs::hw

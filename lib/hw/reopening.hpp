@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "base/fd.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+
+namespace srfs::hw {
+
+/// A device that may vanish and come back, behind a descriptor that stays. fd() is an epoll descriptor:
+/// readable when the device is (or has hung up), and when another try to open it is due. Not thread-safe.
+class Reopening {
+ public:
+  /// Opens the device without blocking; the error is the reason, for a person.
+  using Opener = std::function<Result<Fd, std::string>()>;
+  static constexpr milliseconds retry_interval{100};
+
+  /// Tries once at once. @param name  stands in log lines: the URI
+  /// @param watched  false for devices that epoll does not take (watchdog, GPIO)
+  Reopening(std::string name, Opener opener, bool watched = true);
+
+  [[nodiscard]] int fd() const { return epoll_.get(); }
+  /// The device's descriptor, opened now if that is due; -1 while it is gone.
+  [[nodiscard]] int device();
+  [[nodiscard]] bool present() const { return static_cast<bool>(device_); }
+  /// Closes the device; it is tried again after retry_interval. Logs the first time only.
+  void lost(std::string reason);
+  [[nodiscard]] const std::string& reason() const { return reason_; }
+  /// Times the device came back after it had been there.
+  [[nodiscard]] std::uint64_t reopened() const { return reopened_; }
+
+ private:
+  void try_open();
+  void retry_later();
+
+  std::string name_;
+  Opener opener_;
+  bool watched_;
+  Fd epoll_;
+  Fd timer_;
+  Fd device_;
+  MonotonicTime next_try_;
+  std::string reason_;
+  bool was_there_ = false;
+  std::uint64_t reopened_ = 0;
+};
+
+}  // namespace srfs::hw

@@ -1,0 +1,34 @@
+#include "hw/sim/seqpacket.hpp"
+
+#include <cerrno>
+#include <cstring>
+
+#include <fmt/format.h>
+#include <sys/socket.h>
+
+namespace srfs::hw {
+
+Result<sockaddr_un, std::string> unix_address(const std::filesystem::path& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::string text = path.string();
+  if (text.size() >= sizeof address.sun_path) {
+    return Err(fmt::format("socket path of {} octets, at most {} are possible: {}", text.size(),
+                           sizeof address.sun_path - 1, text));
+  }
+  std::memcpy(address.sun_path, text.c_str(), text.size() + 1);
+  return address;
+}
+
+Result<Fd, std::string> connect_seqpacket(const std::filesystem::path& path) {
+  const auto address = unix_address(path);
+  if (!address) return Err(address.error());
+  Fd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!socket) return Err("socket: " + errno_text(errno));
+  if (::connect(socket.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0) {
+    return Err(fmt::format("nobody listens at {}: {}", path.string(), errno_text(errno)));
+  }
+  return socket;
+}
+
+}  // namespace srfs::hw

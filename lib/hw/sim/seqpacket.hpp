@@ -1,0 +1,19 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include <sys/un.h>
+
+#include "base/fd.hpp"
+#include "base/result.hpp"
+
+namespace srfs::hw {
+
+/// The address of a socket file; the error (path too long) is for a person.
+[[nodiscard]] Result<sockaddr_un, std::string> unix_address(const std::filesystem::path& path);
+
+/// Connects to an AF_UNIX SOCK_SEQPACKET server. Non-blocking, close-on-exec. The error is for a person.
+[[nodiscard]] Result<Fd, std::string> connect_seqpacket(const std::filesystem::path& path);
+
+}  // namespace srfs::hw

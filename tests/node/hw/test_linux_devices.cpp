@@ -1,0 +1,57 @@
+// What can be said about the drivers of the board on a machine that lacks the devices: they say clearly that
+// they are gone, they do not block, and they end quickly.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "hw/open.hpp"
+#include "tests/node/hw/poll_until.hpp"
+
+namespace srfs::hw {
+namespace {
+
+TEST(SocketCan, SaysWhyItIsGone) {
+  const auto bus = open_can("socketcan:no_such_can", "/", {isotp_to(0x01)}).value();
+  EXPECT_EQ(bus->state(), CanBusState::gone);
+  EXPECT_THAT(bus->reason(),
+              ::testing::AnyOf(::testing::HasSubstr("no SocketCAN"), ::testing::HasSubstr("no_such_can")));
+  EXPECT_EQ(bus->send({.id = 1}).error(), CanError::gone);
+  EXPECT_FALSE(bus->receive());
+}
+
+TEST(SocketCan, RefusesImpossibleFramesEvenThen) {
+  const auto bus = open_can("socketcan:no_such_can", "/").value();
+  EXPECT_EQ(bus->send({.id = 1U << 29}).error(), CanError::invalid_frame);
+  EXPECT_EQ(bus->send({.id = 0x800, .extended = false}).error(), CanError::invalid_frame);
+  EXPECT_EQ(bus->send({.id = 1, .size = 9}).error(), CanError::invalid_frame);
+}
+
+TEST(PulsePerSecond, SaysWhyItIsGoneAndEndsQuickly) {
+  const MonotonicTime begin = monotonic_now();
+  {
+    const auto source = open_pulse("pps:/dev/null", "/").value();
+    EXPECT_TRUE(
+        poll_until(
+            source->fd(), [&] { return !source->reason().empty() || source->read(); }, milliseconds(50)) ||
+        !source->reason().empty());
+    EXPECT_FALSE(source->read());
+  }
+  EXPECT_LT(monotonic_now() - begin, seconds(2));
+}
+
+TEST(GpioChip, SaysThatItIsGone) {
+  const auto gpio = open_gpio("gpiochip:/dev/no_such_chip?0=17", "/").value();
+  EXPECT_EQ(gpio->set_line(gpio_power_adcs, true).error(), GpioError::gone);
+  EXPECT_EQ(gpio->read_line(5).error(), GpioError::no_line);
+}
+
+TEST(WatchdogDevice, SaysThatItIsGone) {
+  const auto watchdog = open_watchdog("dev:/dev/no_such_watchdog", "/", seconds(10)).value();
+  EXPECT_EQ(watchdog->feed().error(), WatchdogError::gone);
+  EXPECT_THAT(watchdog->reason(), ::testing::HasSubstr("ENOENT"));
+  EXPECT_FALSE(watchdog->timeout());
+  EXPECT_EQ(watchdog->counters().failed, 1U);
+}
+
+}  // namespace
+}  // namespace srfs::hw

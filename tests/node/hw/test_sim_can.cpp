@@ -1,0 +1,266 @@
+#include <algorithm>
+#include <atomic>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "base/fd.hpp"
+#include "hw/open.hpp"
+#include "hw_sim/can_hub.hpp"
+#include "tests/node/hw/poll_until.hpp"
+#include "wire/isotp.hpp"
+
+namespace srfs::hw {
+namespace {
+
+/// The hub on its own thread, as in its own process.
+class RunningHub {
+ public:
+  explicit RunningHub(const std::filesystem::path& socket, sim::BusFaults faults = {})
+      : hub_(sim::CanHub::create(socket, sim::BusArbiter()).value()), stop_(::eventfd(0, EFD_CLOEXEC)) {
+    hub_->set_faults(std::move(faults));
+    hub_->set_tap([this](const sim::BusDelivery& d) {
+      if (first_start_ == MonotonicTime{}) first_start_ = d.start;
+      last_end_ = d.end;
+    });
+    thread_ = std::thread([this] { run(); });
+  }
+  ~RunningHub() { stop(); }
+  RunningHub(const RunningHub&) = delete;
+  RunningHub& operator=(const RunningHub&) = delete;
+
+  void stop() {
+    if (!thread_.joinable()) return;
+    const std::uint64_t one = 1;
+    EXPECT_EQ(::write(stop_.get(), &one, sizeof one), 8);
+    thread_.join();
+  }
+  /// After stop() only.
+  [[nodiscard]] const sim::CanHub& hub() const { return *hub_; }
+  [[nodiscard]] nanoseconds span() const { return last_end_ - first_start_; }
+
+ private:
+  void run() {
+    while (true) {
+      std::array<pollfd, 2> fds{{{hub_->fd(), POLLIN, 0}, {stop_.get(), POLLIN, 0}}};
+      ::poll(fds.data(), fds.size(), -1);
+      if (fds[1].revents != 0) return;
+      hub_->on_readable(monotonic_now());
+    }
+  }
+  std::unique_ptr<sim::CanHub> hub_;
+  Fd stop_;
+  MonotonicTime first_start_;
+  MonotonicTime last_end_;
+  std::thread thread_;
+};
+
+CanFrame frame(std::uint32_t id, std::uint8_t fill = 0) {
+  CanFrame f{.id = id, .size = 8};
+  f.data.fill(fill);
+  return f;
+}
+
+std::optional<CanFrame> await_frame(CanBus& bus) {
+  std::optional<CanFrame> received;
+  poll_until(bus.fd(), [&] { return (received = bus.receive()).has_value(); });
+  return received;
+}
+
+class SimCan : public ::testing::Test {
+ protected:
+  std::unique_ptr<CanBus> connect(std::vector<CanFilter> filters = {}) {
+    return open_can("sim:hub.sock", folder_.path(), std::move(filters)).value();
+  }
+  TemporaryFolder folder_;
+};
+
+TEST_F(SimCan, CarriesAFrameToTheOthersAndEchoesItToItsSender) {
+  const RunningHub hub(folder_.path() / "hub.sock");
+  const auto a = connect();
+  const auto b = connect();
+  ASSERT_TRUE(a->send(frame(0x18DA1101, 0xAB)));
+  EXPECT_EQ(a->unconfirmed(), 1U);
+
+  const auto at_b = await_frame(*b);
+  ASSERT_TRUE(at_b);
+  EXPECT_FALSE(at_b->is_echo);
+  EXPECT_EQ(at_b->id, 0x18DA1101U);
+  EXPECT_TRUE(at_b->extended);
+  EXPECT_EQ(at_b->data[7], 0xAB);
+
+  const auto echo = await_frame(*a);
+  ASSERT_TRUE(echo);
+  EXPECT_TRUE(echo->is_echo);
+  EXPECT_EQ(a->unconfirmed(), 0U);
+}
+
+TEST_F(SimCan, GivesOnlyTheFramesAskedForAndItsOwnEchoes) {
+  const RunningHub hub(folder_.path() / "hub.sock");
+  const auto computer = connect({isotp_to(0x01)});
+  const auto peripheral = connect();
+  ASSERT_TRUE(peripheral->send(frame(0x18DA0212)));
+  ASSERT_TRUE(peripheral->send(frame(0x18DA0111)));
+  EXPECT_EQ(await_frame(*computer)->id, 0x18DA0111U);
+  ASSERT_TRUE(computer->send(frame(0x18DA1101)));
+  EXPECT_TRUE(await_frame(*computer)->is_echo);
+  EXPECT_EQ(computer->counters().received, 1U);
+}
+
+TEST_F(SimCan, RefusesTheSixtyFifthUnconfirmedFrame) {
+  const RunningHub hub(folder_.path() / "hub.sock", {.extra_delay = seconds(10)});
+  const auto a = connect();
+  for (int i = 0; i < 64; ++i) ASSERT_TRUE(a->send(frame(1)));
+  EXPECT_EQ(a->send(frame(1)).error(), CanError::queue_full);
+  EXPECT_EQ(a->counters().refused_full, 1U);
+}
+
+TEST_F(SimCan, OutlivesARestartOfTheHub) {
+  auto hub =
+      std::make_unique<RunningHub>(folder_.path() / "hub.sock", sim::BusFaults{.extra_delay = seconds(10)});
+  const auto a = connect();
+  const int fd = a->fd();
+  ASSERT_TRUE(a->send(frame(1)));
+
+  hub.reset();
+  EXPECT_TRUE(poll_until(fd, [&] {
+    (void)a->receive();
+    return a->state() == CanBusState::gone;
+  }));
+  EXPECT_EQ(a->send(frame(1)).error(), CanError::gone);
+  EXPECT_EQ(a->unconfirmed(), 0U);
+  EXPECT_EQ(a->counters().lost_in_queue, 1U);
+
+  hub = std::make_unique<RunningHub>(folder_.path() / "hub.sock");
+  EXPECT_TRUE(poll_until(fd, [&] {
+    (void)a->receive();
+    return a->state() == CanBusState::active;
+  }));
+  EXPECT_EQ(a->fd(), fd);
+  EXPECT_EQ(a->counters().reopened, 1U);
+  EXPECT_TRUE(a->send(frame(1)));
+  EXPECT_TRUE(await_frame(*a)->is_echo);
+}
+
+TEST_F(SimCan, LosesItsQueuedFramesWhenItsProcessEnds) {
+  RunningHub hub(folder_.path() / "hub.sock", {.extra_delay = milliseconds(200)});
+  auto victim = connect();
+  const auto witness = connect();
+  for (int i = 0; i < 10; ++i) ASSERT_TRUE(victim->send(frame(0x500)));
+  ASSERT_TRUE(await_frame(*witness));  // one was on the wire
+  victim.reset();
+  ASSERT_TRUE(witness->send(frame(0x600)));
+  std::size_t of_victim = 0;
+  EXPECT_TRUE(poll_until(witness->fd(), [&] {
+    while (const auto f = witness->receive()) {
+      if (f->is_echo) return true;
+      ++of_victim;
+    }
+    return false;
+  }));
+  EXPECT_LE(of_victim, 1U);
+  hub.stop();
+  EXPECT_GE(hub.hub().bus_counters().discarded, 8U);
+}
+
+TEST_F(SimCan, SaturatedCarriesMoreThan95PercentOfTheBitTime) {
+  RunningHub hub(folder_.path() / "hub.sock");
+  const auto a = connect();
+  const auto b = connect();
+  const MonotonicTime end = monotonic_now() + seconds(1);
+  std::uint8_t n = 0;
+  const auto feed = [&n](CanBus& bus, std::uint32_t id) {
+    while (bus.receive()) {
+    }
+    while (bus.unconfirmed() < 32) {
+      if (!bus.send(frame(id, n++))) break;
+    }
+  };
+  poll_until(a->fd(), [&] {
+    feed(*a, 0x18DA1101);
+    feed(*b, 0x18DA0111);
+    return monotonic_now() >= end;
+  });
+  hub.stop();
+  EXPECT_GE(hub.hub().bus_counters().busy, hub.span() / 100 * 95);
+  EXPECT_GE(hub.span(), milliseconds(800));
+  EXPECT_EQ(hub.hub().bus_counters().refused_full, 0U);
+}
+
+/// Moves frames between a bus and a channel until @p done.
+bool serve(CanBus& bus, wire::IsoTpChannel& channel, const std::function<bool()>& done, milliseconds limit) {
+  const MonotonicTime end = monotonic_now() + limit;
+  while (!done() && monotonic_now() < end) {
+    while (const auto f = bus.receive()) {
+      const wire::IsoTpFrame raw{.id = f->id, .size = f->size, .data = f->data};
+      if (f->is_echo) {
+        channel.on_transmit_confirm(raw, f->timestamp);
+      } else {
+        channel.on_frame(raw, f->timestamp);
+      }
+    }
+    while (const auto out = channel.poll(monotonic_now())) {
+      if (!bus.send({.id = out->id, .size = out->size, .data = out->data}))
+        channel.on_transmit_refused(monotonic_now());
+    }
+    pollfd p{.fd = bus.fd(), .events = POLLIN, .revents = 0};
+    ::poll(&p, 1, 1);
+  }
+  return done();
+}
+
+TEST_F(SimCan, CarriesTheLongestIsoTpMessageAndItsAnswer) {
+  const RunningHub hub(folder_.path() / "hub.sock");
+  wire::IsoTpSettings settings;
+  settings.block_size = 8;
+  settings.n_as = settings.n_bs = settings.n_cr = seconds(1);  // the machine may be busy
+  std::atomic<bool> answered = false;
+
+  std::thread peripheral([&] {
+    const auto bus = connect({isotp_to(0x11)});
+    wire::IsoTpChannel channel({.target = 0x01, .source = 0x11}, settings);
+    EXPECT_TRUE(serve(
+        *bus, channel, [&] { return channel.messages_waiting() > 0; }, seconds(20)));
+    EXPECT_EQ(channel.front_message().size(), 4095U);
+    EXPECT_TRUE(channel.send(channel.front_message(), monotonic_now()));
+    EXPECT_TRUE(serve(
+        *bus, channel, [&] { return answered.load(); }, seconds(20)));
+  });
+
+  const auto bus = connect({isotp_to(0x01)});
+  wire::IsoTpChannel channel({.target = 0x11, .source = 0x01}, settings);
+  Octets message(4095);
+  for (std::size_t i = 0; i < message.size(); ++i) message[i] = static_cast<std::uint8_t>(i * 31);
+  // The peripheral may not have connected yet: then nobody answers, and the message is sent again.
+  EXPECT_TRUE(serve(
+      *bus, channel,
+      [&] {
+        if (!channel.sending()) {
+          const auto result = channel.take_send_result();
+          if (!result || !*result) (void)channel.send(message, monotonic_now());
+        }
+        return channel.messages_waiting() > 0;
+      },
+      seconds(20)));
+  answered = true;
+  peripheral.join();
+  EXPECT_TRUE(std::ranges::equal(channel.front_message(), message));
+}
+
+TEST(CanHub, RefusesASecondHubAtTheSameSocketAndReplacesADeadOne) {
+  const TemporaryFolder folder;
+  const auto socket = folder.path() / "hub.sock";
+  auto first = sim::CanHub::create(socket, sim::BusArbiter());
+  ASSERT_TRUE(first);
+  EXPECT_FALSE(sim::CanHub::create(socket, sim::BusArbiter()));
+  first->reset();
+  EXPECT_FALSE(std::filesystem::exists(socket));
+  EXPECT_TRUE(sim::CanHub::create(socket, sim::BusArbiter()));
+}
+
+}  // namespace
+}  // namespace srfs::hw
