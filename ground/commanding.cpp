@@ -1,0 +1,171 @@
+#include "ground/commanding.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <mission/structures.hpp>
+
+namespace srfs::ground {
+namespace {
+
+constexpr std::uint8_t verification_service = 1;
+
+std::optional<Stage> stage_of(std::uint8_t subtype) {
+  switch (subtype) {
+    case 1:
+      return Stage::accepted;
+    case 2:
+      return Stage::rejected;
+    case 3:
+      return Stage::started;
+    case 4:
+      return Stage::start_failed;
+    case 5:
+      return Stage::progress;
+    case 6:
+      return Stage::progress_failed;
+    case 7:
+      return Stage::completed;
+    case 8:
+      return Stage::failed;
+    default:
+      return std::nullopt;
+  }
+}
+
+}  // namespace
+
+std::string_view to_text(Stage stage) {
+  switch (stage) {
+    case Stage::sent:
+      return "sent";
+    case Stage::accepted:
+      return "accepted";
+    case Stage::rejected:
+      return "rejected";
+    case Stage::started:
+      return "started";
+    case Stage::start_failed:
+      return "start_failed";
+    case Stage::progress:
+      return "progress";
+    case Stage::progress_failed:
+      return "progress_failed";
+    case Stage::completed:
+      return "completed";
+    case Stage::failed:
+      return "failed";
+    case Stage::timed_out:
+      return "timed_out";
+  }
+  return "?";
+}
+
+bool is_failure(Stage stage) {
+  return stage == Stage::rejected || stage == Stage::start_failed || stage == Stage::progress_failed ||
+         stage == Stage::failed || stage == Stage::timed_out;
+}
+
+bool is_final(Stage stage) {
+  return stage == Stage::completed || (is_failure(stage) && stage != Stage::progress_failed);
+}
+
+StageReport Commanding::sent(const wire::RequestId& request, const mission::Command& command,
+                             milliseconds patience, std::uint64_t tag, MonotonicTime now) {
+  if (outstanding_.size() == max_outstanding) outstanding_.pop_front();
+  outstanding_.push_back({request, &command, tag, now, now + patience});
+  return report_of(outstanding_.back(), Stage::sent, now);
+}
+
+std::optional<StageReport> Commanding::on_packet(const wire::TmPacket& packet, MonotonicTime now) {
+  const auto stage = stage_of(packet.subtype);
+  if (packet.service != verification_service || !stage) return std::nullopt;
+  OctetReader in(packet.source);
+  const std::uint16_t identification = in.u16();
+  const wire::RequestId request{identification, in.u16()};
+  // Sequence counts wrap: the newest telecommand with this id is meant.
+  const auto newest = std::find_if(outstanding_.rbegin(), outstanding_.rend(),
+                                   [&](const auto& t) { return t.request == request; });
+  if (!in.ok() || newest == outstanding_.rend()) return std::nullopt;
+  StageReport report = report_of(*newest, *stage, now);
+  if (*stage == Stage::progress || *stage == Stage::progress_failed) report.step = in.u8();
+  if (is_failure(*stage)) read_failure(in, report);
+  if (is_final(*stage)) outstanding_.erase(std::next(newest).base());
+  return report;
+}
+
+std::vector<StageReport> Commanding::on_time(MonotonicTime now) {
+  std::vector<StageReport> reports;
+  for (const auto& telecommand : outstanding_) {
+    if (telecommand.deadline <= now) reports.push_back(report_of(telecommand, Stage::timed_out, now));
+  }
+  std::erase_if(outstanding_, [&](const auto& t) { return t.deadline <= now; });
+  return reports;
+}
+
+std::optional<MonotonicTime> Commanding::next_deadline() const {
+  if (outstanding_.empty()) return std::nullopt;
+  return std::min_element(outstanding_.begin(), outstanding_.end(),
+                          [](const auto& a, const auto& b) { return a.deadline < b.deadline; })
+      ->deadline;
+}
+
+StageReport Commanding::report_of(const Outstanding& telecommand, Stage stage, MonotonicTime now) const {
+  StageReport report;
+  report.request = telecommand.request;
+  report.command = telecommand.command;
+  report.tag = telecommand.tag;
+  report.stage = stage;
+  report.elapsed = now - telecommand.sent;
+  if (stage == Stage::timed_out)
+    report.failure_text = fmt::format("no final report within {} ms", report.elapsed / milliseconds(1));
+  return report;
+}
+
+void Commanding::read_failure(OctetReader& in, StageReport& report) const {
+  report.failure_code = in.u16();
+  if (!in.ok()) {
+    report.failure_text = "the report carries no failure code";
+    return;
+  }
+  const auto* code = dictionary_.failure_code(report.failure_code);
+  report.failure_name = code == nullptr ? "unknown" : code->name;
+  report.failure_text = code == nullptr ? "a failure code that the dictionary does not know" : code->text;
+  if (report.failure_code == mission::failure::bad_argument && in.remaining() == 1) {
+    const std::size_t number = in.u8();
+    const auto& arguments = report.command->arguments;
+    report.failure_text += fmt::format(": argument {}", number);
+    if (number >= 1 && number <= arguments.size())
+      report.failure_text += fmt::format(" '{}'", arguments[number - 1].name);
+  } else if (in.remaining() > 0) {
+    report.failure_text += fmt::format(" ({})", to_hex(in.rest()));
+  }
+}
+
+void Retrieval::on_packet(const ReceivedPacket& received, MonotonicTime now) {
+  if (received.vc == tm_channel::playback) {
+    ++received_;
+    last_news_ = now;
+    return;
+  }
+  const auto& packet = received.packet;
+  if (packet.service != 5 || packet.apid != mission::apid::ttc) return;
+  OctetReader in(packet.source);
+  if (in.u16() != mission::event::ttc_retrieval_done || !in.ok()) return;
+  const auto done = mission::TtcRetrievalDoneEvent::decode(in);
+  if (!done || done->store != store_) return;
+  expected_ = done->packets;
+  last_news_ = now;
+}
+
+void Retrieval::on_stage(const StageReport& report, MonotonicTime now) {
+  if (report.tag != tag_ || !is_final(report.stage)) return;
+  last_news_ = now;
+  (is_failure(report.stage) ? failed_ : completed_) = true;
+}
+
+bool Retrieval::is_over(MonotonicTime now) const {
+  return failed_ || is_complete() || (completed_ && now - last_news_ >= patience);
+}
+
+}  // namespace srfs::ground

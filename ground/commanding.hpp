@@ -1,0 +1,110 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/time.hpp"
+#include "ground/downlink.hpp"
+#include "msgs/mission/dictionary.hpp"
+#include "wire/pus.hpp"
+
+namespace srfs::ground {
+
+/// Where a telecommand stands; sent and timed_out are the ground's own, the others are PUS 1 reports.
+enum class Stage : std::uint8_t {
+  sent,
+  accepted,         ///< 1,1
+  rejected,         ///< 1,2
+  started,          ///< 1,3
+  start_failed,     ///< 1,4
+  progress,         ///< 1,5
+  progress_failed,  ///< 1,6
+  completed,        ///< 1,7
+  failed,           ///< 1,8
+  timed_out,        ///< no further report came in time
+};
+[[nodiscard]] std::string_view to_text(Stage stage);
+/// The telecommand is over and was not completed.
+[[nodiscard]] bool is_failure(Stage stage);
+/// No more reports come.
+[[nodiscard]] bool is_final(Stage stage);
+
+struct StageReport {
+  wire::RequestId request;
+  const mission::Command* command = nullptr;
+  std::uint64_t tag = 0;  ///< the caller's, from sent()
+  Stage stage = Stage::sent;
+  nanoseconds elapsed{0};  ///< since it was sent
+  std::uint8_t step = 0;   ///< of progress
+  std::uint16_t failure_code = 0;
+  std::string failure_name;
+  std::string failure_text;  ///< with the parameter: "an argument is out of its range: argument 1 'load'"
+};
+
+/// Follows telecommands from sending to completion by their verification reports. Pure; at most
+/// max_outstanding, the oldest is given up for a new one.
+class Commanding {
+ public:
+  static constexpr std::size_t max_outstanding = 256;
+
+  explicit Commanding(const mission::Dictionary& dictionary) : dictionary_(dictionary) {}
+
+  /// @param patience until the next stage must be final
+  StageReport sent(const wire::RequestId& request, const mission::Command& command, milliseconds patience,
+                   std::uint64_t tag, MonotonicTime now);
+  /// @return nullopt for a packet that is no verification report of an outstanding telecommand
+  [[nodiscard]] std::optional<StageReport> on_packet(const wire::TmPacket& packet, MonotonicTime now);
+  /// The telecommands whose time is over.
+  [[nodiscard]] std::vector<StageReport> on_time(MonotonicTime now);
+
+  [[nodiscard]] std::size_t outstanding() const { return outstanding_.size(); }
+  [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
+
+ private:
+  struct Outstanding {
+    wire::RequestId request;
+    const mission::Command* command;
+    std::uint64_t tag;
+    MonotonicTime sent;
+    MonotonicTime deadline;
+  };
+  [[nodiscard]] StageReport report_of(const Outstanding& telecommand, Stage stage, MonotonicTime now) const;
+  void read_failure(OctetReader& in, StageReport& report) const;
+
+  const mission::Dictionary& dictionary_;
+  std::deque<Outstanding> outstanding_;
+};
+
+/// Counts the packets of one retrieval on the playback channel and knows when all have come. Pure.
+class Retrieval {
+ public:
+  /// How long packets may still come after the spacecraft said that all were sent.
+  static constexpr milliseconds patience{2000};
+
+  explicit Retrieval(std::uint64_t tag, std::uint16_t store) : tag_(tag), store_(store) {}
+
+  void on_packet(const ReceivedPacket& received, MonotonicTime now);
+  void on_stage(const StageReport& report, MonotonicTime now);
+  /// Nothing more is expected.
+  [[nodiscard]] bool is_over(MonotonicTime now) const;
+  /// All packets that the spacecraft sent have come.
+  [[nodiscard]] bool is_complete() const { return completed_ && expected_ && received_ >= *expected_; }
+  [[nodiscard]] std::uint64_t received() const { return received_; }
+  /// What the spacecraft says it sent, once it has said so.
+  [[nodiscard]] std::optional<std::uint64_t> expected() const { return expected_; }
+  [[nodiscard]] std::uint64_t tag() const { return tag_; }
+
+ private:
+  std::uint64_t tag_;
+  std::uint16_t store_;
+  std::uint64_t received_ = 0;
+  std::optional<std::uint64_t> expected_;
+  bool completed_ = false;
+  bool failed_ = false;
+  MonotonicTime last_news_;
+};
+
+}  // namespace srfs::ground

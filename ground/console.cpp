@@ -1,0 +1,346 @@
+#include "ground/console.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <sstream>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+#include <mission/structures.hpp>
+
+namespace srfs::ground {
+namespace {
+
+constexpr seconds stats_period{5};
+constexpr milliseconds default_acceptance{5000};
+constexpr std::size_t longest_line = 4096;
+
+Fd watch_signals() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGINT);
+  sigaddset(&set, SIGTERM);
+  sigprocmask(SIG_BLOCK, &set, nullptr);
+  return Fd(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
+}
+
+std::vector<std::string> words_of(const std::string& line) {
+  std::istringstream in(line);
+  std::vector<std::string> words;
+  for (std::string word; in >> word;) words.push_back(word);
+  return words;
+}
+
+/// Takes "--timeout S" out of the words of a session line.
+Result<std::optional<milliseconds>, std::string> take_timeout(std::vector<std::string>& words) {
+  const auto option = std::find(words.begin(), words.end(), "--timeout");
+  if (option == words.end()) return std::optional<milliseconds>{};
+  char* end = nullptr;
+  const double value = std::next(option) == words.end() ? 0 : std::strtod(std::next(option)->c_str(), &end);
+  if (end == nullptr || *end != '\0' || !(value > 0 && value <= 86400))
+    return Err(std::string("--timeout needs seconds, up to 86400"));
+  words.erase(option, option + 2);
+  return std::optional(milliseconds(static_cast<std::int64_t>(value * 1000)));
+}
+
+}  // namespace
+
+Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port,
+                 Uplink uplink, ConsoleOptions options)
+    : options_(options),
+      signals_(watch_signals()),
+      station_(dictionary, link, std::move(port), std::move(uplink),
+               {.telemetry = [this](const auto& report) { on_telemetry(report); },
+                .stage = [this](const auto& report) { on_stage(report); },
+                .retrieval_over = [this](const auto& retrieval) { on_retrieval_over(retrieval); }}),
+      next_stats_(monotonic_now() + stats_period) {}
+
+Exit Console::telecommand(const std::string& name, const std::vector<std::string>& arguments, bool wait,
+                          std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  if (!wait && !timeout) timeout = default_acceptance;
+  send(name, arguments, timeout);
+  if (failed_to_send_) return Exit::unusable;
+  const auto over = [&] { return is_final(last_stage_->stage) || (!wait && accepted_); };
+  if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
+  const bool success = wait ? last_stage_->stage == Stage::completed : accepted_;
+  return success ? Exit::done : Exit::refused;
+}
+
+Exit Console::ping(std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  send("ttc.ping", {}, timeout);
+  if (failed_to_send_) return Exit::unusable;
+  const MonotonicTime sent = monotonic_now();
+  const auto over = [&] { return pong_ || is_failure(last_stage_->stage); };
+  const MonotonicTime deadline = sent + timeout.value_or(milliseconds(3000));
+  if (!run(Watch::port, over, deadline)) return Exit::link_closed;
+  if (!pong_) {
+    fail(is_failure(last_stage_->stage) ? "the ping was not answered: " + last_stage_->failure_text
+                                        : "the ping was not answered");
+    return Exit::refused;
+  }
+  if (!options_.json)
+    write_lines(fmt::format("alive, answer after {:.1f} ms\n",
+                            static_cast<double>((monotonic_now() - sent).count()) * 1e-6));
+  return Exit::done;
+}
+
+Exit Console::listen(std::optional<milliseconds> duration) {
+  const auto deadline = duration ? std::optional(monotonic_now() + *duration) : std::nullopt;
+  const bool open = run(
+      Watch::port, [] { return false; }, deadline);
+  write_stats();
+  return open ? Exit::done : Exit::link_closed;
+}
+
+Exit Console::retrieve(const std::string& store, const std::string& from, const std::string& to,
+                       std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  send("storage.retrieve", {"store=" + store, "from=" + from, "to=" + to}, timeout);
+  if (failed_to_send_) return Exit::unusable;
+  if (!run(
+          Watch::port, [&] { return last_retrieval_.has_value(); }, std::nullopt))
+    return Exit::link_closed;
+  return last_retrieval_ && last_retrieval_->is_complete() ? Exit::done : Exit::refused;
+}
+
+Exit Console::session() {
+  options_.json = true;
+  const int flags = fcntl(STDIN_FILENO, F_GETFL);
+  if (flags >= 0) fcntl(STDIN_FILENO, F_SETFL, flags | O_NONBLOCK);
+  const bool open = run(
+      Watch::port_and_input, [&] { return input_ended_ && station_.idle(); }, std::nullopt);
+  if (flags >= 0) fcntl(STDIN_FILENO, F_SETFL, flags);
+  write_stats();
+  return open ? Exit::done : Exit::link_closed;
+}
+
+void Console::send(const std::string& name, const std::vector<std::string>& arguments,
+                   std::optional<milliseconds> timeout) {
+  const auto sent = station_.send(name, arguments, timeout, line_);
+  failed_to_send_ = !sent;
+  if (!sent) fail(sent.error());
+}
+
+void Console::on_telemetry(const TelemetryReport& report) {
+  pong_ = pong_ || report.kind == TelemetryKind::pong;
+  const bool wanted = report.kind == TelemetryKind::pong || report.vc == tm_channel::playback;
+  if (quiet_telemetry_ && !wanted) return;
+  if (options_.json) {
+    write_json(to_json(report));
+  } else if (!(quiet_telemetry_ && report.kind == TelemetryKind::pong)) {
+    write_lines(to_lines(report, options_.colour));
+  }
+}
+
+void Console::on_stage(const StageReport& report) {
+  last_stage_ = report;
+  accepted_ = accepted_ || report.stage == Stage::accepted;
+  options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
+}
+
+void Console::on_retrieval_over(const Retrieval& retrieval) {
+  last_retrieval_ = retrieval;
+  if (options_.json) {
+    nlohmann::json json{{"type", "retrieval_done"},
+                        {"line", retrieval.tag()},
+                        {"received", retrieval.received()},
+                        {"complete", retrieval.is_complete()}};
+    json["packets"] = retrieval.expected() ? nlohmann::json(*retrieval.expected()) : nlohmann::json();
+    return write_json(json);
+  }
+  const std::string expected =
+      retrieval.expected() ? fmt::format("{}", *retrieval.expected()) : "an unknown number";
+  write_lines(fmt::format("{} of {} packets received, {}\n", retrieval.received(), expected,
+                          retrieval.is_complete() ? "complete" : "incomplete"));
+}
+
+void Console::on_line(const std::string& line) {
+  ++line_;
+  std::vector<std::string> words = words_of(line);
+  const auto timeout = take_timeout(words);
+  if (!timeout) return fail(timeout.error());
+  std::erase(words, "--wait");  // a session never blocks; the stages come when they come
+  if (words.empty() || words.front().starts_with('#')) return;
+  const std::string verb = words.front();
+  words.erase(words.begin());
+  if (verb == "ping" && words.empty()) return send("ttc.ping", {}, *timeout);
+  if (verb == "tc" && !words.empty()) return send(words.front(), {words.begin() + 1, words.end()}, *timeout);
+  if (verb == "retrieve" && (words.size() == 2 || words.size() == 3)) {
+    const std::string store = words.size() == 3 ? words[2] : "housekeeping";
+    return send("storage.retrieve", {"store=" + store, "from=" + words[0], "to=" + words[1]}, *timeout);
+  }
+  if (verb == "stats" && words.empty()) return write_stats();
+  if (verb == "quit" && words.empty()) {
+    interrupted_ = true;
+    return;
+  }
+  fail(fmt::format("'{}': expected ping | tc NAME [key=value ...] | retrieve FROM TO [STORE] | stats | quit",
+                   line));
+}
+
+void Console::on_input() {
+  std::array<char, longest_line> chunk{};
+  const ssize_t got = ::read(STDIN_FILENO, chunk.data(), chunk.size());
+  if (got < 0 && (errno == EAGAIN || errno == EINTR)) return;
+  if (got <= 0) {
+    input_ended_ = true;
+    if (!input_.empty()) on_line(std::exchange(input_, {}));
+    return;
+  }
+  input_.append(chunk.data(), static_cast<std::size_t>(got));
+  for (auto end = input_.find('\n'); end != std::string::npos && !interrupted_; end = input_.find('\n')) {
+    const std::string line = input_.substr(0, end);
+    input_.erase(0, end + 1);
+    on_line(line);
+  }
+  if (input_.size() > longest_line) {
+    fail("an input line is too long and was dropped");
+    input_.clear();
+  }
+}
+
+bool Console::run(Watch watch, const std::function<bool()>& over, std::optional<MonotonicTime> deadline) {
+  bool closed = false;
+  while (!over() && !interrupted_ && !closed) {
+    if (deadline && monotonic_now() >= *deadline) break;
+    wait_once(watch, deadline, closed);
+    station_.on_time();
+    if (watch == Watch::port_and_input && monotonic_now() >= next_stats_) write_stats();
+  }
+  return !closed;
+}
+
+void Console::wait_once(Watch watch, std::optional<MonotonicTime> deadline, bool& closed) {
+  MonotonicTime wake = deadline.value_or(monotonic_now() + seconds(1));
+  if (const auto next = station_.next_deadline(); next && *next < wake) wake = *next;
+  const auto left = std::chrono::ceil<milliseconds>(wake - monotonic_now()).count();
+  const bool input = watch == Watch::port_and_input && !input_ended_;
+  std::array<pollfd, 3> fds{
+      {{station_.fd(), POLLIN, 0}, {signals_.get(), POLLIN, 0}, {input ? STDIN_FILENO : -1, POLLIN, 0}}};
+  if (::poll(fds.data(), fds.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 1000))) <= 0) return;
+  if (fds[1].revents != 0) interrupted_ = true;
+  if (fds[0].revents != 0) {
+    if (const auto read = station_.on_readable(); !read) {
+      fail(read.error());
+      closed = true;
+    }
+  }
+  if (fds[2].revents != 0) on_input();
+}
+
+void Console::write_json(const nlohmann::json& json) {
+  write_lines(json.dump() + "\n");
+}
+
+void Console::write_lines(const std::string& lines) {
+  std::fputs(lines.c_str(), stdout);
+  std::fflush(stdout);
+}
+
+void Console::fail(const std::string& message) {
+  if (options_.json) return write_json({{"type", "error"}, {"line", line_}, {"message", message}});
+  std::fprintf(stderr, "srfs-ground: %s\n", message.c_str());
+}
+
+void Console::write_stats() {
+  next_stats_ = monotonic_now() + stats_period;
+  if (!options_.json) return write_lines(to_lines(station_.counters()));
+  nlohmann::json json = to_json(station_.counters());
+  json["telecommands_sent"] = station_.telecommands_sent();
+  json["locked"] = station_.locked();
+  if (station_.clcw()) json["clcw"] = fmt::format("{:08x}", *station_.clcw());
+  write_json(json);
+}
+
+Result<std::filesystem::path, std::string> find_deployment(const std::string& text) {
+  if (std::filesystem::exists(text)) return std::filesystem::path(text);
+  std::vector<std::filesystem::path> folders;
+  if (const char* folder = std::getenv("SRFS_LAUNCH_DIR"); folder != nullptr && *folder != '\0')
+    folders.emplace_back(folder);
+  std::error_code error;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
+  folders.push_back(program.parent_path().parent_path() / "share/srfs/launch_config");
+  folders.emplace_back(SRFS_LAUNCH_SOURCE_DIR);
+  for (const auto& folder : folders) {
+    const auto file = folder / (text + ".yaml");
+    if (std::filesystem::exists(file, error)) return file;
+  }
+  return Err(fmt::format("{}: there is no such deployment file, and no {}.yaml in {}", text, text,
+                         folders.back().string()));
+}
+
+namespace {
+
+std::string argument_line(const mission::Field& field) {
+  std::string line = fmt::format("    {:<16} {}", field.name, field.description);
+  if (field.enumeration != nullptr) {
+    std::string labels;
+    for (const auto& [value, label] : field.enumeration->labels)
+      labels += (labels.empty() ? "" : " | ") + label;
+    line += ": " + labels;
+  } else if (field.type == mission::FieldType::time) {
+    line += " (UTC, like 2026-11-21T08:00:00Z)";
+  }
+  if (field.range)
+    line += fmt::format(", {:g} to {:g}", field.range->low.value_or(-HUGE_VAL),
+                        field.range->high.value_or(HUGE_VAL));
+  if (!field.unit.empty()) line += " " + field.unit;
+  if (field.has_default) line += fmt::format(" [{}]", field.default_text);
+  return line + "\n";
+}
+
+nlohmann::json command_json(const mission::Command& command) {
+  nlohmann::json json{{"type", "command"},
+                      {"name", command.name},
+                      {"node", command.node},
+                      {"apid", command.apid},
+                      {"service", command.service},
+                      {"subtype", command.subtype},
+                      {"function", command.function_id},
+                      {"description", command.description},
+                      {"timeout_ms", command.timeout.count()},
+                      {"arguments", nlohmann::json::array()}};
+  for (const auto& field : command.arguments) {
+    nlohmann::json argument{{"name", field.name}, {"description", field.description}, {"unit", field.unit}};
+    if (field.enumeration != nullptr) {
+      for (const auto& [value, label] : field.enumeration->labels) argument["labels"].push_back(label);
+    }
+    if (field.range)
+      argument["range"] = {field.range->low.value_or(-HUGE_VAL), field.range->high.value_or(HUGE_VAL)};
+    if (field.has_default) argument["default"] = field.default_text;
+    json["arguments"].push_back(argument);
+  }
+  return json;
+}
+
+}  // namespace
+
+Exit list(const mission::Dictionary& dictionary, const std::string& name, bool json) {
+  if (!name.empty() && dictionary.command(name) == nullptr) {
+    std::fprintf(stderr, "srfs-ground: no telecommand is called '%s'\n", name.c_str());
+    return Exit::unusable;
+  }
+  for (const auto& command : dictionary.commands()) {
+    if (!name.empty() && command.name != name) continue;
+    if (json) {
+      std::puts(command_json(command).dump().c_str());
+      continue;
+    }
+    std::puts(
+        fmt::format("{}{}  {}", command.name, command.hazardous ? " (hazardous)" : "", command.description)
+            .c_str());
+    for (const auto& field : command.arguments) std::fputs(argument_line(field).c_str(), stdout);
+  }
+  return Exit::done;
+}
+
+}  // namespace srfs::ground

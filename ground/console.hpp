@@ -1,0 +1,85 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/time.hpp"
+#include "ground/station.hpp"
+
+namespace srfs::ground {
+
+/// Exit codes of srfs-ground.
+enum class Exit : int {
+  done = 0,         ///< what was asked for happened
+  refused = 1,      ///< the telecommand was rejected, failed or not answered; the retrieval is incomplete
+  unusable = 2,     ///< arguments, deployment, key or port
+  link_closed = 3,  ///< the other end of the link went away
+};
+
+struct ConsoleOptions {
+  bool json = false;
+  bool colour = false;
+};
+
+/// One run of the tool: a station, its output as lines or JSON, and the loop that waits for the port, the
+/// signals SIGINT and SIGTERM (they end it in order), standard input (session) and deadlines.
+class Console {
+ public:
+  Console(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port, Uplink uplink,
+          ConsoleOptions options);
+
+  /// One telecommand. @param wait until completion, else until acceptance
+  [[nodiscard]] Exit telecommand(const std::string& name, const std::vector<std::string>& arguments,
+                                 bool wait, std::optional<milliseconds> timeout);
+  /// 17,1 until 17,2.
+  [[nodiscard]] Exit ping(std::optional<milliseconds> timeout);
+  [[nodiscard]] Exit listen(std::optional<milliseconds> duration);
+  [[nodiscard]] Exit retrieve(const std::string& store, const std::string& from, const std::string& to,
+                              std::optional<milliseconds> timeout);
+  /// Command lines from standard input; ends with "quit", or at its end when nothing is outstanding any more.
+  [[nodiscard]] Exit session();
+
+ private:
+  enum class Watch : std::uint8_t { port, port_and_input };
+
+  void on_telemetry(const TelemetryReport& report);
+  void on_stage(const StageReport& report);
+  void on_retrieval_over(const Retrieval& retrieval);
+  void on_line(const std::string& line);
+  void on_input();
+  void send(const std::string& name, const std::vector<std::string>& arguments,
+            std::optional<milliseconds> timeout);
+  /// Runs until @p over says so, a signal, or the deadline. @return false when the link was closed
+  bool run(Watch watch, const std::function<bool()>& over, std::optional<MonotonicTime> deadline);
+  void wait_once(Watch watch, std::optional<MonotonicTime> deadline, bool& closed);
+  void write_json(const nlohmann::json& json);
+  void write_lines(const std::string& lines);
+  void fail(const std::string& message);
+  void write_stats();
+
+  ConsoleOptions options_;
+  Fd signals_;
+  Station station_;
+  bool interrupted_ = false;
+  bool input_ended_ = false;
+  bool quiet_telemetry_ = false;  // only what belongs to the telecommand is told
+  bool failed_to_send_ = false;
+  std::string input_;
+  std::uint64_t line_ = 0;
+  MonotonicTime next_stats_;
+  std::optional<StageReport> last_stage_;
+  bool accepted_ = false;
+  bool pong_ = false;
+  std::optional<Retrieval> last_retrieval_;
+};
+
+/// The deployment file that @p text means: a file, or a name in launch_config ($SRFS_LAUNCH_DIR, beside the
+/// installed program, or in the source tree). The error is ready to print.
+[[nodiscard]] Result<std::filesystem::path, std::string> find_deployment(const std::string& text);
+
+/// All commands, or one with its arguments.
+[[nodiscard]] Exit list(const mission::Dictionary& dictionary, const std::string& name, bool json);
+
+}  // namespace srfs::ground

@@ -1,0 +1,58 @@
+#include "ground/downlink.hpp"
+
+#include <numeric>
+
+namespace srfs::ground {
+
+Downlink::Downlink(const ros::LinkSettings& link)
+    : synchroniser_({.frame_octets = static_cast<std::size_t>(link.tm_frame_length),
+                     .reed_solomon = link.tm_reed_solomon,
+                     .interleave = static_cast<unsigned>(link.tm_interleave),
+                     .randomize = link.tm_randomizer}),
+      decoder_(static_cast<std::uint16_t>(link.spacecraft_id),
+               static_cast<std::size_t>(link.tm_frame_length)) {}
+
+std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
+  octets_ += octets.size();
+  std::vector<ReceivedPacket> received;
+  for (const auto& cadu : synchroniser_.push(octets)) {
+    const auto frame = decoder_.decode(cadu.frame);
+    if (!frame) continue;
+    clcw_ = frame->ocf;
+    if (frame->vc == wire::tm_idle_vc) {
+      ++idle_frames_;
+      continue;
+    }
+    for (const Octets& packet : channels_.at(frame->vc).push(*frame)) {
+      auto telemetry = wire::parse_tm_packet(packet);
+      if (!telemetry) {
+        ++bad_packets_;
+        continue;
+      }
+      ++packets_;
+      received.push_back({frame->vc, std::move(*telemetry)});
+    }
+  }
+  return received;
+}
+
+DownlinkCounters Downlink::counters() const {
+  const auto& cadu = synchroniser_.counters();
+  const auto& frames = decoder_.counters();
+  DownlinkCounters c;
+  c.octets = octets_;
+  c.frames = frames.frames;
+  c.idle_frames = idle_frames_;
+  c.bad_frames =
+      cadu.rejected + std::accumulate(frames.refused.begin(), frames.refused.end(), std::uint64_t{0});
+  c.lost_frames = frames.lost;
+  c.corrected_octets = cadu.corrected_octets;
+  c.noise_octets = cadu.noise_octets;
+  c.packets = packets_;
+  c.bad_packets = bad_packets_;
+  for (const auto& channel : channels_)
+    c.bad_packets += channel.counters().bad_packets + channel.counters().cut_packets;
+  return c;
+}
+
+}  // namespace srfs::ground

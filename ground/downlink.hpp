@@ -1,0 +1,62 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "ros/deployment.hpp"
+#include "wire/cadu.hpp"
+#include "wire/pus.hpp"
+#include "wire/tm_frame.hpp"
+
+namespace srfs::ground {
+
+/// TM virtual channels of the link (DESIGN section 6).
+namespace tm_channel {
+inline constexpr std::uint8_t live = 0;
+inline constexpr std::uint8_t playback = 1;
+}  // namespace tm_channel
+
+struct ReceivedPacket {
+  std::uint8_t vc = 0;
+  wire::TmPacket packet;
+};
+
+struct DownlinkCounters {
+  std::uint64_t octets = 0;
+  std::uint64_t frames = 0;  ///< good ones, idle frames included
+  std::uint64_t idle_frames = 0;
+  std::uint64_t bad_frames = 0;   ///< could not be corrected, or not a frame of this spacecraft
+  std::uint64_t lost_frames = 0;  ///< missing by the master channel counter
+  std::uint64_t corrected_octets = 0;
+  std::uint64_t noise_octets = 0;
+  std::uint64_t packets = 0;      ///< good ones
+  std::uint64_t bad_packets = 0;  ///< cut, or not a PUS telemetry packet
+};
+
+/// Octets of the line to telemetry packets. Pure; memory: one CADU and one packet per channel.
+class Downlink {
+ public:
+  explicit Downlink(const ros::LinkSettings& link);
+
+  /// @return the packets that end in these octets, in order of arrival
+  [[nodiscard]] std::vector<ReceivedPacket> push(OctetView octets);
+  [[nodiscard]] DownlinkCounters counters() const;
+  [[nodiscard]] bool locked() const { return synchroniser_.locked(); }
+  /// The last control word of FARM-1, if a frame came.
+  [[nodiscard]] std::optional<std::uint32_t> clcw() const { return clcw_; }
+
+ private:
+  wire::CaduSynchroniser synchroniser_;
+  wire::TmFrameDecoder decoder_;
+  std::array<wire::TmPacketReassembly, wire::tm_vc_count> channels_;
+  std::optional<std::uint32_t> clcw_;
+  std::uint64_t octets_ = 0;
+  std::uint64_t idle_frames_ = 0;
+  std::uint64_t packets_ = 0;
+  std::uint64_t bad_packets_ = 0;
+};
+
+}  // namespace srfs::ground

@@ -1,0 +1,257 @@
+#include "ground/telemetry.hpp"
+
+#include <cmath>
+
+#include <fmt/format.h>
+#include <mission/structures.hpp>
+
+namespace srfs::ground {
+namespace {
+
+constexpr std::string_view red = "\033[31;1m";
+constexpr std::string_view yellow = "\033[33;1m";
+constexpr std::string_view green = "\033[32m";
+constexpr std::string_view faint = "\033[2m";
+constexpr std::string_view plain = "\033[0m";
+
+std::string coloured(std::string_view colour_code, std::string_view text, bool colour) {
+  return colour ? fmt::format("{}{}{}", colour_code, text, plain) : std::string(text);
+}
+
+void decode_housekeeping(const mission::Dictionary& dictionary, OctetReader in, TelemetryReport& report) {
+  const auto* structure = dictionary.structure(in.u16());
+  if (structure == nullptr) {
+    report.text = "a structure that the dictionary does not know";
+    return;
+  }
+  report.name = structure->name;
+  auto fields = dictionary.decode(*structure, in.rest());
+  if (!fields) {
+    report.text = "the octets do not fit the structure";
+    return;
+  }
+  report.fields = std::move(*fields);
+  report.undecoded.clear();
+  report.kind =
+      structure->id == mission::structure::beacon ? TelemetryKind::beacon : TelemetryKind::housekeeping;
+}
+
+void decode_event(const mission::Dictionary& dictionary, OctetReader in, TelemetryReport& report) {
+  const std::uint16_t id = in.u16();
+  const auto* event = dictionary.event(id);
+  report.kind = TelemetryKind::event;
+  if (event == nullptr) {
+    report.text = fmt::format("event {} that the dictionary does not know", id);
+    return;
+  }
+  const OctetView data = in.rest();
+  report.name = event->name;
+  report.text = dictionary.render(*event, data);
+  if (auto fields = dictionary.decode(event->fields, data)) {
+    report.fields = std::move(*fields);
+    report.undecoded.clear();
+  }
+}
+
+nlohmann::json json_of(const mission::DecodedField& field) {
+  if (!field.known) return nullptr;
+  // A label or name says more than its number.
+  const bool number =
+      field.text.empty() || field.text.find_first_not_of("0123456789+-.e") == std::string::npos;
+  if (const auto* u = std::get_if<std::uint64_t>(&field.value))
+    return number ? nlohmann::json(*u) : nlohmann::json(field.text);
+  if (const auto* i = std::get_if<std::int64_t>(&field.value))
+    return number ? nlohmann::json(*i) : nlohmann::json(field.text);
+  if (const auto* b = std::get_if<bool>(&field.value)) return *b;
+  if (const auto* d = std::get_if<double>(&field.value); d != nullptr && std::isfinite(*d)) return *d;
+  return field.text;
+}
+
+std::string_view type_text(TelemetryKind kind) {
+  switch (kind) {
+    case TelemetryKind::beacon:
+      return "beacon";
+    case TelemetryKind::event:
+      return "event";
+    case TelemetryKind::pong:
+      return "pong";
+    default:
+      return "tm_packet";
+  }
+}
+
+std::string_view severity_text(std::uint8_t subtype) {
+  switch (subtype) {
+    case 1:
+      return "info";
+    case 2:
+      return "low";
+    case 3:
+      return "medium";
+    case 4:
+      return "high";
+    default:
+      return "?";
+  }
+}
+
+std::string field_line(const mission::DecodedField& field, bool colour) {
+  std::string value = field.text + (field.unit.empty() || !field.known ? "" : " " + field.unit);
+  switch (field.limit) {
+    case mission::LimitState::red:
+      value = colour ? coloured(red, value, true) : value + " (red)";
+      break;
+    case mission::LimitState::yellow:
+      value = colour ? coloured(yellow, value, true) : value + " (yellow)";
+      break;
+    case mission::LimitState::green:
+      value = coloured(green, value, colour);
+      break;
+    case mission::LimitState::none:
+      break;
+  }
+  return fmt::format("    {:<32} {}\n", field.name, value);
+}
+
+/// JSON has no octets but UTF-8: anything else a text field carries is replaced.
+nlohmann::json clean(const nlohmann::json& json) {
+  return nlohmann::json::parse(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+}  // namespace
+
+TelemetryReport decode_telemetry(const mission::Dictionary& dictionary, const ReceivedPacket& received) {
+  const auto& packet = received.packet;
+  TelemetryReport report;
+  report.vc = received.vc;
+  report.apid = packet.apid;
+  report.service = packet.service;
+  report.subtype = packet.subtype;
+  report.sequence_count = packet.sequence_count;
+  report.time = packet.time;
+  report.time_reference = packet.time_reference;
+  report.undecoded = packet.source;
+  const auto* process = dictionary.apid(packet.apid);
+  report.source = process == nullptr ? fmt::format("apid {}", packet.apid) : process->name;
+  const OctetReader in(packet.source);
+  if (packet.service == 3 && packet.subtype == 25) decode_housekeeping(dictionary, in, report);
+  if (packet.service == 5 && packet.subtype >= 1 && packet.subtype <= 4) decode_event(dictionary, in, report);
+  if (packet.service == 17 && packet.subtype == 2) report.kind = TelemetryKind::pong;
+  if (packet.service == 1) report.kind = TelemetryKind::verification;
+  return report;
+}
+
+nlohmann::json to_json(const TelemetryReport& report) {
+  nlohmann::json json{{"type", type_text(report.kind)},
+                      {"vc", report.vc},
+                      {"apid", report.apid},
+                      {"source", report.source},
+                      {"service", report.service},
+                      {"subtype", report.subtype},
+                      {"sequence", report.sequence_count},
+                      {"time", to_iso8601(to_utc(report.time))},
+                      {"time_reference", report.time_reference}};
+  if (report.kind == TelemetryKind::event) {
+    json["event"] = report.name;
+    json["severity"] = severity_text(report.subtype);
+  } else if (!report.name.empty()) {
+    json["structure"] = report.name;
+  }
+  if (!report.text.empty()) json["text"] = report.text;
+  if (!report.undecoded.empty()) json["octets"] = to_hex(report.undecoded);
+  if (report.fields.empty()) return clean(json);
+  json["units"] = nlohmann::json::object();
+  json["limits"] = nlohmann::json::object();
+  for (const auto& field : report.fields) {
+    json["fields"][field.name] = json_of(field);
+    if (!field.unit.empty()) json["units"][field.name] = field.unit;
+    if (field.limit == mission::LimitState::yellow || field.limit == mission::LimitState::red) {
+      json["limits"][field.name] = to_text(field.limit);
+    }
+  }
+  return clean(json);
+}
+
+nlohmann::json to_json(const StageReport& report) {
+  nlohmann::json json{{"type", "tc_stage"},
+                      {"id", request_text(report.request)},
+                      {"command", report.command->name},
+                      {"line", report.tag},
+                      {"stage", to_text(report.stage)},
+                      {"success", !is_failure(report.stage)},
+                      {"final", is_final(report.stage)},
+                      {"elapsed_ms", static_cast<double>(report.elapsed / microseconds(1)) / 1000.0}};
+  if (report.stage == Stage::progress || report.stage == Stage::progress_failed) json["step"] = report.step;
+  if (is_failure(report.stage)) {
+    json["code"] = report.failure_code;
+    json["name"] = report.failure_name;
+    json["text"] = report.failure_text;
+  }
+  return json;
+}
+
+nlohmann::json to_json(const DownlinkCounters& c) {
+  return {{"type", "stats"},
+          {"octets", c.octets},
+          {"frames", c.frames},
+          {"idle_frames", c.idle_frames},
+          {"bad_frames", c.bad_frames},
+          {"lost_frames", c.lost_frames},
+          {"corrected_octets", c.corrected_octets},
+          {"noise_octets", c.noise_octets},
+          {"packets", c.packets},
+          {"bad_packets", c.bad_packets}};
+}
+
+std::string to_lines(const TelemetryReport& report, bool colour) {
+  const std::string_view invalid = report.time_reference == 0 ? "?" : "";
+  std::string head = fmt::format("{}{} {}", to_iso8601(to_utc(report.time)), invalid, report.source);
+  if (report.vc == tm_channel::playback) head += " (stored)";
+  switch (report.kind) {
+    case TelemetryKind::event: {
+      const std::string line =
+          fmt::format("{}  event {} [{}] {}", head, report.name, severity_text(report.subtype), report.text);
+      const std::string_view code = report.subtype >= 4 ? red : report.subtype >= 3 ? yellow : plain;
+      return coloured(code, line, colour && report.subtype >= 3) + "\n";
+    }
+    case TelemetryKind::pong:
+      return head + "  are-you-alive report (17,2)\n";
+    case TelemetryKind::housekeeping:
+    case TelemetryKind::beacon:
+      break;
+    case TelemetryKind::verification:
+    case TelemetryKind::other:
+      return fmt::format("{}  {},{} {} {}\n", head, report.service, report.subtype, report.text,
+                         coloured(faint, to_hex(report.undecoded), colour));
+  }
+  std::string lines = fmt::format("{}  {} (count {})\n", head, report.name, report.sequence_count);
+  for (const auto& field : report.fields) lines += field_line(field, colour);
+  return lines;
+}
+
+std::string to_lines(const StageReport& report, bool colour) {
+  std::string line = fmt::format("{:>9.3f} s  {} {} {}", static_cast<double>(report.elapsed.count()) * 1e-9,
+                                 request_text(report.request), report.command->name, to_text(report.stage));
+  if (report.stage == Stage::progress || report.stage == Stage::progress_failed)
+    line += fmt::format(" step {}", report.step);
+  if (is_failure(report.stage)) {
+    if (report.stage != Stage::timed_out)
+      line += fmt::format(": code {} {}", report.failure_code, report.failure_name);
+    line = coloured(red, line + ": " + report.failure_text, colour);
+  } else if (report.stage == Stage::completed) {
+    line = coloured(green, line, colour);
+  }
+  return line + "\n";
+}
+
+std::string to_lines(const DownlinkCounters& c) {
+  return fmt::format(
+      "{} octets, {} frames ({} idle, {} bad, {} lost, {} octets corrected), {} packets ({} bad)\n", c.octets,
+      c.frames, c.idle_frames, c.bad_frames, c.lost_frames, c.corrected_octets, c.packets, c.bad_packets);
+}
+
+std::string request_text(const wire::RequestId& request) {
+  return fmt::format("{:04x}{:04x}", request.packet_identification, request.packet_sequence_control);
+}
+
+}  // namespace srfs::ground

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "ground/commanding.hpp"
+#include "ground/downlink.hpp"
+#include "msgs/mission/dictionary.hpp"
+
+namespace srfs::ground {
+
+enum class TelemetryKind : std::uint8_t { housekeeping, beacon, event, pong, verification, other };
+
+/// One telemetry packet as people and programs read it.
+struct TelemetryReport {
+  TelemetryKind kind = TelemetryKind::other;
+  std::uint8_t vc = 0;
+  std::uint16_t apid = 0;
+  std::string source;  ///< name of the application process, or "apid 99"
+  std::uint8_t service = 0;
+  std::uint8_t subtype = 0;
+  std::uint16_t sequence_count = 0;
+  TaiTime time;
+  std::uint8_t time_reference = 0;  ///< 0: the spacecraft's time is not valid
+  std::string name;                 ///< structure or event
+  std::string text;                 ///< event: rendered; other: why it could not be decoded
+  std::vector<mission::DecodedField> fields;
+  Octets undecoded;  ///< source data that the dictionary does not explain
+};
+
+/// Decodes one packet with the dictionary. Never fails: what is unknown comes as octets.
+[[nodiscard]] TelemetryReport decode_telemetry(const mission::Dictionary& dictionary,
+                                               const ReceivedPacket& received);
+
+/// {"type": "tm_packet" | "beacon" | "event" | "pong", vc, apid, source, service, subtype, sequence, time,
+/// structure | event, fields {name: value}, units {name: unit}, limits {name: yellow | red}}. Unknown values
+/// are null, enum values their labels.
+[[nodiscard]] nlohmann::json to_json(const TelemetryReport& report);
+/// {"type": "tc_stage", id, command, stage, success, elapsed_ms, code, name, text, step}
+[[nodiscard]] nlohmann::json to_json(const StageReport& report);
+/// {"type": "stats", ...}
+[[nodiscard]] nlohmann::json to_json(const DownlinkCounters& counters);
+
+/// Lines for people. @param colour limit states as terminal colours, else "(yellow)" behind the value
+[[nodiscard]] std::string to_lines(const TelemetryReport& report, bool colour);
+[[nodiscard]] std::string to_lines(const StageReport& report, bool colour);
+[[nodiscard]] std::string to_lines(const DownlinkCounters& counters);
+
+/// "1811c003": the request id as verification reports carry it.
+[[nodiscard]] std::string request_text(const wire::RequestId& request);
+
+}  // namespace srfs::ground

@@ -1,0 +1,120 @@
+#include "ground/uplink.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "base/file.hpp"
+
+namespace srfs::ground {
+namespace {
+
+constexpr std::uint16_t sequence_modulus = 0x4000;
+
+/// Hexadecimal digits, a newline behind them allowed.
+Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& file) {
+  auto text = read_file(file, 4096);
+  if (!text) return Err(text.error().message + " (the simulated spacecraft makes a test key when it starts)");
+  while (!text->empty() && (text->back() == '\n' || text->back() == ' ')) text->pop_back();
+  auto key = wire::SdlsKey::from_hex(*text);
+  std::fill(text->begin(), text->end(), '\0');
+  if (!key)
+    return Err(fmt::format("{}: expected a link key of {} hexadecimal digits", file.string(),
+                           2 * wire::sdls_key_octets));
+  return std::move(*key);
+}
+
+}  // namespace
+
+Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& file, UtcTime now) {
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) {
+    return UplinkState(file, static_cast<std::uint64_t>(now.ns() / 1'000'000));
+  }
+  const auto text = read_file(file, 65536);
+  if (!text) return Err(text.error().message);
+  const auto json = nlohmann::json::parse(*text, nullptr, false);
+  const auto counter =
+      json.is_object() ? json.value("next_security_counter", nlohmann::json()) : nlohmann::json();
+  if (!counter.is_number_unsigned()) {
+    return Err(
+        fmt::format("{}: not a state of the ground tool; if it is lost, remove it (a new security counter "
+                    "starts above the old)",
+                    file.string()));
+  }
+  UplinkState state(file, counter.get<std::uint64_t>());
+  const auto counts = json.value("next_sequence_counts", nlohmann::json::object());
+  for (const auto& process : counts.items()) {
+    if (!process.value().is_number_unsigned() ||
+        process.key().find_first_not_of("0123456789") != std::string::npos)
+      continue;
+    const auto apid = static_cast<std::uint16_t>(std::stoul(process.key().substr(0, 4)));
+    state.next_sequence_[apid] =
+        static_cast<std::uint16_t>(process.value().get<unsigned>() % sequence_modulus);
+  }
+  return state;
+}
+
+Result<UplinkState::Reserved, std::string> UplinkState::reserve(std::uint16_t apid) {
+  const Reserved reserved{next_counter_, next_sequence_[apid]};
+  nlohmann::json json;
+  json["next_security_counter"] = reserved.counter + 1;
+  auto next = next_sequence_;
+  next[apid] = static_cast<std::uint16_t>((reserved.sequence_count + 1) % sequence_modulus);
+  for (const auto& [process, count] : next) json["next_sequence_counts"][fmt::format("{}", process)] = count;
+  const auto written = write_file_atomically(file_, json.dump(2) + "\n");
+  if (!written) return Err(written.error().message);
+  next_counter_ = reserved.counter + 1;
+  next_sequence_ = std::move(next);
+  return reserved;
+}
+
+void UplinkState::raise(std::uint64_t counter) {
+  next_counter_ = std::max(next_counter_, counter + 1);
+}
+
+Result<Uplink, std::string> Uplink::open(const ros::LinkSettings& link, const std::filesystem::path& var_dir,
+                                         const std::filesystem::path& state_dir, UtcTime now) {
+  if (link.channels.empty())
+    return Err(std::string("the deployment has no telecommand channel (link.tc_channels)"));
+  const auto secured = std::find_if(link.channels.begin(), link.channels.end(),
+                                    [](const auto& c) { return c.security == ros::ChannelSecurity::sdls; });
+  const auto& chosen = secured == link.channels.end() ? link.channels.front() : *secured;
+  auto state = UplinkState::open(state_dir / "uplink.json", now);
+  if (!state) return Err(state.error());
+  Uplink uplink({static_cast<std::uint16_t>(link.spacecraft_id),
+                 static_cast<std::uint8_t>(chosen.virtual_channel), link.tc_randomizer},
+                std::move(*state));
+  if (chosen.security == ros::ChannelSecurity::sdls) {
+    auto key = read_key(var_dir / chosen.key_file);
+    if (!key) return Err(key.error());
+    uplink.key_ = std::move(*key);
+    uplink.spi_ = static_cast<std::uint16_t>(chosen.spi);
+  }
+  return uplink;
+}
+
+Result<OutgoingTelecommand, std::string> Uplink::make(const mission::EncodedCommand& command) {
+  const auto reserved = state_.reserve(command.command->apid);
+  if (!reserved) return Err(reserved.error());
+  const wire::TcPacket packet{.apid = command.command->apid,
+                              .sequence_count = reserved->sequence_count,
+                              .service = command.command->service,
+                              .subtype = command.command->subtype,
+                              .application = command.data};
+  std::optional<wire::SdlsSeal> seal;
+  if (key_) seal.emplace(wire::SdlsSeal{*key_, spi_, reserved->counter});
+  auto cltu = wire::make_uplink_cltu(channel_, wire::TcFrameType::bd, 0, seal ? &*seal : nullptr,
+                                     wire::make_tc_packet(packet));
+  if (!cltu) return Err(fmt::format("{}: {}", command.command->name, wire::to_string(cltu.error())));
+  ++sent_;
+  return OutgoingTelecommand{wire::request_id(packet), key_ ? std::optional(reserved->counter) : std::nullopt,
+                             std::move(*cltu)};
+}
+
+void Uplink::on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter) {
+  if (key_ && spi == spi_) state_.raise(counter);
+}
+
+}  // namespace srfs::ground

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "msgs/mission/dictionary.hpp"
+#include "ros/deployment.hpp"
+#include "wire/pus.hpp"
+#include "wire/sdls.hpp"
+#include "wire/tc_uplink.hpp"
+
+namespace srfs::ground {
+
+/// What the ground must not forget: the next security counter and the sequence counts. A file, replaced
+/// atomically.
+class UplinkState {
+ public:
+  /// A missing file begins with the milliseconds of @p now as counter: higher than any counter that was used
+  /// before the file was lost, and the spacecraft accepts any higher one. A damaged file is an error:
+  /// guessing would hide it.
+  static Result<UplinkState, std::string> open(const std::filesystem::path& file, UtcTime now);
+
+  struct Reserved {
+    std::uint64_t counter = 0;
+    std::uint16_t sequence_count = 0;
+  };
+  /// The counters of the next telecommand. They are on disk when this returns, so none is used twice. Blocks
+  /// on the disk.
+  [[nodiscard]] Result<Reserved, std::string> reserve(std::uint16_t apid);
+  /// The spacecraft has accepted @p counter: the next one is higher.
+  void raise(std::uint64_t counter);
+  [[nodiscard]] std::uint64_t next_counter() const { return next_counter_; }
+
+ private:
+  UplinkState(std::filesystem::path file, std::uint64_t next) : file_(std::move(file)), next_counter_(next) {}
+  std::filesystem::path file_;
+  std::uint64_t next_counter_;
+  std::map<std::uint16_t, std::uint16_t> next_sequence_;
+};
+
+struct OutgoingTelecommand {
+  wire::RequestId request;
+  std::optional<std::uint64_t> security_counter;
+  Octets cltu;
+};
+
+/// Telecommands to octets for the line: PUS packet, SDLS, BD frame, CLTU.
+class Uplink {
+ public:
+  /// Takes the first secured TC channel of the link, or the first if none is.
+  /// @param var_dir where relative key files stand
+  /// @param state_dir where the counters are kept
+  /// @return the error is ready to print
+  static Result<Uplink, std::string> open(const ros::LinkSettings& link, const std::filesystem::path& var_dir,
+                                          const std::filesystem::path& state_dir, UtcTime now);
+
+  /// Blocks on the disk. All verification reports are asked for.
+  [[nodiscard]] Result<OutgoingTelecommand, std::string> make(const mission::EncodedCommand& command);
+  /// What the beacon says about an association; another SPI than ours is ignored.
+  void on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter);
+  [[nodiscard]] std::uint64_t sent() const { return sent_; }
+
+ private:
+  Uplink(wire::TcUplinkChannel channel, UplinkState state) : channel_(channel), state_(std::move(state)) {}
+  wire::TcUplinkChannel channel_;
+  UplinkState state_;
+  std::optional<wire::SdlsKey> key_;
+  std::uint16_t spi_ = 0;
+  std::uint64_t sent_ = 0;
+};
+
+}  // namespace srfs::ground

@@ -1,0 +1,132 @@
+#!/usr/bin/python3
+"""Writes mission/structures.hpp: the C++ view of the mission dictionary for flight code.
+
+usage: mission_structures.py --dictionary FOLDER --out FILE
+"""
+
+import argparse
+import pathlib
+
+import jinja2
+
+from mission_dictionary import OCTETS, camel, linear, load, snake
+
+CPP = {"u8": "std::uint8_t", "u16": "std::uint16_t", "u32": "std::uint32_t", "u64": "std::uint64_t", "i8": "std::int8_t",
+       "i16": "std::int16_t", "i32": "std::int32_t", "i64": "std::int64_t", "f32": "float", "f64": "double", "bool": "bool",
+       "time": "TaiTime", "text": "std::string"}
+SEVERITIES = {"info": 1, "low": 2, "medium": 3, "high": 4}
+KEYWORDS = {"auto", "default", "switch", "new", "delete", "register"}
+
+
+def identifier(label):
+    return label + "_" if label in KEYWORDS else label
+
+
+def structure_type(structure):
+    return camel(structure["name"]) + ("Housekeeping" if structure["kind"] == "housekeeping" and structure["name"] != "beacon" else "")
+
+
+class Emitter:
+    """Turns fields into C++ lines."""
+
+    def __init__(self, dictionary):
+        self.dictionary = dictionary
+
+    def element_type(self, field):
+        if "enum" in field:
+            return camel(field["enum"])
+        return "float" if linear(field) else CPP[field["type"]]
+
+    def member(self, field):
+        if "structure" in field:
+            return f"{structure_type(self.dictionary.structure_of[field['structure']])} {field['as']}{{}};"
+        kind = self.element_type(field)
+        if "count" in field:
+            kind = f"std::array<{kind}, {field['count']}>"
+        unit = f" [{field['unit']}]" if "unit" in field else ""
+        return f"{kind} {field['name']}{{}};  ///< {field.get('description', '')}{unit}"
+
+    def encode(self, field):
+        if "structure" in field:
+            return f"{field['as']}.encode(out);"
+        name = "element" if "count" in field else field["name"]
+        if field["type"] == "text":
+            put = f"detail::put_text(out, {name}, {field['max']});"
+        elif linear(field):
+            offset, scale = linear(field)
+            put = f"detail::put(out, detail::to_raw<{CPP[field['type']]}>({name}, {offset}, {scale}, {self.unknown(field)}));"
+        else:
+            put = f"detail::put(out, {name});"
+        return f"for (const auto& element : {field['name']}) {put}" if "count" in field else put
+
+    def decode(self, field, owner="value"):
+        if "structure" in field:
+            kind = structure_type(self.dictionary.structure_of[field["structure"]])
+            return f"{{ const auto part = {kind}::decode(in); if (!part) return std::nullopt; {owner}.{field['as']} = *part; }}"
+        name = "element" if "count" in field else f"{owner}.{field['name']}"
+        if field["type"] == "text":
+            take = f"if (!detail::take_text(in, {name}, {field['max']})) return std::nullopt;"
+        elif linear(field):
+            offset, scale = linear(field)
+            take = f"{name} = detail::from_raw(detail::take<{CPP[field['type']]}>(in), {offset}, {scale}, {self.unknown(field)});"
+        elif field["type"] == "time":
+            take = f"if (!detail::take_time(in, {name})) return std::nullopt;"
+        else:
+            take = f"{name} = detail::take<{self.element_type(field)}>(in);"
+        return f"for (auto& element : {owner}.{field['name']}) {{ {take} }}" if "count" in field else take
+
+    @staticmethod
+    def unknown(field):
+        return str(field["unknown"]) if "unknown" in field else "std::nullopt"
+
+    def check(self, field, number):
+        """Lines that read and check one argument; a bad one returns its number, a missing one 0."""
+        name = f"value.{field['name']}"
+        bad = f"return Err(ArgumentError{{{number}}});"
+        short = "if (!in.ok()) return Err(ArgumentError{0});"
+        if field["type"] == "text":
+            return [f"if (!detail::take_text(in, {name}, {field['max']})) return Err(detail::argument_error(in, {number}));"]
+        if field["type"] == "time":
+            return [f"if (!detail::take_time(in, {name})) return Err(detail::argument_error(in, {number}));"]
+        if field["type"] == "bool":
+            return ["const std::uint8_t octet_" + field["name"] + " = in.u8();", short,
+                    f"if (octet_{field['name']} > 1) {bad}", f"{name} = octet_{field['name']} == 1;"]
+        lines = [f"{name} = detail::take<{self.element_type(field)}>(in);", short]
+        if "enum" in field:
+            lines.append(f"if (!is_valid({name})) {bad}")
+        elif "range" in field:
+            lines.append(f"if (!({self.within(name, field)})) {bad}")
+        elif field["type"][0] == "f":
+            lines.append(f"if (!std::isfinite({name})) {bad}")
+        return lines
+
+    @staticmethod
+    def within(name, field):
+        """Condition that the value is in its range (false for not-a-number)."""
+        low, high = field["range"]
+        if field["type"][0] == "f":
+            suffix = "F" if field["type"] == "f32" else ""
+            return f"{name} >= {float(low)}{suffix} && {name} <= {float(high)}{suffix}"
+        upper = f"{name} <= {high}"
+        return upper if field["type"][0] == "u" and low == 0 else f"{name} >= {low} && {upper}"
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--dictionary", required=True)
+    parser.add_argument("--out", required=True)
+    arguments = parser.parse_args()
+    dictionary = load(arguments.dictionary)
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
+                                     lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    environment.globals.update(camel=camel, snake=snake, identifier=identifier, structure_type=structure_type, cpp=CPP,
+                               octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=dictionary)
+    text = environment.get_template("mission_structures.hpp.jinja").render()
+    out = pathlib.Path(arguments.out)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    if not out.exists() or out.read_text(encoding="utf-8") != text:
+        out.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,554 @@
+#include "msgs/mission/dictionary.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace srfs::mission {
+namespace {
+
+constexpr std::size_t max_groups = 16;  // of a repeated request; as in the generated structs
+
+std::size_t octets_of(FieldType type) {
+  switch (type) {
+    case FieldType::u8:
+    case FieldType::i8:
+    case FieldType::boolean:
+      return 1;
+    case FieldType::u16:
+    case FieldType::i16:
+      return 2;
+    case FieldType::u32:
+    case FieldType::i32:
+    case FieldType::f32:
+      return 4;
+    case FieldType::u64:
+    case FieldType::i64:
+    case FieldType::f64:
+    case FieldType::time:
+      return 8;
+    case FieldType::text:
+      return 0;
+  }
+  return 0;
+}
+
+bool is_signed(FieldType type) {
+  return type == FieldType::i8 || type == FieldType::i16 || type == FieldType::i32 || type == FieldType::i64;
+}
+bool is_float(FieldType type) {
+  return type == FieldType::f32 || type == FieldType::f64;
+}
+
+std::size_t size_of(const std::vector<Field>& fields) {
+  std::size_t size = 0;
+  for (const auto& field : fields) size += field.max_size();
+  return size;
+}
+
+template <class T, class Matches>
+const T* find(const std::vector<T>& entries, Matches matches) {
+  const auto found = std::find_if(entries.begin(), entries.end(), matches);
+  return found == entries.end() ? nullptr : &*found;
+}
+
+/// The octets of one element as they stand on the link; nullopt when they end early or are not valid.
+std::optional<Value> take_raw(const Field& field, OctetReader& in) {
+  switch (field.type) {
+    case FieldType::f32:
+      return Value(static_cast<double>(in.f32()));
+    case FieldType::f64:
+      return Value(in.f64());
+    case FieldType::boolean:
+      return Value(in.u8() != 0);
+    case FieldType::text: {
+      std::string text;
+      if (!detail::take_text(in, text, field.max_text)) return std::nullopt;
+      return Value(std::move(text));
+    }
+    case FieldType::time: {
+      TaiTime time;
+      if (!detail::take_time(in, time)) return std::nullopt;
+      return Value(time);
+    }
+    default:
+      break;
+  }
+  const std::size_t octets = octets_of(field.type);
+  const std::uint64_t raw = in.get(octets);
+  if (!is_signed(field.type)) return Value(raw);
+  const unsigned shift = static_cast<unsigned>(64 - 8 * octets);
+  return Value(static_cast<std::int64_t>(raw << shift) >> shift);
+}
+
+std::optional<std::int64_t> as_integer(const Value& value) {
+  if (const auto* u = std::get_if<std::uint64_t>(&value)) return static_cast<std::int64_t>(*u);
+  if (const auto* i = std::get_if<std::int64_t>(&value)) return *i;
+  return std::nullopt;
+}
+
+std::optional<double> as_number(const Value& value) {
+  if (const auto* u = std::get_if<std::uint64_t>(&value)) return static_cast<double>(*u);
+  if (const auto* i = std::get_if<std::int64_t>(&value)) return static_cast<double>(*i);
+  if (const auto* d = std::get_if<double>(&value)) return *d;
+  return std::nullopt;
+}
+
+double evaluate(const std::vector<double>& coefficients, double x) {
+  double y = 0;
+  for (auto c = coefficients.rbegin(); c != coefficients.rend(); ++c) y = y * x + *c;
+  return y;
+}
+
+LimitState judge(const Field& field, double v) {
+  if (!field.soft && !field.hard) return LimitState::none;
+  if (field.hard && !field.hard->contains(v)) return LimitState::red;
+  if (field.soft && !field.soft->contains(v)) return LimitState::yellow;
+  return LimitState::green;
+}
+
+std::string reference_name(const Dictionary& d, Reference reference, std::uint16_t id) {
+  switch (reference) {
+    case Reference::structure:
+      if (const auto* s = d.structure(id)) return s->name;
+      break;
+    case Reference::event:
+      if (const auto* e = d.event(id)) return e->name;
+      break;
+    case Reference::store:
+      if (const auto* s = d.store(id)) return s->name;
+      break;
+    case Reference::failure_code:
+      if (id == 0) return "none";
+      if (const auto* f = d.failure_code(id)) return f->name;
+      break;
+    case Reference::none:
+      break;
+  }
+  return "";
+}
+
+std::optional<std::uint16_t> reference_id(const Dictionary& d, Reference reference, std::string_view name) {
+  switch (reference) {
+    case Reference::structure:
+      if (const auto* s = d.structure(name); s != nullptr && s->id != 0) return s->id;
+      break;
+    case Reference::event:
+      if (const auto* e = d.event(name)) return e->id;
+      break;
+    case Reference::store:
+      if (const auto* s = d.store(name)) return s->id;
+      break;
+    case Reference::failure_code:
+    case Reference::none:
+      break;
+  }
+  return std::nullopt;
+}
+
+std::string_view kind_of(Reference reference) {
+  switch (reference) {
+    case Reference::structure:
+      return "housekeeping structure";
+    case Reference::event:
+      return "event";
+    case Reference::store:
+      return "packet store";
+    case Reference::failure_code:
+      return "failure code";
+    case Reference::none:
+      break;
+  }
+  return "number";
+}
+
+std::string text_of(const Dictionary& d, const Field& field, const Value& value) {
+  if (const auto integer = as_integer(value)) {
+    if (field.enumeration != nullptr) {
+      const auto label = field.enumeration->labels.find(*integer);
+      return label != field.enumeration->labels.end() ? label->second : fmt::format("{}?", *integer);
+    }
+    if (field.reference != Reference::none) {
+      const std::string name = reference_name(d, field.reference, static_cast<std::uint16_t>(*integer));
+      return name.empty() ? fmt::format("{}?", *integer) : name;
+    }
+    if (field.hex) return fmt::format("0x{:0{}x}", *integer, octets_of(field.type) * 2);
+  }
+  if (const auto* u = std::get_if<std::uint64_t>(&value)) return fmt::format("{}", *u);
+  if (const auto* i = std::get_if<std::int64_t>(&value)) return fmt::format("{}", *i);
+  if (const auto* number = std::get_if<double>(&value))
+    return std::isnan(*number) ? "unknown" : fmt::format("{:.6g}", *number);
+  if (const auto* truth = std::get_if<bool>(&value)) return *truth ? "true" : "false";
+  if (const auto* time = std::get_if<TaiTime>(&value)) return to_iso8601(to_utc(*time));
+  return std::get<std::string>(value);
+}
+
+DecodedField interpret(const Dictionary& d, const Field& field, std::size_t index, Value value) {
+  DecodedField out;
+  out.name = field.name;
+  if (field.count > 1)
+    out.name += field.labels.empty() ? fmt::format("[{}]", index) : "." + field.labels[index];
+  out.unit = field.unit;
+  if (!field.calibration.empty()) {
+    const bool unknown = field.unknown && as_integer(value) == field.unknown;
+    value = unknown ? std::numeric_limits<double>::quiet_NaN()
+                    : evaluate(field.calibration, as_number(value).value_or(0));
+  }
+  const auto number = as_number(value);
+  out.known = !(number && std::isnan(*number));
+  if (number && out.known) out.limit = judge(field, *number);
+  out.text = text_of(d, field, value);
+  out.value = std::move(value);
+  return out;
+}
+
+/// Numbers of an argument may carry the unit of the dictionary directly or after a space.
+std::string_view without_unit(std::string_view text, const std::string& unit) {
+  if (!unit.empty() && text.size() > unit.size() && text.ends_with(unit)) {
+    text.remove_suffix(unit.size());
+    while (text.ends_with(' ')) text.remove_suffix(1);
+  }
+  return text;
+}
+
+std::string range_text(const Field& field, double lowest, double highest) {
+  if (is_float(field.type)) return fmt::format("{:g}..{:g}", lowest, highest);
+  return fmt::format("{:.0f}..{:.0f}", lowest, highest);
+}
+
+/// Reads text arguments of one command. Errors name command and argument.
+class ArgumentText {
+ public:
+  ArgumentText(const Dictionary& d, const Command& command) : d_(d), command_(command) {}
+
+  Result<void, CommandError> write(const Field& field, std::string_view text, OctetWriter& out) const {
+    if (field.type == FieldType::text) return write_text(field, text, out);
+    if (field.type == FieldType::time) return write_time(field, text, out);
+    if (field.type == FieldType::boolean) return write_bool(field, text, out);
+    if (field.enumeration != nullptr) return write_label(field, text, out);
+    if (is_float(field.type)) return write_float(field, text, out);
+    return write_integer(field, text, out);
+  }
+
+  template <class... A>
+  [[nodiscard]] auto error(const Field& field, fmt::format_string<A...> f, A&&... a) const {
+    return Err(CommandError{fmt::format("{}: argument '{}': {}", command_.name, field.name,
+                                        fmt::format(f, std::forward<A>(a)...))});
+  }
+
+ private:
+  Result<void, CommandError> write_text(const Field& field, std::string_view text, OctetWriter& out) const {
+    if (text.size() > field.max_text)
+      return error(field, "is {} octets long, at most {}", text.size(), field.max_text);
+    detail::put_text(out, std::string(text), field.max_text);
+    return {};
+  }
+
+  Result<void, CommandError> write_time(const Field& field, std::string_view text, OctetWriter& out) const {
+    const auto utc = from_iso8601(std::string(text));
+    if (!utc) return error(field, "'{}' is not a UTC time like 2026-11-21T08:00:00Z", text);
+    const TaiTime tai = to_tai(*utc);
+    if (tai.ns() < 0 || tai.since_epoch() >= seconds(std::int64_t{1} << 32)) {
+      return error(field, "{} is outside the link's time, 1958 to 2094", text);
+    }
+    detail::put_time(out, tai);
+    return {};
+  }
+
+  Result<void, CommandError> write_bool(const Field& field, std::string_view text, OctetWriter& out) const {
+    const bool yes = text == "true" || text == "1" || text == "on" || text == "yes";
+    const bool no = text == "false" || text == "0" || text == "off" || text == "no";
+    if (!yes && !no) return error(field, "'{}' is not true or false", text);
+    out.u8(yes ? 1 : 0);
+    return {};
+  }
+
+  Result<void, CommandError> write_label(const Field& field, std::string_view text, OctetWriter& out) const {
+    std::vector<std::string> known;
+    for (const auto& [value, label] : field.enumeration->labels) {
+      known.push_back(fmt::format("{} ({})", label, value));
+      if (label == text || fmt::format("{}", value) == text) {
+        out.put(static_cast<std::uint64_t>(value), octets_of(field.type));
+        return {};
+      }
+    }
+    return error(field, "'{}' is not one of {}", text, fmt::join(known, ", "));
+  }
+
+  Result<void, CommandError> write_float(const Field& field, std::string_view text, OctetWriter& out) const {
+    const std::string_view digits = without_unit(text, field.unit);
+    double value = 0;
+    const auto [end, fault] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+    if (fault != std::errc{} || end != digits.data() + digits.size() || !std::isfinite(value)) {
+      return error(field, "'{}' is not a number{}", text, field.unit.empty() ? "" : " of " + field.unit);
+    }
+    if (field.range && !field.range->contains(value)) {
+      return error(
+          field, "{} is out of range {}", text,
+          range_text(field, field.range->low.value_or(-HUGE_VAL), field.range->high.value_or(HUGE_VAL)));
+    }
+    if (field.type == FieldType::f64) {
+      out.f64(value);
+    } else if (std::isfinite(static_cast<float>(value))) {
+      out.f32(static_cast<float>(value));
+    } else {
+      return error(field, "{} is too large", text);
+    }
+    return {};
+  }
+
+  Result<void, CommandError> write_integer(const Field& field, std::string_view text,
+                                           OctetWriter& out) const {
+    if (const auto id = reference_id(d_, field.reference, text)) {
+      out.put(*id, octets_of(field.type));
+      return {};
+    }
+    const auto value = parse_integer(without_unit(text, field.unit), is_signed(field.type));
+    if (!value) {
+      if (field.reference != Reference::none)
+        return error(field, "no {} is called '{}'", kind_of(field.reference), text);
+      return error(field, "'{}' is not a whole number{}", text,
+                   field.unit.empty() ? "" : " of " + field.unit);
+    }
+    const unsigned bits = static_cast<unsigned>(8 * octets_of(field.type));
+    const bool fits =
+        is_signed(field.type)
+            ? bits == 64 || (static_cast<std::int64_t>(*value) >= -(std::int64_t{1} << (bits - 1)) &&
+                             static_cast<std::int64_t>(*value) < (std::int64_t{1} << (bits - 1)))
+            : bits == 64 || *value < (std::uint64_t{1} << bits);
+    const double number = is_signed(field.type) ? static_cast<double>(static_cast<std::int64_t>(*value))
+                                                : static_cast<double>(*value);
+    if (!fits || (field.range && !field.range->contains(number))) {
+      const double lowest = is_signed(field.type) ? -std::exp2(bits - 1) : 0;
+      const double highest = std::exp2(is_signed(field.type) ? bits - 1 : bits) - 1;
+      const Bounds bounds = field.range.value_or(Bounds{});
+      return error(field, "{} is out of range {}", text,
+                   range_text(field, bounds.low.value_or(lowest), bounds.high.value_or(highest)));
+    }
+    if (field.reference != Reference::none &&
+        reference_name(d_, field.reference, static_cast<std::uint16_t>(*value)).empty()) {
+      return error(field, "no {} has the number {}", kind_of(field.reference), text);
+    }
+    out.put(*value, octets_of(field.type));
+    return {};
+  }
+
+  /// Two's complement for negative numbers.
+  static std::optional<std::uint64_t> parse_integer(std::string_view text, bool negative_allowed) {
+    const bool negative = text.starts_with('-');
+    if (negative && !negative_allowed) {
+      // A number all the same: "out of range" says more than "not a number".
+      text.remove_prefix(1);
+      std::uint64_t ignored = 0;
+      const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), ignored);
+      if (fault != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+      return std::numeric_limits<std::uint64_t>::max();
+    }
+    if (negative) text.remove_prefix(1);
+    const int base = text.starts_with("0x") ? 16 : 10;
+    if (base == 16) text.remove_prefix(2);
+    std::uint64_t value = 0;
+    const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+    if (fault != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
+    return negative ? ~value + 1 : value;
+  }
+
+  const Dictionary& d_;
+  const Command& command_;
+};
+
+bool is_allowed(const Dictionary& d, const Field& field, const Value& value) {
+  if (const auto integer = as_integer(value)) {
+    if (field.enumeration != nullptr) return field.enumeration->labels.contains(*integer);
+    if (field.reference != Reference::none &&
+        reference_name(d, field.reference, static_cast<std::uint16_t>(*integer)).empty())
+      return false;
+  }
+  const auto number = as_number(value);
+  if (!number) return true;
+  if (!std::isfinite(*number)) return false;
+  if (!field.range) return true;
+  if (field.type != FieldType::f32) return field.range->contains(*number);
+  // The nearest float of a bound is inside: that is what a sender who asks for the bound can send.
+  const auto nearest = [](std::optional<double> v) {
+    return v ? std::optional(static_cast<double>(static_cast<float>(*v))) : std::nullopt;
+  };
+  return Bounds{nearest(field.range->low), nearest(field.range->high)}.contains(*number);
+}
+
+}  // namespace
+
+std::string_view to_text(LimitState state) {
+  switch (state) {
+    case LimitState::none:
+      return "none";
+    case LimitState::green:
+      return "green";
+    case LimitState::yellow:
+      return "yellow";
+    case LimitState::red:
+      return "red";
+  }
+  return "?";
+}
+
+std::size_t Field::max_size() const {
+  return type == FieldType::text ? 1 + max_text : octets_of(type) * count;
+}
+std::size_t Structure::max_size() const {
+  return size_of(fields);
+}
+bool Command::allowed_in(std::uint8_t mode) const {
+  return std::find(modes.begin(), modes.end(), mode) != modes.end();
+}
+
+const ApplicationProcess* Dictionary::apid(std::uint16_t number) const {
+  return find(apids_, [&](const auto& a) { return a.apid == number; });
+}
+const ApplicationProcess* Dictionary::apid_of_node(std::string_view node) const {
+  return find(apids_, [&](const auto& a) { return a.node == node; });
+}
+const Structure* Dictionary::structure(std::uint16_t id) const {
+  return id == 0 ? nullptr : find(structures_, [&](const auto& s) { return s.id == id; });
+}
+const Structure* Dictionary::structure(std::string_view name) const {
+  return find(structures_, [&](const auto& s) { return s.name == name; });
+}
+const Event* Dictionary::event(std::uint16_t id) const {
+  return find(events_, [&](const auto& e) { return e.id == id; });
+}
+const Event* Dictionary::event(std::string_view name) const {
+  return find(events_, [&](const auto& e) { return e.name == name; });
+}
+const PacketStore* Dictionary::store(std::uint16_t id) const {
+  return find(stores_, [&](const auto& s) { return s.id == id; });
+}
+const PacketStore* Dictionary::store(std::string_view name) const {
+  return find(stores_, [&](const auto& s) { return s.name == name; });
+}
+const FailureCode* Dictionary::failure_code(std::uint16_t code) const {
+  return find(failure_codes_, [&](const auto& f) { return f.code == code; });
+}
+const Command* Dictionary::command(std::string_view name) const {
+  return find(commands_, [&](const auto& c) { return c.name == name; });
+}
+const Command* Dictionary::function(std::uint16_t target, std::uint16_t function_id) const {
+  return find(commands_, [&](const auto& c) {
+    return c.is_function() && c.apid == target && c.function_id == function_id;
+  });
+}
+const Command* Dictionary::request(std::uint16_t target, std::uint8_t service, std::uint8_t subtype) const {
+  return find(commands_, [&](const auto& c) {
+    return !c.is_function() && c.apid == target && c.service == service && c.subtype == subtype;
+  });
+}
+bool Dictionary::has_service(std::uint16_t target, std::uint8_t service) const {
+  return find(commands_, [&](const auto& c) { return c.apid == target && c.service == service; }) != nullptr;
+}
+
+Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
+                                                        const std::vector<std::string>& arguments) const {
+  const Command* command = this->command(name);
+  if (command == nullptr)
+    return Err(CommandError{fmt::format("no telecommand is called '{}' (srfs-ground list shows all)", name)});
+  std::map<std::string, std::string, std::less<>> given;
+  for (const auto& argument : arguments) {
+    const auto equals = argument.find('=');
+    if (equals == std::string::npos)
+      return Err(CommandError{fmt::format("{}: '{}' is not key=value", name, argument)});
+    const std::string key = argument.substr(0, equals);
+    if (find(command->arguments, [&](const auto& f) { return f.name == key; }) == nullptr) {
+      std::vector<std::string> known;
+      for (const auto& field : command->arguments) known.push_back(field.name);
+      return Err(
+          CommandError{fmt::format("{}: has no argument '{}', it has {}", name, key,
+                                   known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", ")))});
+    }
+    if (!given.emplace(key, argument.substr(equals + 1)).second) {
+      return Err(CommandError{fmt::format("{}: argument '{}' is given twice", name, key)});
+    }
+  }
+  OctetWriter out(512);
+  const ArgumentText text(*this, *command);
+  if (command->is_function()) out.u16(command->function_id);
+  if (command->repeated) out.u16(1);
+  for (const auto& field : command->arguments) {
+    const auto found = given.find(field.name);
+    if (found == given.end() && !field.has_default)
+      return Err(CommandError{
+          fmt::format("{}: argument '{}' is missing ({})", name, field.name, field.description)});
+    const auto written = text.write(field, found == given.end() ? field.default_text : found->second, out);
+    if (!written) return Err(written.error());
+  }
+  return EncodedCommand{command, out.take()};
+}
+
+Result<void, ArgumentError> Dictionary::check_arguments(const Command& command, OctetView arguments) const {
+  OctetReader in(arguments);
+  const std::size_t groups = command.repeated ? in.u16() : 1;
+  if (!in.ok() || groups == 0 || groups > max_groups) return Err(ArgumentError{0});
+  for (std::size_t group = 0; group < groups; ++group) {
+    std::uint8_t number = 0;
+    for (const auto& field : command.arguments) {
+      ++number;
+      for (std::size_t i = 0; i < field.count; ++i) {
+        const auto value = take_raw(field, in);
+        if (!in.ok()) return Err(ArgumentError{0});
+        const bool bad_bool =
+            field.type == FieldType::boolean && arguments[arguments.size() - in.remaining() - 1] > 1;
+        if (!value || bad_bool || !is_allowed(*this, field, *value)) return Err(ArgumentError{number});
+      }
+    }
+  }
+  if (in.remaining() != 0) return Err(ArgumentError{0});
+  return {};
+}
+
+std::optional<std::vector<DecodedField>> Dictionary::decode(const std::vector<Field>& fields,
+                                                            OctetView data) const {
+  OctetReader in(data);
+  std::vector<DecodedField> out;
+  for (const auto& field : fields) {
+    for (std::size_t i = 0; i < field.count; ++i) {
+      auto value = take_raw(field, in);
+      if (!value || !in.ok()) return std::nullopt;
+      out.push_back(interpret(*this, field, i, std::move(*value)));
+    }
+  }
+  if (in.remaining() != 0) return std::nullopt;
+  return out;
+}
+
+std::optional<std::vector<DecodedField>> Dictionary::decode(const Structure& structure,
+                                                            OctetView data) const {
+  return decode(structure.fields, data);
+}
+
+std::string Dictionary::render(const Event& event, OctetView data) const {
+  std::map<std::string, std::string, std::less<>> values;
+  OctetReader in(data);
+  for (const auto& field : event.fields) {
+    auto value = take_raw(field, in);
+    if (!value || !in.ok()) break;
+    values[field.name] = interpret(*this, field, 0, std::move(*value)).text;
+  }
+  std::string text;
+  std::string_view rest = event.text;
+  while (!rest.empty()) {
+    const auto open = rest.find('{');
+    text += rest.substr(0, open);
+    if (open == std::string_view::npos) break;
+    const auto close = rest.find('}', open);
+    if (close == std::string_view::npos) return text + std::string(rest.substr(open));
+    const auto found = values.find(rest.substr(open + 1, close - open - 1));
+    text += found == values.end() ? "?" : found->second;
+    rest.remove_prefix(close + 1);
+  }
+  return text;
+}
+
+}  // namespace srfs::mission

@@ -1,0 +1,232 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "msgs/mission/fields.hpp"
+
+/// The mission dictionary as data: what ttc and the ground tools load at run time. Flight nodes use the
+/// structs that are generated from the same files (<mission/structures.hpp>).
+namespace srfs::mission {
+
+enum class FieldType : std::uint8_t { u8, u16, u32, u64, i8, i16, i32, i64, f32, f64, boolean, text, time };
+
+/// What a number in a field names, so that people write and read the name.
+enum class Reference : std::uint8_t { none, structure, event, store, failure_code };
+
+/// Bounds of which either may be missing. Inclusive: a value on the bound is inside.
+struct Bounds {
+  std::optional<double> low;
+  std::optional<double> high;
+  [[nodiscard]] bool contains(double v) const { return !(low && v < *low) && !(high && v > *high); }
+};
+
+struct Enumeration {
+  std::string name;
+  std::string description;
+  std::map<std::int64_t, std::string> labels;
+};
+
+/// One field of a structure or event, or one argument of a command.
+struct Field {
+  std::string name;
+  FieldType type = FieldType::u8;
+  std::string unit;  ///< empty: none
+  std::string description;
+  std::size_t count = 1;            ///< elements of an array
+  std::vector<std::string> labels;  ///< names of the elements; empty: [0], [1], ...
+  std::size_t max_text = 0;         ///< largest number of octets of a text
+  bool hex = false;                 ///< shown as hexadecimal
+  const Enumeration* enumeration = nullptr;
+  Reference reference = Reference::none;
+  std::vector<double> calibration;      ///< polynomial, constant first; empty: the raw value is the value
+  std::optional<std::int64_t> unknown;  ///< raw value that says "not known"
+  std::optional<Bounds> soft;           ///< telemetry: outside is yellow
+  std::optional<Bounds> hard;           ///< telemetry: outside is red
+  std::optional<Bounds> range;          ///< argument: outside is refused
+  std::string default_text;             ///< argument: used when it is not given
+  bool has_default = false;
+
+  [[nodiscard]] std::size_t max_size() const;
+};
+
+struct ApplicationProcess {
+  std::string name;
+  std::uint16_t apid = 0;
+  std::string node;
+  std::string description;
+};
+
+struct FailureCode {
+  std::uint16_t code = 0;
+  std::string name;
+  std::string text;
+  std::string parameter;  ///< what follows the code in the report; empty: nothing
+};
+
+struct PacketStore {
+  std::uint16_t id = 0;
+  std::string name;
+  std::uint32_t quota_mib = 0;
+  std::vector<std::uint8_t> services;  ///< reports of these services go into it
+  std::string description;
+};
+
+enum class StructureKind : std::uint8_t { housekeeping, raw, group };
+
+struct Structure {
+  std::string name;
+  StructureKind kind = StructureKind::housekeeping;
+  std::uint16_t id = 0;  ///< PUS 3 structure id; 0: not housekeeping
+  std::uint16_t apid = 0;
+  std::string node;
+  milliseconds interval{0};
+  std::string description;
+  std::vector<Field> fields;  ///< included structures are laid out in place
+
+  [[nodiscard]] std::size_t max_size() const;
+};
+
+struct Event {
+  std::string name;
+  std::uint16_t id = 0;
+  EventSeverity severity = EventSeverity::info;
+  std::string text;  ///< "{field}" stands for the field's value
+  std::vector<Field> fields;
+};
+
+struct Command {
+  std::string name;
+  std::string node;  ///< who executes it
+  std::uint16_t apid = 0;
+  std::uint8_t service = 8;
+  std::uint8_t subtype = 1;
+  std::uint16_t function_id = 0;  ///< 0: a request of a PUS service, not a function
+  std::optional<std::uint8_t>
+      peripheral_function;  ///< the node passes it on to its peripheral under this number
+  std::string description;
+  RepeatClass repeat_class = RepeatClass::at_most_once;
+  bool hazardous = false;
+  bool recovery = false;  ///< runs without storage too
+  bool repeated = false;  ///< a u16 count stands before the arguments; the group may come several times
+  std::vector<std::uint8_t> modes;  ///< allowed mission modes
+  milliseconds timeout{0};          ///< acceptance to completion
+  std::vector<Field> arguments;
+
+  [[nodiscard]] bool is_function() const { return function_id != 0; }
+  [[nodiscard]] bool allowed_in(std::uint8_t mode) const;
+};
+
+/// One decoded element. The variant: integers as they are, calibrated and floating values as double, text, or
+/// a time.
+using Value = std::variant<std::uint64_t, std::int64_t, double, bool, std::string, TaiTime>;
+
+enum class LimitState : std::uint8_t { none, green, yellow, red };
+[[nodiscard]] std::string_view to_text(LimitState state);
+
+struct DecodedField {
+  std::string name;  ///< "body_rate_rad_s.x" for an element of an array
+  Value value;
+  std::string text;  ///< for people: label of an enum, name of a reference, ISO time; without unit
+  std::string unit;
+  LimitState limit = LimitState::none;  ///< none: the dictionary states no limits, or the value is unknown
+  bool known = true;                    ///< false: the satellite says that it does not know (NaN)
+};
+
+/// Why a text command cannot be sent, for people: "eps.switch_load: argument 'load': 7 is out of range 0..3".
+struct CommandError {
+  std::string message;
+};
+
+/// A command ready to be put into a packet.
+struct EncodedCommand {
+  const Command* command = nullptr;
+  Octets data;  ///< packet data after the PUS header: function id for service 8, count, arguments
+};
+
+class Dictionary {
+ public:
+  /// Reads every *.yaml of the folder, mission.yaml first. Throws ConfigError (file, line, key, expected).
+  /// Blocks on the disk.
+  static Dictionary load(const std::filesystem::path& folder);
+  /// Where the dictionary stands: $SRFS_MISSION_DIR, else ../share/srfs/mission beside the running program
+  /// when it exists, else the folder in the source tree this was built from.
+  static std::filesystem::path default_folder();
+
+  Dictionary(Dictionary&&) = default;
+  Dictionary& operator=(Dictionary&&) = default;
+  Dictionary(const Dictionary&) = delete;  // fields point into enums_
+  Dictionary& operator=(const Dictionary&) = delete;
+
+  [[nodiscard]] std::uint16_t spacecraft_id() const { return spacecraft_id_; }
+  [[nodiscard]] const std::vector<ApplicationProcess>& apids() const { return apids_; }
+  [[nodiscard]] const std::vector<Structure>& structures() const { return structures_; }
+  [[nodiscard]] const std::vector<Command>& commands() const { return commands_; }
+  [[nodiscard]] const std::vector<Event>& events() const { return events_; }
+  [[nodiscard]] const std::vector<PacketStore>& stores() const { return stores_; }
+  [[nodiscard]] const std::vector<FailureCode>& failure_codes() const { return failure_codes_; }
+
+  // Lookups: nullptr when there is none. Pointers live as long as the dictionary.
+  [[nodiscard]] const ApplicationProcess* apid(std::uint16_t apid) const;
+  [[nodiscard]] const ApplicationProcess* apid_of_node(std::string_view node) const;
+  [[nodiscard]] const Structure* structure(std::uint16_t id) const;
+  [[nodiscard]] const Structure* structure(std::string_view name) const;
+  [[nodiscard]] const Event* event(std::uint16_t id) const;
+  [[nodiscard]] const Event* event(std::string_view name) const;
+  [[nodiscard]] const PacketStore* store(std::uint16_t id) const;
+  [[nodiscard]] const PacketStore* store(std::string_view name) const;
+  [[nodiscard]] const FailureCode* failure_code(std::uint16_t code) const;
+  [[nodiscard]] const Command* command(std::string_view name) const;
+  /// A function (PUS 8,1) of an application process.
+  [[nodiscard]] const Command* function(std::uint16_t apid, std::uint16_t function_id) const;
+  /// A request of another PUS service.
+  [[nodiscard]] const Command* request(std::uint16_t apid, std::uint8_t service, std::uint8_t subtype) const;
+  /// The service has any request for this application process.
+  [[nodiscard]] bool has_service(std::uint16_t apid, std::uint8_t service) const;
+
+  // Ground side: text to octets.
+  /// @param arguments "key=value"; values are numbers (decimal, 0x...), enum labels, names of references,
+  /// true/false, or
+  ///   ISO 8601 times; a unit may follow a number directly ("1000ms")
+  [[nodiscard]] Result<EncodedCommand, CommandError> encode(std::string_view command,
+                                                            const std::vector<std::string>& arguments) const;
+
+  // Board side: octets to a verdict.
+  /// Checks encoded arguments (after the function id): length, ranges, enum values. References are checked
+  /// for existence.
+  [[nodiscard]] Result<void, ArgumentError> check_arguments(const Command& command,
+                                                            OctetView arguments) const;
+
+  // Octets to text.
+  /// All fields of a structure; nullopt when the octets are too short or too long.
+  [[nodiscard]] std::optional<std::vector<DecodedField>> decode(const Structure& structure,
+                                                                OctetView data) const;
+  [[nodiscard]] std::optional<std::vector<DecodedField>> decode(const std::vector<Field>& fields,
+                                                                OctetView data) const;
+  /// The text of an event with its values filled in; fields that are missing in @p data read "?".
+  [[nodiscard]] std::string render(const Event& event, OctetView data) const;
+
+ private:
+  friend class DictionaryLoader;
+  Dictionary() = default;
+
+  std::uint16_t spacecraft_id_ = 0;
+  std::vector<ApplicationProcess> apids_;
+  std::map<std::string, Enumeration, std::less<>> enums_;
+  std::vector<Structure> structures_;
+  std::vector<Command> commands_;
+  std::vector<Event> events_;
+  std::vector<PacketStore> stores_;
+  std::vector<FailureCode> failure_codes_;
+};
+
+}  // namespace srfs::mission

@@ -1,0 +1,402 @@
+#include <algorithm>
+#include <array>
+#include <set>
+#include <system_error>
+#include <utility>
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include "base/config.hpp"
+#include "msgs/mission/dictionary.hpp"
+
+namespace srfs::mission {
+namespace {
+
+constexpr std::array<std::pair<std::string_view, FieldType>, 13> type_names{{{"u8", FieldType::u8},
+                                                                             {"u16", FieldType::u16},
+                                                                             {"u32", FieldType::u32},
+                                                                             {"u64", FieldType::u64},
+                                                                             {"i8", FieldType::i8},
+                                                                             {"i16", FieldType::i16},
+                                                                             {"i32", FieldType::i32},
+                                                                             {"i64", FieldType::i64},
+                                                                             {"f32", FieldType::f32},
+                                                                             {"f64", FieldType::f64},
+                                                                             {"bool", FieldType::boolean},
+                                                                             {"text", FieldType::text},
+                                                                             {"time", FieldType::time}}};
+
+FieldType parse_type(const ConfigSection& section) {
+  const std::string name = section.text("type");
+  for (const auto& [text, type] : type_names) {
+    if (text == name) return type;
+  }
+  throw section.bad("type", "one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64 bool text time");
+}
+
+/// [low, high], either may be null.
+std::optional<Bounds> parse_bounds(const ConfigSection& section, std::string_view key) {
+  const YAML::Node node = section.raw(key);
+  if (!node.IsDefined()) return std::nullopt;
+  static constexpr std::string_view expected = "a list [low, high] of two numbers, either may be ~";
+  if (!node.IsSequence() || node.size() != 2) throw section.bad(key, expected);
+  Bounds bounds;
+  for (const auto& [index, bound] :
+       {std::pair<std::size_t, std::optional<double>*>{0, &bounds.low}, {1, &bounds.high}}) {
+    if (node[index].IsNull()) continue;
+    double value = 0;
+    if (!YAML::convert<double>::decode(node[index], value)) throw section.bad(key, expected);
+    *bound = value;
+  }
+  if (bounds.low && bounds.high && *bounds.low > *bounds.high) throw section.bad(key, "low not above high");
+  return bounds;
+}
+
+std::vector<double> parse_calibration(const ConfigSection& field) {
+  if (!field.has("calibration")) return {};
+  const ConfigSection section = field.section("calibration");
+  const std::string_view key = section.has("linear") ? "linear" : "polynomial";
+  const YAML::Node node = section.raw(key);
+  std::vector<double> coefficients;
+  if (node.IsDefined() && node.IsSequence()) {
+    for (const auto& item : node) {
+      double value = 0;
+      if (!YAML::convert<double>::decode(item, value))
+        throw section.bad(key, "a list of numbers, constant first");
+      coefficients.push_back(value);
+    }
+  }
+  if (coefficients.size() < 2 || (key == "linear" && coefficients.size() != 2)) {
+    throw field.bad("calibration", "{ linear: [offset, scale] } or { polynomial: [c0, c1, ...] }");
+  }
+  section.finish();
+  return coefficients;
+}
+
+Reference parse_reference(const ConfigSection& section) {
+  const std::string name =
+      section.choice("reference", {"none", "structure", "event", "store", "failure_code"}, "none");
+  if (name == "structure") return Reference::structure;
+  if (name == "event") return Reference::event;
+  if (name == "store") return Reference::store;
+  if (name == "failure_code") return Reference::failure_code;
+  return Reference::none;
+}
+
+EventSeverity parse_severity(const ConfigSection& section) {
+  const std::string name = section.text("severity");
+  if (name == "info") return EventSeverity::info;
+  if (name == "low") return EventSeverity::low;
+  if (name == "medium") return EventSeverity::medium;
+  if (name == "high") return EventSeverity::high;
+  throw section.bad("severity", "one of info, low, medium, high");
+}
+
+RepeatClass parse_repeat(const ConfigSection& section) {
+  const std::string name = section.text("repeat");
+  if (name == "idempotent") return RepeatClass::idempotent;
+  if (name == "by_id") return RepeatClass::by_id;
+  if (name == "at_most_once") return RepeatClass::at_most_once;
+  throw section.bad("repeat", "one of idempotent, by_id, at_most_once");
+}
+
+}  // namespace
+
+/// Reads all files first, so that entries may name what stands in a later file.
+class DictionaryLoader {
+ public:
+  Dictionary load(const std::filesystem::path& folder) {
+    for (const auto& file : files_of(folder)) files_.push_back(ConfigSection::load(file));
+    for (const auto& file : files_) read_shared(file);
+    for (const auto& file : files_) index_structures(file);
+    for (const auto& file : files_) read_entries(file);
+    check_unique();
+    return std::move(d_);
+  }
+
+ private:
+  static std::vector<std::filesystem::path> files_of(const std::filesystem::path& folder) {
+    std::vector<std::filesystem::path> files;
+    std::error_code error;
+    for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+      if (entry.path().extension() == ".yaml") files.push_back(entry.path());
+    }
+    if (error)
+      throw ConfigError(
+          fmt::format("{}: cannot read the mission dictionary: {}", folder.string(), error.message()));
+    if (files.empty())
+      throw ConfigError(fmt::format("{}: no mission dictionary here (no *.yaml)", folder.string()));
+    std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
+      return std::pair(a.filename() != "mission.yaml", a.filename()) <
+             std::pair(b.filename() != "mission.yaml", b.filename());
+    });
+    return files;
+  }
+
+  void read_shared(const ConfigSection& file) {
+    static_cast<void>(file.text("subsystem", ""));
+    if (file.has("spacecraft")) {
+      const ConfigSection craft = file.section("spacecraft");
+      static_cast<void>(craft.text("name"));
+      d_.spacecraft_id_ = static_cast<std::uint16_t>(craft.integer("id", 0, 1023));
+      craft.finish();
+    }
+    for (const auto& section : file.sections("apids")) {
+      d_.apids_.push_back({section.text("name"), static_cast<std::uint16_t>(section.integer("apid", 1, 2046)),
+                           section.text("node"), section.text("description", "")});
+      section.finish();
+    }
+    for (const auto& section : file.sections("services")) {
+      static_cast<void>(section.integer("service", 1, 255));
+      static_cast<void>(section.text("name"));
+      static_cast<void>(section.text("description", ""));
+      section.finish();
+    }
+    for (const auto& section : file.sections("stores")) read_store(section);
+    for (const auto& section : file.sections("failure_codes")) {
+      d_.failure_codes_.push_back({static_cast<std::uint16_t>(section.integer("code", 1, 65535)),
+                                   section.text("name"), section.text("text"),
+                                   section.text("parameter", "")});
+      section.finish();
+    }
+    const ConfigSection enums = file.section("enums");
+    for (const auto& name : enums.keys()) read_enum(enums, name);
+  }
+
+  void read_store(const ConfigSection& section) {
+    PacketStore store;
+    store.name = section.text("name");
+    store.id = static_cast<std::uint16_t>(section.integer("id", 1, 65535));
+    store.quota_mib = static_cast<std::uint32_t>(section.integer("quota_mib", 1, 1 << 20));
+    for (const auto service : section.integers("services", 1, 255))
+      store.services.push_back(static_cast<std::uint8_t>(service));
+    store.description = section.text("description", "");
+    section.finish();
+    d_.stores_.push_back(std::move(store));
+  }
+
+  void read_enum(const ConfigSection& enums, const std::string& name) {
+    if (d_.enums_.contains(name)) throw enums.bad(name, "a name that no other enum has");
+    const ConfigSection section = enums.section(name);
+    Enumeration& e = d_.enums_[name];
+    e.name = name;
+    e.description = section.text("description", "");
+    static_cast<void>(section.choice("type", {"u8", "u16", "u32"}, "u8"));
+    const ConfigSection labels = section.section("labels");
+    for (const auto& label : labels.keys()) e.labels[labels.integer(label, 0, 0xffffffff)] = label;
+    section.finish();
+  }
+
+  void index_structures(const ConfigSection& file) {
+    for (const auto& section : file.sections("structures")) {
+      if (!by_name_.emplace(section.text("name"), section).second)
+        throw section.bad("name", "a name that no other structure has");
+    }
+  }
+
+  void read_entries(const ConfigSection& file) {
+    for (const auto& section : file.sections("structures")) read_structure(section);
+    for (const auto& section : file.sections("commands")) read_command(section);
+    for (const auto& section : file.sections("events")) read_event(section);
+    file.finish();
+  }
+
+  void read_structure(const ConfigSection& section) {
+    Structure s;
+    s.name = section.text("name");
+    const std::string kind = section.choice("kind", {"housekeeping", "raw", "group"}, "housekeeping");
+    s.kind = kind == "raw"     ? StructureKind::raw
+             : kind == "group" ? StructureKind::group
+                               : StructureKind::housekeeping;
+    s.description = section.text("description", "");
+    if (s.kind != StructureKind::group) {
+      s.node = section.text("node");
+      s.apid = apid_of(section);
+    }
+    if (s.kind == StructureKind::housekeeping) {
+      s.id = static_cast<std::uint16_t>(section.integer("id", 1, 65535));
+      s.interval = milliseconds(section.integer("interval_ms", 100, 3'600'000));
+    }
+    const auto limit = static_cast<std::size_t>(section.integer("max_size", 1, 1024, 1024));
+    s.fields = read_fields(section, "fields", 0);
+    if (s.max_size() > limit)
+      throw section.bad("fields", fmt::format("at most {} octets (it is {})", limit, s.max_size()));
+    section.finish();
+    d_.structures_.push_back(std::move(s));
+  }
+
+  void read_event(const ConfigSection& section) {
+    Event e;
+    e.name = section.text("name");
+    e.id = static_cast<std::uint16_t>(section.integer("id", 1, 65535));
+    e.severity = parse_severity(section);
+    e.text = section.text("text");
+    e.fields = read_fields(section, "fields", 0);
+    section.finish();
+    d_.events_.push_back(std::move(e));
+  }
+
+  void read_command(const ConfigSection& section) {
+    Command c;
+    c.name = section.text("name");
+    c.node = section.text("node");
+    c.apid = apid_of(section);
+    c.description = section.text("description", "");
+    if (section.has("service")) {
+      const auto pair = section.integers("service", 1, 255);
+      if (pair.size() != 2) throw section.bad("service", "a list [service, subtype]");
+      c.service = static_cast<std::uint8_t>(pair[0]);
+      c.subtype = static_cast<std::uint8_t>(pair[1]);
+    } else {
+      c.function_id = static_cast<std::uint16_t>(section.integer("function", 1, 65535));
+    }
+    if (section.has("peripheral_function")) {
+      c.peripheral_function = static_cast<std::uint8_t>(section.integer("peripheral_function", 1, 255));
+    }
+    c.repeat_class = parse_repeat(section);
+    c.hazardous = section.boolean("hazardous", false);
+    c.recovery = section.boolean("recovery", false);
+    c.repeated = section.boolean("repeated", false);
+    c.timeout = milliseconds(section.integer("timeout_ms", 100, 86'400'000, 10'000));
+    c.modes = read_modes(section);
+    c.arguments = read_fields(section, "arguments", 0);
+    section.finish();
+    d_.commands_.push_back(std::move(c));
+  }
+
+  std::vector<std::uint8_t> read_modes(const ConfigSection& section) const {
+    const auto found = d_.enums_.find("mission_mode");
+    if (found == d_.enums_.end()) throw section.bad("modes", "the enum mission_mode in mission.yaml");
+    const std::vector<std::string> wanted = section.texts("modes");
+    std::vector<std::uint8_t> modes;
+    for (const auto& [value, label] : found->second.labels) {
+      const bool allowed = wanted.empty() || std::find(wanted.begin(), wanted.end(), label) != wanted.end();
+      if (allowed) modes.push_back(static_cast<std::uint8_t>(value));
+    }
+    if (!wanted.empty() && modes.size() != wanted.size())
+      throw section.bad("modes", "labels of the enum mission_mode");
+    return modes;
+  }
+
+  /// Included structures are laid out in place. @param depth guards against structures that include each
+  /// other
+  std::vector<Field> read_fields(const ConfigSection& owner, std::string_view key, int depth) {
+    std::vector<Field> fields;
+    std::set<std::string> names;
+    for (const auto& section : owner.sections(key)) {
+      std::vector<Field> added;
+      if (section.has("structure")) {
+        const auto found = by_name_.find(section.text("structure"));
+        if (found == by_name_.end() || depth > 3)
+          throw section.bad("structure", "the name of another structure");
+        static_cast<void>(section.text("as"));
+        added = read_fields(found->second, "fields", depth + 1);
+        section.finish();
+      } else {
+        added.push_back(read_field(section));
+      }
+      for (auto& field : added) {
+        if (!names.insert(field.name).second) {
+          throw section.bad(section.has("structure") ? "structure" : "name",
+                            fmt::format("'{}' once in one structure", field.name));
+        }
+        fields.push_back(std::move(field));
+      }
+    }
+    return fields;
+  }
+
+  Field read_field(const ConfigSection& section) const {
+    Field f;
+    f.name = section.text("name");
+    f.type = parse_type(section);
+    f.unit = section.text("unit", "");
+    f.description = section.text("description", "");
+    f.count = static_cast<std::size_t>(section.integer("count", 1, 256, 1));
+    f.labels = section.texts("labels");
+    if (!f.labels.empty() && f.labels.size() != f.count)
+      throw section.bad("labels", fmt::format("{} names, as count says", f.count));
+    if (f.type == FieldType::text) f.max_text = static_cast<std::size_t>(section.integer("max", 1, 255));
+    f.hex = section.choice("format", {"decimal", "hex"}, "decimal") == "hex";
+    if (section.has("enum")) {
+      const auto found = d_.enums_.find(section.text("enum"));
+      if (found == d_.enums_.end()) throw section.bad("enum", "the name of an enum of the dictionary");
+      f.enumeration = &found->second;
+    }
+    f.reference = parse_reference(section);
+    f.calibration = parse_calibration(section);
+    if (section.has("unknown")) f.unknown = section.integer("unknown", INT64_MIN, INT64_MAX);
+    const ConfigSection limits = section.section("limits");
+    f.soft = parse_bounds(limits, "soft");
+    f.hard = parse_bounds(limits, "hard");
+    limits.finish();
+    f.range = parse_bounds(section, "range");
+    f.has_default = section.has("default");
+    f.default_text = section.text("default", "");
+    section.finish();
+    return f;
+  }
+
+  std::uint16_t apid_of(const ConfigSection& section) const {
+    const auto* process = d_.apid_of_node(section.text("node"));
+    if (process == nullptr) throw section.bad("node", "a node of the list apids");
+    return process->apid;
+  }
+
+  template <class T, class Key>
+  static void require_unique(const std::vector<T>& entries, Key key, std::string_view what) {
+    std::set<decltype(key(entries.front()))> seen;
+    for (const auto& entry : entries) {
+      if (!seen.insert(key(entry)).second)
+        throw ConfigError(fmt::format("mission dictionary: {} {} stands twice", what, key(entry)));
+    }
+  }
+
+  void check_unique() const {
+    require_unique(
+        d_.apids_, [](const auto& a) { return a.apid; }, "APID");
+    require_unique(
+        d_.failure_codes_, [](const auto& f) { return f.code; }, "failure code");
+    require_unique(
+        d_.stores_, [](const auto& s) { return s.id; }, "store id");
+    require_unique(
+        d_.events_, [](const auto& e) { return e.id; }, "event id");
+    require_unique(
+        d_.events_, [](const auto& e) { return e.name; }, "event");
+    require_unique(
+        d_.commands_, [](const auto& c) { return c.name; }, "command");
+    require_unique(
+        d_.commands_,
+        [](const auto& c) {
+          return fmt::format("apid {} service {},{} function {}", c.apid, c.service, c.subtype,
+                             c.function_id);
+        },
+        "command");
+    std::set<std::uint16_t> ids;
+    for (const auto& s : d_.structures_) {
+      if (s.id != 0 && !ids.insert(s.id).second)
+        throw ConfigError(fmt::format("mission dictionary: structure id {} stands twice", s.id));
+    }
+  }
+
+  Dictionary d_;
+  std::vector<ConfigSection> files_;
+  std::map<std::string, ConfigSection> by_name_;
+};
+
+Dictionary Dictionary::load(const std::filesystem::path& folder) {
+  return DictionaryLoader().load(folder);
+}
+
+std::filesystem::path Dictionary::default_folder() {
+  if (const char* folder = std::getenv("SRFS_MISSION_DIR"); folder != nullptr && *folder != '\0')
+    return folder;
+  std::error_code error;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
+  const auto installed = program.parent_path().parent_path() / "share/srfs/mission";
+  if (!error && std::filesystem::exists(installed, error)) return installed;
+  return SRFS_MISSION_SOURCE_DIR;
+}
+
+}  // namespace srfs::mission

@@ -1,0 +1,109 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "base/time.hpp"
+#include "ros/deployment.hpp"
+#include "wire/cadu.hpp"
+#include "wire/cltu.hpp"
+#include "wire/pus.hpp"
+#include "wire/sdls.hpp"
+#include "wire/tc_frame.hpp"
+#include "wire/tm_frame.hpp"
+
+namespace srfs::ground {
+
+inline constexpr std::string_view test_key =
+    "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f";
+
+inline ros::LinkSettings secured_link() {
+  ros::LinkSettings link;
+  link.channels.push_back({0, ros::ChannelSecurity::sdls, 1, "keys/tc_uplink.key"});
+  return link;
+}
+
+/// The other end of the link, as far as the ground can tell: opens telecommands, frames telemetry. Octets in,
+/// octets out.
+class FakeSpacecraft {
+ public:
+  explicit FakeSpacecraft(const ros::LinkSettings& link)
+      : link_(link),
+        key_(*wire::SdlsKey::from_hex(test_key)),
+        cltus_({.randomized = link.tc_randomizer}),
+        frames_({.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
+                 .frame_octets = static_cast<std::size_t>(link.tm_frame_length)}) {}
+
+  /// The telecommands in the octets of the uplink. Only fresh, authentic ones.
+  std::vector<wire::TcPacket> receive(OctetView octets) {
+    std::vector<wire::TcPacket> packets;
+    for (const auto& frame : cltus_.push(octets, MonotonicTime{})) {
+      const auto decoded = wire::decode_tc_frame(frame, static_cast<std::uint16_t>(link_.spacecraft_id));
+      if (!decoded) continue;
+      const auto opened = wire::sdls_open(key_, 1, decoded->vc, decoded->data);
+      if (!opened || !wire::is_fresh(last_counter, opened->counter)) continue;
+      last_counter = opened->counter;
+      if (auto packet = wire::parse_tc_packet(opened->packet)) packets.push_back(*packet);
+    }
+    return packets;
+  }
+
+  /// One report as the octets of the downlink, idle filled.
+  Octets send(std::uint16_t apid, std::uint8_t service, std::uint8_t subtype, Octets source,
+              std::uint8_t vc = 0) {
+    const wire::TmPacket packet{.apid = apid,
+                                .sequence_count = sequence_++,
+                                .time_reference = 1,
+                                .service = service,
+                                .subtype = subtype,
+                                .time = to_tai(*from_iso8601("2026-11-21T08:00:00Z")),
+                                .source = std::move(source)};
+    Octets line;
+    if (!frames_.queue_packet(vc, wire::make_tm_packet(packet))) return line;
+    while (frames_.queued_octets(vc) > 0) {
+      const Octets cadu = wire::encode_cadu(frames_.build(vc, 0x01000000), format());
+      line.insert(line.end(), cadu.begin(), cadu.end());
+    }
+    return line;
+  }
+  /// A verification report of @p packet.
+  Octets verify(const wire::TcPacket& packet, std::uint8_t subtype, OctetView more = {}) {
+    const auto request = wire::request_id(packet);
+    OctetWriter source;
+    source.u16(request.packet_identification);
+    source.u16(request.packet_sequence_control);
+    source.bytes(more);
+    return send(packet.apid, 1, subtype, source.take());
+  }
+  Octets idle() { return wire::encode_cadu(frames_.build_idle(0x01000000), format()); }
+
+  std::optional<std::uint64_t> last_counter;
+
+ private:
+  [[nodiscard]] wire::CaduFormat format() const {
+    return {.frame_octets = static_cast<std::size_t>(link_.tm_frame_length),
+            .reed_solomon = link_.tm_reed_solomon,
+            .interleave = static_cast<unsigned>(link_.tm_interleave),
+            .randomize = link_.tm_randomizer};
+  }
+  ros::LinkSettings link_;
+  wire::SdlsKey key_;
+  wire::CltuDecoder cltus_;
+  wire::TmFrameBuilder frames_;
+  std::uint16_t sequence_ = 0;
+};
+
+/// A folder that ends with the test, with the test key where the deployment says.
+class VarFolder {
+ public:
+  VarFolder();
+  ~VarFolder();
+  VarFolder(const VarFolder&) = delete;
+  VarFolder& operator=(const VarFolder&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+}  // namespace srfs::ground

@@ -1,0 +1,157 @@
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mission/structures.hpp>
+
+#include "fake_spacecraft.hpp"
+#include "ground/downlink.hpp"
+#include "ground/uplink.hpp"
+
+namespace srfs::ground {
+namespace {
+
+using ::testing::HasSubstr;
+
+const mission::Dictionary& dictionary() {
+  static const auto loaded = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  return loaded;
+}
+
+const UtcTime now = *from_iso8601("2026-11-21T08:00:00Z");
+
+mission::EncodedCommand switch_load() {
+  return *dictionary().encode("eps.switch_load", {"load=2", "state=on"});
+}
+
+TEST(Uplink, SendsWhatTheSpacecraftCanOpen) {
+  const VarFolder var;
+  auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+  ASSERT_TRUE(uplink) << uplink.error();
+
+  const auto telecommand = uplink->make(switch_load());
+
+  ASSERT_TRUE(telecommand);
+  FakeSpacecraft spacecraft(secured_link());
+  const auto packets = spacecraft.receive(telecommand->cltu);
+  ASSERT_EQ(packets.size(), 1U);
+  EXPECT_EQ(packets[0].apid, mission::apid::payload_eps);
+  EXPECT_EQ(packets[0].service, 8);
+  EXPECT_EQ(to_hex(packets[0].application), "00010201");
+  EXPECT_EQ(wire::request_id(packets[0]), telecommand->request);
+  EXPECT_EQ(spacecraft.last_counter, telecommand->security_counter);
+}
+
+TEST(Uplink, NeverUsesACounterTwiceAcrossRuns) {
+  const VarFolder var;
+  FakeSpacecraft spacecraft(secured_link());
+  std::vector<std::uint16_t> sequence_counts;
+  for (int run = 0; run < 3; ++run) {
+    auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+    ASSERT_TRUE(uplink);
+    for (int i = 0; i < 2; ++i) {
+      const auto packets = spacecraft.receive(uplink->make(switch_load())->cltu);
+      ASSERT_EQ(packets.size(), 1U) << "a replay in run " << run;
+      sequence_counts.push_back(packets[0].sequence_count);
+    }
+  }
+  EXPECT_THAT(sequence_counts, testing::ElementsAre(0, 1, 2, 3, 4, 5));
+}
+
+TEST(Uplink, StartsAboveEveryOldCounterWhenItsStateWasLost) {
+  const VarFolder var;
+  FakeSpacecraft spacecraft(secured_link());
+  auto first = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+  for (int i = 0; i < 20; ++i) ASSERT_EQ(spacecraft.receive(first->make(switch_load())->cltu).size(), 1U);
+
+  std::filesystem::remove_all(var.path() / "ground");
+  auto second = Uplink::open(secured_link(), var.path(), var.path() / "ground", now + seconds(1));
+
+  EXPECT_EQ(spacecraft.receive(second->make(switch_load())->cltu).size(), 1U);
+}
+
+TEST(Uplink, FollowsTheCounterOfTheBeaconUpwardsOnly) {
+  const VarFolder var;
+  auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+  const std::uint64_t base = *uplink->make(switch_load())->security_counter;
+
+  uplink->on_spacecraft_counter(1, base + 1000);
+  EXPECT_EQ(uplink->make(switch_load())->security_counter, base + 1001);
+  uplink->on_spacecraft_counter(1, 5);
+  EXPECT_EQ(uplink->make(switch_load())->security_counter, base + 1002);
+  uplink->on_spacecraft_counter(2, base + 9000);
+  EXPECT_EQ(uplink->make(switch_load())->security_counter, base + 1003);
+}
+
+TEST(Uplink, SaysWhatIsWrongWithItsFiles) {
+  const VarFolder var;
+  std::filesystem::create_directories(var.path() / "ground");
+  std::ofstream(var.path() / "ground/uplink.json") << "{ \"next_sec";
+  const auto damaged = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+  ASSERT_FALSE(damaged);
+  EXPECT_THAT(damaged.error(), HasSubstr("uplink.json: not a state of the ground tool"));
+
+  std::filesystem::remove_all(var.path() / "ground");
+  std::ofstream(var.path() / "keys/tc_uplink.key") << "secret";
+  const auto bad_key = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+  ASSERT_FALSE(bad_key);
+  EXPECT_THAT(bad_key.error(), HasSubstr("expected a link key of 64 hexadecimal digits"));
+  EXPECT_THAT(bad_key.error(), testing::Not(HasSubstr("secret")));
+
+  std::filesystem::remove(var.path() / "keys/tc_uplink.key");
+  EXPECT_THAT(Uplink::open(secured_link(), var.path(), var.path() / "ground", now).error(),
+              HasSubstr("makes a test key"));
+}
+
+TEST(Uplink, SendsInTheClearOnAnOpenChannel) {
+  const VarFolder var;
+  ros::LinkSettings open;
+  open.channels.push_back({1, ros::ChannelSecurity::none, 0, ""});
+  auto uplink = Uplink::open(open, var.path(), var.path() / "ground", now);
+  ASSERT_TRUE(uplink);
+  const auto telecommand = uplink->make(switch_load());
+  EXPECT_FALSE(telecommand->security_counter);
+  EXPECT_THAT(to_hex(telecommand->cltu), HasSubstr("eb90"));
+}
+
+TEST(Downlink, HandsOutPacketsOfLiveAndPlaybackChannel) {
+  FakeSpacecraft spacecraft(secured_link());
+  Downlink downlink(secured_link());
+  Octets line = spacecraft.idle();
+  for (const auto& part : {spacecraft.send(17, 3, 25, Octets(500, 7)), spacecraft.idle(),
+                           spacecraft.send(1, 17, 2, {}, tm_channel::playback)}) {
+    line.insert(line.end(), part.begin(), part.end());
+  }
+
+  std::vector<ReceivedPacket> received;
+  for (std::size_t at = 0; at < line.size(); at += 37) {
+    const auto some = downlink.push(OctetView(line).subspan(at, std::min<std::size_t>(37, line.size() - at)));
+    received.insert(received.end(), some.begin(), some.end());
+  }
+
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[0].vc, tm_channel::live);
+  EXPECT_EQ(received[0].packet.source, Octets(500, 7));
+  EXPECT_EQ(received[1].vc, tm_channel::playback);
+  EXPECT_EQ(downlink.counters().idle_frames, 2U);
+  EXPECT_EQ(downlink.counters().packets, 2U);
+  EXPECT_EQ(downlink.counters().bad_frames, 0U);
+  EXPECT_EQ(downlink.clcw(), 0x01000000U);
+}
+
+TEST(Downlink, CountsADamagedFrameAndGoesOn) {
+  FakeSpacecraft spacecraft(secured_link());
+  Downlink downlink(secured_link());
+  static_cast<void>(downlink.push(spacecraft.idle()));
+  Octets damaged = spacecraft.idle();
+  for (std::size_t i = 10; i < 80; ++i) damaged[i] ^= 0x5a;
+  static_cast<void>(downlink.push(damaged));
+  static_cast<void>(downlink.push(spacecraft.idle()));
+  const auto after = downlink.push(spacecraft.send(1, 17, 2, {}));
+  EXPECT_EQ(after.size(), 1U);
+  EXPECT_GE(downlink.counters().bad_frames, 1U);
+  EXPECT_EQ(downlink.counters().lost_frames, 1U);
+}
+
+}  // namespace
+}  // namespace srfs::ground

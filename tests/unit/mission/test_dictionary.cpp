@@ -1,0 +1,283 @@
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <mission/structures.hpp>
+
+#include "base/config.hpp"
+#include "msgs/mission/dictionary.hpp"
+
+namespace srfs::mission {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+const Dictionary& dictionary() {
+  static const Dictionary loaded = Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  return loaded;
+}
+
+std::string refusal(std::string_view command, const std::vector<std::string>& arguments) {
+  const auto encoded = dictionary().encode(command, arguments);
+  return encoded ? "sent" : encoded.error().message;
+}
+
+std::string octets(std::string_view command, const std::vector<std::string>& arguments) {
+  const auto encoded = dictionary().encode(command, arguments);
+  return encoded ? to_hex(encoded->data) : encoded.error().message;
+}
+
+/// A dictionary of one file, in a folder that ends with the test.
+class DictionaryFile : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_dictionary_XXXXXX").string();
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::string fault(const std::string& content) {
+    std::ofstream(folder_ / "mission.yaml") << content;
+    try {
+      static_cast<void>(Dictionary::load(folder_));
+    } catch (const ConfigError& error) {
+      return error.what();
+    }
+    return "accepted";
+  }
+  std::filesystem::path folder_;
+};
+
+TEST(Dictionary, AgreesWithTheGeneratedStructs) {
+  const auto* eps = dictionary().structure(structure::payload_eps);
+  ASSERT_NE(eps, nullptr);
+  EXPECT_EQ(eps->name, "payload_eps");
+  EXPECT_EQ(eps->max_size(), PayloadEpsHousekeeping::max_size);
+  EXPECT_EQ(eps->apid, apid::payload_eps);
+  EXPECT_EQ(dictionary().structure("beacon")->max_size(), Beacon::max_size);
+  EXPECT_EQ(dictionary().structure("adcs_measurement")->max_size(), AdcsMeasurement::max_size);
+  EXPECT_EQ(dictionary().spacecraft_id(), spacecraft_id);
+  for (const auto& e : dictionary().events()) EXPECT_EQ(e.severity, event_severity(e.id)) << e.name;
+  for (const auto& f : dictionary().failure_codes()) EXPECT_EQ(f.text, failure_text(f.code));
+}
+
+TEST(Dictionary, FindsCommandsByNameFunctionAndService) {
+  const auto* by_name = dictionary().command("eps.switch_load");
+  ASSERT_NE(by_name, nullptr);
+  EXPECT_EQ(dictionary().function(apid::payload_eps, EpsSwitchLoad::function_id), by_name);
+  EXPECT_EQ(by_name->peripheral_function, 1);
+  EXPECT_EQ(by_name->repeat_class, RepeatClass::by_id);
+  EXPECT_EQ(dictionary().request(apid::ttc, 17, 1), dictionary().command("ttc.ping"));
+  EXPECT_EQ(dictionary().function(apid::payload_eps, 999), nullptr);
+  EXPECT_EQ(dictionary().request(apid::payload_eps, 17, 1), nullptr);
+  EXPECT_TRUE(dictionary().has_service(apid::payload_eps, 8));
+  EXPECT_FALSE(dictionary().has_service(apid::payload_eps, 15));
+}
+
+TEST(Dictionary, KnowsWhereItStandsInTheSourceTree) {
+  EXPECT_TRUE(std::filesystem::exists(Dictionary::default_folder() / "mission.yaml"));
+}
+
+TEST(CommandText, BecomesOctets) {
+  EXPECT_EQ(octets("eps.switch_load", {"load=3", "state=on"}),
+            "0001"
+            "03"
+            "01");
+  EXPECT_EQ(octets("eps.switch_load", {"state=0", "load=0x2"}),
+            "0001"
+            "02"
+            "00");
+  EXPECT_EQ(octets("ttc.ping", {}), "");
+  EXPECT_EQ(octets("housekeeping.set_interval", {"structure=payload_eps", "interval_ms=1000ms"}),
+            "0001"
+            "0011"
+            "000003e8");
+  EXPECT_EQ(octets("housekeeping.one_shot", {"structure=7"}).find("housekeeping.one_shot"), 0U);
+  EXPECT_EQ(octets("events.disable", {"event=adcs.eclipse_entered"}),
+            "0001"
+            "0641");
+  EXPECT_EQ(octets("storage.retrieve", {"from=2026-11-21T08:00:00Z", "to=2026-11-21T08:00:00.5Z"}),
+            "0001"
+            "0001"
+            "1f8193ae25000000"
+            "1f8193ae25800000");
+  EXPECT_EQ(octets("thermal.set_setpoint", {"heater=1", "setpoint_k=290 K"}),
+            "0002"
+            "01"
+            "43910000");
+}
+
+TEST(CommandText, UsesTheDefaultOfAnArgumentThatIsNotGiven) {
+  EXPECT_EQ(octets("adcs.set_target_quaternion", {"z=1", "w=0"}),
+            "0002"
+            "00000000"
+            "00000000"
+            "3f800000"
+            "00000000");
+  EXPECT_EQ(octets("eps.power_cycle_peripheral", {}),
+            "0011"
+            "00c8");
+}
+
+TEST(CommandText, SaysReadablyWhatIsWrong) {
+  EXPECT_EQ(refusal("eps.switch_load", {"load=7", "state=on"}),
+            "eps.switch_load: argument 'load': 7 is out of range 0..3");
+  EXPECT_EQ(refusal("eps.switch_load", {"load=-1", "state=on"}),
+            "eps.switch_load: argument 'load': -1 is out of range 0..3");
+  EXPECT_EQ(refusal("eps.switch_load", {"load=1", "state=dim"}),
+            "eps.switch_load: argument 'state': 'dim' is not one of off (0), on (1)");
+  EXPECT_EQ(refusal("eps.switch_load", {"load=1"}),
+            "eps.switch_load: argument 'state' is missing (New state)");
+  EXPECT_EQ(refusal("eps.switch_load", {"load=x", "state=on"}),
+            "eps.switch_load: argument 'load': 'x' is not a whole number");
+  EXPECT_THAT(refusal("eps.switch_load", {"lod=1"}), HasSubstr("has no argument 'lod', it has load, state"));
+  EXPECT_THAT(refusal("eps.switch_load", {"load"}), HasSubstr("'load' is not key=value"));
+  EXPECT_THAT(refusal("eps.switch_load", {"load=1", "load=2"}), HasSubstr("given twice"));
+  EXPECT_THAT(refusal("eps.explode", {}), HasSubstr("no telecommand is called 'eps.explode'"));
+  EXPECT_THAT(refusal("housekeeping.enable", {"structure=weather"}),
+              HasSubstr("no housekeeping structure is called 'weather'"));
+  EXPECT_THAT(refusal("housekeeping.enable", {"structure=999"}),
+              HasSubstr("no housekeeping structure has the number 999"));
+  EXPECT_THAT(refusal("housekeeping.enable", {"structure=eps_measurement"}),
+              HasSubstr("is called 'eps_measurement'"));
+  EXPECT_THAT(refusal("thermal.set_setpoint", {"heater=0", "setpoint_k=20C"}),
+              HasSubstr("'20C' is not a number of K"));
+  EXPECT_THAT(refusal("thermal.set_setpoint", {"heater=0", "setpoint_k=nan"}), HasSubstr("is not a number"));
+  EXPECT_THAT(refusal("storage.retrieve", {"from=yesterday", "to=now"}), HasSubstr("is not a UTC time like"));
+}
+
+TEST(ArgumentCheck, AgreesWithTheGeneratedDecoders) {
+  const auto check = [](const char* name, const Octets& arguments) {
+    return dictionary().check_arguments(*dictionary().command(name), arguments);
+  };
+  EXPECT_TRUE(check("eps.switch_load", {3, 1}));
+  EXPECT_EQ(check("eps.switch_load", {4, 1}).error(), ArgumentError{1});
+  EXPECT_EQ(check("eps.switch_load", {3, 2}).error(), ArgumentError{2});
+  EXPECT_EQ(check("eps.switch_load", {3}).error(), ArgumentError{0});
+  EXPECT_EQ(check("eps.switch_load", {3, 1, 0}).error(), ArgumentError{0});
+  EXPECT_EQ(check("eps.set_charge_limit", *from_hex("7fc00000")).error(), ArgumentError{1});
+  EXPECT_TRUE(check("ttc.ping", {}));
+  EXPECT_EQ(check("ttc.ping", {1}).error(), ArgumentError{0});
+  EXPECT_TRUE(check("housekeeping.enable", *from_hex("000200100011")));
+  EXPECT_EQ(check("housekeeping.enable", *from_hex("0002001003e7")).error(), ArgumentError{1});
+  EXPECT_EQ(check("housekeeping.enable", *from_hex("0000")).error(), ArgumentError{0});
+  EXPECT_EQ(check("storage.retrieve", *from_hex("00010001"
+                                                "2f8193ae25000000"
+                                                "1f8193ae25800000"))
+                .error(),
+            ArgumentError{2});
+}
+
+TEST(StructureText, ShowsValuesWithUnitsAndLimits) {
+  PayloadEpsHousekeeping housekeeping;
+  housekeeping.measurement.battery_voltage_v = 6.5F;
+  housekeeping.measurement.state_of_charge = 0.1F;
+  housekeeping.measurement.battery_temperature_k = 290;
+  housekeeping.measurement.load_switches = 0b1010;
+  housekeeping.measurement.load_current_a[2] = 1.25F;
+  housekeeping.time_to_empty_s = NAN;
+
+  const auto fields = dictionary().decode(*dictionary().structure("payload_eps"), housekeeping.encoded());
+
+  ASSERT_TRUE(fields);
+  const auto field = [&](std::string_view name) -> const DecodedField& {
+    for (const auto& f : *fields) {
+      if (f.name == name) return f;
+    }
+    throw std::out_of_range(std::string(name));
+  };
+  EXPECT_EQ(field("battery_voltage_v").limit, LimitState::yellow);
+  EXPECT_EQ(field("battery_voltage_v").unit, "V");
+  EXPECT_EQ(field("state_of_charge").limit, LimitState::red);
+  EXPECT_EQ(field("battery_temperature_k").limit, LimitState::green);
+  EXPECT_EQ(field("load_switches").text, "0x0a");
+  EXPECT_EQ(field("load_current_a[2]").text, "1.25");
+  EXPECT_EQ(field("solar_current_a").limit, LimitState::none);
+  EXPECT_EQ(field("time_to_empty_s").text, "unknown");
+  EXPECT_FALSE(field("time_to_empty_s").known);
+  EXPECT_EQ(field("time_to_empty_s").limit, LimitState::none);
+}
+
+TEST(StructureText, CalibratesAndNamesWhatTheBeaconCarries) {
+  Beacon beacon;
+  beacon.battery_charge = 20;
+  beacon.battery_voltage_v = NAN;
+  beacon.mode = MissionMode::nominal;
+  beacon.mode_reason = "commanded";
+  beacon.node_state = {LifecycleState::active};
+  beacon.last_failure_code = failure::busy;
+  const auto fields = dictionary().decode(*dictionary().structure("beacon"), beacon.encoded());
+  ASSERT_TRUE(fields);
+  std::map<std::string, DecodedField> by_name;
+  for (const auto& f : *fields) by_name[f.name] = f;
+  EXPECT_EQ(by_name["battery_charge"].text, "20");
+  EXPECT_EQ(by_name["battery_charge"].limit, LimitState::yellow);
+  EXPECT_EQ(by_name["battery_voltage_v"].text, "unknown");
+  EXPECT_EQ(by_name["mode"].text, "nominal");
+  EXPECT_EQ(by_name["mode_reason"].text, "commanded");
+  EXPECT_EQ(by_name["node_state.ttc"].text, "active");
+  EXPECT_EQ(by_name["last_failure_code"].text, "busy");
+}
+
+TEST(StructureText, RefusesOctetsOfAnotherLength) {
+  Octets octets = TimingHousekeeping{}.encoded();
+  const auto* timing = dictionary().structure("timing");
+  EXPECT_TRUE(dictionary().decode(*timing, octets));
+  octets.push_back(0);
+  EXPECT_FALSE(dictionary().decode(*timing, octets));
+  EXPECT_FALSE(dictionary().decode(*timing, OctetView(octets).first(20)));
+}
+
+TEST(EventText, FillsInTheFields) {
+  const auto* changed = dictionary().event("ttc.mode_changed");
+  EXPECT_EQ(dictionary().render(*changed, TtcModeChangedEvent{MissionMode::safe, "command loss"}.encoded()),
+            "mode safe: command loss");
+  EXPECT_EQ(dictionary().render(*changed, Octets{1}), "mode nominal: ?");
+  EXPECT_EQ(dictionary().render(*dictionary().event(event::adcs_eclipse_left), Octets{}), "eclipse left");
+  EXPECT_EQ(dictionary().render(*dictionary().event(event::ttc_retrieval_done),
+                                TtcRetrievalDoneEvent{2, 17, 900}.encoded()),
+            "retrieval of store events sent 17 packets");
+}
+
+TEST_F(DictionaryFile, NamesFileLineAndKeyOfAFault) {
+  const std::string head = "apids:\n  - { name: ttc, apid: 1, node: ttc }\n";
+  EXPECT_THAT(
+      fault(head + "structures:\n  - { name: a, id: 1, node: ttc, interval_ms: 1000, fields: [{ name: x, "
+                   "type: u9 }] }\n"),
+      AllOf(HasSubstr("mission.yaml:4"), HasSubstr("structures[0].fields[0].type"), HasSubstr("found 'u9'")));
+  EXPECT_THAT(fault(head + "structures:\n  - { name: a, id: 1, node: moon, interval_ms: 1000 }\n"),
+              HasSubstr("structures[0].node"));
+  EXPECT_THAT(
+      fault(head + "structures:\n  - { name: a, id: 1, node: ttc, interval_ms: 1000, colour: red }\n"),
+      AllOf(HasSubstr("structures[0].colour"), HasSubstr("unknown key")));
+  EXPECT_THAT(fault(head + "events:\n  - { name: e, id: 1, severity: awful, text: t }\n"),
+              HasSubstr("events[0].severity"));
+  EXPECT_THAT(fault(head + "colour: red\n"), HasSubstr("unknown key"));
+  EXPECT_THAT(fault(head + "events:\n  - { name: e, id: 1, severity: low, text: t }\n  - { name: f, id: 1, "
+                           "severity: low, text: t }\n"),
+              HasSubstr("event id 1 stands twice"));
+  EXPECT_THAT(fault("apids: ["), HasSubstr("not valid YAML"));
+}
+
+TEST_F(DictionaryFile, SaysThatThereIsNone) {
+  std::filesystem::remove(folder_ / "mission.yaml");
+  EXPECT_THROW(static_cast<void>(Dictionary::load(folder_)), ConfigError);
+  EXPECT_THROW(static_cast<void>(Dictionary::load(folder_ / "nowhere")), ConfigError);
+}
+
+TEST_F(DictionaryFile, AppliesAPolynomialCalibration) {
+  std::ofstream(folder_ / "mission.yaml")
+      << "apids:\n  - { name: ttc, apid: 1, node: ttc }\nstructures:\n"
+         "  - { name: a, id: 1, node: ttc, interval_ms: 1000, fields: [{ name: x, type: i16, calibration: { "
+         "polynomial: [1, 2, 0.5] } }] }\n";
+  const Dictionary loaded = Dictionary::load(folder_);
+  const auto fields = loaded.decode(*loaded.structure("a"), *from_hex("fffe"));
+  ASSERT_TRUE(fields);
+  EXPECT_DOUBLE_EQ(std::get<double>(fields->at(0).value), 1 - 4 + 2);
+}
+
+}  // namespace
+}  // namespace srfs::mission
