@@ -21,12 +21,20 @@ add_library(srfs_compile_options INTERFACE)
 add_library(srfs::compile_options ALIAS srfs_compile_options)
 target_compile_options(srfs_compile_options INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align
-  -Wnull-dereference -Wdouble-promotion -Wformat=2 -Wimplicit-fallthrough -Wconversion -Wno-sign-conversion)
+  -Wdouble-promotion -Wformat=2 -Wimplicit-fallthrough -Wconversion -Wno-sign-conversion)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+  # gcc 12 reports these inside libstdc++ for correct std::string and std::vector code when it optimises (PR105329, PR105651).
+  target_compile_options(srfs_compile_options INTERFACE -Wno-restrict -Wno-array-bounds -Wno-stringop-overflow -Wno-stringop-overread)
+endif()
 if(SRFS_WERROR)
   target_compile_options(srfs_compile_options INTERFACE -Werror)
 endif()
 if(SRFS_SANITIZE)
   target_compile_options(srfs_compile_options INTERFACE -fsanitize=${SRFS_SANITIZE} -fno-omit-frame-pointer
-    -fno-sanitize-recover=all -Wno-maybe-uninitialized -Wno-null-dereference)
+    -fno-sanitize-recover=all $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   target_link_options(srfs_compile_options INTERFACE -fsanitize=${SRFS_SANITIZE})
+endif()
+if(SRFS_BUILD_FUZZERS)
+  # Coverage of the libraries is what steers the fuzzer.
+  target_compile_options(srfs_compile_options INTERFACE -fsanitize=fuzzer-no-link)
 endif()

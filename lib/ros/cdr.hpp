@@ -1,0 +1,199 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include <fastcdr/Cdr.h>
+
+namespace srfs::ros {
+
+/// A value that its type's bounds forbid, or octets that are no such value. Never leaves this layer.
+class CdrError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+template <class T>
+inline constexpr bool is_wire_primitive = std::is_arithmetic_v<T>;
+
+/// Largest payload we take or send, octets: a 16 MiB image and its header. Guards every allocation from the wire.
+inline constexpr std::size_t largest_payload = (16U << 20) + 4096;
+
+/// Octets a value takes in XCDR1 (OMG DDS-XTypes 1.3, 7.4.1), from an 8-aligned origin after the encapsulation header.
+class CdrSizer {
+ public:
+  template <class T>
+  void value(const T& v) {
+    if constexpr (is_wire_primitive<T>) {
+      primitive(sizeof(T), 1);
+    } else {
+      T::visit(v, *this);
+    }
+  }
+  void string(const std::string& v, std::size_t) {
+    primitive(4, 1);
+    size_ += v.size() + 1;
+  }
+  template <class T>
+  void sequence(const std::vector<T>& v, std::size_t, std::size_t string_bound) {
+    primitive(4, 1);
+    elements(v, string_bound);
+  }
+  template <class T, std::size_t N>
+  void array(const std::array<T, N>& v) {
+    elements(v, 0);
+  }
+  void empty_struct() { size_ += 1; }
+  [[nodiscard]] std::size_t size() const { return size_; }
+
+ private:
+  void primitive(std::size_t width, std::size_t count) {
+    if (count == 0) return;
+    size_ = (size_ + width - 1) / width * width + width * count;
+  }
+  template <class C>
+  void elements(const C& v, std::size_t string_bound) {
+    using T = typename C::value_type;
+    if constexpr (std::is_same_v<T, std::string>) {
+      for (const auto& item : v) string(item, string_bound);
+    } else if constexpr (is_wire_primitive<T>) {
+      primitive(sizeof(T), v.size());
+    } else {
+      for (const auto& item : v) value(item);
+    }
+  }
+  std::size_t size_ = 0;
+};
+
+/// Writes a value; throws CdrError where a bound of the type is exceeded.
+class CdrEncoder {
+ public:
+  explicit CdrEncoder(eprosima::fastcdr::Cdr& cdr) : cdr_(cdr) {}
+
+  template <class T>
+  void value(const T& v) {
+    if constexpr (is_wire_primitive<T>) {
+      cdr_.serialize(v);
+    } else {
+      T::visit(v, *this);
+    }
+  }
+  void string(const std::string& v, std::size_t bound) {
+    if (bound != 0 && v.size() > bound) throw CdrError("string longer than its bound");
+    cdr_.serialize(v);
+  }
+  template <class T>
+  void sequence(const std::vector<T>& v, std::size_t bound, std::size_t string_bound) {
+    if (bound != 0 && v.size() > bound) throw CdrError("sequence longer than its bound");
+    cdr_.serialize(static_cast<std::uint32_t>(v.size()));
+    if constexpr (std::is_same_v<T, bool>) {
+      for (const bool item : v) cdr_.serialize(item);
+    } else {
+      elements(v, string_bound);
+    }
+  }
+  template <class T, std::size_t N>
+  void array(const std::array<T, N>& v) {
+    elements(v, 0);
+  }
+  void empty_struct() { cdr_.serialize(std::uint8_t{0}); }
+
+ private:
+  template <class C>
+  void elements(const C& v, std::size_t string_bound) {
+    using T = typename C::value_type;
+    if constexpr (std::is_same_v<T, std::string>) {
+      for (const auto& item : v) string(item, string_bound);
+    } else if constexpr (is_wire_primitive<T>) {
+      if (!v.empty()) cdr_.serializeArray(v.data(), v.size());
+    } else {
+      for (const auto& item : v) value(item);
+    }
+  }
+  eprosima::fastcdr::Cdr& cdr_;
+};
+
+/// Reads a value from octets of anybody: every length is checked against its bound and against what is left before
+/// memory is taken for it. Throws CdrError or a Fast CDR exception.
+class CdrDecoder {
+ public:
+  /// @param size octets behind the encapsulation header's start, as given to the FastBuffer
+  CdrDecoder(eprosima::fastcdr::Cdr& cdr, std::size_t size) : cdr_(cdr), size_(size) {}
+
+  template <class T>
+  void value(T& v) {
+    if constexpr (std::is_same_v<T, bool>) {
+      std::uint8_t octet = 0;
+      cdr_.deserialize(octet);
+      if (octet > 1) throw CdrError("boolean neither 0 nor 1");
+      v = octet == 1;
+    } else if constexpr (is_wire_primitive<T>) {
+      cdr_.deserialize(v);
+    } else {
+      T::visit(v, *this);
+    }
+  }
+  void string(std::string& v, std::size_t bound) {
+    std::uint32_t length = 0;  // counts the final NUL; some writers send 0 for an empty string
+    cdr_.deserialize(length);
+    if (length > remaining()) throw CdrError("string longer than the sample");
+    if (bound != 0 && length > bound + 1) throw CdrError("string longer than its bound");
+    v.resize(length);
+    if (length == 0) return;
+    cdr_.deserializeArray(v.data(), length);
+    if (v.back() != '\0') throw CdrError("string without end");
+    v.pop_back();
+  }
+  template <class T>
+  void sequence(std::vector<T>& v, std::size_t bound, std::size_t string_bound) {
+    std::uint32_t length = 0;
+    cdr_.deserialize(length);
+    if (bound != 0 && length > bound) throw CdrError("sequence longer than its bound");
+    constexpr std::size_t least = is_wire_primitive<T> ? sizeof(T) : std::is_same_v<T, std::string> ? 4 : 1;
+    if (length > remaining() / least) throw CdrError("sequence longer than the sample");
+    if constexpr (std::is_same_v<T, bool>) {
+      v.assign(length, false);
+      for (std::size_t i = 0; i < length; ++i) {
+        bool item = false;
+        value(item);
+        v[i] = item;
+      }
+    } else {
+      v.resize(length);
+      elements(v, string_bound);
+    }
+  }
+  template <class T, std::size_t N>
+  void array(std::array<T, N>& v) {
+    elements(v, 0);
+  }
+  void empty_struct() {
+    std::uint8_t dummy = 0;
+    if (remaining() > 0) cdr_.deserialize(dummy);
+  }
+
+ private:
+  [[nodiscard]] std::size_t remaining() const {
+    const std::size_t used = cdr_.getSerializedDataLength();
+    return used < size_ ? size_ - used : 0;
+  }
+  template <class C>
+  void elements(C& v, std::size_t string_bound) {
+    using T = typename C::value_type;
+    if constexpr (std::is_same_v<T, std::string>) {
+      for (auto& item : v) string(item, string_bound);
+    } else if constexpr (is_wire_primitive<T> && !std::is_same_v<T, bool>) {
+      if (!v.empty()) cdr_.deserializeArray(v.data(), v.size());
+    } else {
+      for (auto& item : v) value(item);
+    }
+  }
+  eprosima::fastcdr::Cdr& cdr_;
+  std::size_t size_;
+};
+
+}  // namespace srfs::ros

@@ -1,0 +1,114 @@
+#include "ros/deployment.hpp"
+
+#include <algorithm>
+
+namespace srfs::ros {
+namespace {
+
+Scheduling read_scheduling(const ConfigSection& section) {
+  Scheduling s;
+  const std::string policy = section.choice("policy", {"other", "fifo", "batch", "idle"}, "other");
+  s.policy = policy == "fifo"    ? SchedulingPolicy::fifo
+             : policy == "batch" ? SchedulingPolicy::batch
+             : policy == "idle"  ? SchedulingPolicy::idle
+                                 : SchedulingPolicy::other;
+  s.priority = static_cast<int>(section.integer("priority", 0, 99, 0));
+  if (s.policy == SchedulingPolicy::fifo && s.priority == 0) throw section.bad("priority", "an integer from 1 to 99 with policy fifo");
+  if (s.policy != SchedulingPolicy::fifo && s.priority != 0) throw section.bad("priority", "0 unless the policy is fifo");
+  s.nice = static_cast<int>(section.integer("nice", -20, 19, 0));
+  for (const auto cpu : section.integers("cpus", 0, 1023)) s.cpus.push_back(static_cast<int>(cpu));
+  section.finish();
+  return s;
+}
+
+NodeEntry read_node(const ConfigSection& section) {
+  NodeEntry node{section.text("name"), section.text("executable"), read_scheduling(section.section("scheduling")),
+                 section.integer("memory_limit_mib", 0, 65536, 0), static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
+                 section.section("parameters")};
+  const bool fine = !node.name.empty() && node.name.size() <= 32 &&
+                    node.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos;
+  if (!fine) throw section.bad("name", "1-32 characters of a-z, 0-9 and _");
+  section.finish();
+  return node;
+}
+
+Slot read_slot(const ConfigSection& section) {
+  Slot slot{section.text("payload"), std::chrono::milliseconds(section.integer("allotted_ms", 1, 60000)),
+            std::chrono::milliseconds(section.integer("overrun_ms", 0, 60000)),
+            std::chrono::milliseconds(section.integer("reset_ms", 1, 60000))};
+  section.finish();
+  return slot;
+}
+
+void check_names(const Deployment& d, const ConfigSection& root) {
+  for (const NodeEntry& node : d.nodes) {
+    const auto same = [&](const NodeEntry& other) { return other.name == node.name; };
+    if (std::count_if(d.nodes.begin(), d.nodes.end(), same) != 1) throw root.bad("nodes", "different names, '" + node.name + "' stands twice");
+  }
+  for (const Slot& slot : d.slots) {
+    if (d.find(slot.payload) == nullptr) throw root.bad("slots", "payloads that are nodes of this file, '" + slot.payload + "' is none");
+  }
+}
+
+}  // namespace
+
+LinkSettings read_link(const ConfigSection& section) {
+  LinkSettings link;
+  link.spacecraft_id = static_cast<int>(section.integer("spacecraft_id", 0, 1023, link.spacecraft_id));
+  link.baud = static_cast<int>(section.integer("baud", 1200, 4'000'000, link.baud));
+  const ConfigSection tm = section.section("tm");
+  link.tm_interleave = static_cast<int>(tm.integer("interleave", 1, 8, link.tm_interleave));
+  link.tm_reed_solomon = tm.boolean("reed_solomon", link.tm_reed_solomon);
+  link.tm_frame_length = static_cast<int>(tm.integer("frame_length", 32, 2048, link.tm_frame_length));
+  if (link.tm_reed_solomon && link.tm_frame_length != 223 * link.tm_interleave) {
+    throw tm.bad("frame_length", "223 x interleave with reed_solomon");
+  }
+  link.tm_randomizer = tm.boolean("randomizer", link.tm_randomizer);
+  tm.finish();
+  const ConfigSection tc = section.section("tc");
+  link.tc_randomizer = tc.boolean("randomizer", link.tc_randomizer);
+  link.tc_correct_single_bits = tc.boolean("correct_single_bits", link.tc_correct_single_bits);
+  tc.finish();
+  for (const ConfigSection& entry : section.sections("tc_channels")) {
+    TelecommandChannel channel{static_cast<int>(entry.integer("vc", 0, 63)), ChannelSecurity::none, 0, ""};
+    if (entry.choice("security", {"sdls", "none"}, "sdls") == "sdls") {
+      channel.security = ChannelSecurity::sdls;
+      channel.spi = static_cast<int>(entry.integer("spi", 1, 65534));
+      channel.key_file = entry.text("key_file");
+    }
+    entry.finish();
+    link.channels.push_back(channel);
+  }
+  section.finish();
+  return link;
+}
+
+Deployment Deployment::load(const std::filesystem::path& file) {
+  const ConfigSection root = ConfigSection::load(file);
+  Deployment d;
+  d.file = std::filesystem::absolute(file);
+  d.name = root.text("deployment");
+  const ConfigSection dds = root.section("dds");
+  if (dds.text("domain", "auto") != "auto") d.domain = static_cast<int>(dds.integer("domain", 0, 101));
+  d.interfaces = dds.texts("interfaces");
+  if (d.interfaces.empty()) d.interfaces = {"127.0.0.1"};
+  d.ros_graph = dds.choice("ros_graph", {"humble", "iron"}, "humble");
+  dds.finish();
+  const ConfigSection devices = root.section("devices");
+  for (const std::string& key : devices.keys()) d.devices[key] = devices.text(key);
+  d.link = read_link(root.section("link"));
+  for (const ConfigSection& slot : root.sections("slots")) d.slots.push_back(read_slot(slot));
+  for (const ConfigSection& node : root.sections("nodes")) d.nodes.push_back(read_node(node));
+  if (d.nodes.empty()) throw root.bad("nodes", "at least one node");
+  (void)root.has("simulation");  // hw_sim's
+  root.finish();
+  check_names(d, root);
+  return d;
+}
+
+const NodeEntry* Deployment::find(const std::string& node) const {
+  const auto found = std::find_if(nodes.begin(), nodes.end(), [&](const NodeEntry& e) { return e.name == node; });
+  return found == nodes.end() ? nullptr : &*found;
+}
+
+}  // namespace srfs::ros

@@ -1,0 +1,114 @@
+#include "ros/endpoint.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace srfs::ros {
+
+WriterEndpoint::WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos)
+    : participant_(participant) {
+  // The listener goes in with the creation: readers that are known already match inside it.
+  writer_ = participant.create_writer(dds_topic, std::move(type), qos, this);
+  if (writer_ == nullptr) throw std::runtime_error("DDS refused a writer for " + dds_topic);
+}
+
+WriterEndpoint::~WriterEndpoint() {
+  participant_.destroy(writer_);
+}
+
+bool WriterEndpoint::write(const void* message, WriteParams* params) {
+  // Fast DDS takes a mutable pointer and passes it to our serialize(), which does not write to it.
+  auto* data = const_cast<void*>(message);
+  const bool written = params != nullptr ? writer_->write(data, *params) : writer_->write(data);
+  if (!written) ++refused_;
+  return written;
+}
+
+bool WriterEndpoint::matched(const GUID_t& reader) const {
+  const std::lock_guard lock(mutex_);
+  return readers_.contains(reader);
+}
+
+std::size_t WriterEndpoint::matched_count() const {
+  const std::lock_guard lock(mutex_);
+  return readers_.size();
+}
+
+void WriterEndpoint::on_match_change(std::function<void()> callback) {
+  const std::lock_guard lock(mutex_);
+  match_change_ = std::move(callback);
+}
+
+void WriterEndpoint::on_publication_matched(dds::DataWriter*, const dds::PublicationMatchedStatus& status) {
+  std::function<void()> callback;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto reader = static_cast<GUID_t>(status.last_subscription_handle);
+    if (status.current_count_change > 0) {
+      readers_.insert(reader);
+    } else {
+      readers_.erase(reader);
+    }
+    callback = match_change_;
+  }
+  if (callback) callback();
+}
+
+ReaderEndpoint::~ReaderEndpoint() {
+  if (participant_ != nullptr) participant_->destroy(reader_);
+}
+
+void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos) {
+  participant_ = &participant;
+  reader_ = participant.create_reader(dds_topic, std::move(type), qos, this);
+  if (reader_ == nullptr) throw std::runtime_error("DDS refused a reader for " + dds_topic);
+}
+
+void ReaderEndpoint::on_data_available(dds::DataReader*) {
+  // Nothing to lock when the owner is just dropping us on the work thread.
+  if (const auto self = weak_from_this().lock()) executor_.notify(self, priority_);
+}
+
+void ReaderEndpoint::on_match_change(std::function<void()> callback) {
+  const std::lock_guard lock(mutex_);
+  match_change_ = std::move(callback);
+}
+
+void ReaderEndpoint::on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) {
+  matched_ = static_cast<std::size_t>(std::max(status.current_count, 0));
+  std::function<void()> callback;
+  {
+    const std::lock_guard lock(mutex_);
+    callback = match_change_;
+  }
+  if (callback) callback();
+}
+
+void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
+  constexpr std::size_t most_writers = 64;
+  const std::int64_t sequence = identity.sequence_number().to64long();
+  const auto found = std::find_if(positions_.begin(), positions_.end(),
+                                  [&](const WriterPosition& p) { return p.writer == identity.writer_guid(); });
+  if (found == positions_.end()) {
+    if (positions_.size() == most_writers) positions_.pop_back();
+    positions_.insert(positions_.begin(), {identity.writer_guid(), sequence});
+    return;
+  }
+  if (sequence > found->sequence + 1) stats_.lost += static_cast<std::uint64_t>(sequence - found->sequence - 1);
+  found->sequence = std::max(found->sequence, sequence);
+  std::rotate(positions_.begin(), found, found + 1);
+}
+
+std::string topic_dds_name(const std::string& ros_name) {
+  return "rt" + ros_name;
+}
+
+std::string request_dds_name(const std::string& service) {
+  return "rq" + service + "Request";
+}
+
+std::string reply_dds_name(const std::string& service) {
+  return "rr" + service + "Reply";
+}
+
+}  // namespace srfs::ros

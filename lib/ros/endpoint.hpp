@@ -1,0 +1,143 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <unordered_map>
+
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+
+#include "base/time.hpp"
+#include "ros/executor.hpp"
+#include "ros/participant.hpp"
+#include "ros/type_support.hpp"
+
+namespace srfs::ros {
+
+using eprosima::fastrtps::rtps::GUID_t;
+using eprosima::fastrtps::rtps::SampleIdentity;
+using eprosima::fastrtps::rtps::WriteParams;
+
+/// What came in at one reader since it was made.
+struct InputStats {
+  std::uint64_t received = 0;   ///< well-formed samples handed to the callback
+  std::uint64_t malformed = 0;  ///< octets that were no such message; dropped
+  std::uint64_t lost = 0;       ///< gaps in writers' sequence numbers: overwritten before they were taken, or never arrived
+};
+
+/// What a callback may know of the sample beside its content.
+struct MessageInfo {
+  MonotonicTime received;  ///< when the work thread took the sample
+  SampleIdentity identity;
+  SampleIdentity related;
+};
+
+/// A DDS writer with the set of readers matched now.
+class WriterEndpoint : public dds::DataWriterListener {
+ public:
+  /// @throws std::runtime_error when Fast DDS refuses (configuring only)
+  WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos);
+  ~WriterEndpoint() override;
+
+  /// Synchronous; bounded by one pass through the kernel. @return false when the message breaks a bound of its type or DDS refuses
+  bool write(const void* message, WriteParams* params = nullptr);
+  [[nodiscard]] bool matched(const GUID_t& reader) const;
+  [[nodiscard]] std::size_t matched_count() const;
+  /// Called on a middleware thread at every change of the matches; set before others can match.
+  void on_match_change(std::function<void()> callback);
+  [[nodiscard]] std::uint64_t refused() const { return refused_; }
+  [[nodiscard]] GUID_t guid() const { return writer_->guid(); }
+
+  void on_publication_matched(dds::DataWriter*, const dds::PublicationMatchedStatus& status) override;
+
+ private:
+  Participant& participant_;
+  dds::DataWriter* writer_ = nullptr;
+  mutable std::mutex mutex_;
+  std::set<GUID_t> readers_;
+  std::function<void()> match_change_;
+  std::atomic<std::uint64_t> refused_{0};
+};
+
+/// A DDS reader whose samples are taken on the work thread. The receive thread only marks the source as ready; the
+/// reader's KEEP_LAST history is the bounded queue (oldest dropped, counted as lost).
+class ReaderEndpoint : public Source, public dds::DataReaderListener, public std::enable_shared_from_this<ReaderEndpoint> {
+ public:
+  ReaderEndpoint(Executor& executor, Priority priority) : executor_(executor), priority_(priority) {}
+  ~ReaderEndpoint() override;
+
+  [[nodiscard]] InputStats stats() const { return stats_; }
+  [[nodiscard]] std::size_t matched_count() const { return matched_; }
+  [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
+  void on_match_change(std::function<void()> callback);
+
+  void on_data_available(dds::DataReader*) override;
+  void on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) override;
+
+ protected:
+  void open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos);
+  /// Counts the sample's gap to the one before from the same writer.
+  void count_gap(const SampleIdentity& identity);
+
+  Executor& executor_;
+  Priority priority_;
+  dds::DataReader* reader_ = nullptr;
+  InputStats stats_;
+
+ private:
+  Participant* participant_ = nullptr;
+  std::atomic<std::size_t> matched_{0};
+  std::mutex mutex_;
+  std::function<void()> match_change_;
+  struct WriterPosition {
+    GUID_t writer;
+    std::int64_t sequence;
+  };
+  std::vector<WriterPosition> positions_;  // bounded; the least recently seen writer makes room
+};
+
+/// A reader of messages of type M.
+template <class M>
+class TypedReader final : public ReaderEndpoint {
+ public:
+  using Callback = std::function<void(const M&, const MessageInfo&)>;
+
+  static std::shared_ptr<TypedReader> create(Executor& executor, Participant& participant, const std::string& dds_topic,
+                                             const Qos& qos, Priority priority, Callback callback) {
+    std::shared_ptr<TypedReader> self(new TypedReader(executor, priority, std::move(callback)));
+    self->open(participant, dds_topic, dds::TypeSupport(new TypeSupport<M>), qos);
+    return self;
+  }
+
+  bool dispatch_one(MonotonicTime now) override {
+    dds::SampleInfo info;
+    if (reader_->take_next_sample(&sample_, &info) != ReturnCode_t::RETCODE_OK) return false;
+    if (!info.valid_data) return true;
+    count_gap(info.sample_identity);
+    if (!sample_.well_formed) {
+      ++stats_.malformed;
+      return true;
+    }
+    ++stats_.received;
+    callback_(sample_.message, {now, info.sample_identity, info.related_sample_identity});
+    return true;
+  }
+
+ private:
+  TypedReader(Executor& executor, Priority priority, Callback callback)
+      : ReaderEndpoint(executor, priority), callback_(std::move(callback)) {}
+  Callback callback_;
+  Sample<M> sample_;  // reused: no allocation for messages of a steady size
+};
+
+/// "/timing/tick" -> "rt/timing/tick" and so on, as rmw_fastrtps names them.
+[[nodiscard]] std::string topic_dds_name(const std::string& ros_name);
+[[nodiscard]] std::string request_dds_name(const std::string& service);
+[[nodiscard]] std::string reply_dds_name(const std::string& service);
+
+}  // namespace srfs::ros

@@ -1,0 +1,239 @@
+#include "ros/executor.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <stdexcept>
+
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+namespace srfs::ros {
+
+struct Executor::Timer : Registration {
+  Executor* executor = nullptr;
+  MonotonicTime due;
+  nanoseconds period{0};
+  TimerCallback callback;
+  bool cancelled = false;
+
+  void cancel() override { cancelled = true; }
+};
+
+struct Executor::Watch : Registration {
+  Executor* executor = nullptr;
+  int fd = -1;
+  FdCallback callback;
+  bool cancelled = false;
+
+  void cancel() override {
+    if (cancelled) return;
+    cancelled = true;
+    epoll_ctl(executor->epoll_.get(), EPOLL_CTL_DEL, fd, nullptr);
+    executor->watches_.erase(fd);
+  }
+};
+
+namespace {
+
+constexpr std::size_t most_posts = 1024;
+
+// What the owner holds: forgetting it cancels, while the executor still keeps the object alive through its callback.
+template <class T>
+Executor::Handle owner_handle(std::shared_ptr<T> object) {
+  T* raw = object.get();
+  return {raw, [kept = std::move(object)](Executor::Registration* r) { r->cancel(); }};
+}
+
+}  // namespace
+
+Executor::Executor()
+    : epoll_(epoll_create1(EPOLL_CLOEXEC)),
+      wake_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
+      timer_fd_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)),
+      now_(monotonic_now()) {
+  if (!epoll_ || !wake_ || !timer_fd_) throw std::runtime_error("executor: " + errno_text(errno));
+  for (const int fd : {wake_.get(), timer_fd_.get()}) {
+    epoll_event event{};
+    event.events = EPOLLIN;
+    event.data.fd = fd;
+    epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event);
+  }
+}
+
+Executor::~Executor() = default;
+
+Executor::Handle Executor::add_timer(MonotonicTime first, nanoseconds period, TimerCallback callback) {
+  auto timer = std::make_shared<Timer>();
+  timer->executor = this;
+  timer->due = first;
+  timer->period = period;
+  timer->callback = std::move(callback);
+  timers_.emplace(first, timer);
+  return owner_handle(std::move(timer));
+}
+
+Executor::Handle Executor::add_fd(int fd, std::uint32_t events, FdCallback callback) {
+  auto watch = std::make_shared<Watch>();
+  watch->executor = this;
+  watch->fd = fd;
+  watch->callback = std::move(callback);
+  epoll_event event{};
+  event.events = events;
+  event.data.fd = fd;
+  if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event) != 0) throw std::runtime_error("watch descriptor: " + errno_text(errno));
+  watches_[fd] = watch;
+  return owner_handle(std::move(watch));
+}
+
+void Executor::notify(const std::shared_ptr<Source>& source, Priority priority) {
+  if (source->queued_.exchange(true)) return;
+  {
+    const std::lock_guard lock(mutex_);
+    incoming_.push_back({source, priority});
+  }
+  wake();
+}
+
+bool Executor::post(std::function<void()> callback) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (posts_.size() >= most_posts) {
+      ++refused_posts_;
+      return false;
+    }
+    posts_.push_back(std::move(callback));
+  }
+  wake();
+  return true;
+}
+
+void Executor::wake() {
+  if (wake_pending_.exchange(true)) return;
+  const std::uint64_t one = 1;
+  [[maybe_unused]] const ssize_t ignored = write(wake_.get(), &one, sizeof one);
+}
+
+void Executor::stop() {
+  stopped_ = true;
+  wake();
+}
+
+void Executor::spin() {
+  while (spin_once(seconds(1))) {
+  }
+}
+
+bool Executor::spin_until(const std::function<bool()>& condition, MonotonicTime deadline) {
+  while (!condition()) {
+    const nanoseconds left = deadline - monotonic_now();
+    // Conditions may also change on middleware threads (a match), which wakes nobody: look again every few ms.
+    constexpr nanoseconds look_again = milliseconds(5);
+    if (left <= nanoseconds(0) || !spin_once(std::min(left, look_again))) return condition();
+  }
+  return true;
+}
+
+void Executor::take_incoming() {
+  const std::lock_guard lock(mutex_);
+  for (Ready& ready : incoming_) ready_[static_cast<std::size_t>(ready.priority)].push_back(std::move(ready.source));
+  incoming_.clear();
+}
+
+bool Executor::run_posts() {
+  std::deque<std::function<void()>> due;
+  {
+    const std::lock_guard lock(mutex_);
+    due.swap(posts_);
+  }
+  for (const auto& callback : due) {
+    now_ = monotonic_now();
+    callback();
+  }
+  return !due.empty();
+}
+
+bool Executor::run_due_timers() {
+  bool ran = false;
+  now_ = monotonic_now();
+  while (!timers_.empty() && timers_.begin()->first <= now_) {
+    const std::shared_ptr<Timer> timer = timers_.begin()->second;
+    timers_.erase(timers_.begin());
+    if (timer->cancelled) continue;
+    if (timer->period > nanoseconds(0)) {
+      // The next deadline lies on the timer's own grid, whatever this wake-up was late by.
+      const std::int64_t missed = (now_ - timer->due) / timer->period;
+      missed_timer_periods_ += static_cast<std::uint64_t>(missed);
+      timer->due += timer->period * (missed + 1);
+      timers_.emplace(timer->due, timer);
+    }
+    timer->callback();
+    ran = true;
+    now_ = monotonic_now();
+  }
+  return ran;
+}
+
+bool Executor::run_one_source() {
+  for (auto& queue : ready_) {
+    while (!queue.empty()) {
+      const std::shared_ptr<Source> source = queue.front().lock();
+      queue.pop_front();
+      if (!source) continue;
+      now_ = monotonic_now();
+      source->queued_ = false;  // before taking: input that comes now queues it again
+      if (source->dispatch_one(now_) && !source->queued_.exchange(true)) queue.push_back(source);
+      return true;
+    }
+  }
+  return false;
+}
+
+void Executor::arm_timer_fd() {
+  while (!timers_.empty() && timers_.begin()->second->cancelled) timers_.erase(timers_.begin());
+  std::optional<MonotonicTime> next;
+  if (!timers_.empty()) next = timers_.begin()->first;
+  if (next == armed_) return;
+  armed_ = next;
+  itimerspec spec{};
+  if (next) {
+    const std::int64_t ns = std::max<std::int64_t>(next->ns(), 1);
+    spec.it_value.tv_sec = ns / 1'000'000'000;
+    spec.it_value.tv_nsec = ns % 1'000'000'000;
+  }
+  timerfd_settime(timer_fd_.get(), TFD_TIMER_ABSTIME, &spec, nullptr);
+}
+
+bool Executor::spin_once(nanoseconds longest) {
+  if (stopped_) return false;
+  bool busy = run_due_timers();
+  take_incoming();
+  busy = run_posts() || busy;
+  busy = run_one_source() || busy;
+  arm_timer_fd();
+
+  std::array<epoll_event, 16> events{};
+  const std::int64_t wait_ms = busy ? 0 : std::clamp<std::int64_t>((longest.count() + 999'999) / 1'000'000, 0, 60'000);
+  const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), static_cast<int>(wait_ms));
+  for (int i = 0; i < count; ++i) {
+    const epoll_event& event = events[static_cast<std::size_t>(i)];
+    if (event.data.fd == wake_.get()) {
+      std::uint64_t ignored = 0;
+      [[maybe_unused]] const ssize_t n = read(wake_.get(), &ignored, sizeof ignored);
+      wake_pending_ = false;  // after the read: a wake from now on writes again
+    } else if (event.data.fd == timer_fd_.get()) {
+      std::uint64_t ignored = 0;
+      [[maybe_unused]] const ssize_t n = read(timer_fd_.get(), &ignored, sizeof ignored);
+      armed_.reset();
+    } else if (const auto found = watches_.find(event.data.fd); found != watches_.end()) {
+      if (const auto watch = found->second.lock()) {
+        now_ = monotonic_now();
+        watch->callback(event.events);
+      }
+    }
+  }
+  return !stopped_;
+}
+
+}  // namespace srfs::ros

@@ -1,0 +1,114 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "base/fd.hpp"
+#include "base/time.hpp"
+#include "ros/topics.hpp"
+
+namespace srfs::ros {
+
+/// Something with input for the work thread (a DDS reader, a worker's results). Lives as long as its registration.
+class Source {
+ public:
+  Source() = default;
+  Source(const Source&) = delete;
+  Source& operator=(const Source&) = delete;
+  virtual ~Source() = default;
+  /// Handles one item. On the work thread. @return true when more may be waiting
+  virtual bool dispatch_one(MonotonicTime now) = 0;
+
+ private:
+  friend class Executor;
+  std::atomic<bool> queued_{false};
+};
+
+/// One work thread on an epoll loop: DDS input, timers, descriptors and signals all arrive here, so callbacks never run
+/// at the same time and need no locks. Among ready sources the highest priority goes first, one item at a time, so a
+/// burst of bulk never delays the tick by more than one callback. Due timers run before sources.
+class Executor {
+ public:
+  Executor();
+  ~Executor();
+  Executor(const Executor&) = delete;
+  Executor& operator=(const Executor&) = delete;
+
+  using TimerCallback = std::function<void()>;
+  using FdCallback = std::function<void(std::uint32_t epoll_events)>;
+
+  /// A registration; dropping it ends it. On the work thread only, also inside its own callback.
+  class Registration {
+   public:
+    virtual ~Registration() = default;
+    virtual void cancel() = 0;
+  };
+  using Handle = std::shared_ptr<Registration>;
+
+  /// @param period zero: once. A periodic timer that missed deadlines skips them (counted) instead of bursting.
+  [[nodiscard]] Handle add_timer(MonotonicTime first, nanoseconds period, TimerCallback callback);
+  /// @param events EPOLLIN, EPOLLOUT...; level-triggered
+  [[nodiscard]] Handle add_fd(int fd, std::uint32_t events, FdCallback callback);
+
+  /// Marks the source as having input. Any thread; never blocks on the work thread.
+  void notify(const std::shared_ptr<Source>& source, Priority priority);
+  /// Runs the callback on the work thread, soon. Any thread. @return false when 1024 are waiting already (counted)
+  bool post(std::function<void()> callback);
+
+  /// Runs until stop().
+  void spin();
+  /// Runs what is due, waits for at most @p longest when nothing is. @return false after stop()
+  bool spin_once(nanoseconds longest);
+  /// Runs until @p condition holds or the deadline passes. @return the condition
+  bool spin_until(const std::function<bool()>& condition, MonotonicTime deadline);
+  /// Any thread.
+  void stop();
+
+  /// Time of this wake-up: read once before each callback.
+  [[nodiscard]] MonotonicTime now() const { return now_; }
+  [[nodiscard]] std::uint64_t missed_timer_periods() const { return missed_timer_periods_; }
+  [[nodiscard]] std::uint64_t refused_posts() const { return refused_posts_; }
+
+ private:
+  struct Timer;
+  struct Watch;
+  struct Ready {
+    std::weak_ptr<Source> source;
+    Priority priority;
+  };
+
+  void arm_timer_fd();
+  bool run_due_timers();
+  bool run_one_source();
+  bool run_posts();
+  void wake();
+  void take_incoming();
+
+  Fd epoll_;
+  Fd wake_;
+  Fd timer_fd_;
+  MonotonicTime now_;
+  std::multimap<MonotonicTime, std::shared_ptr<Timer>> timers_;
+  std::optional<MonotonicTime> armed_;
+  std::map<int, std::weak_ptr<Watch>> watches_;
+  std::array<std::deque<std::weak_ptr<Source>>, 4> ready_;  // work thread's; at most one entry a source
+
+  std::mutex mutex_;  // guards the two below
+  std::deque<Ready> incoming_;
+  std::deque<std::function<void()>> posts_;
+  std::atomic<bool> wake_pending_{false};
+  std::atomic<bool> stopped_{false};
+  std::atomic<std::uint64_t> refused_posts_{0};
+  std::uint64_t missed_timer_periods_ = 0;
+};
+
+using Timer = Executor::Handle;
+
+}  // namespace srfs::ros

@@ -1,0 +1,154 @@
+#include "ros/instance.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <sstream>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/file.hpp"
+#include "base/time.hpp"
+
+namespace srfs::ros {
+namespace {
+
+struct flock whole_file(short type) {
+  struct flock lock {};
+  lock.l_type = type;
+  lock.l_whence = SEEK_SET;
+  return lock;
+}
+
+// Closing any descriptor of a file drops this process' record lock on it, so one's own lock file is never opened again.
+struct OwnInstance {
+  std::filesystem::path lock_file;
+  std::uint32_t incarnation = 0;
+  std::string version = "-";
+};
+OwnInstance& own_instance() {
+  static OwnInstance instance;
+  return instance;
+}
+
+std::optional<std::uint32_t> read_number(const std::filesystem::path& file) {
+  const auto text = read_file(file, 64);
+  if (!text) return std::nullopt;
+  std::uint32_t value = 0;
+  const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), value);
+  return error == std::errc() ? std::optional(value) : std::nullopt;
+}
+
+}  // namespace
+
+Result<InstanceLock, std::string> InstanceLock::take(const VarPaths& var, const std::string& node) {
+  std::error_code ec;
+  std::filesystem::create_directories(var.run(), ec);
+  const auto path = var.instance_lock(node);
+  Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (!fd) return Err(fmt::format("{}: {}", path.string(), errno_text(errno)));
+  struct flock lock = whole_file(F_WRLCK);
+  if (fcntl(fd.get(), F_SETLK, &lock) == 0) {
+    own_instance() = {std::filesystem::absolute(path), 0, "-"};
+    return InstanceLock(std::move(fd));
+  }
+  fd.reset();
+  const auto other = find_instance(var, node);
+  return Err(fmt::format("{} runs already as pid {}", node, other ? other->pid : 0));
+}
+
+std::optional<RunningInstance> find_instance(const VarPaths& var, const std::string& node) {
+  if (std::filesystem::absolute(var.instance_lock(node)) == own_instance().lock_file) {
+    return RunningInstance{getpid(), own_instance().incarnation, own_instance().version};
+  }
+  const Fd fd(open(var.instance_lock(node).c_str(), O_RDWR | O_CLOEXEC));
+  if (!fd) return std::nullopt;
+  struct flock lock = whole_file(F_WRLCK);
+  // F_GETLK names the holder.
+  if (fcntl(fd.get(), F_GETLK, &lock) != 0 || lock.l_type == F_UNLCK) return std::nullopt;
+  RunningInstance instance{lock.l_pid, 0, "-"};
+  char buffer[128] = {};
+  const ssize_t n = pread(fd.get(), buffer, sizeof buffer - 1, 0);
+  if (n > 0) {
+    std::istringstream text(buffer);
+    pid_t writer = 0;
+    std::uint32_t incarnation = 0;
+    std::string version;
+    // The text may still be the predecessor's: it counts only when it names the lock's holder.
+    if (text >> writer >> incarnation >> version && writer == lock.l_pid) {
+      instance.incarnation = incarnation;
+      instance.version = version;
+    }
+  }
+  return instance;
+}
+
+void InstanceLock::publish(std::uint32_t incarnation, const std::string& version) {
+  own_instance().incarnation = incarnation;
+  own_instance().version = version;
+  const std::string text = fmt::format("{:<126}\n", fmt::format("{} {} {}", getpid(), incarnation, version));
+  [[maybe_unused]] const ssize_t ignored = pwrite(fd_.get(), text.data(), text.size(), 0);
+}
+
+Result<std::uint32_t, std::string> next_incarnation(const VarPaths& var, const std::string& node) {
+  const auto file = var.state(node) / "incarnation";
+  std::uint32_t next = 1;
+  if (std::filesystem::exists(file)) {
+    const auto last = read_number(file);
+    // Seconds since 2020 are above every honest count, so a lost count still goes up.
+    next = last ? *last + 1 : static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000 - 1'577'836'800);
+  }
+  if (const auto written = write_file_atomically(file, fmt::format("{}\n", next)); !written) return Err(written.error().message);
+  return next;
+}
+
+StartRecord read_start_record(const VarPaths& var, const std::string& node) {
+  StartRecord record;
+  if (const auto text = read_file(var.state(node) / "starts", 4096)) {
+    std::istringstream in(*text);
+    StartRecord read;
+    if (in >> read.starts >> read.restarts && std::getline(in >> std::ws, read.last_cause)) record = read;
+  }
+  return record;
+}
+
+void write_start_record(const VarPaths& var, const std::string& node, const StartRecord& record) {
+  std::string cause = record.last_cause.substr(0, 200);
+  std::replace(cause.begin(), cause.end(), '\n', ' ');
+  (void)write_file_atomically(var.state(node) / "starts", fmt::format("{} {} {}\n", record.starts, record.restarts, cause));
+}
+
+Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, int first) {
+  const std::filesystem::path folder = "/tmp/srfs_domains";
+  std::error_code ec;
+  std::filesystem::create_directories(folder, ec);
+  std::filesystem::permissions(folder, std::filesystem::perms::all, ec);
+  for (int domain = wanted.value_or(first); domain <= wanted.value_or(101); ++domain) {
+    Fd fd(open((folder / std::to_string(domain)).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+    if (!fd) continue;
+    if (flock(fd.get(), LOCK_EX | LOCK_NB) == 0) return DomainLock(domain, std::move(fd));
+  }
+  return Err(wanted ? fmt::format("DDS domain {} is in use by another running suite", *wanted)
+                    : fmt::format("no free DDS domain from {} to 101 (locks in {})", first, folder.string()));
+}
+
+Result<DomainLock, std::string> DomainLock::share(int domain) {
+  const auto path = std::filesystem::path("/tmp/srfs_domains") / std::to_string(domain);
+  std::error_code ec;
+  std::filesystem::create_directories(path.parent_path(), ec);
+  Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+  if (!fd || flock(fd.get(), LOCK_SH | LOCK_NB) != 0) {
+    return Err(fmt::format("{}: cannot share DDS domain {}: {}", path.string(), domain, errno_text(errno)));
+  }
+  return DomainLock(domain, std::move(fd));
+}
+
+void DomainLock::downgrade() {
+  flock(fd_.get(), LOCK_SH | LOCK_NB);
+}
+
+}  // namespace srfs::ros

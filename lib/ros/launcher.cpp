@@ -1,0 +1,215 @@
+#include "ros/launcher.hpp"
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <vector>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <linux/close_range.h>
+#include <sched.h>
+#include <sys/file.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace srfs::ros {
+namespace {
+
+constexpr off_t largest_log = 4 << 20;
+constexpr rlim_t open_files = 1024;
+constexpr rlim_t rt_time_us = 500'000;  // a real-time node that never sleeps is stopped by the kernel, not by luck
+
+/// What the child needs, made before fork: between fork and exec nothing may allocate.
+struct Preparation {
+  std::string executable;
+  std::vector<std::string> arguments;
+  std::vector<char*> argv;
+  std::vector<std::string> environment;
+  std::vector<char*> envp;
+  std::string oom_score_adj;
+  Fd log;
+  Fd null;
+};
+
+/// What the grandchild reports through the pipe when something before or at exec failed.
+struct Failure {
+  int error;
+  char step[24];
+};
+
+std::vector<std::string> absolute_environment() {
+  std::vector<std::string> env{"PATH=/usr/local/bin:/usr/bin:/bin", "LANG=C.UTF-8", "TZ=UTC", "HOME=/"};
+  // Test tools only: sanitizer settings and the place of the mission dictionary of a build tree.
+  for (const char* name : {"ASAN_OPTIONS", "UBSAN_OPTIONS", "TSAN_OPTIONS", "LSAN_OPTIONS", "SRFS_MISSION_DIR", "LD_LIBRARY_PATH"}) {
+    if (const char* value = std::getenv(name)) env.push_back(fmt::format("{}={}", name, value));
+  }
+  return env;
+}
+
+Result<Preparation, std::string> prepare(const LaunchRequest& request, const NodeEntry& node) {
+  Preparation p;
+  const std::filesystem::path program = node.executable;
+  p.executable = (program.is_absolute() ? program : request.bin_folder / program).string();
+  if (access(p.executable.c_str(), X_OK) != 0) return Err(fmt::format("{}: {}", p.executable, errno_text(errno)));
+  p.arguments = {p.executable,    "--name", node.name, "--deployment", request.deployment.file.string(),
+                 "--var", std::filesystem::absolute(request.var.root).string()};
+  p.environment = absolute_environment();
+  for (auto& a : p.arguments) p.argv.push_back(a.data());
+  for (auto& e : p.environment) p.envp.push_back(e.data());
+  p.argv.push_back(nullptr);
+  p.envp.push_back(nullptr);
+  p.oom_score_adj = std::to_string(node.oom_score_adj);
+
+  const auto log = request.var.log(node.name);
+  std::error_code ec;
+  std::filesystem::create_directories(log.parent_path(), ec);
+  if (std::filesystem::exists(log, ec) && std::filesystem::file_size(log, ec) > static_cast<std::uintmax_t>(largest_log)) {
+    std::filesystem::rename(log, log.string() + ".1", ec);
+  }
+  p.log = Fd(open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+  if (!p.log) return Err(fmt::format("{}: {}", log.string(), errno_text(errno)));
+  p.null = Fd(open("/dev/null", O_RDONLY | O_CLOEXEC));
+  return p;
+}
+
+// From here to exec only async-signal-safe calls.
+
+void limit(__rlimit_resource resource, rlim_t value) {
+  rlimit now{};
+  getrlimit(resource, &now);
+  const rlim_t cap = now.rlim_max == RLIM_INFINITY ? value : std::min(value, now.rlim_max);
+  const rlimit wanted{cap, cap};
+  setrlimit(resource, &wanted);
+}
+
+// Missing permission for any of these leaves the node running normally; it says so once itself.
+void set_scheduling(const Scheduling& s) {
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  if (s.cpus.empty()) {
+    for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) CPU_SET(static_cast<unsigned>(cpu), &cpus);
+  } else {
+    for (const int cpu : s.cpus) CPU_SET(static_cast<unsigned>(cpu), &cpus);
+  }
+  sched_setaffinity(0, sizeof cpus, &cpus);
+  setpriority(PRIO_PROCESS, 0, s.nice);
+  sched_param parameter{};
+  parameter.sched_priority = s.priority;
+  static constexpr std::array policies{SCHED_OTHER, SCHED_FIFO, SCHED_BATCH, SCHED_IDLE};
+  if (s.policy == SchedulingPolicy::fifo) limit(RLIMIT_RTTIME, rt_time_us);
+  sched_setscheduler(0, policies[static_cast<std::size_t>(s.policy)], &parameter);
+}
+
+void write_oom_score(const std::string& value) {
+  const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
+  if (fd < 0) return;
+  [[maybe_unused]] const ssize_t ignored = write(fd, value.data(), value.size());
+  close(fd);
+}
+
+[[noreturn]] void report_and_exit(int pipe_fd, const char* step) {
+  Failure failure{errno, {}};
+  strncpy(failure.step, step, sizeof failure.step - 1);
+  [[maybe_unused]] const ssize_t ignored = write(pipe_fd, &failure, sizeof failure);
+  _exit(127);
+}
+
+[[noreturn]] void become_node(const Preparation& p, const NodeEntry& node, int pipe_fd) {
+  setsid();
+  umask(022);
+  if (chdir("/") != 0) report_and_exit(pipe_fd, "chdir");
+  for (int s = 1; s < NSIG; ++s) signal(s, SIG_DFL);
+  sigset_t none;
+  sigemptyset(&none);
+  sigprocmask(SIG_SETMASK, &none, nullptr);
+  if (dup2(p.null.get(), STDIN_FILENO) < 0 || dup2(p.log.get(), STDOUT_FILENO) < 0 || dup2(p.log.get(), STDERR_FILENO) < 0) {
+    report_and_exit(pipe_fd, "dup2");
+  }
+  limit(RLIMIT_NOFILE, open_files);
+  limit(RLIMIT_CORE, 0);
+  if (node.memory_limit_mib > 0) limit(RLIMIT_DATA, static_cast<rlim_t>(node.memory_limit_mib) << 20);
+  set_scheduling(node.scheduling);
+  write_oom_score(p.oom_score_adj);
+  syscall(SYS_close_range, 3U, ~0U, CLOSE_RANGE_CLOEXEC);
+  execve(p.executable.c_str(), p.argv.data(), p.envp.data());
+  report_and_exit(pipe_fd, "exec");
+}
+
+/// @return pid of the node, or why it did not start
+Result<pid_t, std::string> spawn(const Preparation& p, const NodeEntry& node) {
+  int pipe_ends[2];
+  if (pipe2(pipe_ends, O_CLOEXEC) != 0) return Err("pipe: " + errno_text(errno));
+  const Fd read_end(pipe_ends[0]);
+  Fd write_end(pipe_ends[1]);
+  const pid_t middle = fork();
+  if (middle < 0) return Err("fork: " + errno_text(errno));
+  if (middle == 0) {
+    const pid_t child = fork();  // the middle process ends at once, so that init adopts the node
+    if (child == 0) become_node(p, node, write_end.get());
+    [[maybe_unused]] const ssize_t ignored = write(write_end.get(), &child, sizeof child);
+    _exit(0);
+  }
+  write_end.reset();
+  int status = 0;
+  while (waitpid(middle, &status, 0) < 0 && errno == EINTR) {
+  }
+  // The pipe carries the pid, then nothing more (exec closed it) or a Failure. Order of the two is not fixed.
+  char buffer[sizeof(pid_t) + sizeof(Failure)] = {};
+  std::size_t used = 0;
+  while (used < sizeof buffer) {
+    const ssize_t n = read(read_end.get(), buffer + used, sizeof buffer - used);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) break;
+    used += static_cast<std::size_t>(n);
+  }
+  if (used == sizeof(pid_t)) {
+    pid_t pid = 0;
+    std::memcpy(&pid, buffer, sizeof pid);
+    if (pid > 0) return pid;
+    return Err(std::string("fork failed in the starter"));
+  }
+  Failure failure{};
+  // The failure is the part that is not a lone pid; both orders put its step text where it can be read.
+  for (const std::size_t offset : {std::size_t{0}, sizeof(pid_t)}) {
+    std::memcpy(&failure, buffer + offset, sizeof failure);
+    failure.step[sizeof failure.step - 1] = '\0';
+    if (std::strcmp(failure.step, "exec") == 0 || std::strcmp(failure.step, "chdir") == 0 || std::strcmp(failure.step, "dup2") == 0) break;
+  }
+  return Err(fmt::format("{}: {}: {}", p.executable, failure.step, errno_text(failure.error)));
+}
+
+}  // namespace
+
+std::filesystem::path own_bin_folder() {
+  std::error_code ec;
+  return std::filesystem::read_symlink("/proc/self/exe", ec).parent_path();
+}
+
+Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node) {
+  std::error_code ec;
+  std::filesystem::create_directories(request.var.run(), ec);
+  const Fd lock(open(request.var.restart_lock(node.name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (!lock) return Err(fmt::format("{}: {}", request.var.restart_lock(node.name).string(), errno_text(errno)));
+  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) return Err(fmt::format("{} is being started by somebody else", node.name));
+  if (std::filesystem::exists(request.var.stopping_flag())) return Err(std::string("the suite is being stopped"));
+  if (const auto running = find_instance(request.var, node.name)) return running->pid;
+
+  auto prepared = prepare(request, node);
+  if (!prepared) return Err(prepared.error());
+  StartRecord record = read_start_record(request.var, node.name);
+  ++record.starts;
+  if (request.cause != "up") {
+    ++record.restarts;
+    record.last_cause = request.cause;
+  }
+  write_start_record(request.var, node.name, record);
+  return spawn(*prepared, node);
+}
+
+}  // namespace srfs::ros

@@ -1,0 +1,164 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/log.hpp"
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "ros/client.hpp"
+#include "ros/deployment.hpp"
+#include "ros/executor.hpp"
+#include "ros/instance.hpp"
+#include "ros/lifecycle.hpp"
+#include "ros/parameters.hpp"
+#include "ros/publisher.hpp"
+#include "ros/service.hpp"
+#include "ros/topics.hpp"
+#include "ros/worker.hpp"
+
+namespace srfs::ros {
+
+/// What run_node hands to a node. Outlives it.
+struct NodeContext {
+  std::string name;
+  const Deployment& deployment;
+  VarPaths var;
+  std::uint32_t incarnation = 1;
+  Executor& executor;
+  Participant& participant;
+};
+
+/// How a requested transition ended.
+struct TransitionResult {
+  State reached;
+  bool succeeded;  ///< its callback succeeded; else `reached` is where failure or error processing led
+};
+
+/// A lifecycle node: rclcpp's words, one work thread. Everything here is called on the work thread, in the constructor
+/// or in callbacks. The standard services (~/change_state, ~/get_state, ..., the parameter services) are there from the start.
+///
+/// What a state means for the hardware: Unconfigured has nothing open; Inactive has its devices open but drives nothing and
+/// holds no bus, and still answers; Active works.
+class LifecycleNode {
+ public:
+  explicit LifecycleNode(NodeContext& context);
+  virtual ~LifecycleNode();
+  LifecycleNode(const LifecycleNode&) = delete;
+  LifecycleNode& operator=(const LifecycleNode&) = delete;
+
+  [[nodiscard]] const std::string& name() const { return context_.name; }
+  [[nodiscard]] std::uint32_t incarnation() const { return context_.incarnation; }
+  [[nodiscard]] const Deployment& deployment() const { return context_.deployment; }
+  [[nodiscard]] const VarPaths& var() const { return context_.var; }
+  [[nodiscard]] std::filesystem::path state_dir() const { return context_.var.state(name()); }
+  /// URI of a device of the deployment; throws ConfigError naming the key when it is missing.
+  [[nodiscard]] std::string device(const std::string& key) const;
+  [[nodiscard]] State state() const { return state_; }
+  [[nodiscard]] bool is_active() const { return state_ == State::active; }
+  /// Time of this wake-up, read once before each callback.
+  [[nodiscard]] MonotonicTime now() const { return context_.executor.now(); }
+
+  /// Runs one transition now: the callback, then error processing if need be.
+  /// @return how it ended, or why the request is refused in this state
+  Result<TransitionResult, std::string> request_transition(std::uint8_t id, std::string_view label = {});
+  /// Goes step by step towards @p target through the table. @return true when it was reached
+  bool go_to(State target);
+  [[nodiscard]] ParameterSet& parameters() { return parameters_; }
+
+  /// Reason of the last failing transition, for people; set by the callbacks.
+  void set_failure_reason(std::string reason) { failure_reason_ = std::move(reason); }
+  [[nodiscard]] const std::string& failure_reason() const { return failure_reason_; }
+
+ protected:
+  // Transition callbacks. failure: back to where it came from; error: on_error decides (success: Unconfigured).
+  virtual CallbackReturn on_configure() { return CallbackReturn::success; }
+  virtual CallbackReturn on_activate() { return CallbackReturn::success; }
+  virtual CallbackReturn on_deactivate() { return CallbackReturn::success; }
+  virtual CallbackReturn on_cleanup() { return CallbackReturn::success; }
+  virtual CallbackReturn on_shutdown() { return CallbackReturn::success; }
+  virtual CallbackReturn on_error() { return CallbackReturn::success; }
+
+  template <class M>
+  [[nodiscard]] std::shared_ptr<Publisher<M>> create_publisher(const Topic<M>& topic) {
+    return std::make_shared<Publisher<M>>(context_.participant, topic);
+  }
+  /// @param callback called with (const M&) or (const M&, const MessageInfo&)
+  template <class M, class F>
+  [[nodiscard]] std::shared_ptr<Subscription<M>> create_subscription(const Topic<M>& topic, F callback) {
+    if constexpr (std::is_invocable_v<F, const M&, const MessageInfo&>) {
+      return std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic, std::move(callback));
+    } else {
+      return std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic,
+                                               [f = std::move(callback)](const M& m, const MessageInfo&) { f(m); });
+    }
+  }
+  /// @param name "~/x" is below the node's name, "/x" absolute
+  template <class S>
+  [[nodiscard]] std::shared_ptr<Service<S>> create_service(const std::string& service, typename Service<S>::Handler handler,
+                                                           Qos qos = {}, Priority priority = Priority::normal) {
+    return std::make_shared<Service<S>>(context_.executor, context_.participant, resolve(service), qos, priority, std::move(handler));
+  }
+  template <class S>
+  [[nodiscard]] std::shared_ptr<Client<S>> create_client(const std::string& service, Qos qos = {}, Priority priority = Priority::normal) {
+    return std::make_shared<Client<S>>(context_.executor, context_.participant, resolve(service), qos, priority);
+  }
+  /// Periodic; the first call comes one period from now. Dropping the handle cancels.
+  [[nodiscard]] Timer create_timer(nanoseconds period, std::function<void()> callback);
+  /// Once, at @p at.
+  [[nodiscard]] Timer create_one_shot(MonotonicTime at, std::function<void()> callback);
+  /// Level-triggered epoll; dropping the handle unwatches. Drop it before closing the descriptor.
+  [[nodiscard]] Executor::Handle watch_fd(int fd, std::uint32_t events, Executor::FdCallback callback);
+  [[nodiscard]] std::shared_ptr<Worker> create_worker(const std::string& worker_name, std::size_t capacity);
+
+  /// Declares a parameter (constructor only) and returns its start value. The type of @p fallback is the parameter's.
+  template <class T>
+  T declare_parameter(const std::string& parameter, T fallback, const std::string& description, bool read_only = false) {
+    return std::get<T>(parameters_.declare(parameter, {ParameterValue(std::move(fallback)), std::nullopt, description, read_only}));
+  }
+  template <class T>
+  T declare_parameter(const std::string& parameter, T fallback, ParameterRange range, const std::string& description,
+                      bool read_only = false) {
+    return std::get<T>(parameters_.declare(parameter, {ParameterValue(std::move(fallback)), range, description, read_only}));
+  }
+  template <class T>
+  [[nodiscard]] T get_parameter(const std::string& parameter) const {
+    return std::get<T>(*parameters_.find(parameter));
+  }
+  /// May refuse a run-time change with a reason.
+  void on_parameter_check(ParameterSet::Check check) { parameters_.set_check(std::move(check)); }
+  /// Told after a change.
+  void on_parameter_change(ParameterSet::Changed changed) { parameter_changed_ = std::move(changed); }
+
+  /// Raises an event of the mission dictionary on /event. Bounded: at most 20 a second and node, the rest counted.
+  /// @param severity srfs_msgs::msg::Event::INFO ... HIGH; @param data its parameters, encoded
+  void raise_event(std::uint16_t event_id, std::uint8_t severity, OctetView data = {});
+  [[nodiscard]] std::uint64_t suppressed_events() const { return suppressed_events_; }
+
+  NodeContext& context() { return context_; }
+
+ private:
+  struct Interfaces;
+  [[nodiscard]] std::string resolve(const std::string& service) const;
+  CallbackReturn run_callback(State transition_state);
+  void enter(const LifecycleRow& row);
+  void persist_desired(State primary);
+
+  NodeContext& context_;
+  ParameterSet parameters_;
+  ParameterSet::Changed parameter_changed_;
+  State state_ = State::unconfigured;
+  std::string failure_reason_;
+  MonotonicTime event_window_;
+  std::uint32_t events_in_window_ = 0;
+  std::uint64_t suppressed_events_ = 0;
+  std::unique_ptr<Interfaces> interfaces_;
+  friend class NodeRunner;
+};
+
+}  // namespace srfs::ros
+
+#include "ros/run_node.hpp"

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/Topic.hpp>
+#include <fastdds/dds/topic/TopicDataType.hpp>
+
+#include "base/result.hpp"
+#include "ros/qos.hpp"
+
+namespace srfs::ros {
+
+namespace dds = eprosima::fastdds::dds;
+
+struct ParticipantOptions {
+  int domain = 42;                                       ///< 0..101
+  std::vector<std::string> interfaces = {"127.0.0.1"};  ///< transports are confined to these addresses
+};
+
+/// One DDS participant: UDPv4 on the given interfaces only, shared memory and data-sharing off (they do not survive
+/// kill -9 of a peer), short leases so that a dead peer is forgotten soon. Everything is created here with the house's
+/// QoS. Thread-safe as far as Fast DDS is; make endpoints on the work thread.
+class Participant {
+ public:
+  [[nodiscard]] static Result<std::unique_ptr<Participant>, std::string> create(const ParticipantOptions& options);
+  ~Participant();
+  Participant(const Participant&) = delete;
+  Participant& operator=(const Participant&) = delete;
+
+  /// @param topic DDS name ("rt/timing/tick"). Registers type and topic when new. nullptr when Fast DDS refuses.
+  [[nodiscard]] dds::DataWriter* create_writer(const std::string& topic, dds::TypeSupport type, const Qos& qos,
+                                               dds::DataWriterListener* listener);
+  [[nodiscard]] dds::DataReader* create_reader(const std::string& topic, dds::TypeSupport type, const Qos& qos,
+                                               dds::DataReaderListener* listener);
+  void destroy(dds::DataWriter* writer);
+  void destroy(dds::DataReader* reader);
+  [[nodiscard]] dds::DomainParticipant& dds_participant() { return *participant_; }
+
+ private:
+  Participant() = default;
+  dds::Topic* topic(const std::string& name, dds::TypeSupport& type);
+
+  dds::DomainParticipant* participant_ = nullptr;
+  dds::Publisher* publisher_ = nullptr;
+  dds::Subscriber* subscriber_ = nullptr;
+};
+
+}  // namespace srfs::ros

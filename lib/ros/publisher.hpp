@@ -1,0 +1,48 @@
+#pragma once
+
+#include "ros/endpoint.hpp"
+
+namespace srfs::ros {
+
+/// Publishes messages of type M on one topic.
+template <class M>
+class Publisher {
+ public:
+  Publisher(Participant& participant, const Topic<M>& topic)
+      : name_(topic.name), writer_(participant, topic_dds_name(topic.name), dds::TypeSupport(new TypeSupport<M>), topic.qos) {}
+
+  /// Never waits for a reader. @return false when the message breaks a bound of its type (counted)
+  bool publish(const M& message) { return writer_.write(&message); }
+  [[nodiscard]] std::size_t subscription_count() const { return writer_.matched_count(); }
+  /// Publications refused so far.
+  [[nodiscard]] std::uint64_t refused() const { return writer_.refused(); }
+  [[nodiscard]] const std::string& topic_name() const { return name_; }
+  [[nodiscard]] GUID_t guid() const { return writer_.guid(); }
+
+ private:
+  std::string name_;
+  WriterEndpoint writer_;
+};
+
+/// Receives messages of type M; dropping it ends the subscription.
+template <class M>
+class Subscription {
+ public:
+  using Callback = typename TypedReader<M>::Callback;
+
+  Subscription(Executor& executor, Participant& participant, const Topic<M>& topic, Callback callback)
+      : name_(topic.name),
+        reader_(TypedReader<M>::create(executor, participant, topic_dds_name(topic.name), topic.qos, topic.priority,
+                                       std::move(callback))) {}
+
+  [[nodiscard]] InputStats stats() const { return reader_->stats(); }
+  [[nodiscard]] std::size_t publisher_count() const { return reader_->matched_count(); }
+  [[nodiscard]] const std::string& topic_name() const { return name_; }
+  [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
+
+ private:
+  std::string name_;
+  std::shared_ptr<TypedReader<M>> reader_;
+};
+
+}  // namespace srfs::ros

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <cstdint>
+
+namespace srfs::ros {
+
+/// The QoS that differs between our topics; everything is reliable KEEP_LAST (FASTDDS.md: KEEP_ALL lets one stopped
+/// reader block every write). A full history drops its oldest sample; the reader counts the gap.
+struct Qos {
+  std::int32_t depth = 10;
+  bool transient_local = false;
+};
+
+}  // namespace srfs::ros

@@ -1,0 +1,175 @@
+#include "ros/run_node.hpp"
+
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+#include <malloc.h>
+#include <sched.h>
+#include <sys/epoll.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include "base/file.hpp"
+#include "ros/node.hpp"
+#include "srfs_version.hpp"
+
+namespace srfs::ros {
+namespace {
+
+struct Arguments {
+  std::string name;
+  std::filesystem::path deployment;
+  std::filesystem::path var;
+  std::optional<int> domain;
+};
+
+int code(ExitCode c) {
+  return static_cast<int>(c);
+}
+
+/// Blocks the signals in every thread to come and hands them out on a descriptor.
+Fd block_signals() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  signal(SIGPIPE, SIG_IGN);
+  return Fd(signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
+}
+
+State desired_state(const VarPaths& var, const std::string& node) {
+  const auto text = read_file(var.state(node) / "desired_state", 64);
+  if (!text) return State::active;
+  const auto state = primary_state(text->substr(0, text->find('\n')));
+  return state && *state != State::finalized ? *state : State::active;
+}
+
+Result<int, std::string> domain_of(const Arguments& arguments, const Deployment& deployment, const VarPaths& var) {
+  if (arguments.domain) return *arguments.domain;
+  if (const auto text = read_file(var.domain_file(), 64)) return std::atoi(text->c_str());
+  if (deployment.domain) return *deployment.domain;
+  return Err(fmt::format("no DDS domain: {} is missing; start the suite with `srfs up`, or give --domain", var.domain_file().string()));
+}
+
+/// Says once what the deployment asked for and this process was not given.
+void check_scheduling(const NodeEntry& entry) {
+  static constexpr std::array policies{SCHED_OTHER, SCHED_FIFO, SCHED_BATCH, SCHED_IDLE};
+  const int wanted = policies[static_cast<std::size_t>(entry.scheduling.policy)];
+  if (sched_getscheduler(0) == wanted) return;
+  log::warn("running without the deployment's scheduling policy (no permission?); `srfs up` as root or with CAP_SYS_NICE sets it");
+}
+
+}  // namespace
+
+/// Brings a node to its desired state and keeps trying: a device that is missing now may come.
+class NodeRunner {
+ public:
+  NodeRunner(Executor& executor, LifecycleNode& node, State desired) : executor_(executor), node_(node), desired_(desired) { attempt(); }
+
+  static void finish_declarations(LifecycleNode& node) { node.parameters_.finish(); }
+
+ private:
+  void attempt() {
+    if (node_.state() == State::finalized) {
+      log::error("finalized after an error; restart the node to use it again");
+      return;
+    }
+    if (node_.go_to(desired_)) return;
+    constexpr std::array<seconds, 4> waits{seconds(1), seconds(2), seconds(5), seconds(10)};
+    const seconds wait = waits[std::min(attempts_++, waits.size() - 1)];
+    log::warn("not {} yet, next attempt in {} s", label(desired_), wait.count());
+    retry_ = executor_.add_timer(monotonic_now() + wait, nanoseconds(0), [this] { attempt(); });
+  }
+
+  Executor& executor_;
+  LifecycleNode& node_;
+  State desired_;
+  std::size_t attempts_ = 0;
+  Timer retry_;
+};
+
+namespace {
+
+int run(const Arguments& arguments, const NodeFactory& factory) {
+  const Fd signals = block_signals();
+  const Deployment deployment = Deployment::load(arguments.deployment);
+  const NodeEntry* entry = deployment.find(arguments.name);
+  if (entry == nullptr) {
+    throw ConfigError(fmt::format("{}: 'nodes': expected a node named '{}'", deployment.file.string(), arguments.name));
+  }
+  const VarPaths var{std::filesystem::absolute(arguments.var)};
+  auto lock = InstanceLock::take(var, arguments.name);
+  if (!lock) {
+    log::error("{}", lock.error());
+    return code(ExitCode::already_running);
+  }
+  const auto incarnation = next_incarnation(var, arguments.name);
+  if (!incarnation) log::error("incarnation is not durable: {}", incarnation.error());
+  lock->publish(incarnation.value_or(1), version());
+  check_scheduling(*entry);
+
+  const auto domain = domain_of(arguments, deployment, var);
+  if (!domain) throw ConfigError(domain.error());
+  const auto domain_lock = DomainLock::share(*domain);
+  if (!domain_lock) log::warn("{}", domain_lock.error());
+
+  // Few threads, small heaps: one arena instead of one per thread saves about 1 MB a node.
+  mallopt(M_ARENA_MAX, 1);
+  Executor executor;
+  auto participant = Participant::create({*domain, deployment.interfaces});
+  if (!participant) {
+    log::error("{}", participant.error());
+    return code(ExitCode::middleware);
+  }
+  NodeContext context{arguments.name, deployment, var, incarnation.value_or(1), executor, **participant};
+  const std::unique_ptr<LifecycleNode> node = factory(context);
+  NodeRunner::finish_declarations(*node);
+  log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", context.incarnation, version(), getpid(), *domain);
+
+  const auto signal_watch = executor.add_fd(signals.get(), EPOLLIN, [&](std::uint32_t) {
+    signalfd_siginfo info{};
+    if (read(signals.get(), &info, sizeof info) != sizeof info) return;
+    log::info("stopping: signal {} from pid {}", info.ssi_signo, info.ssi_pid);
+    executor.stop();
+  });
+  {
+    const NodeRunner runner(executor, *node, desired_state(var, arguments.name));
+    executor.spin();
+  }
+  node->go_to(State::unconfigured);
+  node->go_to(State::finalized);
+  return code(ExitCode::stopped);
+}
+
+}  // namespace
+
+const char* version() {
+  return SRFS_VERSION;
+}
+
+int run_node(int argc, char** argv, const NodeFactory& factory) {
+  CLI::App app{"A lifecycle node of SRFS. Usually started by `srfs up`."};
+  Arguments arguments;
+  app.add_option("--name", arguments.name, "Name of the node in the deployment file, without slash")->required();
+  app.add_option("--deployment", arguments.deployment, "Deployment file (launch_config/NAME.yaml)")->required();
+  app.add_option("--var", arguments.var, "Folder of the running deployment")->default_val("var");
+  app.add_option("--domain", arguments.domain, "DDS domain; default: VAR/run/dds_domain, then the deployment's")->check(CLI::Range(0, 101));
+  app.set_version_flag("--version", version());
+  CLI11_PARSE(app, argc, argv);
+  log::set_name(arguments.name);
+  try {
+    return run(arguments, factory);
+  } catch (const ConfigError& e) {
+    log::error("{}", e.what());
+    return code(ExitCode::configuration);
+  } catch (const std::exception& e) {
+    log::fatal("{}", e.what());
+    return code(ExitCode::bug);
+  }
+}
+
+}  // namespace srfs::ros

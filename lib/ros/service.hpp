@@ -1,0 +1,73 @@
+#pragma once
+
+#include <deque>
+
+#include "ros/endpoint.hpp"
+
+namespace srfs::ros {
+
+/// Names the request a reply belongs to (ROS2_WIRE: the client's response reader, else its request writer; sequence).
+[[nodiscard]] SampleIdentity request_identity(const MessageInfo& info);
+
+/// Sends replies. A reply whose client reader has not been matched yet would be lost, so it waits (bounded: 32 replies,
+/// 100 ms each) until the match; it never blocks the work thread.
+class ReplyQueue {
+ public:
+  using Write = std::function<bool(WriteParams&)>;
+
+  ReplyQueue(Executor& executor, WriterEndpoint& writer);
+  /// @param write writes the reply with the given parameters; kept until it is sent or given up
+  void send(const SampleIdentity& request, Write write);
+  /// Replies given up because the client's reader never matched.
+  [[nodiscard]] std::uint64_t dropped() const { return dropped_; }
+
+ private:
+  struct Waiting {
+    SampleIdentity request;
+    Write write;
+    MonotonicTime give_up;
+  };
+  void flush();
+  [[nodiscard]] bool can_reach(const SampleIdentity& request) const;
+  void transmit(const SampleIdentity& request, const Write& write);
+
+  Executor& executor_;
+  WriterEndpoint& writer_;
+  std::deque<Waiting> waiting_;
+  Timer timer_;
+  std::uint64_t dropped_ = 0;
+};
+
+/// Serves one service of type S. The handler runs on the work thread and fills the response.
+template <class S>
+class Service {
+ public:
+  using Request = typename S::Request;
+  using Response = typename S::Response;
+  using Handler = std::function<void(const Request&, Response&)>;
+
+  Service(Executor& executor, Participant& participant, const std::string& name, const Qos& qos, Priority priority, Handler handler)
+      : handler_(std::move(handler)),
+        writer_(std::make_shared<WriterEndpoint>(participant, reply_dds_name(name), dds::TypeSupport(new TypeSupport<Response>), qos)),
+        replies_(executor, *writer_),
+        reader_(TypedReader<Request>::create(executor, participant, request_dds_name(name), qos, priority,
+                                             [this](const Request& request, const MessageInfo& info) { serve(request, info); })) {}
+
+  [[nodiscard]] InputStats stats() const { return reader_->stats(); }
+  [[nodiscard]] GUID_t reader_guid() const { return reader_->guid(); }
+  [[nodiscard]] GUID_t writer_guid() const { return writer_->guid(); }
+
+ private:
+  void serve(const Request& request, const MessageInfo& info) {
+    auto response = std::make_shared<Response>();
+    handler_(request, *response);
+    replies_.send(request_identity(info), [writer = writer_, response](WriteParams& params) { return writer->write(response.get(), &params); });
+  }
+
+  Handler handler_;
+  std::shared_ptr<WriterEndpoint> writer_;
+  ReplyQueue replies_;
+  std::shared_ptr<TypedReader<Request>> reader_;
+};
+
+}  // namespace srfs::ros

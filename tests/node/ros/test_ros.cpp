@@ -1,0 +1,314 @@
+// The ROS 2 layer over real DDS: two participants on loopback in this process.
+
+#include <filesystem>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <lifecycle_msgs/srv/change_state.hpp>
+#include <lifecycle_msgs/srv/get_state.hpp>
+#include <rcl_interfaces/srv/get_parameters.hpp>
+#include <rcl_interfaces/srv/list_parameters.hpp>
+#include <rcl_interfaces/srv/set_parameters.hpp>
+#include <srfs_msgs/srv/check_alive.hpp>
+
+#include "base/file.hpp"
+#include "ros/node.hpp"
+#include "tests/dds_domain.hpp"
+
+namespace srfs::ros {
+namespace {
+
+using srfs_msgs::msg::TaskFlags;
+using srfs_msgs::srv::CheckAlive;
+
+const Topic<TaskFlags> flags_topic{"/test/flags", {.depth = 4}, Priority::time};
+
+/// One work thread serves both sides, which is all the tests need: callbacks never overlap.
+class RosTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+    there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+  }
+  bool wait(const std::function<bool()>& condition) { return executor_.spin_until(condition, monotonic_now() + seconds(20)); }
+
+  Executor executor_;
+  std::unique_ptr<Participant> here_;
+  std::unique_ptr<Participant> there_;
+};
+
+TEST_F(RosTest, MessagesArriveWholeAndInOrder) {
+  std::vector<TaskFlags> got;
+  Publisher<TaskFlags> publisher(*here_, flags_topic);
+  Subscription<TaskFlags> subscription(executor_, *there_, flags_topic, [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m); });
+  ASSERT_TRUE(wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+
+  for (std::uint64_t i = 0; i < 50; ++i) {
+    TaskFlags m;
+    m.cycle = i;
+    m.holder = "payload_eps";
+    m.flags = {false, true};
+    EXPECT_TRUE(publisher.publish(m));
+    ASSERT_TRUE(wait([&] { return got.size() == i + 1; }));
+    EXPECT_EQ(got.back(), m);
+  }
+  EXPECT_EQ(subscription.stats().lost, 0U);
+}
+
+TEST_F(RosTest, WhatTheHistoryDroppedIsCountedAsLost) {
+  std::vector<std::uint64_t> got;
+  Publisher<TaskFlags> publisher(*here_, flags_topic);
+  Subscription<TaskFlags> subscription(executor_, *there_, flags_topic, [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+  ASSERT_TRUE(wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+  TaskFlags first;
+  publisher.publish(first);
+  ASSERT_TRUE(wait([&] { return got.size() == 1; }));
+
+  // The work thread does not run while 40 messages meet a history of 4.
+  for (std::uint64_t i = 1; i <= 40; ++i) {
+    TaskFlags m;
+    m.cycle = i;
+    publisher.publish(m);
+  }
+  ASSERT_TRUE(wait([&] { return !got.empty() && got.back() == 40; }));
+  EXPECT_EQ(got.size() + subscription.stats().lost, 41U);
+}
+
+TEST_F(RosTest, AMessageBeyondItsBoundsIsRefusedAndCounted) {
+  Publisher<TaskFlags> publisher(*here_, flags_topic);
+  TaskFlags m;
+  m.flags.assign(17, true);
+  EXPECT_FALSE(publisher.publish(m));
+  EXPECT_EQ(publisher.refused(), 1U);
+}
+
+/// Claims the type of TaskFlags on the wire and sends what it likes.
+struct ForeignFlags {
+  static constexpr const char* dds_type_name = TaskFlags::dds_type_name;
+  std::vector<std::uint8_t> junk;
+  template <class Self, class V>
+  static void visit(Self& s, V& v) {
+    v.sequence(s.junk, 0, 0);
+  }
+};
+
+TEST_F(RosTest, AMalformedSampleIsCountedDroppedAndTheNextGoodOneArrives) {
+  std::vector<std::uint64_t> got;
+  WriterEndpoint foreign(*here_, topic_dds_name(flags_topic.name), dds::TypeSupport(new TypeSupport<ForeignFlags>), flags_topic.qos);
+  const auto other = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+  Publisher<TaskFlags> good(*other, flags_topic);
+  Subscription<TaskFlags> subscription(executor_, *there_, flags_topic, [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+  ASSERT_TRUE(wait([&] { return foreign.matched_count() == 1 && good.subscription_count() == 1; }));
+
+  for (const std::size_t size : {0U, 1U, 7U, 3000U}) {
+    ForeignFlags junk;
+    junk.junk.assign(size, 0xff);
+    const std::uint64_t before = subscription.stats().malformed;
+    EXPECT_TRUE(foreign.write(&junk));
+    ASSERT_TRUE(wait([&] { return subscription.stats().malformed == before + 1; })) << size;
+  }
+  TaskFlags m;
+  m.cycle = 9;
+  good.publish(m);
+  ASSERT_TRUE(wait([&] { return !got.empty(); }));
+  EXPECT_THAT(got, testing::ElementsAre(9));
+}
+
+class ServiceTest : public RosTest {
+ protected:
+  std::shared_ptr<Service<CheckAlive>> serve() {
+    return std::make_shared<Service<CheckAlive>>(executor_, *here_, "/test/check_alive", Qos{}, Priority::liveness,
+                                                 [](const CheckAlive::Request& q, CheckAlive::Response& r) { r.nonce = q.nonce + 1; });
+  }
+  void SetUp() override {
+    RosTest::SetUp();
+    client_ = std::make_unique<Client<CheckAlive>>(executor_, *there_, "/test/check_alive", Qos{}, Priority::liveness);
+  }
+  void TearDown() override { client_.reset(); }
+  std::unique_ptr<Client<CheckAlive>> client_;
+};
+
+TEST_F(ServiceTest, ACallMadeBeforeTheServerExistsIsAnsweredWhenItComes) {
+  std::optional<std::uint64_t> answer;
+  CheckAlive::Request request;
+  request.nonce = 41;
+  client_->call(request, seconds(15), 1, [&](const Result<CheckAlive::Response, CallError>& r) { answer = r.value().nonce; });
+  const auto server = serve();
+  ASSERT_TRUE(wait([&] { return answer.has_value(); }));
+  EXPECT_EQ(*answer, 42U);
+}
+
+TEST_F(ServiceTest, ConcurrentCallsGetTheirOwnAnswers) {
+  const auto server = serve();
+  ASSERT_TRUE(wait([&] { return client_->is_ready(); }));
+  std::map<std::uint64_t, std::uint64_t> answers;
+  for (std::uint64_t i = 0; i < 8; ++i) {
+    CheckAlive::Request request;
+    request.nonce = i * 100;
+    client_->call(request, seconds(5), 1, [&answers, i](const Result<CheckAlive::Response, CallError>& r) { answers[i] = r.value().nonce; });
+  }
+  ASSERT_TRUE(wait([&] { return answers.size() == 8; }));
+  for (const auto& [i, nonce] : answers) EXPECT_EQ(nonce, i * 100 + 1);
+}
+
+TEST_F(ServiceTest, WithoutAServerACallFailsAtItsDeadlineAndSaysWhy) {
+  std::optional<CallError> error;
+  client_->call({}, milliseconds(50), 3, [&](const Result<CheckAlive::Response, CallError>& r) { error = r.error(); });
+  ASSERT_TRUE(wait([&] { return error.has_value(); }));
+  EXPECT_EQ(*error, CallError::no_server);
+}
+
+class TestNode : public LifecycleNode {
+ public:
+  explicit TestNode(NodeContext& context) : LifecycleNode(context) {
+    declare_parameter("period_ms", std::int64_t{100}, ParameterRange{10, 1000}, "Period");
+  }
+  std::vector<std::string> calls;
+  CallbackReturn configure_result = CallbackReturn::success;
+  CallbackReturn error_result = CallbackReturn::success;
+
+ protected:
+  CallbackReturn on_configure() override { return note("configure", configure_result); }
+  CallbackReturn on_activate() override { return note("activate", CallbackReturn::success); }
+  CallbackReturn on_deactivate() override { return note("deactivate", CallbackReturn::success); }
+  CallbackReturn on_cleanup() override { throw std::runtime_error("cannot clean"); }
+  CallbackReturn on_error() override { return note("error", error_result); }
+
+ private:
+  CallbackReturn note(const char* call, CallbackReturn result) {
+    calls.emplace_back(call);
+    return result;
+  }
+};
+
+class NodeTest : public RosTest {
+ protected:
+  void SetUp() override {
+    RosTest::SetUp();
+    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_node_XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+    ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: t\nnodes: [{name: probe, executable: x, parameters: {period_ms: 50}}]\n"));
+    deployment_ = std::make_unique<Deployment>(Deployment::load(folder_ / "d.yaml"));
+    context_ = std::make_unique<NodeContext>(NodeContext{"probe", *deployment_, VarPaths{folder_}, 7, executor_, *here_});
+    node_ = std::make_unique<TestNode>(*context_);
+  }
+  void TearDown() override {
+    node_.reset();
+    std::filesystem::remove_all(folder_);
+  }
+  template <class S>
+  typename S::Response call(const std::string& name, const typename S::Request& request) {
+    Client<S> client(executor_, *there_, name, Qos{}, Priority::normal);
+    std::optional<typename S::Response> answer;
+    client.call(request, seconds(15), 1, [&](const Result<typename S::Response, CallError>& r) {
+      if (r) answer = *r;
+    });
+    EXPECT_TRUE(wait([&] { return answer.has_value(); })) << name;
+    return answer.value_or(typename S::Response{});
+  }
+  bool change(const std::string& label) {
+    lifecycle_msgs::srv::ChangeState_Request request;
+    request.transition.label = label;
+    return call<lifecycle_msgs::srv::ChangeState>("/probe/change_state", request).success;
+  }
+  std::filesystem::path folder_;
+  std::unique_ptr<Deployment> deployment_;
+  std::unique_ptr<NodeContext> context_;
+  std::unique_ptr<TestNode> node_;
+};
+
+TEST_F(NodeTest, IsDrivenThroughItsStatesOverTheWireAndRemembersTheDesiredOne) {
+  EXPECT_EQ(call<lifecycle_msgs::srv::GetState>("/probe/get_state", {}).current_state.label, "unconfigured");
+  EXPECT_TRUE(change("configure"));
+  EXPECT_TRUE(change("activate"));
+  EXPECT_EQ(call<lifecycle_msgs::srv::GetState>("/probe/get_state", {}).current_state.id, 3);
+  EXPECT_FALSE(change("configure")) << "not in this state";
+  EXPECT_TRUE(change("deactivate"));
+  EXPECT_THAT(node_->calls, testing::ElementsAre("configure", "activate", "deactivate"));
+  EXPECT_EQ(read_file(folder_ / "state/probe/desired_state").value(), "inactive\n");
+}
+
+TEST_F(NodeTest, AFailingConfigureLeavesItUnconfigured) {
+  node_->configure_result = CallbackReturn::failure;
+  EXPECT_FALSE(change("configure"));
+  EXPECT_EQ(node_->state(), State::unconfigured);
+}
+
+TEST_F(NodeTest, AnExceptionInATransitionIsProcessedAsAnError) {
+  ASSERT_TRUE(node_->go_to(State::inactive));
+  EXPECT_FALSE(change("cleanup"));
+  EXPECT_EQ(node_->state(), State::unconfigured) << "on_error succeeded";
+
+  ASSERT_TRUE(node_->go_to(State::inactive));
+  node_->error_result = CallbackReturn::failure;
+  EXPECT_FALSE(change("cleanup"));
+  EXPECT_EQ(node_->state(), State::finalized);
+}
+
+TEST_F(NodeTest, ParametersAreReadListedAndSetWithReasons) {
+  rcl_interfaces::srv::GetParameters_Request get;
+  get.names = {"period_ms", "nonsense"};
+  const auto values = call<rcl_interfaces::srv::GetParameters>("/probe/get_parameters", get).values;
+  EXPECT_EQ(values.at(0).integer_value, 50) << "from the deployment file";
+  EXPECT_EQ(values.at(1).type, 0);
+
+  rcl_interfaces::srv::SetParameters_Request set;
+  set.parameters.resize(2);
+  set.parameters[0].name = "period_ms";
+  set.parameters[0].value.type = 2;
+  set.parameters[0].value.integer_value = 200;
+  set.parameters[1] = set.parameters[0];
+  set.parameters[1].value.integer_value = 5000;
+  const auto results = call<rcl_interfaces::srv::SetParameters>("/probe/set_parameters", set).results;
+  EXPECT_TRUE(results.at(0).successful);
+  EXPECT_EQ(results.at(1).reason, "parameter 'period_ms': 5000 is outside 10..1000");
+  EXPECT_EQ(call<rcl_interfaces::srv::ListParameters>("/probe/list_parameters", {}).result.names, std::vector<std::string>{"period_ms"});
+}
+
+TEST(Executor, RunsTimersOnTheirGridAndCountsMissedPeriods) {
+  Executor executor;
+  int runs = 0;
+  const auto start = monotonic_now();
+  const auto timer = executor.add_timer(start - milliseconds(35), milliseconds(10), [&] { ++runs; });
+  EXPECT_TRUE(executor.spin_until([&] { return runs == 2; }, start + seconds(10)));
+  EXPECT_GE(executor.missed_timer_periods(), 3U) << "three deadlines had passed before the first wake-up";
+}
+
+TEST(Executor, ADroppedTimerNeverRunsAndADroppedWatchNeverFires) {
+  Executor executor;
+  bool ran = false;
+  { const auto dropped = executor.add_timer(monotonic_now(), nanoseconds(0), [&] { ran = true; }); }
+  bool done = false;
+  const auto later = executor.add_timer(monotonic_now() + milliseconds(5), nanoseconds(0), [&] { done = true; });
+  EXPECT_TRUE(executor.spin_until([&] { return done; }, monotonic_now() + seconds(10)));
+  EXPECT_FALSE(ran);
+}
+
+TEST(Worker, RunsJobsElsewhereAndTheirResultsOnTheWorkThread) {
+  Executor executor;
+  Worker worker(executor, "test", 4);
+  const auto work_thread = std::this_thread::get_id();
+  std::thread::id job_thread;
+  std::thread::id done_thread;
+  EXPECT_TRUE(worker.post([&] { job_thread = std::this_thread::get_id(); }, [&] { done_thread = std::this_thread::get_id(); }));
+  EXPECT_TRUE(executor.spin_until([&] { return done_thread != std::thread::id(); }, monotonic_now() + seconds(10)));
+  EXPECT_NE(job_thread, work_thread);
+  EXPECT_EQ(done_thread, work_thread);
+}
+
+TEST(Worker, RefusesAndCountsWhatItsQueueCannotHold) {
+  Executor executor;
+  Worker worker(executor, "test", 2);
+  std::mutex gate;
+  gate.lock();
+  int taken = 0;
+  for (int i = 0; i < 10; ++i) taken += worker.post([&] { const std::lock_guard wait(gate); }) ? 1 : 0;
+  EXPECT_LE(taken, 3);
+  EXPECT_EQ(worker.progress().refused, static_cast<std::uint64_t>(10 - taken));
+  gate.unlock();
+  worker.drain();
+}
+
+}  // namespace
+}  // namespace srfs::ros

@@ -1,0 +1,73 @@
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include "base/file.hpp"
+#include "ros/deployment.hpp"
+#include "ros/instance.hpp"
+
+namespace srfs::ros {
+namespace {
+
+class DeploymentTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_deployment_XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string error_of(const std::string& yaml) {
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", yaml));
+    try {
+      (void)Deployment::load(folder_ / "d.yaml");
+    } catch (const ConfigError& e) {
+      return std::string(e.what()).substr(folder_.string().size() + 1);
+    }
+    return "no error";
+  }
+  std::filesystem::path folder_;
+};
+
+const std::string node = "nodes:\n  - {name: timing, executable: timing_node}\n";
+
+TEST_F(DeploymentTest, EveryFileInLaunchConfigIsValid) {
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(SRFS_SOURCE_DIR "/launch_config")) {
+    if (entry.path().extension() != ".yaml") continue;
+    EXPECT_NO_THROW((void)Deployment::load(entry.path())) << entry.path();
+    ++files;
+  }
+  EXPECT_GT(files, 0);
+}
+
+TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
+  EXPECT_EQ(error_of("deployment: x\n" + node + "devcies: {}\n").substr(0, 35), "d.yaml:4: 'devcies': unknown key, e");
+  EXPECT_EQ(error_of("deployment: x\n" + node + "link: {baud: fast}\n"),
+            "d.yaml:4: 'link.baud': expected an integer from 1200 to 4000000, found 'fast'");
+  EXPECT_EQ(error_of("deployment: x\n" + node + "link: {tm: {frame_length: 1115}}\n"),
+            "d.yaml:4: 'link.tm.frame_length': expected 223 x interleave with reed_solomon, found '1115'");
+  EXPECT_EQ(error_of("deployment: x\nnodes:\n  - {name: Timing, executable: t}\n"),
+            "d.yaml:3: 'nodes[0].name': expected 1-32 characters of a-z, 0-9 and _, found 'Timing'");
+  EXPECT_NE(error_of("deployment: x\n" + node + "slots: [{payload: ghost, allotted_ms: 1, overrun_ms: 1, reset_ms: 1}]\n").find("'ghost' is none"),
+            std::string::npos);
+}
+
+TEST_F(DeploymentTest, IncarnationsOnlyGoUpAlsoFromADamagedFile) {
+  const VarPaths var{folder_};
+  EXPECT_EQ(next_incarnation(var, "timing"), 1U);
+  EXPECT_EQ(next_incarnation(var, "timing"), 2U);
+  ASSERT_TRUE(write_file_atomically(var.state("timing") / "incarnation", "\x01garbage"));
+  EXPECT_GT(next_incarnation(var, "timing").value(), 2U);
+}
+
+TEST_F(DeploymentTest, StartRecordsSurviveAndKeepTheCause) {
+  const VarPaths var{folder_};
+  EXPECT_EQ(read_start_record(var, "ttc").starts, 0U);
+  write_start_record(var, "ttc", {3, 2, "watchdog starved\nsecond line"});
+  EXPECT_EQ(read_start_record(var, "ttc").restarts, 2U);
+  EXPECT_EQ(read_start_record(var, "ttc").last_cause, "watchdog starved second line");
+}
+
+}  // namespace
+}  // namespace srfs::ros

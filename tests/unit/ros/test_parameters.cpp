@@ -1,0 +1,83 @@
+#include <gtest/gtest.h>
+
+#include "ros/parameters.hpp"
+
+namespace srfs::ros {
+namespace {
+
+ParameterSet with_overrides(const std::string& yaml) {
+  return ParameterSet(ConfigSection::parse(yaml, "x.yaml"));
+}
+
+std::string declare_error(const std::string& yaml) {
+  try {
+    ParameterSet set = with_overrides(yaml);
+    set.declare("period_ms", {std::int64_t{100}, ParameterRange{10, 1000}, "Period"});
+    set.finish();
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+TEST(ParameterSet, StartsFromTheDeploymentElseFromTheDefault) {
+  ParameterSet set = with_overrides("period_ms: 250\n");
+  EXPECT_EQ(std::get<std::int64_t>(set.declare("period_ms", {std::int64_t{100}, ParameterRange{10, 1000}, ""})), 250);
+  EXPECT_EQ(std::get<std::string>(set.declare("mode", {std::string("safe"), std::nullopt, ""})), "safe");
+}
+
+TEST(ParameterSet, RefusesOverridesOfTheWrongTypeRangeOrName) {
+  EXPECT_EQ(declare_error("period_ms: 100\n"), "");
+  EXPECT_EQ(declare_error("period_ms: fast\n"), "x.yaml:1: 'period_ms': expected integer, found 'fast'");
+  EXPECT_EQ(declare_error("period_ms: 5\n"), "x.yaml:1: 'period_ms': expected integer from 10 to 1000, found '5'");
+  EXPECT_NE(declare_error("peroid_ms: 5\n").find("'peroid_ms': unknown key, expected one of period_ms"), std::string::npos);
+}
+
+TEST(ParameterSet, AppliesAllChangesOrNone) {
+  ParameterSet set;
+  set.declare("a", {std::int64_t{1}, ParameterRange{0, 10}, ""});
+  set.declare("b", {2.0, std::nullopt, ""});
+  const auto refusals = set.set_atomically({{"a", std::int64_t{5}}, {"b", std::string("x")}});
+  EXPECT_EQ(refusals[0], "");
+  EXPECT_EQ(refusals[1], "parameter 'b' is of type double, not string");
+  EXPECT_EQ(std::get<std::int64_t>(*set.find("a")), 1) << "nothing may change when one is refused";
+}
+
+TEST(ParameterSet, SaysWhyAChangeIsRefused) {
+  ParameterSet set;
+  set.declare("a", {std::int64_t{1}, ParameterRange{0, 10}, ""});
+  set.declare("fixed", {true, std::nullopt, "", true});
+  set.set_check([](const std::string&, const ParameterValue& v) -> Result<void, std::string> {
+    if (std::get<std::int64_t>(v) == 7) return Err(std::string("seven is taken"));
+    return {};
+  });
+  EXPECT_EQ(set.set_atomically({{"a", std::int64_t{11}}})[0], "parameter 'a': 11 is outside 0..10");
+  EXPECT_EQ(set.set_atomically({{"fixed", false}})[0], "parameter 'fixed' is read-only");
+  EXPECT_EQ(set.set_atomically({{"none", false}})[0], "parameter 'none' has not been declared");
+  EXPECT_EQ(set.set_atomically({{"a", std::int64_t{7}}})[0], "seven is taken");
+}
+
+TEST(ParameterSet, TellsAfterAChangeHolds) {
+  ParameterSet set;
+  set.declare("a", {std::int64_t{1}, std::nullopt, ""});
+  std::int64_t seen = 0;
+  set.set_changed([&](const std::string& name) { seen = std::get<std::int64_t>(*set.find(name)); });
+  EXPECT_EQ(set.set_atomically({{"a", std::int64_t{4}}})[0], "");
+  EXPECT_EQ(seen, 4);
+}
+
+TEST(ParameterMessage, EveryTypeSurvivesTheRoundTrip) {
+  const std::vector<ParameterValue> values{true,
+                                           std::int64_t{-3},
+                                           0.5,
+                                           std::string("x"),
+                                           std::vector<bool>{true, false},
+                                           std::vector<std::int64_t>{1, 2},
+                                           std::vector<double>{1.5},
+                                           std::vector<std::string>{"a", "b"}};
+  for (const auto& value : values) EXPECT_EQ(from_message(to_message(value)), value) << type_text(value);
+  EXPECT_FALSE(from_message({})) << "NOT_SET is no value";
+}
+
+}  // namespace
+}  // namespace srfs::ros

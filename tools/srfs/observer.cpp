@@ -1,0 +1,139 @@
+#include "tools/srfs/observer.hpp"
+
+#include <cstdio>
+
+#include <lifecycle_msgs/msg/transition_event.hpp>
+#include <nlohmann/json.hpp>
+#include <sys/epoll.h>
+#include <sys/signalfd.h>
+
+#include "base/octets.hpp"
+#include "ros/publisher.hpp"
+#include "ros/topics.hpp"
+
+namespace srfs::tool {
+namespace {
+
+using Json = nlohmann::ordered_json;
+namespace m = srfs_msgs::msg;
+namespace topics = ros::topics;
+
+Json begin(const char* type, MonotonicTime at) {
+  return Json{{"type", type}, {"at_ns", at.ns()}};
+}
+
+void print(const Json& line) {
+  std::puts(line.dump().c_str());
+  std::fflush(stdout);
+}
+
+Json describe(const m::TimeTick& t, MonotonicTime at) {
+  Json j = begin("tick", at);
+  j.update({{"cycle", t.cycle}, {"due_ns", t.monotonic_ns}, {"published_ns", t.published_ns}, {"sync_state", t.sync_state},
+            {"time_valid", t.time_valid}, {"utc_s", t.utc.sec}, {"incarnation", t.incarnation}});
+  return j;
+}
+
+Json describe(const m::TaskFlags& f, MonotonicTime at) {
+  Json j = begin("flags", at);
+  j.update({{"cycle", f.cycle}, {"switcher", f.switcher_incarnation}, {"grant", f.grant_counter}, {"holder", f.holder},
+            {"flags", f.flags}, {"tick_received_ns", f.tick_received_ns}, {"published_ns", f.published_ns}, {"lease_end_ns", f.lease_end_ns}});
+  return j;
+}
+
+Json describe(const m::BusStatus& s, MonotonicTime at) {
+  static constexpr const char* names[] = {"?", "taken", "released", "failed"};
+  Json j = begin("bus", at);
+  j.update({{"status", names[s.status < 4 ? s.status : 0]}, {"payload", s.payload}, {"switcher", s.switcher_incarnation},
+            {"grant", s.grant_counter}, {"used_us", s.used_us}, {"sent", s.frames_sent}, {"received", s.frames_received},
+            {"detail", s.detail}});
+  return j;
+}
+
+Json describe(const m::PayloadActivity& a, MonotonicTime at) {
+  static constexpr const char* names[] = {"off", "occupying_can", "data_processing", "other_async_command"};
+  Json j = begin("activity", at);
+  j.update({{"payload", a.payload}, {"state", names[a.state < 4 ? a.state : 0]}, {"since_ns", a.monotonic_ns}, {"cycle", a.cycle}});
+  return j;
+}
+
+Json describe(const m::Telecommand& t, MonotonicTime at) {
+  Json j = begin("telecommand", at);
+  j.update({{"id", t.id}, {"target", t.target}, {"function", t.function_id}, {"arguments", to_hex(t.arguments)}});
+  return j;
+}
+
+Json describe(const m::TelecommandReport& r, MonotonicTime at) {
+  Json j = begin("report", at);
+  j.update({{"id", r.id}, {"node", r.node}, {"stage", r.stage}, {"success", r.success}, {"failure_code", r.failure_code}});
+  return j;
+}
+
+Json describe(const m::Event& e, MonotonicTime at) {
+  Json j = begin("event", at);
+  j.update({{"source", e.source}, {"event_id", e.event_id}, {"severity", e.severity}});
+  return j;
+}
+
+Json describe(const m::PeripheralReset& r, MonotonicTime at) {
+  Json j = begin("peripheral_reset", at);
+  j.update({{"payload", r.payload}, {"grant", r.grant_counter}, {"reason", r.reason}});
+  return j;
+}
+
+}  // namespace
+
+int record(const Target& target, seconds duration) {
+  const auto domain = running_domain(target);
+  if (!domain) {
+    std::fprintf(stderr, "srfs record: the suite is not running (no %s)\n", target.var.domain_file().c_str());
+    return 1;
+  }
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  const Fd signals(signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
+
+  ros::Executor executor;
+  auto participant = ros::Participant::create({*domain, target.deployment.interfaces});
+  if (!participant) {
+    std::fprintf(stderr, "srfs record: %s\n", participant.error().c_str());
+    return 1;
+  }
+  std::vector<std::shared_ptr<void>> kept;
+  const auto listen = [&]<class M>(ros::Topic<M> topic) {
+    topic.qos.depth = 256;  // an observer may fall behind; the nodes' depths are theirs
+    kept.push_back(std::make_shared<ros::Subscription<M>>(
+        executor, **participant, topic, [](const M& message, const ros::MessageInfo& info) { print(describe(message, info.received)); }));
+  };
+  listen(topics::time_tick);
+  listen(topics::task_flags);
+  listen(topics::bus_status);
+  listen(topics::reset_peripheral);
+  listen(topics::telecommand);
+  listen(topics::telecommand_report);
+  listen(topics::event);
+  for (const auto& node : target.deployment.nodes) {
+    if (node.name.starts_with("payload")) listen(topics::activity(node.name));
+    using Transition = lifecycle_msgs::msg::TransitionEvent;
+    const ros::Topic<Transition> topic{"/" + node.name + "/transition_event", {}};
+    kept.push_back(std::make_shared<ros::Subscription<Transition>>(
+        executor, **participant, topic, [name = node.name](const Transition& t, const ros::MessageInfo& info) {
+          Json j = begin("lifecycle", info.received);
+          j.update({{"node", name}, {"from", t.start_state.label}, {"to", t.goal_state.label}});
+          print(j);
+        }));
+  }
+  const auto watch = executor.add_fd(signals.get(), EPOLLIN, [&](std::uint32_t) { executor.stop(); });
+  print(Json{{"type", "recording"}, {"domain", *domain}});
+  if (duration > seconds(0)) {
+    executor.spin_until([] { return false; }, monotonic_now() + duration);
+  } else {
+    executor.spin();
+  }
+  return 0;
+}
+
+}  // namespace srfs::tool

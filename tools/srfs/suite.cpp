@@ -1,0 +1,269 @@
+#include "tools/srfs/suite.hpp"
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <map>
+
+#include <fmt/format.h>
+#include <lifecycle_msgs/srv/change_state.hpp>
+#include <lifecycle_msgs/srv/get_state.hpp>
+#include <poll.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "base/file.hpp"
+#include "hw/open.hpp"
+#include "hw/watchdog.hpp"
+#include "ros/client.hpp"
+#include "ros/launcher.hpp"
+#include "ros/lifecycle.hpp"
+
+namespace srfs::tool {
+namespace {
+
+using lifecycle_msgs::srv::ChangeState;
+using lifecycle_msgs::srv::GetState;
+
+constexpr milliseconds ask_deadline{150};
+constexpr ros::Qos service_qos{};
+
+/// A tool's place on the bus: one participant, one executor, run only while something is waited for.
+struct Bus {
+  ros::Executor executor;
+  std::unique_ptr<ros::Participant> participant;
+
+  explicit Bus(const ros::Deployment& deployment, int domain) {
+    auto made = ros::Participant::create({domain, deployment.interfaces});
+    if (!made) throw std::runtime_error(made.error());
+    participant = std::move(*made);
+  }
+  template <class S>
+  std::unique_ptr<ros::Client<S>> client(const std::string& name) {
+    return std::make_unique<ros::Client<S>>(executor, *participant, name, service_qos, ros::Priority::normal);
+  }
+};
+
+/// Asks nodes for their lifecycle state until told to stop.
+class StateQuestions {
+ public:
+  StateQuestions(Bus& bus, const std::vector<std::string>& nodes) {
+    for (const std::string& node : nodes) clients_[node] = bus.client<GetState>("/" + node + "/get_state");
+  }
+  void ask(const std::string& node) {
+    if (asking_[node]) return;
+    asking_[node] = true;
+    clients_.at(node)->call({}, ask_deadline, 1, [this, node](const Result<GetState::Response, ros::CallError>& answer) {
+      asking_[node] = false;
+      if (answer) states_[node] = answer->current_state.label;
+    });
+  }
+  void forget(const std::string& node) { states_.erase(node); }
+  [[nodiscard]] std::string state(const std::string& node) const {
+    const auto found = states_.find(node);
+    return found == states_.end() ? "" : found->second;
+  }
+
+ private:
+  std::map<std::string, std::unique_ptr<ros::Client<GetState>>> clients_;
+  std::map<std::string, bool> asking_;
+  std::map<std::string, std::string> states_;
+};
+
+std::string desired(const Target& target, const std::string& node) {
+  const auto text = read_file(target.var.state(node) / "desired_state", 64);
+  const std::string label = text ? text->substr(0, text->find('\n')) : "active";
+  const auto state = ros::primary_state(label);
+  return state && *state != ros::State::finalized ? label : "active";
+}
+
+std::vector<std::string> names(const ros::Deployment& deployment) {
+  std::vector<std::string> all;
+  for (const auto& node : deployment.nodes) all.push_back(node.name);
+  return all;
+}
+
+std::vector<NodeStatus> local_status(const Target& target) {
+  std::vector<NodeStatus> all;
+  for (const auto& node : target.deployment.nodes) {
+    NodeStatus s;
+    s.name = node.name;
+    s.instance = ros::find_instance(target.var, node.name);
+    s.starts = ros::read_start_record(target.var, node.name);
+    if (s.instance) s.state = "not answering";
+    all.push_back(s);
+  }
+  return all;
+}
+
+/// The domain of the suite that runs in VAR, or a fresh one held for it.
+Result<ros::DomainLock, std::string> take_domain(const Target& target, std::optional<int> wanted) {
+  const auto statuses = local_status(target);
+  const bool running = std::any_of(statuses.begin(), statuses.end(), [](const NodeStatus& s) { return s.instance.has_value(); });
+  const auto old = running_domain(target);
+  if (running && old) return ros::DomainLock::share(*old);
+  auto lock = ros::DomainLock::allocate(wanted ? wanted : target.deployment.domain);
+  if (!lock) return lock;
+  const auto written = write_file_atomically(target.var.domain_file(), fmt::format("{}\n", lock->domain()));
+  if (!written) return Err(written.error().message);
+  lock->downgrade();
+  return lock;
+}
+
+bool wait_for_exit(pid_t pid, milliseconds patience) {
+  const Fd pidfd(static_cast<int>(syscall(SYS_pidfd_open, pid, 0)));
+  if (!pidfd) return true;  // gone already
+  pollfd entry{pidfd.get(), POLLIN, 0};
+  return poll(&entry, 1, static_cast<int>(patience.count())) == 1;
+}
+
+void disarm_simulated_watchdog(const Target& target) {
+  const auto uri = target.deployment.devices.find("watchdog");
+  if (uri == target.deployment.devices.end() || !uri->second.starts_with("sim:")) return;
+  constexpr seconds unused{1};  // the simulated watchdog has its own timeout
+  if (auto watchdog = hw::open_watchdog(uri->second, target.var.root, unused)) (void)(*watchdog)->disarm();
+}
+
+}  // namespace
+
+std::optional<int> running_domain(const Target& target) {
+  const auto text = read_file(target.var.domain_file(), 64);
+  if (!text) return std::nullopt;
+  const int domain = std::atoi(text->c_str());
+  return domain >= 0 && domain <= 101 ? std::optional(domain) : std::nullopt;
+}
+
+UpReport up(const Target& target, const UpOptions& options) {
+  UpReport report;
+  std::error_code ec;
+  std::filesystem::remove(target.var.stopping_flag(), ec);
+  const auto domain = take_domain(target, options.domain);
+  if (!domain) {
+    report.problems.push_back(domain.error());
+    return report;
+  }
+  report.domain = domain->domain();
+  Bus bus(target.deployment, report.domain);  // before the nodes, so that it does not slow their start
+  StateQuestions questions(bus, names(target.deployment));
+
+  const MonotonicTime start = monotonic_now();
+  const ros::LaunchRequest request{target.deployment, target.var, ros::own_bin_folder(), options.cause};
+  for (const auto& node : target.deployment.nodes) {
+    if (const auto started = ros::launch(request, node); !started) report.problems.push_back(fmt::format("{}: {}", node.name, started.error()));
+  }
+  const auto reached = [&] {
+    bool all = true;
+    for (const auto& node : target.deployment.nodes) {
+      if (questions.state(node.name) == desired(target, node.name)) continue;
+      all = false;
+      questions.ask(node.name);
+    }
+    return all;
+  };
+  report.all_reached = bus.executor.spin_until(reached, start + options.deadline) && report.problems.empty();
+  report.took = std::chrono::duration_cast<milliseconds>(monotonic_now() - start);
+  report.nodes = local_status(target);
+  for (NodeStatus& s : report.nodes) {
+    const std::string state = questions.state(s.name);
+    if (!state.empty() && s.instance) s.state = state;
+    if (s.state != desired(target, s.name)) {
+      report.problems.push_back(fmt::format("{} is {} instead of {}; see {}", s.name, s.state, desired(target, s.name),
+                                            target.var.log(s.name).string()));
+    }
+  }
+  return report;
+}
+
+DownReport down(const Target& target, milliseconds patience) {
+  DownReport report;
+  (void)write_file_atomically(target.var.stopping_flag(), "down\n");
+  disarm_simulated_watchdog(target);
+  std::vector<std::pair<std::string, pid_t>> running;
+  for (auto node = target.deployment.nodes.rbegin(); node != target.deployment.nodes.rend(); ++node) {
+    const auto instance = ros::find_instance(target.var, node->name);
+    if (!instance) continue;
+    kill(instance->pid, SIGTERM);
+    kill(instance->pid, SIGCONT);  // a stopped process would sleep through its SIGTERM
+    running.emplace_back(node->name, instance->pid);
+  }
+  const MonotonicTime deadline = monotonic_now() + patience;
+  for (const auto& [name, pid] : running) {
+    const auto left = std::chrono::duration_cast<milliseconds>(deadline - monotonic_now());
+    if (wait_for_exit(pid, std::max(left, milliseconds(1)))) continue;
+    kill(pid, SIGKILL);
+    report.killed.push_back(name);
+    if (!wait_for_exit(pid, milliseconds(2000))) report.left.push_back(name);
+  }
+  std::error_code ec;
+  if (report.left.empty()) {
+    for (const auto& node : target.deployment.nodes) {
+      std::filesystem::remove(target.var.instance_lock(node.name), ec);
+      std::filesystem::remove(target.var.restart_lock(node.name), ec);
+    }
+    std::filesystem::remove(target.var.domain_file(), ec);
+    std::filesystem::remove(target.var.stopping_flag(), ec);
+  }
+  return report;
+}
+
+std::vector<NodeStatus> status(const Target& target, milliseconds deadline) {
+  std::vector<NodeStatus> all = local_status(target);
+  std::vector<std::string> running;
+  for (const auto& s : all) {
+    if (s.instance) running.push_back(s.name);
+  }
+  const auto domain = running_domain(target);
+  if (running.empty() || !domain) return all;
+  Bus bus(target.deployment, *domain);
+  StateQuestions questions(bus, running);
+  bus.executor.spin_until(
+      [&] {
+        bool complete = true;
+        for (const std::string& node : running) {
+          if (!questions.state(node).empty()) continue;
+          complete = false;
+          questions.ask(node);
+        }
+        return complete;
+      },
+      monotonic_now() + deadline);
+  for (NodeStatus& s : all) {
+    if (const std::string state = questions.state(s.name); !state.empty()) s.state = state;
+  }
+  return all;
+}
+
+TransitionOutcome transition(const Target& target, const std::string& node, const std::string& label, milliseconds deadline) {
+  TransitionOutcome outcome;
+  const auto domain = running_domain(target);
+  if (!domain) {
+    outcome.error = "the suite is not running (no " + target.var.domain_file().string() + ")";
+    return outcome;
+  }
+  Bus bus(target.deployment, *domain);
+  const auto client = bus.client<ChangeState>("/" + node + "/change_state");
+  ChangeState::Request request;
+  request.transition.label = label;
+  bool done = false;
+  client->call(request, deadline, 1, [&](const Result<ChangeState::Response, ros::CallError>& answer) {
+    done = true;
+    outcome.answered = answer.has_value();
+    outcome.success = answer && answer->success;
+    if (!answer) outcome.error = fmt::format("/{}: {}", node, ros::to_text(answer.error()));
+  });
+  bus.executor.spin_until([&] { return done; }, monotonic_now() + deadline + seconds(1));
+  StateQuestions questions(bus, {node});
+  bus.executor.spin_until(
+      [&] {
+        questions.ask(node);
+        return !questions.state(node).empty();
+      },
+      monotonic_now() + milliseconds(1000));
+  outcome.state = questions.state(node);
+  if (outcome.answered && !outcome.success) {
+    outcome.error = fmt::format("/{} refused '{}' and is {}; its log says why: {}", node, label, outcome.state, target.var.log(node).string());
+  }
+  return outcome;
+}
+
+}  // namespace srfs::tool

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/time.hpp"
+#include "ros/deployment.hpp"
+#include "ros/instance.hpp"
+
+namespace srfs::tool {
+
+/// The deployment an operator's command is about.
+struct Target {
+  ros::Deployment deployment;
+  ros::VarPaths var;
+};
+
+/// One line of `srfs status`.
+struct NodeStatus {
+  std::string name;
+  std::string state = "not running";  ///< lifecycle label; "not running"; "not answering"
+  std::optional<ros::RunningInstance> instance;
+  ros::StartRecord starts;
+};
+
+struct UpOptions {
+  std::string cause = "up";
+  seconds deadline{15};  ///< for all nodes to reach their desired state
+  std::optional<int> domain;
+};
+
+struct UpReport {
+  bool all_reached = false;
+  milliseconds took{0};  ///< first exec to the last node in its desired state
+  int domain = 0;
+  std::vector<std::string> problems;
+  std::vector<NodeStatus> nodes;
+};
+
+/// Starts every node of the deployment in list order and waits until all are in their desired state. Nodes that run are
+/// left alone. Nothing of it stays behind. Blocks up to the deadline.
+[[nodiscard]] UpReport up(const Target& target, const UpOptions& options);
+
+struct DownReport {
+  std::vector<std::string> killed;  ///< nodes that needed SIGKILL
+  std::vector<std::string> left;    ///< nodes that survived even that
+};
+
+/// Stops every node in reverse order: stopping flag first, so that nobody revives what is stopped; SIGTERM, after
+/// @p patience SIGKILL; then locks and the domain file are removed. The simulated watchdog is disarmed. Blocks.
+[[nodiscard]] DownReport down(const Target& target, milliseconds patience);
+
+/// Asks every node for its state over DDS. Blocks for at most @p deadline.
+[[nodiscard]] std::vector<NodeStatus> status(const Target& target, milliseconds deadline);
+
+struct TransitionOutcome {
+  bool answered = false;
+  bool success = false;
+  std::string state;  ///< afterwards
+  std::string error;
+};
+/// Requests a transition by label ("configure", "activate", "deactivate", "cleanup", "shutdown"). Blocks up to @p deadline.
+[[nodiscard]] TransitionOutcome transition(const Target& target, const std::string& node, const std::string& label, milliseconds deadline);
+
+/// DDS domain of the running suite; nullopt when VAR has none.
+[[nodiscard]] std::optional<int> running_domain(const Target& target);
+
+}  // namespace srfs::tool
