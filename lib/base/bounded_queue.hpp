@@ -19,7 +19,9 @@ enum class Overflow : std::uint8_t {
 template <class T>
 class BoundedQueue {
  public:
-  BoundedQueue(std::size_t capacity, Overflow rule) : capacity_(capacity), rule_(rule) { assert(capacity > 0); }
+  BoundedQueue(std::size_t capacity, Overflow rule) : capacity_(capacity), rule_(rule) {
+    assert(capacity > 0);
+  }
 
   /// @return false if the pushed item itself was refused
   bool push(T item) {

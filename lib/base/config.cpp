@@ -13,11 +13,16 @@ namespace {
 std::string found(const YAML::Node& node) {
   if (!node.IsDefined()) return "nothing";
   switch (node.Type()) {
-    case YAML::NodeType::Null: return "null";
-    case YAML::NodeType::Scalar: return fmt::format("'{}'", node.Scalar());
-    case YAML::NodeType::Sequence: return "a list";
-    case YAML::NodeType::Map: return "a mapping";
-    case YAML::NodeType::Undefined: break;
+    case YAML::NodeType::Null:
+      return "null";
+    case YAML::NodeType::Scalar:
+      return fmt::format("'{}'", node.Scalar());
+    case YAML::NodeType::Sequence:
+      return "a list";
+    case YAML::NodeType::Map:
+      return "a mapping";
+    case YAML::NodeType::Undefined:
+      break;
   }
   return "nothing";
 }
@@ -37,7 +42,8 @@ ConfigSection ConfigSection::parse(const std::string& text, const std::string& n
   try {
     YAML::Node node = YAML::Load(text);
     if (node.IsNull()) node = YAML::Node(YAML::NodeType::Map);
-    if (!node.IsMap()) throw ConfigError(fmt::format("{}: expected a mapping at the top, found {}", name, found(node)));
+    if (!node.IsMap())
+      throw ConfigError(fmt::format("{}: expected a mapping at the top, found {}", name, found(node)));
     return {node, name, ""};
   } catch (const YAML::Exception& e) {
     throw ConfigError(fmt::format("{}:{}: not valid YAML: {}", name, e.mark.line + 1, e.msg));
@@ -47,8 +53,8 @@ ConfigSection ConfigSection::parse(const std::string& text, const std::string& n
 ConfigError ConfigSection::bad(std::string_view key, std::string_view expected) const {
   const YAML::Node node = get(key);
   const int line = (node.IsDefined() ? node : node_).Mark().line + 1;
-  return ConfigError(fmt::format("{}:{}: '{}{}{}': expected {}, found {}", file_, line, path_, path_.empty() ? "" : ".", key,
-                                 expected, found(node)));
+  return ConfigError(fmt::format("{}:{}: '{}{}{}': expected {}, found {}", file_, line, path_,
+                                 path_.empty() ? "" : ".", key, expected, found(node)));
 }
 
 YAML::Node ConfigSection::get(std::string_view key) const {
@@ -93,14 +99,16 @@ std::int64_t ConfigSection::integer(std::string_view key, std::int64_t lowest, s
   return value;
 }
 
-std::int64_t ConfigSection::integer(std::string_view key, std::int64_t lowest, std::int64_t highest, std::int64_t fallback) const {
+std::int64_t ConfigSection::integer(std::string_view key, std::int64_t lowest, std::int64_t highest,
+                                    std::int64_t fallback) const {
   return has(key) ? integer(key, lowest, highest) : fallback;
 }
 
 double ConfigSection::number(std::string_view key, double lowest, double highest) const {
   const std::string expected = fmt::format("a number from {} to {}", lowest, highest);
   double value = 0;
-  if (!YAML::convert<double>::decode(need(key, expected), value) || !(value >= lowest && value <= highest)) throw bad(key, expected);
+  if (!YAML::convert<double>::decode(need(key, expected), value) || !(value >= lowest && value <= highest))
+    throw bad(key, expected);
   return value;
 }
 
@@ -108,7 +116,8 @@ double ConfigSection::number(std::string_view key, double lowest, double highest
   return has(key) ? number(key, lowest, highest) : fallback;
 }
 
-std::string ConfigSection::choice(std::string_view key, const std::vector<std::string>& choices, std::string fallback) const {
+std::string ConfigSection::choice(std::string_view key, const std::vector<std::string>& choices,
+                                  std::string fallback) const {
   std::string value = text(key, std::move(fallback));
   if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
     throw bad(key, fmt::format("one of {}", fmt::join(choices, ", ")));
@@ -128,7 +137,8 @@ std::vector<std::string> ConfigSection::texts(std::string_view key) const {
   return values;
 }
 
-std::vector<std::int64_t> ConfigSection::integers(std::string_view key, std::int64_t lowest, std::int64_t highest) const {
+std::vector<std::int64_t> ConfigSection::integers(std::string_view key, std::int64_t lowest,
+                                                  std::int64_t highest) const {
   const std::string expected = fmt::format("a list of integers from {} to {}", lowest, highest);
   std::vector<std::int64_t> values;
   if (!has(key)) return values;
@@ -136,7 +146,8 @@ std::vector<std::int64_t> ConfigSection::integers(std::string_view key, std::int
   if (!node.IsSequence()) throw bad(key, expected);
   for (const auto& item : node) {
     std::int64_t value = 0;
-    if (!YAML::convert<std::int64_t>::decode(item, value) || value < lowest || value > highest) throw bad(key, expected);
+    if (!YAML::convert<std::int64_t>::decode(item, value) || value < lowest || value > highest)
+      throw bad(key, expected);
     values.push_back(value);
   }
   return values;
@@ -156,7 +167,8 @@ std::vector<ConfigSection> ConfigSection::sections(std::string_view key) const {
   if (!node.IsSequence()) throw bad(key, "a list of mappings");
   for (const auto& item : node) {
     if (!item.IsMap()) throw bad(key, "a list of mappings");
-    all.push_back(ConfigSection(item, file_, fmt::format("{}{}{}[{}]", path_, path_.empty() ? "" : ".", key, all.size())));
+    all.push_back(ConfigSection(item, file_,
+                                fmt::format("{}{}{}[{}]", path_, path_.empty() ? "" : ".", key, all.size())));
   }
   return all;
 }
@@ -180,8 +192,9 @@ void ConfigSection::finish() const {
   for (const auto& entry : node_) {
     const std::string key = entry.first.Scalar();
     if (asked_.contains(key)) continue;
-    throw ConfigError(fmt::format("{}:{}: '{}{}{}': unknown key, expected one of {}", file_, entry.first.Mark().line + 1, path_,
-                                  path_.empty() ? "" : ".", key, fmt::join(asked_, ", ")));
+    throw ConfigError(fmt::format("{}:{}: '{}{}{}': unknown key, expected one of {}", file_,
+                                  entry.first.Mark().line + 1, path_, path_.empty() ? "" : ".", key,
+                                  fmt::join(asked_, ", ")));
   }
 }
 

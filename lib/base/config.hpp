@@ -20,8 +20,8 @@ class ConfigError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// One mapping of a YAML file, read strictly: every value is checked for its type and range, and finish() refuses keys
-/// that nobody asked for. Paths in messages look like "nodes[2].parameters.tick_period_ms".
+/// One mapping of a YAML file, read strictly: every value is checked for its type and range, and finish()
+/// refuses keys that nobody asked for. Paths in messages look like "nodes[2].parameters.tick_period_ms".
 class ConfigSection {
  public:
   /// Reads the file. Throws ConfigError when it is missing, not YAML, or not a mapping.
@@ -36,20 +36,25 @@ class ConfigSection {
   [[nodiscard]] std::string text(std::string_view key, std::string fallback) const;
   [[nodiscard]] bool boolean(std::string_view key, bool fallback) const;
   [[nodiscard]] std::int64_t integer(std::string_view key, std::int64_t lowest, std::int64_t highest) const;
-  [[nodiscard]] std::int64_t integer(std::string_view key, std::int64_t lowest, std::int64_t highest, std::int64_t fallback) const;
+  [[nodiscard]] std::int64_t integer(std::string_view key, std::int64_t lowest, std::int64_t highest,
+                                     std::int64_t fallback) const;
   [[nodiscard]] double number(std::string_view key, double lowest, double highest) const;
   [[nodiscard]] double number(std::string_view key, double lowest, double highest, double fallback) const;
   /// One of @p choices.
-  [[nodiscard]] std::string choice(std::string_view key, const std::vector<std::string>& choices, std::string fallback) const;
+  [[nodiscard]] std::string choice(std::string_view key, const std::vector<std::string>& choices,
+                                   std::string fallback) const;
 
   // Lists and sections. A missing list is empty; section() of a missing key is an empty section.
   [[nodiscard]] std::vector<std::string> texts(std::string_view key) const;
-  [[nodiscard]] std::vector<std::int64_t> integers(std::string_view key, std::int64_t lowest, std::int64_t highest) const;
+  [[nodiscard]] std::vector<std::int64_t> integers(std::string_view key, std::int64_t lowest,
+                                                   std::int64_t highest) const;
   [[nodiscard]] ConfigSection section(std::string_view key) const;
   [[nodiscard]] std::vector<ConfigSection> sections(std::string_view key) const;
-  /// All keys of this mapping, in file order; counts as asking for them (their own content is still checked by its reader).
+  /// All keys of this mapping, in file order; counts as asking for them (their own content is still checked
+  /// by its reader).
   [[nodiscard]] std::vector<std::string> keys() const;
-  /// The raw node, for values whose type depends on a declaration elsewhere (ROS parameters). Missing: undefined node.
+  /// The raw node, for values whose type depends on a declaration elsewhere (ROS parameters). Missing:
+  /// undefined node.
   [[nodiscard]] YAML::Node raw(std::string_view key) const;
 
   /// Throws ConfigError for keys of this mapping that were never asked for, naming the known ones.

@@ -14,7 +14,8 @@ void Fd::reset() {
 
 std::string errno_text(int error) {
   const char* name = strerrorname_np(error);
-  return fmt::format("{} ({})", strerrordesc_np(error) ? strerrordesc_np(error) : "unknown error", name ? name : "?");
+  return fmt::format("{} ({})", strerrordesc_np(error) ? strerrordesc_np(error) : "unknown error",
+                     name ? name : "?");
 }
 
 }  // namespace srfs

@@ -45,7 +45,8 @@ Result<std::string, FileError> read_file(const std::filesystem::path& path, std:
 
 Result<void, FileError> write_file_atomically(const std::filesystem::path& path, std::string_view content) {
   std::error_code ec;
-  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  const std::filesystem::path folder =
+      path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
   std::filesystem::create_directories(folder, ec);
   // The pid keeps two writers from sharing a temporary file; the last rename wins whole.
   const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());

@@ -14,11 +14,15 @@ struct FileError {
   std::string message;
 };
 
-/// The whole file. @param limit files larger than this are refused. Blocks on the disk: worker threads and start-up only.
-[[nodiscard]] Result<std::string, FileError> read_file(const std::filesystem::path& path, std::size_t limit = 16U << 20);
+/// The whole file. @param limit files larger than this are refused. Blocks on the disk: worker threads and
+/// start-up only.
+[[nodiscard]] Result<std::string, FileError> read_file(const std::filesystem::path& path,
+                                                       std::size_t limit = 16U << 20);
 
-/// Replaces @p path so that after power loss at any instant it holds the old or the new octets, never a mixture:
-/// temporary file beside it, fsync, rename, fsync of the folder. Creates missing folders. Blocks on the disk.
-[[nodiscard]] Result<void, FileError> write_file_atomically(const std::filesystem::path& path, std::string_view content);
+/// Replaces @p path so that after power loss at any instant it holds the old or the new octets, never a
+/// mixture: temporary file beside it, fsync, rename, fsync of the folder. Creates missing folders. Blocks on
+/// the disk.
+[[nodiscard]] Result<void, FileError> write_file_atomically(const std::filesystem::path& path,
+                                                            std::string_view content);
 
 }  // namespace srfs

@@ -5,8 +5,8 @@
 
 namespace srfs {
 
-/// Names one grant of the CAN bus for ever: switcher processes have rising incarnations, each counts its grants up from 1.
-/// {0, 0} is no grant. A lower pair is an older grant.
+/// Names one grant of the CAN bus for ever: switcher processes have rising incarnations, each counts its
+/// grants up from 1. {0, 0} is no grant. A lower pair is an older grant.
 struct GrantId {
   std::uint32_t incarnation = 0;
   std::uint32_t counter = 0;

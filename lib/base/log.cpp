@@ -26,11 +26,16 @@ State& state() {
 
 const char* label(Severity severity) {
   switch (severity) {
-    case Severity::debug: return "DEBUG";
-    case Severity::info: return "INFO ";
-    case Severity::warn: return "WARN ";
-    case Severity::error: return "ERROR";
-    case Severity::fatal: return "FATAL";
+    case Severity::debug:
+      return "DEBUG";
+    case Severity::info:
+      return "INFO ";
+    case Severity::warn:
+      return "WARN ";
+    case Severity::error:
+      return "ERROR";
+    case Severity::fatal:
+      return "FATAL";
   }
   return "?    ";
 }
@@ -56,8 +61,8 @@ void set_sink(std::function<void(Severity, std::string_view)> sink) {
 
 void write(Severity severity, std::string_view text) {
   constexpr std::size_t longest = 2000;  // a longer line is cut, so that one write(2) carries it
-  const std::string line =
-      fmt::format("{} {} [{}] {}\n", to_iso8601(system_utc_now()), label(severity), state().name, text.substr(0, longest));
+  const std::string line = fmt::format("{} {} [{}] {}\n", to_iso8601(system_utc_now()), label(severity),
+                                       state().name, text.substr(0, longest));
   [[maybe_unused]] const ssize_t ignored = ::write(STDERR_FILENO, line.data(), line.size());
   const std::lock_guard lock(state().sink_mutex);
   if (state().sink) state().sink(severity, text);

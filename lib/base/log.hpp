@@ -19,7 +19,8 @@ void set_level(Severity lowest);
 /// Where lines also go (/rosout). Called on the logging thread; must not log. Empty function: nowhere.
 void set_sink(std::function<void(Severity, std::string_view)> sink);
 
-/// One line to stderr: "2026-11-21T08:00:00.123Z WARN  [ttc] text". Thread-safe; one write(2) a line, so lines never mix.
+/// One line to stderr: "2026-11-21T08:00:00.123Z WARN  [ttc] text". Thread-safe; one write(2) a line, so
+/// lines never mix.
 void write(Severity severity, std::string_view text);
 
 template <class... A>

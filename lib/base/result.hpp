@@ -4,7 +4,8 @@
 
 namespace srfs {
 
-/// An expected failure is a value: either a T or an E that says why not. One error enum (or struct) per class.
+/// An expected failure is a value: either a T or an E that says why not. One error enum (or struct) per
+/// class.
 template <class T, class E>
 using Result = tl::expected<T, E>;
 

@@ -29,7 +29,8 @@ class TimePoint {
   friend constexpr TimePoint operator+(TimePoint t, nanoseconds d) { return TimePoint(t.since_epoch_ + d); }
   friend constexpr TimePoint operator-(TimePoint t, nanoseconds d) { return TimePoint(t.since_epoch_ - d); }
   friend constexpr nanoseconds operator-(TimePoint a, TimePoint b) { return a.since_epoch_ - b.since_epoch_; }
-  friend constexpr auto operator<=>(TimePoint, TimePoint) = default;
+  friend constexpr auto operator<=>(TimePoint,
+                                    TimePoint) = default;  // NOLINT(modernize-use-nullptr): a false alarm
 
  private:
   nanoseconds since_epoch_{0};

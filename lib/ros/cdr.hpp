@@ -20,10 +20,12 @@ class CdrError : public std::runtime_error {
 template <class T>
 inline constexpr bool is_wire_primitive = std::is_arithmetic_v<T>;
 
-/// Largest payload we take or send, octets: a 16 MiB image and its header. Guards every allocation from the wire.
+/// Largest payload we take or send, octets: a 16 MiB image and its header. Guards every allocation from the
+/// wire.
 inline constexpr std::size_t largest_payload = (16U << 20) + 4096;
 
-/// Octets a value takes in XCDR1 (OMG DDS-XTypes 1.3, 7.4.1), from an 8-aligned origin after the encapsulation header.
+/// Octets a value takes in XCDR1 (OMG DDS-XTypes 1.3, 7.4.1), from an 8-aligned origin after the
+/// encapsulation header.
 class CdrSizer {
  public:
   template <class T>
@@ -117,8 +119,8 @@ class CdrEncoder {
   eprosima::fastcdr::Cdr& cdr_;
 };
 
-/// Reads a value from octets of anybody: every length is checked against its bound and against what is left before
-/// memory is taken for it. Throws CdrError or a Fast CDR exception.
+/// Reads a value from octets of anybody: every length is checked against its bound and against what is left
+/// before memory is taken for it. Throws CdrError or a Fast CDR exception.
 class CdrDecoder {
  public:
   /// @param size octets behind the encapsulation header's start, as given to the FastBuffer

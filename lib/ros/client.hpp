@@ -54,8 +54,8 @@ class CallTable {
   std::uint64_t next_id_ = 1;
 };
 
-/// Calls one service of type S. Calls never block; the callback runs on the work thread exactly once per call, unless
-/// the client is dropped before.
+/// Calls one service of type S. Calls never block; the callback runs on the work thread exactly once per
+/// call, unless the client is dropped before.
 template <class S>
 class Client {
  public:
@@ -63,12 +63,16 @@ class Client {
   using Response = typename S::Response;
   using Callback = std::function<void(Result<Response, CallError>)>;
 
-  Client(Executor& executor, Participant& participant, const std::string& name, const Qos& qos, Priority priority)
-      : reader_(TypedReader<Response>::create(executor, participant, reply_dds_name(name), qos, priority,
-                                              [this](const Response& r, const MessageInfo& info) { on_reply(r, info); })),
-        writer_(std::make_shared<WriterEndpoint>(participant, request_dds_name(name), dds::TypeSupport(new TypeSupport<Request>), qos)),
+  Client(Executor& executor, Participant& participant, const std::string& name, const Qos& qos,
+         Priority priority)
+      : reader_(TypedReader<Response>::create(
+            executor, participant, reply_dds_name(name), qos, priority,
+            [this](const Response& r, const MessageInfo& info) { on_reply(r, info); })),
+        writer_(std::make_shared<WriterEndpoint>(participant, request_dds_name(name),
+                                                 dds::TypeSupport(new TypeSupport<Request>), qos)),
         table_(std::make_shared<CallTable>(
-            executor, [this] { return is_ready(); }, [this](std::uint64_t id, CallError error) { end(id, Err(error)); })) {
+            executor, [this] { return is_ready(); },
+            [this](std::uint64_t id, CallError error) { end(id, Err(error)); })) {
     const auto wake = [&executor, table = std::weak_ptr<CallTable>(table_)] {
       executor.post([table] {
         if (const auto alive = table.lock()) alive->server_changed();
@@ -78,7 +82,8 @@ class Client {
     reader_->on_match_change(wake);
   }
 
-  /// @param deadline for one attempt; @param attempts at least 1. A request that may be sent twice must be idempotent.
+  /// @param deadline for one attempt; @param attempts at least 1. A request that may be sent twice must be
+  /// idempotent.
   void call(const Request& request, nanoseconds deadline, int attempts, Callback callback) {
     auto kept = std::make_shared<Request>(request);
     const auto attempt = [this, kept]() -> std::optional<std::int64_t> {

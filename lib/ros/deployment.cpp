@@ -13,8 +13,10 @@ Scheduling read_scheduling(const ConfigSection& section) {
              : policy == "idle"  ? SchedulingPolicy::idle
                                  : SchedulingPolicy::other;
   s.priority = static_cast<int>(section.integer("priority", 0, 99, 0));
-  if (s.policy == SchedulingPolicy::fifo && s.priority == 0) throw section.bad("priority", "an integer from 1 to 99 with policy fifo");
-  if (s.policy != SchedulingPolicy::fifo && s.priority != 0) throw section.bad("priority", "0 unless the policy is fifo");
+  if (s.policy == SchedulingPolicy::fifo && s.priority == 0)
+    throw section.bad("priority", "an integer from 1 to 99 with policy fifo");
+  if (s.policy != SchedulingPolicy::fifo && s.priority != 0)
+    throw section.bad("priority", "0 unless the policy is fifo");
   s.nice = static_cast<int>(section.integer("nice", -20, 19, 0));
   for (const auto cpu : section.integers("cpus", 0, 1023)) s.cpus.push_back(static_cast<int>(cpu));
   section.finish();
@@ -22,8 +24,11 @@ Scheduling read_scheduling(const ConfigSection& section) {
 }
 
 NodeEntry read_node(const ConfigSection& section) {
-  NodeEntry node{section.text("name"), section.text("executable"), read_scheduling(section.section("scheduling")),
-                 section.integer("memory_limit_mib", 0, 65536, 0), static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
+  NodeEntry node{section.text("name"),
+                 section.text("executable"),
+                 read_scheduling(section.section("scheduling")),
+                 section.integer("memory_limit_mib", 0, 65536, 0),
+                 static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
                  section.section("parameters")};
   const bool fine = !node.name.empty() && node.name.size() <= 32 &&
                     node.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos;
@@ -43,10 +48,12 @@ Slot read_slot(const ConfigSection& section) {
 void check_names(const Deployment& d, const ConfigSection& root) {
   for (const NodeEntry& node : d.nodes) {
     const auto same = [&](const NodeEntry& other) { return other.name == node.name; };
-    if (std::count_if(d.nodes.begin(), d.nodes.end(), same) != 1) throw root.bad("nodes", "different names, '" + node.name + "' stands twice");
+    if (std::count_if(d.nodes.begin(), d.nodes.end(), same) != 1)
+      throw root.bad("nodes", "different names, '" + node.name + "' stands twice");
   }
   for (const Slot& slot : d.slots) {
-    if (d.find(slot.payload) == nullptr) throw root.bad("slots", "payloads that are nodes of this file, '" + slot.payload + "' is none");
+    if (d.find(slot.payload) == nullptr)
+      throw root.bad("slots", "payloads that are nodes of this file, '" + slot.payload + "' is none");
   }
 }
 
@@ -107,7 +114,8 @@ Deployment Deployment::load(const std::filesystem::path& file) {
 }
 
 const NodeEntry* Deployment::find(const std::string& node) const {
-  const auto found = std::find_if(nodes.begin(), nodes.end(), [&](const NodeEntry& e) { return e.name == node; });
+  const auto found =
+      std::find_if(nodes.begin(), nodes.end(), [&](const NodeEntry& e) { return e.name == node; });
   return found == nodes.end() ? nullptr : &*found;
 }
 

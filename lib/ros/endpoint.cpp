@@ -5,7 +5,8 @@
 
 namespace srfs::ros {
 
-WriterEndpoint::WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos)
+WriterEndpoint::WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
+                               const Qos& qos)
     : participant_(participant) {
   // The listener goes in with the creation: readers that are known already match inside it.
   writer_ = participant.create_writer(dds_topic, std::move(type), qos, this);
@@ -58,7 +59,8 @@ ReaderEndpoint::~ReaderEndpoint() {
   if (participant_ != nullptr) participant_->destroy(reader_);
 }
 
-void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos) {
+void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
+                          const Qos& qos) {
   participant_ = &participant;
   reader_ = participant.create_reader(dds_topic, std::move(type), qos, this);
   if (reader_ == nullptr) throw std::runtime_error("DDS refused a reader for " + dds_topic);
@@ -87,14 +89,16 @@ void ReaderEndpoint::on_subscription_matched(dds::DataReader*, const dds::Subscr
 void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
   constexpr std::size_t most_writers = 64;
   const std::int64_t sequence = identity.sequence_number().to64long();
-  const auto found = std::find_if(positions_.begin(), positions_.end(),
-                                  [&](const WriterPosition& p) { return p.writer == identity.writer_guid(); });
+  const auto found = std::find_if(positions_.begin(), positions_.end(), [&](const WriterPosition& p) {
+    return p.writer == identity.writer_guid();
+  });
   if (found == positions_.end()) {
     if (positions_.size() == most_writers) positions_.pop_back();
     positions_.insert(positions_.begin(), {identity.writer_guid(), sequence});
     return;
   }
-  if (sequence > found->sequence + 1) stats_.lost += static_cast<std::uint64_t>(sequence - found->sequence - 1);
+  if (sequence > found->sequence + 1)
+    stats_.lost += static_cast<std::uint64_t>(sequence - found->sequence - 1);
   found->sequence = std::max(found->sequence, sequence);
   std::rotate(positions_.begin(), found, found + 1);
 }

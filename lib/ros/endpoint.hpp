@@ -27,7 +27,8 @@ using eprosima::fastrtps::rtps::WriteParams;
 struct InputStats {
   std::uint64_t received = 0;   ///< well-formed samples handed to the callback
   std::uint64_t malformed = 0;  ///< octets that were no such message; dropped
-  std::uint64_t lost = 0;       ///< gaps in writers' sequence numbers: overwritten before they were taken, or never arrived
+  std::uint64_t lost =
+      0;  ///< gaps in writers' sequence numbers: overwritten before they were taken, or never arrived
 };
 
 /// What a callback may know of the sample beside its content.
@@ -41,10 +42,12 @@ struct MessageInfo {
 class WriterEndpoint : public dds::DataWriterListener {
  public:
   /// @throws std::runtime_error when Fast DDS refuses (configuring only)
-  WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos);
+  WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
+                 const Qos& qos);
   ~WriterEndpoint() override;
 
-  /// Synchronous; bounded by one pass through the kernel. @return false when the message breaks a bound of its type or DDS refuses
+  /// Synchronous; bounded by one pass through the kernel. @return false when the message breaks a bound of
+  /// its type or DDS refuses
   bool write(const void* message, WriteParams* params = nullptr);
   [[nodiscard]] bool matched(const GUID_t& reader) const;
   [[nodiscard]] std::size_t matched_count() const;
@@ -64,9 +67,11 @@ class WriterEndpoint : public dds::DataWriterListener {
   std::atomic<std::uint64_t> refused_{0};
 };
 
-/// A DDS reader whose samples are taken on the work thread. The receive thread only marks the source as ready; the
-/// reader's KEEP_LAST history is the bounded queue (oldest dropped, counted as lost).
-class ReaderEndpoint : public Source, public dds::DataReaderListener, public std::enable_shared_from_this<ReaderEndpoint> {
+/// A DDS reader whose samples are taken on the work thread. The receive thread only marks the source as
+/// ready; the reader's KEEP_LAST history is the bounded queue (oldest dropped, counted as lost).
+class ReaderEndpoint : public Source,
+                       public dds::DataReaderListener,
+                       public std::enable_shared_from_this<ReaderEndpoint> {
  public:
   ReaderEndpoint(Executor& executor, Priority priority) : executor_(executor), priority_(priority) {}
   ~ReaderEndpoint() override;
@@ -107,8 +112,9 @@ class TypedReader final : public ReaderEndpoint {
  public:
   using Callback = std::function<void(const M&, const MessageInfo&)>;
 
-  static std::shared_ptr<TypedReader> create(Executor& executor, Participant& participant, const std::string& dds_topic,
-                                             const Qos& qos, Priority priority, Callback callback) {
+  static std::shared_ptr<TypedReader> create(Executor& executor, Participant& participant,
+                                             const std::string& dds_topic, const Qos& qos, Priority priority,
+                                             Callback callback) {
     std::shared_ptr<TypedReader> self(new TypedReader(executor, priority, std::move(callback)));
     self->open(participant, dds_topic, dds::TypeSupport(new TypeSupport<M>), qos);
     return self;

@@ -39,7 +39,8 @@ namespace {
 
 constexpr std::size_t most_posts = 1024;
 
-// What the owner holds: forgetting it cancels, while the executor still keeps the object alive through its callback.
+// What the owner holds: forgetting it cancels, while the executor still keeps the object alive through its
+// callback.
 template <class T>
 Executor::Handle owner_handle(std::shared_ptr<T> object) {
   T* raw = object.get();
@@ -82,7 +83,8 @@ Executor::Handle Executor::add_fd(int fd, std::uint32_t events, FdCallback callb
   epoll_event event{};
   event.events = events;
   event.data.fd = fd;
-  if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event) != 0) throw std::runtime_error("watch descriptor: " + errno_text(errno));
+  if (epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, fd, &event) != 0)
+    throw std::runtime_error("watch descriptor: " + errno_text(errno));
   watches_[fd] = watch;
   return owner_handle(std::move(watch));
 }
@@ -128,7 +130,8 @@ void Executor::spin() {
 bool Executor::spin_until(const std::function<bool()>& condition, MonotonicTime deadline) {
   while (!condition()) {
     const nanoseconds left = deadline - monotonic_now();
-    // Conditions may also change on middleware threads (a match), which wakes nobody: look again every few ms.
+    // Conditions may also change on middleware threads (a match), which wakes nobody: look again every few
+    // ms.
     constexpr nanoseconds look_again = milliseconds(5);
     if (left <= nanoseconds(0) || !spin_once(std::min(left, look_again))) return condition();
   }
@@ -137,7 +140,8 @@ bool Executor::spin_until(const std::function<bool()>& condition, MonotonicTime 
 
 void Executor::take_incoming() {
   const std::lock_guard lock(mutex_);
-  for (Ready& ready : incoming_) ready_[static_cast<std::size_t>(ready.priority)].push_back(std::move(ready.source));
+  for (Ready& ready : incoming_)
+    ready_[static_cast<std::size_t>(ready.priority)].push_back(std::move(ready.source));
   incoming_.clear();
 }
 
@@ -214,8 +218,10 @@ bool Executor::spin_once(nanoseconds longest) {
   arm_timer_fd();
 
   std::array<epoll_event, 16> events{};
-  const std::int64_t wait_ms = busy ? 0 : std::clamp<std::int64_t>((longest.count() + 999'999) / 1'000'000, 0, 60'000);
-  const int count = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), static_cast<int>(wait_ms));
+  const std::int64_t wait_ms =
+      busy ? 0 : std::clamp<std::int64_t>((longest.count() + 999'999) / 1'000'000, 0, 60'000);
+  const int count =
+      epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), static_cast<int>(wait_ms));
   for (int i = 0; i < count; ++i) {
     const epoll_event& event = events[static_cast<std::size_t>(i)];
     if (event.data.fd == wake_.get()) {

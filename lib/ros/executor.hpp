@@ -16,7 +16,8 @@
 
 namespace srfs::ros {
 
-/// Something with input for the work thread (a DDS reader, a worker's results). Lives as long as its registration.
+/// Something with input for the work thread (a DDS reader, a worker's results). Lives as long as its
+/// registration.
 class Source {
  public:
   Source() = default;
@@ -31,9 +32,10 @@ class Source {
   std::atomic<bool> queued_{false};
 };
 
-/// One work thread on an epoll loop: DDS input, timers, descriptors and signals all arrive here, so callbacks never run
-/// at the same time and need no locks. Among ready sources the highest priority goes first, one item at a time, so a
-/// burst of bulk never delays the tick by more than one callback. Due timers run before sources.
+/// One work thread on an epoll loop: DDS input, timers, descriptors and signals all arrive here, so callbacks
+/// never run at the same time and need no locks. Among ready sources the highest priority goes first, one
+/// item at a time, so a burst of bulk never delays the tick by more than one callback. Due timers run before
+/// sources.
 class Executor {
  public:
   Executor();
@@ -52,14 +54,16 @@ class Executor {
   };
   using Handle = std::shared_ptr<Registration>;
 
-  /// @param period zero: once. A periodic timer that missed deadlines skips them (counted) instead of bursting.
+  /// @param period zero: once. A periodic timer that missed deadlines skips them (counted) instead of
+  /// bursting.
   [[nodiscard]] Handle add_timer(MonotonicTime first, nanoseconds period, TimerCallback callback);
   /// @param events EPOLLIN, EPOLLOUT...; level-triggered
   [[nodiscard]] Handle add_fd(int fd, std::uint32_t events, FdCallback callback);
 
   /// Marks the source as having input. Any thread; never blocks on the work thread.
   void notify(const std::shared_ptr<Source>& source, Priority priority);
-  /// Runs the callback on the work thread, soon. Any thread. @return false when 1024 are waiting already (counted)
+  /// Runs the callback on the work thread, soon. Any thread. @return false when 1024 are waiting already
+  /// (counted)
   bool post(std::function<void()> callback);
 
   /// Runs until stop().

@@ -24,7 +24,8 @@ struct flock whole_file(short type) {
   return lock;
 }
 
-// Closing any descriptor of a file drops this process' record lock on it, so one's own lock file is never opened again.
+// Closing any descriptor of a file drops this process' record lock on it, so one's own lock file is never
+// opened again.
 struct OwnInstance {
   std::filesystem::path lock_file;
   std::uint32_t incarnation = 0;
@@ -100,9 +101,11 @@ Result<std::uint32_t, std::string> next_incarnation(const VarPaths& var, const s
   if (std::filesystem::exists(file)) {
     const auto last = read_number(file);
     // Seconds since 2020 are above every honest count, so a lost count still goes up.
-    next = last ? *last + 1 : static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000 - 1'577'836'800);
+    next =
+        last ? *last + 1 : static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000 - 1'577'836'800);
   }
-  if (const auto written = write_file_atomically(file, fmt::format("{}\n", next)); !written) return Err(written.error().message);
+  if (const auto written = write_file_atomically(file, fmt::format("{}\n", next)); !written)
+    return Err(written.error().message);
   return next;
 }
 
@@ -119,7 +122,8 @@ StartRecord read_start_record(const VarPaths& var, const std::string& node) {
 void write_start_record(const VarPaths& var, const std::string& node, const StartRecord& record) {
   std::string cause = record.last_cause.substr(0, 200);
   std::replace(cause.begin(), cause.end(), '\n', ' ');
-  (void)write_file_atomically(var.state(node) / "starts", fmt::format("{} {} {}\n", record.starts, record.restarts, cause));
+  (void)write_file_atomically(var.state(node) / "starts",
+                              fmt::format("{} {} {}\n", record.starts, record.restarts, cause));
 }
 
 Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, int first) {

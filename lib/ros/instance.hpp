@@ -17,16 +17,22 @@ struct VarPaths {
   std::filesystem::path root;
   [[nodiscard]] std::filesystem::path run() const { return root / "run"; }
   [[nodiscard]] std::filesystem::path state(const std::string& node) const { return root / "state" / node; }
-  [[nodiscard]] std::filesystem::path log(const std::string& node) const { return root / "log" / (node + ".log"); }
-  [[nodiscard]] std::filesystem::path instance_lock(const std::string& node) const { return run() / (node + ".lock"); }
-  [[nodiscard]] std::filesystem::path restart_lock(const std::string& node) const { return run() / (node + ".restart.lock"); }
+  [[nodiscard]] std::filesystem::path log(const std::string& node) const {
+    return root / "log" / (node + ".log");
+  }
+  [[nodiscard]] std::filesystem::path instance_lock(const std::string& node) const {
+    return run() / (node + ".lock");
+  }
+  [[nodiscard]] std::filesystem::path restart_lock(const std::string& node) const {
+    return run() / (node + ".restart.lock");
+  }
   /// Exists while the suite is being stopped: nobody may start a node then.
   [[nodiscard]] std::filesystem::path stopping_flag() const { return run() / "stopping"; }
   [[nodiscard]] std::filesystem::path domain_file() const { return run() / "dds_domain"; }
 };
 
-/// Proof that this process is the only instance of a node: an fcntl record lock, which the kernel drops with the
-/// process however it ends, and whose owner's pid the kernel itself tells.
+/// Proof that this process is the only instance of a node: an fcntl record lock, which the kernel drops with
+/// the process however it ends, and whose owner's pid the kernel itself tells.
 class InstanceLock {
  public:
   /// @return the lock, or why not ("timing runs already as pid 12")
@@ -48,8 +54,10 @@ struct RunningInstance {
 /// The process that holds the node's instance lock now, asked from the kernel; nullopt when nobody does.
 [[nodiscard]] std::optional<RunningInstance> find_instance(const VarPaths& var, const std::string& node);
 
-/// The incarnation of this start: one more than the last, durable before it is returned. A damaged file counts from the clock.
-[[nodiscard]] Result<std::uint32_t, std::string> next_incarnation(const VarPaths& var, const std::string& node);
+/// The incarnation of this start: one more than the last, durable before it is returned. A damaged file
+/// counts from the clock.
+[[nodiscard]] Result<std::uint32_t, std::string> next_incarnation(const VarPaths& var,
+                                                                  const std::string& node);
 
 /// How often and why a node was started, kept by the launcher.
 struct StartRecord {
@@ -60,7 +68,8 @@ struct StartRecord {
 [[nodiscard]] StartRecord read_start_record(const VarPaths& var, const std::string& node);
 void write_start_record(const VarPaths& var, const std::string& node, const StartRecord& record);
 
-/// A DDS domain nobody else of this machine's suites uses, held by a lock file in /tmp until the lock's last holder ends.
+/// A DDS domain nobody else of this machine's suites uses, held by a lock file in /tmp until the lock's last
+/// holder ends.
 class DomainLock {
  public:
   /// The first free domain from @p first upwards (at most 101), or exactly @p wanted.

@@ -23,7 +23,8 @@ namespace {
 
 constexpr off_t largest_log = 4 << 20;
 constexpr rlim_t open_files = 1024;
-constexpr rlim_t rt_time_us = 500'000;  // a real-time node that never sleeps is stopped by the kernel, not by luck
+constexpr rlim_t rt_time_us =
+    500'000;  // a real-time node that never sleeps is stopped by the kernel, not by luck
 
 /// What the child needs, made before fork: between fork and exec nothing may allocate.
 struct Preparation {
@@ -46,7 +47,8 @@ struct Failure {
 std::vector<std::string> absolute_environment() {
   std::vector<std::string> env{"PATH=/usr/local/bin:/usr/bin:/bin", "LANG=C.UTF-8", "TZ=UTC", "HOME=/"};
   // Test tools only: sanitizer settings and the place of the mission dictionary of a build tree.
-  for (const char* name : {"ASAN_OPTIONS", "UBSAN_OPTIONS", "TSAN_OPTIONS", "LSAN_OPTIONS", "SRFS_MISSION_DIR", "LD_LIBRARY_PATH"}) {
+  for (const char* name : {"ASAN_OPTIONS", "UBSAN_OPTIONS", "TSAN_OPTIONS", "LSAN_OPTIONS",
+                           "SRFS_MISSION_DIR", "LD_LIBRARY_PATH"}) {
     if (const char* value = std::getenv(name)) env.push_back(fmt::format("{}={}", name, value));
   }
   return env;
@@ -56,9 +58,15 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
   Preparation p;
   const std::filesystem::path program = node.executable;
   p.executable = (program.is_absolute() ? program : request.bin_folder / program).string();
-  if (access(p.executable.c_str(), X_OK) != 0) return Err(fmt::format("{}: {}", p.executable, errno_text(errno)));
-  p.arguments = {p.executable,    "--name", node.name, "--deployment", request.deployment.file.string(),
-                 "--var", std::filesystem::absolute(request.var.root).string()};
+  if (access(p.executable.c_str(), X_OK) != 0)
+    return Err(fmt::format("{}: {}", p.executable, errno_text(errno)));
+  p.arguments = {p.executable,
+                 "--name",
+                 node.name,
+                 "--deployment",
+                 request.deployment.file.string(),
+                 "--var",
+                 std::filesystem::absolute(request.var.root).string()};
   p.environment = absolute_environment();
   for (auto& a : p.arguments) p.argv.push_back(a.data());
   for (auto& e : p.environment) p.envp.push_back(e.data());
@@ -69,7 +77,8 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
   const auto log = request.var.log(node.name);
   std::error_code ec;
   std::filesystem::create_directories(log.parent_path(), ec);
-  if (std::filesystem::exists(log, ec) && std::filesystem::file_size(log, ec) > static_cast<std::uintmax_t>(largest_log)) {
+  if (std::filesystem::exists(log, ec) &&
+      std::filesystem::file_size(log, ec) > static_cast<std::uintmax_t>(largest_log)) {
     std::filesystem::rename(log, log.string() + ".1", ec);
   }
   p.log = Fd(open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
@@ -128,7 +137,8 @@ void write_oom_score(const std::string& value) {
   sigset_t none;
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);
-  if (dup2(p.null.get(), STDIN_FILENO) < 0 || dup2(p.log.get(), STDOUT_FILENO) < 0 || dup2(p.log.get(), STDERR_FILENO) < 0) {
+  if (dup2(p.null.get(), STDIN_FILENO) < 0 || dup2(p.log.get(), STDOUT_FILENO) < 0 ||
+      dup2(p.log.get(), STDERR_FILENO) < 0) {
     report_and_exit(pipe_fd, "dup2");
   }
   limit(RLIMIT_NOFILE, open_files);
@@ -179,7 +189,9 @@ Result<pid_t, std::string> spawn(const Preparation& p, const NodeEntry& node) {
   for (const std::size_t offset : {std::size_t{0}, sizeof(pid_t)}) {
     std::memcpy(&failure, buffer + offset, sizeof failure);
     failure.step[sizeof failure.step - 1] = '\0';
-    if (std::strcmp(failure.step, "exec") == 0 || std::strcmp(failure.step, "chdir") == 0 || std::strcmp(failure.step, "dup2") == 0) break;
+    if (std::strcmp(failure.step, "exec") == 0 || std::strcmp(failure.step, "chdir") == 0 ||
+        std::strcmp(failure.step, "dup2") == 0)
+      break;
   }
   return Err(fmt::format("{}: {}: {}", p.executable, failure.step, errno_text(failure.error)));
 }
@@ -195,9 +207,12 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
   std::error_code ec;
   std::filesystem::create_directories(request.var.run(), ec);
   const Fd lock(open(request.var.restart_lock(node.name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-  if (!lock) return Err(fmt::format("{}: {}", request.var.restart_lock(node.name).string(), errno_text(errno)));
-  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) return Err(fmt::format("{} is being started by somebody else", node.name));
-  if (std::filesystem::exists(request.var.stopping_flag())) return Err(std::string("the suite is being stopped"));
+  if (!lock)
+    return Err(fmt::format("{}: {}", request.var.restart_lock(node.name).string(), errno_text(errno)));
+  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
+    return Err(fmt::format("{} is being started by somebody else", node.name));
+  if (std::filesystem::exists(request.var.stopping_flag()))
+    return Err(std::string("the suite is being stopped"));
   if (const auto running = find_instance(request.var, node.name)) return running->pid;
 
   auto prepared = prepare(request, node);

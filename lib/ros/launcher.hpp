@@ -16,10 +16,10 @@ struct LaunchRequest {
   std::string cause;                 ///< "up", or why this is a restart
 };
 
-/// Starts one node, the same way whoever asks: environment, scheduling, CPUs, limits, working folder, signal mask and
-/// descriptors are set absolutely from the deployment. The node is no child of the caller. One starter at a time
-/// (restart lock); never a second instance (instance lock); never while the suite is stopping.
-/// Blocks until the program was executed or failed to (some ms).
+/// Starts one node, the same way whoever asks: environment, scheduling, CPUs, limits, working folder, signal
+/// mask and descriptors are set absolutely from the deployment. The node is no child of the caller. One
+/// starter at a time (restart lock); never a second instance (instance lock); never while the suite is
+/// stopping. Blocks until the program was executed or failed to (some ms).
 /// @return what went wrong, ready to print. A node that runs already is no error: its pid is returned.
 [[nodiscard]] Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node);
 

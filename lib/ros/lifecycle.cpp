@@ -49,7 +49,9 @@ std::span<const LifecycleRow> lifecycle_table() {
 }
 
 const LifecycleRow* find_row(State from, Trigger trigger) {
-  const auto found = std::find_if(table.begin(), table.end(), [&](const LifecycleRow& r) { return r.from == from && r.trigger == trigger; });
+  const auto found = std::find_if(table.begin(), table.end(), [&](const LifecycleRow& r) {
+    return r.from == from && r.trigger == trigger;
+  });
   return found == table.end() ? nullptr : &*found;
 }
 
@@ -63,17 +65,28 @@ const LifecycleRow* find_request(State from, std::uint8_t id, std::string_view l
 
 std::string_view label(State state) {
   switch (state) {
-    case S::unknown: return "unknown";
-    case S::unconfigured: return "unconfigured";
-    case S::inactive: return "inactive";
-    case S::active: return "active";
-    case S::finalized: return "finalized";
-    case S::configuring: return "configuring";
-    case S::cleaning_up: return "cleaningup";
-    case S::shutting_down: return "shuttingdown";
-    case S::activating: return "activating";
-    case S::deactivating: return "deactivating";
-    case S::error_processing: return "errorprocessing";
+    case S::unknown:
+      return "unknown";
+    case S::unconfigured:
+      return "unconfigured";
+    case S::inactive:
+      return "inactive";
+    case S::active:
+      return "active";
+    case S::finalized:
+      return "finalized";
+    case S::configuring:
+      return "configuring";
+    case S::cleaning_up:
+      return "cleaningup";
+    case S::shutting_down:
+      return "shuttingdown";
+    case S::activating:
+      return "activating";
+    case S::deactivating:
+      return "deactivating";
+    case S::error_processing:
+      return "errorprocessing";
   }
   return "unknown";
 }
@@ -83,7 +96,9 @@ bool is_primary(State state) {
 }
 
 Trigger to_trigger(CallbackReturn outcome) {
-  return outcome == CallbackReturn::success ? T::success : outcome == CallbackReturn::failure ? T::failure : T::error;
+  return outcome == CallbackReturn::success   ? T::success
+         : outcome == CallbackReturn::failure ? T::failure
+                                              : T::error;
 }
 
 std::optional<State> primary_state(std::string_view text) {

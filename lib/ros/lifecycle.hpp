@@ -48,12 +48,13 @@ struct LifecycleRow {
   std::string_view label;
 };
 
-/// The whole state machine (ROS 2 design "Managed nodes"; rcl_lifecycle's default_state_machine): every pair that is not
-/// here is refused.
+/// The whole state machine (ROS 2 design "Managed nodes"; rcl_lifecycle's default_state_machine): every pair
+/// that is not here is refused.
 [[nodiscard]] std::span<const LifecycleRow> lifecycle_table();
 /// @return the row for this pair, nullptr when the pair is refused
 [[nodiscard]] const LifecycleRow* find_row(State from, Trigger trigger);
-/// A request by id, or by label when the id is 0 and a label is given, as `ros2 lifecycle set` and services send it.
+/// A request by id, or by label when the id is 0 and a label is given, as `ros2 lifecycle set` and services
+/// send it.
 [[nodiscard]] const LifecycleRow* find_request(State from, std::uint8_t id, std::string_view label);
 [[nodiscard]] std::string_view label(State state);
 [[nodiscard]] bool is_primary(State state);

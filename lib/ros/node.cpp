@@ -72,7 +72,8 @@ struct LifecycleNode::Interfaces {
   std::shared_ptr<Service<rcl::srv::GetParameterTypes>> parameter_types;
 
   explicit Interfaces(LifecycleNode& node) {
-    transition_event = node.create_publisher(Topic<lc::msg::TransitionEvent>{"/" + node.name() + "/transition_event", {}});
+    transition_event =
+        node.create_publisher(Topic<lc::msg::TransitionEvent>{"/" + node.name() + "/transition_event", {}});
     parameter_events = node.create_publisher(topics::parameter_events);
     rosout = node.create_publisher(topics::rosout);
     event = node.create_publisher(topics::event);
@@ -92,39 +93,47 @@ struct LifecycleNode::Interfaces {
   Interfaces& operator=(const Interfaces&) = delete;
 
   void make_lifecycle_services(LifecycleNode& node) {
-    change_state = node.create_service<lc::srv::ChangeState>("~/change_state", [&node](const auto& request, auto& response) {
-      const auto result = node.request_transition(request.transition.id, request.transition.label);
-      if (!result) {
-        log::warn("lifecycle transition {} '{}' refused: {}", request.transition.id, request.transition.label, result.error());
-        return;
-      }
-      response.success = result->succeeded;
-      if (response.success) node.persist_desired(result->reached);
+    change_state = node.create_service<lc::srv::ChangeState>(
+        "~/change_state", [&node](const auto& request, auto& response) {
+          const auto result = node.request_transition(request.transition.id, request.transition.label);
+          if (!result) {
+            log::warn("lifecycle transition {} '{}' refused: {}", request.transition.id,
+                      request.transition.label, result.error());
+            return;
+          }
+          response.success = result->succeeded;
+          if (response.success) node.persist_desired(result->reached);
+        });
+    get_state = node.create_service<lc::srv::GetState>("~/get_state", [&node](const auto&, auto& response) {
+      response.current_state = state_message(node.state());
     });
-    get_state = node.create_service<lc::srv::GetState>(
-        "~/get_state", [&node](const auto&, auto& response) { response.current_state = state_message(node.state()); });
-    available_states = node.create_service<lc::srv::GetAvailableStates>("~/get_available_states", [](const auto&, auto& response) {
-      for (const int id : {0, 1, 2, 3, 4, 10, 11, 12, 13, 14, 15}) {
-        response.available_states.push_back(state_message(static_cast<State>(id)));
-      }
-    });
+    available_states = node.create_service<lc::srv::GetAvailableStates>(
+        "~/get_available_states", [](const auto&, auto& response) {
+          for (const int id : {0, 1, 2, 3, 4, 10, 11, 12, 13, 14, 15}) {
+            response.available_states.push_back(state_message(static_cast<State>(id)));
+          }
+        });
     available_transitions = node.create_service<lc::srv::GetAvailableTransitions>(
         "~/get_available_transitions", [&node](const auto&, auto& response) {
           for (const LifecycleRow& row : lifecycle_table()) {
             if (row.from == node.state()) response.available_transitions.push_back(describe(row));
           }
         });
-    transition_graph =
-        node.create_service<lc::srv::GetAvailableTransitions>("~/get_transition_graph", [](const auto&, auto& response) {
-          for (const LifecycleRow& row : lifecycle_table()) response.available_transitions.push_back(describe(row));
+    transition_graph = node.create_service<lc::srv::GetAvailableTransitions>(
+        "~/get_transition_graph", [](const auto&, auto& response) {
+          for (const LifecycleRow& row : lifecycle_table())
+            response.available_transitions.push_back(describe(row));
         });
   }
 
-  static std::string change(LifecycleNode& node, const std::vector<rcl::msg::Parameter>& wanted, std::vector<std::string>& refusals) {
+  static std::string change(LifecycleNode& node, const std::vector<rcl::msg::Parameter>& wanted,
+                            std::vector<std::string>& refusals) {
     std::vector<std::pair<std::string, ParameterValue>> changes;
     for (const auto& parameter : wanted) {
       const auto value = from_message(parameter.value);
-      if (!value) return fmt::format("parameter '{}': values of type {} are not supported", parameter.name, parameter.value.type);
+      if (!value)
+        return fmt::format("parameter '{}': values of type {} are not supported", parameter.name,
+                           parameter.value.type);
       changes.emplace_back(parameter.name, *value);
     }
     refusals = node.parameters().set_atomically(changes);
@@ -167,7 +176,8 @@ struct LifecycleNode::Interfaces {
         [&node](const auto& request, auto& response) {
           for (const std::string& name : node.parameters().names()) {
             bool wanted = request.prefixes.empty();
-            for (const std::string& prefix : request.prefixes) wanted = wanted || name == prefix || name.starts_with(prefix + ".");
+            for (const std::string& prefix : request.prefixes)
+              wanted = wanted || name == prefix || name.starts_with(prefix + ".");
             if (wanted) response.result.names.push_back(name);
           }
         },
@@ -214,7 +224,8 @@ LifecycleNode::~LifecycleNode() = default;
 std::string LifecycleNode::device(const std::string& key) const {
   const auto found = deployment().devices.find(key);
   if (found != deployment().devices.end()) return found->second;
-  throw ConfigError(fmt::format("{}: 'devices.{}': expected the URI of this device, found nothing", deployment().file.string(), key));
+  throw ConfigError(fmt::format("{}: 'devices.{}': expected the URI of this device, found nothing",
+                                deployment().file.string(), key));
 }
 
 std::string LifecycleNode::resolve(const std::string& service) const {
@@ -240,13 +251,20 @@ std::shared_ptr<Worker> LifecycleNode::create_worker(const std::string& worker_n
 CallbackReturn LifecycleNode::run_callback(State transition_state) {
   try {
     switch (transition_state) {
-      case State::configuring: return on_configure();
-      case State::activating: return on_activate();
-      case State::deactivating: return on_deactivate();
-      case State::cleaning_up: return on_cleanup();
-      case State::shutting_down: return on_shutdown();
-      case State::error_processing: return on_error();
-      default: return CallbackReturn::error;
+      case State::configuring:
+        return on_configure();
+      case State::activating:
+        return on_activate();
+      case State::deactivating:
+        return on_deactivate();
+      case State::cleaning_up:
+        return on_cleanup();
+      case State::shutting_down:
+        return on_shutdown();
+      case State::error_processing:
+        return on_error();
+      default:
+        return CallbackReturn::error;
     }
   } catch (const std::exception& e) {
     set_failure_reason(e.what());
@@ -265,7 +283,8 @@ void LifecycleNode::enter(const LifecycleRow& row) {
   interfaces_->transition_event->publish(m);
 }
 
-Result<TransitionResult, std::string> LifecycleNode::request_transition(std::uint8_t id, std::string_view requested_label) {
+Result<TransitionResult, std::string> LifecycleNode::request_transition(std::uint8_t id,
+                                                                        std::string_view requested_label) {
   const LifecycleRow* row = find_request(state_, id, requested_label);
   if (row == nullptr) return Err(fmt::format("not possible in state {}", label(state_)));
   failure_reason_.clear();
@@ -276,7 +295,8 @@ Result<TransitionResult, std::string> LifecycleNode::request_transition(std::uin
     const CallbackReturn outcome = run_callback(transition_state);
     if (outcome != CallbackReturn::success) {
       succeeded = false;
-      log::error("{} failed: {}", label(transition_state), failure_reason_.empty() ? "no reason given" : failure_reason_);
+      log::error("{} failed: {}", label(transition_state),
+                 failure_reason_.empty() ? "no reason given" : failure_reason_);
     }
     enter(*find_row(transition_state, to_trigger(outcome)));
   }
@@ -306,9 +326,13 @@ bool LifecycleNode::go_to(State target) {
 }
 
 void LifecycleNode::persist_desired(State primary) {
-  // A few octets, on an operator's command only: worth waiting for, so that the answer is true after a power loss too.
-  if (const auto written = write_file_atomically(state_dir() / "desired_state", std::string(label(primary)) + "\n"); !written) {
-    log::error("the desired state '{}' will not survive a restart: {}", label(primary), written.error().message);
+  // A few octets, on an operator's command only: worth waiting for, so that the answer is true after a power
+  // loss too.
+  if (const auto written =
+          write_file_atomically(state_dir() / "desired_state", std::string(label(primary)) + "\n");
+      !written) {
+    log::error("the desired state '{}' will not survive a restart: {}", label(primary),
+               written.error().message);
   }
 }
 

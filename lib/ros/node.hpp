@@ -38,11 +38,12 @@ struct TransitionResult {
   bool succeeded;  ///< its callback succeeded; else `reached` is where failure or error processing led
 };
 
-/// A lifecycle node: rclcpp's words, one work thread. Everything here is called on the work thread, in the constructor
-/// or in callbacks. The standard services (~/change_state, ~/get_state, ..., the parameter services) are there from the start.
+/// A lifecycle node: rclcpp's words, one work thread. Everything here is called on the work thread, in the
+/// constructor or in callbacks. The standard services (~/change_state, ~/get_state, ..., the parameter
+/// services) are there from the start.
 ///
-/// What a state means for the hardware: Unconfigured has nothing open; Inactive has its devices open but drives nothing and
-/// holds no bus, and still answers; Active works.
+/// What a state means for the hardware: Unconfigured has nothing open; Inactive has its devices open but
+/// drives nothing and holds no bus, and still answers; Active works.
 class LifecycleNode {
  public:
   explicit LifecycleNode(NodeContext& context);
@@ -74,7 +75,8 @@ class LifecycleNode {
   [[nodiscard]] const std::string& failure_reason() const { return failure_reason_; }
 
  protected:
-  // Transition callbacks. failure: back to where it came from; error: on_error decides (success: Unconfigured).
+  // Transition callbacks. failure: back to where it came from; error: on_error decides (success:
+  // Unconfigured).
   virtual CallbackReturn on_configure() { return CallbackReturn::success; }
   virtual CallbackReturn on_activate() { return CallbackReturn::success; }
   virtual CallbackReturn on_deactivate() { return CallbackReturn::success; }
@@ -90,21 +92,27 @@ class LifecycleNode {
   template <class M, class F>
   [[nodiscard]] std::shared_ptr<Subscription<M>> create_subscription(const Topic<M>& topic, F callback) {
     if constexpr (std::is_invocable_v<F, const M&, const MessageInfo&>) {
-      return std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic, std::move(callback));
-    } else {
       return std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic,
-                                               [f = std::move(callback)](const M& m, const MessageInfo&) { f(m); });
+                                               std::move(callback));
+    } else {
+      return std::make_shared<Subscription<M>>(
+          context_.executor, context_.participant, topic,
+          [f = std::move(callback)](const M& m, const MessageInfo&) { f(m); });
     }
   }
   /// @param name "~/x" is below the node's name, "/x" absolute
   template <class S>
-  [[nodiscard]] std::shared_ptr<Service<S>> create_service(const std::string& service, typename Service<S>::Handler handler,
-                                                           Qos qos = {}, Priority priority = Priority::normal) {
-    return std::make_shared<Service<S>>(context_.executor, context_.participant, resolve(service), qos, priority, std::move(handler));
+  [[nodiscard]] std::shared_ptr<Service<S>> create_service(const std::string& service,
+                                                           typename Service<S>::Handler handler, Qos qos = {},
+                                                           Priority priority = Priority::normal) {
+    return std::make_shared<Service<S>>(context_.executor, context_.participant, resolve(service), qos,
+                                        priority, std::move(handler));
   }
   template <class S>
-  [[nodiscard]] std::shared_ptr<Client<S>> create_client(const std::string& service, Qos qos = {}, Priority priority = Priority::normal) {
-    return std::make_shared<Client<S>>(context_.executor, context_.participant, resolve(service), qos, priority);
+  [[nodiscard]] std::shared_ptr<Client<S>> create_client(const std::string& service, Qos qos = {},
+                                                         Priority priority = Priority::normal) {
+    return std::make_shared<Client<S>>(context_.executor, context_.participant, resolve(service), qos,
+                                       priority);
   }
   /// Periodic; the first call comes one period from now. Dropping the handle cancels.
   [[nodiscard]] Timer create_timer(nanoseconds period, std::function<void()> callback);
@@ -114,15 +122,19 @@ class LifecycleNode {
   [[nodiscard]] Executor::Handle watch_fd(int fd, std::uint32_t events, Executor::FdCallback callback);
   [[nodiscard]] std::shared_ptr<Worker> create_worker(const std::string& worker_name, std::size_t capacity);
 
-  /// Declares a parameter (constructor only) and returns its start value. The type of @p fallback is the parameter's.
+  /// Declares a parameter (constructor only) and returns its start value. The type of @p fallback is the
+  /// parameter's.
   template <class T>
-  T declare_parameter(const std::string& parameter, T fallback, const std::string& description, bool read_only = false) {
-    return std::get<T>(parameters_.declare(parameter, {ParameterValue(std::move(fallback)), std::nullopt, description, read_only}));
+  T declare_parameter(const std::string& parameter, T fallback, const std::string& description,
+                      bool read_only = false) {
+    return std::get<T>(parameters_.declare(
+        parameter, {ParameterValue(std::move(fallback)), std::nullopt, description, read_only}));
   }
   template <class T>
-  T declare_parameter(const std::string& parameter, T fallback, ParameterRange range, const std::string& description,
-                      bool read_only = false) {
-    return std::get<T>(parameters_.declare(parameter, {ParameterValue(std::move(fallback)), range, description, read_only}));
+  T declare_parameter(const std::string& parameter, T fallback, ParameterRange range,
+                      const std::string& description, bool read_only = false) {
+    return std::get<T>(
+        parameters_.declare(parameter, {ParameterValue(std::move(fallback)), range, description, read_only}));
   }
   template <class T>
   [[nodiscard]] T get_parameter(const std::string& parameter) const {
@@ -133,7 +145,8 @@ class LifecycleNode {
   /// Told after a change.
   void on_parameter_change(ParameterSet::Changed changed) { parameter_changed_ = std::move(changed); }
 
-  /// Raises an event of the mission dictionary on /event. Bounded: at most 20 a second and node, the rest counted.
+  /// Raises an event of the mission dictionary on /event. Bounded: at most 20 a second and node, the rest
+  /// counted.
   /// @param severity srfs_msgs::msg::Event::INFO ... HIGH; @param data its parameters, encoded
   void raise_event(std::uint16_t event_id, std::uint8_t severity, OctetView data = {});
   [[nodiscard]] std::uint64_t suppressed_events() const { return suppressed_events_; }

@@ -12,7 +12,9 @@ using Message = rcl_interfaces::msg::ParameterValue;
 
 std::optional<ParameterValue> read_override(const YAML::Node& node, const ParameterValue& like) {
   try {
-    return std::visit([&](const auto& example) -> ParameterValue { return node.as<std::decay_t<decltype(example)>>(); }, like);
+    return std::visit(
+        [&](const auto& example) -> ParameterValue { return node.as<std::decay_t<decltype(example)>>(); },
+        like);
   } catch (const YAML::Exception&) {
     return std::nullopt;
   }
@@ -44,7 +46,7 @@ std::string range_refusal(const ParameterValue& value, const ParameterDeclaratio
 }  // namespace
 
 std::string type_text(const ParameterValue& value) {
-  static constexpr std::array names{"bool",          "integer",      "double",       "string",
+  static constexpr std::array names{"bool",       "integer",       "double",       "string",
                                     "bool array", "integer array", "double array", "string array"};
   return names.at(value.index());
 }
@@ -56,7 +58,8 @@ const ParameterValue& ParameterSet::declare(const std::string& name, ParameterDe
     const std::string expected = type_text(declaration.default_value);
     if (!override_value) throw overrides_->bad(name, expected);
     if (const std::string why = range_refusal(*override_value, declaration); !why.empty()) {
-      throw overrides_->bad(name, fmt::format("{} from {} to {}", expected, declaration.range->lowest, declaration.range->highest));
+      throw overrides_->bad(name, fmt::format("{} from {} to {}", expected, declaration.range->lowest,
+                                              declaration.range->highest));
     }
     value = *override_value;
   }
@@ -73,16 +76,19 @@ std::string ParameterSet::refusal(const std::string& name, const ParameterValue&
   const ParameterDeclaration& declaration = found->second.declaration;
   if (declaration.read_only) return fmt::format("parameter '{}' is read-only", name);
   if (value.index() != declaration.default_value.index()) {
-    return fmt::format("parameter '{}' is of type {}, not {}", name, type_text(declaration.default_value), type_text(value));
+    return fmt::format("parameter '{}' is of type {}, not {}", name, type_text(declaration.default_value),
+                       type_text(value));
   }
-  if (const std::string why = range_refusal(value, declaration); !why.empty()) return fmt::format("parameter '{}': {}", name, why);
+  if (const std::string why = range_refusal(value, declaration); !why.empty())
+    return fmt::format("parameter '{}': {}", name, why);
   if (check_) {
     if (const auto checked = check_(name, value); !checked) return checked.error();
   }
   return {};
 }
 
-std::vector<std::string> ParameterSet::set_atomically(const std::vector<std::pair<std::string, ParameterValue>>& changes) {
+std::vector<std::string> ParameterSet::set_atomically(
+    const std::vector<std::pair<std::string, ParameterValue>>& changes) {
   std::vector<std::string> refusals;
   bool all_fine = true;
   for (const auto& [name, value] : changes) {
@@ -116,19 +122,36 @@ std::vector<std::string> ParameterSet::names() const {
 Message to_message(const ParameterValue& value) {
   using Type = rcl_interfaces::msg::ParameterType;
   Message m;
-  static constexpr std::array types{Type::PARAMETER_BOOL,       Type::PARAMETER_INTEGER,       Type::PARAMETER_DOUBLE,
-                                    Type::PARAMETER_STRING,     Type::PARAMETER_BOOL_ARRAY,    Type::PARAMETER_INTEGER_ARRAY,
+  static constexpr std::array types{Type::PARAMETER_BOOL,         Type::PARAMETER_INTEGER,
+                                    Type::PARAMETER_DOUBLE,       Type::PARAMETER_STRING,
+                                    Type::PARAMETER_BOOL_ARRAY,   Type::PARAMETER_INTEGER_ARRAY,
                                     Type::PARAMETER_DOUBLE_ARRAY, Type::PARAMETER_STRING_ARRAY};
   m.type = types.at(value.index());
   switch (value.index()) {
-    case 0: m.bool_value = std::get<0>(value); break;
-    case 1: m.integer_value = std::get<1>(value); break;
-    case 2: m.double_value = std::get<2>(value); break;
-    case 3: m.string_value = std::get<3>(value); break;
-    case 4: m.bool_array_value = std::get<4>(value); break;
-    case 5: m.integer_array_value = std::get<5>(value); break;
-    case 6: m.double_array_value = std::get<6>(value); break;
-    default: m.string_array_value = std::get<7>(value); break;
+    case 0:
+      m.bool_value = std::get<0>(value);
+      break;
+    case 1:
+      m.integer_value = std::get<1>(value);
+      break;
+    case 2:
+      m.double_value = std::get<2>(value);
+      break;
+    case 3:
+      m.string_value = std::get<3>(value);
+      break;
+    case 4:
+      m.bool_array_value = std::get<4>(value);
+      break;
+    case 5:
+      m.integer_array_value = std::get<5>(value);
+      break;
+    case 6:
+      m.double_array_value = std::get<6>(value);
+      break;
+    default:
+      m.string_array_value = std::get<7>(value);
+      break;
   }
   return m;
 }
@@ -136,19 +159,29 @@ Message to_message(const ParameterValue& value) {
 std::optional<ParameterValue> from_message(const Message& m) {
   using Type = rcl_interfaces::msg::ParameterType;
   switch (m.type) {
-    case Type::PARAMETER_BOOL: return m.bool_value;
-    case Type::PARAMETER_INTEGER: return m.integer_value;
-    case Type::PARAMETER_DOUBLE: return m.double_value;
-    case Type::PARAMETER_STRING: return m.string_value;
-    case Type::PARAMETER_BOOL_ARRAY: return m.bool_array_value;
-    case Type::PARAMETER_INTEGER_ARRAY: return m.integer_array_value;
-    case Type::PARAMETER_DOUBLE_ARRAY: return m.double_array_value;
-    case Type::PARAMETER_STRING_ARRAY: return m.string_array_value;
-    default: return std::nullopt;
+    case Type::PARAMETER_BOOL:
+      return m.bool_value;
+    case Type::PARAMETER_INTEGER:
+      return m.integer_value;
+    case Type::PARAMETER_DOUBLE:
+      return m.double_value;
+    case Type::PARAMETER_STRING:
+      return m.string_value;
+    case Type::PARAMETER_BOOL_ARRAY:
+      return m.bool_array_value;
+    case Type::PARAMETER_INTEGER_ARRAY:
+      return m.integer_array_value;
+    case Type::PARAMETER_DOUBLE_ARRAY:
+      return m.double_array_value;
+    case Type::PARAMETER_STRING_ARRAY:
+      return m.string_array_value;
+    default:
+      return std::nullopt;
   }
 }
 
-rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name, const ParameterDeclaration& declaration) {
+rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,
+                                                    const ParameterDeclaration& declaration) {
   rcl_interfaces::msg::ParameterDescriptor d;
   d.name = name;
   d.type = to_message(declaration.default_value).type;
@@ -157,8 +190,8 @@ rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name, con
   if (declaration.range) {
     const bool integer = declaration.default_value.index() == 1 || declaration.default_value.index() == 5;
     if (integer) {
-      d.integer_range.push_back(
-          {static_cast<std::int64_t>(declaration.range->lowest), static_cast<std::int64_t>(declaration.range->highest), 1});
+      d.integer_range.push_back({static_cast<std::int64_t>(declaration.range->lowest),
+                                 static_cast<std::int64_t>(declaration.range->highest), 1});
     } else {
       d.floating_point_range.push_back({declaration.range->lowest, declaration.range->highest, 0.0});
     }

@@ -1,10 +1,10 @@
 #include "ros/participant.hpp"
 
-#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
-#include <fastdds/dds/log/Log.hpp>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 #include <fmt/format.h>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/log/Log.hpp>
 
 namespace srfs::ros {
 namespace {
@@ -12,8 +12,9 @@ namespace {
 using eprosima::fastrtps::rtps::IPLocator;
 using eprosima::fastrtps::rtps::Locator_t;
 
-constexpr std::uint32_t socket_buffer_octets = 4U << 20;  // a 1 MiB image takes 0.7 ms then, 22 ms with Linux' default
-constexpr std::uint32_t most_participants = 32;           // unicast announcements go to this many ports of a domain
+constexpr std::uint32_t socket_buffer_octets =
+    4U << 20;                                    // a 1 MiB image takes 0.7 ms then, 22 ms with Linux' default
+constexpr std::uint32_t most_participants = 32;  // unicast announcements go to this many ports of a domain
 
 eprosima::fastrtps::Duration_t duration(double s) {
   return {s};
@@ -56,7 +57,8 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options) {
 template <class DdsQos>
 void set_common(DdsQos& qos, const Qos& ours) {
   qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
-  qos.durability().kind = ours.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
+  qos.durability().kind =
+      ours.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = ours.depth;
   qos.resource_limits().max_instances = 1;
@@ -70,18 +72,22 @@ void set_common(DdsQos& qos, const Qos& ours) {
 }  // namespace
 
 Result<std::unique_ptr<Participant>, std::string> Participant::create(const ParticipantOptions& options) {
-  if (options.domain < 0 || options.domain > 101) return Err(fmt::format("DDS domain {} is outside 0..101", options.domain));
+  if (options.domain < 0 || options.domain > 101)
+    return Err(fmt::format("DDS domain {} is outside 0..101", options.domain));
   dds::Log::SetVerbosity(dds::Log::Error);
   auto* factory = dds::DomainParticipantFactory::get_instance();
   std::unique_ptr<Participant> self(new Participant);
-  self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain), participant_qos(options));
+  self->participant_ =
+      factory->create_participant(static_cast<std::uint32_t>(options.domain), participant_qos(options));
   if (self->participant_ == nullptr) {
-    return Err(fmt::format("no DDS participant on domain {}: are the interfaces up and {} participants not exceeded?", options.domain,
-                           most_participants));
+    return Err(fmt::format(
+        "no DDS participant on domain {}: are the interfaces up and {} participants not exceeded?",
+        options.domain, most_participants));
   }
   self->publisher_ = self->participant_->create_publisher(dds::PUBLISHER_QOS_DEFAULT);
   self->subscriber_ = self->participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
-  if (self->publisher_ == nullptr || self->subscriber_ == nullptr) return Err(std::string("no DDS publisher or subscriber"));
+  if (self->publisher_ == nullptr || self->subscriber_ == nullptr)
+    return Err(std::string("no DDS publisher or subscriber"));
   return self;
 }
 
@@ -92,7 +98,8 @@ Participant::~Participant() {
 }
 
 dds::Topic* Participant::topic(const std::string& name, dds::TypeSupport& type) {
-  if (auto* description = participant_->lookup_topicdescription(name)) return dynamic_cast<dds::Topic*>(description);
+  if (auto* description = participant_->lookup_topicdescription(name))
+    return dynamic_cast<dds::Topic*>(description);
   if (!participant_->find_type(type.get_type_name()).empty()) {
     type = participant_->find_type(type.get_type_name());
   } else if (type.register_type(participant_) != ReturnCode_t::RETCODE_OK) {

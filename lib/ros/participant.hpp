@@ -21,25 +21,27 @@ namespace srfs::ros {
 namespace dds = eprosima::fastdds::dds;
 
 struct ParticipantOptions {
-  int domain = 42;                                       ///< 0..101
+  int domain = 42;                                      ///< 0..101
   std::vector<std::string> interfaces = {"127.0.0.1"};  ///< transports are confined to these addresses
 };
 
-/// One DDS participant: UDPv4 on the given interfaces only, shared memory and data-sharing off (they do not survive
-/// kill -9 of a peer), short leases so that a dead peer is forgotten soon. Everything is created here with the house's
-/// QoS. Thread-safe as far as Fast DDS is; make endpoints on the work thread.
+/// One DDS participant: UDPv4 on the given interfaces only, shared memory and data-sharing off (they do not
+/// survive kill -9 of a peer), short leases so that a dead peer is forgotten soon. Everything is created here
+/// with the house's QoS. Thread-safe as far as Fast DDS is; make endpoints on the work thread.
 class Participant {
  public:
-  [[nodiscard]] static Result<std::unique_ptr<Participant>, std::string> create(const ParticipantOptions& options);
+  [[nodiscard]] static Result<std::unique_ptr<Participant>, std::string> create(
+      const ParticipantOptions& options);
   ~Participant();
   Participant(const Participant&) = delete;
   Participant& operator=(const Participant&) = delete;
 
-  /// @param topic DDS name ("rt/timing/tick"). Registers type and topic when new. nullptr when Fast DDS refuses.
-  [[nodiscard]] dds::DataWriter* create_writer(const std::string& topic, dds::TypeSupport type, const Qos& qos,
-                                               dds::DataWriterListener* listener);
-  [[nodiscard]] dds::DataReader* create_reader(const std::string& topic, dds::TypeSupport type, const Qos& qos,
-                                               dds::DataReaderListener* listener);
+  /// @param topic DDS name ("rt/timing/tick"). Registers type and topic when new. nullptr when Fast DDS
+  /// refuses.
+  [[nodiscard]] dds::DataWriter* create_writer(const std::string& topic, dds::TypeSupport type,
+                                               const Qos& qos, dds::DataWriterListener* listener);
+  [[nodiscard]] dds::DataReader* create_reader(const std::string& topic, dds::TypeSupport type,
+                                               const Qos& qos, dds::DataReaderListener* listener);
   void destroy(dds::DataWriter* writer);
   void destroy(dds::DataReader* reader);
   [[nodiscard]] dds::DomainParticipant& dds_participant() { return *participant_; }

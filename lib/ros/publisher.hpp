@@ -9,7 +9,8 @@ template <class M>
 class Publisher {
  public:
   Publisher(Participant& participant, const Topic<M>& topic)
-      : name_(topic.name), writer_(participant, topic_dds_name(topic.name), dds::TypeSupport(new TypeSupport<M>), topic.qos) {}
+      : name_(topic.name),
+        writer_(participant, topic_dds_name(topic.name), dds::TypeSupport(new TypeSupport<M>), topic.qos) {}
 
   /// Never waits for a reader. @return false when the message breaks a bound of its type (counted)
   bool publish(const M& message) { return writer_.write(&message); }
@@ -32,8 +33,8 @@ class Subscription {
 
   Subscription(Executor& executor, Participant& participant, const Topic<M>& topic, Callback callback)
       : name_(topic.name),
-        reader_(TypedReader<M>::create(executor, participant, topic_dds_name(topic.name), topic.qos, topic.priority,
-                                       std::move(callback))) {}
+        reader_(TypedReader<M>::create(executor, participant, topic_dds_name(topic.name), topic.qos,
+                                       topic.priority, std::move(callback))) {}
 
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
   [[nodiscard]] std::size_t publisher_count() const { return reader_->matched_count(); }

@@ -4,8 +4,8 @@
 
 namespace srfs::ros {
 
-/// The QoS that differs between our topics; everything is reliable KEEP_LAST (FASTDDS.md: KEEP_ALL lets one stopped
-/// reader block every write). A full history drops its oldest sample; the reader counts the gap.
+/// The QoS that differs between our topics; everything is reliable KEEP_LAST (FASTDDS.md: KEEP_ALL lets one
+/// stopped reader block every write). A full history drops its oldest sample; the reader counts the gap.
 struct Qos {
   std::int32_t depth = 10;
   bool transient_local = false;

@@ -4,13 +4,13 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 #include <malloc.h>
 #include <sched.h>
 #include <sys/epoll.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include "base/file.hpp"
 #include "ros/node.hpp"
@@ -48,11 +48,13 @@ State desired_state(const VarPaths& var, const std::string& node) {
   return state && *state != State::finalized ? *state : State::active;
 }
 
-Result<int, std::string> domain_of(const Arguments& arguments, const Deployment& deployment, const VarPaths& var) {
+Result<int, std::string> domain_of(const Arguments& arguments, const Deployment& deployment,
+                                   const VarPaths& var) {
   if (arguments.domain) return *arguments.domain;
   if (const auto text = read_file(var.domain_file(), 64)) return std::atoi(text->c_str());
   if (deployment.domain) return *deployment.domain;
-  return Err(fmt::format("no DDS domain: {} is missing; start the suite with `srfs up`, or give --domain", var.domain_file().string()));
+  return Err(fmt::format("no DDS domain: {} is missing; start the suite with `srfs up`, or give --domain",
+                         var.domain_file().string()));
 }
 
 /// Says once what the deployment asked for and this process was not given.
@@ -60,7 +62,9 @@ void check_scheduling(const NodeEntry& entry) {
   static constexpr std::array policies{SCHED_OTHER, SCHED_FIFO, SCHED_BATCH, SCHED_IDLE};
   const int wanted = policies[static_cast<std::size_t>(entry.scheduling.policy)];
   if (sched_getscheduler(0) == wanted) return;
-  log::warn("running without the deployment's scheduling policy (no permission?); `srfs up` as root or with CAP_SYS_NICE sets it");
+  log::warn(
+      "running without the deployment's scheduling policy (no permission?); `srfs up` as root or with "
+      "CAP_SYS_NICE sets it");
 }
 
 }  // namespace
@@ -68,7 +72,10 @@ void check_scheduling(const NodeEntry& entry) {
 /// Brings a node to its desired state and keeps trying: a device that is missing now may come.
 class NodeRunner {
  public:
-  NodeRunner(Executor& executor, LifecycleNode& node, State desired) : executor_(executor), node_(node), desired_(desired) { attempt(); }
+  NodeRunner(Executor& executor, LifecycleNode& node, State desired)
+      : executor_(executor), node_(node), desired_(desired) {
+    attempt();
+  }
 
   static void finish_declarations(LifecycleNode& node) { node.parameters_.finish(); }
 
@@ -99,7 +106,8 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
   const Deployment deployment = Deployment::load(arguments.deployment);
   const NodeEntry* entry = deployment.find(arguments.name);
   if (entry == nullptr) {
-    throw ConfigError(fmt::format("{}: 'nodes': expected a node named '{}'", deployment.file.string(), arguments.name));
+    throw ConfigError(
+        fmt::format("{}: 'nodes': expected a node named '{}'", deployment.file.string(), arguments.name));
   }
   const VarPaths var{std::filesystem::absolute(arguments.var)};
   auto lock = InstanceLock::take(var, arguments.name);
@@ -128,7 +136,8 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
   NodeContext context{arguments.name, deployment, var, incarnation.value_or(1), executor, **participant};
   const std::unique_ptr<LifecycleNode> node = factory(context);
   NodeRunner::finish_declarations(*node);
-  log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", context.incarnation, version(), getpid(), *domain);
+  log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", context.incarnation, version(), getpid(),
+            *domain);
 
   const auto signal_watch = executor.add_fd(signals.get(), EPOLLIN, [&](std::uint32_t) {
     signalfd_siginfo info{};
@@ -154,10 +163,14 @@ const char* version() {
 int run_node(int argc, char** argv, const NodeFactory& factory) {
   CLI::App app{"A lifecycle node of SRFS. Usually started by `srfs up`."};
   Arguments arguments;
-  app.add_option("--name", arguments.name, "Name of the node in the deployment file, without slash")->required();
-  app.add_option("--deployment", arguments.deployment, "Deployment file (launch_config/NAME.yaml)")->required();
+  app.add_option("--name", arguments.name, "Name of the node in the deployment file, without slash")
+      ->required();
+  app.add_option("--deployment", arguments.deployment, "Deployment file (launch_config/NAME.yaml)")
+      ->required();
   app.add_option("--var", arguments.var, "Folder of the running deployment")->default_val("var");
-  app.add_option("--domain", arguments.domain, "DDS domain; default: VAR/run/dds_domain, then the deployment's")->check(CLI::Range(0, 101));
+  app.add_option("--domain", arguments.domain,
+                 "DDS domain; default: VAR/run/dds_domain, then the deployment's")
+      ->check(CLI::Range(0, 101));
   app.set_version_flag("--version", version());
   CLI11_PARSE(app, argc, argv);
   log::set_name(arguments.name);

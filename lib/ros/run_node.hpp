@@ -15,15 +15,16 @@ using NodeFactory = std::function<std::unique_ptr<LifecycleNode>(NodeContext&)>;
 
 /// Exit codes of every node.
 enum class ExitCode : int {
-  stopped = 0,         ///< asked to (SIGTERM, SIGINT)
-  bug = 1,             ///< an exception nobody expected
-  configuration = 2,   ///< arguments or deployment file
-  already_running = 3, ///< another instance holds the lock
-  middleware = 4,      ///< no DDS participant
+  stopped = 0,          ///< asked to (SIGTERM, SIGINT)
+  bug = 1,              ///< an exception nobody expected
+  configuration = 2,    ///< arguments or deployment file
+  already_running = 3,  ///< another instance holds the lock
+  middleware = 4,       ///< no DDS participant
 };
 
-/// Everything a node's main does: arguments, signals (on a descriptor), configuration, instance lock, participant, the
-/// way to the desired state, the work loop, deactivation and clean-up before destruction. Blocks until the node ends.
+/// Everything a node's main does: arguments, signals (on a descriptor), configuration, instance lock,
+/// participant, the way to the desired state, the work loop, deactivation and clean-up before destruction.
+/// Blocks until the node ends.
 int run_node(int argc, char** argv, const NodeFactory& factory);
 
 template <class Node>

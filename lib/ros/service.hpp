@@ -6,11 +6,12 @@
 
 namespace srfs::ros {
 
-/// Names the request a reply belongs to (ROS2_WIRE: the client's response reader, else its request writer; sequence).
+/// Names the request a reply belongs to (ROS2_WIRE: the client's response reader, else its request writer;
+/// sequence).
 [[nodiscard]] SampleIdentity request_identity(const MessageInfo& info);
 
-/// Sends replies. A reply whose client reader has not been matched yet would be lost, so it waits (bounded: 32 replies,
-/// 100 ms each) until the match; it never blocks the work thread.
+/// Sends replies. A reply whose client reader has not been matched yet would be lost, so it waits (bounded:
+/// 32 replies, 100 ms each) until the match; it never blocks the work thread.
 class ReplyQueue {
  public:
   using Write = std::function<bool(WriteParams&)>;
@@ -46,12 +47,15 @@ class Service {
   using Response = typename S::Response;
   using Handler = std::function<void(const Request&, Response&)>;
 
-  Service(Executor& executor, Participant& participant, const std::string& name, const Qos& qos, Priority priority, Handler handler)
+  Service(Executor& executor, Participant& participant, const std::string& name, const Qos& qos,
+          Priority priority, Handler handler)
       : handler_(std::move(handler)),
-        writer_(std::make_shared<WriterEndpoint>(participant, reply_dds_name(name), dds::TypeSupport(new TypeSupport<Response>), qos)),
+        writer_(std::make_shared<WriterEndpoint>(participant, reply_dds_name(name),
+                                                 dds::TypeSupport(new TypeSupport<Response>), qos)),
         replies_(executor, *writer_),
-        reader_(TypedReader<Request>::create(executor, participant, request_dds_name(name), qos, priority,
-                                             [this](const Request& request, const MessageInfo& info) { serve(request, info); })) {}
+        reader_(TypedReader<Request>::create(
+            executor, participant, request_dds_name(name), qos, priority,
+            [this](const Request& request, const MessageInfo& info) { serve(request, info); })) {}
 
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
   [[nodiscard]] GUID_t reader_guid() const { return reader_->guid(); }
@@ -61,7 +65,9 @@ class Service {
   void serve(const Request& request, const MessageInfo& info) {
     auto response = std::make_shared<Response>();
     handler_(request, *response);
-    replies_.send(request_identity(info), [writer = writer_, response](WriteParams& params) { return writer->write(response.get(), &params); });
+    replies_.send(request_identity(info), [writer = writer_, response](WriteParams& params) {
+      return writer->write(response.get(), &params);
+    });
   }
 
   Handler handler_;

@@ -39,13 +39,17 @@ namespace m = srfs_msgs::msg;
 inline const Topic<m::TimeTick> time_tick{"/timing/tick", {.depth = 4}, Priority::time};
 inline const Topic<m::TaskFlags> task_flags{"/can/task_flags", {.depth = 4}, Priority::time};
 inline const Topic<m::BusStatus> bus_status{"/can/bus_status", {.depth = 16}, Priority::time};
-inline const Topic<m::PeripheralReset> reset_peripheral{"/can/reset_peripheral", {.depth = 8}, Priority::time};
+inline const Topic<m::PeripheralReset> reset_peripheral{
+    "/can/reset_peripheral", {.depth = 8}, Priority::time};
 inline const Topic<m::Telecommand> telecommand{"/telecommand", {.depth = 32}, Priority::normal};
-inline const Topic<m::TelecommandReport> telecommand_report{"/telecommand_report", {.depth = 64}, Priority::normal};
+inline const Topic<m::TelecommandReport> telecommand_report{
+    "/telecommand_report", {.depth = 64}, Priority::normal};
 inline const Topic<m::Event> event{"/event", {.depth = 32}, Priority::normal};
 inline const Topic<m::SystemMode> mode{"/mode", {.depth = 1, .transient_local = true}, Priority::normal};
-inline const Topic<rcl_interfaces::msg::Log> rosout{"/rosout", {.depth = 100, .transient_local = true}, Priority::bulk};
-inline const Topic<rcl_interfaces::msg::ParameterEvent> parameter_events{"/parameter_events", {.depth = 100}, Priority::bulk};
+inline const Topic<rcl_interfaces::msg::Log> rosout{
+    "/rosout", {.depth = 100, .transient_local = true}, Priority::bulk};
+inline const Topic<rcl_interfaces::msg::ParameterEvent> parameter_events{
+    "/parameter_events", {.depth = 100}, Priority::bulk};
 
 /// @param node name without slash
 inline Topic<m::PayloadActivity> activity(const std::string& node) {

@@ -10,15 +10,16 @@
 
 namespace srfs::ros {
 
-/// What a reader gets: the message, or the fact that the octets were none. A reader never fails to take a sample
-/// because of its content; the receiver counts it instead.
+/// What a reader gets: the message, or the fact that the octets were none. A reader never fails to take a
+/// sample because of its content; the receiver counts it instead.
 template <class M>
 struct Sample {
   M message;
   bool well_formed = false;
 };
 
-/// Octets of a message with its encapsulation header (00 01 00 00, padded to 4), as ROS 2 sends it. Throws CdrError.
+/// Octets of a message with its encapsulation header (00 01 00 00, padded to 4), as ROS 2 sends it. Throws
+/// CdrError.
 template <class M>
 [[nodiscard]] std::size_t encoded_size(const M& message) {
   CdrSizer sizer;
@@ -60,7 +61,8 @@ class TypeSupport : public eprosima::fastdds::dds::TopicDataType {
  public:
   TypeSupport() {
     setName(M::dds_type_name);
-    m_typeSize = static_cast<std::uint32_t>(encoded_size(M{})) + 64;  // first allocation; payloads grow as needed
+    m_typeSize =
+        static_cast<std::uint32_t>(encoded_size(M{})) + 64;  // first allocation; payloads grow as needed
     m_isGetKeyDefined = false;
     auto_fill_type_object(false);
     auto_fill_type_information(false);
@@ -82,8 +84,8 @@ class TypeSupport : public eprosima::fastdds::dds::TopicDataType {
 
   bool deserialize(eprosima::fastrtps::rtps::SerializedPayload_t* payload, void* data) override {
     auto& sample = *static_cast<Sample<M>*>(data);
-    sample.well_formed =
-        payload->length <= largest_payload && decode_from(OctetView(payload->data, payload->length), sample.message);
+    sample.well_formed = payload->length <= largest_payload &&
+                         decode_from(OctetView(payload->data, payload->length), sample.message);
     return true;
   }
 

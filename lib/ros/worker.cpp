@@ -4,7 +4,8 @@
 
 namespace srfs::ros {
 
-Worker::Worker(Executor& executor, std::string name, std::size_t capacity) : executor_(executor), capacity_(capacity) {
+Worker::Worker(Executor& executor, std::string name, std::size_t capacity)
+    : executor_(executor), capacity_(capacity) {
   thread_ = std::thread([this] { run(); });
   pthread_setname_np(thread_.native_handle(), name.substr(0, 15).c_str());
 }
@@ -57,7 +58,8 @@ void Worker::run() {
     lock.unlock();
     job.run();
     if (job.done) {
-      // Results always arrive: the executor's bound covers strangers, a worker's results are bounded by its own queue.
+      // Results always arrive: the executor's bound covers strangers, a worker's results are bounded by its
+      // own queue.
       while (!executor_.post([alive = alive_, done = job.done] {
         if (*alive) done();
       })) {

@@ -19,25 +19,28 @@ struct WorkerProgress {
   std::uint64_t refused = 0;  ///< jobs not taken because the queue was full
   std::size_t waiting = 0;    ///< jobs not begun
   bool busy = false;
-  MonotonicTime busy_since;   ///< when busy
+  MonotonicTime busy_since;  ///< when busy
 };
 
-/// A named thread for what may block: files and fsync, heavy computation, blocking devices. Jobs run in order; what they
-/// produced is handled by their `done` on the work thread. The destructor finishes the job that runs, drops the waiting
-/// ones and joins.
+/// A named thread for what may block: files and fsync, heavy computation, blocking devices. Jobs run in
+/// order; what they produced is handled by their `done` on the work thread. The destructor finishes the job
+/// that runs, drops the waiting ones and joins.
 class Worker {
  public:
-  /// @param name at most 15 characters (the thread's name); @param capacity jobs waiting at most; further ones are refused
+  /// @param name at most 15 characters (the thread's name); @param capacity jobs waiting at most; further
+  /// ones are refused
   Worker(Executor& executor, std::string name, std::size_t capacity);
   ~Worker();
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
-  /// Never blocks. @param job on the worker's thread; @param done afterwards on the work thread (may be empty)
+  /// Never blocks. @param job on the worker's thread; @param done afterwards on the work thread (may be
+  /// empty)
   /// @return false when the queue is full: the job is dropped and counted
   bool post(std::function<void()> job, std::function<void()> done = {});
   [[nodiscard]] WorkerProgress progress() const;
-  /// Runs waiting jobs to their end before the destructor goes on; for shutting down without losing writes. Blocks.
+  /// Runs waiting jobs to their end before the destructor goes on; for shutting down without losing writes.
+  /// Blocks.
   void drain();
 
  private:

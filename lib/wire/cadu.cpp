@@ -57,7 +57,8 @@ Octets encode_cadu(OctetView frame, const CaduFormat& format) {
       format.reed_solomon ? rs_encode(frame, format.interleave) : Octets(frame.begin(), frame.end());
   if (format.randomize) randomize_tm(block);
   Octets cadu(attached_sync_marker.size() + block.size());
-  const auto behind_marker = std::copy(attached_sync_marker.begin(), attached_sync_marker.end(), cadu.begin());
+  const auto behind_marker =
+      std::copy(attached_sync_marker.begin(), attached_sync_marker.end(), cadu.begin());
   std::copy(block.begin(), block.end(), behind_marker);
   return cadu;
 }

@@ -1,5 +1,6 @@
-// Latency of the ROS 2 layer beside raw Fast DDS (same transport and QoS, listener callback) and a bare UDP socket, two
-// processes, one run, rounds interleaved so that all of them meet the same machine. Prints one JSON object.
+// Latency of the ROS 2 layer beside raw Fast DDS (same transport and QoS, listener callback) and a bare UDP
+// socket, two processes, one run, rounds interleaved so that all of them meet the same machine. Prints one
+// JSON object.
 
 #include <algorithm>
 #include <condition_variable>
@@ -10,14 +11,14 @@
 #include <mutex>
 #include <thread>
 
-#include <CLI/CLI.hpp>
 #include <arpa/inet.h>
-#include <nlohmann/json.hpp>
 #include <sched.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "ros/client.hpp"
 #include "ros/publisher.hpp"
@@ -47,17 +48,21 @@ Probe probe(std::uint32_t n) {
 
 Json percentiles(std::vector<double> us) {
   std::sort(us.begin(), us.end());
-  const auto at = [&](double q) { return us[std::min(us.size() - 1, static_cast<std::size_t>(q * static_cast<double>(us.size())))]; };
+  const auto at = [&](double q) {
+    return us[std::min(us.size() - 1, static_cast<std::size_t>(q * static_cast<double>(us.size())))];
+  };
   return {{"p50_us", at(0.50)}, {"p99_us", at(0.99)}, {"max_us", us.back()}, {"samples", us.size()}};
 }
 
-/// One way of sending a probe there and back. round_trip blocks until the echo came, or returns false after 1 s.
+/// One way of sending a probe there and back. round_trip blocks until the echo came, or returns false after 1
+/// s.
 struct Path {
   std::function<bool(std::uint32_t)> round_trip;
   std::vector<double> us;
 };
 
-// --- raw Fast DDS: listener callbacks on the receive thread, the least a Fast DDS user can do -----------------------------
+// --- raw Fast DDS: listener callbacks on the receive thread, the least a Fast DDS user can do
+// -----------------------------
 
 class RawListener : public ros::dds::DataReaderListener {
  public:
@@ -76,13 +81,16 @@ struct RawDds {
   ros::dds::DataWriter* writer;
   ros::dds::DataReader* reader;
   RawDds(ros::Participant& participant, const char* out, const char* in)
-      : writer(participant.create_writer(out, ros::dds::TypeSupport(new ros::TypeSupport<Probe>), {.depth = 8}, nullptr)),
+      : writer(participant.create_writer(out, ros::dds::TypeSupport(new ros::TypeSupport<Probe>),
+                                         {.depth = 8}, nullptr)),
         reader(nullptr) {
-    reader = participant.create_reader(in, ros::dds::TypeSupport(new ros::TypeSupport<Probe>), {.depth = 8}, &listener);
+    reader = participant.create_reader(in, ros::dds::TypeSupport(new ros::TypeSupport<Probe>), {.depth = 8},
+                                       &listener);
   }
 };
 
-// --- the echoing process ---------------------------------------------------------------------------------------------------
+// --- the echoing process
+// ---------------------------------------------------------------------------------------------------
 
 /// As the deployment pins a time-critical node: all threads of a process on one CPU.
 void pin(int cpu) {
@@ -99,9 +107,11 @@ void pin(int cpu) {
   auto raw_participant = ros::Participant::create({domain, {"127.0.0.1"}}).value();
   ros::Executor executor;
   ros::Publisher<Probe> pong(*ros_participant, pong_topic);
-  const ros::Subscription<Probe> ping(executor, *ros_participant, ping_topic, [&](const Probe& p, const ros::MessageInfo&) { pong.publish(p); });
-  const ros::Service<CheckAlive> service(executor, *ros_participant, "/bench/check", {}, ros::Priority::liveness,
-                                         [](const CheckAlive::Request& q, CheckAlive::Response& r) { r.nonce = q.nonce; });
+  const ros::Subscription<Probe> ping(executor, *ros_participant, ping_topic,
+                                      [&](const Probe& p, const ros::MessageInfo&) { pong.publish(p); });
+  const ros::Service<CheckAlive> service(
+      executor, *ros_participant, "/bench/check", {}, ros::Priority::liveness,
+      [](const CheckAlive::Request& q, CheckAlive::Response& r) { r.nonce = q.nonce; });
   RawDds raw(*raw_participant, "bench_raw_pong", "bench_raw_ping");
   raw.listener.on_probe = [&](const Probe& p) { raw.writer->write(const_cast<Probe*>(&p)); };
   RawDds raw_service(*raw_participant, "bench_raw_reply", "bench_raw_request");
@@ -118,14 +128,16 @@ void pin(int cpu) {
     while (true) {
       socklen_t length = sizeof from;
       const ssize_t n = recvfrom(s, buffer, sizeof buffer, 0, reinterpret_cast<sockaddr*>(&from), &length);
-      if (n > 0) sendto(s, buffer, static_cast<std::size_t>(n), 0, reinterpret_cast<sockaddr*>(&from), length);
+      if (n > 0)
+        sendto(s, buffer, static_cast<std::size_t>(n), 0, reinterpret_cast<sockaddr*>(&from), length);
     }
   });
   executor.spin();
   _exit(0);
 }
 
-// --- the measuring process -------------------------------------------------------------------------------------------------
+// --- the measuring process
+// -------------------------------------------------------------------------------------------------
 
 /// A raw Fast DDS user who waits for an echo: condition variable between listener and main thread.
 class RawEcho {
@@ -168,10 +180,11 @@ int measure(int rounds, milliseconds pause, bool pinned) {
   std::uint32_t echoed = 0;
   MonotonicTime arrived;
   ros::Publisher<Probe> ping(*ros_participant, ping_topic);
-  const ros::Subscription<Probe> pong(executor, *ros_participant, pong_topic, [&](const Probe& p, const ros::MessageInfo&) {
-    arrived = monotonic_now();
-    echoed = p.grant_counter;
-  });
+  const ros::Subscription<Probe> pong(executor, *ros_participant, pong_topic,
+                                      [&](const Probe& p, const ros::MessageInfo&) {
+                                        arrived = monotonic_now();
+                                        echoed = p.grant_counter;
+                                      });
   ros::Client<CheckAlive> client(executor, *ros_participant, "/bench/check", {}, ros::Priority::liveness);
   RawEcho raw(*raw_participant, "bench_raw_ping", "bench_raw_pong");
   RawEcho raw_request(*raw_participant, "bench_raw_request", "bench_raw_reply");
@@ -215,8 +228,9 @@ int measure(int rounds, milliseconds pause, bool pinned) {
     return came;
   };
 
-  executor.spin_until([&] { return client.is_ready() && ping.subscription_count() > 0 && pong.publisher_count() > 0; },
-                      monotonic_now() + seconds(10));
+  executor.spin_until(
+      [&] { return client.is_ready() && ping.subscription_count() > 0 && pong.publisher_count() > 0; },
+      monotonic_now() + seconds(10));
   std::uint32_t n = 1;
   for (auto& [name, path] : paths) {
     for (int i = 0; i < 50; ++i) path.round_trip(n++);  // warm-up, also waits for the raw endpoints' match
@@ -230,17 +244,22 @@ int measure(int rounds, milliseconds pause, bool pinned) {
       const MonotonicTime sent = monotonic_now();
       if (path->round_trip(n++)) path->us.push_back(static_cast<double>((arrived - sent).count()) / 1000.0);
     }
-    if (pause > milliseconds(0)) std::this_thread::sleep_for(pause);  // the rate of the flight topics, not a test
+    if (pause > milliseconds(0))
+      std::this_thread::sleep_for(pause);  // the rate of the flight topics, not a test
   }
   kill(echo, SIGKILL);
   waitpid(echo, nullptr, 0);
 
-  Json out{{"benchmark", "ros_latency"}, {"payload_octets", ros::encoded_size(probe(1))}, {"pinned", pinned}, {"unit", "round trip, microseconds; one way is half"}};
+  Json out{{"benchmark", "ros_latency"},
+           {"payload_octets", ros::encoded_size(probe(1))},
+           {"pinned", pinned},
+           {"unit", "round trip, microseconds; one way is half"}};
   for (auto& [name, path] : paths) out[name] = percentiles(path.us);
   const auto ratio = [&](const char* ours, const char* peer, const char* q) {
     return out[ours][q].get<double>() / out[peer][q].get<double>();
   };
-  out["ratio_topic_to_raw"] = {{"p50", ratio("srfs_topic", "raw_topic", "p50_us")}, {"p99", ratio("srfs_topic", "raw_topic", "p99_us")}};
+  out["ratio_topic_to_raw"] = {{"p50", ratio("srfs_topic", "raw_topic", "p50_us")},
+                               {"p99", ratio("srfs_topic", "raw_topic", "p99_us")}};
   out["ratio_service_to_raw"] = {{"p50", ratio("srfs_service", "raw_service", "p50_us")},
                                  {"p99", ratio("srfs_service", "raw_service", "p99_us")}};
   std::printf("%s\n", out.dump().c_str());

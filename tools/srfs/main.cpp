@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <iostream>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "base/log.hpp"
@@ -32,12 +32,13 @@ Json to_json(const std::vector<NodeStatus>& nodes) {
 }
 
 void print_table(const std::vector<NodeStatus>& nodes) {
-  fmt::print("{:<18} {:<14} {:>8} {:>12} {:>8} {:>9}  {}\n", "NODE", "STATE", "PID", "INCARNATION", "VERSION", "RESTARTS",
-             "LAST RESTART");
+  fmt::print("{:<18} {:<14} {:>8} {:>12} {:>8} {:>9}  {}\n", "NODE", "STATE", "PID", "INCARNATION", "VERSION",
+             "RESTARTS", "LAST RESTART");
   for (const NodeStatus& s : nodes) {
-    fmt::print("{:<18} {:<14} {:>8} {:>12} {:>8} {:>9}  {}\n", s.name, s.state, s.instance ? std::to_string(s.instance->pid) : "-",
-               s.instance ? std::to_string(s.instance->incarnation) : "-", s.instance ? s.instance->version : "-", s.starts.restarts,
-               s.starts.last_cause);
+    fmt::print("{:<18} {:<14} {:>8} {:>12} {:>8} {:>9}  {}\n", s.name, s.state,
+               s.instance ? std::to_string(s.instance->pid) : "-",
+               s.instance ? std::to_string(s.instance->incarnation) : "-",
+               s.instance ? s.instance->version : "-", s.starts.restarts, s.starts.last_cause);
   }
 }
 
@@ -54,8 +55,10 @@ int run_up(const Target& target, const UpOptions& options, bool json) {
   } else {
     for (const std::string& problem : report.problems) fmt::print(stderr, "srfs up: {}\n", problem);
     if (report.all_reached) {
-      fmt::print("{} nodes up in {} ms, DDS domain {} (export ROS_DOMAIN_ID={} ROS_LOCALHOST_ONLY=1 to look at them with ROS 2)\n",
-                 report.nodes.size(), report.took.count(), report.domain, report.domain);
+      fmt::print(
+          "{} nodes up in {} ms, DDS domain {} (export ROS_DOMAIN_ID={} ROS_LOCALHOST_ONLY=1 to look at them "
+          "with ROS 2)\n",
+          report.nodes.size(), report.took.count(), report.domain, report.domain);
     }
   }
   return report.all_reached ? 0 : 1;
@@ -64,9 +67,11 @@ int run_up(const Target& target, const UpOptions& options, bool json) {
 int run_down(const Target& target, int patience_ms, bool json) {
   const DownReport report = down(target, milliseconds(patience_ms));
   if (json) {
-    std::cout << Json{{"ok", report.left.empty()}, {"killed", report.killed}, {"left", report.left}}.dump() << "\n";
+    std::cout << Json{{"ok", report.left.empty()}, {"killed", report.killed}, {"left", report.left}}.dump()
+              << "\n";
   } else {
-    for (const std::string& name : report.killed) fmt::print(stderr, "srfs down: {} did not stop in time and was killed\n", name);
+    for (const std::string& name : report.killed)
+      fmt::print(stderr, "srfs down: {} did not stop in time and was killed\n", name);
     for (const std::string& name : report.left) fmt::print(stderr, "srfs down: {} is still there\n", name);
   }
   return report.left.empty() ? 0 : 1;
@@ -79,7 +84,9 @@ int run_status(const Target& target, bool json) {
   } else {
     print_table(nodes);
   }
-  const bool all_up = std::all_of(nodes.begin(), nodes.end(), [](const NodeStatus& s) { return s.instance && s.state != "not answering"; });
+  const bool all_up = std::all_of(nodes.begin(), nodes.end(), [](const NodeStatus& s) {
+    return s.instance && s.state != "not answering";
+  });
   return all_up ? 0 : 1;
 }
 
@@ -90,7 +97,12 @@ int run_transition(const Target& target, const std::string& node, const std::str
   }
   const TransitionOutcome outcome = transition(target, node, label, milliseconds(3000));
   if (json) {
-    std::cout << Json{{"ok", outcome.success}, {"node", node}, {"state", outcome.state}, {"error", outcome.error}}.dump() << "\n";
+    std::cout << Json{{"ok", outcome.success},
+                      {"node", node},
+                      {"state", outcome.state},
+                      {"error", outcome.error}}
+                     .dump()
+              << "\n";
   } else if (outcome.success) {
     fmt::print("/{} is {}\n", node, outcome.state);
   } else {
@@ -117,21 +129,34 @@ int run(int argc, char** argv) {
   std::string node;
   std::string label;
   int duration_s = 0;
-  auto* up_command = app.add_subcommand("up", "Start all nodes in list order, wait until they are in their desired state, exit");
-  up_command->add_option("--domain", up_options.domain, "DDS domain; default: the deployment's, or the first free from 42")->check(CLI::Range(0, 101));
-  up_command->add_option("--deadline", deadline_s, "Seconds to wait")->check(CLI::Range(1, 600))->capture_default_str();
+  auto* up_command = app.add_subcommand(
+      "up", "Start all nodes in list order, wait until they are in their desired state, exit");
+  up_command
+      ->add_option("--domain", up_options.domain,
+                   "DDS domain; default: the deployment's, or the first free from 42")
+      ->check(CLI::Range(0, 101));
+  up_command->add_option("--deadline", deadline_s, "Seconds to wait")
+      ->check(CLI::Range(1, 600))
+      ->capture_default_str();
   auto* down_command = app.add_subcommand("down", "Stop all nodes in reverse order");
-  down_command->add_option("--patience", patience_ms, "Milliseconds before SIGKILL")->check(CLI::Range(10, 60000))->capture_default_str();
-  auto* restart_command = app.add_subcommand("restart", "down and up again, as after a reset of the computer");
-  restart_command->add_option("--cause", up_options.cause, "Cause written into the nodes' start records")->default_str("restart by command");
-  auto* status_command = app.add_subcommand("status", "Lifecycle state, pid, incarnation, version, restarts of every node");
+  down_command->add_option("--patience", patience_ms, "Milliseconds before SIGKILL")
+      ->check(CLI::Range(10, 60000))
+      ->capture_default_str();
+  auto* restart_command =
+      app.add_subcommand("restart", "down and up again, as after a reset of the computer");
+  restart_command->add_option("--cause", up_options.cause, "Cause written into the nodes' start records")
+      ->default_str("restart by command");
+  auto* status_command =
+      app.add_subcommand("status", "Lifecycle state, pid, incarnation, version, restarts of every node");
   auto* lifecycle_command = app.add_subcommand("lifecycle", "Request a lifecycle transition");
   lifecycle_command->add_option("node", node, "Node name")->required();
   lifecycle_command->add_option("transition", label, "configure, activate, deactivate, cleanup or shutdown")
       ->required()
       ->check(CLI::IsMember({"configure", "activate", "deactivate", "cleanup", "shutdown"}));
   auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
-  record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")->check(CLI::Range(0, 86400))->capture_default_str();
+  record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
+      ->check(CLI::Range(0, 86400))
+      ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
 
   const Target target{ros::Deployment::load(deployment_file), ros::VarPaths{std::filesystem::absolute(var)}};

@@ -2,10 +2,10 @@
 
 #include <cstdio>
 
-#include <lifecycle_msgs/msg/transition_event.hpp>
-#include <nlohmann/json.hpp>
 #include <sys/epoll.h>
 #include <sys/signalfd.h>
+#include <lifecycle_msgs/msg/transition_event.hpp>
+#include <nlohmann/json.hpp>
 
 #include "base/octets.hpp"
 #include "ros/publisher.hpp"
@@ -29,23 +29,39 @@ void print(const Json& line) {
 
 Json describe(const m::TimeTick& t, MonotonicTime at) {
   Json j = begin("tick", at);
-  j.update({{"cycle", t.cycle}, {"due_ns", t.monotonic_ns}, {"published_ns", t.published_ns}, {"sync_state", t.sync_state},
-            {"time_valid", t.time_valid}, {"utc_s", t.utc.sec}, {"incarnation", t.incarnation}});
+  j.update({{"cycle", t.cycle},
+            {"due_ns", t.monotonic_ns},
+            {"published_ns", t.published_ns},
+            {"sync_state", t.sync_state},
+            {"time_valid", t.time_valid},
+            {"utc_s", t.utc.sec},
+            {"incarnation", t.incarnation}});
   return j;
 }
 
 Json describe(const m::TaskFlags& f, MonotonicTime at) {
   Json j = begin("flags", at);
-  j.update({{"cycle", f.cycle}, {"switcher", f.switcher_incarnation}, {"grant", f.grant_counter}, {"holder", f.holder},
-            {"flags", f.flags}, {"tick_received_ns", f.tick_received_ns}, {"published_ns", f.published_ns}, {"lease_end_ns", f.lease_end_ns}});
+  j.update({{"cycle", f.cycle},
+            {"switcher", f.switcher_incarnation},
+            {"grant", f.grant_counter},
+            {"holder", f.holder},
+            {"flags", f.flags},
+            {"tick_received_ns", f.tick_received_ns},
+            {"published_ns", f.published_ns},
+            {"lease_end_ns", f.lease_end_ns}});
   return j;
 }
 
 Json describe(const m::BusStatus& s, MonotonicTime at) {
   static constexpr const char* names[] = {"?", "taken", "released", "failed"};
   Json j = begin("bus", at);
-  j.update({{"status", names[s.status < 4 ? s.status : 0]}, {"payload", s.payload}, {"switcher", s.switcher_incarnation},
-            {"grant", s.grant_counter}, {"used_us", s.used_us}, {"sent", s.frames_sent}, {"received", s.frames_received},
+  j.update({{"status", names[s.status < 4 ? s.status : 0]},
+            {"payload", s.payload},
+            {"switcher", s.switcher_incarnation},
+            {"grant", s.grant_counter},
+            {"used_us", s.used_us},
+            {"sent", s.frames_sent},
+            {"received", s.frames_received},
             {"detail", s.detail}});
   return j;
 }
@@ -53,19 +69,27 @@ Json describe(const m::BusStatus& s, MonotonicTime at) {
 Json describe(const m::PayloadActivity& a, MonotonicTime at) {
   static constexpr const char* names[] = {"off", "occupying_can", "data_processing", "other_async_command"};
   Json j = begin("activity", at);
-  j.update({{"payload", a.payload}, {"state", names[a.state < 4 ? a.state : 0]}, {"since_ns", a.monotonic_ns}, {"cycle", a.cycle}});
+  j.update({{"payload", a.payload},
+            {"state", names[a.state < 4 ? a.state : 0]},
+            {"since_ns", a.monotonic_ns},
+            {"cycle", a.cycle}});
   return j;
 }
 
 Json describe(const m::Telecommand& t, MonotonicTime at) {
   Json j = begin("telecommand", at);
-  j.update({{"id", t.id}, {"target", t.target}, {"function", t.function_id}, {"arguments", to_hex(t.arguments)}});
+  j.update(
+      {{"id", t.id}, {"target", t.target}, {"function", t.function_id}, {"arguments", to_hex(t.arguments)}});
   return j;
 }
 
 Json describe(const m::TelecommandReport& r, MonotonicTime at) {
   Json j = begin("report", at);
-  j.update({{"id", r.id}, {"node", r.node}, {"stage", r.stage}, {"success", r.success}, {"failure_code", r.failure_code}});
+  j.update({{"id", r.id},
+            {"node", r.node},
+            {"stage", r.stage},
+            {"success", r.success},
+            {"failure_code", r.failure_code}});
   return j;
 }
 
@@ -106,7 +130,8 @@ int record(const Target& target, seconds duration) {
   const auto listen = [&]<class M>(ros::Topic<M> topic) {
     topic.qos.depth = 256;  // an observer may fall behind; the nodes' depths are theirs
     kept.push_back(std::make_shared<ros::Subscription<M>>(
-        executor, **participant, topic, [](const M& message, const ros::MessageInfo& info) { print(describe(message, info.received)); }));
+        executor, **participant, topic,
+        [](const M& message, const ros::MessageInfo& info) { print(describe(message, info.received)); }));
   };
   listen(topics::time_tick);
   listen(topics::task_flags);
@@ -120,7 +145,8 @@ int record(const Target& target, seconds duration) {
     using Transition = lifecycle_msgs::msg::TransitionEvent;
     const ros::Topic<Transition> topic{"/" + node.name + "/transition_event", {}};
     kept.push_back(std::make_shared<ros::Subscription<Transition>>(
-        executor, **participant, topic, [name = node.name](const Transition& t, const ros::MessageInfo& info) {
+        executor, **participant, topic,
+        [name = node.name](const Transition& t, const ros::MessageInfo& info) {
           Json j = begin("lifecycle", info.received);
           j.update({{"node", name}, {"from", t.start_state.label}, {"to", t.goal_state.label}});
           print(j);

@@ -6,11 +6,11 @@
 #include <map>
 
 #include <fmt/format.h>
-#include <lifecycle_msgs/srv/change_state.hpp>
-#include <lifecycle_msgs/srv/get_state.hpp>
 #include <poll.h>
 #include <sys/syscall.h>
 #include <unistd.h>
+#include <lifecycle_msgs/srv/change_state.hpp>
+#include <lifecycle_msgs/srv/get_state.hpp>
 
 #include "base/file.hpp"
 #include "hw/open.hpp"
@@ -53,10 +53,11 @@ class StateQuestions {
   void ask(const std::string& node) {
     if (asking_[node]) return;
     asking_[node] = true;
-    clients_.at(node)->call({}, ask_deadline, 1, [this, node](const Result<GetState::Response, ros::CallError>& answer) {
-      asking_[node] = false;
-      if (answer) states_[node] = answer->current_state.label;
-    });
+    clients_.at(node)->call({}, ask_deadline, 1,
+                            [this, node](const Result<GetState::Response, ros::CallError>& answer) {
+                              asking_[node] = false;
+                              if (answer) states_[node] = answer->current_state.label;
+                            });
   }
   void forget(const std::string& node) { states_.erase(node); }
   [[nodiscard]] std::string state(const std::string& node) const {
@@ -99,7 +100,8 @@ std::vector<NodeStatus> local_status(const Target& target) {
 /// The domain of the suite that runs in VAR, or a fresh one held for it.
 Result<ros::DomainLock, std::string> take_domain(const Target& target, std::optional<int> wanted) {
   const auto statuses = local_status(target);
-  const bool running = std::any_of(statuses.begin(), statuses.end(), [](const NodeStatus& s) { return s.instance.has_value(); });
+  const bool running = std::any_of(statuses.begin(), statuses.end(),
+                                   [](const NodeStatus& s) { return s.instance.has_value(); });
   const auto old = running_domain(target);
   if (running && old) return ros::DomainLock::share(*old);
   auto lock = ros::DomainLock::allocate(wanted ? wanted : target.deployment.domain);
@@ -149,7 +151,8 @@ UpReport up(const Target& target, const UpOptions& options) {
   const MonotonicTime start = monotonic_now();
   const ros::LaunchRequest request{target.deployment, target.var, ros::own_bin_folder(), options.cause};
   for (const auto& node : target.deployment.nodes) {
-    if (const auto started = ros::launch(request, node); !started) report.problems.push_back(fmt::format("{}: {}", node.name, started.error()));
+    if (const auto started = ros::launch(request, node); !started)
+      report.problems.push_back(fmt::format("{}: {}", node.name, started.error()));
   }
   const auto reached = [&] {
     bool all = true;
@@ -167,8 +170,8 @@ UpReport up(const Target& target, const UpOptions& options) {
     const std::string state = questions.state(s.name);
     if (!state.empty() && s.instance) s.state = state;
     if (s.state != desired(target, s.name)) {
-      report.problems.push_back(fmt::format("{} is {} instead of {}; see {}", s.name, s.state, desired(target, s.name),
-                                            target.var.log(s.name).string()));
+      report.problems.push_back(fmt::format("{} is {} instead of {}; see {}", s.name, s.state,
+                                            desired(target, s.name), target.var.log(s.name).string()));
     }
   }
   return report;
@@ -233,7 +236,8 @@ std::vector<NodeStatus> status(const Target& target, milliseconds deadline) {
   return all;
 }
 
-TransitionOutcome transition(const Target& target, const std::string& node, const std::string& label, milliseconds deadline) {
+TransitionOutcome transition(const Target& target, const std::string& node, const std::string& label,
+                             milliseconds deadline) {
   TransitionOutcome outcome;
   const auto domain = running_domain(target);
   if (!domain) {
@@ -261,7 +265,8 @@ TransitionOutcome transition(const Target& target, const std::string& node, cons
       monotonic_now() + milliseconds(1000));
   outcome.state = questions.state(node);
   if (outcome.answered && !outcome.success) {
-    outcome.error = fmt::format("/{} refused '{}' and is {}; its log says why: {}", node, label, outcome.state, target.var.log(node).string());
+    outcome.error = fmt::format("/{} refused '{}' and is {}; its log says why: {}", node, label,
+                                outcome.state, target.var.log(node).string());
   }
   return outcome;
 }

@@ -39,8 +39,8 @@ struct UpReport {
   std::vector<NodeStatus> nodes;
 };
 
-/// Starts every node of the deployment in list order and waits until all are in their desired state. Nodes that run are
-/// left alone. Nothing of it stays behind. Blocks up to the deadline.
+/// Starts every node of the deployment in list order and waits until all are in their desired state. Nodes
+/// that run are left alone. Nothing of it stays behind. Blocks up to the deadline.
 [[nodiscard]] UpReport up(const Target& target, const UpOptions& options);
 
 struct DownReport {
@@ -48,8 +48,10 @@ struct DownReport {
   std::vector<std::string> left;    ///< nodes that survived even that
 };
 
-/// Stops every node in reverse order: stopping flag first, so that nobody revives what is stopped; SIGTERM, after
-/// @p patience SIGKILL; then locks and the domain file are removed. The simulated watchdog is disarmed. Blocks.
+/// Stops every node in reverse order: stopping flag first, so that nobody revives what is stopped; SIGTERM,
+/// after
+/// @p patience SIGKILL; then locks and the domain file are removed. The simulated watchdog is disarmed.
+/// Blocks.
 [[nodiscard]] DownReport down(const Target& target, milliseconds patience);
 
 /// Asks every node for its state over DDS. Blocks for at most @p deadline.
@@ -61,8 +63,10 @@ struct TransitionOutcome {
   std::string state;  ///< afterwards
   std::string error;
 };
-/// Requests a transition by label ("configure", "activate", "deactivate", "cleanup", "shutdown"). Blocks up to @p deadline.
-[[nodiscard]] TransitionOutcome transition(const Target& target, const std::string& node, const std::string& label, milliseconds deadline);
+/// Requests a transition by label ("configure", "activate", "deactivate", "cleanup", "shutdown"). Blocks up
+/// to @p deadline.
+[[nodiscard]] TransitionOutcome transition(const Target& target, const std::string& node,
+                                           const std::string& label, milliseconds deadline);
 
 /// DDS domain of the running suite; nullopt when VAR has none.
 [[nodiscard]] std::optional<int> running_domain(const Target& target);

@@ -31,7 +31,9 @@ class RosTest : public testing::Test {
     here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
   }
-  bool wait(const std::function<bool()>& condition) { return executor_.spin_until(condition, monotonic_now() + seconds(20)); }
+  bool wait(const std::function<bool()>& condition) {
+    return executor_.spin_until(condition, monotonic_now() + seconds(20));
+  }
 
   Executor executor_;
   std::unique_ptr<Participant> here_;
@@ -41,8 +43,10 @@ class RosTest : public testing::Test {
 TEST_F(RosTest, MessagesArriveWholeAndInOrder) {
   std::vector<TaskFlags> got;
   Publisher<TaskFlags> publisher(*here_, flags_topic);
-  Subscription<TaskFlags> subscription(executor_, *there_, flags_topic, [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m); });
-  ASSERT_TRUE(wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+  Subscription<TaskFlags> subscription(executor_, *there_, flags_topic,
+                                       [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m); });
+  ASSERT_TRUE(
+      wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
 
   for (std::uint64_t i = 0; i < 50; ++i) {
     TaskFlags m;
@@ -59,8 +63,11 @@ TEST_F(RosTest, MessagesArriveWholeAndInOrder) {
 TEST_F(RosTest, WhatTheHistoryDroppedIsCountedAsLost) {
   std::vector<std::uint64_t> got;
   Publisher<TaskFlags> publisher(*here_, flags_topic);
-  Subscription<TaskFlags> subscription(executor_, *there_, flags_topic, [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
-  ASSERT_TRUE(wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
+  Subscription<TaskFlags> subscription(
+      executor_, *there_, flags_topic,
+      [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+  ASSERT_TRUE(
+      wait([&] { return publisher.subscription_count() == 1 && subscription.publisher_count() == 1; }));
   TaskFlags first;
   publisher.publish(first);
   ASSERT_TRUE(wait([&] { return got.size() == 1; }));
@@ -95,10 +102,13 @@ struct ForeignFlags {
 
 TEST_F(RosTest, AMalformedSampleIsCountedDroppedAndTheNextGoodOneArrives) {
   std::vector<std::uint64_t> got;
-  WriterEndpoint foreign(*here_, topic_dds_name(flags_topic.name), dds::TypeSupport(new TypeSupport<ForeignFlags>), flags_topic.qos);
+  WriterEndpoint foreign(*here_, topic_dds_name(flags_topic.name),
+                         dds::TypeSupport(new TypeSupport<ForeignFlags>), flags_topic.qos);
   const auto other = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
   Publisher<TaskFlags> good(*other, flags_topic);
-  Subscription<TaskFlags> subscription(executor_, *there_, flags_topic, [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+  Subscription<TaskFlags> subscription(
+      executor_, *there_, flags_topic,
+      [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
   ASSERT_TRUE(wait([&] { return foreign.matched_count() == 1 && good.subscription_count() == 1; }));
 
   for (const std::size_t size : {0U, 1U, 7U, 3000U}) {
@@ -118,12 +128,14 @@ TEST_F(RosTest, AMalformedSampleIsCountedDroppedAndTheNextGoodOneArrives) {
 class ServiceTest : public RosTest {
  protected:
   std::shared_ptr<Service<CheckAlive>> serve() {
-    return std::make_shared<Service<CheckAlive>>(executor_, *here_, "/test/check_alive", Qos{}, Priority::liveness,
-                                                 [](const CheckAlive::Request& q, CheckAlive::Response& r) { r.nonce = q.nonce + 1; });
+    return std::make_shared<Service<CheckAlive>>(
+        executor_, *here_, "/test/check_alive", Qos{}, Priority::liveness,
+        [](const CheckAlive::Request& q, CheckAlive::Response& r) { r.nonce = q.nonce + 1; });
   }
   void SetUp() override {
     RosTest::SetUp();
-    client_ = std::make_unique<Client<CheckAlive>>(executor_, *there_, "/test/check_alive", Qos{}, Priority::liveness);
+    client_ = std::make_unique<Client<CheckAlive>>(executor_, *there_, "/test/check_alive", Qos{},
+                                                   Priority::liveness);
   }
   void TearDown() override { client_.reset(); }
   std::unique_ptr<Client<CheckAlive>> client_;
@@ -133,7 +145,8 @@ TEST_F(ServiceTest, ACallMadeBeforeTheServerExistsIsAnsweredWhenItComes) {
   std::optional<std::uint64_t> answer;
   CheckAlive::Request request;
   request.nonce = 41;
-  client_->call(request, seconds(15), 1, [&](const Result<CheckAlive::Response, CallError>& r) { answer = r.value().nonce; });
+  client_->call(request, seconds(15), 1,
+                [&](const Result<CheckAlive::Response, CallError>& r) { answer = r.value().nonce; });
   const auto server = serve();
   ASSERT_TRUE(wait([&] { return answer.has_value(); }));
   EXPECT_EQ(*answer, 42U);
@@ -146,7 +159,9 @@ TEST_F(ServiceTest, ConcurrentCallsGetTheirOwnAnswers) {
   for (std::uint64_t i = 0; i < 8; ++i) {
     CheckAlive::Request request;
     request.nonce = i * 100;
-    client_->call(request, seconds(5), 1, [&answers, i](const Result<CheckAlive::Response, CallError>& r) { answers[i] = r.value().nonce; });
+    client_->call(request, seconds(5), 1, [&answers, i](const Result<CheckAlive::Response, CallError>& r) {
+      answers[i] = r.value().nonce;
+    });
   }
   ASSERT_TRUE(wait([&] { return answers.size() == 8; }));
   for (const auto& [i, nonce] : answers) EXPECT_EQ(nonce, i * 100 + 1);
@@ -154,7 +169,8 @@ TEST_F(ServiceTest, ConcurrentCallsGetTheirOwnAnswers) {
 
 TEST_F(ServiceTest, WithoutAServerACallFailsAtItsDeadlineAndSaysWhy) {
   std::optional<CallError> error;
-  client_->call({}, milliseconds(50), 3, [&](const Result<CheckAlive::Response, CallError>& r) { error = r.error(); });
+  client_->call({}, milliseconds(50), 3,
+                [&](const Result<CheckAlive::Response, CallError>& r) { error = r.error(); });
   ASSERT_TRUE(wait([&] { return error.has_value(); }));
   EXPECT_EQ(*error, CallError::no_server);
 }
@@ -188,9 +204,12 @@ class NodeTest : public RosTest {
     RosTest::SetUp();
     std::string pattern = (std::filesystem::temp_directory_path() / "srfs_node_XXXXXX").string();
     folder_ = mkdtemp(pattern.data());
-    ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: t\nnodes: [{name: probe, executable: x, parameters: {period_ms: 50}}]\n"));
+    ASSERT_TRUE(write_file_atomically(
+        folder_ / "d.yaml",
+        "deployment: t\nnodes: [{name: probe, executable: x, parameters: {period_ms: 50}}]\n"));
     deployment_ = std::make_unique<Deployment>(Deployment::load(folder_ / "d.yaml"));
-    context_ = std::make_unique<NodeContext>(NodeContext{"probe", *deployment_, VarPaths{folder_}, 7, executor_, *here_});
+    context_ = std::make_unique<NodeContext>(
+        NodeContext{"probe", *deployment_, VarPaths{folder_}, 7, executor_, *here_});
     node_ = std::make_unique<TestNode>(*context_);
   }
   void TearDown() override {
@@ -263,7 +282,8 @@ TEST_F(NodeTest, ParametersAreReadListedAndSetWithReasons) {
   const auto results = call<rcl_interfaces::srv::SetParameters>("/probe/set_parameters", set).results;
   EXPECT_TRUE(results.at(0).successful);
   EXPECT_EQ(results.at(1).reason, "parameter 'period_ms': 5000 is outside 10..1000");
-  EXPECT_EQ(call<rcl_interfaces::srv::ListParameters>("/probe/list_parameters", {}).result.names, std::vector<std::string>{"period_ms"});
+  EXPECT_EQ(call<rcl_interfaces::srv::ListParameters>("/probe/list_parameters", {}).result.names,
+            std::vector<std::string>{"period_ms"});
 }
 
 TEST(Executor, RunsTimersOnTheirGridAndCountsMissedPeriods) {
@@ -278,9 +298,12 @@ TEST(Executor, RunsTimersOnTheirGridAndCountsMissedPeriods) {
 TEST(Executor, ADroppedTimerNeverRunsAndADroppedWatchNeverFires) {
   Executor executor;
   bool ran = false;
-  { const auto dropped = executor.add_timer(monotonic_now(), nanoseconds(0), [&] { ran = true; }); }
+  {
+    const auto dropped = executor.add_timer(monotonic_now(), nanoseconds(0), [&] { ran = true; });
+  }
   bool done = false;
-  const auto later = executor.add_timer(monotonic_now() + milliseconds(5), nanoseconds(0), [&] { done = true; });
+  const auto later =
+      executor.add_timer(monotonic_now() + milliseconds(5), nanoseconds(0), [&] { done = true; });
   EXPECT_TRUE(executor.spin_until([&] { return done; }, monotonic_now() + seconds(10)));
   EXPECT_FALSE(ran);
 }
@@ -291,8 +314,10 @@ TEST(Worker, RunsJobsElsewhereAndTheirResultsOnTheWorkThread) {
   const auto work_thread = std::this_thread::get_id();
   std::thread::id job_thread;
   std::thread::id done_thread;
-  EXPECT_TRUE(worker.post([&] { job_thread = std::this_thread::get_id(); }, [&] { done_thread = std::this_thread::get_id(); }));
-  EXPECT_TRUE(executor.spin_until([&] { return done_thread != std::thread::id(); }, monotonic_now() + seconds(10)));
+  EXPECT_TRUE(worker.post([&] { job_thread = std::this_thread::get_id(); },
+                          [&] { done_thread = std::this_thread::get_id(); }));
+  EXPECT_TRUE(
+      executor.spin_until([&] { return done_thread != std::thread::id(); }, monotonic_now() + seconds(10)));
   EXPECT_NE(job_thread, work_thread);
   EXPECT_EQ(done_thread, work_thread);
 }

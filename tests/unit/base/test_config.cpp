@@ -32,7 +32,8 @@ TEST(ConfigSection, NamesFileLineKeyAndWhatWasExpectedForAWrongType) {
 
 TEST(ConfigSection, RefusesAValueOutOfRange) {
   const auto config = ConfigSection::parse("p: 101\n", "x.yaml");
-  EXPECT_EQ(error_of([&] { (void)config.integer("p", 1, 100); }), "x.yaml:1: 'p': expected an integer from 1 to 100, found '101'");
+  EXPECT_EQ(error_of([&] { (void)config.integer("p", 1, 100); }),
+            "x.yaml:1: 'p': expected an integer from 1 to 100, found '101'");
 }
 
 TEST(ConfigSection, NamesAnUnknownKeyAndTheKnownOnes) {
@@ -43,12 +44,15 @@ TEST(ConfigSection, NamesAnUnknownKeyAndTheKnownOnes) {
 
 TEST(ConfigSection, SaysWhichRequiredKeyIsMissing) {
   const auto config = ConfigSection::parse("a: 1\n", "x.yaml");
-  EXPECT_EQ(error_of([&] { (void)config.text("executable"); }), "x.yaml:1: 'executable': expected text, found nothing");
+  EXPECT_EQ(error_of([&] { (void)config.text("executable"); }),
+            "x.yaml:1: 'executable': expected text, found nothing");
 }
 
 TEST(ConfigSection, ReportsBrokenYamlAndAMissingFile) {
   EXPECT_NE(error_of([] { ConfigSection::parse("a: [1,\n", "x.yaml"); }).find("x.yaml:"), std::string::npos);
-  EXPECT_NE(error_of([] { ConfigSection::load("/nonexistent/x.yaml"); }).find("/nonexistent/x.yaml: cannot open"), std::string::npos);
+  EXPECT_NE(
+      error_of([] { ConfigSection::load("/nonexistent/x.yaml"); }).find("/nonexistent/x.yaml: cannot open"),
+      std::string::npos);
 }
 
 TEST(ConfigSection, NotANumberIsNotInAnyRange) {

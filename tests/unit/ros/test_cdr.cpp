@@ -44,7 +44,12 @@ TEST(Cdr, LaysOutFieldsAsXcdr1WithAlignmentFromTheBody) {
   request.transition.id = 3;
   request.transition.label = "activate";
   // id, padding to 4, length with NUL, text, padding to 4
-  EXPECT_EQ(to_hex(encode(request)), "00010000" "03000000" "09000000" "616374697661746500" "000000");
+  EXPECT_EQ(to_hex(encode(request)),
+            "00010000"
+            "03000000"
+            "09000000"
+            "616374697661746500"
+            "000000");
 }
 
 TEST(Cdr, MessagesSurviveTheRoundTrip) {
@@ -95,7 +100,11 @@ TEST(Cdr, EveryTruncationIsRefusedAndEveryBitFlipIsSurvived) {
 }
 
 TEST(Cdr, ReadsBigEndianSendersToo) {
-  const auto data = from_hex("0000000000000000" "0000002a" "00000000").value();  // encapsulation 00 00: big-endian
+  const auto data = from_hex(
+                        "0000000000000000"
+                        "0000002a"
+                        "00000000")
+                        .value();  // encapsulation 00 00: big-endian
   std::uint64_t first = 0;
   Octets bytes = data;
   eprosima::fastcdr::FastBuffer buffer(reinterpret_cast<char*>(bytes.data()), bytes.size());

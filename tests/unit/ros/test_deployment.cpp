@@ -42,14 +42,17 @@ TEST_F(DeploymentTest, EveryFileInLaunchConfigIsValid) {
 }
 
 TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
-  EXPECT_EQ(error_of("deployment: x\n" + node + "devcies: {}\n").substr(0, 35), "d.yaml:4: 'devcies': unknown key, e");
+  EXPECT_EQ(error_of("deployment: x\n" + node + "devcies: {}\n").substr(0, 35),
+            "d.yaml:4: 'devcies': unknown key, e");
   EXPECT_EQ(error_of("deployment: x\n" + node + "link: {baud: fast}\n"),
             "d.yaml:4: 'link.baud': expected an integer from 1200 to 4000000, found 'fast'");
   EXPECT_EQ(error_of("deployment: x\n" + node + "link: {tm: {frame_length: 1115}}\n"),
             "d.yaml:4: 'link.tm.frame_length': expected 223 x interleave with reed_solomon, found '1115'");
   EXPECT_EQ(error_of("deployment: x\nnodes:\n  - {name: Timing, executable: t}\n"),
             "d.yaml:3: 'nodes[0].name': expected 1-32 characters of a-z, 0-9 and _, found 'Timing'");
-  EXPECT_NE(error_of("deployment: x\n" + node + "slots: [{payload: ghost, allotted_ms: 1, overrun_ms: 1, reset_ms: 1}]\n").find("'ghost' is none"),
+  EXPECT_NE(error_of("deployment: x\n" + node +
+                     "slots: [{payload: ghost, allotted_ms: 1, overrun_ms: 1, reset_ms: 1}]\n")
+                .find("'ghost' is none"),
             std::string::npos);
 }
 

@@ -12,7 +12,8 @@ TEST(LifecycleTable, HasEveryTransitionOfRos2AndNoOther) {
   EXPECT_EQ(lifecycle_table().size(), 25U);
   std::set<int> ids;
   for (const LifecycleRow& row : lifecycle_table()) ids.insert(row.transition_id);
-  EXPECT_EQ(ids, (std::set<int>{1,  2,  3,  4,  5,  6,  7,  10, 11, 12, 20, 21, 22, 30, 31, 32, 40, 41, 42, 50, 51, 52, 60, 61, 62}));
+  EXPECT_EQ(ids, (std::set<int>{1,  2,  3,  4,  5,  6,  7,  10, 11, 12, 20, 21, 22,
+                                30, 31, 32, 40, 41, 42, 50, 51, 52, 60, 61, 62}));
 }
 
 TEST(LifecycleTable, EveryPairOutsideItIsRefused) {
@@ -38,8 +39,8 @@ TEST(LifecycleTable, RequestsLeadFromPrimaryToTransitionStatesAndOutcomesBack) {
 }
 
 TEST(LifecycleTable, EveryTransitionStateHasAllThreeOutcomes) {
-  for (const State state : {State::configuring, State::cleaning_up, State::activating, State::deactivating, State::shutting_down,
-                            State::error_processing}) {
+  for (const State state : {State::configuring, State::cleaning_up, State::activating, State::deactivating,
+                            State::shutting_down, State::error_processing}) {
     for (const auto outcome : {CallbackReturn::success, CallbackReturn::failure, CallbackReturn::error}) {
       EXPECT_NE(find_row(state, to_trigger(outcome)), nullptr) << label(state);
     }

@@ -22,15 +22,19 @@ std::string declare_error(const std::string& yaml) {
 
 TEST(ParameterSet, StartsFromTheDeploymentElseFromTheDefault) {
   ParameterSet set = with_overrides("period_ms: 250\n");
-  EXPECT_EQ(std::get<std::int64_t>(set.declare("period_ms", {std::int64_t{100}, ParameterRange{10, 1000}, ""})), 250);
+  EXPECT_EQ(
+      std::get<std::int64_t>(set.declare("period_ms", {std::int64_t{100}, ParameterRange{10, 1000}, ""})),
+      250);
   EXPECT_EQ(std::get<std::string>(set.declare("mode", {std::string("safe"), std::nullopt, ""})), "safe");
 }
 
 TEST(ParameterSet, RefusesOverridesOfTheWrongTypeRangeOrName) {
   EXPECT_EQ(declare_error("period_ms: 100\n"), "");
   EXPECT_EQ(declare_error("period_ms: fast\n"), "x.yaml:1: 'period_ms': expected integer, found 'fast'");
-  EXPECT_EQ(declare_error("period_ms: 5\n"), "x.yaml:1: 'period_ms': expected integer from 10 to 1000, found '5'");
-  EXPECT_NE(declare_error("peroid_ms: 5\n").find("'peroid_ms': unknown key, expected one of period_ms"), std::string::npos);
+  EXPECT_EQ(declare_error("period_ms: 5\n"),
+            "x.yaml:1: 'period_ms': expected integer from 10 to 1000, found '5'");
+  EXPECT_NE(declare_error("peroid_ms: 5\n").find("'peroid_ms': unknown key, expected one of period_ms"),
+            std::string::npos);
 }
 
 TEST(ParameterSet, AppliesAllChangesOrNone) {

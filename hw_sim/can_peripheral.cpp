@@ -1,0 +1,113 @@
+#include "hw_sim/can_peripheral.hpp"
+
+#include <algorithm>
+
+#include <sys/epoll.h>
+
+namespace srfs::sim {
+namespace {
+
+wire::IsoTpSettings peripheral_transport() {
+  wire::IsoTpSettings settings;
+  // A small controller is patient: it waits the standard's time for the bus, not the computer's shorter one.
+  settings.n_as = milliseconds(100);
+  settings.n_bs = milliseconds(100);
+  settings.n_cr = milliseconds(100);
+  return settings;
+}
+
+wire::IsoTpFrame without_meta(const hw::CanFrame& frame) {
+  return {frame.id, frame.size, frame.data};
+}
+
+}  // namespace
+
+CanPeripheral::CanPeripheral(EventLoop& loop, std::string name, std::uint8_t address,
+                             std::unique_ptr<hw::CanBus> bus, Peripheral& peripheral, MonotonicTime now)
+    : loop_(loop),
+      name_(std::move(name)),
+      address_(address),
+      bus_(std::move(bus)),
+      peripheral_(peripheral),
+      channel_({.target = computer_address, .source = address}, peripheral_transport()),
+      timer_(loop.add_timer([this](MonotonicTime t) { service(t); })),
+      random_(address) {
+  loop_.watch(bus_->fd(), EPOLLIN, [this](std::uint32_t, MonotonicTime t) { service(t); });
+  service(now);
+}
+
+CanPeripheral::~CanPeripheral() {
+  loop_.set_timer(timer_, std::nullopt);
+  loop_.unwatch(bus_->fd());
+}
+
+void CanPeripheral::receive(MonotonicTime now) {
+  while (const auto frame = bus_->receive()) {
+    if (!frame->extended) continue;
+    if (frame->is_echo) {
+      channel_.on_transmit_confirm(without_meta(*frame), now);
+    } else if (peripheral_.listening(now)) {
+      channel_.on_frame(without_meta(*frame), now);
+    }
+  }
+  for (; channel_.messages_waiting() > 0; channel_.pop_message())
+    peripheral_.on_request(channel_.front_message(), now);
+}
+
+void CanPeripheral::transmit(MonotonicTime now) {
+  while (auto answer = peripheral_.poll(now)) answers_.push_back(std::move(*answer));
+  if (!peripheral_.listening(now)) {
+    channel_.abort();
+    answers_.clear();
+    return;
+  }
+  // A new answer means that the computer has given up waiting for the one before.
+  while (answers_.size() > 1) answers_.pop_front();
+  if (!answers_.empty() && !channel_.sending() && channel_.send(answers_.front(), now)) answers_.pop_front();
+  while (const auto frame = channel_.poll(now)) {
+    if (!bus_->send({.id = frame->id, .extended = true, .size = frame->size, .data = frame->data})) {
+      channel_.on_transmit_refused(now);
+      break;
+    }
+  }
+  std::ignore = channel_.take_send_result();
+  std::ignore = channel_.take_receive_error();
+}
+
+void CanPeripheral::babble(MonotonicTime now) {
+  constexpr std::size_t frames_waiting = 4;
+  if (peripheral_.fault() != PeripheralFault::babble || !peripheral_.listening(now) || now < next_babble_)
+    return;
+  // It looks like answers nobody asked for: single frames on its own identifier with random content.
+  while (bus_->unconfirmed() < frames_waiting) {
+    hw::CanFrame frame{.id = channel_.transmit_id(), .extended = true, .size = 8};
+    frame.data[0] = 0x07;
+    for (std::size_t i = 1; i < frame.data.size(); ++i)
+      frame.data[i] = static_cast<std::uint8_t>(random_() >> 8U);
+    if (!bus_->send(frame)) break;
+    ++babbled_;
+    if (peripheral_.fault_delay() > milliseconds(0)) break;
+  }
+  next_babble_ = now + std::max<nanoseconds>(peripheral_.fault_delay(), microseconds(500));
+}
+
+void CanPeripheral::set_timer(MonotonicTime now) {
+  std::optional<MonotonicTime> next = channel_.next_deadline();
+  const auto also = [&next](std::optional<MonotonicTime> at) {
+    if (at && (!next || *at < *next)) next = at;
+  };
+  also(peripheral_.next_deadline());
+  if (peripheral_.fault() == PeripheralFault::babble && peripheral_.powered()) also(next_babble_);
+  // Whatever is due and could not be done (a full bus) is tried again soon, not at once.
+  if (next && *next <= now) next = now + microseconds(200);
+  loop_.set_timer(timer_, next);
+}
+
+void CanPeripheral::service(MonotonicTime now) {
+  receive(now);
+  transmit(now);
+  babble(now);
+  set_timer(now);
+}
+
+}  // namespace srfs::sim

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <random>
+#include <string>
+
+#include "hw/can_bus.hpp"
+#include "hw_sim/event_loop.hpp"
+#include "hw_sim/peripheral.hpp"
+#include "wire/isotp.hpp"
+
+namespace srfs::sim {
+
+/// Puts one Peripheral on a CAN bus: its own handle of the bus and an ISO-TP channel to the computer. Thin
+/// adapter.
+class CanPeripheral {
+ public:
+  static constexpr std::uint8_t computer_address = 0x01;
+
+  CanPeripheral(EventLoop& loop, std::string name, std::uint8_t address, std::unique_ptr<hw::CanBus> bus,
+                Peripheral& peripheral, MonotonicTime now);
+  ~CanPeripheral();
+  CanPeripheral(const CanPeripheral&) = delete;
+  CanPeripheral& operator=(const CanPeripheral&) = delete;
+
+  /// Runs everything that is due; after a change of power or fault too.
+  void service(MonotonicTime now);
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] std::uint8_t address() const { return address_; }
+  [[nodiscard]] Peripheral& peripheral() { return peripheral_; }
+  [[nodiscard]] const wire::IsoTpCounters& transport_counters() const { return channel_.counters(); }
+  [[nodiscard]] std::uint64_t babbled() const { return babbled_; }
+
+ private:
+  void receive(MonotonicTime now);
+  void transmit(MonotonicTime now);
+  void babble(MonotonicTime now);
+  void set_timer(MonotonicTime now);
+
+  EventLoop& loop_;
+  std::string name_;
+  std::uint8_t address_;
+  std::unique_ptr<hw::CanBus> bus_;
+  Peripheral& peripheral_;
+  wire::IsoTpChannel channel_;
+  EventLoop::Timer timer_;
+  std::deque<Octets> answers_;  // at most one more than the channel sends; the peripheral bounds its own
+  MonotonicTime next_babble_;
+  std::uint64_t babbled_ = 0;
+  std::minstd_rand random_;
+};
+
+}  // namespace srfs::sim

@@ -1,0 +1,165 @@
+#include <array>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <system_error>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/epoll.h>
+#include <sys/file.h>
+#include <sys/random.h>
+#include <sys/signalfd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <CLI/CLI.hpp>
+
+#include "base/config.hpp"
+#include "base/file.hpp"
+#include "base/log.hpp"
+#include "hw_sim/event_loop.hpp"
+#include "hw_sim/seqpacket_server.hpp"
+#include "hw_sim/settings.hpp"
+#include "hw_sim/simulator.hpp"
+
+namespace {
+
+using namespace srfs;
+using std::filesystem::path;
+
+/// Removes a file of this run at the end, whatever the way out.
+class RunFile {
+ public:
+  RunFile(path file, std::string_view content) : file_(std::move(file)) {
+    if (const auto written = write_file_atomically(file_, content); !written)
+      throw std::runtime_error(written.error().message);
+  }
+  ~RunFile() { unlink(file_.c_str()); }
+  RunFile(const RunFile&) = delete;
+  RunFile& operator=(const RunFile&) = delete;
+
+ private:
+  path file_;
+};
+
+/// Holds the one place of a simulator in this VAR. The lock ends with the process, however it ends.
+class InstanceLock {
+ public:
+  explicit InstanceLock(path file) : file_(std::move(file)) {
+    // A predecessor removes the file on its way out: the lock counts only if the file is still the one at its
+    // path.
+    for (int attempt = 0; attempt < 10; ++attempt) {
+      fd_ = Fd(open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+      if (!fd_)
+        throw std::runtime_error(fmt::format("{}: cannot open: {}", file_.string(), errno_text(errno)));
+      if (flock(fd_.get(), LOCK_EX | LOCK_NB) != 0) {
+        throw std::runtime_error(fmt::format("{} is locked: another hw_sim runs there", file_.string()));
+      }
+      struct stat held {};
+      struct stat found {};
+      if (fstat(fd_.get(), &held) == 0 && stat(file_.c_str(), &found) == 0 && held.st_ino == found.st_ino)
+        return;
+    }
+    throw std::runtime_error(fmt::format("{}: cannot lock", file_.string()));
+  }
+  ~InstanceLock() { unlink(file_.c_str()); }
+  InstanceLock(const InstanceLock&) = delete;
+  InstanceLock& operator=(const InstanceLock&) = delete;
+
+ private:
+  path file_;
+  Fd fd_;
+};
+
+/// A random AES-256 key for the uplink, unless there is one. Flight keys never come from here.
+void create_test_key(const path& file) {
+  if (std::filesystem::exists(file)) return;
+  std::filesystem::create_directories(file.parent_path());
+  std::array<std::uint8_t, 32> key{};
+  if (getrandom(key.data(), key.size(), 0) != static_cast<ssize_t>(key.size()))
+    throw std::runtime_error("no random numbers");
+  const Fd fd(open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
+  const std::string text = to_hex(key) + '\n';
+  if (!fd || write(fd.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) {
+    throw std::runtime_error(fmt::format("{}: cannot create: {}", file.string(), errno_text(errno)));
+  }
+  log::info("created the TEST key {} (random, for the simulation only)", file.string());
+}
+
+/// SIGTERM and SIGINT as a descriptor; blocked from here on.
+Fd termination_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  sigprocmask(SIG_BLOCK, &signals, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+  return Fd(signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK));
+}
+
+int simulate(const path& deployment_file, const path& var) {
+  const sim::SimulationSettings settings = sim::read_settings(ConfigSection::load(deployment_file));
+  const path run = var / "run";
+  std::filesystem::create_directories(run);
+  const InstanceLock lock(run / "hw_sim.lock");
+  unlink((run / "hw_sim.ready").c_str());  // of a predecessor that was killed
+  for (const std::string& key : settings.key_files)
+    create_test_key(path(key).is_absolute() ? path(key) : var / key);
+
+  sim::EventLoop loop;
+  const Fd signals = termination_signals();
+  loop.watch(signals.get(), EPOLLIN, [&](std::uint32_t, MonotonicTime) { loop.stop(); });
+
+  const path beside = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "srfs";
+  const std::vector<std::string> restart_command{beside.string(),          "restart", "--deployment",
+                                                 deployment_file.string(), "--var",   var.string()};
+  const auto simulator = sim::Simulator::create(loop, settings, var, restart_command);
+  if (!simulator) throw std::runtime_error(simulator.error());
+  const RunFile pid(run / "hw_sim.pid", fmt::format("{}\n", getpid()));
+  const RunFile ready(run / "hw_sim.ready", fmt::format("{}\n", getpid()));
+  log::info("ready: {} in {}, operator's port {}", deployment_file.string(), var.string(),
+            (var / "rs422").string());
+  loop.run();
+  log::info("stopped");
+  return 0;
+}
+
+int control(const std::string& request, const path& var) {
+  const auto reply = sim::ask_seqpacket(var / "run" / "sim_control.sock", request, seconds(5));
+  if (!reply) {
+    std::cerr << reply.error() << '\n';
+    return 2;
+  }
+  std::cout << *reply << '\n';
+  return reply->find("\"ok\":true") != std::string::npos ? 0 : 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "The simulated world around the on-board computer: CAN bus with three peripherals, GPS, RS422, GPIO, "
+      "watchdog."};
+  std::string deployment;
+  std::string var = "var";
+  std::string request;
+  auto* deployment_option =
+      app.add_option("--deployment", deployment, "Deployment file (launch_config/NAME.yaml)");
+  app.add_option("--var", var, "Folder of the running deployment")->capture_default_str();
+  auto* control_option = app.add_option(
+      "--control", request, "Send one JSON request to the running simulator, print its reply, exit");
+  control_option->excludes(deployment_option);
+  CLI11_PARSE(app, argc, argv);
+
+  log::set_name("hw_sim");
+  try {
+    const path absolute_var = std::filesystem::absolute(var).lexically_normal();
+    if (!request.empty()) return control(request, absolute_var);
+    if (deployment.empty()) throw std::runtime_error("--deployment is required (see --help)");
+    return simulate(std::filesystem::absolute(deployment), absolute_var);
+  } catch (const std::exception& e) {  // configuration and start-up errors end here, with their message
+    log::fatal("{}", e.what());
+    return 1;
+  }
+}

@@ -1,0 +1,122 @@
+#include "hw_sim/seqpacket_server.hpp"
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include <fmt/format.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+namespace srfs::sim {
+namespace {
+
+constexpr std::size_t most_clients = 16;
+constexpr std::size_t longest_message = 4096;
+
+Result<sockaddr_un, std::string> socket_address(const std::filesystem::path& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::string& text = path.native();
+  if (text.size() >= sizeof address.sun_path) {
+    return Err(
+        fmt::format("{}: longer than the {} characters a socket's path may have; choose a shorter --var",
+                    text, sizeof address.sun_path - 1));
+  }
+  std::memcpy(address.sun_path, text.c_str(), text.size() + 1);
+  return address;
+}
+
+const sockaddr* generic(const sockaddr_un& address) {
+  return reinterpret_cast<const sockaddr*>(&address);
+}
+
+std::string failure(const std::filesystem::path& path, const char* what) {
+  return fmt::format("{}: cannot {}: {}", path.string(), what, errno_text(errno));
+}
+
+}  // namespace
+
+Result<std::unique_ptr<SeqpacketServer>, std::string> SeqpacketServer::create(
+    EventLoop& loop, const std::filesystem::path& path, OnMessage on_message) {
+  const auto address = socket_address(path);
+  if (!address) return Err(address.error());
+  Fd listener(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!listener) return Err(failure(path, "make a socket"));
+  unlink(path.c_str());
+  if (bind(listener.get(), generic(*address), sizeof *address) != 0) return Err(failure(path, "bind"));
+  if (listen(listener.get(), static_cast<int>(most_clients)) != 0) return Err(failure(path, "listen"));
+  return std::unique_ptr<SeqpacketServer>(
+      new SeqpacketServer(loop, path, std::move(listener), std::move(on_message)));
+}
+
+SeqpacketServer::SeqpacketServer(EventLoop& loop, std::filesystem::path path, Fd listener,
+                                 OnMessage on_message)
+    : loop_(loop),
+      path_(std::move(path)),
+      listener_(std::move(listener)),
+      on_message_(std::move(on_message)) {
+  loop_.watch(listener_.get(), EPOLLIN, [this](std::uint32_t, MonotonicTime) { accept_one(); });
+}
+
+SeqpacketServer::~SeqpacketServer() {
+  for (const auto& [fd, owner] : clients_) loop_.unwatch(fd);
+  loop_.unwatch(listener_.get());
+  unlink(path_.c_str());
+}
+
+void SeqpacketServer::accept_one() {
+  Fd client(accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+  if (!client) return;
+  if (clients_.size() == most_clients) {
+    ++refused_;
+    return;
+  }
+  const int fd = client.get();
+  clients_.emplace(fd, std::move(client));
+  loop_.watch(fd, EPOLLIN, [this, fd](std::uint32_t, MonotonicTime now) { read_one(fd, now); });
+}
+
+void SeqpacketServer::read_one(int client, MonotonicTime now) {
+  std::array<std::uint8_t, longest_message> buffer{};
+  const ssize_t n = recv(client, buffer.data(), buffer.size(), MSG_DONTWAIT);
+  if (n > 0) {
+    on_message_(client, OctetView(buffer.data(), static_cast<std::size_t>(n)), now);
+  } else if (n == 0 || (errno != EAGAIN && errno != EINTR)) {
+    loop_.unwatch(client);
+    clients_.erase(client);
+  }
+}
+
+void SeqpacketServer::send(int client, OctetView message) {
+  if (!clients_.contains(client)) return;
+  if (::send(client, message.data(), message.size(), MSG_DONTWAIT | MSG_NOSIGNAL) < 0) ++dropped_;
+}
+
+void SeqpacketServer::send_to_all(OctetView message) {
+  for (const auto& [fd, owner] : clients_) send(fd, message);
+}
+
+Result<std::string, std::string> ask_seqpacket(const std::filesystem::path& path, const std::string& request,
+                                               milliseconds patience) {
+  const auto address = socket_address(path);
+  if (!address) return Err(address.error());
+  const Fd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+  if (!socket) return Err(failure(path, "make a socket"));
+  const timeval limit{.tv_sec = patience.count() / 1000, .tv_usec = patience.count() % 1000 * 1000};
+  setsockopt(socket.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+  setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
+  if (connect(socket.get(), generic(*address), sizeof *address) != 0)
+    return Err(failure(path, "connect (is hw_sim running?)"));
+  if (send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL) < 0) return Err(failure(path, "send"));
+  std::string reply(65536, '\0');
+  const ssize_t n = recv(socket.get(), reply.data(), reply.size(), 0);
+  if (n <= 0) return Err(failure(path, "receive the reply"));
+  reply.resize(static_cast<std::size_t>(n));
+  return reply;
+}
+
+}  // namespace srfs::sim

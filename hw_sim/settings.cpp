@@ -1,0 +1,113 @@
+#include "hw_sim/settings.hpp"
+
+#include "hw/open.hpp"
+
+namespace srfs::sim {
+namespace {
+
+constexpr double degree = 0.017453292519943295;
+
+std::optional<UtcTime> instant(const ConfigSection& section, const char* key) {
+  if (!section.has(key)) return std::nullopt;
+  const auto time = from_iso8601(section.text(key));
+  if (!time) throw section.bad(key, "a UTC instant like 2026-11-21T08:00:00Z");
+  return time;
+}
+
+milliseconds duration_ms(const ConfigSection& section, const char* key, std::int64_t lowest,
+                         std::int64_t highest, milliseconds fallback) {
+  return milliseconds(section.integer(key, lowest, highest, fallback.count()));
+}
+
+std::string device(const ConfigSection& section, const char* key, const std::vector<std::string>& schemes) {
+  const std::string uri = section.text(key);
+  if (const auto parsed = hw::parse_device_uri(uri, schemes); !parsed)
+    throw section.bad(key, "a device of the simulation (" + parsed.error().message + ")");
+  return uri;
+}
+
+DeviceUris read_devices(const ConfigSection& section) {
+  return {device(section, "can", {"sim", "socketcan"}),
+          device(section, "rs422", {"serial"}),
+          device(section, "gps_pulse", {"sim"}),
+          device(section, "gps_serial", {"serial"}),
+          device(section, "gpio", {"sim"}),
+          device(section, "watchdog", {"sim"})};
+}
+
+void read_link(const ConfigSection& section, SimulationSettings& settings) {
+  settings.baud = static_cast<std::uint32_t>(section.integer("baud", 1200, 4'000'000, settings.baud));
+  for (const ConfigSection& channel : section.sections("tc_channels")) {
+    if (channel.has("key_file")) settings.key_files.push_back(channel.text("key_file"));
+  }
+}
+
+void read_orbit(const ConfigSection& section, SimulationSettings& settings) {
+  OrbitSettings& orbit = settings.world.orbit;
+  orbit.altitude_m = section.number("altitude_km", 200, 2000, orbit.altitude_m / 1000) * 1000;
+  orbit.inclination_rad = section.number("inclination_deg", 0, 180, orbit.inclination_rad / degree) * degree;
+  orbit.local_time_of_ascending_node_h =
+      section.number("local_time_of_ascending_node_h", 0, 24, orbit.local_time_of_ascending_node_h);
+  orbit.argument_of_latitude_rad = section.number("argument_of_latitude_deg", 0, 360, 0) * degree;
+  settings.orbit_start = instant(section, "start_utc");
+  section.finish();
+}
+
+void read_gps(const ConfigSection& section, GpsSettings& gps) {
+  gps.pulse_period = duration_ms(section, "pulse_period_ms", 20, 1000, gps.pulse_period);
+  if (1000 % gps.pulse_period.count() != 0) throw section.bad("pulse_period_ms", "a divisor of 1000");
+  gps.sentence_delay = duration_ms(section, "sentence_delay_ms", 0, 900, gps.sentence_delay);
+  gps.start = instant(section, "start_utc");
+  gps.drift_ppm = section.number("drift_ppm", -1000, 1000, gps.drift_ppm);
+  if (gps.drift_ppm != 0 && !gps.start) throw section.bad("drift_ppm", "0 unless gps.start_utc is given");
+  gps.jitter_us = section.number("jitter_us", 0, 1000, gps.jitter_us);
+  section.finish();
+}
+
+void read_watchdog(const ConfigSection& section, WatchdogSettings& watchdog) {
+  watchdog.timeout = duration_ms(section, "timeout_ms", 100, 3'600'000, watchdog.timeout);
+  watchdog.restart_command = section.texts("restart_command");
+  watchdog.restart_limit = duration_ms(section, "restart_limit_ms", 1000, 600'000, watchdog.restart_limit);
+  section.finish();
+}
+
+void read_peripherals(const ConfigSection& section, PeripheralSettings& peripheral) {
+  peripheral.boot_time = duration_ms(section, "boot_ms", 0, 60'000, peripheral.boot_time);
+  peripheral.restart_time = duration_ms(section, "restart_ms", 0, 60'000, peripheral.restart_time);
+  peripheral.answer_delay =
+      microseconds(section.integer("answer_delay_us", 0, 1'000'000, peripheral.answer_delay.count()));
+  section.finish();
+}
+
+void read_simulation(const ConfigSection& section, SimulationSettings& settings) {
+  WorldSettings& world = settings.world;
+  world.seed = static_cast<std::uint64_t>(
+      section.integer("seed", 0, INT64_MAX, static_cast<std::int64_t>(world.seed)));
+  world.time_acceleration = section.number("time_acceleration", 0, 1000, world.time_acceleration);
+  world.attitude_acceleration = section.number("acceleration_attitude", 0, 100, world.attitude_acceleration);
+  world.power.initial_charge = section.number("initial_charge", 0, 1, world.power.initial_charge);
+  read_orbit(section.section("orbit"), settings);
+  read_gps(section.section("gps"), settings.gps);
+  read_watchdog(section.section("watchdog"), settings.watchdog);
+  read_peripherals(section.section("peripherals"), settings.peripheral);
+  const ConfigSection rs422 = section.section("rs422");
+  settings.rs422_flip_probability = rs422.number("flip_probability", 0, 0.5, 0);
+  rs422.finish();
+  if (section.has("can_log")) settings.can_log = section.text("can_log");
+  settings.can_log_limit = static_cast<std::size_t>(section.integer("can_log_limit_mib", 1, 1024, 16)) << 20U;
+  section.finish();
+  settings.gps.seed = world.seed + 1;
+  settings.peripheral.seed = world.seed + 2;
+}
+
+}  // namespace
+
+SimulationSettings read_settings(const ConfigSection& deployment) {
+  SimulationSettings settings;
+  settings.devices = read_devices(deployment.section("devices"));
+  read_link(deployment.section("link"), settings);
+  read_simulation(deployment.section("simulation"), settings);
+  return settings;
+}
+
+}  // namespace srfs::sim

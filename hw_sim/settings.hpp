@@ -1,0 +1,51 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/config.hpp"
+#include "hw_sim/gps_receiver.hpp"
+#include "hw_sim/peripheral.hpp"
+#include "hw_sim/spacecraft_world.hpp"
+
+namespace srfs::sim {
+
+/// URIs of the devices section.
+struct DeviceUris {
+  std::string can;
+  std::string rs422;
+  std::string gps_pulse;
+  std::string gps_serial;
+  std::string gpio;
+  std::string watchdog;
+};
+
+struct WatchdogSettings {
+  milliseconds timeout{10'000};
+  std::vector<std::string> restart_command;  ///< empty: `srfs restart` beside this program
+  milliseconds restart_limit{60'000};        ///< a restart command that runs longer is killed
+};
+
+/// What hw_sim takes from a deployment file.
+struct SimulationSettings {
+  DeviceUris devices;
+  std::uint32_t baud = 921'600;
+  std::vector<std::string> key_files;  ///< of the secured telecommand channels, relative to VAR
+  WorldSettings world;
+  std::optional<UtcTime> orbit_start;  ///< nullopt: true time at the start
+  PeripheralSettings peripheral;
+  GpsSettings gps;
+  WatchdogSettings watchdog;
+  double rs422_flip_probability = 0;
+  std::optional<std::string> can_log;  ///< relative to VAR
+  std::size_t can_log_limit =
+      16U << 20U;  ///< octets; at the limit the file becomes FILE.1 and a new one starts
+};
+
+/// Reads `devices` and `link` for what concerns the simulation, and `simulation` strictly. Throws
+/// ConfigError.
+[[nodiscard]] SimulationSettings read_settings(const ConfigSection& deployment);
+
+}  // namespace srfs::sim

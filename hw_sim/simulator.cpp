@@ -1,0 +1,381 @@
+#include "hw_sim/simulator.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include <fmt/format.h>
+#include <sys/epoll.h>
+#include <nlohmann/json.hpp>
+
+#include "base/log.hpp"
+#include "hw/open.hpp"
+
+namespace srfs::sim {
+namespace {
+
+constexpr nanoseconds world_step = milliseconds(20);
+constexpr nanoseconds longest_step = seconds(1);
+constexpr std::array<const char*, GpioBank::switch_count> peripheral_names{"adcs", "eps", "thermal"};
+constexpr std::array<std::uint8_t, GpioBank::switch_count> peripheral_addresses{0x11, 0x12, 0x13};
+
+/// The path of a device this program serves.
+Result<std::filesystem::path, std::string> served(const std::string& uri, const char* scheme,
+                                                  const std::filesystem::path& var) {
+  const auto parsed = hw::parse_device_uri(uri, {scheme});
+  if (!parsed) return Err(parsed.error().message);
+  return hw::below_var(parsed->rest, var);
+}
+
+std::string text_of(OctetView octets) {
+  return {octets.begin(), octets.end()};
+}
+
+OctetView octets_of(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+GpsPosition position_of(const OrbitState& orbit) {
+  constexpr double degree = 57.29577951308232;
+  const Eigen::Vector3d east = Eigen::Vector3d::UnitZ().cross(orbit.position_m).normalized();
+  const Eigen::Vector3d north = orbit.position_m.cross(east).normalized();
+  const double course = std::atan2(orbit.velocity_m_s.dot(east), orbit.velocity_m_s.dot(north));
+  return {orbit.latitude_rad * degree, orbit.longitude_rad * degree, orbit.velocity_m_s.norm(),
+          course * degree};
+}
+
+double probability(const nlohmann::json& section, const char* key, double fallback) {
+  if (!section.contains(key)) return fallback;
+  const nlohmann::json& value = section.at(key);
+  if (!value.is_number() || !(value.get<double>() >= 0 && value.get<double>() <= 1)) {
+    throw std::invalid_argument(fmt::format("'{}': expected a probability from 0 to 1", key));
+  }
+  return value.get<double>();
+}
+
+std::int64_t integer(const nlohmann::json& section, const char* key, std::int64_t lowest,
+                     std::int64_t highest, std::int64_t fallback) {
+  if (!section.contains(key)) return fallback;
+  const nlohmann::json& value = section.at(key);
+  if (!value.is_number_integer() || value.get<std::int64_t>() < lowest ||
+      value.get<std::int64_t>() > highest) {
+    throw std::invalid_argument(fmt::format("'{}': expected an integer from {} to {}", key, lowest, highest));
+  }
+  return value.get<std::int64_t>();
+}
+
+void only_keys(const nlohmann::json& section, std::initializer_list<const char*> known) {
+  if (!section.is_object()) throw std::invalid_argument("expected a JSON object");
+  for (const auto& [key, value] : section.items()) {
+    if (std::find_if(known.begin(), known.end(), [&](const char* k) { return key == k; }) == known.end()) {
+      throw std::invalid_argument(
+          fmt::format("'{}': unknown key, expected one of {}", key, fmt::join(known, ", ")));
+    }
+  }
+}
+
+}  // namespace
+
+Simulator::Simulator(EventLoop& loop, const SimulationSettings& settings, MonotonicTime now)
+    : loop_(loop),
+      world_(settings.world, settings.orbit_start.value_or(settings.gps.start.value_or(system_utc_now()))),
+      adcs_(world_),
+      eps_(world_),
+      thermal_(world_),
+      gpio_([this] { return world_.sensor_inputs(); },
+            [this](std::size_t line, bool on) {
+              log::info("power of {} switched {}", peripheral_names.at(line), on ? "on" : "off");
+              const MonotonicTime at = monotonic_now();
+              peripherals_.at(line)->set_power(on, at);
+              on_bus_.at(line)->service(at);
+            }),
+      step_timer_(loop.add_timer([this](MonotonicTime t) { step(t); })),
+      stepped_(now),
+      flushed_(now) {
+  const std::array<PeripheralApplication*, GpioBank::switch_count> applications{&adcs_, &eps_, &thermal_};
+  for (std::size_t i = 0; i < peripherals_.size(); ++i) {
+    PeripheralSettings own = settings.peripheral;
+    own.seed += i;
+    peripherals_[i] = std::make_unique<Peripheral>(own, *applications[i], now);
+  }
+  loop_.set_timer(step_timer_, now + world_step);
+}
+
+Simulator::~Simulator() {
+  if (hub_) loop_.unwatch(hub_->fd());
+  loop_.set_timer(step_timer_, std::nullopt);
+}
+
+Result<std::unique_ptr<Simulator>, std::string> Simulator::create(
+    EventLoop& loop, const SimulationSettings& settings, const std::filesystem::path& var,
+    const std::vector<std::string>& restart_command) {
+  const MonotonicTime now = monotonic_now();
+  std::unique_ptr<Simulator> simulator(new Simulator(loop, settings, now));
+  if (auto opened = simulator->open_can(settings, var, now); !opened) return Err(opened.error());
+  if (auto opened = simulator->open_gps(settings, var, now); !opened) return Err(opened.error());
+  if (auto opened = simulator->open_others(settings, var, restart_command); !opened)
+    return Err(opened.error());
+  return simulator;
+}
+
+Result<void, std::string> Simulator::open_can(const SimulationSettings& settings,
+                                              const std::filesystem::path& var, MonotonicTime now) {
+  const auto uri = hw::parse_device_uri(settings.devices.can, {"sim", "socketcan"});
+  if (!uri) return Err(uri.error().message);
+  if (uri->scheme == "sim") {
+    auto hub =
+        CanHub::create(hw::below_var(uri->rest, var), BusArbiter(500'000, 64, settings.world.seed + 3));
+    if (!hub) return Err(hub.error());
+    hub_ = std::move(*hub);
+    loop_.watch(hub_->fd(), EPOLLIN, [this](std::uint32_t, MonotonicTime t) { hub_->on_readable(t); });
+    if (settings.can_log) {
+      can_log_ = std::make_unique<CanLog>(hw::below_var(*settings.can_log, var), settings.can_log_limit);
+      hub_->set_tap([this](const BusDelivery& delivery) { can_log_->record(delivery); });
+    }
+  } else if (settings.can_log) {
+    log::warn("simulation.can_log is for the simulated bus; use candump for {}", settings.devices.can);
+  }
+  for (std::size_t i = 0; i < on_bus_.size(); ++i) {
+    auto bus = hw::open_can(settings.devices.can, var, {hw::isotp_to(peripheral_addresses[i])});
+    if (!bus) return Err(bus.error().message);
+    on_bus_[i] = std::make_unique<CanPeripheral>(loop_, peripheral_names[i], peripheral_addresses[i],
+                                                 std::move(*bus), *peripherals_[i], now);
+  }
+  return {};
+}
+
+Result<void, std::string> Simulator::open_gps(const SimulationSettings& settings,
+                                              const std::filesystem::path& var, MonotonicTime now) {
+  const auto pulse_path = served(settings.devices.gps_pulse, "sim", var);
+  if (!pulse_path) return Err(pulse_path.error());
+  const auto port_path = served(settings.devices.gps_serial, "serial", var);
+  if (!port_path) return Err(port_path.error());
+  auto pulse_socket = SeqpacketServer::create(loop_, *pulse_path, [](int, OctetView, MonotonicTime) {});
+  if (!pulse_socket) return Err(pulse_socket.error());
+  auto port = Pty::create(*port_path);
+  if (!port) return Err(port.error());
+  gps_ = std::make_unique<GpsDevice>(
+      loop_, settings.gps, std::move(*pulse_socket), std::move(*port),
+      [this] { return position_of(world_.orbit()); }, now);
+  return {};
+}
+
+Result<void, std::string> Simulator::open_others(const SimulationSettings& settings,
+                                                 const std::filesystem::path& var,
+                                                 const std::vector<std::string>& restart_command) {
+  const auto computer_port = served(settings.devices.rs422, "serial", var);
+  if (!computer_port) return Err(computer_port.error());
+  auto rs422 =
+      Rs422Device::create(loop_, var / "rs422", *computer_port, settings.baud, settings.world.seed + 4);
+  if (!rs422) return Err(rs422.error());
+  rs422_ = std::move(*rs422);
+  rs422_->set_flip_probability(settings.rs422_flip_probability);
+
+  const auto gpio_path = served(settings.devices.gpio, "sim", var);
+  if (!gpio_path) return Err(gpio_path.error());
+  auto gpio_socket =
+      SeqpacketServer::create(loop_, *gpio_path, [this](int client, OctetView request, MonotonicTime) {
+        gpio_socket_->send(client, gpio_.on_request(request));
+      });
+  if (!gpio_socket) return Err(gpio_socket.error());
+  gpio_socket_ = std::move(*gpio_socket);
+
+  const auto watchdog_path = served(settings.devices.watchdog, "sim", var);
+  if (!watchdog_path) return Err(watchdog_path.error());
+  const WatchdogSettings& watchdog = settings.watchdog;
+  watchdog_ = std::make_unique<WatchdogDevice>(
+      loop_, watchdog.timeout, watchdog.restart_command.empty() ? restart_command : watchdog.restart_command,
+      watchdog.restart_limit);
+  auto watchdog_socket = SeqpacketServer::create(
+      loop_, *watchdog_path,
+      [this](int, OctetView datagram, MonotonicTime now) { watchdog_->on_datagram(datagram, now); });
+  if (!watchdog_socket) return Err(watchdog_socket.error());
+  watchdog_socket_ = std::move(*watchdog_socket);
+
+  auto control = SeqpacketServer::create(
+      loop_, var / "run" / "sim_control.sock", [this](int client, OctetView request, MonotonicTime now) {
+        control_socket_->send(client, octets_of(on_control(text_of(request), now)));
+      });
+  if (!control) return Err(control.error());
+  control_socket_ = std::move(*control);
+  return {};
+}
+
+void Simulator::step(MonotonicTime now) {
+  if (now - stepped_ > longest_step) {
+    ++late_steps_;
+    stepped_ = now - longest_step;
+  }
+  world_.step(now - stepped_);
+  stepped_ = now;
+  rs422_->release_exclusive_holds();
+  gps_->release_exclusive_hold();
+  if (can_log_ && now - flushed_ >= seconds(1)) {
+    can_log_->flush();
+    flushed_ = now;
+  }
+  loop_.set_timer(step_timer_, now + world_step);
+}
+
+void Simulator::set_peripheral_fault(const nlohmann::json& request, MonotonicTime now) {
+  only_keys(request, {"peripheral", "fault", "delay_ms", "cured_by"});
+  const std::string name = request.at("peripheral").get<std::string>();
+  const auto found = std::find(peripheral_names.begin(), peripheral_names.end(), name);
+  if (found == peripheral_names.end())
+    throw std::invalid_argument("'peripheral': expected one of adcs, eps, thermal");
+  const auto fault = peripheral_fault(request.value("fault", std::string("none")));
+  if (!fault)
+    throw std::invalid_argument("'fault': expected one of none, silent, late, short, garbage, babble");
+  const std::string cured_by = request.value("cured_by", std::string("never"));
+  if (cured_by != "never" && cured_by != "restart" && cured_by != "power_cycle") {
+    throw std::invalid_argument("'cured_by': expected one of never, restart, power_cycle");
+  }
+  const FaultCure cure = cured_by == "never"     ? FaultCure::never
+                         : cured_by == "restart" ? FaultCure::restart
+                                                 : FaultCure::power_cycle;
+  const auto i = static_cast<std::size_t>(found - peripheral_names.begin());
+  const std::int64_t fallback_ms = *fault == PeripheralFault::late ? 100 : 0;
+  peripherals_.at(i)->set_fault(*fault, milliseconds(integer(request, "delay_ms", 0, 60'000, fallback_ms)),
+                                cure);
+  on_bus_.at(i)->service(now);
+}
+
+void Simulator::set_bus_faults(const nlohmann::json& faults) {
+  only_keys(faults, {"loss", "bit_error", "corruption", "extra_delay_us", "muted"});
+  if (!hub_)
+    throw std::invalid_argument("'can': the bus is a real interface; faults are for the simulated one");
+  BusFaults all;  // what is not named is off
+  all.loss_probability = probability(faults, "loss", 0);
+  all.bit_error_probability = probability(faults, "bit_error", 0);
+  all.corruption_probability = probability(faults, "corruption", 0);
+  all.extra_delay = microseconds(integer(faults, "extra_delay_us", 0, 1'000'000, 0));
+  for (const nlohmann::json& address : faults.value("muted", nlohmann::json::array())) {
+    if (!address.is_number_unsigned() || address.get<std::uint64_t>() > 255) {
+      throw std::invalid_argument("'muted': expected a list of addresses from 0 to 255");
+    }
+    all.muted.insert(address.get<std::uint8_t>());
+  }
+  hub_->set_faults(std::move(all));
+}
+
+void Simulator::set_line_faults(const nlohmann::json& faults) {
+  only_keys(faults, {"flip_probability", "cut"});
+  if (faults.contains("cut") && !faults.at("cut").is_boolean())
+    throw std::invalid_argument("'cut': expected true or false");
+  rs422_->set_flip_probability(probability(faults, "flip_probability", 0));
+  rs422_->set_cut(faults.value("cut", false));
+}
+
+void Simulator::set_gpio_inputs(const nlohmann::json& bank) {
+  only_keys(bank, {"inputs"});
+  const std::int64_t bits = integer(bank, "inputs", -1, 15, -1);
+  gpio_.force_inputs(bits < 0 ? std::nullopt : std::optional(static_cast<std::uint8_t>(bits)));
+}
+
+nlohmann::json Simulator::counters() const {
+  nlohmann::json out;
+  for (std::size_t i = 0; i < peripherals_.size(); ++i) {
+    const PeripheralCounters& c = peripherals_[i]->counters();
+    const wire::IsoTpCounters& t = on_bus_[i]->transport_counters();
+    out["peripherals"][peripheral_names[i]] = {
+        {"powered", peripherals_[i]->powered()},
+        {"fault", to_string(peripherals_[i]->fault())},
+        {"requests", c.requests},
+        {"invalid_requests", c.invalid_requests},
+        {"unheard_requests", c.unheard_requests},
+        {"answers", c.answers},
+        {"dropped_answers", c.dropped_answers},
+        {"executed", c.executed},
+        {"repeats", c.repeats},
+        {"resets", c.resets},
+        {"power_cycles", c.power_cycles},
+        {"babbled", on_bus_[i]->babbled()},
+        {"frames_sent", t.frames_sent},
+        {"frames_received", t.frames_received},
+        {"transport_timeouts", t.timeouts_as + t.timeouts_bs + t.timeouts_cr}};
+  }
+  if (hub_) {
+    const BusCounters& b = hub_->bus_counters();
+    const CanHubCounters& h = hub_->counters();
+    out["can"] = {{"submitted", b.submitted},
+                  {"delivered", b.delivered},
+                  {"refused_full", b.refused_full},
+                  {"refused_invalid", b.refused_invalid},
+                  {"muted", b.muted},
+                  {"lost", b.lost},
+                  {"corrupted", b.corrupted},
+                  {"error_frames", b.error_frames},
+                  {"discarded", b.discarded},
+                  {"busy_us", b.busy.count() / 1000},
+                  {"clients", hub_->clients()},
+                  {"malformed", h.malformed},
+                  {"receive_overruns", h.receive_overruns}};
+    if (can_log_) out["can"]["log_octets_lost"] = can_log_->lost();
+  }
+  const auto line = [](const SerialLineCounters& c) {
+    return nlohmann::json{
+        {"sent", c.sent}, {"carried", c.carried}, {"dropped", c.dropped}, {"flipped_bits", c.flipped_bits}};
+  };
+  out["rs422"] = {{"uplink", line(rs422_->uplink())}, {"downlink", line(rs422_->downlink())}};
+  const GpsDeviceCounters& g = gps_->counters();
+  out["gps"] = {{"pulses", g.pulses},
+                {"suppressed_pulses", g.suppressed_pulses},
+                {"sentences", g.sentences},
+                {"unread_sentences", g.unread_sentences},
+                {"fault", to_string(gps_->receiver().fault())}};
+  const WatchdogDeviceCounters& w = watchdog_->counters();
+  out["watchdog"] = {{"armed", watchdog_->timer().deadline().has_value()},
+                     {"feeds", watchdog_->timer().feeds()},
+                     {"bites", watchdog_->timer().bite_count()},
+                     {"disarmed", w.disarmed},
+                     {"restarts_started", w.restarts_started},
+                     {"restarts_failed", w.restarts_failed},
+                     {"restarts_killed", w.restarts_killed}};
+  out["gpio"] = {{"requests", gpio_.counters().requests}, {"refused", gpio_.counters().refused}};
+  out["late_steps"] = late_steps_;
+  return out;
+}
+
+nlohmann::json Simulator::query(const std::string& what) const {
+  if (what == "truth") {
+    nlohmann::json truth = world_.truth();
+    truth["utc"] = to_iso8601(gps_->true_utc(monotonic_now()), 6);
+    return truth;
+  }
+  if (what == "counters") return counters();
+  throw std::invalid_argument("'query': expected truth or counters");
+}
+
+nlohmann::json Simulator::apply(const nlohmann::json& request, MonotonicTime now) {
+  if (!request.is_object() || request.empty()) throw std::invalid_argument("expected a JSON object");
+  nlohmann::json reply;
+  if (request.contains("peripheral")) {
+    set_peripheral_fault(request, now);
+    reply["ok"] = true;
+    return reply;
+  }
+  only_keys(request, {"peripheral", "gps", "rs422", "can", "gpio", "query"});
+  if (request.contains("gps")) {
+    const auto fault = gps_fault(request.at("gps").get<std::string>());
+    if (!fault) throw std::invalid_argument("'gps': expected one of none, no_pulse, no_fix, off");
+    gps_->receiver().set_fault(*fault);
+  }
+  if (request.contains("rs422")) set_line_faults(request.at("rs422"));
+  if (request.contains("can")) set_bus_faults(request.at("can"));
+  if (request.contains("gpio")) set_gpio_inputs(request.at("gpio"));
+  if (request.contains("query")) reply = query(request.at("query").get<std::string>());
+  reply["ok"] = true;
+  return reply;
+}
+
+std::string Simulator::on_control(const std::string& request, MonotonicTime now) {
+  nlohmann::json reply;
+  try {
+    reply = apply(nlohmann::json::parse(request), now);
+    if (request.find("\"query\"") == std::string::npos) log::info("control: {}", request);
+  } catch (const std::exception& e) {  // JSON's parser and accessors throw; anybody may write to the socket
+    reply = {{"ok", false}, {"error", e.what()}};
+  }
+  return reply.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
+}  // namespace srfs::sim

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "base/result.hpp"
+#include "hw_sim/can_hub.hpp"
+#include "hw_sim/can_log.hpp"
+#include "hw_sim/can_peripheral.hpp"
+#include "hw_sim/gpio_bank.hpp"
+#include "hw_sim/gps_device.hpp"
+#include "hw_sim/peripheral_applications.hpp"
+#include "hw_sim/rs422_device.hpp"
+#include "hw_sim/settings.hpp"
+#include "hw_sim/watchdog_device.hpp"
+
+namespace srfs::sim {
+
+/// All devices around the computer, built from one deployment, running in one EventLoop. Everything it
+/// creates below VAR goes with it.
+class Simulator {
+ public:
+  /// @param restart_command  for the watchdog when the deployment names none  Error: ready to print.
+  [[nodiscard]] static Result<std::unique_ptr<Simulator>, std::string> create(
+      EventLoop& loop, const SimulationSettings& settings, const std::filesystem::path& var,
+      const std::vector<std::string>& restart_command);
+  ~Simulator();
+  Simulator(const Simulator&) = delete;
+  Simulator& operator=(const Simulator&) = delete;
+
+  /// One request of the control socket (hw_sim/README.md, "Faults"), as JSON text; always gives one reply:
+  /// {"ok": true, ...} or {"ok": false, "error": "..."}.
+  [[nodiscard]] std::string on_control(const std::string& request, MonotonicTime now);
+
+ private:
+  Simulator(EventLoop& loop, const SimulationSettings& settings, MonotonicTime now);
+  [[nodiscard]] Result<void, std::string> open_can(const SimulationSettings& settings,
+                                                   const std::filesystem::path& var, MonotonicTime now);
+  [[nodiscard]] Result<void, std::string> open_gps(const SimulationSettings& settings,
+                                                   const std::filesystem::path& var, MonotonicTime now);
+  [[nodiscard]] Result<void, std::string> open_others(const SimulationSettings& settings,
+                                                      const std::filesystem::path& var,
+                                                      const std::vector<std::string>& restart_command);
+  void step(MonotonicTime now);
+
+  // Control requests, one per key. Each throws std::invalid_argument with what was expected.
+  void set_peripheral_fault(const nlohmann::json& request, MonotonicTime now);
+  void set_bus_faults(const nlohmann::json& faults);
+  void set_line_faults(const nlohmann::json& faults);
+  void set_gpio_inputs(const nlohmann::json& bank);
+  [[nodiscard]] nlohmann::json query(const std::string& what) const;
+  [[nodiscard]] nlohmann::json counters() const;
+  [[nodiscard]] nlohmann::json apply(const nlohmann::json& request, MonotonicTime now);
+
+  EventLoop& loop_;
+  SpacecraftWorld world_;
+  AdcsApplication adcs_;
+  EpsApplication eps_;
+  ThermalApplication thermal_;
+  std::array<std::unique_ptr<Peripheral>, GpioBank::switch_count> peripherals_;
+  std::unique_ptr<CanLog> can_log_;
+  std::unique_ptr<CanHub> hub_;  // none when the bus is a real interface
+  std::array<std::unique_ptr<CanPeripheral>, GpioBank::switch_count> on_bus_;
+  GpioBank gpio_;
+  std::unique_ptr<SeqpacketServer> gpio_socket_;
+  std::unique_ptr<GpsDevice> gps_;
+  std::unique_ptr<Rs422Device> rs422_;
+  std::unique_ptr<WatchdogDevice> watchdog_;
+  std::unique_ptr<SeqpacketServer> watchdog_socket_;
+  std::unique_ptr<SeqpacketServer> control_socket_;
+  EventLoop::Timer step_timer_;
+  MonotonicTime stepped_;
+  MonotonicTime flushed_;
+  std::uint64_t late_steps_ =
+      0;  // the process stood still for more than a second: that time is not simulated
+};
+
+}  // namespace srfs::sim

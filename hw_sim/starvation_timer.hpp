@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "base/time.hpp"
+
+namespace srfs::sim {
+
+/// When a watchdog bites: armed by the first feed, disarmed by the sign 'V', and disarmed after it has bitten
+/// until the restarted computer feeds it. Pure.
+class StarvationTimer {
+ public:
+  explicit StarvationTimer(milliseconds timeout) : timeout_(timeout) {}
+
+  void feed(MonotonicTime now) {
+    ++feeds_;
+    deadline_ = now + timeout_;
+  }
+  void disarm() { deadline_.reset(); }
+  /// @return true once, when it has starved
+  [[nodiscard]] bool bites(MonotonicTime now) {
+    if (!deadline_ || now < *deadline_) return false;
+    deadline_.reset();
+    ++bites_;
+    return true;
+  }
+  [[nodiscard]] std::optional<MonotonicTime> deadline() const { return deadline_; }
+  [[nodiscard]] milliseconds timeout() const { return timeout_; }
+  [[nodiscard]] std::uint64_t feeds() const { return feeds_; }
+  [[nodiscard]] std::uint64_t bite_count() const { return bites_; }
+
+ private:
+  milliseconds timeout_;
+  std::optional<MonotonicTime> deadline_;
+  std::uint64_t feeds_ = 0;
+  std::uint64_t bites_ = 0;
+};
+
+}  // namespace srfs::sim

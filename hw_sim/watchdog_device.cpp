@@ -1,0 +1,122 @@
+#include "hw_sim/watchdog_device.hpp"
+
+#include <csignal>
+#include <utility>
+
+#include <fcntl.h>
+#include <fmt/ranges.h>
+#include <spawn.h>
+#include <sys/epoll.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/log.hpp"
+
+namespace srfs::sim {
+namespace {
+
+/// Starts @p command in a new session with default signals and /dev/null as input. @return errno
+int spawn_detached(const std::vector<std::string>& command, pid_t& child) {
+  std::vector<char*> arguments;
+  for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
+  arguments.push_back(nullptr);
+  posix_spawnattr_t attributes;
+  posix_spawn_file_actions_t files;
+  posix_spawnattr_init(&attributes);
+  posix_spawn_file_actions_init(&files);
+  sigset_t none;
+  sigset_t all;
+  sigemptyset(&none);
+  sigfillset(&all);
+  posix_spawnattr_setsigmask(&attributes, &none);
+  posix_spawnattr_setsigdefault(&attributes, &all);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSID | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+  posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  const int error = posix_spawnp(&child, arguments[0], &files, &attributes, arguments.data(), environ);
+  posix_spawn_file_actions_destroy(&files);
+  posix_spawnattr_destroy(&attributes);
+  return error;
+}
+
+}  // namespace
+
+WatchdogDevice::WatchdogDevice(EventLoop& loop, milliseconds timeout,
+                               std::vector<std::string> restart_command, milliseconds restart_limit)
+    : loop_(loop),
+      starvation_(timeout),
+      command_(std::move(restart_command)),
+      limit_(restart_limit),
+      bite_timer_(loop.add_timer([this](MonotonicTime now) { on_timer(now); })),
+      limit_timer_(loop.add_timer([this](MonotonicTime) { kill_restart(); })) {}
+
+WatchdogDevice::~WatchdogDevice() {
+  if (child_fd_) loop_.unwatch(child_fd_.get());  // a restart under way goes on without us
+  loop_.set_timer(bite_timer_, std::nullopt);
+  loop_.set_timer(limit_timer_, std::nullopt);
+}
+
+void WatchdogDevice::on_datagram(OctetView datagram, MonotonicTime now) {
+  if (datagram.size() == 1 && datagram[0] == 'V') {
+    starvation_.disarm();
+    ++counters_.disarmed;
+    log::info("watchdog disarmed");
+  } else {
+    if (!starvation_.deadline()) log::info("watchdog armed, {} ms", starvation_.timeout().count());
+    starvation_.feed(now);
+  }
+  loop_.set_timer(bite_timer_, starvation_.deadline());
+}
+
+void WatchdogDevice::on_timer(MonotonicTime now) {
+  if (starvation_.bites(now)) {
+    log::error("watchdog starved for {} ms: restarting the suite", starvation_.timeout().count());
+    start_restart(now);
+  }
+  loop_.set_timer(bite_timer_, starvation_.deadline());
+}
+
+void WatchdogDevice::start_restart(MonotonicTime now) {
+  if (child_fd_) {
+    log::error("the restart before is still running");
+    ++counters_.restarts_failed;
+    return;
+  }
+  const int error = spawn_detached(command_, child_);
+  const auto pidfd = error == 0 ? static_cast<int>(syscall(SYS_pidfd_open, child_, 0)) : -1;
+  if (error != 0 || pidfd < 0) {
+    ++counters_.restarts_failed;
+    log::error("cannot run the restart command '{}': {}", fmt::join(command_, " "),
+               errno_text(error != 0 ? error : errno));
+    return;
+  }
+  ++counters_.restarts_started;
+  fcntl(pidfd, F_SETFD, FD_CLOEXEC);
+  child_fd_ = Fd(pidfd);
+  loop_.watch(pidfd, EPOLLIN, [this](std::uint32_t, MonotonicTime) { on_exit(); });
+  loop_.set_timer(limit_timer_, now + limit_);
+}
+
+void WatchdogDevice::on_exit() {
+  int status = 0;
+  if (waitpid(child_, &status, WNOHANG) != child_) return;
+  loop_.unwatch(child_fd_.get());
+  child_fd_.reset();
+  loop_.set_timer(limit_timer_, std::nullopt);
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) {
+    log::info("restart command done");
+  } else {
+    ++counters_.restarts_failed;
+    log::error("restart command failed: {} {}", WIFEXITED(status) ? "exit code" : "signal",
+               WIFEXITED(status) ? WEXITSTATUS(status) : WTERMSIG(status));
+  }
+}
+
+void WatchdogDevice::kill_restart() {
+  if (!child_fd_) return;
+  ++counters_.restarts_killed;
+  log::error("restart command runs longer than {} ms: killed", limit_.count());
+  kill(-child_, SIGKILL);  // its session's first process group; nodes it started have sessions of their own
+}
+
+}  // namespace srfs::sim

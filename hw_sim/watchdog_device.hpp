@@ -1,0 +1,55 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <sys/types.h>
+
+#include "base/fd.hpp"
+#include "hw_sim/event_loop.hpp"
+#include "hw_sim/seqpacket_server.hpp"
+#include "hw_sim/starvation_timer.hpp"
+
+namespace srfs::sim {
+
+struct WatchdogDeviceCounters {
+  std::uint64_t disarmed = 0;
+  std::uint64_t restarts_started = 0;
+  std::uint64_t restarts_failed = 0;  ///< not started, or ended with another code than 0
+  std::uint64_t restarts_killed = 0;  ///< ran longer than the limit
+};
+
+/// The simulated hardware watchdog. When it bites it runs the restart command in a session of its own, as a
+/// power-on would start the computer; after that it waits for the first feed again.
+class WatchdogDevice {
+ public:
+  WatchdogDevice(EventLoop& loop, milliseconds timeout, std::vector<std::string> restart_command,
+                 milliseconds restart_limit);
+  ~WatchdogDevice();
+  WatchdogDevice(const WatchdogDevice&) = delete;
+  WatchdogDevice& operator=(const WatchdogDevice&) = delete;
+
+  /// One datagram: "V" disarms, anything else feeds.
+  void on_datagram(OctetView datagram, MonotonicTime now);
+  [[nodiscard]] const StarvationTimer& timer() const { return starvation_; }
+  [[nodiscard]] const WatchdogDeviceCounters& counters() const { return counters_; }
+
+ private:
+  void on_timer(MonotonicTime now);
+  void start_restart(MonotonicTime now);
+  void on_exit();
+  void kill_restart();
+
+  EventLoop& loop_;
+  StarvationTimer starvation_;
+  std::vector<std::string> command_;
+  milliseconds limit_;
+  EventLoop::Timer bite_timer_;
+  EventLoop::Timer limit_timer_;
+  WatchdogDeviceCounters counters_;
+  pid_t child_ = -1;
+  Fd child_fd_;  // pidfd, readable when it has ended
+};
+
+}  // namespace srfs::sim

@@ -1,0 +1,271 @@
+#include "nodes/can_switcher/can_switcher_node.hpp"
+
+#include <sys/epoll.h>
+
+#include <algorithm>
+
+#include <mission/structures.hpp>
+
+namespace srfs {
+namespace {
+
+using ros::CallbackReturn;
+
+constexpr nanoseconds housekeeping_period = seconds(1);
+constexpr nanoseconds failure_event_period = seconds(10);  // per payload
+constexpr std::size_t slots_at_most = 16;                  // bound of TaskFlags.flags
+
+std::uint32_t as_us(nanoseconds d) {
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d.count() / 1000, 0, 0xFFFFFFFF));
+}
+
+std::vector<Slot> plan_of(const ros::Deployment& deployment) {
+  std::vector<Slot> slots;
+  for (const ros::Slot& slot : deployment.slots)
+    slots.push_back({slot.payload, slot.allotted, slot.overrun, slot.reset});
+  return slots;
+}
+
+}  // namespace
+
+CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(context) {
+  declare_parameter("disabled_payloads", std::vector<std::string>{},
+                    "Payloads that are passed over in the rotation");
+  declare_parameter("fence_wait_ms", std::int64_t{500}, ros::ParameterRange{10, 10000},
+                    "Longest wait for the exit of a killed holder before the bus goes on", true);
+  on_parameter_check([this](const std::string& parameter,
+                            const ros::ParameterValue& value) -> Result<void, std::string> {
+    if (parameter != "disabled_payloads") return {};
+    for (const std::string& payload : std::get<std::vector<std::string>>(value)) {
+      const auto& slots = deployment().slots;
+      const bool known =
+          std::any_of(slots.begin(), slots.end(), [&](const ros::Slot& s) { return s.payload == payload; });
+      if (!known) return Err("disabled_payloads: '" + payload + "' has no slot in the deployment");
+    }
+    return {};
+  });
+  on_parameter_change([this](const std::string&) { apply_disabled(); });
+}
+
+void CanSwitcherNode::apply_disabled() {
+  if (!rotation_) return;
+  const auto disabled = get_parameter<std::vector<std::string>>("disabled_payloads");
+  for (const Slot& slot : rotation_->slots()) {
+    rotation_->set_enabled(slot.payload,
+                           std::find(disabled.begin(), disabled.end(), slot.payload) == disabled.end());
+  }
+}
+
+// ---------------------------------------------------------------- lifecycle
+
+CallbackReturn CanSwitcherNode::on_configure() {
+  const std::size_t count = deployment().slots.size();
+  if (count == 0 || count > slots_at_most) {
+    set_failure_reason(fmt::format("{}: 'slots': expected 1 to {} entries, found {}",
+                                   deployment().file.string(), slots_at_most, count));
+    return CallbackReturn::failure;
+  }
+  if (!rotation_) {
+    rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now());
+    rotation_->suspend();
+    failure_reported_.resize(count);
+  }
+  apply_disabled();
+  if (!fence_) {
+    HolderFence::Hooks hooks;
+    hooks.find = [this](const std::string& payload) -> std::optional<pid_t> {
+      const auto instance = ros::find_instance(var(), payload);
+      return instance ? std::optional(instance->pid) : std::nullopt;
+    };
+    hooks.watch = [this](int fd, std::function<void()> readable) {
+      return watch_fd(fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); });
+    };
+    hooks.after = [this](nanoseconds delay, std::function<void()> due) {
+      return create_one_shot(monotonic_now() + delay, std::move(due));
+    };
+    fence_.emplace(std::move(hooks), milliseconds(get_parameter<std::int64_t>("fence_wait_ms")));
+  }
+
+  flags_ = create_publisher(ros::topics::task_flags);
+  resets_ = create_publisher(ros::topics::reset_peripheral);
+  telemetry_ = create_publisher(ros::topics::telemetry(name()));
+  statuses_ = create_subscription(ros::topics::bus_status,
+                                  [this](const srfs_msgs::msg::BusStatus& status) { on_bus_status(status); });
+  ticks_ = create_subscription(ros::topics::time_tick,
+                               [this](const srfs_msgs::msg::TimeTick& tick, const ros::MessageInfo& info) {
+                                 on_tick(tick, info.received);
+                               });
+  housekeeping_timer_ = create_timer(housekeeping_period, [this] { publish_housekeeping(); });
+  return CallbackReturn::success;
+}
+
+CallbackReturn CanSwitcherNode::on_activate() {
+  rotation_->resume();
+  nanoseconds wait{0};
+  for (const Slot& slot : rotation_->slots()) wait = std::max(wait, slot.lease());
+  if (!rotation_->current()) {
+    raise(mission::CanSwitcherWaitsOutLeaseEvent{.wait_ms =
+                                                     static_cast<std::uint32_t>(wait / milliseconds(1))});
+  }
+  return CallbackReturn::success;
+}
+
+CallbackReturn CanSwitcherNode::on_deactivate() {
+  // A running slot is still watched: its end, its overrun, its fence.
+  rotation_->suspend();
+  return CallbackReturn::success;
+}
+
+void CanSwitcherNode::close() {
+  housekeeping_timer_.reset();
+  deadline_timer_.reset();
+  armed_.reset();
+  ticks_.reset();
+  statuses_.reset();
+  flags_.reset();
+  resets_.reset();
+  telemetry_.reset();
+}
+
+CallbackReturn CanSwitcherNode::on_cleanup() {
+  close();
+  return CallbackReturn::success;
+}
+
+CallbackReturn CanSwitcherNode::on_shutdown() {
+  if (rotation_) rotation_->suspend();
+  close();
+  return CallbackReturn::success;
+}
+
+CallbackReturn CanSwitcherNode::on_error() {
+  return on_shutdown();
+}
+
+// ---------------------------------------------------------------- rotation
+
+void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received) {
+  time_.on_tick(tick);
+  if (!is_active()) return;
+  // A deadline that passed while the tick was on its way comes first.
+  on_deadline();
+  const Decision decision = rotation_->on_tick(received, tick.cycle);
+  if (const Grant* grant = std::get_if<Grant>(&decision)) {
+    publish_flag(*grant);
+    flag_latency_.add(monotonic_now() - received);
+  }
+  arm_deadline();
+}
+
+void CanSwitcherNode::publish_flag(const Grant& grant) {
+  srfs_msgs::msg::TaskFlags m;
+  m.cycle = grant.cycle;
+  m.switcher_incarnation = grant.id.incarnation;
+  m.grant_counter = grant.id.counter;
+  m.flags.assign(rotation_->slots().size(), false);
+  m.flags[grant.slot] = true;
+  m.holder = grant.payload;
+  m.tick_received_ns = static_cast<std::uint64_t>(grant.granted.ns());
+  m.allotted_us = as_us(grant.allotted);
+  m.lease_end_ns = static_cast<std::uint64_t>(grant.lease_end.ns());
+  m.published_ns = static_cast<std::uint64_t>(monotonic_now().ns());
+  flags_->publish(m);
+}
+
+void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
+  using Kind = BusReport::Kind;
+  if (status.status < static_cast<std::uint8_t>(Kind::taken) || status.status > static_cast<std::uint8_t>(Kind::failed)) {
+    ++meaningless_statuses_;
+    return;
+  }
+  const BusReport report{.kind = static_cast<Kind>(status.status),
+                         .grant = {status.switcher_incarnation, status.grant_counter},
+                         .payload = status.payload,
+                         .payload_incarnation = status.payload_incarnation,
+                         .used = microseconds(status.used_us)};
+  const ReportVerdict verdict = rotation_->on_bus_status(report);
+  if (verdict == ReportVerdict::applied && report.kind == Kind::failed) report_failed_slot(status);
+  arm_deadline();
+}
+
+void CanSwitcherNode::report_failed_slot(const srfs_msgs::msg::BusStatus& status) {
+  auto& reported = failure_reported_[rotation_->current()->slot];
+  if (reported && now() - *reported < failure_event_period) return;
+  reported = now();
+  log::warn("{} reported a failed slot: {}", status.payload, status.detail);
+  raise(mission::CanSwitcherSlotFailedEvent{
+      .payload = status.payload, .grant = status.grant_counter, .detail = status.detail});
+}
+
+void CanSwitcherNode::arm_deadline() {
+  const auto deadline = rotation_->next_deadline();
+  if (deadline == armed_) return;
+  armed_ = deadline;
+  deadline_timer_.reset();
+  if (deadline) deadline_timer_ = create_one_shot(*deadline, [this] {
+    armed_.reset();
+    on_deadline();
+  });
+}
+
+void CanSwitcherNode::on_deadline() {
+  const Decision decision = rotation_->on_deadline(monotonic_now());
+  if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
+  if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f);
+  arm_deadline();
+}
+
+void CanSwitcherNode::order_reset(const OrderReset& order) {
+  srfs_msgs::msg::PeripheralReset m;
+  m.switcher_incarnation = order.id.incarnation;
+  m.grant_counter = order.id.counter;
+  m.payload = order.payload;
+  m.reason = fmt::format("bus held for {} ms", order.held / milliseconds(1));
+  resets_->publish(m);
+  ++resets_sent_;
+  log::warn("{} overran its slot (grant {}.{}): {}", order.payload, order.id.incarnation, order.id.counter,
+            m.reason);
+  raise(mission::CanSwitcherOverrunEvent{
+      .payload = order.payload, .grant = order.id.counter, .held_us = as_us(order.held)});
+}
+
+void CanSwitcherNode::fence(const Fence& f) {
+  log::error("{} did not release the bus before the end of its lease (grant {}.{}): killing it", f.payload,
+             f.id.incarnation, f.id.counter);
+  raise(mission::CanSwitcherHolderFencedEvent{.payload = f.payload, .grant = f.id.counter});
+  fence_->fence(f.payload, [this, f](bool gone) {
+    if (!gone) log::fatal("{} outlived its kill; the bus goes on", f.payload);
+    rotation_->on_fenced(f.id, gone, monotonic_now());
+  });
+}
+
+// ---------------------------------------------------------------- housekeeping
+
+void CanSwitcherNode::publish_housekeeping() {
+  const TaskFlagRotation::Counters& counters = rotation_->counters();
+  mission::CanSwitcherHousekeeping hk;
+  hk.cycle = time_.cycle();
+  for (std::size_t i = 0; i < rotation_->slots().size(); ++i) {
+    const TaskFlagRotation::SlotCounters& slot = rotation_->slot_counters(i);
+    if (i < hk.grants.size()) {
+      hk.grants[i] = slot.granted;
+      hk.releases[i] = slot.released;
+      hk.failures[i] = slot.failed;
+    }
+    hk.overruns += slot.overruns;
+    hk.fences += slot.fences;
+  }
+  hk.blocked_ticks = counters.blocked_ticks;
+  hk.peripheral_resets = resets_sent_;
+  hk.flag_latency_p50_us = as_us(flag_latency_.quantile(0.5));
+  hk.flag_latency_p99_us = as_us(flag_latency_.quantile(0.99));
+  hk.flag_latency_max_us = as_us(flag_latency_.max());
+  hk.holder = rotation_->next_deadline() ? static_cast<std::uint8_t>(rotation_->current()->slot + 1)
+                                         : std::uint8_t{0};
+  hk.ticks_missed = counters.missed_cycles;
+  hk.status_rejected = counters.old_reports + counters.foreign_reports + counters.duplicate_reports + meaningless_statuses_;
+  telemetry_->publish(
+      ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+}
+
+}  // namespace srfs

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "nodes/can_switcher/holder_fence.hpp"
+#include "nodes/can_switcher/latency_histogram.hpp"
+#include "nodes/can_switcher/task_flag_rotation.hpp"
+#include "ros/mission_time.hpp"
+#include "ros/node.hpp"
+
+namespace srfs {
+
+/// On each tick grants the CAN bus to one payload (README.md).
+class CanSwitcherNode : public ros::LifecycleNode {
+ public:
+  explicit CanSwitcherNode(ros::NodeContext& context);
+
+ protected:
+  ros::CallbackReturn on_configure() override;
+  ros::CallbackReturn on_activate() override;
+  ros::CallbackReturn on_deactivate() override;
+  ros::CallbackReturn on_cleanup() override;
+  ros::CallbackReturn on_shutdown() override;
+  ros::CallbackReturn on_error() override;
+
+ private:
+  void apply_disabled();
+  void on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received);
+  void on_bus_status(const srfs_msgs::msg::BusStatus& status);
+  void on_deadline();
+  void arm_deadline();
+  void publish_flag(const Grant& grant);
+  void order_reset(const OrderReset& order);
+  void fence(const Fence& fence);
+  void report_failed_slot(const srfs_msgs::msg::BusStatus& status);
+  void publish_housekeeping();
+  void close();
+  template <class Event>
+  void raise(const Event& event) {
+    raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
+  }
+
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::TaskFlags>> flags_;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PeripheralReset>> resets_;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_;
+  std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
+  std::shared_ptr<ros::Subscription<srfs_msgs::msg::BusStatus>> statuses_;
+  ros::Timer deadline_timer_;
+  std::optional<MonotonicTime> armed_;
+  ros::Timer housekeeping_timer_;
+
+  /// Lives as long as the process: its grant counter must never start again.
+  std::optional<TaskFlagRotation> rotation_;
+  std::optional<HolderFence> fence_;
+  ros::MissionTime time_;
+  LatencyHistogram flag_latency_;
+  std::uint32_t resets_sent_ = 0;
+  std::uint32_t meaningless_statuses_ = 0;  ///< with a status outside its enumeration
+  std::vector<std::optional<MonotonicTime>> failure_reported_;
+};
+
+}  // namespace srfs

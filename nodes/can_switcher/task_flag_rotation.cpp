@@ -1,0 +1,188 @@
+#include "nodes/can_switcher/task_flag_rotation.hpp"
+
+#include <algorithm>
+#include <cassert>
+
+namespace srfs {
+namespace {
+
+nanoseconds longest_lease(const std::vector<Slot>& slots) {
+  nanoseconds longest{0};
+  for (const Slot& slot : slots) longest = std::max(longest, slot.lease());
+  return longest;
+}
+
+}  // namespace
+
+TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now)
+    : slots_(std::move(slots)),
+      enabled_(slots_.size(), true),
+      known_process_(slots_.size()),
+      slot_counters_(slots_.size()),
+      incarnation_(incarnation),
+      not_before_(now + longest_lease(slots_)) {
+  assert(!slots_.empty());
+}
+
+Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle) {
+  if (last_cycle_ && cycle <= *last_cycle_) {
+    ++counters_.repeated_ticks;
+    return Nothing{};
+  }
+  if (last_cycle_) counters_.missed_cycles += static_cast<std::uint32_t>(cycle - *last_cycle_ - 1);
+  last_cycle_ = cycle;
+  ++counters_.ticks;
+
+  if (phase_ != Phase::free) {
+    ++counters_.blocked_ticks;
+    return Blocked{current_->payload, now - current_->granted};
+  }
+  if (now < not_before_) {
+    ++counters_.waiting_ticks;
+    return WaitingOut{not_before_};
+  }
+  return grant_next(now, cycle);
+}
+
+Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle) {
+  assert(phase_ == Phase::free);
+  const auto slot = suspended_ ? std::nullopt : next_enabled();
+  if (!slot) {
+    ++counters_.idle_ticks;
+    return Nothing{};
+  }
+  const Slot& plan = slots_[*slot];
+  Grant grant{.id = {incarnation_, next_counter_++},
+              .slot = *slot,
+              .payload = plan.payload,
+              .cycle = cycle,
+              .granted = now,
+              .lease_end = now + plan.lease(),
+              .allotted = plan.allotted};
+  assert(!current_ || grant.id > current_->id);
+  current_ = grant;
+  holder_process_.reset();
+  phase_ = Phase::granted;
+  next_slot_ = (*slot + 1) % slots_.size();
+  ++slot_counters_[*slot].granted;
+  return grant;
+}
+
+std::optional<std::size_t> TaskFlagRotation::next_enabled() const {
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    const std::size_t slot = (next_slot_ + i) % slots_.size();
+    if (enabled_[slot]) return slot;
+  }
+  return std::nullopt;
+}
+
+std::optional<std::size_t> TaskFlagRotation::slot_of(const std::string& payload) const {
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    if (slots_[i].payload == payload) return i;
+  }
+  return std::nullopt;
+}
+
+bool TaskFlagRotation::set_enabled(const std::string& payload, bool enabled) {
+  const auto slot = slot_of(payload);
+  if (slot) enabled_[*slot] = enabled;
+  return slot.has_value();
+}
+
+std::optional<MonotonicTime> TaskFlagRotation::next_deadline() const {
+  switch (phase_) {
+    case Phase::free:
+    case Phase::fencing:
+      return std::nullopt;
+    case Phase::taken:
+      return current_->granted + current_->allotted + slots_[current_->slot].overrun;
+    case Phase::granted:
+    case Phase::reset_ordered:
+      return current_->lease_end;
+  }
+  return std::nullopt;
+}
+
+Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
+  const auto deadline = next_deadline();
+  if (!deadline || now < *deadline) return Nothing{};
+  if (now >= current_->lease_end) return end_of_lease(now);
+  // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
+  assert(phase_ == Phase::taken);
+  phase_ = Phase::reset_ordered;
+  ++slot_counters_[current_->slot].overruns;
+  return OrderReset{current_->id, current_->payload, now - current_->granted};
+}
+
+Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
+  SlotCounters& counters = slot_counters_[current_->slot];
+  if (phase_ == Phase::granted) {
+    ++counters.not_taken;
+    // A payload writes its first frame only after its TAKEN left for a switcher it is matched with. One that
+    // never said a word since it started is not up yet (or not configured): there is nobody to fence.
+    if (!known_process_[current_->slot]) {
+      free_bus();
+      return Nothing{};
+    }
+  }
+  phase_ = Phase::fencing;
+  ++counters.fences;
+  not_before_ = now;
+  return Fence{current_->id, current_->payload};
+}
+
+void TaskFlagRotation::on_fenced(GrantId id, bool gone, MonotonicTime now) {
+  if (phase_ != Phase::fencing || id != current_->id) return;
+  if (!gone) ++counters_.unkillable_holders;
+  known_process_[current_->slot].reset();
+  not_before_ = now + guard_time;
+  free_bus();
+}
+
+ReportVerdict TaskFlagRotation::count(ReportVerdict verdict) {
+  if (verdict == ReportVerdict::duplicate) ++counters_.duplicate_reports;
+  if (verdict == ReportVerdict::old_grant) ++counters_.old_reports;
+  if (verdict == ReportVerdict::foreign) ++counters_.foreign_reports;
+  return verdict;
+}
+
+ReportVerdict TaskFlagRotation::on_bus_status(const BusReport& report) {
+  const auto slot = slot_of(report.payload);
+  if (!slot) return count(ReportVerdict::foreign);
+  if (report.grant == GrantId{}) {
+    if (report.kind == BusReport::Kind::released) {
+      known_process_[*slot] = report.payload_incarnation;
+    } else if (known_process_[*slot] == report.payload_incarnation) {
+      known_process_[*slot].reset();  // it says that it leaves
+    }
+    return ReportVerdict::greeting;
+  }
+  if (!current_ || report.grant > current_->id) {
+    // A grant of an earlier switcher is old news, not a foreign claim.
+    return count(report.grant.incarnation < incarnation_ ? ReportVerdict::old_grant : ReportVerdict::foreign);
+  }
+  if (report.grant < current_->id) return count(ReportVerdict::old_grant);
+  if (report.payload != current_->payload) return count(ReportVerdict::foreign);
+  return count(on_current_report(report));
+}
+
+ReportVerdict TaskFlagRotation::on_current_report(const BusReport& report) {
+  if (holder_process_ && *holder_process_ != report.payload_incarnation) return ReportVerdict::foreign;
+  if (phase_ == Phase::free) return ReportVerdict::duplicate;
+  if (phase_ == Phase::fencing) return ReportVerdict::old_grant;  // its lease is over; it is being killed
+  holder_process_ = report.payload_incarnation;
+  known_process_[current_->slot] = report.payload_incarnation;
+  if (report.kind == BusReport::Kind::taken) {
+    if (phase_ != Phase::granted) return ReportVerdict::duplicate;
+    phase_ = Phase::taken;
+    return ReportVerdict::applied;
+  }
+  // RELEASED may overtake TAKEN on its way; it says everything TAKEN would have said.
+  SlotCounters& counters = slot_counters_[current_->slot];
+  ++(report.kind == BusReport::Kind::released ? counters.released : counters.failed);
+  counters.used += report.used;
+  free_bus();
+  return ReportVerdict::applied;
+}
+
+}  // namespace srfs

@@ -1,0 +1,171 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "base/grant_id.hpp"
+#include "base/time.hpp"
+
+namespace srfs {
+
+/// One payload's place in the rotation.
+struct Slot {
+  std::string payload;
+  nanoseconds allotted{0};  ///< time the payload may plan with
+  nanoseconds overrun{0};   ///< tolerated beyond it before the payload is told to reset its peripheral
+  nanoseconds reset{0};     ///< time for that reset; then the lease ends
+  [[nodiscard]] nanoseconds lease() const { return allotted + overrun + reset; }
+};
+
+// What the rotation decides.
+
+struct Nothing {
+  friend bool operator==(Nothing, Nothing) = default;
+};
+/// Publish the flag of this payload.
+struct Grant {
+  GrantId id;
+  std::size_t slot = 0;  ///< index in the configured order
+  std::string payload;
+  MissionCycle cycle = 0;
+  MonotonicTime granted;    ///< the tick's receipt
+  MonotonicTime lease_end;  ///< never renewed
+  nanoseconds allotted{0};
+};
+/// No flag on this tick: the holder keeps the bus (the paper's Fig. 14b).
+struct Blocked {
+  std::string holder;
+  nanoseconds held{0};
+};
+/// No flag on this tick: leases of an earlier switcher, or the guard time after a fence, may still run.
+struct WaitingOut {
+  MonotonicTime until;
+};
+/// Send PeripheralReset to the holder.
+struct OrderReset {
+  GrantId id;
+  std::string payload;
+  nanoseconds held{0};
+};
+/// The lease ended without release. Kill the holder's process, wait (bounded) until it is gone, then call
+/// on_fenced(). Until then nobody is granted.
+struct Fence {
+  GrantId id;
+  std::string payload;
+};
+
+using Decision = std::variant<Nothing, Grant, Blocked, WaitingOut, OrderReset, Fence>;
+
+/// What a payload says on /can/bus_status.
+struct BusReport {
+  enum class Kind : std::uint8_t { taken = 1, released = 2, failed = 3 };
+  Kind kind = Kind::taken;
+  GrantId grant;
+  std::string payload;
+  std::uint32_t payload_incarnation = 0;
+  nanoseconds used{0};
+};
+
+enum class ReportVerdict : std::uint8_t {
+  applied,
+  greeting,   ///< grant {0,0}: the payload is there (or leaves) and holds nothing
+  duplicate,  ///< says what is known already
+  old_grant,
+  foreign,  ///< unknown payload, another's grant, another process of the payload, or a grant never given
+};
+
+/// The flag rotation (paper section IV.A, Figs. 4-6; DESIGN section 5). At most one payload holds the bus,
+/// ever: the next flag is given only after the holder released, was fenced, or - when it never took the bus
+/// and never spoke, so that it cannot have written - its lease ended. Pure; one thread.
+class TaskFlagRotation {
+ public:
+  /// @param slots        rotation order, not empty; the indices are the flags' positions
+  /// @param incarnation  of this switcher process, higher than any before it
+  /// @param now          nothing is granted before now + the longest lease: an earlier switcher may have
+  /// granted until now
+  TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now);
+
+  /// @return Grant, Blocked, WaitingOut, or Nothing (a cycle already seen, nobody enabled, suspended)
+  [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle);
+  /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
+  /// time.
+  [[nodiscard]] Decision on_deadline(MonotonicTime now);
+  ReportVerdict on_bus_status(const BusReport& report);
+  /// The answer to Fence. @param gone false: the process outlived the kill and the bounded wait (counted; the
+  /// bus goes on)
+  void on_fenced(GrantId id, bool gone, MonotonicTime now);
+
+  /// When on_deadline() has something to do; nullopt: nothing before the next tick or report.
+  [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
+
+  /// A disabled payload is passed over from the next grant on; a running slot is finished. @return false: no
+  /// such payload
+  bool set_enabled(const std::string& payload, bool enabled);
+  /// Grants nothing until resume(); a running slot is finished or fenced as ever.
+  void suspend() { suspended_ = true; }
+  void resume() { suspended_ = false; }
+
+  [[nodiscard]] const std::optional<Grant>& current() const { return current_; }
+  [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
+
+  struct SlotCounters {
+    std::uint32_t granted = 0;
+    std::uint32_t released = 0;
+    std::uint32_t failed = 0;     ///< released, but the peripheral did not do its part
+    std::uint32_t not_taken = 0;  ///< lease ended without a word
+    std::uint32_t overruns = 0;   ///< PeripheralReset ordered
+    std::uint32_t fences = 0;
+    nanoseconds used{0};  ///< bus time from grants to releases
+  };
+  struct Counters {
+    std::uint32_t ticks = 0;
+    std::uint32_t repeated_ticks = 0;
+    std::uint32_t missed_cycles = 0;  ///< cycle numbers between two ticks that were never received
+    std::uint32_t blocked_ticks = 0;
+    std::uint32_t waiting_ticks = 0;
+    std::uint32_t idle_ticks = 0;  ///< nobody enabled
+    std::uint32_t duplicate_reports = 0;
+    std::uint32_t old_reports = 0;
+    std::uint32_t foreign_reports = 0;
+    std::uint32_t unkillable_holders = 0;
+  };
+  [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
+  [[nodiscard]] const Counters& counters() const { return counters_; }
+
+  /// After a fence: frames the dead process had handed to the controller are gone by then (16 frames at 500
+  /// kbit/s).
+  static constexpr nanoseconds guard_time = milliseconds(5);
+
+ private:
+  enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing };
+
+  Decision grant_next(MonotonicTime now, MissionCycle cycle);
+  [[nodiscard]] std::optional<std::size_t> next_enabled() const;
+  [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
+  ReportVerdict on_current_report(const BusReport& report);
+  ReportVerdict count(ReportVerdict verdict);
+  Decision end_of_lease(MonotonicTime now);
+  void free_bus() { phase_ = Phase::free; }
+
+  std::vector<Slot> slots_;
+  std::vector<bool> enabled_;
+  /// The process of each payload that has spoken: it is up and matched, so its silence is a failure, not a
+  /// start.
+  std::vector<std::optional<std::uint32_t>> known_process_;
+  std::vector<SlotCounters> slot_counters_;
+  std::uint32_t incarnation_;
+  std::uint32_t next_counter_ = 1;
+  std::size_t next_slot_ = 0;
+  Phase phase_ = Phase::free;
+  bool suspended_ = false;
+  std::optional<Grant> current_;  ///< the last grant, also after its release
+  std::optional<std::uint32_t> holder_process_;
+  MonotonicTime not_before_;
+  std::optional<MissionCycle> last_cycle_;
+  Counters counters_;
+};
+
+}  // namespace srfs

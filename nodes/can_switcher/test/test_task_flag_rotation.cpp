@@ -1,0 +1,215 @@
+#include <gtest/gtest.h>
+
+#include "nodes/can_switcher/latency_histogram.hpp"
+#include "nodes/can_switcher/task_flag_rotation.hpp"
+
+namespace srfs {
+namespace {
+
+constexpr std::uint32_t incarnation = 9;
+constexpr MonotonicTime boot{seconds(10)};
+
+std::vector<Slot> plan() {
+  return {{"adcs", milliseconds(60), milliseconds(20), milliseconds(40)},
+          {"eps", milliseconds(60), milliseconds(20), milliseconds(40)},
+          {"thermal", milliseconds(50), milliseconds(10), milliseconds(20)}};
+}
+
+struct Rotation : ::testing::Test {
+  TaskFlagRotation rotation{plan(), incarnation, boot};
+  MonotonicTime now = boot + milliseconds(120);
+  MissionCycle cycle = 0;
+
+  Decision tick() { return rotation.on_tick(now, ++cycle); }
+  Grant must_grant() {
+    const Decision decision = tick();
+    EXPECT_TRUE(std::holds_alternative<Grant>(decision)) << decision.index();
+    return std::holds_alternative<Grant>(decision) ? std::get<Grant>(decision) : Grant{};
+  }
+  ReportVerdict report(BusReport::Kind kind, const Grant& grant, std::uint32_t process = 5) {
+    return rotation.on_bus_status({kind, grant.id, grant.payload, process, milliseconds(3)});
+  }
+  ReportVerdict take(const Grant& grant) { return report(BusReport::Kind::taken, grant); }
+  ReportVerdict release(const Grant& grant) { return report(BusReport::Kind::released, grant); }
+};
+using TaskFlagRotationTest = Rotation;
+
+TEST_F(TaskFlagRotationTest, GrantsInTheConfiguredOrder) {
+  for (const char* expected : {"adcs", "eps", "thermal", "adcs", "eps"}) {
+    const Grant grant = must_grant();
+    EXPECT_EQ(grant.payload, expected);
+    EXPECT_EQ(take(grant), ReportVerdict::applied);
+    EXPECT_EQ(release(grant), ReportVerdict::applied);
+    now += milliseconds(100);
+  }
+}
+
+TEST_F(TaskFlagRotationTest, WaitsOutTheLongestLeaseAfterAStart) {
+  now = boot + milliseconds(119);
+  EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick()));
+  now = boot + milliseconds(120);
+  EXPECT_EQ(must_grant().payload, "adcs");
+}
+
+TEST_F(TaskFlagRotationTest, BlocksUntilThePreviousPayloadReleasesTheBus) {
+  const Grant grant = must_grant();
+  take(grant);
+  now += milliseconds(70);
+  const Decision decision = tick();
+  ASSERT_TRUE(std::holds_alternative<Blocked>(decision));
+  EXPECT_EQ(std::get<Blocked>(decision).holder, "adcs");
+  release(grant);
+  EXPECT_EQ(must_grant().payload, "eps");
+  EXPECT_EQ(rotation.counters().blocked_ticks, 1U);
+}
+
+TEST_F(TaskFlagRotationTest, TellsTheOverrunnerToResetItsPeripheralAndGoesOnAfterItsRelease) {
+  const Grant grant = must_grant();
+  take(grant);
+  EXPECT_EQ(rotation.next_deadline(), grant.granted + milliseconds(80));
+  now = grant.granted + milliseconds(79);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));
+  now = grant.granted + milliseconds(80);
+  const Decision decision = rotation.on_deadline(now);
+  ASSERT_TRUE(std::holds_alternative<OrderReset>(decision));
+  EXPECT_EQ(std::get<OrderReset>(decision).payload, "adcs");
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));  // once
+
+  EXPECT_EQ(report(BusReport::Kind::failed, grant), ReportVerdict::applied);
+  EXPECT_EQ(must_grant().payload, "eps");
+  EXPECT_EQ(rotation.slot_counters(0).overruns, 1U);
+  EXPECT_EQ(rotation.slot_counters(0).failed, 1U);
+}
+
+TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolderIsGone) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.granted + milliseconds(80);
+  EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now)));
+  now = grant.lease_end;
+  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now)));
+
+  now += milliseconds(30);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+  EXPECT_EQ(release(grant), ReportVerdict::old_grant);  // too late: it is being killed
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+
+  rotation.on_fenced(grant.id, true, now);
+  EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick()));
+  now += TaskFlagRotation::guard_time;
+  EXPECT_EQ(must_grant().payload, "eps");
+  EXPECT_EQ(rotation.slot_counters(0).fences, 1U);
+}
+
+TEST_F(TaskFlagRotationTest, FencesAPayloadThatSpokeBeforeButNeverTakesItsFlag) {
+  Grant grant = must_grant();
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5, {}});
+  now = grant.lease_end;
+  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now)));
+}
+
+TEST_F(TaskFlagRotationTest, PassesOverAPayloadThatNeverSpokeWithoutKillingAnybody) {
+  const Grant grant = must_grant();
+  EXPECT_EQ(rotation.next_deadline(), grant.lease_end);
+  now = grant.lease_end;
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));
+  EXPECT_EQ(must_grant().payload, "eps");
+  EXPECT_EQ(rotation.slot_counters(0).not_taken, 1U);
+}
+
+TEST_F(TaskFlagRotationTest, DoesNotKillAPayloadThatSaidItLeaves) {
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5, {}});
+  rotation.on_bus_status({BusReport::Kind::failed, {}, "adcs", 5, {}});
+  const Grant grant = must_grant();
+  now = grant.lease_end;
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));
+}
+
+TEST_F(TaskFlagRotationTest, OrdersTheResetAtOnceWhenTakenArrivesAfterTheOverrun) {
+  const Grant grant = must_grant();
+  now = grant.granted + milliseconds(90);
+  take(grant);
+  EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now)));
+}
+
+TEST_F(TaskFlagRotationTest, AcceptsAReleaseThatOvertookItsTaken) {
+  const Grant grant = must_grant();
+  EXPECT_EQ(release(grant), ReportVerdict::applied);
+  EXPECT_EQ(take(grant), ReportVerdict::duplicate);
+  EXPECT_EQ(must_grant().payload, "eps");
+}
+
+TEST_F(TaskFlagRotationTest, IgnoresOldDuplicateAndForeignReports) {
+  const Grant first = must_grant();
+  take(first);
+  EXPECT_EQ(take(first), ReportVerdict::duplicate);
+  release(first);
+  const Grant second = must_grant();
+
+  EXPECT_EQ(release(first), ReportVerdict::old_grant);
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "adcs", 5, {}}),
+            ReportVerdict::foreign);
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "intruder", 5, {}}),
+            ReportVerdict::foreign);
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation, 77}, "eps", 5, {}}),
+            ReportVerdict::foreign);
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation - 1, 77}, "eps", 5, {}}),
+            ReportVerdict::old_grant);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+  EXPECT_EQ(rotation.counters().foreign_reports, 3U);
+}
+
+TEST_F(TaskFlagRotationTest, IgnoresAReleaseFromAnotherProcessOfTheHolder) {
+  const Grant grant = must_grant();
+  take(grant);
+  EXPECT_EQ(report(BusReport::Kind::released, grant, 6), ReportVerdict::foreign);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+}
+
+TEST_F(TaskFlagRotationTest, IgnoresARepeatedOrOlderTick) {
+  must_grant();
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle)));
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle - 1)));
+  EXPECT_EQ(rotation.counters().repeated_ticks, 2U);
+}
+
+TEST_F(TaskFlagRotationTest, SkipsDisabledPayloads) {
+  EXPECT_TRUE(rotation.set_enabled("eps", false));
+  EXPECT_FALSE(rotation.set_enabled("nobody", false));
+  release(must_grant());
+  const Grant grant = must_grant();
+  EXPECT_EQ(grant.payload, "thermal");
+  release(grant);
+
+  rotation.set_enabled("adcs", false);
+  rotation.set_enabled("thermal", false);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
+  EXPECT_EQ(rotation.counters().idle_ticks, 1U);
+}
+
+TEST_F(TaskFlagRotationTest, GrantsNothingWhileSuspendedAndStillFencesTheHolder) {
+  const Grant grant = must_grant();
+  take(grant);
+  rotation.suspend();
+  now = grant.granted + milliseconds(80);
+  EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now)));
+  release(grant);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
+  rotation.resume();
+  EXPECT_EQ(must_grant().payload, "eps");
+}
+
+TEST(LatencyHistogram, GivesQuantilesWithinASixteenth) {
+  LatencyHistogram histogram;
+  EXPECT_EQ(histogram.quantile(0.5), nanoseconds(0));
+  for (int us = 1; us <= 1000; ++us) histogram.add(microseconds(us));
+  EXPECT_NEAR(static_cast<double>(histogram.quantile(0.5).count()), 500e3, 35e3);
+  EXPECT_NEAR(static_cast<double>(histogram.quantile(0.99).count()), 990e3, 65e3);
+  EXPECT_EQ(histogram.max(), microseconds(1000));
+  histogram.add(std::chrono::hours(1000));
+  EXPECT_EQ(histogram.quantile(1.0),
+            std::chrono::hours(1000) < histogram.max() ? histogram.max() : histogram.quantile(1.0));
+}
+
+}  // namespace
+}  // namespace srfs

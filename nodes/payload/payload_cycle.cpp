@@ -1,0 +1,536 @@
+#include "nodes/payload/payload_cycle.hpp"
+
+#include <algorithm>
+#include <cassert>
+
+#include <fmt/format.h>
+
+namespace srfs {
+namespace {
+
+constexpr std::uint32_t silent_slots_to_report = 3;
+
+FailureCode failure_of(wire::PeripheralResult result) {
+  switch (result) {
+    case wire::PeripheralResult::done:
+    case wire::PeripheralResult::already_done:
+      return FailureCode::none;
+    case wire::PeripheralResult::unknown_function:
+      return FailureCode::peripheral_unknown_function;
+    case wire::PeripheralResult::bad_argument:
+      return FailureCode::peripheral_bad_argument;
+    case wire::PeripheralResult::cannot_now:
+      return FailureCode::peripheral_cannot_now;
+  }
+  return FailureCode::peripheral_garbage;
+}
+
+}  // namespace
+
+PayloadCycle::PayloadCycle(PayloadSettings settings, CommandDecoder decode, TelecommandJournal journal)
+    : settings_(settings), decode_(std::move(decode)), journal_(std::move(journal)) {}
+
+// ---------------------------------------------------------------- state of the node
+
+PayloadActions PayloadCycle::activate(MonotonicTime /*now*/) {
+  active_ = true;
+  if (power_by_command_ && power_ != Power::on) journal_.finish(FailureCode::interrupted);
+  // A predecessor may have died in the middle of a power cycle.
+  power_ = Power::switching_on;
+  power_by_command_ = false;
+  power_reason_.clear();
+  power_deadline_.reset();
+  act(SwitchPower{true});
+  return finish();
+}
+
+PayloadActions PayloadCycle::deactivate(MonotonicTime now) {
+  active_ = false;
+  if (step_ != Step::idle && step_ != Step::draining) abandon_slot("deactivated", now);
+  return finish();
+}
+
+Activity PayloadCycle::activity() const {
+  if (step_ != Step::idle) return Activity::occupying_can;
+  const bool power_command = power_by_command_ && power_ != Power::on;
+  if (journal_.storing() || power_command) return Activity::other_async_command;
+  return processing_ > 0 ? Activity::data_processing : Activity::off;
+}
+
+PayloadActions PayloadCycle::finish() {
+  for (const StageReport& report : journal_.take_reports()) {
+    if (!report.success) {
+      act(PayloadEvent{
+          .kind = PayloadEvent::Kind::telecommand_failed, .id = report.id, .code = report.failure});
+    }
+    act(report);
+  }
+  if (journal_.revision() > written_or_asked_) {
+    written_or_asked_ = journal_.revision();
+    act(WriteJournal{written_or_asked_});
+  }
+  if (activity() != published_) {
+    published_ = activity();
+    act(published_);
+  }
+  return std::exchange(actions_, {});
+}
+
+// ---------------------------------------------------------------- flags
+
+PayloadActions PayloadCycle::on_flag(const PayloadFlag& flag, MonotonicTime now) {
+  if (flag.grant <= newest_) {
+    ++counters_.repeated_flags;
+    // Whoever repeats a flag may have missed what became of it.
+    if (last_status_ && last_status_->grant == flag.grant) act(*last_status_);
+    return finish();
+  }
+  newest_ = flag.grant;
+  if (step_ != Step::idle) {
+    ++counters_.lost_grants;
+    if (step_ != Step::draining) abandon_slot("a newer grant came", now);
+    release(now);
+  }
+  flag_ = flag;
+  ++statistics_.slots_granted;
+  if (!flag.switcher_reachable) {
+    ++counters_.unreachable_flags;
+  } else if (now >= flag.lease_end) {
+    ++counters_.stale_flags;
+  } else if (!active_) {
+    decline(PublishStatus::Kind::released, "inactive", now);
+  } else if (power_ != Power::on) {
+    decline(PublishStatus::Kind::failed, "the peripheral is switched off", now);
+  } else if (!time_for_request(now)) {
+    ++counters_.stale_flags;
+    decline(PublishStatus::Kind::failed, "the flag came late", now);
+  } else {
+    begin_slot(now);
+  }
+  return finish();
+}
+
+void PayloadCycle::decline(PublishStatus::Kind kind, const std::string& detail, MonotonicTime now) {
+  if (kind == PublishStatus::Kind::failed) ++statistics_.slots_failed;
+  last_status_ = PublishStatus{kind, flag_.grant, now - flag_.granted, detail};
+  act(*last_status_);
+}
+
+PayloadActions PayloadCycle::on_foreign_flag(GrantId grant, MonotonicTime now) {
+  if (grant <= newest_) return finish();
+  newest_ = grant;
+  if (step_ != Step::idle) {
+    ++counters_.lost_grants;
+    if (step_ != Step::draining) abandon_slot("another payload was granted", now);
+    release(now);
+  }
+  return finish();
+}
+
+void PayloadCycle::begin_slot(MonotonicTime now) {
+  failure_.reset();
+  block_.reset();
+  stuck_counted_ = false;
+  power_needed_ = false;
+  power_command_.reset();
+  last_status_ = PublishStatus{PublishStatus::Kind::taken, flag_.grant, nanoseconds(0), {}};
+  act(*last_status_);
+  act(OpenBus{flag_.grant, flag_.lease_end});
+
+  // Commands that act on the peripheral itself go first: it may be too dead to be woken.
+  if (next_command_acts_on_peripheral(now)) {
+    run_next_command(now);
+  } else {
+    wake_up(now);
+  }
+}
+
+bool PayloadCycle::next_command_acts_on_peripheral(MonotonicTime now) {
+  const StoredTelecommand* telecommand = journal_.next(now);
+  if (telecommand == nullptr) return false;
+  const auto command = decode_(telecommand->function, telecommand->arguments);
+  // Its record is written while the peripheral is being woken.
+  if (telecommand->repeat == RepeatClass::at_most_once) journal_.mark_started();
+  return command && !std::holds_alternative<PeripheralFunction>(*command);
+}
+
+MonotonicTime PayloadCycle::answer_deadline(MonotonicTime now) const {
+  return std::min(now + settings_.answer_timeout, flag_.allotted_end);
+}
+
+bool PayloadCycle::time_for_request(MonotonicTime now) const {
+  return now + settings_.command_time <= flag_.allotted_end;
+}
+
+// ---------------------------------------------------------------- the peripheral
+
+void PayloadCycle::wake_up(MonotonicTime now) {
+  step_ = Step::waking;
+  deadline_ = answer_deadline(now);
+  act(SendRequest{wire::WakeUpRequest{}});
+}
+
+PayloadActions PayloadCycle::on_answer(const wire::PeripheralResponse& answer, MonotonicTime now) {
+  if (step_ == Step::waking && std::holds_alternative<wire::WakeUpResponse>(answer.body)) {
+    on_woken(std::get<wire::WakeUpResponse>(answer.body), now);
+  } else if (step_ == Step::commanding && std::holds_alternative<wire::CommandResponse>(answer.body)) {
+    on_command_answer(std::get<wire::CommandResponse>(answer.body), now);
+  } else if (step_ == Step::resetting && std::holds_alternative<wire::ResetResponse>(answer.body)) {
+    on_reset_answered(now);
+  } else {
+    ++counters_.unexpected_answers;
+  }
+  return finish();
+}
+
+void PayloadCycle::on_woken(const wire::WakeUpResponse& answer, MonotonicTime now) {
+  if (silent_in_a_row_ >= silent_slots_to_report) {
+    act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_back, .number = silent_in_a_row_});
+  }
+  silent_in_a_row_ = 0;
+  if (answer.status == wire::PeripheralStatus::booting) {
+    fail_slot("the peripheral is booting", now);
+    return;
+  }
+  block_ = answer.measurement;
+  run_next_command(now);
+}
+
+void PayloadCycle::run_next_command(MonotonicTime now) {
+  const StoredTelecommand* telecommand = journal_.next(now);
+  if (telecommand == nullptr || !time_for_request(now)) {
+    drain(now);
+    return;
+  }
+  if (telecommand->repeat == RepeatClass::at_most_once) {
+    journal_.mark_started();
+    if (!journal_.start_is_durable()) {
+      step_ = Step::storing;
+      deadline_ = flag_.allotted_end - settings_.command_time;
+      return;
+    }
+  }
+  execute(*telecommand, now);
+}
+
+void PayloadCycle::execute(const StoredTelecommand& telecommand, MonotonicTime now) {
+  const auto command = decode_(telecommand.function, telecommand.arguments);
+  if (!command) {  // stored by another version of this node
+    end_command(command.error());
+    run_next_command(now);
+    return;
+  }
+  const auto id = static_cast<std::uint32_t>(telecommand.id);
+  journal_.begin();
+  if (const auto* function = std::get_if<PeripheralFunction>(&*command)) {
+    step_ = Step::commanding;
+    deadline_ = answer_deadline(now);
+    act(SendRequest{wire::CommandRequest{id, function->function, function->arguments}});
+  } else if (const auto* cycle = std::get_if<PowerCyclePeripheral>(&*command)) {
+    power_command_ = cycle->off_time;
+    drain(now);
+  } else {
+    send_reset(false, "by telecommand", now);
+  }
+}
+
+void PayloadCycle::on_command_answer(const wire::CommandResponse& answer, MonotonicTime now) {
+  const StoredTelecommand* telecommand = journal_.next(MonotonicTime());
+  assert(telecommand != nullptr);
+  if (answer.telecommand_id != static_cast<std::uint32_t>(telecommand->id)) {
+    on_no_answer(RequestFailure::garbage, "answer to another telecommand", now);
+    return;
+  }
+  end_command(failure_of(answer.result));
+  run_next_command(now);
+}
+
+void PayloadCycle::end_command(FailureCode outcome) {
+  if (outcome == FailureCode::none) {
+    ++statistics_.telecommands_executed;
+    const StoredTelecommand* telecommand = journal_.next(MonotonicTime());
+    const auto command = decode_(telecommand->function, telecommand->arguments);
+    if (command && std::holds_alternative<PeripheralFunction>(*command)) {
+      act(CommandDone{std::get<PeripheralFunction>(*command)});
+    }
+  }
+  journal_.finish(outcome);
+}
+
+void PayloadCycle::send_reset(bool ordered, const std::string& reason, MonotonicTime now) {
+  reset_ordered_ = ordered;
+  reset_reason_ = reason;
+  step_ = Step::resetting;
+  const MonotonicTime latest = ordered ? flag_.lease_end - settings_.lease_margin : flag_.allotted_end;
+  deadline_ = std::min(now + settings_.reset_answer_timeout, latest);
+  act(SendRequest{wire::ResetRequest{}});
+}
+
+void PayloadCycle::on_reset_answered(MonotonicTime now) {
+  act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_reset, .text = reset_reason_});
+  if (reset_ordered_) {
+    fail_slot(reset_reason_, now);
+    return;
+  }
+  end_command(FailureCode::none);
+  drain(now);
+}
+
+PayloadActions PayloadCycle::on_peripheral_reset(GrantId grant, const std::string& reason,
+                                                 MonotonicTime now) {
+  if (grant != flag_.grant || step_ == Step::idle || step_ == Step::draining) {
+    ++counters_.stray_reset_orders;
+    // It may have missed our release.
+    if (step_ == Step::idle && last_status_ && last_status_->grant == grant) act(*last_status_);
+    return finish();
+  }
+  if (step_ == Step::resetting && reset_ordered_) return finish();
+  ++counters_.resets_ordered;
+  if (step_ == Step::commanding || step_ == Step::resetting) retry_command(FailureCode::bus_lost);
+  if (step_ == Step::storing) journal_.unmark_started();
+  block_.reset();
+  act(AbortRequest{});
+  send_reset(true, reason, now);
+  return finish();
+}
+
+// ---------------------------------------------------------------- failures
+
+PayloadActions PayloadCycle::on_request_failed(RequestFailure why, const std::string& detail,
+                                               MonotonicTime now) {
+  if (step_ == Step::waking || step_ == Step::commanding || step_ == Step::resetting)
+    on_no_answer(why, detail, now);
+  return finish();
+}
+
+void PayloadCycle::on_no_answer(RequestFailure why, const std::string& detail, MonotonicTime now) {
+  if (why == RequestFailure::silent) {
+    ++statistics_.peripheral_timeouts;
+  } else if (why == RequestFailure::garbage) {
+    ++counters_.garbage_answers;
+    act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_garbage, .text = detail});
+  }
+  act(AbortRequest{});
+  const bool slot_over = now >= flag_.allotted_end;
+  const FailureCode code = why == RequestFailure::garbage                 ? FailureCode::peripheral_garbage
+                           : slot_over || why == RequestFailure::not_sent ? FailureCode::bus_lost
+                                                                          : FailureCode::peripheral_silent;
+  if (step_ == Step::commanding) {
+    retry_command(code);
+  } else if (step_ == Step::resetting) {
+    if (reset_ordered_) {
+      start_power_cycle(reset_reason_, settings_.power_off_time, false);
+    } else {
+      end_command(code);
+    }
+  } else if (why != RequestFailure::not_sent) {
+    count_silence(detail);
+  }
+  fail_slot(detail, now);
+}
+
+void PayloadCycle::retry_command(FailureCode why) {
+  if (step_ == Step::resetting && reset_ordered_) return;
+  (void)journal_.attempt_failed(why);
+}
+
+void PayloadCycle::count_silence(const std::string& detail) {
+  ++silent_in_a_row_;
+  const std::uint32_t n = silent_in_a_row_;
+  if (n == silent_slots_to_report || n % 100 == 0) {
+    act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_silent, .number = n});
+  }
+  const std::uint32_t limit = settings_.silent_slots_to_power_cycle;
+  if (limit > 0 && n % limit == 0) {
+    power_needed_ = true;
+    reset_reason_ = detail;
+  }
+}
+
+void PayloadCycle::abandon_slot(const std::string& detail, MonotonicTime now) {
+  if (step_ == Step::commanding || step_ == Step::resetting) retry_command(FailureCode::bus_lost);
+  act(AbortRequest{});
+  fail_slot(detail, now);
+}
+
+void PayloadCycle::fail_slot(const std::string& detail, MonotonicTime now) {
+  if (!failure_) failure_ = detail;
+  drain(now);
+}
+
+// ---------------------------------------------------------------- release
+
+void PayloadCycle::drain(MonotonicTime /*now*/) {
+  // A command that did not come to run keeps its place; whatever is recorded as begun must have been sent.
+  if (step_ != Step::draining && !power_command_) journal_.unmark_started();
+  step_ = Step::draining;
+  // A peripheral that did not even answer its reset is off before the next payload gets the bus.
+  await_power_off_ = power_ == Power::switching_off;
+  deadline_ = await_power_off_ ? flag_.lease_end - settings_.lease_margin : flag_.lease_end;
+  if (!await_power_off_) act(AwaitQuiet{});
+}
+
+PayloadActions PayloadCycle::on_bus_quiet(MonotonicTime now) {
+  if (step_ == Step::draining && !await_power_off_) release(now);
+  return finish();
+}
+
+void PayloadCycle::stop_awaiting_power_off() {
+  if (step_ != Step::draining || !await_power_off_) return;
+  await_power_off_ = false;
+  deadline_ = flag_.lease_end;
+  act(AwaitQuiet{});
+}
+
+void PayloadCycle::release(MonotonicTime now) {
+  step_ = Step::idle;
+  deadline_.reset();
+  act(CloseBus{});
+  const nanoseconds used = now - flag_.granted;
+  statistics_.last_used = used;
+  ++(failure_ ? statistics_.slots_failed : statistics_.slots_used);
+  last_status_ = PublishStatus{failure_ ? PublishStatus::Kind::failed : PublishStatus::Kind::released,
+                               flag_.grant, used, failure_.value_or("")};
+  act(*last_status_);
+  if (block_) {
+    ++processing_;
+    act(ProcessMeasurement{flag_.cycle, std::move(*block_), statistics_});
+    block_.reset();
+  }
+  if (power_command_) {
+    start_power_cycle("by telecommand", *power_command_, true);
+    power_command_.reset();
+  } else if (power_needed_) {
+    start_power_cycle(reset_reason_, settings_.power_off_time, false);
+    power_needed_ = false;
+  }
+}
+
+PayloadActions PayloadCycle::on_processed(MonotonicTime /*now*/) {
+  assert(processing_ > 0);
+  --processing_;
+  return finish();
+}
+
+// ---------------------------------------------------------------- time
+
+std::optional<MonotonicTime> PayloadCycle::next_deadline() const {
+  if (!deadline_) return power_deadline_;
+  if (!power_deadline_) return deadline_;
+  return std::min(*deadline_, *power_deadline_);
+}
+
+PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
+  if (power_deadline_ && now >= *power_deadline_) on_power_deadline();
+  if (!deadline_ || now < *deadline_) return finish();
+  switch (step_) {
+    case Step::idle:
+      deadline_.reset();
+      break;
+    case Step::waking:
+      on_no_answer(RequestFailure::silent, "no answer to the wake-up", now);
+      break;
+    case Step::commanding:
+      on_no_answer(RequestFailure::silent, "no answer to a telecommand", now);
+      break;
+    case Step::resetting:
+      on_no_answer(RequestFailure::silent, fmt::format("{}; no answer to the reset", reset_reason_), now);
+      break;
+    case Step::storing:
+      // The record of the start takes too long for this slot.
+      drain(now);
+      break;
+    case Step::draining:
+      if (await_power_off_) {
+        stop_awaiting_power_off();
+        break;
+      }
+      // Only the fence can tell now that the frames are gone; a late echo still releases.
+      if (!stuck_counted_) ++counters_.stuck_frames;
+      stuck_counted_ = true;
+      deadline_.reset();
+      act(AbortRequest{});
+      break;
+  }
+  return finish();
+}
+
+// ---------------------------------------------------------------- power switch
+
+void PayloadCycle::start_power_cycle(const std::string& reason, nanoseconds off_time, bool by_command) {
+  ++counters_.power_cycles;
+  power_reason_ = reason;
+  power_off_time_ = off_time;
+  power_by_command_ = by_command;
+  power_ = Power::switching_off;
+  act(SwitchPower{false});
+}
+
+void PayloadCycle::on_power_deadline() {
+  power_deadline_.reset();
+  if (power_ == Power::off) power_ = Power::switching_on;
+  act(SwitchPower{true});
+}
+
+PayloadActions PayloadCycle::on_power_switched(bool on, bool ok, MonotonicTime now) {
+  if (on) {
+    on_switched_on(ok, now);
+  } else if (power_ == Power::switching_off) {
+    if (ok) {
+      power_ = Power::off;
+      power_deadline_ = now + power_off_time_;
+    } else {
+      end_power_cycle(FailureCode::power_switch_failed);
+    }
+    stop_awaiting_power_off();
+  }
+  return finish();
+}
+
+void PayloadCycle::on_switched_on(bool ok, MonotonicTime now) {
+  // A switch that does not obey is tried again; meanwhile the slots go on and show whether the peripheral
+  // lives.
+  if (!ok) power_deadline_ = now + settings_.power_retry;
+  if (power_ != Power::switching_on) return;
+  if (ok && !power_reason_.empty()) {
+    act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_power_cycled, .text = power_reason_});
+  }
+  end_power_cycle(ok ? FailureCode::none : FailureCode::power_switch_failed);
+}
+
+void PayloadCycle::end_power_cycle(FailureCode outcome) {
+  power_ = Power::on;
+  power_reason_.clear();
+  if (std::exchange(power_by_command_, false)) end_command(outcome);
+}
+
+// ---------------------------------------------------------------- telecommands
+
+PayloadActions PayloadCycle::on_telecommand(StoredTelecommand telecommand, MonotonicTime now) {
+  if (journal_.repeat_reports(telecommand.id)) return finish();
+  const auto command = decode_(telecommand.function, telecommand.arguments);
+  if (!active_) {
+    journal_.refuse(telecommand.id, FailureCode::node_not_active);
+  } else if (!command) {
+    journal_.refuse(telecommand.id, command.error());
+  } else if (telecommand.expiry != MonotonicTime() && now > telecommand.expiry) {
+    journal_.refuse(telecommand.id, FailureCode::expired);
+  } else {
+    journal_.add(std::move(telecommand));
+  }
+  return finish();
+}
+
+PayloadActions PayloadCycle::on_journal_written(std::uint64_t revision, bool ok, MonotonicTime now) {
+  journal_.on_written(revision, ok);
+  if (step_ == Step::storing) {
+    if (!ok) {
+      fail_slot("the start of a telecommand could not be stored", now);
+    } else if (journal_.start_is_durable()) {
+      run_next_command(now);
+    }
+  }
+  return finish();
+}
+
+}  // namespace srfs

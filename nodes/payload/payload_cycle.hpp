@@ -1,0 +1,260 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "base/grant_id.hpp"
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "nodes/payload/telecommand_journal.hpp"
+#include "wire/peripheral_protocol.hpp"
+
+namespace srfs {
+
+struct PayloadSettings {
+  nanoseconds answer_timeout = milliseconds(25);  ///< of one request; never past the allotted time
+  nanoseconds command_time =
+      milliseconds(12);  ///< a request is begun only with so much of the allotted time left
+  nanoseconds reset_answer_timeout = milliseconds(10);  ///< then the power switch is used
+  nanoseconds lease_margin = milliseconds(3);           ///< nothing is awaited in the last part of the lease
+  nanoseconds power_off_time = milliseconds(200);       ///< of a power cycle that no telecommand ordered
+  nanoseconds power_retry = milliseconds(500);          ///< until the next try when the switch did not obey
+  std::uint32_t silent_slots_to_power_cycle = 20;       ///< in a row; 0: never
+};
+
+/// What a telecommand asks of the payload, decoded from the mission dictionary's function id and arguments.
+struct PeripheralFunction {
+  std::uint8_t function = 0;
+  Octets arguments;
+};
+struct ResetPeripheral {};
+struct PowerCyclePeripheral {
+  nanoseconds off_time{0};
+};
+using PayloadCommand = std::variant<PeripheralFunction, ResetPeripheral, PowerCyclePeripheral>;
+
+/// The flag of this payload.
+struct PayloadFlag {
+  GrantId grant;
+  MissionCycle cycle = 0;
+  MonotonicTime granted;           ///< the switcher's receipt of the tick
+  MonotonicTime allotted_end;      ///< work is planned to end here
+  MonotonicTime lease_end;         ///< past it nothing may be written
+  bool switcher_reachable = true;  ///< a switcher hears our status; else the flag is not taken
+};
+
+/// Use of the slots since the start; part of every housekeeping structure.
+struct SlotStatistics {
+  std::uint32_t slots_granted = 0;
+  std::uint32_t slots_used = 0;
+  std::uint32_t slots_failed = 0;
+  std::uint32_t peripheral_timeouts = 0;
+  nanoseconds last_used{0};
+  std::uint32_t telecommands_executed = 0;
+};
+
+/// Values of srfs_msgs/PayloadActivity: the paper's four states (section VI.B).
+enum class Activity : std::uint8_t {
+  off = 0,
+  occupying_can = 1,
+  data_processing = 2,
+  other_async_command = 3
+};
+
+// What the cycle decides; carried out by the adapter in the given order.
+
+struct PublishStatus {
+  enum class Kind : std::uint8_t { taken = 1, released = 2, failed = 3 };
+  Kind kind = Kind::taken;
+  GrantId grant;
+  nanoseconds used{0};
+  std::string detail;
+};
+/// Opens the fence of the CAN handle for this grant.
+struct OpenBus {
+  GrantId grant;
+  MonotonicTime lease_end;
+};
+/// Closes it and forgets the request under way.
+struct CloseBus {};
+struct SendRequest {
+  std::variant<wire::WakeUpRequest, wire::CommandRequest, wire::ResetRequest> body;
+};
+/// Forget the request under way; the bus stays open.
+struct AbortRequest {};
+/// Call on_bus_quiet() as soon as every own frame has left, at once if that is so now.
+struct AwaitQuiet {};
+struct ProcessMeasurement {
+  MissionCycle cycle = 0;
+  Octets block;
+  SlotStatistics statistics;
+};
+/// The peripheral executed this telecommand.
+struct CommandDone {
+  PeripheralFunction command;
+};
+struct WriteJournal {
+  std::uint64_t revision = 0;
+};
+/// Answer with on_power_switched().
+struct SwitchPower {
+  bool on = true;
+};
+struct PayloadEvent {
+  enum class Kind : std::uint8_t {
+    peripheral_silent,        ///< number: slots in a row
+    peripheral_garbage,       ///< text
+    peripheral_back,          ///< number: silent slots before
+    peripheral_reset,         ///< text
+    peripheral_power_cycled,  ///< text
+    telecommand_failed,       ///< id, code
+  };
+  Kind kind = Kind::peripheral_silent;
+  std::uint32_t number = 0;
+  std::string text = {};
+  std::uint64_t id = 0;
+  FailureCode code = FailureCode::none;
+};
+
+using PayloadAction =
+    std::variant<PublishStatus, OpenBus, CloseBus, SendRequest, AbortRequest, AwaitQuiet, ProcessMeasurement,
+                 CommandDone, WriteJournal, SwitchPower, PayloadEvent, StageReport, Activity>;
+using PayloadActions = std::vector<PayloadAction>;
+
+/// Why a request got no usable answer.
+enum class RequestFailure : std::uint8_t { silent, garbage, not_sent };
+
+/// One payload's work in its slots (paper Figs. 5 and 7, DESIGN section 5): take the flag, wake the
+/// peripheral, take its answer, execute stored telecommands, let the last own frame leave, release, process.
+/// Whatever goes wrong ends in a release before the lease does, except when own frames are stuck in the
+/// controller: then only the switcher's fence can tell that they are gone. Pure: time and all input come by
+/// the calls, what to do goes out as actions. One thread.
+class PayloadCycle {
+ public:
+  using CommandDecoder =
+      std::function<Result<PayloadCommand, FailureCode>(std::uint16_t function, OctetView arguments)>;
+
+  PayloadCycle(PayloadSettings settings, CommandDecoder decode, TelecommandJournal journal);
+
+  PayloadActions activate(MonotonicTime now);
+  /// Ends a running slot: nothing more is sent, the bus is released as soon as the last own frame has left.
+  PayloadActions deactivate(MonotonicTime now);
+
+  PayloadActions on_flag(const PayloadFlag& flag, MonotonicTime now);
+  /// Another payload's flag: ours is over, whatever we believe.
+  PayloadActions on_foreign_flag(GrantId grant, MonotonicTime now);
+  PayloadActions on_peripheral_reset(GrantId grant, const std::string& reason, MonotonicTime now);
+  PayloadActions on_answer(const wire::PeripheralResponse& answer, MonotonicTime now);
+  PayloadActions on_request_failed(RequestFailure why, const std::string& detail, MonotonicTime now);
+  PayloadActions on_bus_quiet(MonotonicTime now);
+  PayloadActions on_processed(MonotonicTime now);
+  PayloadActions on_telecommand(StoredTelecommand telecommand, MonotonicTime now);
+  PayloadActions on_journal_written(std::uint64_t revision, bool ok, MonotonicTime now);
+  PayloadActions on_power_switched(bool on, bool ok, MonotonicTime now);
+  PayloadActions on_deadline(MonotonicTime now);
+  [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
+
+  void change_settings(const PayloadSettings& settings) { settings_ = settings; }
+  [[nodiscard]] bool holds_bus() const { return step_ != Step::idle; }
+  [[nodiscard]] const SlotStatistics& statistics() const { return statistics_; }
+  [[nodiscard]] const TelecommandJournal& journal() const { return journal_; }
+  [[nodiscard]] Activity activity() const;
+
+  struct Counters {
+    std::uint32_t repeated_flags = 0;     ///< flags of a grant seen before
+    std::uint32_t stale_flags = 0;        ///< flags whose time was over when they came
+    std::uint32_t unreachable_flags = 0;  ///< flags not taken because no switcher would have heard us
+    std::uint32_t unexpected_answers = 0;
+    std::uint32_t garbage_answers = 0;
+    std::uint32_t resets_ordered = 0;
+    std::uint32_t stray_reset_orders = 0;
+    std::uint32_t power_cycles = 0;
+    std::uint32_t stuck_frames = 0;  ///< leases that ended with own frames unconfirmed
+    std::uint32_t lost_grants = 0;   ///< slots ended by another payload's flag
+  };
+  [[nodiscard]] const Counters& counters() const { return counters_; }
+
+ private:
+  enum class Step : std::uint8_t {
+    idle,
+    waking,      ///< wake-up sent
+    storing,     ///< an at-most-once command waits for the record of its start
+    commanding,  ///< command sent
+    resetting,   ///< reset request sent
+    draining,    ///< waits for the echo of the last own frame
+  };
+  enum class Power : std::uint8_t { on, switching_off, off, switching_on };
+
+  template <class A>
+  void act(A action) {
+    actions_.emplace_back(std::move(action));
+  }
+  PayloadActions finish();
+
+  void begin_slot(MonotonicTime now);
+  void decline(PublishStatus::Kind kind, const std::string& detail, MonotonicTime now);
+  [[nodiscard]] bool next_command_acts_on_peripheral(MonotonicTime now);
+  void wake_up(MonotonicTime now);
+  void on_woken(const wire::WakeUpResponse& answer, MonotonicTime now);
+  void run_next_command(MonotonicTime now);
+  void execute(const StoredTelecommand& telecommand, MonotonicTime now);
+  void on_command_answer(const wire::CommandResponse& answer, MonotonicTime now);
+  void end_command(FailureCode outcome);
+  void retry_command(FailureCode why);
+  void send_reset(bool ordered, const std::string& reason, MonotonicTime now);
+  void on_reset_answered(MonotonicTime now);
+  void on_no_answer(RequestFailure why, const std::string& detail, MonotonicTime now);
+  void count_silence(const std::string& detail);
+  /// The slot ends in the middle of whatever it was doing.
+  void abandon_slot(const std::string& detail, MonotonicTime now);
+  void fail_slot(const std::string& detail, MonotonicTime now);
+  void drain(MonotonicTime now);
+  void release(MonotonicTime now);
+  void start_power_cycle(const std::string& reason, nanoseconds off_time, bool by_command);
+  void on_power_deadline();
+  void on_switched_on(bool ok, MonotonicTime now);
+  void end_power_cycle(FailureCode outcome);
+  void stop_awaiting_power_off();
+  [[nodiscard]] MonotonicTime answer_deadline(MonotonicTime now) const;
+  [[nodiscard]] bool time_for_request(MonotonicTime now) const;
+
+  PayloadSettings settings_;
+  CommandDecoder decode_;
+  TelecommandJournal journal_;
+  PayloadActions actions_;
+
+  bool active_ = false;
+  Step step_ = Step::idle;
+  PayloadFlag flag_;  ///< the running or last own slot
+  GrantId newest_;    ///< highest grant seen, anybody's
+  std::optional<PublishStatus> last_status_;
+  std::optional<MonotonicTime> deadline_;
+  std::optional<std::string> failure_;  ///< of this slot
+  std::optional<Octets> block_;
+  bool stuck_counted_ = false;
+  bool reset_ordered_ = false;  ///< the running reset was ordered by the switcher, else by telecommand
+  std::string reset_reason_;
+  std::optional<nanoseconds> power_command_;  ///< power cycle by telecommand after the release
+  bool power_needed_ = false;                 ///< power cycle after the release: silent for too many slots
+  bool await_power_off_ = false;              ///< draining: the peripheral is being switched off first
+  std::uint32_t silent_in_a_row_ = 0;
+
+  Power power_ = Power::on;
+  bool power_by_command_ = false;
+  nanoseconds power_off_time_{0};
+  std::string power_reason_;
+  std::optional<MonotonicTime> power_deadline_;
+
+  std::uint32_t processing_ = 0;
+  std::uint64_t written_or_asked_ = 0;  ///< highest revision given out by WriteJournal
+  Activity published_ = Activity::off;
+  SlotStatistics statistics_;
+  Counters counters_;
+};
+
+}  // namespace srfs

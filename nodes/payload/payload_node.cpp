@@ -1,0 +1,536 @@
+#include "nodes/payload/payload_node.hpp"
+
+#include <sys/epoll.h>
+
+#include <algorithm>
+#include <thread>
+
+#include "base/file.hpp"
+#include "hw/open.hpp"
+
+namespace srfs {
+namespace {
+
+using ros::CallbackReturn;
+
+constexpr std::size_t longest_detail = 120;  // bound of BusStatus.detail
+
+std::uint64_t pack(GrantId grant) {
+  return std::uint64_t{grant.incarnation} << 32U | grant.counter;
+}
+std::uint64_t as_ns(MonotonicTime t) {
+  return static_cast<std::uint64_t>(t.ns());
+}
+MonotonicTime from_ns(std::uint64_t ns) {
+  return MonotonicTime(nanoseconds(static_cast<std::int64_t>(ns)));
+}
+std::uint32_t as_us(nanoseconds d) {
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d.count() / 1000, 0, 0xFFFFFFFF));
+}
+
+std::string boot_id() {
+  const auto text = read_file("/proc/sys/kernel/random/boot_id", 64);
+  return text ? text->substr(0, 36) : std::string("unknown");
+}
+
+wire::IsoTpFrame to_isotp(const hw::CanFrame& frame) {
+  return {.id = frame.id, .size = frame.size, .data = frame.data};
+}
+hw::CanFrame to_can(const wire::IsoTpFrame& frame) {
+  hw::CanFrame can;
+  can.id = frame.id;
+  can.size = frame.size;
+  can.data = frame.data;
+  return can;
+}
+
+mission::SlotStatistics to_mission(const SlotStatistics& s) {
+  return {.slots_granted = s.slots_granted,
+          .slots_used = s.slots_used,
+          .slots_failed = s.slots_failed,
+          .peripheral_timeouts = s.peripheral_timeouts,
+          .last_used_us = as_us(s.last_used),
+          .telecommands_executed = s.telecommands_executed};
+}
+
+OctetView octets_of(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+std::string_view text_of(const Octets& octets) {
+  return {reinterpret_cast<const char*>(octets.data()), octets.size()};
+}
+
+}  // namespace
+
+PayloadNode::PayloadNode(ros::NodeContext& context, std::unique_ptr<PayloadProfile> profile)
+    : LifecycleNode(context), profile_(std::move(profile)) {
+  declare_parameters();
+}
+
+void PayloadNode::declare_parameters() {
+  declare_parameter("answer_timeout_ms", std::int64_t{25}, ros::ParameterRange{1, 10000},
+                    "Longest wait for the peripheral's answer to one request; never past the allotted time");
+  declare_parameter("command_time_ms", std::int64_t{12}, ros::ParameterRange{1, 10000},
+                    "A request is begun only while so much of the allotted time is left");
+  declare_parameter("power_off_ms", std::int64_t{200}, ros::ParameterRange{50, 10000},
+                    "Time without power when the node switches its peripheral off and on by itself");
+  declare_parameter("silent_slots_to_power_cycle", std::int64_t{20}, ros::ParameterRange{0, 100000},
+                    "Silent slots in a row after which the peripheral is switched off and on; 0: never");
+  declare_parameter("processing_time_ms", std::int64_t{0}, ros::ParameterRange{0, 60000},
+                    "Artificial time added to the processing of a measurement, for experiments");
+  on_parameter_change([this](const std::string&) {
+    if (cycle_) cycle_->change_settings(settings());
+  });
+}
+
+PayloadSettings PayloadNode::settings() const {
+  PayloadSettings s;
+  s.answer_timeout = milliseconds(get_parameter<std::int64_t>("answer_timeout_ms"));
+  s.command_time = milliseconds(get_parameter<std::int64_t>("command_time_ms"));
+  s.power_off_time = milliseconds(get_parameter<std::int64_t>("power_off_ms"));
+  s.silent_slots_to_power_cycle =
+      static_cast<std::uint32_t>(get_parameter<std::int64_t>("silent_slots_to_power_cycle"));
+  return s;
+}
+
+// ---------------------------------------------------------------- lifecycle
+
+CallbackReturn PayloadNode::on_configure() {
+  if (!open_devices()) return CallbackReturn::failure;
+  restore();
+  open_topics();
+  can_watch_ = watch_fd(can_->fd(), EPOLLIN, [this](std::uint32_t) { on_can_input(); });
+  report_timer_ = create_timer(milliseconds(200), [this] { flush_reports(); });
+  return CallbackReturn::success;
+}
+
+bool PayloadNode::open_devices() {
+  const std::uint32_t from_peripheral =
+      wire::normal_fixed_id({.target = PeripheralLink::computer_address, .source = profile_->can_address()});
+  auto can = hw::open_can(device("can"), var().root, {{.match = from_peripheral, .mask = 0x1FFFFFFFU}});
+  auto gpio = hw::open_gpio(device("gpio"), var().root);
+  if (!can || !gpio) {
+    set_failure_reason(!can ? can.error().message : gpio.error().message);
+    return false;
+  }
+  can_ = std::move(*can);
+  leased_ = std::make_unique<hw::LeasedCanBus>(*can_);
+  gpio_ = std::move(*gpio);
+  return true;
+}
+
+void PayloadNode::restore() {
+  TelecommandJournal journal(boot_id());
+  const auto file = state_dir() / "telecommands";
+  if (std::filesystem::exists(file)) {
+    const auto content = read_file(file, 1U << 20U);
+    if (!content || !journal.restore(octets_of(*content))) {
+      log::error("{} cannot be used; stored telecommands and known ids are lost", file.string());
+    } else if (journal.pending() > 0) {
+      log::info("{} stored telecommands go on", journal.pending());
+    }
+  }
+  const auto state = state_dir() / "processing";
+  if (std::filesystem::exists(state)) {
+    if (const auto content = read_file(state, 65536)) profile_->restore_state(octets_of(*content));
+  }
+  link_.emplace(profile_->can_address());
+  cycle_.emplace(
+      settings(),
+      [profile = profile_.get()](std::uint16_t function, OctetView arguments) {
+        return profile->decode_command(function, arguments);
+      },
+      std::move(journal));
+}
+
+void PayloadNode::open_topics() {
+  process_worker_ = create_worker("process", 4);
+  store_worker_ = create_worker("store", 8);
+  gpio_worker_ = create_worker("gpio", 4);
+  statuses_ = create_publisher(ros::topics::bus_status);
+  activities_ = create_publisher(ros::topics::activity(name()));
+  telemetry_ = create_publisher(ros::topics::telemetry(name()));
+  reports_ = create_publisher(ros::topics::telecommand_report);
+  ticks_ = create_subscription(ros::topics::time_tick,
+                               [this](const srfs_msgs::msg::TimeTick& m) { time_.on_tick(m); });
+  flags_ = create_subscription(ros::topics::task_flags,
+                               [this](const srfs_msgs::msg::TaskFlags& m) { on_flags(m); });
+  resets_ = create_subscription(ros::topics::reset_peripheral, [this](
+                                                                   const srfs_msgs::msg::PeripheralReset& m) {
+    if (m.payload != name()) return;
+    run(cycle_->on_peripheral_reset({m.switcher_incarnation, m.grant_counter}, m.reason, monotonic_now()));
+  });
+  telecommands_ = create_subscription(ros::topics::telecommand,
+                                      [this](const srfs_msgs::msg::Telecommand& m) { on_telecommand(m); });
+}
+
+CallbackReturn PayloadNode::on_activate() {
+  run(cycle_->activate(monotonic_now()));
+  carry_out(cycle_->activity());  // recorders that start with us see the first state
+  return CallbackReturn::success;
+}
+
+CallbackReturn PayloadNode::on_deactivate() {
+  run(cycle_->deactivate(monotonic_now()));
+  return CallbackReturn::success;
+}
+
+void PayloadNode::say_goodbye() {
+  if (!statuses_) return;
+  srfs_msgs::msg::BusStatus m;  // grant {0, 0}: we hold nothing, and will not answer
+  m.status = srfs_msgs::msg::BusStatus::FAILED;
+  m.payload = name();
+  m.payload_incarnation = incarnation();
+  m.monotonic_ns = as_ns(monotonic_now());
+  m.detail = "leaving";
+  statuses_->publish(m);
+}
+
+void PayloadNode::close() {
+  say_goodbye();
+  timer_.reset();
+  armed_.reset();
+  report_timer_.reset();
+  if (store_worker_) store_worker_->drain();
+  if (gpio_worker_) gpio_worker_->drain();
+  process_worker_.reset();
+  store_worker_.reset();
+  gpio_worker_.reset();
+  journal_writing_ = false;
+  telecommands_.reset();
+  resets_.reset();
+  flags_.reset();
+  ticks_.reset();
+  can_watch_.reset();
+  if (leased_) leased_->end();
+  leased_.reset();
+  can_.reset();
+  gpio_.reset();
+  statuses_.reset();
+  activities_.reset();
+  telemetry_.reset();
+  reports_.reset();
+  // The state on disk is complete; on_configure takes it up again.
+  cycle_.reset();
+  link_.reset();
+  todo_.clear();
+  awaiting_quiet_ = false;
+}
+
+CallbackReturn PayloadNode::on_cleanup() {
+  close();
+  return CallbackReturn::success;
+}
+
+CallbackReturn PayloadNode::on_shutdown() {
+  if (cycle_ && statuses_) run(cycle_->deactivate(monotonic_now()));
+  close();
+  return CallbackReturn::success;
+}
+
+CallbackReturn PayloadNode::on_error() {
+  return on_shutdown();
+}
+
+// ---------------------------------------------------------------- input
+
+void PayloadNode::on_flags(const srfs_msgs::msg::TaskFlags& flags) {
+  const GrantId grant{flags.switcher_incarnation, flags.grant_counter};
+  if (flags.holder != name()) {
+    run(cycle_->on_foreign_flag(grant, monotonic_now()));
+    return;
+  }
+  PayloadFlag flag;
+  flag.grant = grant;
+  flag.cycle = flags.cycle;
+  flag.granted = from_ns(flags.tick_received_ns);
+  flag.allotted_end = flag.granted + microseconds(flags.allotted_us);
+  flag.lease_end = from_ns(flags.lease_end_ns);
+  flag.switcher_reachable = statuses_->subscription_count() > 0;
+  run(cycle_->on_flag(flag, monotonic_now()));
+}
+
+void PayloadNode::on_telecommand(const srfs_msgs::msg::Telecommand& m) {
+  if (m.target != name()) return;
+  StoredTelecommand telecommand;
+  telecommand.id = m.id;
+  telecommand.function = m.function_id;
+  // A class that nobody defined is treated as the most careful one.
+  const bool known_class = m.repeat_class >= 1 && m.repeat_class <= 3;
+  telecommand.repeat = known_class ? static_cast<RepeatClass>(m.repeat_class) : RepeatClass::at_most_once;
+  telecommand.expiry = from_ns(m.expiry_ns);
+  telecommand.arguments = m.arguments;
+  run(cycle_->on_telecommand(std::move(telecommand), monotonic_now()));
+}
+
+void PayloadNode::on_can_input() {
+  while (const auto frame = can_->receive()) on_can_frame(*frame);
+  pump();
+  check_quiet();
+  arm_timer();
+}
+
+void PayloadNode::on_can_frame(const hw::CanFrame& frame) {
+  if (!frame.extended) return;
+  const MonotonicTime t = monotonic_now();
+  if (frame.is_echo) {
+    link_->on_transmit_confirm(to_isotp(frame), t);
+  } else if (cycle_->holds_bus()) {
+    ++frames_received_;
+    link_->on_frame(to_isotp(frame), t);
+  } else {
+    ++frames_outside_slot_;
+  }
+}
+
+/// Puts what the channel has to say on the bus, under the lease, and hands the outcome of the request to the
+/// cycle.
+void PayloadNode::pump() {
+  while (const auto frame = link_->poll(monotonic_now())) {
+    const auto sent = leased_->send(to_can(*frame), grant_, monotonic_now());
+    if (sent) {
+      ++frames_sent_;
+    } else if (sent.error() == hw::CanError::queue_full) {
+      link_->on_transmit_refused(monotonic_now());
+      break;
+    } else {
+      link_->abort();
+      run(cycle_->on_request_failed(RequestFailure::not_sent, hw::to_string(sent.error()), monotonic_now()));
+      return;
+    }
+  }
+  while (auto outcome = link_->take_outcome()) {
+    if (*outcome) {
+      run(cycle_->on_answer(**outcome, monotonic_now()));
+    } else {
+      run(cycle_->on_request_failed(outcome->error().kind, outcome->error().detail, monotonic_now()));
+    }
+  }
+}
+
+void PayloadNode::check_quiet() {
+  if (!awaiting_quiet_ || !leased_->quiet()) return;
+  awaiting_quiet_ = false;
+  run(cycle_->on_bus_quiet(monotonic_now()));
+}
+
+void PayloadNode::on_timer() {
+  armed_.reset();
+  pump();
+  run(cycle_->on_deadline(monotonic_now()));
+}
+
+void PayloadNode::arm_timer() {
+  auto deadline = cycle_->next_deadline();
+  const auto link = link_->next_deadline();
+  if (link && (!deadline || *link < *deadline)) deadline = link;
+  if (deadline == armed_) return;
+  armed_ = deadline;
+  timer_.reset();
+  if (deadline) timer_ = create_one_shot(*deadline, [this] { on_timer(); });
+}
+
+// ---------------------------------------------------------------- actions
+
+void PayloadNode::run(PayloadActions actions) {
+  for (PayloadAction& action : actions) todo_.push_back(std::move(action));
+  if (carrying_out_) return;  // an action's own consequence: its turn comes below, in order
+  carrying_out_ = true;
+  while (!todo_.empty()) {
+    const PayloadAction action = std::move(todo_.front());
+    todo_.pop_front();
+    std::visit([this](const auto& a) { carry_out(a); }, action);
+  }
+  carrying_out_ = false;
+  arm_timer();
+}
+
+void PayloadNode::carry_out(const PublishStatus& action) {
+  srfs_msgs::msg::BusStatus m;
+  m.status = static_cast<std::uint8_t>(action.kind);
+  m.switcher_incarnation = action.grant.incarnation;
+  m.grant_counter = action.grant.counter;
+  m.payload = name();
+  m.payload_incarnation = incarnation();
+  m.monotonic_ns = as_ns(monotonic_now());
+  if (action.kind != PublishStatus::Kind::taken) {
+    m.used_us = as_us(action.used);
+    m.frames_sent = frames_sent_;
+    m.frames_received = frames_received_;
+  }
+  m.detail = action.detail.substr(0, longest_detail);
+  statuses_->publish(m);
+}
+
+void PayloadNode::carry_out(const OpenBus& action) {
+  grant_ = pack(action.grant);
+  frames_sent_ = 0;
+  frames_received_ = 0;
+  awaiting_quiet_ = false;
+  if (!leased_->begin(grant_, action.lease_end)) log::error("grant {:#x} was not above the last one", grant_);
+}
+
+void PayloadNode::carry_out(const CloseBus& /*action*/) {
+  leased_->end();
+  link_->abort();
+}
+
+void PayloadNode::carry_out(const SendRequest& action) {
+  link_->request(action.body, monotonic_now());
+  pump();
+}
+
+void PayloadNode::carry_out(const AbortRequest& /*action*/) {
+  link_->abort();
+}
+
+void PayloadNode::carry_out(const AwaitQuiet& /*action*/) {
+  awaiting_quiet_ = true;
+  check_quiet();
+}
+
+void PayloadNode::carry_out(const ProcessMeasurement& action) {
+  const milliseconds artificial(get_parameter<std::int64_t>("processing_time_ms"));
+  const MonotonicTime measured = monotonic_now();
+  auto processed = std::make_shared<std::optional<Processed>>();
+  const bool taken = process_worker_->post(
+      [profile = profile_.get(), action, artificial, processed] {
+        if (artificial > milliseconds(0)) std::this_thread::sleep_for(artificial);
+        *processed = profile->process(action.block, action.cycle, to_mission(action.statistics));
+      },
+      [this, processed, cycle = action.cycle, size = action.block.size(), measured] {
+        if (*processed) {
+          publish_processed(**processed, cycle, measured);
+        } else {
+          raise(mission::PayloadPeripheralGarbageEvent{.reason =
+                                                           fmt::format("measurement of {} octets", size)});
+        }
+        run(cycle_->on_processed(monotonic_now()));
+      });
+  if (taken) return;
+  ++measurements_dropped_;
+  log::warn("processing is too slow: measurement of cycle {} dropped ({} so far)", action.cycle,
+            measurements_dropped_);
+  run(cycle_->on_processed(measured));
+}
+
+void PayloadNode::publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured) {
+  srfs_msgs::msg::PayloadTelemetry m;
+  m.source = name();
+  m.apid = profile_->apid();
+  m.structure_id = profile_->structure_id();
+  m.cycle = cycle;
+  m.utc = ros::to_message(time_.utc_at(measured));
+  m.time_valid = time_.valid();
+  m.monotonic_ns = as_ns(measured);
+  m.data = processed.housekeeping;
+  telemetry_->publish(m);
+  for (const EncodedEvent& event : processed.events) raise_event(event.id, event.severity, event.data);
+}
+
+void PayloadNode::carry_out(const CommandDone& action) {
+  // On the processing thread, behind the measurements taken before.
+  (void)process_worker_->post(
+      [profile = profile_.get(), command = action.command, file = state_dir() / "processing"] {
+        if (!profile->on_command_done(command)) return;
+        const auto written = write_file_atomically(file, text_of(profile->state()));
+        if (!written) log::error("{}", written.error().message);
+      });
+}
+
+void PayloadNode::carry_out(const WriteJournal& action) {
+  journal_wanted_ = action.revision;
+  if (!journal_writing_) write_journal();
+}
+
+void PayloadNode::write_journal() {
+  journal_writing_ = true;
+  const std::uint64_t revision = cycle_->journal().revision();
+  auto ok = std::make_shared<bool>(false);
+  const bool taken = store_worker_->post(
+      [file = state_dir() / "telecommands", content = cycle_->journal().encode(), ok] {
+        const auto written = write_file_atomically(file, text_of(content));
+        if (!written) log::error("telecommands cannot be stored: {}", written.error().message);
+        *ok = written.has_value();
+      },
+      [this, revision, ok] {
+        journal_writing_ = false;
+        run(cycle_->on_journal_written(revision, *ok, monotonic_now()));
+        if (journal_wanted_ > revision && !journal_writing_) write_journal();
+      });
+  if (taken) return;
+  journal_writing_ = false;
+  run(cycle_->on_journal_written(revision, false, monotonic_now()));
+}
+
+void PayloadNode::carry_out(const SwitchPower& action) {
+  auto ok = std::make_shared<bool>(false);
+  const bool taken = gpio_worker_->post(
+      [this, on = action.on, ok] {
+        const auto set = gpio_->set_line(profile_->power_line(), on);
+        if (!set) log::warn("power switch of the peripheral: {}", hw::to_string(set.error()));
+        *ok = set.has_value();
+      },
+      [this, on = action.on, ok] { run(cycle_->on_power_switched(on, *ok, monotonic_now())); });
+  if (!taken) run(cycle_->on_power_switched(action.on, false, monotonic_now()));
+}
+
+void PayloadNode::carry_out(const PayloadEvent& action) {
+  using Kind = PayloadEvent::Kind;
+  switch (action.kind) {
+    case Kind::peripheral_silent:
+      log::warn("the peripheral does not answer, {} slots", action.number);
+      raise(mission::PayloadPeripheralSilentEvent{.slots = action.number});
+      break;
+    case Kind::peripheral_garbage:
+      raise(mission::PayloadPeripheralGarbageEvent{.reason = action.text});
+      break;
+    case Kind::peripheral_back:
+      log::info("the peripheral answers again after {} slots", action.number);
+      raise(mission::PayloadPeripheralBackEvent{.slots = action.number});
+      break;
+    case Kind::peripheral_reset:
+      log::warn("peripheral reset: {}", action.text);
+      raise(mission::PayloadPeripheralResetEvent{.reason = action.text});
+      break;
+    case Kind::peripheral_power_cycled:
+      log::warn("peripheral switched off and on: {}", action.text);
+      raise(mission::PayloadPeripheralPowerCycledEvent{.reason = action.text});
+      break;
+    case Kind::telecommand_failed:
+      log::warn("telecommand {} failed: {}", action.id,
+                mission::failure_text(static_cast<std::uint16_t>(action.code)));
+      raise(mission::PayloadTelecommandFailedEvent{.telecommand = action.id,
+                                                   .code = static_cast<std::uint16_t>(action.code)});
+      break;
+  }
+}
+
+void PayloadNode::carry_out(const StageReport& action) {
+  srfs_msgs::msg::TelecommandReport m;
+  m.id = action.id;
+  m.node = name();
+  m.node_incarnation = incarnation();
+  m.stage = static_cast<std::uint8_t>(action.stage);
+  m.success = action.success;
+  m.failure_code = static_cast<std::uint16_t>(action.failure);
+  m.monotonic_ns = as_ns(monotonic_now());
+  unheard_.push(std::move(m));
+  flush_reports();
+}
+
+void PayloadNode::flush_reports() {
+  if (!reports_ || reports_->subscription_count() == 0) return;
+  while (const auto report = unheard_.pop()) reports_->publish(*report);
+}
+
+void PayloadNode::carry_out(const Activity& action) {
+  srfs_msgs::msg::PayloadActivity m;
+  m.payload = name();
+  m.state = static_cast<std::uint8_t>(action);
+  m.monotonic_ns = as_ns(monotonic_now());
+  m.cycle = time_.cycle();
+  activities_->publish(m);
+}
+
+}  // namespace srfs

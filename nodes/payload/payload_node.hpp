@@ -1,0 +1,120 @@
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+
+#include "base/bounded_queue.hpp"
+#include "hw/can_bus.hpp"
+#include "hw/gpio.hpp"
+#include "nodes/payload/payload_cycle.hpp"
+#include "nodes/payload/payload_profile.hpp"
+#include "nodes/payload/peripheral_link.hpp"
+#include "ros/mission_time.hpp"
+#include "ros/node.hpp"
+
+namespace srfs {
+
+/// The adapter of every payload node: topics, CAN, GPIO and disk around PayloadCycle (README.md).
+class PayloadNode : public ros::LifecycleNode {
+ public:
+  PayloadNode(ros::NodeContext& context, std::unique_ptr<PayloadProfile> profile);
+
+ protected:
+  ros::CallbackReturn on_configure() override;
+  ros::CallbackReturn on_activate() override;
+  ros::CallbackReturn on_deactivate() override;
+  ros::CallbackReturn on_cleanup() override;
+  ros::CallbackReturn on_shutdown() override;
+  ros::CallbackReturn on_error() override;
+
+ private:
+  void declare_parameters();
+  [[nodiscard]] PayloadSettings settings() const;
+  bool open_devices();
+  void open_topics();
+  void restore();
+  void close();
+
+  // Input
+  void on_flags(const srfs_msgs::msg::TaskFlags& flags);
+  void on_telecommand(const srfs_msgs::msg::Telecommand& telecommand);
+  void on_can_input();
+  void on_can_frame(const hw::CanFrame& frame);
+  void on_timer();
+  void pump();
+  void check_quiet();
+
+  // Output
+  void run(PayloadActions actions);
+  void arm_timer();
+  void carry_out(const PublishStatus& action);
+  void carry_out(const OpenBus& action);
+  void carry_out(const CloseBus& action);
+  void carry_out(const SendRequest& action);
+  void carry_out(const AbortRequest& action);
+  void carry_out(const AwaitQuiet& action);
+  void carry_out(const ProcessMeasurement& action);
+  void carry_out(const CommandDone& action);
+  void carry_out(const WriteJournal& action);
+  void carry_out(const SwitchPower& action);
+  void carry_out(const PayloadEvent& action);
+  void carry_out(const StageReport& action);
+  void carry_out(const Activity& action);
+  void write_journal();
+  void publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured);
+  void flush_reports();
+  void say_goodbye();
+  template <class Event>
+  void raise(const Event& event) {
+    raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
+  }
+
+  std::unique_ptr<PayloadProfile> profile_;
+  std::unique_ptr<hw::CanBus> can_;
+  std::unique_ptr<hw::LeasedCanBus> leased_;
+  std::unique_ptr<hw::GpioLines> gpio_;  ///< used on the gpio worker alone
+  ros::Executor::Handle can_watch_;
+  std::shared_ptr<ros::Worker> process_worker_;
+  std::shared_ptr<ros::Worker> store_worker_;
+  std::shared_ptr<ros::Worker> gpio_worker_;
+
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::BusStatus>> statuses_;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadActivity>> activities_;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::TelecommandReport>> reports_;
+  std::shared_ptr<ros::Subscription<srfs_msgs::msg::TaskFlags>> flags_;
+  std::shared_ptr<ros::Subscription<srfs_msgs::msg::PeripheralReset>> resets_;
+  std::shared_ptr<ros::Subscription<srfs_msgs::msg::Telecommand>> telecommands_;
+  std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
+
+  std::optional<PayloadCycle> cycle_;
+  std::optional<PeripheralLink> link_;
+  ros::MissionTime time_;
+  std::deque<PayloadAction> todo_;
+  bool carrying_out_ = false;
+  ros::Timer timer_;
+  std::optional<MonotonicTime> armed_;
+  std::uint64_t grant_ = 0;
+  bool awaiting_quiet_ = false;
+  std::uint32_t frames_sent_ = 0;      ///< in this slot
+  std::uint32_t frames_received_ = 0;  ///< in this slot
+  std::uint32_t frames_outside_slot_ = 0;
+
+  bool journal_writing_ = false;
+  std::uint64_t journal_wanted_ = 0;
+  /// Reports that nobody was there to hear yet; the oldest is dropped (ttc asks again by repeating the
+  /// telecommand).
+  BoundedQueue<srfs_msgs::msg::TelecommandReport> unheard_{64, Overflow::drop_oldest};
+  ros::Timer report_timer_;
+  std::uint32_t measurements_dropped_ = 0;
+};
+
+/// A payload node with its profile, as run_node wants it.
+template <class Profile>
+class PayloadNodeOf : public PayloadNode {
+ public:
+  explicit PayloadNodeOf(ros::NodeContext& context) : PayloadNode(context, std::make_unique<Profile>()) {}
+};
+
+}  // namespace srfs

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <mission/structures.hpp>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "nodes/payload/payload_cycle.hpp"
+
+namespace srfs {
+
+/// An event of the mission dictionary, encoded.
+struct EncodedEvent {
+  std::uint16_t id = 0;
+  std::uint8_t severity = 0;
+  Octets data;
+};
+template <class Event>
+[[nodiscard]] EncodedEvent encode_event(const Event& event) {
+  return {Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded()};
+}
+
+/// What a measurement became.
+struct Processed {
+  Octets housekeeping;  ///< the payload's housekeeping structure, encoded
+  std::vector<EncodedEvent> events;
+};
+
+/// What makes one payload different from another. process(), on_command_done(), state() and restore_state()
+/// are called on one worker thread (restore_state() before it starts); the others are constant.
+class PayloadProfile {
+ public:
+  virtual ~PayloadProfile() = default;
+
+  [[nodiscard]] virtual std::uint8_t can_address() const = 0;
+  [[nodiscard]] virtual std::uint8_t power_line() const = 0;  ///< hw/gpio.hpp
+  [[nodiscard]] virtual std::uint16_t apid() const = 0;
+  [[nodiscard]] virtual std::uint16_t structure_id() const = 0;
+
+  /// What a telecommand asks for, every argument checked against the dictionary. Any thread.
+  [[nodiscard]] virtual Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,
+                                                                           OctetView arguments) const = 0;
+  /// @param block  the raw measurement structure of the dictionary
+  /// @return nullopt when the block is not one
+  [[nodiscard]] virtual std::optional<Processed> process(OctetView block, MissionCycle cycle,
+                                                         const mission::SlotStatistics& slots) = 0;
+  /// The peripheral executed this. @return true when state() changed
+  virtual bool on_command_done(const PeripheralFunction& /*command*/) { return false; }
+  /// What processing must remember across a restart of the node; may be empty.
+  [[nodiscard]] virtual Octets state() const { return {}; }
+  virtual void restore_state(OctetView /*state*/) {}
+};
+
+[[nodiscard]] inline FailureCode failure_code(mission::ArgumentError error) {
+  return error.parameter == 0 ? FailureCode::bad_arguments_length : FailureCode::bad_argument;
+}
+
+/// A command that goes to the peripheral as it is: its arguments lie in the request exactly as in the
+/// telecommand.
+template <class Command>
+[[nodiscard]] Result<PayloadCommand, FailureCode> to_peripheral(OctetView arguments) {
+  if (const auto command = Command::decode(arguments); !command) return Err(failure_code(command.error()));
+  return PayloadCommand(
+      PeripheralFunction{Command::peripheral_function, Octets(arguments.begin(), arguments.end())});
+}
+template <class Command>
+[[nodiscard]] Result<PayloadCommand, FailureCode> to_reset(OctetView arguments) {
+  if (const auto command = Command::decode(arguments); !command) return Err(failure_code(command.error()));
+  return PayloadCommand(ResetPeripheral{});
+}
+template <class Command>
+[[nodiscard]] Result<PayloadCommand, FailureCode> to_power_cycle(OctetView arguments) {
+  const auto command = Command::decode(arguments);
+  if (!command) return Err(failure_code(command.error()));
+  return PayloadCommand(PowerCyclePeripheral{milliseconds(command->off_ms)});
+}
+
+}  // namespace srfs

@@ -1,0 +1,159 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+
+namespace srfs {
+
+/// What holds when a crash falls between an act and its record (DESIGN section 6). Values of
+/// srfs_msgs/Telecommand.
+enum class RepeatClass : std::uint8_t { idempotent = 1, by_id = 2, at_most_once = 3 };
+
+/// Stages of srfs_msgs/TelecommandReport.
+enum class TelecommandStage : std::uint8_t { accepted = 1, started = 3, completed = 7 };
+
+/// The mission dictionary's failure codes that a payload uses.
+enum class FailureCode : std::uint16_t {
+  none = 0,
+  bad_argument = 6,
+  unknown_function = 7,
+  queue_full = 10,
+  storage_unavailable = 11,
+  bad_arguments_length = 13,
+  expired = 20,
+  node_not_active = 22,
+  peripheral_silent = 30,
+  peripheral_garbage = 31,
+  peripheral_unknown_function = 32,
+  peripheral_bad_argument = 33,
+  peripheral_cannot_now = 34,
+  bus_lost = 35,
+  interrupted = 36,
+  power_switch_failed = 37,
+};
+
+/// A telecommand as it arrived.
+struct StoredTelecommand {
+  std::uint64_t id = 0;
+  std::uint16_t function = 0;
+  RepeatClass repeat = RepeatClass::by_id;
+  MonotonicTime expiry;  ///< not started after this; zero: never expires
+  Octets arguments;
+};
+
+/// One stage reached or missed.
+struct StageReport {
+  std::uint64_t id = 0;
+  TelecommandStage stage = TelecommandStage::accepted;
+  bool success = true;
+  FailureCode failure = FailureCode::none;
+  friend bool operator==(const StageReport&, const StageReport&) = default;
+};
+
+enum class JournalError : std::uint8_t { not_a_journal, damaged };
+
+/// The telecommands of one payload between their arrival and their end, and the ids of the last ended ones.
+/// What it holds is meant to be on disk: every change raises revision(); the owner writes encode()
+/// (coalescing at will) and says so with on_written(). Stages that must survive a crash are reported only
+/// then. Pure; one thread.
+class TelecommandJournal {
+ public:
+  static constexpr std::size_t capacity = 16;        ///< pending at most; the next one is refused
+  static constexpr std::size_t known_capacity = 64;  ///< ended ids remembered; the oldest is forgotten first
+
+  /// @param boot_id  of this boot: monotonic times of another boot mean nothing
+  explicit TelecommandJournal(std::string boot_id) : boot_id_(std::move(boot_id)) {}
+
+  /// Takes over what an earlier process of this node left. Begun at-most-once commands end as interrupted;
+  /// with another boot id all others end as expired, since their expiry can no longer be judged. Known ids
+  /// are kept in any case.
+  Result<void, JournalError> restore(OctetView content);
+  [[nodiscard]] Octets encode() const;
+
+  /// True when the id is known: it is reported again as far as it got.
+  bool repeat_reports(std::uint64_t id);
+
+  enum class Arrival : std::uint8_t { stored, known, full };
+  /// Stores a new one; a known one is dropped (repeat_reports), a full journal refuses it.
+  Arrival add(StoredTelecommand telecommand);
+  /// Reports a telecommand refused before it was stored.
+  void refuse(std::uint64_t id, FailureCode why);
+
+  /// The next to execute, after those that expired were ended; nullptr: none. Valid until the next change.
+  [[nodiscard]] const StoredTelecommand* next(MonotonicTime now);
+  /// Records that the next one begins, for at-most-once commands. It may be sent once start_is_durable().
+  void mark_started();
+  [[nodiscard]] bool start_is_durable() const;
+  /// The next one was not sent after all; no effect once it began.
+  void unmark_started();
+  /// The next one is on its way to the peripheral: reports the start, the first time.
+  void begin();
+  /// The next one was not answered. @return true when it stays for another attempt (idempotent, by_id; at
+  /// most three);
+  ///         else it ended with @p why (at-most-once: interrupted)
+  bool attempt_failed(FailureCode why);
+  /// The next one ended.
+  void finish(FailureCode outcome);
+
+  /// Rises with each change that must reach the disk.
+  [[nodiscard]] std::uint64_t revision() const { return revision_; }
+  /// Revision @p revision was written, or could not be: then what waited to be accepted is refused
+  /// (storage_unavailable).
+  void on_written(std::uint64_t revision, bool ok);
+
+  /// Reports that may go out now, in order.
+  [[nodiscard]] std::vector<StageReport> take_reports();
+  /// A telecommand arrived and its acceptance is not on disk yet.
+  [[nodiscard]] bool storing() const;
+  [[nodiscard]] std::size_t pending() const { return pending_.size(); }
+
+  struct Counters {
+    std::uint32_t arrived = 0;
+    std::uint32_t repeated = 0;
+    std::uint32_t refused = 0;
+    std::uint32_t expired = 0;
+    std::uint32_t completed = 0;
+    std::uint32_t failed = 0;
+    std::uint32_t failed_writes = 0;
+  };
+  [[nodiscard]] const Counters& counters() const { return counters_; }
+
+ private:
+  static constexpr int attempts_allowed = 3;
+
+  struct Pending {
+    StoredTelecommand telecommand;
+    std::uint64_t stored_with = 0;   ///< revision that holds it
+    bool accepted = false;           ///< that revision is on disk
+    bool started = false;            ///< at-most-once: recorded as begun
+    std::uint64_t started_with = 0;  ///< revision that records it
+    bool start_reported = false;
+    int attempts = 0;
+  };
+  struct Waiting {
+    StageReport report;
+    std::uint64_t revision;  ///< goes out when this one is on disk
+  };
+
+  void end_front(const StageReport& report);
+  void remember(const StageReport& report);
+  void drop_unaccepted();
+
+  std::string boot_id_;
+  std::deque<Pending> pending_;
+  std::deque<StageReport> known_;
+  std::deque<Waiting> waiting_;
+  std::vector<StageReport> ready_;
+  std::uint64_t revision_ = 0;
+  std::uint64_t durable_ = 0;
+  Counters counters_;
+};
+
+}  // namespace srfs

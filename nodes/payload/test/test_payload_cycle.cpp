@@ -1,0 +1,441 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "nodes/payload/payload_cycle.hpp"
+
+namespace srfs {
+namespace {
+
+using Kind = PublishStatus::Kind;
+using ::testing::HasSubstr;
+
+constexpr std::uint16_t reset_function = 16;
+constexpr std::uint16_t power_function = 17;
+
+Result<PayloadCommand, FailureCode> decode(std::uint16_t function, OctetView arguments) {
+  if (function == reset_function) return ResetPeripheral{};
+  if (function == power_function) return PowerCyclePeripheral{milliseconds(100)};
+  if (function > 3) return Err(FailureCode::unknown_function);
+  return PeripheralFunction{static_cast<std::uint8_t>(function), Octets(arguments.begin(), arguments.end())};
+}
+
+template <class A>
+const A* find(const PayloadActions& actions) {
+  for (const PayloadAction& action : actions) {
+    if (const A* a = std::get_if<A>(&action)) return a;
+  }
+  return nullptr;
+}
+template <class A>
+std::size_t count(const PayloadActions& actions) {
+  return static_cast<std::size_t>(std::count_if(
+      actions.begin(), actions.end(), [](const PayloadAction& a) { return std::holds_alternative<A>(a); }));
+}
+template <class Body>
+bool sends(const PayloadActions& actions) {
+  const SendRequest* send = find<SendRequest>(actions);
+  return send != nullptr && std::holds_alternative<Body>(send->body);
+}
+
+struct Cycle : ::testing::Test {
+  PayloadCycle cycle{PayloadSettings{}, decode, TelecommandJournal{"boot"}};
+  MonotonicTime now{seconds(20)};
+  std::uint32_t counter = 0;
+  PayloadFlag flag;
+
+  void SetUp() override {
+    cycle.activate(now);
+    cycle.on_power_switched(true, true, now);
+  }
+  PayloadActions grant() {
+    flag = PayloadFlag{{1, ++counter}, counter, now, now + milliseconds(60), now + milliseconds(120), true};
+    return cycle.on_flag(flag, now);
+  }
+  PayloadActions pass(nanoseconds d) {
+    now += d;
+    return cycle.on_deadline(now);
+  }
+  PayloadActions wake(wire::PeripheralStatus status = wire::PeripheralStatus::ready) {
+    now += milliseconds(4);
+    return cycle.on_answer({0, wire::WakeUpResponse{status, 1000, {1, 2, 3}}}, now);
+  }
+  PayloadActions quiet() { return cycle.on_bus_quiet(now); }
+  PayloadActions arrive(std::uint64_t id, std::uint16_t function = 1, RepeatClass repeat = RepeatClass::by_id,
+                        MonotonicTime expiry = {}) {
+    return cycle.on_telecommand({id, function, repeat, expiry, {9}}, now);
+  }
+  PayloadActions written() { return cycle.on_journal_written(cycle.journal().revision(), true, now); }
+  PayloadActions command_answer(std::uint32_t id,
+                                wire::PeripheralResult result = wire::PeripheralResult::done) {
+    now += milliseconds(2);
+    return cycle.on_answer({0, wire::CommandResponse{id, result}}, now);
+  }
+  void store(std::uint64_t id, std::uint16_t function = 1, RepeatClass repeat = RepeatClass::by_id,
+             MonotonicTime expiry = {}) {
+    arrive(id, function, repeat, expiry);
+    written();
+  }
+};
+using PayloadCycleTest = Cycle;
+
+TEST_F(PayloadCycleTest, TakesTheFlagWakesThePeripheralReleasesAndProcesses) {
+  PayloadActions actions = grant();
+  ASSERT_NE(find<PublishStatus>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::taken);
+  ASSERT_NE(find<OpenBus>(actions), nullptr);
+  EXPECT_EQ(find<OpenBus>(actions)->lease_end, flag.lease_end);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(actions));
+  EXPECT_EQ(*find<Activity>(actions), Activity::occupying_can);
+
+  actions = wake();
+  EXPECT_EQ(find<PublishStatus>(actions), nullptr);  // the last own frame is still on its way
+  EXPECT_NE(find<AwaitQuiet>(actions), nullptr);
+
+  actions = quiet();
+  ASSERT_NE(find<PublishStatus>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::released);
+  EXPECT_EQ(find<PublishStatus>(actions)->used, milliseconds(4));
+  EXPECT_NE(find<CloseBus>(actions), nullptr);
+  ASSERT_NE(find<ProcessMeasurement>(actions), nullptr);
+  EXPECT_EQ(find<ProcessMeasurement>(actions)->block, (Octets{1, 2, 3}));
+  EXPECT_EQ(*find<Activity>(actions), Activity::data_processing);
+
+  EXPECT_EQ(*find<Activity>(cycle.on_processed(now)), Activity::off);
+  EXPECT_EQ(cycle.statistics().slots_used, 1U);
+}
+
+TEST_F(PayloadCycleTest, PublishesTakenBeforeAnythingElse) {
+  const PayloadActions actions = grant();
+  EXPECT_TRUE(std::holds_alternative<PublishStatus>(actions.front()));
+}
+
+TEST_F(PayloadCycleTest, ClosesTheHandleBeforeItPublishesTheRelease) {
+  grant();
+  wake();
+  const PayloadActions actions = quiet();
+  const auto close = std::find_if(actions.begin(), actions.end(),
+                                  [](const PayloadAction& a) { return std::holds_alternative<CloseBus>(a); });
+  const auto status = std::find_if(actions.begin(), actions.end(), [](const PayloadAction& a) {
+    return std::holds_alternative<PublishStatus>(a);
+  });
+  EXPECT_LT(close, status);
+}
+
+TEST_F(PayloadCycleTest, ReleasesAsFailedWhenThePeripheralNeverAnswers) {
+  grant();
+  EXPECT_EQ(cycle.next_deadline(), now + milliseconds(25));
+  const PayloadActions actions = pass(milliseconds(25));
+  EXPECT_NE(find<AbortRequest>(actions), nullptr);
+  const PayloadActions released = quiet();
+  ASSERT_NE(find<PublishStatus>(released), nullptr);
+  EXPECT_EQ(find<PublishStatus>(released)->kind, Kind::failed);
+  EXPECT_THAT(find<PublishStatus>(released)->detail, HasSubstr("no answer"));
+  EXPECT_EQ(cycle.statistics().peripheral_timeouts, 1U);
+}
+
+TEST_F(PayloadCycleTest, ReleasesAsFailedOnGarbageAndSaysWhy) {
+  grant();
+  const PayloadActions actions = cycle.on_request_failed(RequestFailure::garbage, "bad CRC", now);
+  ASSERT_NE(find<PayloadEvent>(actions), nullptr);
+  EXPECT_EQ(find<PayloadEvent>(actions)->kind, PayloadEvent::Kind::peripheral_garbage);
+  EXPECT_EQ(find<PublishStatus>(quiet())->detail, "bad CRC");
+  EXPECT_EQ(cycle.counters().garbage_answers, 1U);
+}
+
+TEST_F(PayloadCycleTest, CountsALateAnswer) {
+  grant();
+  pass(milliseconds(25));
+  quiet();
+  EXPECT_TRUE(wake().empty());
+  EXPECT_EQ(cycle.counters().unexpected_answers, 1U);
+}
+
+TEST_F(PayloadCycleTest, ReportsSilenceAfterThreeSlotsAndTheReturn) {
+  for (int i = 0; i < 3; ++i) {
+    grant();
+    const PayloadActions actions = pass(milliseconds(25));
+    EXPECT_EQ(find<PayloadEvent>(actions) != nullptr, i == 2);
+    quiet();
+    now += milliseconds(100);
+  }
+  grant();
+  const PayloadActions actions = wake();
+  ASSERT_NE(find<PayloadEvent>(actions), nullptr);
+  EXPECT_EQ(find<PayloadEvent>(actions)->kind, PayloadEvent::Kind::peripheral_back);
+}
+
+TEST_F(PayloadCycleTest, PowerCyclesAPeripheralThatStaysSilent) {
+  PayloadActions last;
+  for (int i = 0; i < 20; ++i) {
+    grant();
+    pass(milliseconds(25));
+    last = quiet();
+    now += milliseconds(100);
+  }
+  ASSERT_NE(find<SwitchPower>(last), nullptr);
+  EXPECT_FALSE(find<SwitchPower>(last)->on);
+  cycle.on_power_switched(false, true, now);
+  EXPECT_EQ(find<PublishStatus>(grant())->detail, "the peripheral is switched off");
+  const PayloadActions on = pass(milliseconds(200));
+  ASSERT_NE(find<SwitchPower>(on), nullptr);
+  EXPECT_TRUE(find<SwitchPower>(on)->on);
+  EXPECT_EQ(find<PayloadEvent>(cycle.on_power_switched(true, true, now))->kind,
+            PayloadEvent::Kind::peripheral_power_cycled);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
+}
+
+TEST_F(PayloadCycleTest, IgnoresARepeatedFlagAndRepeatsItsStatus) {
+  grant();
+  wake();
+  quiet();
+  const PayloadActions actions = cycle.on_flag(flag, now);
+  EXPECT_EQ(find<SendRequest>(actions), nullptr);
+  ASSERT_NE(find<PublishStatus>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::released);
+  EXPECT_EQ(cycle.counters().repeated_flags, 1U);
+}
+
+TEST_F(PayloadCycleTest, NeverTakesAFlagWhoseLeaseIsOverOrWhoseTimeIsShort) {
+  flag = PayloadFlag{{1, 1}, 1, now, now + milliseconds(60), now + milliseconds(120), true};
+  now += milliseconds(120);
+  EXPECT_TRUE(cycle.on_flag(flag, now).empty());
+  flag = PayloadFlag{{1, 2}, 2, now, now + milliseconds(60), now + milliseconds(120), true};
+  now += milliseconds(55);
+  const PayloadActions actions = cycle.on_flag(flag, now);
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::failed);
+  EXPECT_EQ(find<OpenBus>(actions), nullptr);
+  EXPECT_EQ(cycle.counters().stale_flags, 2U);
+}
+
+TEST_F(PayloadCycleTest, TakesNoFlagWhileNoSwitcherHearsIt) {
+  flag = PayloadFlag{{1, 1}, 1, now, now + milliseconds(60), now + milliseconds(120), false};
+  EXPECT_TRUE(cycle.on_flag(flag, now).empty());
+  EXPECT_FALSE(cycle.holds_bus());
+}
+
+TEST_F(PayloadCycleTest, GivesTheBusOnAtOnceWhileInactive) {
+  cycle.deactivate(now);
+  const PayloadActions actions = grant();
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::released);
+  EXPECT_EQ(find<OpenBus>(actions), nullptr);
+}
+
+TEST_F(PayloadCycleTest, ReleasesCleanlyWhenDeactivatedInMidSlot) {
+  grant();
+  const PayloadActions actions = cycle.deactivate(now);
+  EXPECT_NE(find<AbortRequest>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::failed);
+}
+
+TEST_F(PayloadCycleTest, NeverReleasesWhileOwnFramesAreStuck) {
+  grant();
+  pass(milliseconds(25));
+  PayloadActions actions = pass(milliseconds(95));
+  EXPECT_EQ(find<PublishStatus>(actions), nullptr);
+  EXPECT_TRUE(cycle.holds_bus());
+  EXPECT_EQ(cycle.counters().stuck_frames, 1U);
+  EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::failed);
+}
+
+TEST_F(PayloadCycleTest, StopsWhenAnotherPayloadIsGranted) {
+  grant();
+  const PayloadActions actions = cycle.on_foreign_flag({1, counter + 1}, now);
+  EXPECT_NE(find<CloseBus>(actions), nullptr);
+  EXPECT_FALSE(cycle.holds_bus());
+  EXPECT_EQ(cycle.counters().lost_grants, 1U);
+}
+
+TEST_F(PayloadCycleTest, ResetsItsPeripheralWhenOrderedAndReleases) {
+  grant();
+  now += milliseconds(20);
+  const PayloadActions actions = cycle.on_peripheral_reset(flag.grant, "overrun", now);
+  EXPECT_TRUE(sends<wire::ResetRequest>(actions));
+  now += milliseconds(2);
+  const PayloadActions answered = cycle.on_answer({0, wire::ResetResponse{}}, now);
+  EXPECT_EQ(find<PayloadEvent>(answered)->kind, PayloadEvent::Kind::peripheral_reset);
+  EXPECT_EQ(find<SwitchPower>(answered), nullptr);
+  const PayloadActions released = quiet();
+  EXPECT_EQ(find<PublishStatus>(released)->kind, Kind::failed);
+  EXPECT_EQ(find<PublishStatus>(released)->detail, "overrun");
+}
+
+TEST_F(PayloadCycleTest, SwitchesThePeripheralOffBeforeTheReleaseWhenItDoesNotAnswerTheReset) {
+  grant();
+  cycle.on_peripheral_reset(flag.grant, "overrun", now);
+  const PayloadActions actions = pass(milliseconds(10));
+  ASSERT_NE(find<SwitchPower>(actions), nullptr);
+  EXPECT_FALSE(find<SwitchPower>(actions)->on);
+  EXPECT_TRUE(quiet().empty());
+  const PayloadActions off = cycle.on_power_switched(false, true, now);
+  EXPECT_NE(find<AwaitQuiet>(off), nullptr);
+  EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::failed);
+}
+
+TEST_F(PayloadCycleTest, ReleasesBeforeTheLeaseEndsEvenWhenThePowerSwitchHangs) {
+  grant();
+  cycle.on_peripheral_reset(flag.grant, "overrun", now);
+  pass(milliseconds(10));
+  ASSERT_TRUE(cycle.next_deadline().has_value());
+  EXPECT_LT(*cycle.next_deadline(), flag.lease_end);
+  now = *cycle.next_deadline();
+  EXPECT_NE(find<AwaitQuiet>(cycle.on_deadline(now)), nullptr);
+  EXPECT_NE(find<PublishStatus>(quiet()), nullptr);
+}
+
+TEST_F(PayloadCycleTest, AnswersAResetOrderForAReleasedGrantWithItsStatus) {
+  grant();
+  wake();
+  quiet();
+  const PayloadActions actions = cycle.on_peripheral_reset(flag.grant, "overrun", now);
+  EXPECT_EQ(find<SendRequest>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::released);
+  EXPECT_TRUE(cycle.on_peripheral_reset({1, 99}, "overrun", now).empty());
+}
+
+TEST_F(PayloadCycleTest, ExecutesStoredTelecommandsInOrderInItsNextSlot) {
+  EXPECT_EQ(*find<Activity>(arrive(0x1'0000'0007)), Activity::other_async_command);
+  EXPECT_EQ(*find<Activity>(written()), Activity::off);
+  store(8, 2);
+
+  grant();
+  PayloadActions actions = wake();
+  ASSERT_TRUE(sends<wire::CommandRequest>(actions));
+  auto request = std::get<wire::CommandRequest>(find<SendRequest>(actions)->body);
+  EXPECT_EQ(request.telecommand_id, 7U);  // the low 32 bits
+  EXPECT_EQ(request.arguments, Octets{9});
+  EXPECT_EQ(find<StageReport>(actions)->stage, TelecommandStage::started);
+
+  actions = command_answer(7);
+  ASSERT_TRUE(sends<wire::CommandRequest>(actions));
+  EXPECT_EQ(std::get<wire::CommandRequest>(find<SendRequest>(actions)->body).function, 2);
+  actions = command_answer(8, wire::PeripheralResult::bad_argument);
+  EXPECT_NE(find<AwaitQuiet>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::released);
+
+  actions = written();
+  ASSERT_EQ(count<StageReport>(actions), 2U);
+  EXPECT_TRUE(find<StageReport>(actions)->success);
+  EXPECT_EQ(find<PayloadEvent>(actions)->code, FailureCode::peripheral_bad_argument);
+  EXPECT_EQ(cycle.statistics().telecommands_executed, 1U);
+}
+
+TEST_F(PayloadCycleTest, KeepsATelecommandForTheNextSlotWhenTimeRunsShort) {
+  store(1);
+  grant();
+  now += milliseconds(46);
+  EXPECT_FALSE(sends<wire::CommandRequest>(wake()));
+  quiet();
+  now += milliseconds(100);
+  grant();
+  EXPECT_TRUE(sends<wire::CommandRequest>(wake()));
+}
+
+TEST_F(PayloadCycleTest, RepeatsAnUnansweredTelecommandInTheNextSlot) {
+  store(1);
+  for (int i = 0; i < 3; ++i) {
+    grant();
+    EXPECT_TRUE(sends<wire::CommandRequest>(wake())) << i;
+    pass(milliseconds(25));
+    EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::failed);
+    now += milliseconds(100);
+  }
+  const PayloadActions actions = written();
+  ASSERT_NE(find<StageReport>(actions), nullptr);
+  EXPECT_EQ(find<StageReport>(actions)->failure, FailureCode::peripheral_silent);
+  grant();
+  EXPECT_FALSE(sends<wire::CommandRequest>(wake()));
+}
+
+TEST_F(PayloadCycleTest, StoresTheStartOfAnAtMostOnceCommandWhileItWakesThePeripheral) {
+  store(1, 1, RepeatClass::at_most_once);
+  PayloadActions actions = grant();
+  EXPECT_NE(find<WriteJournal>(actions), nullptr);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(actions));
+  actions = wake();
+  EXPECT_EQ(find<SendRequest>(actions), nullptr);  // not on disk yet
+  EXPECT_TRUE(sends<wire::CommandRequest>(written()));
+  pass(milliseconds(25));
+  quiet();
+  actions = written();
+  EXPECT_EQ(find<StageReport>(actions)->failure, FailureCode::interrupted);
+  grant();
+  EXPECT_FALSE(sends<wire::CommandRequest>(wake()));  // never twice
+}
+
+TEST_F(PayloadCycleTest, NeverRepeatsAnAtMostOnceCommandThatADeactivationCutOff) {
+  store(1, 1, RepeatClass::at_most_once);
+  grant();
+  written();
+  EXPECT_TRUE(sends<wire::CommandRequest>(wake()));
+  cycle.deactivate(now);
+  quiet();
+  EXPECT_EQ(find<StageReport>(written())->failure, FailureCode::interrupted);
+  cycle.activate(now);
+  cycle.on_power_switched(true, true, now);
+  grant();
+  EXPECT_FALSE(sends<wire::CommandRequest>(wake()));
+}
+
+TEST_F(PayloadCycleTest, ResetsAPeripheralByTelecommandEvenWhenItCannotBeWoken) {
+  store(1, reset_function, RepeatClass::at_most_once);
+  EXPECT_EQ(find<SendRequest>(grant()), nullptr);
+  EXPECT_TRUE(sends<wire::ResetRequest>(written()));
+  now += milliseconds(2);
+  cycle.on_answer({0, wire::ResetResponse{}}, now);
+  EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::released);
+  EXPECT_TRUE(find<StageReport>(written())->success);
+}
+
+TEST_F(PayloadCycleTest, PowerCyclesByTelecommandAndCompletesWhenThePowerIsBack) {
+  store(1, power_function, RepeatClass::at_most_once);
+  grant();
+  written();
+  PayloadActions actions = quiet();
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::released);
+  ASSERT_NE(find<SwitchPower>(actions), nullptr);
+  EXPECT_EQ(*find<Activity>(actions), Activity::other_async_command);
+  cycle.on_power_switched(false, true, now);
+  EXPECT_NE(find<SwitchPower>(pass(milliseconds(100))), nullptr);
+  cycle.on_power_switched(true, true, now);
+  EXPECT_TRUE(find<StageReport>(written())->success);
+}
+
+TEST_F(PayloadCycleTest, ReportsAPowerSwitchThatDoesNotObey) {
+  store(1, power_function, RepeatClass::at_most_once);
+  grant();
+  written();
+  quiet();
+  cycle.on_power_switched(false, false, now);
+  EXPECT_EQ(find<StageReport>(written())->failure, FailureCode::power_switch_failed);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
+}
+
+TEST_F(PayloadCycleTest, RefusesUnknownFunctionsAndExpiredTelecommandsAtArrival) {
+  EXPECT_EQ(find<StageReport>(arrive(1, 40))->failure, FailureCode::unknown_function);
+  EXPECT_EQ(find<StageReport>(arrive(2, 1, RepeatClass::by_id, now - milliseconds(1)))->failure,
+            FailureCode::expired);
+  cycle.deactivate(now);
+  EXPECT_EQ(find<StageReport>(arrive(3))->failure, FailureCode::node_not_active);
+  EXPECT_EQ(cycle.journal().pending(), 0U);
+}
+
+TEST_F(PayloadCycleTest, FailsASlotWhoseRequestCouldNotBeSent) {
+  grant();
+  cycle.on_request_failed(RequestFailure::not_sent, "CAN device is gone", now);
+  EXPECT_EQ(find<PublishStatus>(quiet())->detail, "CAN device is gone");
+  EXPECT_EQ(cycle.statistics().peripheral_timeouts, 0U);
+}
+
+TEST_F(PayloadCycleTest, WaitsForAPeripheralThatBoots) {
+  grant();
+  wake(wire::PeripheralStatus::booting);
+  const PayloadActions actions = quiet();
+  EXPECT_EQ(find<PublishStatus>(actions)->detail, "the peripheral is booting");
+  EXPECT_EQ(find<ProcessMeasurement>(actions), nullptr);
+}
+
+}  // namespace
+}  // namespace srfs

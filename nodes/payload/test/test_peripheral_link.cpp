@@ -1,0 +1,120 @@
+#include <gtest/gtest.h>
+
+#include "nodes/payload/peripheral_link.hpp"
+
+namespace srfs {
+namespace {
+
+constexpr std::uint8_t address = 0x11;
+
+/// A link and the peripheral's end of its channel, joined by a bus that loses nothing.
+struct Link : ::testing::Test {
+  PeripheralLink link{address};
+  wire::IsoTpChannel peripheral{{.target = PeripheralLink::computer_address, .source = address},
+                                {.await_confirmation = false}};
+  MonotonicTime now{seconds(3)};
+  std::size_t frames = 0;
+
+  void exchange() {
+    for (int i = 0; i < 64; ++i) {
+      now += microseconds(200);
+      if (const auto frame = link.poll(now)) {
+        ++frames;
+        link.on_transmit_confirm(*frame, now);
+        peripheral.on_frame(*frame, now);
+      }
+      if (const auto frame = peripheral.poll(now)) link.on_frame(*frame, now);
+    }
+  }
+  wire::PeripheralRequest received() {
+    const auto request = wire::decode_request(peripheral.front_message());
+    EXPECT_TRUE(request.has_value());
+    peripheral.pop_message();
+    return request.value_or(wire::PeripheralRequest{});
+  }
+  void reply(const wire::PeripheralResponse& response) {
+    ASSERT_TRUE(peripheral.send(wire::encode(response), now).has_value());
+    exchange();
+    (void)peripheral.take_send_result();
+  }
+};
+using PeripheralLinkTest = Link;
+
+TEST_F(PeripheralLinkTest, CarriesARequestAndItsAnswer) {
+  link.request(wire::WakeUpRequest{}, now);
+  exchange();
+  const wire::PeripheralRequest request = received();
+  EXPECT_FALSE(link.take_outcome().has_value());
+  reply({request.sequence, wire::WakeUpResponse{wire::PeripheralStatus::ready, 5, Octets(65, 7)}});
+  const auto outcome = link.take_outcome();
+  ASSERT_TRUE(outcome && *outcome);
+  EXPECT_EQ(std::get<wire::WakeUpResponse>((*outcome)->body).measurement.size(), 65U);
+  EXPECT_FALSE(link.take_outcome().has_value());
+}
+
+TEST_F(PeripheralLinkTest, CountsALateAnswerAndWaitsForItsOwn) {
+  link.request(wire::WakeUpRequest{}, now);
+  exchange();
+  const wire::PeripheralRequest first = received();
+  link.request(wire::ResetRequest{}, now);
+  exchange();
+  const wire::PeripheralRequest second = received();
+  EXPECT_NE(first.sequence, second.sequence);
+  reply({first.sequence, wire::ResetResponse{}});
+  EXPECT_FALSE(link.take_outcome().has_value());
+  EXPECT_EQ(link.late_answers(), 1U);
+  reply({second.sequence, wire::ResetResponse{}});
+  EXPECT_TRUE(link.take_outcome().has_value());
+}
+
+TEST_F(PeripheralLinkTest, CallsADamagedAnswerGarbage) {
+  link.request(wire::WakeUpRequest{}, now);
+  exchange();
+  const wire::PeripheralRequest request = received();
+  Octets answer = wire::encode(wire::PeripheralResponse{request.sequence, wire::WakeUpResponse{}});
+  answer[3] ^= 1;
+  ASSERT_TRUE(peripheral.send(answer, now).has_value());
+  exchange();
+  const auto outcome = link.take_outcome();
+  ASSERT_TRUE(outcome && !*outcome);
+  EXPECT_EQ(outcome->error().kind, RequestFailure::garbage);
+}
+
+TEST_F(PeripheralLinkTest, CallsAnAnswerThatBreaksOffSilence) {
+  link.request(wire::WakeUpRequest{}, now);
+  exchange();
+  const wire::PeripheralRequest request = received();
+  const Octets answer = wire::encode(wire::PeripheralResponse{
+      request.sequence, wire::WakeUpResponse{wire::PeripheralStatus::ready, 1, Octets(65)}});
+  ASSERT_TRUE(peripheral.send(answer, now).has_value());
+  link.on_frame(*peripheral.poll(now), now);  // the first frame, and nothing after it
+  while (const auto frame = link.poll(now)) link.on_transmit_confirm(*frame, now);
+  now += milliseconds(200);
+  (void)link.poll(now);
+  const auto outcome = link.take_outcome();
+  ASSERT_TRUE(outcome && !*outcome);
+  EXPECT_EQ(outcome->error().kind, RequestFailure::silent);
+}
+
+TEST_F(PeripheralLinkTest, SaysThatARequestDidNotLeaveTheBus) {
+  link.request(wire::WakeUpRequest{}, now);
+  ASSERT_TRUE(link.poll(now).has_value());
+  now += milliseconds(100);
+  (void)link.poll(now);
+  const auto outcome = link.take_outcome();
+  ASSERT_TRUE(outcome && !*outcome);
+  EXPECT_EQ(outcome->error().kind, RequestFailure::not_sent);
+}
+
+TEST_F(PeripheralLinkTest, SendsNothingMoreAfterAbort) {
+  link.request(wire::CommandRequest{7, 2, Octets(100)}, now);
+  ASSERT_TRUE(link.poll(now).has_value());
+  link.abort();
+  frames = 0;
+  exchange();
+  EXPECT_EQ(frames, 0U);
+  EXPECT_FALSE(link.take_outcome().has_value());
+}
+
+}  // namespace
+}  // namespace srfs

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "nodes/payload/payload_profile.hpp"
+
+namespace srfs {
+
+/// Rotation angle between two attitudes, degrees, 0-180. Quaternions scalar last; their length and sign do
+/// not matter. nullopt when one has no direction (zero or not finite).
+[[nodiscard]] std::optional<float> rotation_angle_deg(const std::array<float, 4>& a,
+                                                      const std::array<float, 4>& b);
+
+/// Attitude determination and control: pointing error against the commanded target, body rate, eclipse.
+class AdcsProfile : public PayloadProfile {
+ public:
+  [[nodiscard]] std::uint8_t can_address() const override { return 0x11; }
+  [[nodiscard]] std::uint8_t power_line() const override;
+  [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_adcs; }
+  [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_adcs; }
+
+  [[nodiscard]] Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,
+                                                                   OctetView arguments) const override;
+  [[nodiscard]] std::optional<Processed> process(OctetView block, MissionCycle cycle,
+                                                 const mission::SlotStatistics& slots) override;
+  bool on_command_done(const PeripheralFunction& command) override;
+  /// The target: the peripheral does not tell it.
+  [[nodiscard]] Octets state() const override;
+  void restore_state(OctetView state) override;
+
+ private:
+  void compare_with_last(const mission::PayloadAdcsHousekeeping& hk, std::vector<EncodedEvent>& events);
+
+  std::array<float, 4> target_{0, 0, 0, 1};
+  std::optional<bool> in_eclipse_;
+  std::optional<mission::AdcsMode> mode_;
+  bool rate_high_ = false;
+};
+
+}  // namespace srfs

@@ -1,0 +1,6 @@
+#include "nodes/payload/payload_node.hpp"
+#include "nodes/payload_thermal/thermal_profile.hpp"
+
+int main(int argc, char** argv) {
+  return srfs::ros::run_node<srfs::PayloadNodeOf<srfs::ThermalProfile>>(argc, argv);
+}

@@ -1,0 +1,94 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "hw/pulse_source.hpp"
+#include "hw/serial_port.hpp"
+#include "hw/watchdog.hpp"
+#include "nodes/timing/cycle_reservation.hpp"
+#include "nodes/timing/pulse_clock.hpp"
+#include "nodes/timing/tick_generator.hpp"
+#include "nodes/timing/timing_store.hpp"
+#include "nodes/timing/watchdog_feeding.hpp"
+#include "ros/node.hpp"
+#include "wire/nmea.hpp"
+
+namespace srfs {
+
+/// Takes the GPS pulse and the time of day, publishes the tick, feeds the watchdog (README.md).
+class TimingNode : public ros::LifecycleNode {
+ public:
+  explicit TimingNode(ros::NodeContext& context);
+
+  /// Another reason that must hold for the watchdog to be fed. Kept across deactivation.
+  void add_watchdog_evidence(WatchdogEvidence evidence);
+
+ protected:
+  ros::CallbackReturn on_configure() override;
+  ros::CallbackReturn on_activate() override;
+  ros::CallbackReturn on_deactivate() override;
+  ros::CallbackReturn on_cleanup() override;
+  ros::CallbackReturn on_shutdown() override;
+  ros::CallbackReturn on_error() override;
+
+ private:
+  void declare_parameters();
+  [[nodiscard]] PulseClockSettings clock_settings() const;
+  [[nodiscard]] nanoseconds tick_period() const;
+  void on_parameter_changed(const std::string& parameter);
+
+  void arm_tick();
+  void on_tick_due();
+  void publish(const Tick& tick);
+  void reserve_cycles();
+  void save(MissionCycle ceiling);
+  void save_time();
+  [[nodiscard]] TimingRecord record_now(MissionCycle ceiling) const;
+  void on_pulse_input();
+  void on_serial_input();
+  void take_time_of_day(const wire::NmeaTime& time);
+  void report_sync_change();
+  void feed_watchdog();
+  void publish_housekeeping();
+  void close();
+  template <class Event>
+  void raise(const Event& event) {
+    raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
+  }
+
+  TimingStore store_;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::TimeTick>> tick_publisher_;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_publisher_;
+  std::shared_ptr<ros::Worker> worker_;
+  std::unique_ptr<hw::PulseSource> pulse_;
+  std::unique_ptr<hw::SerialPort> serial_;
+  std::unique_ptr<hw::Watchdog> watchdog_;
+  ros::Executor::Handle pulse_watch_;
+  ros::Executor::Handle serial_watch_;
+  ros::Timer tick_timer_;
+  ros::Timer feed_timer_;
+  ros::Timer housekeeping_timer_;
+  ros::Timer save_timer_;
+
+  std::optional<PulseClock> clock_;
+  std::optional<TickGenerator> ticks_;
+  std::optional<CycleReservation> reservation_;
+  std::optional<WatchdogFeeding> feeding_;
+  std::vector<WatchdogEvidence> evidence_;
+  wire::NmeaReceiver nmea_;
+  MissionCycle next_cycle_ = 0;
+  std::string boot_id_;
+  SyncState reported_state_ = SyncState::unlocked;
+  MonotonicTime last_pulse_;
+
+  std::optional<Tick> last_tick_;
+  std::uint64_t ticks_published_ = 0;
+  nanoseconds max_lateness_{0};
+  std::uint64_t skipped_before_ = 0;  ///< by generators before the present one
+  std::uint32_t watchdog_feeds_ = 0;
+  std::uint32_t watchdog_withheld_ = 0;
+  std::string last_missing_;
+};
+
+}  // namespace srfs

@@ -1,0 +1,20 @@
+#include "nodes/timing/watchdog_feeding.hpp"
+
+namespace srfs {
+
+void WatchdogFeeding::on_tick(nanoseconds late, MonotonicTime now) {
+  last_tick_ = now;
+  late_in_a_row_ = late > tolerance_ ? late_in_a_row_ + 1 : 0;
+}
+
+std::optional<std::string> WatchdogFeeding::missing(MonotonicTime now) const {
+  if (!last_tick_) return "no tick yet";
+  if (now - *last_tick_ > 2 * period_ + tolerance_) return "tick stopped";
+  if (late_in_a_row_ > late_ticks_allowed) return "tick late";
+  for (const WatchdogEvidence& evidence : evidence_) {
+    if (!evidence.holds(now)) return evidence.name;
+  }
+  return std::nullopt;
+}
+
+}  // namespace srfs

@@ -1,0 +1,163 @@
+#include "nodes/ttc/command_forwarder.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace srfs {
+
+bool CommandForwarder::has_room(const std::string& target) const {
+  const auto found = nodes_.find(target);
+  if (found == nodes_.end()) return true;
+  const Node& node = found->second;
+  const bool direct = node.unacknowledged.size() < max_unacknowledged && node.queued.empty();
+  return (direct || node.queued.size() < max_queued) && node.executing.size() < max_executing;
+}
+
+Result<std::uint64_t, ForwardError> CommandForwarder::submit(const TelecommandOrigin& origin,
+                                                             ForwardedCommand command, MonotonicTime now) {
+  if (!has_room(command.target)) {
+    ++counters_.refused;
+    return Err(ForwardError::queue_full);
+  }
+  ++counters_.submitted;
+  command.id = next_id_++;
+  const std::uint64_t id = command.id;
+  Node& node = nodes_[command.target];
+  node.queued.push_back(Entry{.origin = origin, .command = std::move(command), .publish_next = now});
+  fill(node, now);
+  return id;
+}
+
+void CommandForwarder::fill(Node& node, MonotonicTime now) {
+  while (!node.queued.empty() && node.unacknowledged.size() < max_unacknowledged) {
+    node.unacknowledged.push_back(std::move(node.queued.front()));
+    node.queued.pop_front();
+    publish(node.unacknowledged.back(), now);
+  }
+}
+
+void CommandForwarder::publish(Entry& entry, MonotonicTime now) {
+  entry.publish_next = now + republish_period;
+  ++counters_.published;
+  publications_.push_back(entry.command);
+}
+
+void CommandForwarder::on_report(const NodeReport& report, MonotonicTime now) {
+  const auto has_id = [&](const Entry& entry) { return entry.command.id == report.id; };
+  for (auto& [name, node] : nodes_) {
+    const auto waiting = std::find_if(node.unacknowledged.begin(), node.unacknowledged.end(), has_id);
+    if (waiting != node.unacknowledged.end()) {
+      // Any report proves that the node has the command.
+      Entry entry = std::move(*waiting);
+      node.unacknowledged.erase(waiting);
+      if (!apply(entry, report)) node.executing.push_back(std::move(entry));
+      fill(node, now);
+      return;
+    }
+    const auto executing = std::find_if(node.executing.begin(), node.executing.end(), has_id);
+    if (executing != node.executing.end()) {
+      if (report.stage == Stage::acceptance && report.success) {
+        ++counters_.duplicate_reports;
+      } else if (apply(*executing, report)) {
+        node.executing.erase(executing);
+      }
+      return;
+    }
+  }
+  ++counters_.stray_reports;
+}
+
+bool CommandForwarder::apply(Entry& entry, const NodeReport& report) {
+  if (!report.success) {
+    // ttc has reported the acceptance already, so a node that refuses the command fails its start.
+    const Stage stage = report.stage == Stage::acceptance ? Stage::start : report.stage;
+    fail(entry, stage, report.failure_code, report.data);
+    return true;
+  }
+  switch (report.stage) {
+    case Stage::acceptance:
+      return false;
+    case Stage::start:
+      if (entry.started) ++counters_.duplicate_reports;
+      report_start(entry);
+      return false;
+    case Stage::progress:
+      if (report.step <= entry.last_step) {
+        ++counters_.duplicate_reports;
+        return false;
+      }
+      report_start(entry);
+      entry.last_step = report.step;
+      outbox_.success(entry.origin, Stage::progress, report.step);
+      return false;
+    case Stage::completion:
+      report_start(entry);
+      ++counters_.completed;
+      outbox_.success(entry.origin, Stage::completion);
+      return true;
+  }
+  return false;
+}
+
+void CommandForwarder::report_start(Entry& entry) {
+  if (entry.started) return;
+  entry.started = true;
+  outbox_.success(entry.origin, Stage::start);
+}
+
+void CommandForwarder::fail(const Entry& entry, Stage stage, std::uint16_t code, OctetView data) {
+  ++counters_.failed;
+  outbox_.failure(entry.origin, stage, code, data, static_cast<std::uint8_t>(entry.last_step + 1));
+}
+
+void CommandForwarder::expire(const Entry& entry, Stage stage, std::uint16_t code) {
+  ++counters_.expired;
+  expired_.push_back(ExpiredCommand{.id = entry.command.id, .target = entry.command.target});
+  fail(entry, stage, code, {});
+}
+
+void CommandForwarder::on_time(MonotonicTime now) {
+  for (auto& [name, node] : nodes_) {
+    end_expired(node, now);
+    for (Entry& entry : node.unacknowledged) {
+      if (now >= entry.publish_next) publish(entry, now);
+    }
+    fill(node, now);
+  }
+}
+
+void CommandForwarder::end_expired(Node& node, MonotonicTime now) {
+  const auto not_taken = [&](const Entry& entry) {
+    if (now < entry.command.expiry) return false;
+    expire(entry, Stage::start, codes_.not_taken);
+    return true;
+  };
+  const auto not_completed = [&](const Entry& entry) {
+    if (now < entry.command.expiry + completion_grace) return false;
+    expire(entry, entry.started ? Stage::completion : Stage::start, codes_.no_completion);
+    return true;
+  };
+  std::erase_if(node.unacknowledged, not_taken);
+  std::erase_if(node.queued, not_taken);
+  std::erase_if(node.executing, not_completed);
+}
+
+std::optional<MonotonicTime> CommandForwarder::next_due() const {
+  std::optional<MonotonicTime> next;
+  const auto sooner = [&](MonotonicTime t) { next = next ? std::min(*next, t) : t; };
+  for (const auto& [name, node] : nodes_) {
+    for (const Entry& entry : node.unacknowledged) sooner(std::min(entry.publish_next, entry.command.expiry));
+    for (const Entry& entry : node.queued) sooner(entry.command.expiry);
+    for (const Entry& entry : node.executing) sooner(entry.command.expiry + completion_grace);
+  }
+  return next;
+}
+
+std::size_t CommandForwarder::under_way() const {
+  std::size_t sum = 0;
+  for (const auto& [name, node] : nodes_)
+    sum += node.queued.size() + node.unacknowledged.size() + node.executing.size();
+  return sum;
+}
+
+}  // namespace srfs

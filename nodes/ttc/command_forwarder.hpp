@@ -1,0 +1,130 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "nodes/ttc/report_outbox.hpp"
+
+namespace srfs {
+
+/// One telecommand on its way to another node, as published on /telecommand.
+struct ForwardedCommand {
+  std::uint64_t id = 0;  ///< unique for ever: incarnation of ttc << 32 | counter
+  std::string target;    ///< node name
+  std::uint16_t apid = 0;
+  std::uint16_t function_id = 0;
+  std::uint8_t repeat_class = 0;
+  MonotonicTime expiry;  ///< not started after this
+  Octets arguments;
+};
+
+/// What a node says on /telecommand_report.
+struct NodeReport {
+  std::uint64_t id = 0;
+  Stage stage = Stage::acceptance;
+  bool success = true;
+  std::uint16_t failure_code = 0;
+  std::uint8_t step = 0;
+  Octets data;
+};
+
+/// Failure codes the forwarder itself reports, filled from the mission dictionary.
+struct ForwardingFailureCodes {
+  std::uint16_t not_taken = 0;      ///< the target did not accept it before it expired (1,4)
+  std::uint16_t no_completion = 0;  ///< accepted, then no completion report in time (1,8)
+};
+
+struct ForwardingCounters {
+  std::uint64_t submitted = 0;
+  std::uint64_t refused = 0;    ///< a queue bound was reached
+  std::uint64_t published = 0;  ///< repetitions included
+  std::uint64_t completed = 0;
+  std::uint64_t failed = 0;
+  std::uint64_t expired = 0;            ///< of failed: not taken, or no completion report
+  std::uint64_t duplicate_reports = 0;  ///< a stage already reported
+  std::uint64_t stray_reports = 0;      ///< about a command that is not under way
+};
+
+/// A command that ended without its node, for the event that says so.
+struct ExpiredCommand {
+  std::uint64_t id = 0;
+  std::string target;
+};
+
+enum class ForwardError : std::uint8_t { queue_full };
+
+/// Brings telecommands to their nodes: publishes them until the node has accepted each, at most so many
+/// unacknowledged a node, and turns the nodes' reports into PUS 1 reports of the original request. Bounds are
+/// per node; a node that is silent costs only its own commands.
+class CommandForwarder {
+ public:
+  static constexpr std::size_t max_unacknowledged = 8;
+  static constexpr std::size_t max_queued = 32;
+  static constexpr std::size_t max_executing = 64;  ///< accepted by the node, not completed
+  static constexpr milliseconds republish_period{500};
+  static constexpr seconds completion_grace{30};  ///< after the expiry
+
+  /// @param outbox takes the verification reports; outlives this
+  CommandForwarder(std::uint32_t incarnation, ForwardingFailureCodes codes, ReportOutbox& outbox)
+      : next_id_(std::uint64_t{incarnation} << 32 | 1), codes_(codes), outbox_(outbox) {}
+
+  /// Takes an accepted telecommand. @param command its id is filled in. @return the id
+  Result<std::uint64_t, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
+                                             MonotonicTime now);
+  /// Whether submit() for @p target would be taken.
+  [[nodiscard]] bool has_room(const std::string& target) const;
+  void on_report(const NodeReport& report, MonotonicTime now);
+  /// Publishes again what is due, ends what expired.
+  void on_time(MonotonicTime now);
+  [[nodiscard]] std::optional<MonotonicTime> next_due() const;
+
+  /// To be published now, in order.
+  [[nodiscard]] std::vector<ForwardedCommand> take_publications() { return std::exchange(publications_, {}); }
+
+  /// Commands that expired since the last call; at most those that were under way.
+  [[nodiscard]] std::vector<ExpiredCommand> take_expired() { return std::exchange(expired_, {}); }
+
+  /// Commands not completed, of all nodes.
+  [[nodiscard]] std::size_t under_way() const;
+  [[nodiscard]] const ForwardingCounters& counters() const { return counters_; }
+
+ private:
+  struct Entry {
+    TelecommandOrigin origin;
+    ForwardedCommand command;
+    MonotonicTime publish_next;
+    bool started = false;
+    std::uint8_t last_step = 0;
+  };
+  struct Node {
+    std::deque<Entry> queued;
+    std::deque<Entry> unacknowledged;
+    std::deque<Entry> executing;
+  };
+  void publish(Entry& entry, MonotonicTime now);
+  void fill(Node& node, MonotonicTime now);
+  void end_expired(Node& node, MonotonicTime now);
+  void expire(const Entry& entry, Stage stage, std::uint16_t code);
+  void fail(const Entry& entry, Stage stage, std::uint16_t code, OctetView data);
+  /// @return whether the command is over
+  bool apply(Entry& entry, const NodeReport& report);
+  void report_start(Entry& entry);
+
+  std::uint64_t next_id_;
+  ForwardingFailureCodes codes_;
+  ReportOutbox& outbox_;
+  std::map<std::string, Node> nodes_;
+  std::vector<ForwardedCommand> publications_;
+  std::vector<ExpiredCommand> expired_;
+  ForwardingCounters counters_;
+};
+
+}  // namespace srfs

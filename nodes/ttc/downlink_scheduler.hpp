@@ -1,0 +1,83 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <optional>
+
+#include "base/octets.hpp"
+#include "base/time.hpp"
+#include "nodes/ttc/line_pacer.hpp"
+#include "wire/cadu.hpp"
+#include "wire/tm_frame.hpp"
+
+namespace srfs {
+
+/// TM virtual channels of the downlink.
+enum class DownlinkChannel : std::uint8_t { live = 0, playback = 1 };
+
+struct DownlinkConfig {
+  std::uint16_t spacecraft_id = 0;
+  wire::CaduFormat cadu;  ///< its frame_octets is the length of the TM frames
+  std::uint32_t baud = 921600;
+  std::size_t live_queue_octets = 64U << 10;
+  std::size_t playback_queue_octets = 64U << 10;
+  milliseconds flush_after{50};           ///< longest wait of a packet that does not fill a frame
+  unsigned live_frames_per_playback = 7;  ///< playback's minimum share: one frame after so many live ones
+};
+
+struct DownlinkCounters {
+  std::uint64_t frames = 0;  ///< idle frames included
+  std::uint64_t idle_frames = 0;
+  std::array<std::uint64_t, 2> packets{};  ///< framed, per channel
+  std::array<std::uint64_t, 2> dropped{};  ///< the channel's queue was full: the newest packet is refused
+};
+
+/// Which frame goes down next. Live telemetry first, playback has a minimum share; a frame that is not full
+/// leaves after flush_after, or at once for an urgent packet. Hands a CADU out only when the line has nearly
+/// nothing left to send, so what is urgent waits for one CADU at most.
+class DownlinkScheduler {
+ public:
+  /// @param config its CADU format is valid and the frame long enough (wire::tm_frame_octets_min)
+  explicit DownlinkScheduler(DownlinkConfig config);
+
+  /// @param urgent leave with the next frame @return false: queue full, the packet is dropped and counted
+  bool push(DownlinkChannel channel, Octets packet, bool urgent, MonotonicTime now);
+  /// The ground waits for a control word: a frame goes within flush_after, an idle one if there is nothing to
+  /// say.
+  void want_control_word(MonotonicTime now);
+
+  /// The next CADU, if one is due and the line has room for it. It counts as written to the line.
+  /// @param clcw gives the control word of the moment
+  [[nodiscard]] std::optional<Octets> next(MonotonicTime now, const std::function<std::uint32_t()>& clcw);
+  /// When next() may have something without another push; nullopt: only another push can change it.
+  [[nodiscard]] std::optional<MonotonicTime> next_due(MonotonicTime now) const;
+
+  [[nodiscard]] std::size_t room_octets(DownlinkChannel channel) const;
+  [[nodiscard]] bool empty(DownlinkChannel channel) const;
+  [[nodiscard]] DownlinkCounters counters() const;
+
+ private:
+  struct Channel {
+    std::uint64_t pushed_octets = 0;
+    std::uint64_t urgent_end = 0;  ///< pushed_octets after the newest urgent packet
+    MonotonicTime flush_by;
+    std::size_t capacity = 0;
+    std::uint64_t dropped = 0;
+  };
+  [[nodiscard]] static std::uint8_t vc(DownlinkChannel channel) { return static_cast<std::uint8_t>(channel); }
+  [[nodiscard]] MonotonicTime ready_at(DownlinkChannel channel) const;
+  [[nodiscard]] std::optional<DownlinkChannel> choose(MonotonicTime now);
+
+  DownlinkConfig config_;
+  std::size_t field_octets_;
+  wire::TmFrameBuilder frames_;
+  LinePacer pacer_;
+  std::array<Channel, 2> channels_;
+  std::optional<MonotonicTime> control_word_by_;
+  unsigned live_in_a_row_ = 0;  ///< live frames while playback was ready
+  std::uint64_t frames_made_ = 0;
+  std::uint64_t idle_frames_ = 0;
+};
+
+}  // namespace srfs

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "wire/farm1.hpp"
+
+namespace srfs {
+
+/// What the uplink must remember across a restart, or old frames would be executed again.
+struct LinkState {
+  struct Channel {
+    std::uint8_t vc = 0;
+    wire::FarmState farm;
+    friend bool operator==(const Channel&, const Channel&) = default;
+  };
+  struct Association {
+    std::uint16_t spi = 0;
+    std::uint64_t counter = 0;  ///< of the last accepted frame
+    friend bool operator==(const Association&, const Association&) = default;
+  };
+  std::uint64_t generation = 0;  ///< counts changes; of two valid copies the higher one is true
+  std::vector<Channel> channels;
+  std::vector<Association> associations;  ///< only those that accepted a frame ever
+  friend bool operator==(const LinkState&, const LinkState&) = default;
+};
+
+/// Octets of one copy on disk, whatever it holds.
+inline constexpr std::size_t link_state_octets = 512;
+inline constexpr std::size_t max_link_channels = 16;
+inline constexpr std::size_t max_link_associations = 16;
+
+/// One copy: magic, version, generation, channels, associations, zeros, CRC-32C.
+[[nodiscard]] Octets encode_link_state(const LinkState& state);
+/// nullopt: not a whole, undamaged copy of this version.
+[[nodiscard]] std::optional<LinkState> decode_link_state(OctetView octets);
+
+}  // namespace srfs

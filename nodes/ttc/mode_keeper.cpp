@@ -1,0 +1,46 @@
+#include "nodes/ttc/mode_keeper.hpp"
+
+#include <fmt/format.h>
+
+#include "nodes/ttc/crc32c.hpp"
+
+namespace srfs {
+namespace {
+
+std::uint32_t text_check(std::string_view text) {
+  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+}
+
+std::string stored_form(Mode mode) {
+  const std::string_view name = mode == Mode::nominal ? "nominal" : "safe";
+  return fmt::format("{} {:08x}\n", name, text_check(name));
+}
+
+}  // namespace
+
+ModeKeeper::ModeKeeper(StoredModeState state, std::string_view stored, Mode initial) {
+  if (state == StoredModeState::first_start) {
+    mode_ = initial;
+    reason_ = "first start of this deployment";
+  } else if (state == StoredModeState::missing) {
+    reason_ = "the stored mode is missing";
+  } else if (stored == stored_form(Mode::nominal) || stored == stored_form(Mode::safe)) {
+    mode_ = stored == stored_form(Mode::nominal) ? Mode::nominal : Mode::safe;
+    reason_ = "as stored before the restart";
+  } else {
+    reason_ = "the stored mode is damaged";
+  }
+}
+
+std::string ModeKeeper::change(Mode mode, std::string reason) {
+  mode_ = mode;
+  reason_ = std::move(reason);
+  if (reason_.size() > 80) reason_.resize(80);
+  return stored_text();
+}
+
+std::string ModeKeeper::stored_text() const {
+  return stored_form(mode_);
+}
+
+}  // namespace srfs

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "base/time.hpp"
+
+namespace srfs {
+
+/// The satellite's modes, with the values of srfs_msgs/SystemMode.
+enum class Mode : std::uint8_t { safe = 0, nominal = 1 };
+
+/// What start-up found where the mode is kept.
+enum class StoredModeState : std::uint8_t {
+  first_start,  ///< this deployment never ran: no mode was ever stored
+  missing,      ///< it ran before and the mode is not there
+  present,
+};
+
+/// Owns the mode. A change counts when it is on disk: change() gives the text to store, publishing it is the
+/// caller's.
+class ModeKeeper {
+ public:
+  static constexpr seconds publish_period{10};
+
+  /// Missing or damaged means safe; only a deployment that never ran starts in @p initial.
+  ModeKeeper(StoredModeState state, std::string_view stored, Mode initial);
+
+  [[nodiscard]] Mode mode() const { return mode_; }
+  /// Why the mode is what it is, for people, at most 80 characters.
+  [[nodiscard]] const std::string& reason() const { return reason_; }
+  /// @return the file content that makes it last
+  [[nodiscard]] std::string change(Mode mode, std::string reason);
+  /// The file content of the mode as it is.
+  [[nodiscard]] std::string stored_text() const;
+
+ private:
+  Mode mode_ = Mode::safe;
+  std::string reason_;
+};
+
+}  // namespace srfs

@@ -1,0 +1,45 @@
+#include "nodes/ttc/persistence_gate.hpp"
+
+#include <cassert>
+
+namespace srfs {
+
+bool PersistenceGate::enter(UplinkedPacket packet, std::uint64_t generation, MonotonicTime now) {
+  if (!has_room()) {
+    ++counters_.refused;
+    return false;
+  }
+  waiting_.push_back(
+      Waiting{.packet = GatedPacket{.uplinked = std::move(packet), .received = now, .durable = true},
+              .generation = generation,
+              .deadline = now + deadline_});
+  while (!waiting_.empty() && waiting_.front().generation <= durable_) pass_front(true);
+  return true;
+}
+
+void PersistenceGate::on_write_done(bool success) {
+  assert(writing_);
+  const std::uint64_t generation = *writing_;
+  writing_.reset();
+  if (success) durable_ = generation;
+  while (!waiting_.empty() && waiting_.front().generation <= generation) pass_front(success);
+}
+
+void PersistenceGate::on_time(MonotonicTime now) {
+  while (!waiting_.empty() && waiting_.front().deadline <= now) pass_front(false);
+}
+
+std::optional<MonotonicTime> PersistenceGate::next_due() const {
+  if (waiting_.empty()) return std::nullopt;
+  return waiting_.front().deadline;
+}
+
+void PersistenceGate::pass_front(bool durable) {
+  GatedPacket packet = std::move(waiting_.front().packet);
+  waiting_.pop_front();
+  packet.durable = durable;
+  ++(durable ? counters_.passed : counters_.passed_undurable);
+  passed_.push_back(std::move(packet));
+}
+
+}  // namespace srfs

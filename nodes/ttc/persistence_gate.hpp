@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "base/time.hpp"
+#include "nodes/ttc/uplink_chain.hpp"
+
+namespace srfs {
+
+/// A packet on its way to execution, with what measures and reports need.
+struct GatedPacket {
+  UplinkedPacket uplinked;
+  MonotonicTime received;  ///< when its last octet was read
+  bool durable = true;     ///< its anti-replay state is on disk
+};
+
+struct GateCounters {
+  std::uint64_t passed = 0;
+  std::uint64_t passed_undurable =
+      0;                      ///< the disk failed or was too slow; only recovery commands are executed
+  std::uint64_t refused = 0;  ///< more waiting than the capacity
+};
+
+/// Holds packets back until the link state that excludes their repetition is on disk, at most for a deadline.
+/// One write at a time; it covers everything that came before it began.
+class PersistenceGate {
+ public:
+  static constexpr std::size_t capacity = 64;
+
+  explicit PersistenceGate(milliseconds deadline) : deadline_(deadline) {}
+
+  /// @param generation of the link state after this packet. @return false: full, the packet is dropped
+  /// (counted)
+  bool enter(UplinkedPacket packet, std::uint64_t generation, MonotonicTime now);
+  [[nodiscard]] bool has_room(std::size_t packets = 1) const { return waiting_.size() + packets <= capacity; }
+
+  /// Whether a write of the link state with @p generation should begin now.
+  [[nodiscard]] bool wants_write(std::uint64_t generation) const {
+    return !writing_ && generation > durable_;
+  }
+  void on_write_begun(std::uint64_t generation) { writing_ = generation; }
+  /// The write ended. After a failure everything that waited for it passes as not durable.
+  void on_write_done(bool success);
+  /// Lets packets past their deadline go.
+  void on_time(MonotonicTime now);
+  [[nodiscard]] std::optional<MonotonicTime> next_due() const;
+
+  [[nodiscard]] std::vector<GatedPacket> take_passed() { return std::exchange(passed_, {}); }
+  [[nodiscard]] const GateCounters& counters() const { return counters_; }
+
+ private:
+  struct Waiting {
+    GatedPacket packet;
+    std::uint64_t generation = 0;
+    MonotonicTime deadline;
+  };
+  void pass_front(bool durable);
+
+  milliseconds deadline_;
+  std::deque<Waiting> waiting_;
+  std::vector<GatedPacket> passed_;
+  std::uint64_t durable_ = 0;             ///< generation on disk
+  std::optional<std::uint64_t> writing_;  ///< generation of the write under way
+  GateCounters counters_;
+};
+
+}  // namespace srfs

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "nodes/ttc/verification.hpp"
+
+namespace srfs {
+
+/// What became of telecommands, since the start of the node. Stages nobody wanted reported are counted too.
+struct VerificationCounters {
+  std::uint32_t accepted = 0;
+  std::uint32_t rejected = 0;
+  std::uint32_t started = 0;
+  std::uint32_t completed = 0;
+  std::uint32_t failed = 0;  ///< at start or later
+};
+
+/// The newest telecommand and the last stage it reached, for the beacon.
+struct LastTelecommand {
+  TelecommandOrigin origin;
+  Stage stage = Stage::acceptance;
+  bool success = true;
+  std::uint16_t failure_code = 0;
+  bool any = false;
+};
+
+/// Reports on their way to the ground, in order. Everything that handles telecommands writes into one outbox,
+/// which also honours their acknowledgement flags.
+class ReportOutbox {
+ public:
+  void success(const TelecommandOrigin& origin, Stage stage, std::uint8_t step = 0);
+  void failure(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code, OctetView data = {},
+               std::uint8_t step = 0);
+  /// A report that is no verification: the answer to a request.
+  void put(Report report) { reports_.push_back(std::move(report)); }
+
+  [[nodiscard]] std::vector<Report> take() { return std::exchange(reports_, {}); }
+  [[nodiscard]] const VerificationCounters& counters() const { return counters_; }
+  [[nodiscard]] const LastTelecommand& last() const { return last_; }
+
+ private:
+  void remember(const TelecommandOrigin& origin, Stage stage, bool success, std::uint16_t failure_code);
+
+  std::vector<Report> reports_;
+  VerificationCounters counters_;
+  LastTelecommand last_;
+};
+
+}  // namespace srfs

@@ -1,0 +1,316 @@
+#include "nodes/ttc/telecommand_router.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "base/config.hpp"
+#include "wire/cuc.hpp"
+
+namespace srfs {
+namespace {
+
+// Services of ECSS-E-ST-70-41C that ttc itself provides.
+constexpr std::uint8_t housekeeping_service = 3;
+constexpr std::uint8_t event_service = 5;
+constexpr std::uint8_t function_service = 8;
+constexpr std::uint8_t storage_service = 15;
+constexpr std::uint8_t test_service = 17;
+constexpr std::uint8_t perform_function = 1;
+
+std::uint16_t code_of(const mission::Dictionary& dictionary, std::string_view name) {
+  for (const mission::FailureCode& code : dictionary.failure_codes()) {
+    if (code.name == name) return code.code;
+  }
+  throw ConfigError(fmt::format("mission dictionary: failure code '{}' is missing", name));
+}
+
+Octets as_u16(std::uint16_t value) {
+  return {static_cast<std::uint8_t>(value >> 8), static_cast<std::uint8_t>(value)};
+}
+
+TaiTime read_time(OctetReader& reader) {
+  // The dictionary has checked it; anything else would be a bug there.
+  return wire::decode_cuc(reader.bytes(wire::cuc_octets)).value_or(TaiTime{});
+}
+
+}  // namespace
+
+FailureCodes::FailureCodes(const mission::Dictionary& dictionary)
+    : unknown_apid(code_of(dictionary, "unknown_apid")),
+      bad_length(code_of(dictionary, "bad_length")),
+      bad_checksum(code_of(dictionary, "bad_checksum")),
+      unknown_service(code_of(dictionary, "unknown_service")),
+      unknown_subtype(code_of(dictionary, "unknown_subtype")),
+      bad_argument(code_of(dictionary, "bad_argument")),
+      unknown_function(code_of(dictionary, "unknown_function")),
+      wrong_mode(code_of(dictionary, "wrong_mode")),
+      queue_full(code_of(dictionary, "queue_full")),
+      storage_unavailable(code_of(dictionary, "storage_unavailable")),
+      unknown_identifier(code_of(dictionary, "unknown_identifier")),
+      bad_arguments_length(code_of(dictionary, "bad_arguments_length")),
+      node_unavailable(code_of(dictionary, "node_unavailable")),
+      busy(code_of(dictionary, "busy")),
+      bad_time_range(code_of(dictionary, "bad_time_range")),
+      store_unreadable(code_of(dictionary, "store_unreadable")),
+      aborted(code_of(dictionary, "aborted")),
+      completion_unknown(code_of(dictionary, "completion_unknown")) {}
+
+TelecommandRouter::TelecommandRouter(Parts parts, std::string own_node)
+    : parts_(parts), own_node_(std::move(own_node)) {
+  const mission::ApplicationProcess* own = parts_.dictionary.apid_of_node(own_node_);
+  if (own == nullptr) throw ConfigError(fmt::format("mission dictionary: node '{}' has no APID", own_node_));
+  own_apid_ = own->apid;
+}
+
+void TelecommandRouter::on_packet(OctetView packet, bool durable, MonotonicTime now) {
+  const auto parsed = wire::parse_tc_packet(packet);
+  if (!parsed) {
+    refuse_malformed(packet, parsed.error());
+    return;
+  }
+  TelecommandOrigin origin{.request = wire::request_id(*parsed),
+                           .apid = parsed->apid,
+                           .ack_flags = parsed->ack_flags,
+                           .source_id = parsed->source_id};
+  // Nobody else can answer for an application process that does not exist.
+  if (parts_.dictionary.apid(origin.apid) == nullptr) origin.apid = own_apid_;
+
+  auto request = judge(*parsed, durable);
+  if (!request) {
+    refuse(origin, request.error());
+    return;
+  }
+  request->origin = origin;
+  if (!durable) ++unstored_runs_;
+  if (request->command->node == own_node_) {
+    parts_.outbox.success(origin, Stage::acceptance);
+    execute(*request);
+  } else {
+    forward(*request, now);
+  }
+}
+
+Result<const mission::Command*, TelecommandRouter::Refusal> TelecommandRouter::find_command(
+    const wire::TcPacket& packet) const {
+  const mission::Dictionary& dictionary = parts_.dictionary;
+  if (dictionary.apid(packet.apid) == nullptr) return Err(Refusal{parts_.codes.unknown_apid, {}});
+  if (packet.service == function_service && packet.subtype == perform_function) {
+    OctetReader reader(packet.application);
+    const std::uint16_t function_id = reader.u16();
+    if (!reader.ok()) return Err(Refusal{parts_.codes.bad_arguments_length, {}});
+    const mission::Command* function = dictionary.function(packet.apid, function_id);
+    if (function == nullptr) return Err(Refusal{parts_.codes.unknown_function, as_u16(function_id)});
+    return function;
+  }
+  const mission::Command* request = dictionary.request(packet.apid, packet.service, packet.subtype);
+  if (request != nullptr) return request;
+  const bool service_known =
+      packet.service == function_service || dictionary.has_service(packet.apid, packet.service);
+  return Err(Refusal{service_known ? parts_.codes.unknown_subtype : parts_.codes.unknown_service, {}});
+}
+
+Result<TelecommandRouter::Request, TelecommandRouter::Refusal> TelecommandRouter::judge(
+    const wire::TcPacket& packet, bool durable) const {
+  const auto command = find_command(packet);
+  if (!command) return Err(command.error());
+  const mission::Command& found = **command;
+  const auto mode = static_cast<std::uint8_t>(parts_.mode.mode());
+  if (!found.allowed_in(mode)) return Err(Refusal{parts_.codes.wrong_mode, {mode}});
+  if (!durable && !found.recovery) return Err(Refusal{parts_.codes.storage_unavailable, {}});
+
+  OctetView arguments(packet.application);
+  if (found.is_function()) arguments = arguments.subspan(2);
+  if (const auto checked = parts_.dictionary.check_arguments(found, arguments); !checked) {
+    const std::uint8_t position = checked.error().parameter;
+    if (position == 0) return Err(Refusal{parts_.codes.bad_arguments_length, {}});
+    return Err(Refusal{parts_.codes.bad_argument, {position}});
+  }
+  if (found.node != own_node_ && !parts_.forwarder.has_room(found.node))
+    return Err(Refusal{parts_.codes.queue_full, {}});
+  return Request{.origin = {}, .command = &found, .arguments = {arguments.begin(), arguments.end()}};
+}
+
+void TelecommandRouter::refuse(const TelecommandOrigin& origin, const Refusal& refusal) {
+  parts_.outbox.failure(origin, Stage::acceptance, refusal.code, refusal.parameter);
+  if (rejected_.size() == max_rejected) rejected_.erase(rejected_.begin());
+  rejected_.push_back(RejectedTelecommand{
+      .apid = static_cast<std::uint16_t>(origin.request.packet_identification & 0x7FF),
+      .sequence_count = static_cast<std::uint16_t>(origin.request.packet_sequence_control & 0x3FFF),
+      .code = refusal.code});
+}
+
+void TelecommandRouter::refuse_malformed(OctetView packet, wire::TcPacketError error) {
+  const auto request = wire::peek_request_id(packet);
+  TelecommandOrigin origin{
+      .request = request.value_or(wire::RequestId{}), .apid = own_apid_, .ack_flags = 0, .source_id = 0};
+  std::uint16_t code = parts_.codes.bad_length;
+  if (error == wire::TcPacketError::bad_checksum) code = parts_.codes.bad_checksum;
+  if (error == wire::TcPacketError::idle_packet) code = parts_.codes.unknown_apid;
+  if (error == wire::TcPacketError::bad_pus_version || error == wire::TcPacketError::no_secondary_header) {
+    code = parts_.codes.unknown_service;
+  }
+  refuse(origin, Refusal{code, {}});
+}
+
+void TelecommandRouter::forward(const Request& request, MonotonicTime now) {
+  const mission::Command& command = *request.command;
+  // Accepted first: the node's reports must not overtake it.
+  parts_.outbox.success(request.origin, Stage::acceptance);
+  ForwardedCommand forwarded{.id = 0,
+                             .target = command.node,
+                             .apid = command.apid,
+                             .function_id = command.function_id,
+                             .repeat_class = static_cast<std::uint8_t>(command.repeat_class),
+                             .expiry = now + command.timeout,
+                             .arguments = request.arguments};
+  if (!parts_.forwarder.submit(request.origin, std::move(forwarded), now)) {
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.queue_full);
+  }
+}
+
+void TelecommandRouter::execute(const Request& request) {
+  const mission::Command& command = *request.command;
+  switch (command.service) {
+    case test_service:
+      parts_.outbox.success(request.origin, Stage::start);
+      parts_.outbox.put(Report{.apid = request.origin.apid,
+                               .service = test_service,
+                               .subtype = 2,
+                               .destination_id = request.origin.source_id,
+                               .data = {}});
+      parts_.outbox.success(request.origin, Stage::completion);
+      return;
+    case housekeeping_service:
+      execute_housekeeping(request);
+      return;
+    case event_service:
+      execute_events(request);
+      return;
+    case storage_service:
+      execute_storage(request);
+      return;
+    case function_service:
+      if (command.name == "ttc.set_mode") {
+        set_mode(request);
+        return;
+      }
+      break;
+    default:
+      break;
+  }
+  // In the dictionary, but this version of ttc does not do it.
+  parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_function,
+                        as_u16(command.function_id));
+}
+
+void TelecommandRouter::complete(const TelecommandOrigin& origin) {
+  parts_.outbox.success(origin, Stage::start);
+  parts_.outbox.success(origin, Stage::completion);
+}
+
+void TelecommandRouter::execute_housekeeping(const Request& request) {
+  constexpr std::uint8_t enable = 5;
+  constexpr std::uint8_t disable = 6;
+  constexpr std::uint8_t one_shot = 27;
+  constexpr std::uint8_t set_interval = 31;
+  OctetReader reader(request.arguments);
+  const unsigned count = reader.u16();
+  for (unsigned i = 0; i < count; ++i) {
+    const std::uint16_t structure = reader.u16();
+    Result<void, HousekeepingError> done;
+    switch (request.command->subtype) {
+      case enable:
+      case disable:
+        done = parts_.housekeeping.set_enabled(structure, request.command->subtype == enable);
+        break;
+      case set_interval:
+        done = parts_.housekeeping.set_interval(structure, milliseconds(reader.u32()));
+        break;
+      case one_shot:
+        if (auto report = parts_.housekeeping.one_shot(structure)) {
+          report->destination_id = request.origin.source_id;
+          parts_.outbox.put(std::move(*report));
+        } else {
+          done = Err(report.error());
+        }
+        break;
+      default:
+        break;
+    }
+    if (!done) {
+      parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(structure));
+      return;
+    }
+  }
+  complete(request.origin);
+}
+
+void TelecommandRouter::execute_events(const Request& request) {
+  constexpr std::uint8_t enable = 5;
+  OctetReader reader(request.arguments);
+  const unsigned count = reader.u16();
+  for (unsigned i = 0; i < count; ++i) {
+    const std::uint16_t event = reader.u16();
+    if (!parts_.events.set_enabled(event, request.command->subtype == enable)) {
+      parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(event));
+      return;
+    }
+  }
+  complete(request.origin);
+}
+
+void TelecommandRouter::execute_storage(const Request& request) {
+  constexpr std::uint8_t retrieve = 9;
+  constexpr std::uint8_t abort = 17;
+  OctetReader reader(request.arguments);
+  const unsigned count = reader.u16();
+  if (request.command->subtype == abort) {
+    for (unsigned i = 0; i < count; ++i) parts_.retrieval.abort(reader.u16(), parts_.codes.aborted);
+    complete(request.origin);
+    return;
+  }
+  if (request.command->subtype != retrieve) {
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_subtype);
+    return;
+  }
+  std::vector<StorePeriod> periods;
+  for (unsigned i = 0; i < count && i < PacketRetrieval::max_periods; ++i) {
+    StorePeriod period;
+    period.store = reader.u16();
+    period.range.from = read_time(reader);
+    period.range.to = read_time(reader);
+    if (period.range.to < period.range.from) {
+      parts_.outbox.failure(request.origin, Stage::start, parts_.codes.bad_time_range);
+      return;
+    }
+    periods.push_back(period);
+  }
+  if (periods.empty() || count > PacketRetrieval::max_periods) {
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.bad_arguments_length);
+  } else if (!parts_.retrieval.request(request.origin, std::move(periods))) {
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
+  }
+}
+
+void TelecommandRouter::set_mode(const Request& request) {
+  if (mode_change_) {  // the one before was not taken yet
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
+    return;
+  }
+  parts_.outbox.success(request.origin, Stage::start);
+  OctetReader reader(request.arguments);
+  const Mode mode = reader.u8() == static_cast<std::uint8_t>(Mode::nominal) ? Mode::nominal : Mode::safe;
+  mode_change_ = ModeChange{
+      .origin = request.origin, .mode = mode, .stored_text = parts_.mode.change(mode, "commanded")};
+}
+
+void TelecommandRouter::mode_stored(const ModeChange& change, bool success) {
+  if (success) {
+    parts_.outbox.success(change.origin, Stage::completion);
+  } else {
+    parts_.outbox.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
+  }
+}
+
+}  // namespace srfs

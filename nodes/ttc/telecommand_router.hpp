@@ -1,0 +1,110 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/result.hpp"
+#include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/command_forwarder.hpp"
+#include "nodes/ttc/event_reporter.hpp"
+#include "nodes/ttc/housekeeping_scheduler.hpp"
+#include "nodes/ttc/mode_keeper.hpp"
+#include "nodes/ttc/packet_retrieval.hpp"
+#include "nodes/ttc/report_outbox.hpp"
+
+namespace srfs {
+
+/// Failure codes of the mission dictionary, looked up by name once. Throws ConfigError for one that is
+/// missing.
+struct FailureCodes {
+  explicit FailureCodes(const mission::Dictionary& dictionary);
+
+  std::uint16_t unknown_apid, bad_length, bad_checksum, unknown_service, unknown_subtype, bad_argument,
+      unknown_function, wrong_mode, queue_full, storage_unavailable, unknown_identifier, bad_arguments_length,
+      node_unavailable, busy, bad_time_range, store_unreadable, aborted, completion_unknown;
+};
+
+/// A mode change that was commanded: to be stored, then reported with mode_stored().
+struct ModeChange {
+  TelecommandOrigin origin;
+  Mode mode = Mode::safe;
+  std::string stored_text;
+};
+
+/// A telecommand that was refused, for the event that says so.
+struct RejectedTelecommand {
+  std::uint16_t apid = 0;
+  std::uint16_t sequence_count = 0;
+  std::uint16_t code = 0;
+};
+
+/// Decides what one telecommand packet causes: 1,2 with the reason, or 1,1 and then the services of ttc
+/// itself or a command for another node. Everything it causes is in the outbox, the forwarder, the retrieval,
+/// or taken from here. Never blocks.
+class TelecommandRouter {
+ public:
+  static constexpr std::size_t max_rejected = 16;
+
+  /// What it works with; all outlive it.
+  struct Parts {
+    const mission::Dictionary& dictionary;
+    const FailureCodes& codes;
+    HousekeepingScheduler& housekeeping;
+    EventReporter& events;
+    ModeKeeper& mode;
+    CommandForwarder& forwarder;
+    PacketRetrieval& retrieval;
+    ReportOutbox& outbox;
+  };
+
+  /// @param own_node name of the node whose commands are executed here
+  TelecommandRouter(Parts parts, std::string own_node);
+
+  /// @param packet a space packet as it came up, not judged yet
+  /// @param durable whether what excludes its repetition is on disk; if not, only recovery commands run
+  void on_packet(OctetView packet, bool durable, MonotonicTime now);
+
+  [[nodiscard]] std::optional<ModeChange> take_mode_change() {
+    return std::exchange(mode_change_, std::nullopt);
+  }
+  /// The change is on disk, or could not be stored; it holds either way.
+  void mode_stored(const ModeChange& change, bool success);
+  /// Telecommands refused since the last call, at most max_rejected (the newest).
+  [[nodiscard]] std::vector<RejectedTelecommand> take_rejected() { return std::exchange(rejected_, {}); }
+  /// Recovery commands that ran without storage since the last call.
+  [[nodiscard]] std::uint32_t take_unstored_runs() { return std::exchange(unstored_runs_, 0); }
+
+ private:
+  struct Refusal {
+    std::uint16_t code = 0;
+    Octets parameter;
+  };
+  struct Request {
+    TelecommandOrigin origin;
+    const mission::Command* command = nullptr;
+    Octets arguments;
+  };
+  [[nodiscard]] Result<const mission::Command*, Refusal> find_command(const wire::TcPacket& packet) const;
+  [[nodiscard]] Result<Request, Refusal> judge(const wire::TcPacket& packet, bool durable) const;
+  void refuse(const TelecommandOrigin& origin, const Refusal& refusal);
+  void refuse_malformed(OctetView packet, wire::TcPacketError error);
+  void forward(const Request& request, MonotonicTime now);
+  void execute(const Request& request);
+  void execute_housekeeping(const Request& request);
+  void execute_events(const Request& request);
+  void execute_storage(const Request& request);
+  void set_mode(const Request& request);
+  void complete(const TelecommandOrigin& origin);
+
+  Parts parts_;
+  std::string own_node_;
+  std::uint16_t own_apid_ = 0;
+  std::optional<ModeChange> mode_change_;
+  std::vector<RejectedTelecommand> rejected_;
+  std::uint32_t unstored_runs_ = 0;
+};
+
+}  // namespace srfs

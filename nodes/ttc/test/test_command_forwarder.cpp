@@ -1,0 +1,148 @@
+#include "nodes/ttc/command_forwarder.hpp"
+
+#include <set>
+
+#include <gtest/gtest.h>
+
+namespace srfs {
+namespace {
+
+constexpr std::uint16_t not_taken = 21;
+constexpr std::uint16_t no_completion = 40;
+
+class Forwarding : public testing::Test {
+ protected:
+  [[nodiscard]] static MonotonicTime at(int ms) { return MonotonicTime(milliseconds(ms)); }
+  std::uint64_t submit(const std::string& target, int ms, int lifetime_ms = 10'000) {
+    const TelecommandOrigin origin{.request = {0x1811, static_cast<std::uint16_t>(0xC000 + sequence_++)},
+                                   .apid = 17,
+                                   .ack_flags = wire::ack::all,
+                                   .source_id = 0};
+    ForwardedCommand command;
+    command.target = target;
+    command.expiry = at(ms + lifetime_ms);
+    return forwarder_.submit(origin, command, at(ms)).value_or(0);
+  }
+  void report(std::uint64_t id, Stage stage, int ms, bool success = true, std::uint16_t code = 0) {
+    NodeReport report;
+    report.id = id;
+    report.stage = stage;
+    report.success = success;
+    report.failure_code = code;
+    forwarder_.on_report(report, at(ms));
+  }
+  [[nodiscard]] std::vector<int> subtypes() {
+    std::vector<int> found;
+    for (const Report& report : outbox_.take()) found.push_back(report.subtype);
+    return found;
+  }
+  ReportOutbox outbox_;
+  CommandForwarder forwarder_{7, {.not_taken = not_taken, .no_completion = no_completion}, outbox_};
+  int sequence_ = 0;
+};
+
+TEST_F(Forwarding, GivesEveryCommandAnIdOfThisIncarnation) {
+  std::set<std::uint64_t> ids;
+  for (int i = 0; i < 5; ++i) ids.insert(submit("payload_eps", 0));
+
+  EXPECT_EQ(ids.size(), 5U);
+  for (const std::uint64_t id : ids) EXPECT_EQ(id >> 32, 7U);
+}
+
+TEST_F(Forwarding, PublishesAgainEvery500MsUntilTheNodeHasAccepted) {
+  const std::uint64_t id = submit("payload_eps", 0);
+  EXPECT_EQ(forwarder_.take_publications().size(), 1U);
+
+  forwarder_.on_time(at(499));
+  EXPECT_TRUE(forwarder_.take_publications().empty());
+  forwarder_.on_time(at(500));
+  EXPECT_EQ(forwarder_.take_publications().size(), 1U);
+
+  report(id, Stage::acceptance, 600);
+  forwarder_.on_time(at(5000));
+  EXPECT_TRUE(forwarder_.take_publications().empty());
+}
+
+TEST_F(Forwarding, ReportsEachStageOnceHoweverOftenTheNodeRepeatsIt) {
+  const std::uint64_t id = submit("payload_eps", 0);
+  for (const Stage stage : {Stage::acceptance, Stage::acceptance, Stage::start, Stage::start,
+                            Stage::completion, Stage::completion, Stage::completion}) {
+    report(id, stage, 10);
+  }
+
+  EXPECT_EQ(subtypes(), (std::vector<int>{3, 7}));
+  EXPECT_EQ(forwarder_.counters().duplicate_reports, 2U);
+  EXPECT_EQ(forwarder_.counters().stray_reports, 2U);
+}
+
+TEST_F(Forwarding, ACompletionImpliesTheStartThatWasLost) {
+  const std::uint64_t id = submit("payload_eps", 0);
+
+  report(id, Stage::completion, 10);
+
+  EXPECT_EQ(subtypes(), (std::vector<int>{3, 7}));
+}
+
+TEST_F(Forwarding, ReportsFailuresWithTheNodesCode) {
+  const std::uint64_t id = submit("payload_eps", 0);
+  report(id, Stage::start, 10);
+  report(id, Stage::completion, 20, false, 33);
+
+  const auto reports = outbox_.take();
+
+  ASSERT_EQ(reports.size(), 2U);
+  EXPECT_EQ(reports[1].subtype, 8);
+  EXPECT_EQ(reports[1].data, (Octets{0x18, 0x11, 0xC0, 0x00, 0, 33}));
+}
+
+TEST_F(Forwarding, HasAtMostEightUnacknowledgedAndThirtyTwoQueuedPerNode) {
+  for (int i = 0; i < 40; ++i) EXPECT_NE(submit("payload_eps", 0), 0U);
+  EXPECT_EQ(forwarder_.take_publications().size(), 8U);
+
+  EXPECT_EQ(submit("payload_eps", 0), 0U);
+  EXPECT_NE(submit("payload_adcs", 0), 0U) << "a silent node costs only its own commands";
+  EXPECT_EQ(forwarder_.counters().refused, 1U);
+}
+
+TEST_F(Forwarding, AnAcceptedCommandMakesRoomForTheNextQueuedOne) {
+  std::vector<std::uint64_t> ids;
+  for (int i = 0; i < 9; ++i) ids.push_back(submit("payload_eps", 0));
+  (void)forwarder_.take_publications();
+
+  report(ids[0], Stage::acceptance, 10);
+
+  const auto published = forwarder_.take_publications();
+  ASSERT_EQ(published.size(), 1U);
+  EXPECT_EQ(published[0].id, ids[8]);
+}
+
+TEST_F(Forwarding, ANodeThatIsNotThereMeansAFailedStartAfterExpiry) {
+  submit("image_acquisition", 0, 3000);
+  forwarder_.on_time(at(2999));
+  EXPECT_TRUE(subtypes().empty());
+
+  forwarder_.on_time(at(3000));
+
+  const auto reports = outbox_.take();
+  ASSERT_EQ(reports.size(), 1U);
+  EXPECT_EQ(reports[0].subtype, 4);
+  EXPECT_EQ(reports[0].data.back(), not_taken);
+  const auto expired = forwarder_.take_expired();
+  ASSERT_EQ(expired.size(), 1U);
+  EXPECT_EQ(expired[0].target, "image_acquisition");
+  EXPECT_EQ(forwarder_.under_way(), 0U);
+}
+
+TEST_F(Forwarding, ACommandWhoseCompletionIsNeverReportedEndsToo) {
+  const std::uint64_t id = submit("payload_eps", 0, 3000);
+  report(id, Stage::start, 100);
+  (void)outbox_.take();
+
+  forwarder_.on_time(at(3000 + 30'000));
+
+  EXPECT_EQ(subtypes(), std::vector<int>{8});
+  EXPECT_EQ(forwarder_.under_way(), 0U);
+}
+
+}  // namespace
+}  // namespace srfs

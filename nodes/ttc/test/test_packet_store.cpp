@@ -1,0 +1,258 @@
+#include "nodes/ttc/packet_store.hpp"
+
+#include <algorithm>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <gtest/gtest.h>
+
+#include "nodes/ttc/crc32c.hpp"
+
+namespace srfs {
+namespace {
+
+namespace fs = std::filesystem;
+
+class PacketStoreOnDisk : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (fs::temp_directory_path() / "srfs_store_XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  [[nodiscard]] PacketStoreConfig config() const {
+    return {.folder = folder_ / "store",
+            .quota_octets = 64U << 20,
+            .segment_octets = 4096,
+            .pending_octets = 3000};
+  }
+  static Octets packet(int second) {
+    Octets octets(50, 0xAA);
+    octets[0] = static_cast<std::uint8_t>(second >> 8);
+    octets[1] = static_cast<std::uint8_t>(second);
+    return octets;
+  }
+  static RecordStamp at(int second) {
+    return {.tai = TaiTime(seconds(second)),
+            .time_valid = true,
+            .boot_id = 3,
+            .monotonic = MonotonicTime(seconds(second))};
+  }
+  /// Records one packet a second, committed every ten.
+  static void fill(PacketStore& store, int first, int last) {
+    for (int s = first; s <= last; ++s) {
+      store.append(at(s), packet(s));
+      if (s % 10 == 0 || s == last) {
+        ASSERT_TRUE(store.commit());
+      }
+    }
+  }
+  static std::vector<Octets> read_all(PacketStore& store, int from, int to, std::size_t batch = 300) {
+    std::vector<Octets> all;
+    RetrievalCursor cursor;
+    const RetrievalRange range{.from = TaiTime(seconds(from)), .to = TaiTime(seconds(to))};
+    while (true) {
+      auto got = store.read(range, cursor, batch);
+      all.insert(all.end(), got.packets.begin(), got.packets.end());
+      if (got.finished) return all;
+      cursor = got.next;
+    }
+  }
+  [[nodiscard]] std::vector<fs::path> segments() const {
+    std::vector<fs::path> found;
+    for (const auto& entry : fs::directory_iterator(folder_ / "store")) found.push_back(entry.path());
+    std::sort(found.begin(), found.end());
+    return found;
+  }
+  static void flip(const fs::path& file, std::streamoff offset) {
+    std::fstream f(file, std::ios::in | std::ios::out | std::ios::binary);
+    f.seekg(offset);
+    const char octet = static_cast<char>(f.get() ^ 0x10);
+    f.seekp(offset);
+    f.put(octet);
+  }
+  fs::path folder_;
+};
+
+TEST(Crc32c, GivesTheValueOfRfc3720) {
+  const std::string digits = "123456789";
+  const OctetView view(reinterpret_cast<const std::uint8_t*>(digits.data()), digits.size());
+  EXPECT_EQ(crc32c(view), 0xE3069283U);
+  EXPECT_EQ(crc32c(view.subspan(4), crc32c(view.first(4))), 0xE3069283U);
+}
+
+TEST(StoreRecord, ComesBackWithItsStamp) {
+  Octets log;
+  const RecordStamp stamp{.tai = TaiTime(seconds(2'000'000'000) + milliseconds(500)),
+                          .time_valid = true,
+                          .boot_id = 7,
+                          .monotonic = MonotonicTime(milliseconds(12'340))};
+  append_record(log, 42, stamp, Octets{1, 2, 3});
+
+  const auto record = decode_record(log);
+
+  ASSERT_TRUE(record);
+  EXPECT_EQ(log.size(), 3 + record_overhead_octets);
+  EXPECT_EQ(record->sequence, 42U);
+  EXPECT_EQ(record->stamp.tai, stamp.tai);
+  EXPECT_TRUE(record->stamp.time_valid);
+  EXPECT_EQ(record->stamp.boot_id, 7);
+  EXPECT_EQ(record->stamp.monotonic, stamp.monotonic);
+  EXPECT_EQ(Octets(record->packet.begin(), record->packet.end()), (Octets{1, 2, 3}));
+}
+
+TEST_F(PacketStoreOnDisk, GivesBackThePacketsOfAPeriodUnchangedAndInOrder) {
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  fill(store, 1, 300);
+
+  const auto got = read_all(store, 100, 199);
+
+  ASSERT_EQ(got.size(), 100U);
+  for (int s = 100; s < 200; ++s) EXPECT_EQ(got[static_cast<std::size_t>(s - 100)], packet(s));
+}
+
+TEST_F(PacketStoreOnDisk, KeepsEverythingAcrossARestartAndGoesOnNumbering) {
+  {
+    PacketStore store(config());
+    ASSERT_TRUE(store.open());
+    fill(store, 1, 120);
+  }
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  EXPECT_EQ(store.next_sequence(), 120U);
+  EXPECT_EQ(store.status().records, 120U);
+  EXPECT_EQ(store.status().counters.damaged, 0U);
+  fill(store, 121, 130);
+  EXPECT_EQ(read_all(store, 0, 1000).size(), 130U);
+}
+
+TEST_F(PacketStoreOnDisk, CutsOnlyTheIncompleteTailOfTheLastSegment) {
+  {
+    PacketStore store(config());
+    ASSERT_TRUE(store.open());
+    fill(store, 1, 120);
+  }
+  const fs::path last = segments().back();
+  fs::resize_file(last, fs::file_size(last) - 5);
+
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+
+  EXPECT_EQ(store.status().records, 119U);
+  EXPECT_EQ(store.status().counters.cut_octets, 50 + record_overhead_octets - 5);
+  fill(store, 120, 125);
+  EXPECT_EQ(read_all(store, 0, 1000).size(), 125U);
+}
+
+TEST_F(PacketStoreOnDisk, SkipsAFlippedBitInTheMiddleAndLosesNothingElse) {
+  {
+    PacketStore store(config());
+    ASSERT_TRUE(store.open());
+    fill(store, 1, 120);
+  }
+  flip(segments().front(), 16 + 10 * 74 + 40);  // in a packet
+  flip(segments().front(),
+       16 + 20 * 74 + 2);  // in a length field: the record seems to run past the next ones
+
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+
+  EXPECT_EQ(store.status().records, 118U);
+  EXPECT_EQ(store.status().counters.damaged, 2U);
+  EXPECT_EQ(store.status().counters.cut_octets, 0U);
+  EXPECT_EQ(read_all(store, 0, 1000).size(), 118U);
+}
+
+TEST_F(PacketStoreOnDisk, DropsTheOldestSegmentToKeepItsQuota) {
+  PacketStoreConfig small = config();
+  small.quota_octets = 5 * 4096;
+  PacketStore store(small);
+  ASSERT_TRUE(store.open());
+
+  fill(store, 1, 1000);
+
+  EXPECT_LE(store.status().octets, small.quota_octets);
+  const auto got = read_all(store, 0, 2000);
+  EXPECT_EQ(got.size() + store.status().counters.overwritten, 1000U);
+  EXPECT_EQ(got.back(), packet(1000));
+}
+
+TEST_F(PacketStoreOnDisk, AnEmptyPeriodIsFinishedAtOnce) {
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  fill(store, 1, 20);
+
+  const auto got = store.read({.from = TaiTime(seconds(500)), .to = TaiTime(seconds(600))}, {}, 1000);
+
+  EXPECT_TRUE(got.finished);
+  EXPECT_TRUE(got.packets.empty());
+}
+
+TEST_F(PacketStoreOnDisk, ARetrievalEndsThoughPacketsKeepComing) {
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  fill(store, 1, 40);
+  const RetrievalRange range{.from = TaiTime(seconds(0)), .to = TaiTime(seconds(100'000))};
+  std::size_t packets = 0;
+  RetrievalCursor cursor;
+  int next = 41;
+
+  for (int batches = 0; batches < 100; ++batches) {
+    const auto got = store.read(range, cursor, 100);
+    packets += got.packets.size();
+    if (got.finished) break;
+    cursor = got.next;
+    fill(store, next, next + 9);
+    next += 10;
+  }
+
+  EXPECT_EQ(packets, 40U);
+}
+
+TEST_F(PacketStoreOnDisk, AMissingDiskIsCountedAndTakenUpAgainWhenItIsBack) {
+  { std::ofstream(folder_ / "store") << "a file where the folder should be"; }
+  PacketStore store(config());
+  EXPECT_FALSE(store.open());
+  store.append(at(1), packet(1));
+  EXPECT_FALSE(store.commit());
+  EXPECT_TRUE(store.status().failing);
+
+  fs::remove(folder_ / "store");
+
+  EXPECT_TRUE(store.commit());
+  EXPECT_FALSE(store.status().failing);
+  EXPECT_EQ(read_all(store, 0, 10).size(), 1U);
+}
+
+TEST_F(PacketStoreOnDisk, AFullDiskLosesTheNewestPacketsAndLeavesNoHalfRecord) {
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  fill(store, 1, 20);
+  // A file size limit stands for the full disk: writes past it fail with EFBIG.
+  rlimit old{};
+  getrlimit(RLIMIT_FSIZE, &old);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit tight{.rlim_cur = 16 + 20 * 74 + 30, .rlim_max = old.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &tight);
+  for (int s = 21; s <= 100; ++s) store.append(at(s), packet(s));
+  const auto failed = store.commit();
+  setrlimit(RLIMIT_FSIZE, &old);
+  std::signal(SIGXFSZ, old_handler);
+
+  EXPECT_FALSE(failed);
+  EXPECT_EQ(store.status().counters.write_failures, 1U);
+  EXPECT_EQ(store.status().counters.refused, 40U);  // 40 of 80 fit into the pending octets
+  EXPECT_EQ(fs::file_size(segments().front()), 16U + 20 * 74);
+  EXPECT_TRUE(store.commit());
+  EXPECT_EQ(read_all(store, 0, 1000).size(), 60U);
+}
+
+}  // namespace
+}  // namespace srfs

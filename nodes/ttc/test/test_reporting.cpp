@@ -1,0 +1,281 @@
+#include <filesystem>
+
+#include <gtest/gtest.h>
+
+#include "nodes/ttc/event_reporter.hpp"
+#include "nodes/ttc/housekeeping_scheduler.hpp"
+#include "nodes/ttc/latency_histogram.hpp"
+#include "nodes/ttc/mode_keeper.hpp"
+#include "nodes/ttc/packet_maker.hpp"
+#include "nodes/ttc/packet_retrieval.hpp"
+#include "nodes/ttc/spacecraft_clock.hpp"
+#include "wire/pus.hpp"
+
+namespace srfs {
+namespace {
+
+MonotonicTime at(int ms) {
+  return MonotonicTime(milliseconds(ms));
+}
+
+class Housekeeping : public testing::Test {
+ protected:
+  Housekeeping() {
+    scheduler_.add_structure(16, 16, 4, 4, {.enabled = true, .interval = milliseconds(1000)});
+  }
+  bool live(int ms) {
+    const auto report = scheduler_.on_sample(16, 16, Octets{1, 2, 3, 4}, at(ms));
+    return report && report->live;
+  }
+  HousekeepingScheduler scheduler_;
+};
+
+TEST_F(Housekeeping, StoresEverySampleAndSendsOneAnInterval) {
+  int sent = 0;
+  int stored = 0;
+  for (int ms = 0; ms < 30'000; ms += 300) {
+    const auto report = scheduler_.on_sample(16, 16, Octets{1, 2, 3, 4}, at(ms));
+    ASSERT_TRUE(report);
+    ++stored;
+    sent += report->live ? 1 : 0;
+  }
+  EXPECT_EQ(stored, 100);
+  EXPECT_EQ(sent, 30);
+}
+
+TEST_F(Housekeeping, PutsTheStructureIdBeforeTheParameters) {
+  const auto report = scheduler_.on_sample(16, 16, Octets{1, 2, 3, 4}, at(0));
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->report.apid, 16);
+  EXPECT_EQ(report->report.service, 3);
+  EXPECT_EQ(report->report.subtype, 25);
+  EXPECT_EQ(report->report.data, (Octets{0, 16, 1, 2, 3, 4}));
+}
+
+TEST_F(Housekeeping, ADisabledStructureIsStoredOnly) {
+  ASSERT_TRUE(scheduler_.set_enabled(16, false));
+  EXPECT_FALSE(live(0));
+  EXPECT_EQ(scheduler_.counters().samples, 1U);
+  ASSERT_TRUE(scheduler_.set_enabled(16, true));
+  EXPECT_TRUE(live(10));
+}
+
+TEST_F(Housekeeping, ANewIntervalHoldsFromTheNextSampleOn) {
+  EXPECT_TRUE(live(0));
+  ASSERT_TRUE(scheduler_.set_interval(16, milliseconds(100)));
+  EXPECT_TRUE(live(10));
+  EXPECT_FALSE(live(60));
+  EXPECT_TRUE(live(120));
+}
+
+TEST_F(Housekeeping, ASilenceIsNotCaughtUpWith) {
+  EXPECT_TRUE(live(0));
+  EXPECT_TRUE(live(60'000));
+  EXPECT_FALSE(live(60'300));
+}
+
+TEST_F(Housekeeping, OneShotGivesTheNewestSampleOrSaysThereIsNone) {
+  EXPECT_EQ(scheduler_.one_shot(16).error(), HousekeepingError::no_value_yet);
+  EXPECT_EQ(scheduler_.one_shot(99).error(), HousekeepingError::unknown_structure);
+  (void)live(0);
+  EXPECT_EQ(scheduler_.one_shot(16)->data, (Octets{0, 16, 1, 2, 3, 4}));
+}
+
+TEST_F(Housekeeping, CountsSamplesThatAreNotInTheDictionary) {
+  EXPECT_FALSE(scheduler_.on_sample(16, 99, Octets{1, 2, 3, 4}, at(0)));
+  EXPECT_FALSE(scheduler_.on_sample(17, 16, Octets{1, 2, 3, 4}, at(0))) << "structure of another node";
+  EXPECT_FALSE(scheduler_.on_sample(16, 16, Octets{1, 2, 3}, at(0)));
+  EXPECT_EQ(scheduler_.counters().unknown, 3U);
+}
+
+class Events : public testing::Test {
+ protected:
+  Events() : reporter_({.burst = 3, .refill = milliseconds(1000)}) {
+    reporter_.add_event(101);
+    reporter_.add_event(102);
+  }
+  EventReporter reporter_;
+};
+
+TEST_F(Events, TheSeverityIsTheSubtype) {
+  const auto report = reporter_.on_event(17, 101, 3, Octets{0xAB}, at(0));
+  ASSERT_TRUE(report);
+  EXPECT_EQ(report->report.subtype, 3);
+  EXPECT_EQ(report->report.apid, 17);
+  EXPECT_EQ(report->report.data, (Octets{0, 101, 0xAB}));
+}
+
+TEST_F(Events, AFloodOfOneEventCostsOnlyItself) {
+  for (int i = 0; i < 100; ++i) (void)reporter_.on_event(1, 101, 1, {}, at(i));
+  EXPECT_EQ(reporter_.counters().reported, 3U);
+  EXPECT_EQ(reporter_.counters().suppressed, 97U);
+  EXPECT_TRUE(reporter_.on_event(1, 102, 1, {}, at(100)));
+  EXPECT_TRUE(reporter_.on_event(1, 101, 1, {}, at(1000))) << "one more after a second";
+  EXPECT_FALSE(reporter_.on_event(1, 101, 1, {}, at(1001)));
+}
+
+TEST_F(Events, ADisabledEventIsStoredOnly) {
+  ASSERT_TRUE(reporter_.set_enabled(101, false));
+  const auto report = reporter_.on_event(1, 101, 1, {}, at(0));
+  ASSERT_TRUE(report);
+  EXPECT_FALSE(report->live);
+  EXPECT_FALSE(reporter_.set_enabled(999, false));
+}
+
+TEST_F(Events, UnknownEventsAndSeveritiesAreCounted) {
+  EXPECT_FALSE(reporter_.on_event(1, 999, 1, {}, at(0)));
+  EXPECT_FALSE(reporter_.on_event(1, 101, 0, {}, at(0)));
+  EXPECT_FALSE(reporter_.on_event(1, 101, 5, {}, at(0)));
+  EXPECT_EQ(reporter_.counters().unknown, 3U);
+}
+
+TEST(ModeKeeping, AFreshDeploymentStartsAsItsParameterSays) {
+  EXPECT_EQ(ModeKeeper(StoredModeState::first_start, "", Mode::nominal).mode(), Mode::nominal);
+}
+
+TEST(ModeKeeping, MissingOrDamagedMeansSafe) {
+  EXPECT_EQ(ModeKeeper(StoredModeState::missing, "", Mode::nominal).mode(), Mode::safe);
+  EXPECT_EQ(ModeKeeper(StoredModeState::present, "nominal", Mode::nominal).mode(), Mode::safe);
+  EXPECT_EQ(ModeKeeper(StoredModeState::present, "", Mode::nominal).mode(), Mode::safe);
+}
+
+TEST(ModeKeeping, AStoredChangeComesBack) {
+  ModeKeeper keeper(StoredModeState::first_start, "", Mode::safe);
+  const std::string stored = keeper.change(Mode::nominal, "commanded");
+  EXPECT_EQ(keeper.reason(), "commanded");
+
+  EXPECT_EQ(ModeKeeper(StoredModeState::present, stored, Mode::safe).mode(), Mode::nominal);
+}
+
+TEST(PacketMaking, CountsPerApidAndPerTypeAndKeepsTheTimeStatus) {
+  PacketMaker maker;
+  const Report event{.apid = 17, .service = 5, .subtype = 1, .destination_id = 0, .data = {0, 1}};
+  const Report sample{.apid = 17, .service = 3, .subtype = 25, .destination_id = 0, .data = {0, 17}};
+  (void)maker.make(event, TaiTime(seconds(1)), TimeReference::locked);
+  (void)maker.make(sample, TaiTime(seconds(2)), TimeReference::locked);
+
+  const auto third = wire::parse_tm_packet(maker.make(event, TaiTime(seconds(3)), TimeReference::holdover));
+
+  ASSERT_TRUE(third);
+  EXPECT_EQ(third->sequence_count, 2);
+  EXPECT_EQ(third->type_counter, 1);
+  EXPECT_EQ(third->time_reference, 2);
+  EXPECT_EQ(third->time, TaiTime(seconds(3)));
+}
+
+TEST(SpacecraftTime, IsInvalidUntilTheTickSaysOtherwiseAndGoesOnBetweenTicks) {
+  SpacecraftClock clock(UtcTime(seconds(1000)), at(0));
+  EXPECT_FALSE(clock.valid());
+  EXPECT_EQ(clock.utc_at(at(500)), UtcTime(milliseconds(1'000'500)));
+
+  clock.on_tick(UtcTime(seconds(2000)), at(600), true, 2);
+
+  EXPECT_EQ(clock.reference(), TimeReference::locked);
+  EXPECT_EQ(clock.utc_at(at(700)), UtcTime(milliseconds(2'000'100)));
+  clock.on_tick(UtcTime(seconds(2001)), at(1600), true, 3);
+  EXPECT_EQ(clock.reference(), TimeReference::holdover);
+}
+
+TEST(Latencies, GiveThePercentilesClass) {
+  LatencyHistogram histogram;
+  EXPECT_EQ(histogram.percentile(99), nanoseconds(0));
+  for (int i = 0; i < 99; ++i) histogram.add(microseconds(300));
+  histogram.add(milliseconds(15));
+  EXPECT_EQ(histogram.percentile(50), microseconds(500));
+  EXPECT_EQ(histogram.percentile(99), microseconds(500));
+  EXPECT_EQ(histogram.percentile(100), milliseconds(20));
+  EXPECT_EQ(histogram.longest(), milliseconds(15));
+}
+
+class Retrieval : public testing::Test {
+ protected:
+  static TelecommandOrigin origin(std::uint16_t sequence) {
+    return {.request = {0x1801, static_cast<std::uint16_t>(0xC000 + sequence)},
+            .apid = 1,
+            .ack_flags = wire::ack::all,
+            .source_id = 0};
+  }
+  static std::vector<StorePeriod> period(std::uint16_t store = 1) {
+    return {StorePeriod{.store = store, .range = {.from = TaiTime(seconds(1)), .to = TaiTime(seconds(2))}}};
+  }
+  static RetrievedPackets packets(std::size_t count, bool finished) {
+    RetrievedPackets out;
+    out.packets.assign(count, Octets(10, 1));
+    out.finished = finished;
+    return out;
+  }
+  [[nodiscard]] std::vector<int> subtypes() {
+    std::vector<int> found;
+    for (const Report& report : outbox_.take()) found.push_back(report.subtype);
+    return found;
+  }
+  static constexpr std::size_t room = PacketRetrieval::room_for_batch;
+  ReportOutbox outbox_;
+  PacketRetrieval retrieval_{outbox_};
+};
+
+TEST_F(Retrieval, StartsWithTheFirstBatchAndCompletesWhenTheLastPacketIsFramed) {
+  ASSERT_TRUE(retrieval_.request(origin(1), period()));
+  EXPECT_FALSE(retrieval_.next_batch(room - 1)) << "the playback channel is full";
+  auto batch = retrieval_.next_batch(room);
+  ASSERT_TRUE(batch);
+  EXPECT_FALSE(retrieval_.next_batch(room)) << "one batch at a time";
+
+  EXPECT_EQ(retrieval_.on_batch(batch->request, packets(3, false)).size(), 3U);
+  EXPECT_EQ(subtypes(), std::vector<int>{3});
+  batch = retrieval_.next_batch(room);
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(retrieval_.on_batch(batch->request, packets(2, true)).size(), 2U);
+  retrieval_.on_playback(false);
+  EXPECT_TRUE(subtypes().empty());
+  retrieval_.on_playback(true);
+
+  EXPECT_EQ(subtypes(), std::vector<int>{7});
+  const auto done = retrieval_.take_done();
+  ASSERT_EQ(done.size(), 1U);
+  EXPECT_EQ(done[0].packets, 5U);
+  EXPECT_EQ(done[0].octets, 50U);
+  EXPECT_FALSE(retrieval_.busy());
+}
+
+TEST_F(Retrieval, AnEmptyPeriodCompletesAtOnce) {
+  ASSERT_TRUE(retrieval_.request(origin(1), period()));
+  const auto batch = retrieval_.next_batch(room);
+  ASSERT_TRUE(batch);
+  (void)retrieval_.on_batch(batch->request, packets(0, true));
+  retrieval_.on_playback(true);
+  EXPECT_EQ(subtypes(), (std::vector<int>{3, 7}));
+}
+
+TEST_F(Retrieval, AnAbortEndsTheRequestsOfThatStoreAndDropsWhatIsStillRead) {
+  ASSERT_TRUE(retrieval_.request(origin(1), period(1)));
+  ASSERT_TRUE(retrieval_.request(origin(2), period(2)));
+  const auto batch = retrieval_.next_batch(room);
+  ASSERT_TRUE(batch);
+
+  retrieval_.abort(1, 39);
+
+  EXPECT_EQ(subtypes(), std::vector<int>{8});
+  EXPECT_TRUE(retrieval_.on_batch(batch->request, packets(3, false)).empty());
+  const auto next = retrieval_.next_batch(room);
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->period.store, 2);
+}
+
+TEST_F(Retrieval, AnUnreadableStoreFailsTheRequest) {
+  ASSERT_TRUE(retrieval_.request(origin(1), period()));
+  const auto batch = retrieval_.next_batch(room);
+  ASSERT_TRUE(batch);
+  retrieval_.fail(batch->request, 38);
+  EXPECT_EQ(subtypes(), std::vector<int>{8});
+  EXPECT_FALSE(retrieval_.busy());
+}
+
+TEST_F(Retrieval, TakesABoundedNumberOfRequests) {
+  for (std::uint16_t i = 0; i < PacketRetrieval::max_requests; ++i)
+    EXPECT_TRUE(retrieval_.request(origin(i), period()));
+  EXPECT_FALSE(retrieval_.request(origin(9), period()));
+}
+
+}  // namespace
+}  // namespace srfs

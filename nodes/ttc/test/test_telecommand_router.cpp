@@ -1,0 +1,234 @@
+#include "nodes/ttc/telecommand_router.hpp"
+
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+#include "wire/pus.hpp"
+
+namespace srfs {
+namespace {
+
+class Router : public testing::Test {
+ protected:
+  Router() {
+    for (const mission::Structure& structure : dictionary_.structures()) {
+      if (structure.id != 0) {
+        housekeeping_.add_structure(structure.id, structure.apid, 0, 2000,
+                                    {.enabled = true, .interval = structure.interval});
+      }
+    }
+    for (const mission::Event& event : dictionary_.events()) events_.add_event(event.id);
+  }
+  /// Sends a command as text, as the ground writes it. @return service.subtype of everything it caused, in
+  /// order
+  std::vector<std::string> send(const std::string& name, const std::vector<std::string>& arguments = {},
+                                std::uint8_t ack = wire::ack::all, bool durable = true) {
+    const auto encoded = dictionary_.encode(name, arguments);
+    EXPECT_TRUE(encoded) << (encoded ? "" : encoded.error().message);
+    if (!encoded) return {};
+    return send(encoded->command->apid, encoded->command->service, encoded->command->subtype, encoded->data,
+                ack, durable);
+  }
+  std::vector<std::string> send(std::uint16_t apid, std::uint8_t service, std::uint8_t subtype, Octets data,
+                                std::uint8_t ack = wire::ack::all, bool durable = true) {
+    wire::TcPacket packet;
+    packet.apid = apid;
+    packet.sequence_count = 77;
+    packet.ack_flags = ack;
+    packet.service = service;
+    packet.subtype = subtype;
+    packet.application = std::move(data);
+    router_.on_packet(wire::make_tc_packet(packet), durable, MonotonicTime{});
+    return taken();
+  }
+  std::vector<std::string> taken() {
+    reports_ = outbox_.take();
+    std::vector<std::string> names;
+    for (const Report& report : reports_)
+      names.push_back(std::to_string(report.service) + "," + std::to_string(report.subtype));
+    return names;
+  }
+  /// Failure code and what follows it, of the last report.
+  [[nodiscard]] Octets failure() const {
+    return reports_.empty() ? Octets{} : Octets(reports_.back().data.begin() + 4, reports_.back().data.end());
+  }
+  static Octets code(std::uint16_t code, Octets parameter = {}) {
+    Octets octets{static_cast<std::uint8_t>(code >> 8), static_cast<std::uint8_t>(code)};
+    octets.insert(octets.end(), parameter.begin(), parameter.end());
+    return octets;
+  }
+  using Names = std::vector<std::string>;
+
+  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  FailureCodes codes_{dictionary_};
+  HousekeepingScheduler housekeeping_;
+  EventReporter events_;
+  ModeKeeper mode_{StoredModeState::first_start, "", Mode::nominal};
+  ReportOutbox outbox_;
+  CommandForwarder forwarder_{
+      1, {.not_taken = codes_.node_unavailable, .no_completion = codes_.completion_unknown}, outbox_};
+  PacketRetrieval retrieval_{outbox_};
+  TelecommandRouter router_{{.dictionary = dictionary_,
+                             .codes = codes_,
+                             .housekeeping = housekeeping_,
+                             .events = events_,
+                             .mode = mode_,
+                             .forwarder = forwarder_,
+                             .retrieval = retrieval_,
+                             .outbox = outbox_},
+                            "ttc"};
+  std::vector<Report> reports_;
+};
+
+TEST_F(Router, AnswersAPing) {
+  EXPECT_EQ(send("ttc.ping"), (Names{"1,1", "1,3", "17,2", "1,7"}));
+  EXPECT_EQ(reports_[0].data, (Octets{0x18, 0x01, 0xC0, 77}));
+}
+
+TEST_F(Router, SendsOnlyTheSuccessReportsThatWereAskedFor) {
+  EXPECT_EQ(send("ttc.ping", {}, 0), (Names{"17,2"}));
+  EXPECT_EQ(send("ttc.ping", {}, wire::ack::acceptance | wire::ack::completion),
+            (Names{"1,1", "17,2", "1,7"}));
+}
+
+TEST_F(Router, RefusesWhatTheDictionaryDoesNotHave) {
+  EXPECT_EQ(send(0x123, 17, 1, {}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.unknown_apid));
+  EXPECT_EQ(reports_.back().apid, 1) << "nobody else can answer";
+
+  EXPECT_EQ(send(1, 99, 1, {}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.unknown_service));
+
+  EXPECT_EQ(send(1, 17, 99, {}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.unknown_subtype));
+
+  EXPECT_EQ(send(17, 8, 1, {0x7F, 0xFF}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.unknown_function, {0x7F, 0xFF}));
+
+  EXPECT_EQ(send(17, 8, 1, {0}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+}
+
+TEST_F(Router, RefusesAnArgumentOutOfRangeWithItsPosition) {
+  EXPECT_EQ(send(17, 8, 1, {0, 1, 9, 1}), Names{"1,2"}) << "load 9";
+  EXPECT_EQ(failure(), code(codes_.bad_argument, {1}));
+  EXPECT_EQ(send(17, 8, 1, {0, 1, 2, 7}), Names{"1,2"}) << "switch state 7";
+  EXPECT_EQ(failure(), code(codes_.bad_argument, {2}));
+  EXPECT_EQ(send(17, 8, 1, {0, 1, 2, 1, 0}), Names{"1,2"}) << "one octet too many";
+  EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+
+  const auto rejected = router_.take_rejected();
+  ASSERT_EQ(rejected.size(), 3U);
+  EXPECT_EQ(rejected[0].apid, 17);
+  EXPECT_EQ(rejected[0].sequence_count, 77);
+}
+
+TEST_F(Router, RefusesDamagedPacketsWithTheRequestIdAsItCame) {
+  wire::TcPacket ping;
+  ping.apid = 1;
+  ping.sequence_count = 5;
+  ping.service = 17;
+  ping.subtype = 1;
+  Octets damaged = wire::make_tc_packet(ping);
+  damaged.back() ^= 1;
+  router_.on_packet(damaged, true, MonotonicTime{});
+  EXPECT_EQ(taken(), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.bad_checksum));
+  EXPECT_EQ(reports_[0].data[3], 5);
+
+  router_.on_packet(Octets{1, 2}, true, MonotonicTime{});
+  EXPECT_EQ(taken(), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.bad_length));
+}
+
+TEST_F(Router, ForwardsACommandOfAnotherNodeAndReportsItsStages) {
+  EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}), Names{"1,1"});
+  const auto published = forwarder_.take_publications();
+  ASSERT_EQ(published.size(), 1U);
+  EXPECT_EQ(published[0].target, "payload_eps");
+  EXPECT_EQ(published[0].function_id, 1);
+  EXPECT_EQ(published[0].arguments, (Octets{2, 1}));
+  EXPECT_EQ(published[0].repeat_class, 2);
+
+  for (const Stage stage : {Stage::acceptance, Stage::start, Stage::completion}) {
+    NodeReport report;
+    report.id = published[0].id;
+    report.stage = stage;
+    forwarder_.on_report(report, MonotonicTime{});
+  }
+
+  EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
+  EXPECT_EQ(reports_[0].apid, 17);
+  EXPECT_EQ(outbox_.last().stage, Stage::completion);
+}
+
+TEST_F(Router, RefusesACommandWhenTooManyWaitForItsNode) {
+  for (int i = 0; i < 40; ++i) EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}), Names{"1,1"});
+  EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.queue_full));
+  EXPECT_EQ(send("ttc.ping").size(), 4U) << "liveness answers go on";
+}
+
+TEST_F(Router, WithoutStorageOnlyRecoveryCommandsRun) {
+  EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}, wire::ack::all, false), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.storage_unavailable));
+  EXPECT_EQ(send("ttc.ping", {}, wire::ack::all, false).size(), 4U);
+  EXPECT_EQ(router_.take_unstored_runs(), 1U);
+}
+
+TEST_F(Router, ControlsHousekeeping) {
+  EXPECT_EQ(send("housekeeping.disable", {"structure=payload_adcs"}), (Names{"1,1", "1,3", "1,7"}));
+  EXPECT_FALSE(housekeeping_.plan(16)->enabled);
+  EXPECT_EQ(send("housekeeping.enable", {"structure=payload_adcs"}), (Names{"1,1", "1,3", "1,7"}));
+  EXPECT_TRUE(housekeeping_.plan(16)->enabled);
+  EXPECT_EQ(send("housekeeping.set_interval", {"structure=payload_adcs", "interval_ms=2500"}),
+            (Names{"1,1", "1,3", "1,7"}));
+  EXPECT_EQ(housekeeping_.plan(16)->interval, milliseconds(2500));
+
+  EXPECT_EQ(send("housekeeping.one_shot", {"structure=payload_adcs"}), (Names{"1,1", "1,4"}))
+      << "no sample yet";
+  (void)housekeeping_.on_sample(16, 16, Octets{1}, MonotonicTime{});
+  EXPECT_EQ(send("housekeeping.one_shot", {"structure=payload_adcs"}), (Names{"1,1", "3,25", "1,3", "1,7"}));
+}
+
+TEST_F(Router, ControlsEventReports) {
+  EXPECT_EQ(send("events.disable", {"event=node.started"}), (Names{"1,1", "1,3", "1,7"}));
+  EXPECT_FALSE(events_.on_event(1, 1, 1, {}, MonotonicTime{})->live);
+  EXPECT_EQ(send("events.enable", {"event=node.started"}), (Names{"1,1", "1,3", "1,7"}));
+  EXPECT_TRUE(events_.on_event(1, 1, 1, {}, MonotonicTime{})->live);
+  EXPECT_EQ(send(1, 5, 5, {0, 1, 0xFF, 0xF0}), Names{"1,2"}) << "an event nobody has";
+}
+
+TEST_F(Router, StartsAndAbortsARetrieval) {
+  EXPECT_EQ(send("storage.retrieve",
+                 {"store=housekeeping", "from=2026-11-21T08:00:00Z", "to=2026-11-21T09:00:00Z"}),
+            Names{"1,1"});
+  const auto batch = retrieval_.next_batch(PacketRetrieval::room_for_batch);
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(batch->period.store, 1);
+  EXPECT_EQ(batch->period.range.to - batch->period.range.from, seconds(3600));
+
+  EXPECT_EQ(send("storage.abort", {"store=housekeeping"}), (Names{"1,1", "1,8", "1,3", "1,7"}));
+  EXPECT_FALSE(retrieval_.busy());
+}
+
+TEST_F(Router, RefusesAPeriodThatEndsBeforeItStarts) {
+  EXPECT_EQ(send("storage.retrieve", {"from=2026-11-21T09:00:00Z", "to=2026-11-21T08:00:00Z"}),
+            (Names{"1,1", "1,4"}));
+  EXPECT_EQ(failure(), code(codes_.bad_time_range));
+}
+
+TEST_F(Router, AModeChangeCompletesWhenItIsStored) {
+  EXPECT_EQ(send("ttc.set_mode", {"mode=safe"}), (Names{"1,1", "1,3"}));
+  EXPECT_EQ(mode_.mode(), Mode::safe);
+  const auto change = router_.take_mode_change();
+  ASSERT_TRUE(change);
+  EXPECT_EQ(ModeKeeper(StoredModeState::present, change->stored_text, Mode::nominal).mode(), Mode::safe);
+
+  router_.mode_stored(*change, true);
+  EXPECT_EQ(taken(), Names{"1,7"});
+}
+
+}  // namespace
+}  // namespace srfs

@@ -1,0 +1,275 @@
+#include "nodes/ttc/uplink_chain.hpp"
+
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "nodes/ttc/persistence_gate.hpp"
+#include "wire/pus.hpp"
+#include "wire/tc_uplink.hpp"
+
+namespace srfs {
+namespace {
+
+constexpr std::uint16_t spacecraft = 0xAB;
+
+wire::SdlsKey test_key() {
+  std::array<std::uint8_t, wire::sdls_key_octets> key{};
+  for (std::size_t i = 0; i < key.size(); ++i) key[i] = static_cast<std::uint8_t>(i);
+  return wire::SdlsKey(key);
+}
+
+Octets ping(std::uint16_t sequence = 22) {
+  wire::TcPacket packet;
+  packet.apid = 1;
+  packet.sequence_count = sequence;
+  packet.service = 17;
+  packet.subtype = 1;
+  return wire::make_tc_packet(packet);
+}
+
+class Uplink : public testing::Test {
+ protected:
+  static UplinkConfig config() {
+    UplinkConfig c;
+    c.spacecraft_id = spacecraft;
+    UplinkChannel secured;
+    secured.vc = 0;
+    secured.associations.push_back(
+        UplinkAssociation{.spi = 1, .key = test_key(), .for_ad = true, .for_bd = true});
+    c.channels.push_back(std::move(secured));
+    c.channels.push_back(UplinkChannel{.vc = 1, .associations = {}});
+    return c;
+  }
+  [[nodiscard]] Octets open_bd(OctetView packet, std::uint16_t scid = spacecraft, std::uint8_t vc = 1) const {
+    return wire::make_uplink_cltu({.spacecraft_id = scid, .vc = vc, .randomize = false},
+                                  wire::TcFrameType::bd, 0, nullptr, packet)
+        .value();
+  }
+  [[nodiscard]] Octets secured(std::uint64_t counter, wire::TcFrameType type = wire::TcFrameType::bd,
+                               std::uint8_t sequence = 0) const {
+    const wire::SdlsSeal seal{.key = key_, .spi = 1, .counter = counter};
+    return wire::make_uplink_cltu({.spacecraft_id = spacecraft, .vc = 0, .randomize = false}, type, sequence,
+                                  &seal, ping())
+        .value();
+  }
+  std::size_t push(const Octets& octets, int ms = 0) {
+    return chain_.push(octets, MonotonicTime(milliseconds(ms))).size();
+  }
+  wire::SdlsKey key_ = test_key();
+  UplinkChain chain_{config(), LinkState{}};
+};
+
+TEST_F(Uplink, HandsOutThePacketOfTheIndependentVector) {
+  // "CLTU of the AD frame" of tests/vectors/ground_link.txt carries N(S) = 5.
+  const wire::TcUplinkChannel channel{.spacecraft_id = spacecraft, .vc = 1, .randomize = false};
+  push(wire::make_control_cltu(channel, {.kind = wire::ControlCommand::Kind::set_vr, .vr = 5}));
+
+  const auto got = chain_.push(
+      *from_hex("eb9000ab041405c0186401c01600062f1124010000ab62d16fe8c5c5c5c5c5c5c579"), MonotonicTime{});
+
+  ASSERT_EQ(got.size(), 1U);
+  EXPECT_EQ(to_hex(got[0].packet), "1801c01600062f11010000ab62");
+  EXPECT_EQ(got[0].frame_type, wire::TcFrameType::ad);
+  EXPECT_FALSE(got[0].spi);
+  EXPECT_EQ(chain_.farm(1).vr, 6);
+}
+
+TEST_F(Uplink, TakesACltuInSingleOctets) {
+  std::size_t packets = 0;
+  for (const std::uint8_t octet : open_bd(ping())) packets += push({octet});
+  EXPECT_EQ(packets, 1U);
+}
+
+TEST_F(Uplink, CountsEachKindOfBadInputAndTheNextGoodOneWorks) {
+  Octets bad_block = open_bd(ping());
+  bad_block[5] ^= 0xFF;
+  push(bad_block);
+  EXPECT_EQ(chain_.cltu_counters().blocks_rejected, 1U);
+
+  push(open_bd(ping(), 0x55));
+  EXPECT_EQ(chain_.counters().wrong_scid, 1U);
+
+  push(open_bd(ping(), spacecraft, 9));
+  EXPECT_EQ(chain_.counters().wrong_vc, 1U);
+
+  Octets wrong_fecf = *from_hex("20ab041400c01801c01600062f11010000ab62849b");
+  wrong_fecf.back() ^= 1;
+  push(wire::encode_cltu(wrong_fecf, false));
+  EXPECT_EQ(chain_.cltu_counters().bad_fecf, 1U);
+
+  wire::TcFrame segmented{.type = wire::TcFrameType::bd,
+                          .spacecraft_id = spacecraft,
+                          .vc = 1,
+                          .sequence = 0,
+                          .data = {0x40, 1, 2}};
+  push(wire::encode_cltu(wire::encode_tc_frame(segmented), false));
+  EXPECT_EQ(chain_.counters().bad_segment, 1U);
+
+  push(Octets(4000, 0x55));
+  EXPECT_EQ(push(open_bd(ping())), 1U);
+  EXPECT_EQ(chain_.counters().packets, 1U);
+}
+
+TEST_F(Uplink, AHalfCltuFollowedBySilenceDoesNotHoldTheLine) {
+  Octets half = open_bd(ping());
+  half.resize(half.size() / 2);
+  EXPECT_EQ(push(half, 0), 0U);
+  ASSERT_TRUE(chain_.idle_deadline());
+
+  EXPECT_TRUE(chain_.on_idle(*chain_.idle_deadline()).empty());
+
+  EXPECT_EQ(chain_.cltu_counters().cut_short, 1U);
+  EXPECT_FALSE(chain_.idle_deadline());
+  EXPECT_EQ(push(open_bd(ping()), 2000), 1U);
+}
+
+TEST_F(Uplink, RefusesAReplayAndAnOldCounterOnASecuredChannel) {
+  const Octets tenth = secured(10);
+  EXPECT_EQ(push(tenth), 1U);
+  EXPECT_EQ(push(tenth), 0U);
+  EXPECT_EQ(push(secured(9)), 0U);
+  EXPECT_EQ(push(secured(1'000'000)), 1U) << "any higher counter is fresh";
+
+  EXPECT_EQ(chain_.counters().replayed, 2U);
+  EXPECT_EQ(chain_.counter(1), 1'000'000U);
+  const auto findings = chain_.take_findings();
+  ASSERT_EQ(findings.size(), 2U);
+  EXPECT_EQ(findings[1].counter, 9U);
+}
+
+TEST_F(Uplink, RefusesAnythingNotAuthenticOnASecuredChannel) {
+  EXPECT_EQ(push(open_bd(ping(), spacecraft, 0)), 0U);
+  EXPECT_EQ(chain_.counters().not_authentic, 1U);
+
+  // Altered behind BCH and FECF: only the MAC can notice.
+  const wire::SdlsSeal seal{.key = key_, .spi = 1, .counter = 5};
+  Octets field = wire::sdls_apply(seal, 0, wire::segment_header_unsegmented, ping()).value();
+  field[20] ^= 1;
+  const wire::TcFrame frame{
+      .type = wire::TcFrameType::bd, .spacecraft_id = spacecraft, .vc = 0, .sequence = 0, .data = field};
+  EXPECT_EQ(push(wire::encode_cltu(wire::encode_tc_frame(frame), false)), 0U);
+  EXPECT_EQ(chain_.counters().not_authentic, 2U);
+  EXPECT_FALSE(chain_.counter(1));
+}
+
+TEST_F(Uplink, AFrameThatFarmDiscardsDoesNotAdvanceTheCounter) {
+  EXPECT_EQ(push(secured(7, wire::TcFrameType::ad, 3)), 0U) << "V(R) is 0";
+
+  EXPECT_FALSE(chain_.counter(1));
+  EXPECT_EQ(chain_.counters().farm_discarded, 1U);
+  EXPECT_TRUE(chain_.farm(0).retransmit);
+  EXPECT_EQ(push(secured(7, wire::TcFrameType::ad, 0)), 1U);
+  EXPECT_EQ(chain_.counter(1), 7U);
+}
+
+TEST_F(Uplink, RemembersCounterAndFarmAcrossARestart) {
+  push(secured(12, wire::TcFrameType::ad, 0));
+  const auto copy = decode_link_state(encode_link_state(chain_.state()));
+  ASSERT_TRUE(copy);
+
+  UplinkChain next(config(), *copy);
+
+  EXPECT_EQ(next.counter(1), 12U);
+  EXPECT_EQ(next.farm(0).vr, 1);
+  EXPECT_TRUE(next.push(secured(12), MonotonicTime{}).empty());
+}
+
+TEST_F(Uplink, TheControlWordAlternatesOverTheChannels) {
+  push(secured(1, wire::TcFrameType::ad, 0));
+
+  EXPECT_EQ(chain_.next_clcw(), 0x01000001U);
+  EXPECT_EQ(chain_.next_clcw(), 0x01040000U);
+  EXPECT_EQ(chain_.next_clcw(), 0x01000001U);
+}
+
+TEST_F(Uplink, MakesAdFramesWaitWhileTheBufferIsFull) {
+  chain_.set_buffer_available(false);
+  EXPECT_EQ(push(secured(1, wire::TcFrameType::ad, 0)), 0U);
+  EXPECT_TRUE(chain_.farm(0).wait);
+
+  chain_.set_buffer_available(true);
+
+  EXPECT_FALSE(chain_.farm(0).wait);
+  EXPECT_EQ(push(secured(2, wire::TcFrameType::ad, 0)), 1U);
+}
+
+TEST_F(Uplink, EveryGoodCltuComesThroughAHundredThousandRandomOctets) {
+  std::mt19937 random(1);
+  std::size_t sent = 0;
+  std::size_t received = 0;
+  std::size_t noise = 0;
+  int ms = 0;
+  while (noise < 100'000) {
+    Octets chunk(random() % 300);
+    for (std::uint8_t& octet : chunk) octet = static_cast<std::uint8_t>(random());
+    noise += chunk.size();
+    received += push(chunk, ++ms);
+    if (random() % 4 == 0) {  // now and then a start sequence that is none
+      received += push({0xEB, 0x90, static_cast<std::uint8_t>(random())}, ms);
+      noise += 3;
+    }
+    received += push(open_bd(ping(static_cast<std::uint16_t>(sent & 0x3FFF))), ms);
+    ++sent;
+  }
+  received += chain_.on_idle(MonotonicTime(seconds(3600))).size();
+
+  EXPECT_GT(sent, 500U);
+  EXPECT_EQ(received, sent);
+}
+
+UplinkedPacket uplinked() {
+  UplinkedPacket packet;
+  packet.packet = ping();
+  return packet;
+}
+
+TEST(PersistenceGate, HoldsAPacketUntilItsStateIsOnDisk) {
+  PersistenceGate gate(milliseconds(1000));
+  ASSERT_TRUE(gate.enter(uplinked(), 1, MonotonicTime{}));
+  ASSERT_TRUE(gate.wants_write(1));
+  gate.on_write_begun(1);
+  ASSERT_TRUE(gate.enter(uplinked(), 2, MonotonicTime{}));
+  EXPECT_FALSE(gate.wants_write(2)) << "one write at a time";
+  EXPECT_TRUE(gate.take_passed().empty());
+
+  gate.on_write_done(true);
+
+  EXPECT_EQ(gate.take_passed().size(), 1U);
+  EXPECT_TRUE(gate.wants_write(2));
+  gate.on_write_begun(2);
+  gate.on_write_done(true);
+  const auto passed = gate.take_passed();
+  ASSERT_EQ(passed.size(), 1U);
+  EXPECT_TRUE(passed[0].durable);
+}
+
+TEST(PersistenceGate, AFailingOrHangingDiskLetsPacketsPassAsNotDurable) {
+  PersistenceGate gate(milliseconds(1000));
+  ASSERT_TRUE(gate.enter(uplinked(), 1, MonotonicTime{}));
+  gate.on_write_begun(1);
+  gate.on_write_done(false);
+  auto passed = gate.take_passed();
+  ASSERT_EQ(passed.size(), 1U);
+  EXPECT_FALSE(passed[0].durable);
+
+  ASSERT_TRUE(gate.enter(uplinked(), 2, MonotonicTime{}));
+  gate.on_write_begun(2);
+  EXPECT_EQ(gate.next_due(), MonotonicTime(milliseconds(1000)));
+  gate.on_time(MonotonicTime(milliseconds(1000)));
+  passed = gate.take_passed();
+  ASSERT_EQ(passed.size(), 1U);
+  EXPECT_FALSE(passed[0].durable);
+}
+
+TEST(PersistenceGate, IsBounded) {
+  PersistenceGate gate(milliseconds(1000));
+  for (std::size_t i = 0; i < PersistenceGate::capacity; ++i)
+    ASSERT_TRUE(gate.enter(uplinked(), i + 1, MonotonicTime{}));
+  EXPECT_FALSE(gate.has_room());
+  EXPECT_FALSE(gate.enter(uplinked(), 100, MonotonicTime{}));
+  EXPECT_EQ(gate.counters().refused, 1U);
+}
+
+}  // namespace
+}  // namespace srfs

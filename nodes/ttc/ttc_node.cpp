@@ -1,0 +1,535 @@
+#include "nodes/ttc/ttc_node.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include <mission/structures.hpp>
+
+namespace srfs {
+namespace {
+
+constexpr std::size_t max_items_to_store =
+    4096;                          ///< between two commits; beyond, packets are not stored (counted)
+constexpr int reads_per_wake = 8;  ///< so that a flood on the line cannot starve the tick
+constexpr std::size_t read_octets = 512;
+constexpr std::size_t frames_per_read = read_octets / 26 + 2;  ///< the shortest CLTU has 26 octets
+constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
+constexpr std::uint8_t verification_service = 1;
+
+std::int64_t to_ns(const builtin_interfaces::msg::Time& time) {
+  return std::int64_t{time.sec} * 1'000'000'000 + time.nanosec;
+}
+
+std::optional<Stage> to_stage(std::uint8_t stage) {
+  switch (stage) {
+    case srfs_msgs::msg::TelecommandReport::ACCEPTED:
+      return Stage::acceptance;
+    case srfs_msgs::msg::TelecommandReport::STARTED:
+      return Stage::start;
+    case srfs_msgs::msg::TelecommandReport::PROGRESS:
+      return Stage::progress;
+    case srfs_msgs::msg::TelecommandReport::COMPLETED:
+      return Stage::completion;
+    default:
+      return std::nullopt;
+  }
+}
+
+std::uint32_t as_u32(std::uint64_t value) {
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
+}
+
+}  // namespace
+
+// ---- uplink
+
+void TtcNode::read_line() {
+  std::array<std::uint8_t, read_octets> octets{};
+  const std::uint64_t frames_before = link_->uplink.cltu_counters().cltus_decoded;
+  for (int i = 0; i < reads_per_wake; ++i) {
+    const auto count = line_->read(octets);
+    if (!count || *count == 0) break;
+    take_uplinked(link_->uplink.push(OctetView(octets.data(), *count), monotonic_now()));
+    link_->uplink.set_buffer_available(link_->gate.has_room(frames_per_read));
+  }
+  if (link_->uplink.cltu_counters().cltus_decoded != frames_before) link_->downlink.want_control_word(now());
+  settle();
+}
+
+void TtcNode::take_uplinked(std::vector<UplinkedPacket> packets) {
+  const MonotonicTime received = monotonic_now();
+  for (UplinkedPacket& packet : packets)
+    link_->gate.enter(std::move(packet), link_->uplink.state().generation, received);
+}
+
+void TtcNode::persist_link_state() {
+  const LinkState& state = link_->uplink.state();
+  if (!link_->gate.wants_write(state.generation)) return;
+  auto written = std::make_shared<Result<void, FileError>>();
+  const bool taken =
+      state_worker_->post([file = link_file_, state, written] { *written = file->store(state); },
+                          [this, written] { on_link_state_written(*written); });
+  if (taken) link_->gate.on_write_begun(state.generation);
+}
+
+void TtcNode::on_link_state_written(const Result<void, FileError>& written) {
+  link_->gate.on_write_done(written.has_value());
+  note_storage(state_durable_, written.has_value(), written ? "" : written.error().message);
+  if (is_active()) settle();
+}
+
+void TtcNode::execute_passed() {
+  for (const GatedPacket& gated : link_->gate.take_passed()) {
+    if (!gated.durable) note_storage(state_durable_, false, "the anti-replay state is not on disk");
+    link_->router.on_packet(gated.uplinked.packet, gated.durable, now());
+    send_reports(link_->outbox.take(), gated.received);
+  }
+  for (std::uint32_t i = link_->router.take_unstored_runs(); i > 0; --i) {
+    mission::TtcRecoveryWithoutStorageEvent event;
+    raise(event.severity, event.event_id, event.encoded());
+  }
+}
+
+void TtcNode::report_findings() {
+  for (const SecurityFinding& finding : link_->uplink.take_findings()) {
+    if (finding.kind == SecurityFinding::Kind::replayed) {
+      mission::TtcFrameReplayedEvent event;
+      event.vc = finding.vc;
+      event.counter = finding.counter;
+      raise(event.severity, event.event_id, event.encoded());
+    } else {
+      mission::TtcFrameNotAuthenticEvent event;
+      event.vc = finding.vc;
+      event.count = ++not_authentic_[finding.vc];
+      raise(event.severity, event.event_id, event.encoded());
+    }
+  }
+}
+
+// ---- outputs
+
+void TtcNode::settle() {
+  persist_link_state();
+  execute_passed();
+  publish_telecommands();
+  send_reports(link_->outbox.take(), std::nullopt);
+  store_mode_change();
+  report_rejections();
+  report_findings();
+  link_->uplink.set_buffer_available(link_->gate.has_room(frames_per_read));
+  pump_downlink();
+}
+
+void TtcNode::publish_telecommands() {
+  for (const ForwardedCommand& command : link_->forwarder.take_publications()) {
+    srfs_msgs::msg::Telecommand message;
+    message.id = command.id;
+    message.target = command.target;
+    message.apid = command.apid;
+    message.function_id = command.function_id;
+    message.repeat_class = command.repeat_class;
+    message.expiry_ns = static_cast<std::uint64_t>(command.expiry.ns());
+    message.arguments = command.arguments;
+    telecommands_->publish(message);
+  }
+}
+
+void TtcNode::send_reports(const std::vector<Report>& reports, std::optional<MonotonicTime> received) {
+  for (const Report& report : reports) {
+    // Verification reports are stored; answers to requests (17,2, a one-shot) are not.
+    const bool verification = report.service == verification_service;
+    send(report, true, verification, true);
+    const bool acceptance = verification && report.subtype <= 2;
+    if (received && acceptance) link_->acceptance_latency.add(monotonic_now() - *received);
+  }
+}
+
+void TtcNode::send(const Report& report, bool live, bool stored, bool urgent) {
+  const MonotonicTime at = now();
+  const TaiTime tai = link_->clock.tai_at(at);
+  Octets packet = link_->packets.make(report, tai, link_->clock.reference());
+  const std::uint16_t store = stored ? store_of_service(dictionary_, report.service) : std::uint16_t{0};
+  if (store != 0) {
+    if (to_store_.size() < max_items_to_store) {
+      to_store_.push_back(StoreItem{.store = store,
+                                    .stamp = {.tai = tai,
+                                              .time_valid = link_->clock.valid(),
+                                              .boot_id = static_cast<std::uint16_t>(boot_count_),
+                                              .monotonic = at},
+                                    .packet = packet});
+    } else {
+      ++unstored_packets_;
+    }
+  }
+  if (live) link_->downlink.push(DownlinkChannel::live, std::move(packet), urgent, at);
+}
+
+void TtcNode::store_mode_change() {
+  const auto change = link_->router.take_mode_change();
+  if (!change) return;
+  publish_mode();
+  mission::TtcModeChangedEvent event;
+  event.mode = change->mode == Mode::nominal ? mission::MissionMode::nominal : mission::MissionMode::safe;
+  event.reason = link_->mode.reason();
+  raise(event.severity, event.event_id, event.encoded());
+  auto stored = std::make_shared<bool>(false);
+  const bool taken =
+      state_worker_->post([path = state_dir() / "mode", text = change->stored_text,
+                           stored] { *stored = write_file_atomically(path, text).has_value(); },
+                          [this, change = *change, stored] {
+                            link_->router.mode_stored(change, *stored);
+                            if (is_active()) settle();
+                          });
+  if (!taken) link_->router.mode_stored(*change, false);
+}
+
+void TtcNode::publish_mode() {
+  srfs_msgs::msg::SystemMode message;
+  message.mode = static_cast<std::uint8_t>(link_->mode.mode());
+  message.reason = link_->mode.reason();
+  message.monotonic_ns = static_cast<std::uint64_t>(now().ns());
+  mode_publisher_->publish(message);
+}
+
+void TtcNode::report_rejections() {
+  for (const RejectedTelecommand& rejected : link_->router.take_rejected()) {
+    mission::TtcTelecommandRejectedEvent event;
+    event.apid = rejected.apid;
+    event.sequence = rejected.sequence_count;
+    event.code = rejected.code;
+    raise(event.severity, event.event_id, event.encoded());
+  }
+  for (const ExpiredCommand& expired : link_->forwarder.take_expired()) {
+    mission::TtcTelecommandExpiredEvent event;
+    event.telecommand = expired.id;
+    event.node = expired.target;
+    raise(event.severity, event.event_id, event.encoded());
+  }
+}
+
+void TtcNode::feed_playback() {
+  PacketRetrieval& retrieval = link_->retrieval;
+  retrieval.on_playback(link_->downlink.empty(DownlinkChannel::playback));
+  for (const RetrievalDone& done : retrieval.take_done()) {
+    mission::TtcRetrievalDoneEvent event;
+    event.store = done.store;
+    event.packets = done.packets;
+    event.octets = done.octets;
+    raise(event.severity, event.event_id, event.encoded());
+  }
+  send_reports(link_->outbox.take(), std::nullopt);
+
+  const auto batch = retrieval.next_batch(link_->downlink.room_octets(DownlinkChannel::playback));
+  if (!batch) return;
+  auto read = std::make_shared<std::optional<RetrievedPackets>>();
+  const bool taken = store_worker_->post(
+      [stores = stores_, batch = *batch, items = to_store_, read] {
+        for (const StoreItem& item : items)
+          stores->append(item);  // what was sent up to now belongs to the period too
+        *read =
+            stores->read(batch.period.store, batch.period.range, batch.cursor, PacketRetrieval::batch_octets);
+      },
+      [this, request = batch->request, read] {
+        if (!*read) {
+          link_->retrieval.fail(request, link_->codes.store_unreadable);
+        } else {
+          for (Octets& packet : link_->retrieval.on_batch(request, std::move(**read))) {
+            link_->downlink.push(DownlinkChannel::playback, std::move(packet), false, now());
+          }
+        }
+        if (is_active()) settle();
+      });
+  if (taken) {
+    to_store_.clear();
+  } else {
+    retrieval.on_batch_refused();
+  }
+}
+
+bool TtcNode::write_outgoing() {
+  while (!outgoing_.empty()) {
+    const auto written = line_->write(outgoing_);
+    if (!written) {  // no line: what is sent now is lost, as on the air
+      ++lost_frames_;
+      outgoing_.clear();
+      return true;
+    }
+    if (*written == 0) return false;
+    outgoing_.erase(outgoing_.begin(), outgoing_.begin() + static_cast<std::ptrdiff_t>(*written));
+  }
+  return true;
+}
+
+void TtcNode::pump_downlink() {
+  if (!is_active() && state() != ros::State::activating) return;
+  feed_playback();
+  while (write_outgoing()) {
+    auto cadu = link_->downlink.next(monotonic_now(), [this] { return link_->uplink.next_clcw(); });
+    if (!cadu) break;
+    outgoing_ = std::move(*cadu);
+  }
+  // The last playback frame may just have left.
+  if (link_->retrieval.busy() && link_->downlink.empty(DownlinkChannel::playback)) feed_playback();
+  arm_timer();
+}
+
+/// One timer serves every deadline of the logic: the soonest.
+void TtcNode::arm_timer() {
+  std::optional<MonotonicTime> due;
+  const auto sooner = [&](std::optional<MonotonicTime> t) {
+    if (t && (!due || *t < *due)) due = t;
+  };
+  const MonotonicTime at = monotonic_now();
+  sooner(link_->downlink.next_due(at));
+  sooner(link_->forwarder.next_due());
+  sooner(link_->gate.next_due());
+  sooner(link_->uplink.idle_deadline());
+  if (!outgoing_.empty()) due = at + milliseconds(2);  // the driver is full: look again soon
+  if (due == wake_up_at_) return;
+  wake_up_at_ = due;
+  wake_up_.reset();
+  if (!due) return;
+  wake_up_ = create_one_shot(*due, [this] {
+    wake_up_at_.reset();
+    const MonotonicTime t = monotonic_now();
+    link_->forwarder.on_time(t);
+    link_->gate.on_time(t);
+    take_uplinked(link_->uplink.on_idle(t));
+    settle();
+  });
+}
+
+// ---- inputs from other nodes
+
+void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
+  cycle_ = tick.cycle;
+  link_->clock.on_tick(UtcTime(nanoseconds(to_ns(tick.utc))), MonotonicTime(nanoseconds(tick.monotonic_ns)),
+                       tick.time_valid, tick.sync_state);
+}
+
+void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
+  if (!is_active()) return;
+  const auto report = link_->housekeeping.on_sample(message.apid, message.structure_id, message.data, now());
+  if (!report) return;
+  link_->beacon.on_telemetry(message.source, message.structure_id, message.data, now());
+  send(report->report, report->live, true, false);
+  pump_downlink();
+}
+
+void TtcNode::on_event_message(const srfs_msgs::msg::Event& message) {
+  if (!is_active()) return;
+  const mission::ApplicationProcess* source = dictionary_.apid_of_node(message.source);
+  const auto report = link_->events.on_event(source != nullptr ? source->apid : std::uint16_t{1},
+                                             message.event_id, message.severity, message.data, now());
+  if (!report) return;
+  send(report->report, report->live, true, false);
+  pump_downlink();
+}
+
+void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message) {
+  const auto stage = to_stage(message.stage);
+  if (!is_active() || !stage) return;
+  NodeReport report;
+  report.id = message.id;
+  report.stage = *stage;
+  report.success = message.success;
+  report.failure_code = message.failure_code;
+  report.step = message.progress_step;
+  report.data = message.data;
+  link_->forwarder.on_report(report, now());
+  settle();
+}
+
+// ---- periodic work
+
+void TtcNode::commit_stores() {
+  if (commit_running_) {  // a slow disk: what comes meanwhile waits, bounded
+    if (++commits_missed_ == patience_commits)
+      note_storage(stores_work_, false, "the packet stores do not answer");
+    return;
+  }
+  commits_missed_ = 0;
+  auto status = std::make_shared<StoreRackStatus>();
+  commit_running_ = store_worker_->post(
+      [stores = stores_, items = std::make_shared<std::vector<StoreItem>>(to_store_), status] {
+        for (const StoreItem& item : *items) stores->append(item);
+        stores->commit();
+        *status = stores->status();
+      },
+      [this, status] {
+        commit_running_ = false;
+        on_store_status(*status);
+      });
+  if (commit_running_) to_store_.clear();
+}
+
+void TtcNode::on_store_status(const StoreRackStatus& status) {
+  for (const auto& [id, store] : status.stores) {
+    const auto before = std::find_if(store_status_.stores.begin(), store_status_.stores.end(),
+                                     [id = id](const auto& known) { return known.first == id; });
+    const std::uint64_t known =
+        before == store_status_.stores.end() ? 0 : before->second.counters.damaged_octets;
+    if (store.counters.damaged_octets == known) continue;
+    mission::TtcStoreDamagedEvent event;
+    event.store = id;
+    event.skipped = as_u32(store.counters.damaged_octets - known);
+    raise(event.severity, event.event_id, event.encoded());
+  }
+  store_status_ = status;
+  note_storage(stores_work_, status.failure.empty(), status.failure);
+}
+
+void TtcNode::note_storage(bool& known, bool works, const std::string& why) {
+  if (!works && known) {
+    log::error("storage unavailable: {}", why);
+    mission::TtcStorageUnavailableEvent event;
+    event.what = why;
+    raise(event.severity, event.event_id, event.encoded());
+  } else if (works && !known) {
+    log::info("storage is available again");
+  }
+  known = works;
+}
+
+void TtcNode::raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data) {
+  raise_event(event_id, static_cast<std::uint8_t>(severity), data);
+}
+
+void TtcNode::add_latency(mission::TtcHousekeeping& h) const {
+  const LatencyHistogram& latency = link_->acceptance_latency;
+  const auto us = [](nanoseconds d) { return as_u32(static_cast<std::uint64_t>(d.count() / 1000)); };
+  h.acceptance_latency_p50_us = us(latency.percentile(50));
+  h.acceptance_latency_p99_us = us(latency.percentile(99));
+  h.acceptance_latency_max_us = us(latency.longest());
+  static_assert(std::tuple_size_v<decltype(h.acceptance_latency)> == LatencyHistogram::bounds.size() + 1);
+  for (std::size_t i = 0; i < h.acceptance_latency.size(); ++i)
+    h.acceptance_latency[i] = as_u32(latency.counts()[i]);
+}
+
+void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
+  const UplinkCounters& up = link_->uplink.counters();
+  const wire::CltuDecoder::Counters& cltu = link_->uplink.cltu_counters();
+  const VerificationCounters& verification = link_->outbox.counters();
+  const DownlinkCounters down = link_->downlink.counters();
+  h.octets_received = up.octets;
+  h.start_sequences = as_u32(cltu.start_sequences);
+  h.cltus = as_u32(cltu.cltus_decoded);
+  h.bch_corrected = as_u32(cltu.corrected_bits);
+  h.bch_rejects = as_u32(cltu.blocks_rejected);
+  h.crc_rejects = as_u32(cltu.bad_fecf);
+  h.wrong_scid = up.wrong_scid;
+  h.wrong_length = as_u32(cltu.bad_length + cltu.cut_short + up.wrong_header);
+  h.wrong_vc = up.wrong_vc;
+  h.sdls_mac_failures = up.not_authentic;
+  h.sdls_replays = up.replayed;
+  h.farm_rejects = up.farm_discarded + up.bad_control_command;
+  h.packets_bad = up.bad_segment;
+  h.tc_accepted = verification.accepted;
+  h.tc_rejected = verification.rejected;
+  h.tc_started = verification.started;
+  h.tc_completed = verification.completed;
+  h.tc_failed = verification.failed;
+  h.tm_frames = down.frames;
+  h.tm_idle_frames = down.idle_frames;
+  for (std::size_t i = 0; i < down.packets.size(); ++i) {
+    h.tm_packets[i] = as_u32(down.packets[i]);
+    h.tm_dropped[i] = as_u32(down.dropped[i]);
+  }
+  h.tm_lost = as_u32(lost_frames_);
+}
+
+void TtcNode::send_own_housekeeping() {
+  mission::TtcHousekeeping h;
+  h.cycle = cycle_;
+  add_link_counters(h);
+  std::uint64_t failures = unstored_packets_;
+  std::uint64_t overwritten = 0;
+  for (std::size_t i = 0; i < store_status_.stores.size(); ++i) {
+    const PacketStoreCounters& counters = store_status_.stores[i].second.counters;
+    if (i < h.store_records.size()) h.store_records[i] = as_u32(counters.stored);
+    failures += counters.refused;
+    overwritten += counters.overwritten;
+  }
+  h.store_failures = as_u32(failures);
+  h.store_dropped = as_u32(overwritten);
+  h.events_suppressed = as_u32(link_->events.counters().suppressed + suppressed_events());
+  h.publish_drops = as_u32(telecommands_->refused());
+  std::uint64_t malformed = 0;
+  for (const auto& stats : input_stats_) malformed += stats().malformed;
+  h.dds_malformed = as_u32(malformed);
+  h.dds_foreign = as_u32(link_->housekeeping.counters().unknown + link_->events.counters().unknown +
+                         link_->forwarder.counters().stray_reports);
+  add_latency(h);
+  if (const auto report = link_->housekeeping.on_sample(h.apid, h.structure_id, h.encoded(), now())) {
+    send(report->report, report->live, true, false);
+  }
+  settle();
+}
+
+void TtcNode::send_beacon() {
+  BeaconInputs in;
+  in.cycle = cycle_;
+  in.boot_count = boot_count_;
+  in.mode = link_->mode.mode();
+  in.mode_reason = link_->mode.reason();
+  in.time_valid = link_->clock.valid();
+  in.storage_free_mib = store_status_.free_mib;
+  for (const auto& [id, store] : store_status_.stores) in.store_records += as_u32(store.records);
+  in.last_telecommand = link_->outbox.last();
+  std::size_t next = 0;
+  for (const ros::TelecommandChannel& channel : deployment().link.channels) {
+    if (channel.security != ros::ChannelSecurity::sdls || next == in.sdls_spi.size()) continue;
+    in.sdls_spi[next] = static_cast<std::uint16_t>(channel.spi);
+    in.sdls_counter[next] = link_->uplink.counter(in.sdls_spi[next]).value_or(0);
+    ++next;
+  }
+  const wire::FarmState& farm =
+      link_->uplink.farm(static_cast<std::uint8_t>(deployment().link.channels.front().virtual_channel));
+  in.farm_vr = farm.vr;
+  in.farm_lockout = farm.lockout;
+  using mission::Beacon;
+  const auto report = link_->housekeeping.on_sample(Beacon::apid, Beacon::structure_id,
+                                                    link_->beacon.build(in, now()), now());
+  // Unasked and in every mode: nobody can switch it off.
+  if (report) send(report->report, true, true, false);
+  settle();
+}
+
+void TtcNode::look_at_nodes() {
+  for (const std::string& node : std::exchange(answered_, {})) state_clients_.erase(node);
+  using Facts = std::vector<std::pair<std::string, NodeFacts>>;
+  auto facts = std::make_shared<Facts>();
+  state_worker_->post(
+      [paths = var(), names = link_->beacon.nodes(), facts] {
+        for (const std::string& node : names) {
+          NodeFacts known;
+          if (const auto instance = ros::find_instance(paths, node)) {
+            known.running = true;
+            known.version = instance->version;
+          }
+          known.restarts = ros::read_start_record(paths, node).restarts;
+          facts->emplace_back(node, known);
+        }
+      },
+      [this, facts] {
+        for (const auto& [node, known] : *facts) {
+          link_->beacon.on_facts(node,
+                                 node == name() ? NodeFacts{true, known.restarts, ros::version()} : known);
+        }
+        link_->beacon.on_lifecycle(name(), static_cast<std::uint8_t>(state()));
+        for (const std::string& node : link_->beacon.nodes_to_ask()) ask_for_state(node);
+      });
+}
+
+/// A node that came up before ttc has published its transitions already.
+void TtcNode::ask_for_state(const std::string& node) {
+  if (!is_active() || state_clients_.contains(node)) return;
+  auto client = create_client<lifecycle_msgs::srv::GetState>("/" + node + "/get_state");
+  state_clients_[node] = client;
+  client->call({}, seconds(2), 1, [this, node](const auto& response) {
+    if (response) link_->beacon.on_lifecycle(node, response->current_state.id);
+    answered_.push_back(node);  // a client cannot be dropped within its own callback
+  });
+}
+
+}  // namespace srfs

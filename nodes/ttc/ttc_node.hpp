@@ -1,0 +1,165 @@
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <lifecycle_msgs/msg/transition_event.hpp>
+#include <lifecycle_msgs/srv/get_state.hpp>
+
+#include <mission/structures.hpp>
+
+#include "hw/open.hpp"
+#include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/beacon_builder.hpp"
+#include "nodes/ttc/command_forwarder.hpp"
+#include "nodes/ttc/downlink_scheduler.hpp"
+#include "nodes/ttc/event_reporter.hpp"
+#include "nodes/ttc/housekeeping_scheduler.hpp"
+#include "nodes/ttc/latency_histogram.hpp"
+#include "nodes/ttc/link_state_file.hpp"
+#include "nodes/ttc/mode_keeper.hpp"
+#include "nodes/ttc/packet_maker.hpp"
+#include "nodes/ttc/packet_retrieval.hpp"
+#include "nodes/ttc/persistence_gate.hpp"
+#include "nodes/ttc/report_outbox.hpp"
+#include "nodes/ttc/spacecraft_clock.hpp"
+#include "nodes/ttc/store_rack.hpp"
+#include "nodes/ttc/telecommand_router.hpp"
+#include "nodes/ttc/uplink_chain.hpp"
+#include "ros/node.hpp"
+
+namespace srfs {
+
+/// The ground's end of the spacecraft: telecommands from the RS422 line to the nodes, everybody's telemetry
+/// to the store and to the line. Decisions are made by the classes above; here they are fed, and what they
+/// say is done.
+class TtcNode : public ros::LifecycleNode {
+ public:
+  explicit TtcNode(ros::NodeContext& context);
+
+ protected:
+  ros::CallbackReturn on_configure() override;
+  ros::CallbackReturn on_activate() override;
+  ros::CallbackReturn on_deactivate() override;
+  ros::CallbackReturn on_cleanup() override;
+  ros::CallbackReturn on_shutdown() override;
+  ros::CallbackReturn on_error() override;
+
+ private:
+  /// What is there from configure to cleanup. Order matters: later members use earlier ones.
+  struct Link {
+    Link(const mission::Dictionary& dictionary, std::uint32_t incarnation, UplinkConfig uplink_config,
+         const LinkState& stored, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
+         milliseconds persist_deadline, SpacecraftClock start, const std::string& own_name);
+
+    FailureCodes codes;
+    HousekeepingScheduler housekeeping;
+    EventReporter events;
+    ModeKeeper mode;
+    ReportOutbox outbox;
+    CommandForwarder forwarder;
+    PacketRetrieval retrieval;
+    TelecommandRouter router;
+    UplinkChain uplink;
+    PersistenceGate gate;
+    DownlinkScheduler downlink;
+    BeaconBuilder beacon;
+    PacketMaker packets;
+    SpacecraftClock clock;
+    LatencyHistogram acceptance_latency;  ///< last octet read to 1,1 handed to the framer
+  };
+
+  // Set-up (ttc_setup.cpp)
+  [[nodiscard]] Result<UplinkConfig, std::string> read_channels() const;
+  [[nodiscard]] Result<wire::SdlsKey, std::string> read_key(const std::string& file) const;
+  [[nodiscard]] Result<DownlinkConfig, std::string> read_downlink() const;
+  [[nodiscard]] ModeKeeper load_mode(bool ran_before);
+  [[nodiscard]] std::uint32_t load_boot_count() const;
+  [[nodiscard]] bool ran_before() const;
+  void fill_from_dictionary();
+  void subscribe();
+  void say_how_the_link_is_secured() const;
+
+  // Uplink
+  void read_line();
+  void take_uplinked(std::vector<UplinkedPacket> packets);
+  void persist_link_state();
+  void on_link_state_written(const Result<void, FileError>& written);
+  void execute_passed();
+  void report_findings();
+
+  // Outputs: everything the logic wants done after an input
+  void settle();
+  void publish_telecommands();
+  void send_reports(const std::vector<Report>& reports, std::optional<MonotonicTime> received);
+  void store_mode_change();
+  void publish_mode();
+  void report_rejections();
+  void send(const Report& report, bool live, bool stored, bool urgent);
+  void feed_playback();
+  void pump_downlink();
+  bool write_outgoing();
+  void arm_timer();
+
+  // Inputs from other nodes
+  void on_tick(const srfs_msgs::msg::TimeTick& tick);
+  void on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message);
+  void on_event_message(const srfs_msgs::msg::Event& message);
+  void on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message);
+
+  // Periodic work
+  void commit_stores();
+  void on_store_status(const StoreRackStatus& status);
+  void send_own_housekeeping();
+  void add_link_counters(mission::TtcHousekeeping& h) const;
+  void add_latency(mission::TtcHousekeeping& h) const;
+  void send_beacon();
+  void look_at_nodes();
+  void ask_for_state(const std::string& node);
+  void raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
+  /// @param known what was known before; only a change is said
+  void note_storage(bool& known, bool works, const std::string& why);
+
+  mission::Dictionary dictionary_;
+  std::unique_ptr<Link> link_;
+  std::unique_ptr<hw::SerialPort> line_;
+
+  // Used on their worker threads only, one job at a time; shared so that a late job never outlives what it
+  // uses.
+  std::shared_ptr<LinkStateFile> link_file_;
+  std::shared_ptr<StoreRack> stores_;
+  std::shared_ptr<ros::Worker> state_worker_;  ///< small synced writes: link state, mode
+  std::shared_ptr<ros::Worker> store_worker_;  ///< packet stores
+
+  std::vector<StoreItem> to_store_;  ///< since the last commit, bounded
+  StoreRackStatus store_status_;
+  bool commit_running_ = false;
+  int commits_missed_ = 0;
+  Octets outgoing_;                ///< of a CADU the line did not take whole
+  std::uint64_t lost_frames_ = 0;  ///< sent while the line was gone
+  std::uint64_t unstored_packets_ = 0;
+  bool state_durable_ = true;  ///< the link state reaches the disk in time
+  bool stores_work_ = true;
+  std::uint32_t boot_count_ = 1;
+  std::uint64_t cycle_ = 0;
+  std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event
+  std::uint64_t events_suppressed_before_ = 0;
+
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::Telecommand>> telecommands_;
+  std::shared_ptr<ros::Publisher<srfs_msgs::msg::SystemMode>> mode_publisher_;
+  std::vector<std::shared_ptr<void>> subscriptions_;
+  std::vector<std::function<ros::InputStats()>> input_stats_;
+  std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> state_clients_;
+  std::vector<std::string> answered_;  ///< nodes whose client has done its work
+  std::vector<ros::Timer> timers_;
+  ros::Timer wake_up_;
+  std::optional<MonotonicTime> wake_up_at_;
+  ros::Executor::Handle line_watch_;
+};
+
+}  // namespace srfs

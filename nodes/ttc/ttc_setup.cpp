@@ -1,0 +1,329 @@
+// How ttc comes up: parameters, keys, what is on disk, subscriptions.
+#include <algorithm>
+#include <cerrno>
+
+#include <fmt/format.h>
+#include <malloc.h>
+#include <sys/epoll.h>
+#include <sys/stat.h>
+
+#include "nodes/ttc/ttc_node.hpp"
+
+namespace srfs {
+namespace {
+
+constexpr std::size_t state_worker_capacity = 8;
+constexpr std::size_t store_worker_capacity = 8;
+
+std::optional<std::string> permission_problem(const std::filesystem::path& path) {
+  struct stat info {};
+  if (stat(path.c_str(), &info) != 0)
+    return fmt::format("{}: cannot be read: {}", path.string(), errno_text(errno));
+  if (!S_ISREG(info.st_mode)) return fmt::format("{}: expected a regular file", path.string());
+  if ((info.st_mode & 077U) != 0) {
+    return fmt::format("{}: expected mode 0600, others may not read a key (mode is {:04o})", path.string(),
+                       info.st_mode & 07777U);
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+TtcNode::Link::Link(const mission::Dictionary& dictionary, std::uint32_t incarnation,
+                    UplinkConfig uplink_config, const LinkState& stored, DownlinkConfig downlink_config,
+                    ModeKeeper mode_keeper, milliseconds persist_deadline, SpacecraftClock start,
+                    const std::string& own_name)
+    : codes(dictionary),
+      mode(std::move(mode_keeper)),
+      forwarder(incarnation, {.not_taken = codes.node_unavailable, .no_completion = codes.completion_unknown},
+                outbox),
+      retrieval(outbox),
+      router({.dictionary = dictionary,
+              .codes = codes,
+              .housekeeping = housekeeping,
+              .events = events,
+              .mode = mode,
+              .forwarder = forwarder,
+              .retrieval = retrieval,
+              .outbox = outbox},
+             own_name),
+      uplink(std::move(uplink_config), stored),
+      gate(persist_deadline),
+      downlink(downlink_config),
+      beacon(dictionary),
+      clock(start) {}
+
+TtcNode::TtcNode(ros::NodeContext& context)
+    : LifecycleNode(context), dictionary_(mission::Dictionary::load(mission::Dictionary::default_folder())) {
+  declare_parameter("initial_mode", std::string("safe"),
+                    "Mode of a deployment that never ran: safe or nominal", true);
+  declare_parameter("beacon_period_ms", std::int64_t{30000}, ros::ParameterRange{1000, 600000},
+                    "Period of the beacon", true);
+  declare_parameter("housekeeping_period_ms", std::int64_t{5000}, ros::ParameterRange{100, 600000},
+                    "Period of the sample of the own link counters", true);
+  declare_parameter("persist_deadline_ms", std::int64_t{1000}, ros::ParameterRange{10, 60000},
+                    "Longest wait for the anti-replay state to be on disk; then only recovery commands run",
+                    true);
+}
+
+Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) const {
+  const std::filesystem::path path = var().root / file;
+  if (const auto problem = permission_problem(path)) return Err(*problem);
+  auto text = read_file(path, 4096);
+  if (!text) return Err(text.error().message);
+  while (!text->empty() && (text->back() == '\n' || text->back() == '\r')) text->pop_back();
+  auto key = wire::SdlsKey::from_hex(*text);
+  std::fill(text->begin(), text->end(), '\0');
+  if (!key) return Err(fmt::format("{}: expected 64 hexadecimal digits", path.string()));
+  return std::move(*key);
+}
+
+Result<UplinkConfig, std::string> TtcNode::read_channels() const {
+  const ros::LinkSettings& settings = deployment().link;
+  UplinkConfig config;
+  config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
+  config.cltu.randomized = settings.tc_randomizer;
+  config.cltu.correct_single_bits = settings.tc_correct_single_bits;
+  for (const ros::TelecommandChannel& entry : settings.channels) {
+    const auto vc = static_cast<std::uint8_t>(entry.virtual_channel);
+    auto channel = std::find_if(config.channels.begin(), config.channels.end(),
+                                [&](const UplinkChannel& c) { return c.vc == vc; });
+    if (channel == config.channels.end()) {
+      config.channels.push_back(UplinkChannel{.vc = vc, .associations = {}});
+      channel = config.channels.end() - 1;
+    }
+    if (entry.security == ros::ChannelSecurity::none) continue;
+    auto key = read_key(entry.key_file);
+    if (!key) return Err(key.error());
+    // One association carries both frame types; of two the first is for BD, the second for AD.
+    const bool first = channel->associations.empty();
+    if (!first) channel->associations.front().for_ad = false;
+    channel->associations.push_back(UplinkAssociation{.spi = static_cast<std::uint16_t>(entry.spi),
+                                                      .key = std::move(*key),
+                                                      .for_ad = true,
+                                                      .for_bd = first});
+  }
+  if (config.channels.empty())
+    return Err(fmt::format("{}: 'link.tc_channels': expected one at least", deployment().file.string()));
+  return config;
+}
+
+Result<DownlinkConfig, std::string> TtcNode::read_downlink() const {
+  const ros::LinkSettings& settings = deployment().link;
+  DownlinkConfig config;
+  config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
+  config.baud = static_cast<std::uint32_t>(settings.baud);
+  config.cadu = {.frame_octets = static_cast<std::size_t>(settings.tm_frame_length),
+                 .reed_solomon = settings.tm_reed_solomon,
+                 .interleave = static_cast<unsigned>(settings.tm_interleave),
+                 .randomize = settings.tm_randomizer};
+  const bool fits = config.cadu.frame_octets >= wire::tm_frame_octets_min &&
+                    config.cadu.frame_octets <= wire::tm_frame_octets_max && wire::is_valid(config.cadu);
+  if (!fits) {
+    return Err(fmt::format("{}: 'link.tm': frame_length {} does not fit reed_solomon and interleave {}",
+                           deployment().file.string(), settings.tm_frame_length, settings.tm_interleave));
+  }
+  return config;
+}
+
+bool TtcNode::ran_before() const {
+  std::error_code ec;
+  return std::filesystem::exists(state_dir() / "boot", ec) ||
+         std::filesystem::exists(state_dir() / "link_state", ec) ||
+         std::filesystem::exists(state_dir() / "mode", ec);
+}
+
+ModeKeeper TtcNode::load_mode(bool ran) {
+  const auto initial = get_parameter<std::string>("initial_mode");
+  if (initial != "safe" && initial != "nominal") {
+    throw ConfigError(fmt::format("{}: ttc parameter 'initial_mode': expected safe or nominal, found '{}'",
+                                  deployment().file.string(), initial));
+  }
+  const auto stored = read_file(state_dir() / "mode", 256);
+  const StoredModeState state = stored ? StoredModeState::present
+                                : ran  ? StoredModeState::missing
+                                       : StoredModeState::first_start;
+  ModeKeeper keeper(state, stored.value_or(""), initial == "nominal" ? Mode::nominal : Mode::safe);
+  if (const auto written = write_file_atomically(state_dir() / "mode", keeper.stored_text()); !written) {
+    log::error("the mode is not durable: {}", written.error().message);
+  }
+  log::info("mode {}: {}", keeper.mode() == Mode::nominal ? "nominal" : "safe", keeper.reason());
+  return keeper;
+}
+
+/// Counts kernel boots: the kernel makes a new boot id each time.
+std::uint32_t TtcNode::load_boot_count() const {
+  const auto boot_id = read_file("/proc/sys/kernel/random/boot_id", 64);
+  const std::string id = boot_id ? boot_id->substr(0, 36) : "unknown";
+  std::uint32_t count = 0;
+  std::string known;
+  if (const auto text = read_file(state_dir() / "boot", 256)) {
+    known = text->substr(0, text->find(' '));
+    const std::size_t at = text->find(' ');
+    if (at != std::string::npos)
+      count = static_cast<std::uint32_t>(std::strtoul(text->c_str() + at, nullptr, 10));
+  }
+  if (known == id && count > 0) return count;
+  ++count;
+  if (const auto written = write_file_atomically(state_dir() / "boot", fmt::format("{} {}\n", id, count));
+      !written) {
+    log::error("the boot count is not durable: {}", written.error().message);
+  }
+  return count;
+}
+
+ros::CallbackReturn TtcNode::on_configure() {
+  auto channels = read_channels();
+  auto downlink = channels ? read_downlink() : Err(channels.error());
+  if (!downlink) {
+    set_failure_reason(downlink.error());
+    return ros::CallbackReturn::failure;
+  }
+  auto line =
+      hw::open_serial(device("rs422"), static_cast<std::uint32_t>(deployment().link.baud), var().root);
+  if (!line) {
+    set_failure_reason(line.error().message);
+    return ros::CallbackReturn::failure;
+  }
+  line_ = std::move(*line);
+
+  const bool ran = ran_before();
+  link_file_ = std::make_shared<LinkStateFile>(state_dir() / "link_state");
+  const LinkStateFile::Found found = link_file_->load();
+  if (ran && (found.damaged_copies == 2 || !found.existed)) {
+    log::error("the anti-replay counters are lost: frames recorded earlier would be accepted once more");
+  }
+  link_ =
+      std::make_unique<Link>(dictionary_, incarnation(), std::move(*channels), found.state, *downlink,
+                             load_mode(ran), milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
+                             SpacecraftClock(system_utc_now(), monotonic_now()), name());
+  boot_count_ = load_boot_count();
+  fill_from_dictionary();
+  stores_ = std::make_shared<StoreRack>(dictionary_, var().root / "store");
+  state_worker_ = create_worker("ttc_state", state_worker_capacity);
+  store_worker_ = create_worker("ttc_store", store_worker_capacity);
+  store_worker_->post([stores = stores_] { stores->open(); });
+  subscribe();
+  say_how_the_link_is_secured();
+  malloc_trim(0);  // reading the dictionary took more than keeping it does
+  return ros::CallbackReturn::success;
+}
+
+void TtcNode::fill_from_dictionary() {
+  for (const mission::Structure& structure : dictionary_.structures()) {
+    if (structure.kind != mission::StructureKind::housekeeping || structure.id == 0) continue;
+    // What ttc samples itself already comes at its period.
+    const bool own = structure.node == name();
+    std::size_t text_octets = 0;
+    for (const mission::Field& field : structure.fields) {
+      if (field.type == mission::FieldType::text) text_octets += field.max_text * field.count;
+    }
+    link_->housekeeping.add_structure(
+        structure.id, structure.apid, structure.max_size() - text_octets, structure.max_size(),
+        {.enabled = true, .interval = own ? milliseconds(0) : structure.interval});
+  }
+  for (const mission::Event& event : dictionary_.events()) link_->events.add_event(event.id);
+}
+
+void TtcNode::subscribe() {
+  const auto keep = [this](auto subscription) {
+    input_stats_.push_back([subscription] { return subscription->stats(); });
+    subscriptions_.push_back(subscription);
+  };
+  telecommands_ = create_publisher(ros::topics::telecommand);
+  mode_publisher_ = create_publisher(ros::topics::mode);
+  keep(
+      create_subscription(ros::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
+  keep(create_subscription(ros::topics::event,
+                           [this](const srfs_msgs::msg::Event& m) { on_event_message(m); }));
+  keep(create_subscription(ros::topics::telecommand_report,
+                           [this](const srfs_msgs::msg::TelecommandReport& m) { on_telecommand_report(m); }));
+  for (const std::string& node : link_->beacon.nodes()) {
+    if (node == name()) continue;
+    keep(create_subscription(ros::topics::telemetry(node),
+                             [this, node](const srfs_msgs::msg::PayloadTelemetry& m) {
+                               if (m.source == node) on_telemetry(m);
+                             }));
+    keep(create_subscription(
+        ros::Topic<lifecycle_msgs::msg::TransitionEvent>{"/" + node + "/transition_event", {}},
+        [this, node](const lifecycle_msgs::msg::TransitionEvent& m) {
+          link_->beacon.on_lifecycle(node, m.goal_state.id);
+        }));
+  }
+}
+
+void TtcNode::say_how_the_link_is_secured() const {
+  for (const ros::TelecommandChannel& channel : deployment().link.channels) {
+    if (channel.security == ros::ChannelSecurity::none) {
+      log::warn(
+          "TC VIRTUAL CHANNEL {} HAS NO SECURITY: anybody on the line can command this spacecraft. For tests "
+          "only.",
+          channel.virtual_channel);
+    } else {
+      log::info("TC virtual channel {}: SDLS, SPI {}", channel.virtual_channel, channel.spi);
+    }
+  }
+}
+
+ros::CallbackReturn TtcNode::on_activate() {
+  line_watch_ = watch_fd(line_->fd(), EPOLLIN, [this](std::uint32_t) { read_line(); });
+  timers_.push_back(create_timer(seconds(1), [this] { commit_stores(); }));
+  timers_.push_back(create_timer(ModeKeeper::publish_period, [this] { publish_mode(); }));
+  timers_.push_back(create_timer(milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
+                                 [this] { send_own_housekeeping(); }));
+  timers_.push_back(
+      create_timer(milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }));
+  timers_.push_back(create_timer(seconds(5), [this] { look_at_nodes(); }));
+  look_at_nodes();
+  publish_mode();
+  settle();
+  return ros::CallbackReturn::success;
+}
+
+ros::CallbackReturn TtcNode::on_deactivate() {
+  wake_up_.reset();
+  wake_up_at_.reset();
+  timers_.clear();
+  line_watch_.reset();
+  if (!to_store_.empty()) {
+    store_worker_->post([stores = stores_, items = std::exchange(to_store_, {})] {
+      for (const StoreItem& item : items) stores->append(item);
+      stores->commit();
+    });
+  }
+  return ros::CallbackReturn::success;
+}
+
+ros::CallbackReturn TtcNode::on_cleanup() {
+  subscriptions_.clear();
+  input_stats_.clear();
+  state_clients_.clear();
+  telecommands_.reset();
+  mode_publisher_.reset();
+  // Nothing that was accepted or collected is lost by an orderly end.
+  if (state_worker_) state_worker_->drain();
+  if (store_worker_) store_worker_->drain();
+  state_worker_.reset();
+  store_worker_.reset();
+  stores_.reset();
+  link_file_.reset();
+  line_.reset();
+  link_.reset();
+  outgoing_.clear();
+  commit_running_ = false;
+  return ros::CallbackReturn::success;
+}
+
+ros::CallbackReturn TtcNode::on_shutdown() {
+  if (link_) {
+    on_deactivate();
+    on_cleanup();
+  }
+  return ros::CallbackReturn::success;
+}
+
+ros::CallbackReturn TtcNode::on_error() {
+  return on_shutdown();
+}
+
+}  // namespace srfs

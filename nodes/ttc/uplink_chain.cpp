@@ -1,0 +1,202 @@
+#include "nodes/ttc/uplink_chain.hpp"
+
+#include <algorithm>
+#include <cassert>
+
+namespace srfs {
+
+UplinkChain::UplinkChain(UplinkConfig config, const LinkState& stored)
+    : config_(std::move(config)), decoder_(config_.cltu) {
+  state_.generation = stored.generation;
+  for (const UplinkChannel& channel : config_.channels) {
+    const auto known = std::find_if(stored.channels.begin(), stored.channels.end(),
+                                    [&](const LinkState::Channel& c) { return c.vc == channel.vc; });
+    state_.channels.push_back(LinkState::Channel{
+        .vc = channel.vc, .farm = known != stored.channels.end() ? known->farm : wire::FarmState{}});
+    for (const UplinkAssociation& association : channel.associations) {
+      const auto counter =
+          std::find_if(stored.associations.begin(), stored.associations.end(),
+                       [&](const LinkState::Association& a) { return a.spi == association.spi; });
+      if (counter != stored.associations.end()) state_.associations.push_back(*counter);
+    }
+  }
+  // A wait that was on when the process ended has nobody left to end it.
+  set_buffer_available(true);
+}
+
+std::vector<UplinkedPacket> UplinkChain::push(OctetView octets, MonotonicTime now) {
+  counters_.octets += octets.size();
+  return on_frames(decoder_.push(octets, now));
+}
+
+std::vector<UplinkedPacket> UplinkChain::on_idle(MonotonicTime now) {
+  return on_frames(decoder_.on_idle(now));
+}
+
+std::optional<MonotonicTime> UplinkChain::idle_deadline() const {
+  if (!decoder_.in_cltu()) return std::nullopt;
+  return decoder_.silence_deadline();
+}
+
+std::vector<UplinkedPacket> UplinkChain::on_frames(const std::vector<Octets>& frames) {
+  std::vector<UplinkedPacket> packets;
+  for (const Octets& frame : frames) {
+    if (auto packet = on_frame(frame)) packets.push_back(std::move(*packet));
+  }
+  return packets;
+}
+
+std::optional<UplinkedPacket> UplinkChain::on_frame(OctetView octets) {
+  const auto frame = wire::decode_tc_frame(octets, config_.spacecraft_id);
+  if (!frame) {
+    ++(frame.error() == wire::TcFrameError::wrong_spacecraft ? counters_.wrong_scid : counters_.wrong_header);
+    return std::nullopt;
+  }
+  const UplinkChannel* channel = channel_of(frame->vc);
+  if (channel == nullptr) {
+    ++counters_.wrong_vc;
+    return std::nullopt;
+  }
+  if (frame->type == wire::TcFrameType::bc) {
+    on_control_frame(channel->vc, *frame);
+    return std::nullopt;
+  }
+  return on_data_frame(*channel, *frame);
+}
+
+std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& channel,
+                                                         const wire::TcFrame& frame) {
+  UplinkedPacket packet{
+      .vc = channel.vc, .frame_type = frame.type, .spi = std::nullopt, .counter = 0, .packet = {}};
+  std::optional<wire::SdlsOpened> opened;
+  if (!channel.associations.empty()) {
+    opened = open_secured(channel, frame);
+    if (!opened) return std::nullopt;
+    packet.spi = opened->spi;
+    packet.counter = opened->counter;
+  }
+
+  const wire::FarmOutcome outcome =
+      wire::farm_receive(farm(channel.vc), frame, buffer_available_, config_.farm_window);
+  set_farm(channel.vc, outcome.state);
+  if (outcome.verdict != wire::FarmVerdict::accept_sequenced &&
+      outcome.verdict != wire::FarmVerdict::accept_expedited) {
+    ++counters_.farm_discarded;
+    return std::nullopt;
+  }
+  if (opened) {
+    set_counter(opened->spi, opened->counter);
+    if (opened->segment_header != wire::segment_header_unsegmented || opened->packet.empty()) {
+      ++counters_.bad_segment;
+      return std::nullopt;
+    }
+    packet.packet = std::move(opened->packet);
+  } else {
+    const auto payload = wire::segment_payload(frame.data);
+    if (!payload) {
+      ++counters_.bad_segment;
+      return std::nullopt;
+    }
+    packet.packet.assign(payload->begin(), payload->end());
+  }
+  ++counters_.packets;
+  return packet;
+}
+
+std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& channel,
+                                                          const wire::TcFrame& frame) {
+  const auto refuse = [&] {
+    ++counters_.not_authentic;
+    find({.kind = SecurityFinding::Kind::not_authentic, .vc = channel.vc, .counter = 0});
+    return std::nullopt;
+  };
+  const auto spi = wire::sdls_claimed_spi(frame.data);
+  const auto association =
+      std::find_if(channel.associations.begin(), channel.associations.end(), [&](const UplinkAssociation& a) {
+        return spi == a.spi && (frame.type == wire::TcFrameType::ad ? a.for_ad : a.for_bd);
+      });
+  if (association == channel.associations.end()) return refuse();
+  auto opened = wire::sdls_open(association->key, association->spi, channel.vc, frame.data);
+  if (!opened) return refuse();
+  if (!wire::is_fresh(counter(association->spi), opened->counter)) {
+    ++counters_.replayed;
+    find({.kind = SecurityFinding::Kind::replayed, .vc = channel.vc, .counter = opened->counter});
+    return std::nullopt;
+  }
+  return std::move(*opened);
+}
+
+void UplinkChain::on_control_frame(std::uint8_t vc, const wire::TcFrame& frame) {
+  const wire::FarmOutcome outcome =
+      wire::farm_receive(farm(vc), frame, buffer_available_, config_.farm_window);
+  set_farm(vc, outcome.state);
+  ++(outcome.verdict == wire::FarmVerdict::control_executed ? counters_.control_commands
+                                                            : counters_.bad_control_command);
+}
+
+const UplinkChannel* UplinkChain::channel_of(std::uint8_t vc) const {
+  const auto found = std::find_if(config_.channels.begin(), config_.channels.end(),
+                                  [&](const UplinkChannel& channel) { return channel.vc == vc; });
+  return found == config_.channels.end() ? nullptr : &*found;
+}
+
+LinkState::Channel& UplinkChain::channel_state(std::uint8_t vc) {
+  const auto found = std::find_if(state_.channels.begin(), state_.channels.end(),
+                                  [&](const LinkState::Channel& channel) { return channel.vc == vc; });
+  assert(found != state_.channels.end());
+  return *found;
+}
+
+const wire::FarmState& UplinkChain::farm(std::uint8_t vc) const {
+  return const_cast<UplinkChain*>(this)
+      ->channel_state(vc)
+      .farm;  // NOLINT(cppcoreguidelines-pro-type-const-cast)
+}
+
+std::optional<std::uint64_t> UplinkChain::counter(std::uint16_t spi) const {
+  for (const LinkState::Association& association : state_.associations) {
+    if (association.spi == spi) return association.counter;
+  }
+  return std::nullopt;
+}
+
+void UplinkChain::set_farm(std::uint8_t vc, const wire::FarmState& farm) {
+  LinkState::Channel& channel = channel_state(vc);
+  if (channel.farm == farm) return;
+  channel.farm = farm;
+  ++state_.generation;
+}
+
+void UplinkChain::set_counter(std::uint16_t spi, std::uint64_t counter) {
+  ++state_.generation;
+  for (LinkState::Association& association : state_.associations) {
+    if (association.spi == spi) {
+      association.counter = counter;
+      return;
+    }
+  }
+  state_.associations.push_back(LinkState::Association{.spi = spi, .counter = counter});
+}
+
+void UplinkChain::set_buffer_available(bool available) {
+  const bool released = available && !buffer_available_;
+  buffer_available_ = available;
+  for (LinkState::Channel& channel : state_.channels) {
+    if (available && (released || channel.farm.wait)) {
+      set_farm(channel.vc, wire::farm_step(channel.farm, wire::FarmEvent::e10_buffer_released).state);
+    }
+  }
+}
+
+std::uint32_t UplinkChain::next_clcw() {
+  if (state_.channels.empty()) return 0;
+  const LinkState::Channel& channel = state_.channels[clcw_turn_++ % state_.channels.size()];
+  return wire::encode_clcw(wire::make_clcw(channel.farm, channel.vc));
+}
+
+void UplinkChain::find(SecurityFinding finding) {
+  if (findings_.size() == max_findings) findings_.erase(findings_.begin());
+  findings_.push_back(finding);
+}
+
+}  // namespace srfs

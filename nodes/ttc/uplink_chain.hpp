@@ -1,0 +1,128 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/time.hpp"
+#include "nodes/ttc/link_state.hpp"
+#include "wire/cltu.hpp"
+#include "wire/farm1.hpp"
+#include "wire/sdls.hpp"
+#include "wire/tc_frame.hpp"
+
+namespace srfs {
+
+/// One SDLS security association of the uplink.
+struct UplinkAssociation {
+  std::uint16_t spi = 0;
+  wire::SdlsKey key;
+  bool for_ad = true;  ///< AD frames may use it
+  bool for_bd = true;
+};
+
+/// One TC virtual channel in use.
+struct UplinkChannel {
+  std::uint8_t vc = 0;
+  std::vector<UplinkAssociation> associations;  ///< empty: no security (test deployments only)
+};
+
+struct UplinkConfig {
+  std::uint16_t spacecraft_id = 0;
+  wire::CltuDecoder::Config cltu;
+  std::uint8_t farm_window = wire::farm_window_default;
+  std::vector<UplinkChannel> channels;
+};
+
+/// One count per reason; every octet that came and every frame that did not get through is in one of them.
+struct UplinkCounters {
+  std::uint64_t octets = 0;
+  std::uint32_t wrong_scid = 0;
+  std::uint32_t wrong_header = 0;  ///< version, spare bits, reserved type, length
+  std::uint32_t wrong_vc = 0;
+  std::uint32_t not_authentic = 0;  ///< too short, unknown or unfit association, wrong MAC
+  std::uint32_t replayed = 0;
+  std::uint32_t farm_discarded = 0;
+  std::uint32_t bad_control_command = 0;
+  std::uint32_t bad_segment = 0;
+  std::uint32_t control_commands = 0;  ///< BC frames executed
+  std::uint32_t packets = 0;           ///< handed out
+};
+
+/// A space packet that came up, and on which way.
+struct UplinkedPacket {
+  std::uint8_t vc = 0;
+  wire::TcFrameType frame_type = wire::TcFrameType::bd;
+  std::optional<std::uint16_t> spi;  ///< nullopt: channel without security
+  std::uint64_t counter = 0;         ///< of the association
+  Octets packet;                     ///< not judged yet
+};
+
+/// A frame that security refused, for the events that say so.
+struct SecurityFinding {
+  enum class Kind : std::uint8_t { not_authentic, replayed };
+  Kind kind = Kind::not_authentic;
+  std::uint8_t vc = 0;
+  std::uint64_t counter = 0;  ///< replayed: the old counter
+};
+
+/// The uplink from octets of the line to space packets: CLTU, TC frame, virtual channel, SDLS (MAC, then
+/// counter), FARM-1, segment header. Never blocks. A frame advances its association's counter only when
+/// FARM-1 accepted it.
+class UplinkChain {
+ public:
+  static constexpr std::size_t max_findings = 16;
+
+  /// @param stored what was remembered; channels and associations no longer configured are forgotten
+  UplinkChain(UplinkConfig config, const LinkState& stored);
+
+  /// @param now not before the previous call. @return packets in order of arrival
+  [[nodiscard]] std::vector<UplinkedPacket> push(OctetView octets, MonotonicTime now);
+  /// Ends a CLTU that was cut short. To be called at idle_deadline().
+  [[nodiscard]] std::vector<UplinkedPacket> on_idle(MonotonicTime now);
+  [[nodiscard]] std::optional<MonotonicTime> idle_deadline() const;
+
+  /// Whether AD frames can be taken now; false makes FARM-1 wait. Turning true ends the wait.
+  void set_buffer_available(bool available);
+
+  /// The control word for the next TM frame; the channels take turns.
+  [[nodiscard]] std::uint32_t next_clcw();
+
+  /// What must be on disk before the packets handed out so far may be executed.
+  [[nodiscard]] const LinkState& state() const { return state_; }
+  [[nodiscard]] const wire::FarmState& farm(std::uint8_t vc) const;
+  /// Last accepted counter of an association; nullopt: none yet.
+  [[nodiscard]] std::optional<std::uint64_t> counter(std::uint16_t spi) const;
+  [[nodiscard]] const UplinkCounters& counters() const { return counters_; }
+  [[nodiscard]] const wire::CltuDecoder::Counters& cltu_counters() const { return decoder_.counters(); }
+  /// The newest findings since the last call, at most max_findings.
+  [[nodiscard]] std::vector<SecurityFinding> take_findings() { return std::exchange(findings_, {}); }
+
+ private:
+  [[nodiscard]] std::vector<UplinkedPacket> on_frames(const std::vector<Octets>& frames);
+  [[nodiscard]] std::optional<UplinkedPacket> on_frame(OctetView octets);
+  [[nodiscard]] std::optional<UplinkedPacket> on_data_frame(const UplinkChannel& channel,
+                                                            const wire::TcFrame& frame);
+  /// @return the opened field of a secured channel; nullopt: refused and counted
+  [[nodiscard]] std::optional<wire::SdlsOpened> open_secured(const UplinkChannel& channel,
+                                                             const wire::TcFrame& frame);
+  void on_control_frame(std::uint8_t vc, const wire::TcFrame& frame);
+  [[nodiscard]] const UplinkChannel* channel_of(std::uint8_t vc) const;
+  [[nodiscard]] LinkState::Channel& channel_state(std::uint8_t vc);
+  void set_farm(std::uint8_t vc, const wire::FarmState& farm);
+  void set_counter(std::uint16_t spi, std::uint64_t counter);
+  void find(SecurityFinding finding);
+
+  UplinkConfig config_;
+  wire::CltuDecoder decoder_;
+  LinkState state_;
+  bool buffer_available_ = true;
+  std::size_t clcw_turn_ = 0;
+  UplinkCounters counters_;
+  std::vector<SecurityFinding> findings_;
+};
+
+}  // namespace srfs

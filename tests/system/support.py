@@ -1,0 +1,76 @@
+"""What the system tests share: the programs under test, a VAR folder of their own, conditions with deadlines."""
+
+import contextlib
+import os
+import pathlib
+import shutil
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+BIN = pathlib.Path(os.environ.get("SRFS_BIN", ROOT / "build-release" / "bin"))
+PYTHON = "/usr/bin/python3"
+DEMO = ROOT / "tools" / "demo"
+sys.path.insert(0, str(DEMO))
+
+import mission  # noqa: E402  (found through the path above)
+from mission import wait_until  # noqa: E402, F401
+
+PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
+DEADLINE_S = 30  # for a condition; generous, the machine may be busy
+
+
+class SystemTest(unittest.TestCase):
+    """Each test has its own VAR; what is still there of its processes at the end is ended, by pid, and fails the test."""
+
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="srfs-test-"))
+        self.var = self.folder / "var"
+        self.addCleanup(self._clean)
+
+    def _clean(self):
+        left = {}
+        for var in self.folder.iterdir():
+            left.update(mission.processes_of(var))
+        mission.end_processes(left)
+        if left or not self._outcome.success:
+            self._show_logs()
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self.assertEqual(left, {}, "processes left behind")
+
+    def _show_logs(self):
+        for log in sorted(self.folder.glob("*/log/*.log")):
+            lines = log.read_text(errors="replace").splitlines()[-15:]
+            print(f"--- {log.relative_to(self.folder)}", *lines, sep="\n", file=sys.stderr)
+
+    @contextlib.contextmanager
+    def flight(self, deployment="sim"):
+        """A running simulation; that it ends without leaving anything behind is part of every test."""
+        with mission.Mission(self.var, deployment, BIN, print) as flight:
+            yield flight
+
+    def deployment(self, *replacements, base="sim"):
+        """A copy of a deployment with some text replaced."""
+        text = (ROOT / "launch_config" / f"{base}.yaml").read_text()
+        for old, new in replacements:
+            self.assertIn(old, text)
+            text = text.replace(old, new, 1)
+        path = self.folder / "changed.yaml"
+        path.write_text(text)
+        return path
+
+    def assert_nothing_left(self, var):
+        self.assertEqual(mission.processes_of(var), {})
+        self.assertEqual([p.name for p in (var / "run").glob("*")], [])
+        self.assertFalse((var / "rs422").is_symlink())
+
+
+def slots(recorder, payload, status, since=0):
+    """The recorded ends of slots of a payload ("released" or "failed")."""
+    return recorder.select(lambda m: m["type"] == "bus" and m["payload"] == payload and m["status"] == status, since)
+
+
+def wait_for_slots(recorder, payload, status, count, since):
+    """Waits for `count` ends of slots from position `since` on."""
+    wait_until(lambda: len(slots(recorder, payload, status, since)) >= count, DEADLINE_S, f"{count} {status} slots of {payload}")

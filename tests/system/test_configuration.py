@@ -1,0 +1,55 @@
+"""A deployment file that cannot be used: the message names the file, the key and what was expected; exit code 2."""
+
+import subprocess
+import unittest
+
+from support import BIN, DEMO, PYTHON, SystemTest
+
+MISTAKES = [
+    # (what, text of sim.yaml, its replacement, what the message names)
+    ("an unknown key", "dds: { domain: auto,", "dds: { domian: 1, domain: auto,", "domian"),
+    ("a wrong type", "tick_period_ms: 100", "tick_period_ms: soon", "tick_period_ms"),
+    ("a value out of its range", "baud: 921600", "baud: -1", "baud"),
+    ("an unknown parameter", "parameters: { initial_mode: nominal }", "parameters: { initial_mood: nominal }", "initial_mood"),
+    ("a slot without its time", "{ payload: payload_eps, allotted_ms: 60,", "{ payload: payload_eps,", "allotted_ms"),
+    ("a missing device", '  can: "sim:run/can_hub.sock"\n', "", "can"),
+    ("a device of an unknown kind", '"sim:run/can_hub.sock"', '"pigeon:loft"', "devices.can"),
+    ("an unknown key of the simulation", "simulation: ", "simulation_x: ", "simulation_x"),
+    ("a wrong type in the simulation", "time_acceleration: 60", "time_acceleration: fast", "time_acceleration"),
+]
+
+
+class ConfigurationTest(SystemTest):
+    def start(self, deployment):
+        return subprocess.run(
+            [PYTHON, str(DEMO / "sim.py"), "--bin", str(BIN), "--var", str(self.var), "--deployment", str(deployment)],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=90,
+        )  # fmt: skip
+
+    def test_each_mistake_is_named(self):
+        for what, old, new, named in MISTAKES:
+            with self.subTest(what):
+                result = self.start(self.deployment((old, new)))
+                said = result.stdout + result.stderr
+                self.assertEqual(result.returncode, 2, said)
+                self.assertIn("changed.yaml", said)
+                self.assertIn(named, said)
+                self.assertIn("expected", said)
+                self.assert_nothing_left(self.var)
+
+    def test_a_deployment_that_does_not_exist_is_refused_with_the_known_names(self):
+        result = self.start("moon")
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("no deployment 'moon'", result.stderr)
+        self.assertIn("sim_open", result.stderr)
+
+    def test_no_yaml_at_all(self):
+        broken = self.folder / "changed.yaml"
+        broken.write_text("nodes: [ {")
+        result = self.start(broken)
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("changed.yaml", result.stdout + result.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,93 @@
+"""Faults of a peripheral, of a node's state and of the watchdog's feeder: a defined reaction, the others fly on."""
+
+import os
+import signal
+import unittest
+
+from support import DEADLINE_S, PAYLOADS, SystemTest, slots, wait_for_slots, wait_until
+
+HEALTHY = ("payload_adcs", "payload_thermal")
+STATES_UP = "all nodes are active"
+
+
+class PeripheralFaultTest(SystemTest):
+    def test_the_rotation_goes_on_whatever_a_peripheral_does(self):
+        with self.flight() as flight:
+            recorder = flight.recorder()
+            for payload in PAYLOADS:
+                wait_for_slots(recorder, payload, "released", 3, 0)
+            for fault in ("silent", "late", "short", "garbage"):
+                with self.subTest(fault):
+                    since = recorder.position()
+                    flight.control({"peripheral": "eps", "fault": fault})
+                    wait_for_slots(recorder, "payload_eps", "failed", 2, since)
+                    since = recorder.position()
+                    for payload in HEALTHY:
+                        wait_for_slots(recorder, payload, "released", 5, since)
+
+                    since = recorder.position()
+                    flight.control({"peripheral": "eps", "fault": "none"})
+                    wait_for_slots(recorder, "payload_eps", "released", 3, since)
+            for payload in HEALTHY:
+                self.assertEqual(slots(recorder, payload, "failed"), [], "the others never noticed")
+            self.assertEqual([node["restarts"] for node in flight.status()], [0] * 6)
+
+
+class LifecycleTest(SystemTest):
+    def test_a_deactivated_payload_leaves_the_rotation_to_the_others_and_comes_back(self):
+        with self.flight() as flight:
+            recorder = flight.recorder()
+            wait_for_slots(recorder, "payload_eps", "released", 3, 0)
+            pid = flight.node_pid("payload_eps")
+
+            self.assertEqual(flight.srfs("lifecycle", "payload_eps", "deactivate").returncode, 0)
+            self.assertEqual(self.state(flight, "payload_eps"), "inactive")
+            since = recorder.position()
+            requests = self.requests_to_eps(flight)
+            for payload in HEALTHY:
+                wait_for_slots(recorder, payload, "released", 10, since)
+            self.assertEqual(self.requests_to_eps(flight), requests, "inactive sends nothing on the bus")
+            handed_back = slots(recorder, "payload_eps", "released", since)
+            self.assertEqual({m["detail"] for m in handed_back}, {"inactive"})
+
+            self.assertEqual(flight.srfs("lifecycle", "payload_eps", "activate").returncode, 0)
+            since = recorder.position()
+            wait_for_slots(recorder, "payload_eps", "released", 3, since)
+            self.assertEqual(flight.node_pid("payload_eps"), pid, "the same process all the time")
+
+    def test_a_transition_that_is_not_allowed_is_refused_by_name(self):
+        with self.flight() as flight:
+            result = flight.srfs("lifecycle", "payload_eps", "configure")
+            self.assertEqual(result.returncode, 1)
+            self.assertIn("configure", result.stdout + result.stderr)
+            self.assertEqual(self.state(flight, "payload_eps"), "active")
+            self.assertEqual(flight.srfs("lifecycle", "payload_sps", "activate").returncode, 2)
+
+    def requests_to_eps(self, flight):
+        return flight.control({"query": "counters"})["peripherals"]["eps"]["requests"]
+
+    def state(self, flight, name):
+        return next(node["state"] for node in flight.status() if node["name"] == name)
+
+
+class WatchdogTest(SystemTest):
+    def test_a_starving_watchdog_restarts_the_suite(self):
+        deployment = self.deployment(("watchdog: { timeout_ms: 10000 }", "watchdog: { timeout_ms: 3000 }"))
+        with self.flight(deployment) as flight:
+            wait_until(lambda: flight.control({"query": "counters"})["watchdog"]["armed"], DEADLINE_S, "the watchdog is armed")
+            before = flight.node_pid("timing")
+            os.kill(before, signal.SIGSTOP)
+
+            wait_until(lambda: flight.node_pid("timing") not in (None, before), DEADLINE_S, "timing is a new process")
+            wait_until(lambda: [node["state"] for node in flight.status()] == ["active"] * 6, DEADLINE_S, STATES_UP)
+            counters = flight.control({"query": "counters"})["watchdog"]
+            self.assertEqual(counters["restarts_started"], 1)
+            self.assertEqual(counters["restarts_failed"], 0)
+            self.assertTrue(all(node["restarts"] == 1 for node in flight.status()))
+
+            ground = flight.ground()
+            self.assertEqual(ground.command("ping --timeout 20", DEADLINE_S).get("stage"), "completed")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,114 @@
+"""./run sim: start, live, stop; twice on one machine; after it was killed."""
+
+import os
+import re
+import signal
+import subprocess
+import threading
+import unittest
+
+from support import BIN, DEADLINE_S, DEMO, PYTHON, SystemTest, mission, wait_until
+
+
+class Sim:
+    """A running ./run sim and what it has said."""
+
+    def __init__(self, var):
+        self.process = subprocess.Popen(
+            [PYTHON, str(DEMO / "sim.py"), "--bin", str(BIN), "--var", str(var)],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        self.said = ""
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            self.said += line
+
+    def says(self, text):
+        wait_until(lambda: text in self.said or self.process.poll() is not None, DEADLINE_S, f"'{text}' in:\n{self.said}")
+        if text not in self.said:
+            raise AssertionError(f"ended without saying '{text}':\n{self.said}")
+
+    def domain(self):
+        return int(re.search(r"DDS domain (\d+)", self.said).group(1))
+
+    def ends(self):
+        code = self.process.wait(DEADLINE_S)
+        self._thread.join(5)
+        self.process.stdout.close()
+        return code
+
+    def stop(self, number=signal.SIGTERM):
+        self.process.send_signal(number)
+        return self.ends()
+
+
+def ping(var):
+    return subprocess.run([BIN / "srfs-ground", "--port", var / "rs422", "ping", "--timeout", "10"], capture_output=True, text=True).returncode
+
+
+class SimulationTest(SystemTest):
+    def test_stays_up_until_a_signal_and_leaves_nothing_behind(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with self.subTest(signal=number.name):
+                sim = Sim(self.var)
+                sim.says("Ctrl-C ends it")
+                self.assertEqual(ping(self.var), 0)
+
+                self.assertEqual(sim.stop(number), 0, sim.said)
+                self.assert_nothing_left(self.var)
+
+    def test_two_run_side_by_side_and_a_second_in_the_same_folder_is_refused(self):
+        other_var = self.folder / "other"
+        first, second = Sim(self.var), Sim(other_var)
+        first.says("Ctrl-C ends it")
+        second.says("Ctrl-C ends it")
+        self.assertNotEqual(first.domain(), second.domain())
+
+        refused = Sim(self.var)
+        self.assertEqual(refused.ends(), 2)
+        self.assertIn(f"{self.var} is in use by a running simulation (pid {first.process.pid})", refused.said)
+
+        self.assertEqual(ping(self.var), 0)
+        self.assertEqual(ping(other_var), 0)
+        self.assertEqual(first.stop(), 0, first.said)
+        self.assertEqual(ping(other_var), 0, "the end of one does not touch the other")
+        self.assertEqual(second.stop(), 0, second.said)
+        self.assert_nothing_left(self.var)
+        self.assert_nothing_left(other_var)
+
+    def test_says_when_a_node_or_the_spacecraft_is_killed(self):
+        sim = Sim(self.var)
+        sim.says("Ctrl-C ends it")
+        pid = mission.lock_owner(self.var / "run" / "payload_thermal.lock")
+        os.kill(pid, signal.SIGKILL)
+        sim.says(f"payload_thermal (pid {pid}) is gone")
+
+        os.kill(int((self.var / "run" / "hw_sim.pid").read_text()), signal.SIGKILL)
+        sim.says("the simulated spacecraft killed by signal 9")
+        self.assertEqual(sim.ends(), 1)
+        self.assertEqual(mission.processes_of(self.var), {})
+
+
+class OrphansTest(SystemTest):
+    def test_what_a_killed_simulation_left_is_ended_before_a_new_one_starts(self):
+        killed = Sim(self.var)
+        killed.says("Ctrl-C ends it")
+        killed.stop(signal.SIGKILL)
+        orphans = mission.processes_of(self.var)
+        self.assertIn("hw_sim", orphans.values())
+        self.assertIn("ttc_node", orphans.values())
+
+        sim = Sim(self.var)
+        sim.says("was killed; ending what it left")
+        sim.says("Ctrl-C ends it")
+        self.assertEqual(set(orphans) & set(mission.processes_of(self.var)), set())
+        self.assertEqual(ping(self.var), 0)
+        self.assertEqual(sim.stop(), 0, sim.said)
+        self.assert_nothing_left(self.var)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,195 @@
+#include <bit>
+
+#include <gtest/gtest.h>
+
+#include "hw_sim/can_log.hpp"
+#include "hw_sim/gpio_bank.hpp"
+#include "hw_sim/gps_receiver.hpp"
+#include "hw_sim/serial_line.hpp"
+#include "hw_sim/settings.hpp"
+#include "hw_sim/starvation_timer.hpp"
+
+namespace srfs::sim {
+namespace {
+
+const UtcTime utc = *from_iso8601("2026-11-21T08:00:00Z");
+constexpr MonotonicTime origin{seconds(1000)};
+
+TEST(GpsReceiver, PulsesAtEachWholeSecond) {
+  GpsReceiver gps({});
+  const TrueTime time(origin, utc + milliseconds(250), 0);
+  for (int i = 1; i <= 5; ++i) {
+    const GpsPulse pulse = gps.next_pulse(time, origin + milliseconds(1000 * (i - 1) + 1));
+    EXPECT_EQ(pulse.utc, utc + seconds(i));
+    EXPECT_EQ(pulse.edge, origin + milliseconds(1000 * i - 250));
+    EXPECT_EQ(pulse.counter, static_cast<std::uint64_t>(i - 1));
+    EXPECT_TRUE(pulse.emitted);
+  }
+}
+
+TEST(GpsReceiver, ShowsTheDriftOfTheBoardsClock) {
+  const TrueTime time(origin, utc, 10);
+  EXPECT_EQ(time.utc(origin + seconds(100)), utc + seconds(100) + milliseconds(1));
+  EXPECT_EQ(time.monotonic(time.utc(origin + seconds(100))), origin + seconds(100));
+}
+
+TEST(GpsReceiver, GivesEachPulseOnceInSpiteOfJitter) {
+  GpsSettings settings;
+  settings.jitter_us = 500;
+  GpsReceiver gps(settings);
+  const TrueTime time(origin, utc, 0);
+  MonotonicTime now = origin;
+  for (int i = 1; i <= 100; ++i) {
+    const GpsPulse pulse = gps.next_pulse(time, now);
+    ASSERT_EQ(pulse.utc, utc + seconds(i));
+    now = pulse.edge + microseconds(30);
+  }
+}
+
+TEST(GpsReceiver, CountsThePulsesItMissedWhileStopped) {
+  GpsReceiver gps({});
+  const TrueTime time(origin, utc, 0);
+  EXPECT_EQ(gps.next_pulse(time, origin).counter, 0U);
+  const GpsPulse later = gps.next_pulse(time, origin + seconds(10));
+  EXPECT_EQ(later.utc, utc + seconds(11));
+  EXPECT_EQ(later.counter, 10U);
+}
+
+TEST(GpsReceiver, WritesSentencesThatTheFlightSoftwareReads) {
+  GpsReceiver gps({});
+  EXPECT_EQ(gps.sentences(utc, {48.1173, -11.5166, 7612, 84.4}),
+            "$GPRMC,080000.00,A,4807.0380,N,01130.9960,W,14796.5,84.4,211126,,,A*76\r\n$GPZDA,080000.00,21,"
+            "11,2026,00,00*6B\r\n");
+  EXPECT_TRUE(gps.sentences(utc + milliseconds(100), {}).empty());
+}
+
+TEST(GpsReceiver, NeverPrintsSixtyMinutes) {
+  EXPECT_NE(nmea_rmc(utc, {9.9999999, 0, 0, 0}, true).find(",1000.0000,N,"), std::string::npos);
+}
+
+TEST(GpsReceiver, LosesPulseOrFixByFault) {
+  GpsReceiver gps({});
+  const TrueTime time(origin, utc, 0);
+  gps.set_fault(GpsFault::no_pulse);
+  EXPECT_FALSE(gps.next_pulse(time, origin).emitted);
+  EXPECT_NE(gps.sentences(utc, {}).find("RMC,080000.00,A"), std::string::npos);
+  gps.set_fault(GpsFault::no_fix);
+  EXPECT_EQ(gps.sentences(utc, {}), "$GPRMC,,V,,,,,,,,,,N*53\r\n$GPZDA,,,,,,*48\r\n");
+  gps.set_fault(GpsFault::off);
+  EXPECT_TRUE(gps.sentences(utc, {}).empty());
+}
+
+TEST(SerialLine, CarriesOctetsAtTheLinesRate) {
+  SerialLine line(10'000, 1);  // one octet a millisecond
+  line.accept(Octets(100, 0x55), origin);
+  line.advance(origin + milliseconds(10));
+  EXPECT_EQ(line.arrived(1000).size(), 10U);
+  line.advance(origin + milliseconds(99));
+  EXPECT_EQ(line.arrived(1000).size(), 99U);
+  line.advance(origin + milliseconds(100));
+  EXPECT_EQ(line.arrived(1000), Octets(100, 0x55));
+  EXPECT_FALSE(line.next_deadline());
+}
+
+TEST(SerialLine, ContinuesWithoutAGapBehindWhatWaits) {
+  SerialLine line(10'000, 1);
+  line.accept(Octets{1, 2}, origin);
+  line.accept(Octets{3}, origin + microseconds(1500));
+  line.advance(origin + milliseconds(3));
+  EXPECT_EQ(line.arrived(9), (Octets{1, 2, 3}));
+}
+
+TEST(SerialLine, HoldsBackTheSenderAndDropsTheOldestForASlowReader) {
+  SerialLine line(4'000'000, 1);
+  line.accept(Octets(SerialLine::capacity, 1), origin);
+  EXPECT_EQ(line.room(), 0U);
+  line.advance(origin + seconds(1));
+  EXPECT_EQ(line.room(), SerialLine::capacity);
+  line.accept(Octets(10, 2), origin + seconds(1));
+  line.advance(origin + seconds(2));
+  EXPECT_EQ(line.counters().dropped, 10U);
+  EXPECT_EQ(line.arrived(SerialLine::capacity).back(), 2);
+}
+
+TEST(SerialLine, InvertsBitsWithTheGivenProbability) {
+  SerialLine line(4'000'000, 1);
+  line.set_flip_probability(0.01);
+  line.accept(Octets(50'000, 0), origin);
+  line.advance(origin + seconds(10));
+  int ones = 0;
+  for (const std::uint8_t octet : line.arrived(50'000)) ones += std::popcount(octet);
+  EXPECT_NEAR(ones, 4000, 300);
+  EXPECT_EQ(line.counters().flipped_bits, static_cast<std::uint64_t>(ones));
+}
+
+TEST(StarvationTimer, IsArmedByTheFirstFeedAndBitesOnce) {
+  StarvationTimer watchdog(milliseconds(500));
+  EXPECT_FALSE(watchdog.bites(origin + seconds(100)));
+  watchdog.feed(origin);
+  EXPECT_FALSE(watchdog.bites(origin + milliseconds(499)));
+  EXPECT_TRUE(watchdog.bites(origin + milliseconds(500)));
+  EXPECT_FALSE(watchdog.bites(origin + seconds(10)));  // until fed again
+  watchdog.feed(origin + seconds(10));
+  EXPECT_TRUE(watchdog.bites(origin + seconds(11)));
+}
+
+TEST(StarvationTimer, DoesNotBiteWhenDisarmed) {
+  StarvationTimer watchdog(milliseconds(500));
+  watchdog.feed(origin);
+  watchdog.disarm();
+  EXPECT_FALSE(watchdog.bites(origin + seconds(10)));
+}
+
+TEST(GpioBank, SwitchesPowerAndReadsInputs) {
+  std::vector<std::pair<std::size_t, bool>> switched;
+  GpioBank bank([] { return std::uint8_t{0b0101}; },
+                [&](std::size_t line, bool on) { switched.emplace_back(line, on); });
+  EXPECT_EQ(bank.on_request(Octets{0, 1, 0, 0}), (std::array<std::uint8_t, 4>{0, 1, 1, 0}));
+  EXPECT_EQ(bank.on_request(Octets{1, 1, 0, 0}), (std::array<std::uint8_t, 4>{0, 1, 0, 0}));
+  EXPECT_EQ(bank.on_request(Octets{1, 1, 0, 0})[0], GpioBank::ok);
+  EXPECT_EQ(switched, (std::vector<std::pair<std::size_t, bool>>{{1, false}}));  // no change, no event
+  EXPECT_EQ(bank.on_request(Octets{0, 10, 0, 0})[2], 1);
+  EXPECT_EQ(bank.on_request(Octets{2, 0, 0, 0})[2], 0b0101);
+}
+
+TEST(GpioBank, RefusesWhatItDoesNotHave) {
+  GpioBank bank([] { return std::uint8_t{0}; }, [](std::size_t, bool) {});
+  EXPECT_EQ(bank.on_request(Octets{0, 5, 0, 0})[0], GpioBank::no_such_line);
+  EXPECT_EQ(bank.on_request(Octets{1, 8, 1, 0})[0], GpioBank::not_an_output);
+  EXPECT_EQ(bank.on_request(Octets{7, 0, 0, 0})[0], GpioBank::bad_request);
+  EXPECT_EQ(bank.on_request(Octets{1})[0], GpioBank::bad_request);
+  EXPECT_EQ(bank.counters().refused, 4U);
+}
+
+TEST(CanLog, WritesCandumpsFormat) {
+  BusDelivery delivery;
+  delivery.frame = {.id = 0x18DA1101, .size = 3, .data = {0x02, 0x01, 0xAB}};
+  delivery.end = MonotonicTime(seconds(12) + microseconds(345));
+  EXPECT_EQ(candump_line(delivery), "(12.000345) can0 18DA1101#0201AB\n");
+}
+
+TEST(Settings, RefuseAKeyThatIsUnknown) {
+  const std::string devices =
+      "devices: {can: 'sim:a', rs422: 'serial:b', gps_pulse: 'sim:c', gps_serial: 'serial:d', gpio: 'sim:e', "
+      "watchdog: 'sim:f'}\n";
+  const SimulationSettings plain = read_settings(ConfigSection::parse(devices, "x.yaml"));
+  EXPECT_EQ(plain.baud, 921'600U);
+  EXPECT_EQ(plain.world.time_acceleration, 60);
+  EXPECT_THROW(read_settings(ConfigSection::parse(devices + "simulation: {sed: 1}\n", "x.yaml")),
+               ConfigError);
+  EXPECT_THROW(
+      read_settings(ConfigSection::parse(devices + "simulation: {gps: {pulse_period_ms: 300}}\n", "x.yaml")),
+      ConfigError);
+}
+
+TEST(Settings, AreGoodInTheDeploymentsThatShip) {
+  for (const char* name : {"sim", "sim_open"}) {
+    const auto file =
+        std::filesystem::path(SRFS_SOURCE_DIR) / "launch_config" / (std::string(name) + ".yaml");
+    EXPECT_EQ(read_settings(ConfigSection::load(file)).key_files,
+              std::vector<std::string>{"keys/tc_uplink.key"});
+  }
+}
+
+}  // namespace
+}  // namespace srfs::sim

@@ -1,0 +1,219 @@
+#include "hw_sim/peripheral.hpp"
+
+#include <gtest/gtest.h>
+
+#include "hw_sim/peripheral_applications.hpp"
+
+namespace srfs::sim {
+namespace {
+
+using wire::PeripheralResult;
+
+class FakeApplication : public PeripheralApplication {
+ public:
+  [[nodiscard]] Octets measure() override { return {1, 2, 3}; }
+  [[nodiscard]] PeripheralResult execute(std::uint8_t function, OctetView) override {
+    ++executed;
+    return function == 1 ? PeripheralResult::done : PeripheralResult::unknown_function;
+  }
+  void restart() override { ++restarts; }
+  void set_power(bool on) override { powered = on; }
+  int executed = 0;
+  int restarts = 0;
+  bool powered = true;
+};
+
+class PeripheralTest : public ::testing::Test {
+ protected:
+  std::optional<Octets> ask_raw(const wire::PeripheralRequest& request) {
+    peripheral.on_request(wire::encode(request), now);
+    now += milliseconds(1);
+    return peripheral.poll(now);
+  }
+  template <class Response>
+  Response ask(const wire::PeripheralRequest& request) {
+    const auto octets = ask_raw(request);
+    if (!octets) throw std::runtime_error("no answer");
+    return std::get<Response>(wire::decode_response(*octets, request).value().body);
+  }
+  PeripheralResult command(std::uint32_t id, std::uint8_t function = 1) {
+    return ask<wire::CommandResponse>({.sequence = 7, .body = wire::CommandRequest{id, function, {}}}).result;
+  }
+  void reset() {
+    static_cast<void>(ask<wire::ResetResponse>({.sequence = 9, .body = wire::ResetRequest{}}));
+    now += milliseconds(10);
+    EXPECT_FALSE(peripheral.poll(now));
+  }
+
+  static constexpr wire::PeripheralRequest wake_up{.sequence = 3, .body = wire::WakeUpRequest{}};
+  FakeApplication application;
+  MonotonicTime now{seconds(100)};
+  Peripheral peripheral{{}, application, now};
+  void SetUp() override { now += seconds(1); }
+};
+
+TEST_F(PeripheralTest, AnswersAWakeUpWithItsMeasurement) {
+  const auto answer = ask<wire::WakeUpResponse>(wake_up);
+  EXPECT_EQ(answer.status, wire::PeripheralStatus::ready);
+  EXPECT_EQ(answer.uptime_ms, 1000U);
+  EXPECT_EQ(answer.measurement, (Octets{1, 2, 3}));
+}
+
+TEST_F(PeripheralTest, AnswersOnlyAfterItsDelay) {
+  peripheral.on_request(wire::encode(wake_up), now);
+  EXPECT_FALSE(peripheral.poll(now));
+  EXPECT_EQ(peripheral.next_deadline(), now + microseconds(800));
+  EXPECT_TRUE(peripheral.poll(now + microseconds(800)));
+}
+
+TEST_F(PeripheralTest, SaysAlreadyDoneForARepeatedId) {
+  EXPECT_EQ(command(42), PeripheralResult::done);
+  EXPECT_EQ(command(42), PeripheralResult::already_done);
+  EXPECT_EQ(application.executed, 1);
+}
+
+TEST_F(PeripheralTest, RemembersTheLastSixteenIds) {
+  for (std::uint32_t id = 1; id <= 17; ++id) EXPECT_EQ(command(id), PeripheralResult::done);
+  EXPECT_EQ(command(2), PeripheralResult::already_done);
+  EXPECT_EQ(command(1), PeripheralResult::done);
+}
+
+TEST_F(PeripheralTest, TriesARefusedCommandAgain) {
+  EXPECT_EQ(command(5, 99), PeripheralResult::unknown_function);
+  EXPECT_EQ(command(5, 1), PeripheralResult::done);
+}
+
+TEST_F(PeripheralTest, KeepsTheIdsOverAReset) {
+  EXPECT_EQ(command(42), PeripheralResult::done);
+  reset();
+  EXPECT_EQ(application.restarts, 1);
+  now += seconds(1);
+  EXPECT_EQ(command(42), PeripheralResult::already_done);
+}
+
+TEST_F(PeripheralTest, IsSilentThenBootsAfterAReset) {
+  reset();
+  EXPECT_FALSE(ask_raw(wake_up));
+  now += milliseconds(30);
+  const auto booting = ask<wire::WakeUpResponse>(wake_up);
+  EXPECT_EQ(booting.status, wire::PeripheralStatus::booting);
+  EXPECT_TRUE(booting.measurement.empty());
+  EXPECT_EQ(command(1), PeripheralResult::cannot_now);
+  now += milliseconds(150);
+  EXPECT_EQ(ask<wire::WakeUpResponse>(wake_up).status, wire::PeripheralStatus::ready);
+}
+
+TEST_F(PeripheralTest, ForgetsEverythingWithoutPower) {
+  EXPECT_EQ(command(42), PeripheralResult::done);
+  peripheral.on_request(wire::encode(wake_up), now);
+  peripheral.set_power(false, now);
+  EXPECT_FALSE(application.powered);
+  now += seconds(1);
+  EXPECT_FALSE(peripheral.poll(now));
+  EXPECT_FALSE(ask_raw(wake_up));
+  peripheral.set_power(true, now);
+  now += seconds(1);
+  EXPECT_EQ(command(42), PeripheralResult::done);
+  EXPECT_EQ(peripheral.counters().power_cycles, 1U);
+}
+
+TEST_F(PeripheralTest, DoesNotAnswerADamagedRequest) {
+  Octets damaged = wire::encode(wake_up);
+  damaged.back() ^= 1U;
+  peripheral.on_request(damaged, now);
+  EXPECT_FALSE(peripheral.poll(now + seconds(1)));
+  EXPECT_EQ(peripheral.counters().invalid_requests, 1U);
+}
+
+TEST_F(PeripheralTest, KeepsSilentUnderThatFault) {
+  peripheral.set_fault(PeripheralFault::silent, {}, FaultCure::never);
+  EXPECT_FALSE(ask_raw(wake_up));
+  peripheral.set_fault(PeripheralFault::none, {}, FaultCure::never);
+  EXPECT_TRUE(ask_raw(wake_up));
+}
+
+TEST_F(PeripheralTest, AnswersLateUnderThatFault) {
+  peripheral.set_fault(PeripheralFault::late, milliseconds(70), FaultCure::never);
+  EXPECT_FALSE(ask_raw(wake_up));
+  EXPECT_FALSE(peripheral.poll(now + milliseconds(69)));
+  EXPECT_TRUE(peripheral.poll(now + milliseconds(70)));
+}
+
+TEST_F(PeripheralTest, CutsOrGarblesItsAnswersUnderThoseFaults) {
+  const std::size_t length = ask_raw(wake_up)->size();
+  peripheral.set_fault(PeripheralFault::short_answer, {}, FaultCure::never);
+  const auto cut = ask_raw(wake_up);
+  EXPECT_LT(cut->size(), length);
+  EXPECT_FALSE(wire::decode_response(*cut));
+  peripheral.set_fault(PeripheralFault::garbage, {}, FaultCure::never);
+  const auto garbled = ask_raw(wake_up);
+  EXPECT_EQ(garbled->size(), length);
+  EXPECT_FALSE(wire::decode_response(*garbled));
+}
+
+TEST_F(PeripheralTest, IsCuredByWhatTheFaultNames) {
+  peripheral.set_fault(PeripheralFault::late, milliseconds(1), FaultCure::restart);
+  peripheral.on_request(wire::encode({.sequence = 1, .body = wire::ResetRequest{}}), now);
+  EXPECT_TRUE(peripheral.poll(now + milliseconds(5)));
+  EXPECT_FALSE(peripheral.poll(now + milliseconds(10)));
+  EXPECT_EQ(peripheral.fault(), PeripheralFault::none);
+
+  peripheral.set_fault(PeripheralFault::babble, {}, FaultCure::power_cycle);
+  peripheral.set_power(false, now + seconds(1));
+  EXPECT_EQ(peripheral.fault(), PeripheralFault::none);
+}
+
+class ApplicationTest : public ::testing::Test {
+ protected:
+  static Octets with_f32(Octets head, std::initializer_list<float> values) {
+    OctetWriter out;
+    out.bytes(head);
+    for (const float v : values) out.f32(v);
+    return out.take();
+  }
+  SpacecraftWorld world{{}, *from_iso8601("2026-11-21T08:00:00Z")};
+  AdcsApplication adcs{world};
+  EpsApplication eps{world};
+  ThermalApplication thermal{world};
+};
+
+TEST_F(ApplicationTest, ALoadSwitchShowsInTheNextMeasurement) {
+  EXPECT_EQ(world.power().state().load_a[2], 0);
+  EXPECT_EQ(eps.execute(1, Octets{2, 1}), PeripheralResult::done);
+  EXPECT_GT(world.power().state().load_a[2], 0.4);
+  EXPECT_EQ(eps.measure()[24], 0b0111);
+}
+
+TEST_F(ApplicationTest, RefusesArgumentsThatAreWrong) {
+  EXPECT_EQ(eps.execute(1, Octets{4, 1}), PeripheralResult::bad_argument);
+  EXPECT_EQ(eps.execute(1, Octets{2}), PeripheralResult::bad_argument);
+  EXPECT_EQ(eps.execute(1, Octets{2, 1, 0}), PeripheralResult::bad_argument);
+  EXPECT_EQ(eps.execute(9, Octets{}), PeripheralResult::unknown_function);
+  EXPECT_EQ(adcs.execute(1, Octets{3}), PeripheralResult::bad_argument);
+  EXPECT_EQ(adcs.execute(2, with_f32({}, {0, 0, 0, 0})), PeripheralResult::bad_argument);
+  EXPECT_EQ(thermal.execute(2, with_f32({0}, {400})), PeripheralResult::bad_argument);
+  EXPECT_EQ(thermal.execute(1, Octets{0, 3}), PeripheralResult::bad_argument);
+}
+
+TEST_F(ApplicationTest, OwnsItsWheelsExceptWhenIdle) {
+  EXPECT_EQ(adcs.execute(3, with_f32({0}, {50})), PeripheralResult::done);
+  EXPECT_EQ(adcs.execute(1, Octets{1}), PeripheralResult::done);
+  EXPECT_EQ(adcs.execute(3, with_f32({0}, {50})), PeripheralResult::cannot_now);
+}
+
+TEST_F(ApplicationTest, PointsWhereItIsTold) {
+  EXPECT_EQ(adcs.execute(2, with_f32({}, {0, 0, 1, 1})), PeripheralResult::done);
+  EXPECT_EQ(adcs.execute(1, Octets{2}), PeripheralResult::done);
+  world.step(seconds(120));
+  EXPECT_LT(world.attitude().pointing_error_rad(), 0.01);
+}
+
+TEST_F(ApplicationTest, TheThermalControllersLossOfPowerStopsTheHeaters) {
+  EXPECT_EQ(thermal.execute(1, Octets{0, 1}), PeripheralResult::done);
+  EXPECT_GT(world.power().state().load_a[1], 0.25);
+  thermal.set_power(false);
+  EXPECT_EQ(world.power().state().load_a[1], 0);
+}
+
+}  // namespace
+}  // namespace srfs::sim

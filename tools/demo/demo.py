@@ -1,0 +1,400 @@
+"""./run demo: the simulated spacecraft, the suite and a scripted operator; says live what happens, checks it, sums it up."""
+
+import argparse
+import datetime
+import json
+import sys
+import time
+
+import mission
+from display import Display, table
+from rotation import Rotation, percentile
+
+PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
+SHORTEST_S = 20
+SCRIPT_S = 16  # what the script needs without its two watching phases
+BEACON_DEADLINE_S = 35
+
+
+def describe(packet):
+    """What one telemetry packet of a payload says, in a few words."""
+    f = packet["fields"]
+    if packet["structure"] == "payload_adcs":
+        return f"attitude {f['pointing_error_deg']:5.1f} deg off, {f['rate_deg_s']:.2f} deg/s, {f['mode']}"
+    if packet["structure"] == "payload_eps":
+        return (f"battery {f['battery_voltage_v']:.2f} V {100 * f['state_of_charge']:.1f} %, {f['battery_power_w']:+.2f} W, "
+                f"loads {f['load_switches']}")  # fmt: skip
+    return f"{f['temperature_min_k']:.1f} to {f['temperature_max_k']:.1f} K, setpoints {f['setpoint_k[0]']:g} and {f['setpoint_k[1]']:g} K"
+
+
+class Interrupted(Exception):
+    """The user asked for the end."""
+
+
+class Demo:
+    """The script. Every expectation that does not come true is a line in `failures`."""
+
+    def __init__(self, flight, display, signals, duration_s):
+        self.flight = flight
+        self.display = display
+        self.signals = signals
+        self.watch_s = max(2.0, (duration_s - SCRIPT_S) / 2)
+        self.failures = []
+        self.rotation = Rotation()
+        self.latest = {}
+        self.stages = {}  # line of the session -> its stage messages
+        self.noise = {"bad_frames": 0, "lost_frames": 0, "corrected_octets": 0}
+
+    def expect(self, good, what):
+        self.display.result(bool(good), what)
+        if not good:
+            self.failures.append(what)
+        return good
+
+    def connect(self):
+        self.ground = self.flight.ground()
+        self.ground.on_message(self.on_downlink)
+        self.recorder = self.flight.recorder()
+        self.recorder.on_message(self.on_record)
+
+    # --- what is shown while it happens (called in the reading threads) -----------------------------------------------
+
+    def on_record(self, message):
+        self.rotation.on_message(message)
+        if message["type"] == "bus" and message["status"] != "taken":
+            slot = self.rotation.last_slot
+            if slot:
+                self.display.live(f"  cycle {slot['cycle']:6}  {slot['holder']:16} held the bus {slot['used_us'] / 1000:5.1f} ms")
+
+    def on_downlink(self, message):
+        kind = message["type"]
+        if kind == "tc_stage":
+            self.on_stage(message)
+        elif message.get("structure") in PAYLOADS and message["vc"] == 0:
+            self.latest[message["structure"]] = message
+        elif kind == "event":
+            self.display.note(self.display.colour(f"event {message['severity']:6} {message['source']}: {message.get('text', '')}", "35"))
+
+    def on_stage(self, message):
+        self.stages.setdefault(message["line"], []).append(message)
+        self.display.live(f"  {message['command']}: {message['stage']} after {message['elapsed_ms']:.1f} ms")
+
+    def story(self, line):
+        """"accepted after 4.5 ms, completed after 249.6 ms": what became of the telecommand of a line."""
+        words = []
+        for stage in self.stages.get(line, []):
+            if stage["stage"] != "sent":
+                words.append(f"{stage['stage']} {stage['elapsed_ms']:.1f} ms" + (f" ({stage['text']})" if stage.get("text") else ""))
+        return ", ".join(words)
+
+    # --- steps --------------------------------------------------------------------------------------------------------
+
+    def check_running(self):
+        if self.signals.asked:
+            raise Interrupted
+        news, gone = self.flight.news_of_processes()
+        for line in news:
+            self.display.note(self.display.colour(f"! {line}", "31;1"))
+            self.failures.append(line)
+        if gone:
+            raise mission.MissionError(news[0])
+
+    def command(self, text, expected="completed"):
+        """Sends a telecommand and expects its final stage."""
+        self.check_running()
+        line = self.ground.send(text)
+        outcome = self.ground.outcome(line, 15) or {"type": "error", "message": "no answer"}
+        said = self.story(line) or outcome.get("message")
+        self.expect(outcome.get("stage") == expected, f"{text.removeprefix('tc ')}: {said}")
+        return outcome
+
+    def ping(self, timeout_s=3):
+        """Whether one ping is answered."""
+        self.check_running()
+        since = self.ground.position()
+        self.ground.command(f"ping --timeout {timeout_s}", timeout_s + 2)
+        return self.ground.wait_for(lambda m: m["type"] == "pong", 0.5, since) is not None
+
+    def first_contact(self):
+        self.display.step("Contact: is it alive?")
+        self.expect(self.ping(), "the ping is answered")
+        for payload in PAYLOADS:
+            self.expect(self.ground.housekeeping(payload, 6, 0), f"telemetry of {payload} comes down")
+
+    def watch(self, duration_s, title):
+        """Shows the rotation and what the payloads say; a line a second."""
+        self.display.step(f"{title} ({duration_s:.0f} s)")
+        end = time.monotonic() + duration_s
+        while time.monotonic() < end:
+            if self.signals.wait(min(1.0, max(0.0, end - time.monotonic()))):
+                raise Interrupted
+            self.check_running()
+            slots = self.rotation.slots()
+            used = "  ".join(f"{p.removeprefix('payload_')} {slots.get(p, {}).get('used', 0):4}" for p in PAYLOADS)
+            said = " | ".join(describe(self.latest[p]) for p in PAYLOADS if p in self.latest)
+            self.display.note(f"slots used {used}  {said}")
+
+    def switch_a_load(self):
+        self.display.step("A telecommand changes what the next telemetry says: switch load 2")
+        before = self.ground.fresh("payload_eps")
+        if not self.expect(before, "telemetry of payload_eps on request"):
+            return
+        was_on = bool(int(str(before["load_switches"]), 0) & 4)
+        self.display.note(f"load 2 is {'on' if was_on else 'off'} and takes {before['load_current_a[2]']:.3f} A")
+        for state in (not was_on, was_on):
+            since = self.ground.position()
+            self.command(f"tc eps.switch_load load=2 state={'on' if state else 'off'}")
+            after = self.ground.housekeeping("payload_eps", 5, since, lambda f, s=state: bool(int(str(f["load_switches"]), 0) & 4) == s)
+            self.expect(after, f"telemetry says load 2 is {'on' if state else 'off'}")
+            if after:
+                self.display.note(f"load 2 takes {after['fields']['load_current_a[2]']:.3f} A")
+
+    def refuse_an_argument(self):
+        self.display.step("An argument out of its range")
+        line = self.ground.send("tc eps.switch_load load=7 state=on")
+        outcome = self.ground.outcome(line, 5)
+        message = (outcome or {}).get("message") or (outcome or {}).get("text") or "no answer"
+        self.display.note(message)
+        self.expect(outcome and outcome.get("stage") != "completed" and "load" in message, "refused, naming the argument")
+
+    def set_setpoint(self):
+        self.display.step("Thermal: a new setpoint")
+        since = self.ground.position()
+        self.command("tc thermal.set_setpoint heater=1 setpoint_k=291.5")
+        self.expect(self.ground.housekeeping("payload_thermal", 5, since, lambda f: f["setpoint_k[1]"] == 291.5), "telemetry says 291.5 K")
+
+    def set_mode(self):
+        self.display.step("Attitude control: detumble, then point")
+        for mode in ("detumble", "point"):
+            since = self.ground.position()
+            self.command(f"tc adcs.set_mode mode={mode}")
+            self.expect(self.ground.housekeeping("payload_adcs", 5, since, lambda f, m=mode: f["mode"] == m), f"telemetry says {mode}")
+
+    def noise_on_the_line(self):
+        self.display.step("Noise: one bit in 500 of the RS422 line flips, both ways")
+        before = self.ground.stats()
+        self.flight.control({"rs422": {"flip_probability": 0.002}})
+        answered = sum(self.ping(timeout_s=0.5) for _ in range(8))
+        self.flight.control({"rs422": {"flip_probability": 0}})
+        self.expect(answered, f"{answered} of 8 pings come through the noise")
+        self.expect(self.ping(), "without noise the next ping is answered")
+        after = self.ground.stats()
+        if before and after:
+            self.noise = {key: after[key] - before[key] for key in self.noise}
+            self.display.note("Reed-Solomon corrected {corrected_octets} octets; {lost_frames} TM frames were lost".format(**self.noise))
+
+    def change_interval(self):
+        self.display.step("Housekeeping of payload_eps from each of its slots instead of each second")
+        self.command("tc housekeeping.set_interval structure=payload_eps interval_ms=300")
+        since = self.ground.position()
+        if self.signals.wait(2.0):
+            raise Interrupted
+        count = len(self.ground.select(lambda m: m.get("structure") == "payload_eps" and m["vc"] == 0, since))
+        self.expect(5 <= count <= 8, f"{count} packets in 2 s")
+        self.command("tc housekeeping.set_interval structure=payload_eps interval_ms=1000")
+
+    def retrieve(self, since):
+        """The payload telemetry that came live from position `since` on, once more from the packet store."""
+        # The store writes once a second: the last moments are not past yet.
+        until = time.monotonic() - 2
+        live = self.ground.select(lambda m: m.get("structure") in PAYLOADS and m["vc"] == 0 and m["arrived"] < until, since)
+        if not self.expect(len(live) >= 3, "live telemetry was seen"):
+            return
+        first = min(m["time"] for m in live)
+        # Times are shown cut to milliseconds: the last packet lies in the millisecond that starts at its time.
+        last = datetime.datetime.fromisoformat(max(m["time"] for m in live)) + datetime.timedelta(milliseconds=1)
+        last = last.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        self.display.step(f"Downlink of the past: stored telemetry from {first} to {last}")
+        before = self.ground.position()
+        line = self.ground.send(f"retrieve {first} {last}")
+        done = self.ground.wait_for(lambda m: m["type"] == "retrieval_done" and m["line"] == line, 20, before)
+        self.display.note(f"retrieve: {self.story(line)}")
+        self.expect(done and done["complete"], f"retrieval complete: {done['received'] if done else 0} packets")
+        stored = self.ground.select(lambda m: m.get("vc") == 1, before)
+        name = lambda m: (m["apid"], m["sequence"], m["time"])  # noqa: E731
+        missing = {name(m) for m in live} - {name(m) for m in stored}
+        self.expect(not missing, f"all {len(live)} packets that were seen live are in the store ({len(missing)} missing)")
+        rows = [["time", "from", "what it says"]]
+        payload_packets = [m for m in stored if m.get("structure") in PAYLOADS]
+        shown = sorted(payload_packets, key=lambda m: (m["time"], m["apid"]))[:6]
+        rows += [[m["time"], m["source"], describe(m)] for m in shown]
+        for text in table(rows, indent="          "):
+            self.display.line(text)
+        if len(payload_packets) > len(shown):
+            self.display.note(f"and {len(payload_packets) - len(shown)} more")
+
+    def show_beacon(self):
+        self.display.step("The beacon, sent unasked every 30 s")
+        beacon = self.ground.wait_for(lambda m: m["type"] == "beacon", BEACON_DEADLINE_S)
+        if not self.expect(beacon, "a beacon comes"):
+            return
+        f = beacon["fields"]
+        states = {key.removeprefix("node_state."): value for key, value in f.items() if key.startswith("node_state.")}
+        self.display.note(f"mode {f['mode']} ({f['mode_reason']}), boot {f['boot_count']}, reset cause {f['reset_cause']}, "
+                          f"time {'valid' if f['time_valid'] else 'not valid'}")  # fmt: skip
+        self.display.note(f"battery {f['battery_voltage_v']:.2f} V, {f['battery_charge']:.1f} %; {f['temperature_min_k']:.1f} to {f['temperature_max_k']:.1f} K")
+        self.display.note("nodes: " + ", ".join(f"{node} {state}" for node, state in states.items() if state != "absent"))
+        active = [node for node, state in states.items() if state == "active"]
+        self.expect(len(active) >= len(self.flight.up_report["nodes"]), f"{len(active)} nodes are active")
+
+    def fly(self):
+        self.first_contact()
+        self.watch(self.watch_s, "Watching the rotation: every tick another payload has the CAN bus")
+        self.switch_a_load()
+        self.refuse_an_argument()
+        self.set_setpoint()
+        self.set_mode()
+        self.noise_on_the_line()
+        noise_ended = self.ground.position()
+        self.change_interval()
+        self.watch(self.watch_s, "Watching on")
+        self.retrieve(noise_ended)  # what came live during the noise may be incomplete
+        self.show_beacon()
+
+    # --- the end --------------------------------------------------------------------------------------------------------
+
+    def summarise(self):
+        """Asks for the last counters and returns the summary as one JSON object."""
+        counters = {name: self.ground.fresh(name) or {} for name in ("timing", "can_switcher", "ttc", *PAYLOADS)}
+        status = self.flight.status()
+        stats = self.ground.stats() or {}
+        finals = self.ground.select(lambda m: m["type"] == "tc_stage")
+        stage_count = lambda *stages: sum(1 for m in finals if m["stage"] in stages)  # noqa: E731
+        slot_facts = self.rotation.telecommand_slots()
+        blocked, unexplained = self.rotation.skipped()
+        switcher, ttc = counters["can_switcher"], counters["ttc"]
+        latencies = self.rotation.flag_latencies_us
+        summary = {
+            "ticks": counters["timing"].get("ticks", 0),
+            "slots": {p: {"granted": counters[p].get("slots_granted", 0), "used": counters[p].get("slots_used", 0)} for p in PAYLOADS},
+            "telecommands": {
+                "sent": stats.get("telecommands_sent", 0),
+                "accepted": stage_count("accepted"),
+                "completed": stage_count("completed"),
+                "rejected": stage_count("rejected"),
+                "failed": stage_count("start_failed", "progress_failed", "failed"),
+                "unanswered": stage_count("timed_out"),  # in the noise
+            },
+            "tm_frames": stats.get("frames", 0),
+            "tm_packets": stats.get("packets", 0),
+            "bad_frames": stats.get("bad_frames", 0) - self.noise["bad_frames"],
+            "lost_frames": stats.get("lost_frames", 0) - self.noise["lost_frames"],
+            "during_noise": self.noise,
+            "node_restarts": sum(node["restarts"] for node in status),
+            "measures": {
+                "all_active_ms": self.flight.up_report["took_ms"],
+                "flag_latency_us": {"p50": switcher.get("flag_latency_p50_us"), "p99": switcher.get("flag_latency_p99_us"),
+                                    "max": switcher.get("flag_latency_max_us")},
+                "tick_to_flag_at_recorder_us": {"p50": percentile(latencies, 0.5), "p99": percentile(latencies, 0.99),
+                                                "max": max(latencies, default=None), "samples": len(latencies)},
+                "acceptance_latency_us": {"p50": ttc.get("acceptance_latency_p50_us"), "p99": ttc.get("acceptance_latency_p99_us"),
+                                          "max": ttc.get("acceptance_latency_max_us")},
+                "telecommands_in_next_slot": {"checked": len(slot_facts), "late": sum(1 for _, in_time, _ in slot_facts if not in_time)},
+                "overlapping_grants": self.rotation.overlaps(),
+                "skipped_slots": {"bus_held": blocked, "unexplained": unexplained},
+                "recorded": {"ticks": len(self.rotation.ticks), "missed_ticks": self.rotation.missed_ticks(), "slots": self.rotation.slots()},
+                "pss_kib": self.flight.memory_kib(),
+            },
+        }  # fmt: skip
+        self.judge(summary, status)
+        return summary
+
+    def judge(self, summary, status):
+        self.display.step("Summing up")
+        measures = summary["measures"]
+        for node in status:
+            self.expect(node["state"] == "active", f"{node['name']} is {node['state']}")
+        for payload, slots in summary["slots"].items():
+            self.expect(0 < slots["used"] >= slots["granted"] - 1, f"{payload} used {slots['used']} of {slots['granted']} slots")
+        self.expect(summary["bad_frames"] == 0, f"{summary['bad_frames']} bad TM frames outside the noise")
+        self.expect(summary["node_restarts"] == 0, f"{summary['node_restarts']} node restarts")
+        self.expect(measures["overlapping_grants"] == 0, f"{measures['overlapping_grants']} overlapping grants")
+        self.expect(measures["skipped_slots"]["unexplained"] == 0, f"{measures['skipped_slots']['unexplained']} slots skipped without cause")
+        late = measures["telecommands_in_next_slot"]
+        self.expect(late["checked"] > 0 and late["late"] == 0, f"{late['late']} of {late['checked']} telecommands missed the payload's next slot")
+        summary["failures"] = self.failures
+        summary["ok"] = not self.failures
+
+    def show(self, summary):
+        m = summary["measures"]
+        t = summary["telecommands"]
+        us = lambda value: "-" if value is None else f"{value / 1000:.2f}"  # noqa: E731
+        rows = [["", "", ""]]
+        rows += [["ticks", f"{summary['ticks']}", ""]]
+        rows += [["slots used / granted", f"{s['used']} / {s['granted']}", p] for p, s in summary["slots"].items()]
+        rows += [["telecommands sent", f"{t['sent']}", f"{t['accepted']} accepted, {t['completed']} completed, {t['rejected']} rejected, "
+                  f"{t['failed']} failed, {t['unanswered']} unanswered"],
+                 ["TM frames / packets", f"{summary['tm_frames']} / {summary['tm_packets']}", f"{summary['bad_frames']} bad, "
+                  f"{summary['lost_frames']} lost outside the noise"],
+                 ["node restarts", f"{summary['node_restarts']}", ""],
+                 ["all nodes Active after", f"{m['all_active_ms']} ms", "of srfs up"],
+                 ["flag after tick, p50 / p99", f"{us(m['flag_latency_us']['p50'])} / {us(m['flag_latency_us']['p99'])} ms", "in the switcher"],
+                 ["", f"{us(m['tick_to_flag_at_recorder_us']['p50'])} / {us(m['tick_to_flag_at_recorder_us']['p99'])} ms", "tick sent to flag heard, at the recorder"],
+                 ["last octet to 1,1, p50 / p99", f"{us(m['acceptance_latency_us']['p50'])} / {us(m['acceptance_latency_us']['p99'])} ms", "in ttc, upper bounds"],
+                 ["telecommands in next slot", f"{m['telecommands_in_next_slot']['checked'] - m['telecommands_in_next_slot']['late']} of {m['telecommands_in_next_slot']['checked']}", ""],
+                 ["overlapping grants", f"{m['overlapping_grants']}", ""],
+                 ["skipped slots", f"{m['skipped_slots']['unexplained']}", f"and {m['skipped_slots']['bus_held']} while the bus was held"]]  # fmt: skip
+        rows += [["memory (PSS)", "-" if kib is None else f"{kib / 1024:.1f} MiB", node] for node, kib in m["pss_kib"].items()]
+        for text in table(rows)[1:]:
+            self.display.line(text)
+
+
+def parse(arguments=None):
+    parser = argparse.ArgumentParser(prog="./run demo", description="Flies the simulated spacecraft with a scripted operator.")
+    parser.add_argument("--duration", type=float, default=40, metavar="S", help=f"about how long, from {SHORTEST_S} s (default: %(default)s s)")
+    parser.add_argument("--var", default=mission.ROOT / "var", metavar="DIR", help="folder of the running deployment (default: %(default)s)")
+    parser.add_argument("--deployment", default="sim", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: %(default)s)")
+    parser.add_argument("--json", action="store_true", help="only the last line: the summary as JSON")
+    parser.add_argument("--bin", default=mission.ROOT / "build-release" / "bin", metavar="DIR", help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if options.duration < SHORTEST_S:
+        parser.error(f"--duration: expected at least {SHORTEST_S}")
+    return options
+
+
+def fly(options, display, signals):
+    """Flies the demo. Returns the summary."""
+    flight = mission.Mission(options.var, options.deployment, options.bin, display.line)
+    display.step("Starting the simulated spacecraft and the suite")
+    flight.start()
+    demo = Demo(flight, display, signals, options.duration)
+    summary = {}
+    try:
+        display.note(f"{len(flight.up_report['nodes'])} nodes Active after {flight.up_report['took_ms']} ms, DDS domain {flight.domain}, "
+                     f"operator's port {flight.var / 'rs422'}")  # fmt: skip
+        demo.connect()
+        demo.fly()
+        summary = demo.summarise()
+    except Interrupted:
+        demo.failures.append("interrupted by the user")
+    except mission.MissionError as error:
+        demo.failures.append(str(error))
+    finally:
+        display.live("")
+        left = flight.stop()
+    demo.failures += [f"left behind: {text}" for text in left]
+    summary["failures"] = demo.failures
+    summary["ok"] = not demo.failures
+    if "measures" in summary:
+        demo.show(summary)
+    return summary
+
+
+def main():
+    options = parse()
+    display = Display(quiet=options.json)
+    signals = mission.StopSignals()
+    try:
+        summary = fly(options, display, signals)
+    except mission.MissionError as error:
+        print(f"demo: {error}", file=sys.stderr)
+        print(json.dumps({"ok": False, "failures": [str(error)]}), flush=True)
+        return error.code
+    for failure in summary["failures"]:
+        print(f"not as expected: {failure}", file=sys.stderr)
+    print(json.dumps(summary), flush=True)
+    return 0 if summary["ok"] else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,539 @@
+"""One running simulation: the simulated spacecraft and the suite in a VAR folder, started, watched and ended in order.
+
+Used by ./run sim, ./run demo, ./run bench and the system tests. Standard library only.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import pathlib
+import queue
+import select
+import signal
+import struct
+import subprocess
+import threading
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+READY_DEADLINE_S = 10
+UP_DEADLINE_S = 20
+STOP_PATIENCE_S = 5
+
+
+class MissionError(Exception):
+    """The simulation cannot start or did not end cleanly. The text is ready to print; code is the exit code."""
+
+    def __init__(self, message, code=1):
+        super().__init__(message)
+        self.code = code
+
+
+def find_deployment(name):
+    """The file that NAME means: a file, or launch_config/NAME.yaml."""
+    for path in (pathlib.Path(name), ROOT / "launch_config" / f"{name}.yaml"):
+        if path.is_file():
+            return path.resolve()
+    known = ", ".join(sorted(p.stem for p in (ROOT / "launch_config").glob("*.yaml")))
+    raise MissionError(f"no deployment '{name}': expected a file, or one of {known}", code=2)
+
+
+def lock_owner(path):
+    """Pid that holds the record lock of a node's lock file, as the kernel tells it; None when nobody does."""
+    whole_file = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+    try:
+        with open(path, "r+b") as file:
+            kind, _, _, _, pid = struct.unpack("hhqqi4x", fcntl.fcntl(file, fcntl.F_GETLK, whole_file))
+    except OSError:
+        return None
+    return None if kind == fcntl.F_UNLCK else pid
+
+
+def is_flocked(path):
+    try:
+        with open(path, "r+b") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
+def command_line(pid):
+    try:
+        return pathlib.Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return []
+
+
+def processes_of(var):
+    """{pid: program} of the simulator and the nodes that run for this VAR folder."""
+    found = {}
+    for entry in pathlib.Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        words = command_line(entry.name)
+        program = os.path.basename(words[0]) if words else ""
+        place = words.index("--var") + 1 if "--var" in words else len(words)
+        if (program == "hw_sim" or program.endswith("_node")) and words[place : place + 1] == [str(var)]:
+            found[int(entry.name)] = program
+    return found
+
+
+def end_processes(pids, patience_s=STOP_PATIENCE_S):
+    """SIGTERM, then SIGKILL for who is still there. Returns the pids that needed SIGKILL."""
+    handles = {}
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            handles[pid] = os.pidfd_open(pid)
+            signal.pidfd_send_signal(handles[pid], signal.SIGTERM)
+            signal.pidfd_send_signal(handles[pid], signal.SIGCONT)
+    killed = []
+    deadline = time.monotonic() + patience_s
+    for pid, handle in handles.items():
+        if not select.select([handle], [], [], max(0, deadline - time.monotonic()))[0]:
+            killed.append(pid)
+            with contextlib.suppress(ProcessLookupError):
+                signal.pidfd_send_signal(handle, signal.SIGKILL)
+            select.select([handle], [], [], 2)
+        os.close(handle)
+    return killed
+
+
+def shared_memory_files():
+    with contextlib.suppress(OSError):
+        return {name for name in os.listdir("/dev/shm") if "fastrtps" in name or "fastdds" in name or "srfs" in name}
+    return set()
+
+
+def wait_until(condition, deadline_s, what, period_s=0.02):
+    """Waits until condition() is true and returns its value; MissionError after deadline_s."""
+    end = time.monotonic() + deadline_s
+    while True:
+        value = condition()
+        if value:
+            return value
+        if time.monotonic() > end:
+            raise MissionError(f"{what}: not within {deadline_s} s")
+        time.sleep(period_s)
+
+
+class Lines:
+    """A child process that prints one JSON object a line; a thread collects them with the time of their arrival."""
+
+    def __init__(self, command, log_path, stdin=None):
+        self.log_path = log_path
+        with open(log_path, "ab") as log:
+            self.process = subprocess.Popen(
+                command, stdin=stdin, stdout=subprocess.PIPE, stderr=log, start_new_session=True, text=True, bufsize=1
+            )
+        self.messages = []  # everything that came, in order; "arrived" is added (time.monotonic)
+        self._news = threading.Condition()
+        self._listeners = []
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            try:
+                message = json.loads(line)
+            except ValueError:
+                message = {"type": "garbled", "text": line}
+            message["arrived"] = time.monotonic()
+            with self._news:
+                self.messages.append(message)
+                self._news.notify_all()
+            for listener in self._listeners:
+                listener(message)
+        with self._news:
+            self._news.notify_all()
+
+    def on_message(self, listener):
+        """Calls listener(message) in the reading thread for everything that comes from now on."""
+        self._listeners.append(listener)
+
+    def position(self):
+        with self._news:
+            return len(self.messages)
+
+    def find(self, matches, since=0):
+        """The first message from position `since` on for which matches(message) is true, or None."""
+        with self._news:
+            return next((m for m in self.messages[since:] if matches(m)), None)
+
+    def select(self, matches, since=0):
+        with self._news:
+            return [m for m in self.messages[since:] if matches(m)]
+
+    def wait_for(self, matches, deadline_s, since=0):
+        """As find, waiting for it; None after deadline_s or when the process ended."""
+        end = time.monotonic() + deadline_s
+        looked_at = since
+        with self._news:
+            while True:
+                for message in self.messages[looked_at:]:
+                    if matches(message):
+                        return message
+                looked_at = len(self.messages)
+                left = end - time.monotonic()
+                if left <= 0 or not self._thread.is_alive():
+                    return None
+                self._news.wait(min(left, 0.5))
+
+    def end(self):
+        if self.process.stdin:
+            with contextlib.suppress(OSError):
+                self.process.stdin.close()
+        if self.process.poll() is None:
+            self.process.terminate()
+        try:
+            self.process.wait(STOP_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self._thread.join(2)
+        self.process.stdout.close()
+
+
+class GroundSession(Lines):
+    """`srfs-ground session`: sends command lines, collects everything that the spacecraft says."""
+
+    def __init__(self, mission):
+        command = [mission.program("srfs-ground"), "--port", str(mission.var / "rs422"), "--deployment",
+                   str(mission.deployment), "--json", "session"]  # fmt: skip
+        super().__init__(command, mission.var / "log" / "ground.log", stdin=subprocess.PIPE)
+        self._line = 0
+
+    def send(self, line):
+        """Writes one command line; returns its number, which everything it causes carries."""
+        self._line += 1
+        try:
+            self.process.stdin.write(line + "\n")
+            self.process.stdin.flush()
+        except OSError as error:
+            raise MissionError(f"srfs-ground ended: see {self.log_path}") from error
+        return self._line
+
+    def outcome(self, line, deadline_s):
+        """The final stage of the telecommand of a line, or the error that kept it from being sent; None: neither came."""
+        return self.wait_for(
+            lambda m: m.get("line") == line and (m["type"] == "error" or m["type"] == "tc_stage" and m["final"]), deadline_s
+        )
+
+    def command(self, text, deadline_s=15):
+        """Sends a line and waits for its outcome."""
+        return self.outcome(self.send(text), deadline_s)
+
+    def housekeeping(self, structure, deadline_s=5, since=None, matches=lambda fields: True):
+        """The next live packet of a structure whose fields match; None after deadline_s."""
+        since = self.position() if since is None else since
+        return self.wait_for(
+            lambda m: m.get("structure") == structure and m.get("vc") == 0 and matches(m["fields"]), deadline_s, since
+        )
+
+    def fresh(self, structure, deadline_s=5):
+        """Asks for a structure now and returns its fields; None when it did not come."""
+        since = self.position()
+        self.send(f"tc housekeeping.one_shot structure={structure}")
+        packet = self.housekeeping(structure, deadline_s, since)
+        return packet and packet["fields"]
+
+    def stats(self, deadline_s=3):
+        since = self.position()
+        self.send("stats")
+        return self.wait_for(lambda m: m["type"] == "stats", deadline_s, since)
+
+
+class Mission:
+    """The simulated spacecraft and the suite, up between __enter__ and __exit__."""
+
+    def __init__(self, var, deployment="sim", bin_dir="build-release/bin", say=lambda text: None):
+        self.var = pathlib.Path(var).absolute()
+        self.deployment = find_deployment(deployment)
+        self.bin_dir = pathlib.Path(bin_dir).absolute()
+        self.say = say
+        self.run_dir = self.var / "run"
+        self.hw_sim = None
+        self.up_report = None
+        self._lock = None
+        self._lines = []
+        self._shared_memory_before = set()
+        self._watched = {}
+
+    # --- starting ---------------------------------------------------------------------------------------------------
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def start(self):
+        self._take_lock()
+        try:
+            self._end_orphans()
+            self._shared_memory_before = shared_memory_files()
+            self._start_hw_sim()
+            self._start_suite()
+        except BaseException:
+            self._end_quietly()
+            raise
+
+    def program(self, name):
+        path = self.bin_dir / name
+        if not path.exists():
+            raise MissionError(f"{path} is missing: build first (./run build)", code=2)
+        return str(path)
+
+    def _take_lock(self):
+        self.run_dir.mkdir(parents=True, exist_ok=True)
+        (self.var / "log").mkdir(exist_ok=True)
+        path = self.run_dir / "mission.lock"
+        for _ in range(10):  # the last holder removes the file on its way out: then it is another file now
+            lock = open(path, "a+")
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                lock.seek(0)
+                pid = lock.read().strip() or "unknown"
+                lock.close()
+                raise MissionError(
+                    f"{self.var} is in use by a running simulation (pid {pid}): end that one, or choose another folder with --var",
+                    code=2,
+                ) from None
+            with contextlib.suppress(FileNotFoundError):
+                if os.fstat(lock.fileno()).st_ino == os.stat(path).st_ino:
+                    break
+            lock.close()
+        else:
+            raise MissionError(f"{path}: cannot lock")
+        lock.truncate(0)
+        lock.write(f"{os.getpid()}\n")
+        lock.flush()
+        self._lock = lock
+
+    def _orphans(self):
+        """{pid: name} of what an earlier simulation that was killed left running in VAR."""
+        found = {}
+        for lock in self.run_dir.glob("*.lock"):
+            pid = lock_owner(lock)
+            if pid and str(self.var) in command_line(pid):
+                found[pid] = lock.stem
+        if is_flocked(self.run_dir / "hw_sim.lock"):
+            with contextlib.suppress(OSError, ValueError):
+                pid = int((self.run_dir / "hw_sim.pid").read_text())
+                if str(self.var) in command_line(pid):
+                    found[pid] = "hw_sim"
+        found.update({pid: name for pid, name in processes_of(self.var).items() if pid not in found})
+        return found
+
+    def _end_orphans(self):
+        (self.run_dir / "stopping").touch()  # nobody may restart what is ended now
+        orphans = self._orphans()
+        if orphans:
+            names = ", ".join(f"{name} (pid {pid})" for pid, name in sorted(orphans.items()))
+            self.say(f"an earlier simulation in {self.var} was killed; ending what it left: {names}")
+            for pid in end_processes(orphans):
+                self.say(f"{orphans[pid]} (pid {pid}) did not end in time and was killed")
+        for path in self.run_dir.iterdir():
+            if path.name != "mission.lock":
+                path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            (self.var / "rs422").unlink()
+
+    def _start_hw_sim(self):
+        log = self.var / "log" / "hw_sim.log"
+        with open(log, "ab") as file:
+            begin = file.tell()
+            self.hw_sim = subprocess.Popen(
+                [self.program("hw_sim"), "--deployment", str(self.deployment), "--var", str(self.var)],
+                stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True,
+            )  # fmt: skip
+        wait_until(
+            lambda: (self.run_dir / "hw_sim.ready").exists() or self.hw_sim.poll() is not None,
+            READY_DEADLINE_S, f"the simulated spacecraft is ready (see {log})",
+        )  # fmt: skip
+        if self.hw_sim.poll() is not None:
+            said = log.read_bytes()[begin:].decode(errors="replace").strip()
+            raise MissionError(f"{self.deployment}: the simulated spacecraft did not start:\n{said}", code=2)
+
+    def _start_suite(self):
+        result = self.srfs("up", "--deadline", str(UP_DEADLINE_S), timeout_s=UP_DEADLINE_S + 10)
+        try:
+            self.up_report = json.loads(result.stdout)
+        except ValueError:
+            raise MissionError(f"srfs up: {result.stderr.strip()}", code=result.returncode or 1) from None
+        if not self.up_report["ok"]:
+            errors = [error for node in self.up_report["nodes"] if node["state"] != "active" for error in self._last_error(node["name"])]
+            in_the_file = any(str(self.deployment) in error for error in errors)
+            raise MissionError("the suite did not come up:\n" + "\n".join(self.up_report["problems"] + errors), code=2 if in_the_file else 1)
+        self._watched = {node["name"]: node["pid"] for node in self.up_report["nodes"]}
+
+    def _last_error(self, node):
+        """The last error in a node's log, as a list of at most one line."""
+        with contextlib.suppress(OSError):
+            lines = (self.var / "log" / f"{node}.log").read_text(errors="replace").splitlines()
+            return [line for line in lines if " ERROR " in line or " FATAL " in line][-1:]
+        return []
+
+    # --- while it runs ----------------------------------------------------------------------------------------------
+
+    @property
+    def domain(self):
+        return self.up_report["domain"]
+
+    def srfs(self, *arguments, timeout_s=30):
+        """One run of `srfs` with --json for this deployment and VAR."""
+        return subprocess.run(
+            [self.program("srfs"), *arguments, "--json", "--deployment", str(self.deployment), "--var", str(self.var)],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s,
+        )  # fmt: skip
+
+    def status(self):
+        """[{name, state, pid, incarnation, version, restarts, last_restart_cause}] as `srfs status` lists them."""
+        return json.loads(self.srfs("status").stdout)
+
+    def node_pid(self, name):
+        return lock_owner(self.run_dir / f"{name}.lock")
+
+    def control(self, request):
+        """One request to hw_sim (faults, truth, counters); returns its reply."""
+        result = subprocess.run(
+            [self.program("hw_sim"), "--var", str(self.var), "--control", json.dumps(request)],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=10,
+        )  # fmt: skip
+        if result.returncode != 0:
+            raise MissionError(f"hw_sim --control {json.dumps(request)}: {result.stdout or result.stderr}")
+        return json.loads(result.stdout)
+
+    def ground(self):
+        """Opens the operator's session; ended with the mission."""
+        self._lines.append(GroundSession(self))
+        return self._lines[-1]
+
+    def recorder(self):
+        """Listens to the nodes' own topics; ended with the mission."""
+        command = [self.program("srfs"), "record", "--deployment", str(self.deployment), "--var", str(self.var)]
+        recorder = Lines(command, self.var / "log" / "record.log")
+        self._lines.append(recorder)
+        if not recorder.wait_for(lambda m: m["type"] == "recording", 10):
+            raise MissionError(f"srfs record does not listen: see {recorder.log_path}")
+        return recorder
+
+    def news_of_processes(self):
+        """What ended or was restarted since the last call, as lines; and whether the simulation itself is gone."""
+        news = []
+        if self.hw_sim.poll() is not None:
+            code = self.hw_sim.returncode
+            how = f"killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
+            return [f"the simulated spacecraft {how}; its log: {self.var / 'log' / 'hw_sim.log'}"], True
+        for name, pid in self._watched.items():
+            now = self.node_pid(name)
+            if now == pid:
+                continue
+            if now is None:
+                news.append(f"{name} (pid {pid}) is gone; its log: {self.var / 'log' / (name + '.log')}")
+            else:
+                news.append(f"{name} was restarted: pid {now}")
+            self._watched[name] = now
+        return news, False
+
+    def memory_kib(self):
+        """PSS of each node; None for a node that is not there."""
+        memory = {}
+        for name in self._watched:
+            memory[name] = None
+            with contextlib.suppress(OSError, StopIteration):
+                lines = pathlib.Path(f"/proc/{self.node_pid(name)}/smaps_rollup").read_text().splitlines()
+                memory[name] = int(next(line for line in lines if line.startswith("Pss:")).split()[1])
+        return memory
+
+    # --- ending -----------------------------------------------------------------------------------------------------
+
+    def __exit__(self, kind, value, traceback):
+        left = self.stop()
+        if left and kind is None:
+            raise MissionError("the simulation did not end cleanly:\n" + "\n".join(left))
+
+    def stop(self):
+        """Ends everything in order. Returns what was left behind (and has been ended or named), empty when nothing."""
+        left = []
+        for lines in reversed(self._lines):
+            lines.end()
+        self._lines = []
+        result = self.srfs("down")
+        try:
+            report = json.loads(result.stdout)
+            left += [f"{name} did not stop in time and was killed" for name in report["killed"]]
+            left += [f"{name} could not be stopped" for name in report["left"]]
+        except ValueError:
+            left.append(f"srfs down: {result.stderr.strip()}")
+        left += self._stop_hw_sim()
+        left += self._leftovers()
+        self._release_lock()
+        return left
+
+    def _stop_hw_sim(self):
+        if self.hw_sim.poll() is not None:
+            return [] if self.hw_sim.returncode == 0 else [f"the simulated spacecraft ended with {self.hw_sim.returncode}"]
+        self.hw_sim.terminate()
+        try:
+            self.hw_sim.wait(STOP_PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            self.hw_sim.kill()
+            self.hw_sim.wait()
+            return ["hw_sim did not end in time and was killed"]
+        return [] if self.hw_sim.returncode == 0 else [f"hw_sim ended with {self.hw_sim.returncode}"]
+
+    def _leftovers(self):
+        left = []
+        remaining = processes_of(self.var)
+        left += [f"process {name} (pid {pid})" for pid, name in remaining.items()]
+        end_processes(remaining)
+        left += [f"file {path}" for path in self.run_dir.iterdir() if path.name != "mission.lock"]
+        if (self.var / "rs422").is_symlink():
+            left.append(f"link {self.var / 'rs422'}")
+        left += [f"shared memory /dev/shm/{name}" for name in sorted(shared_memory_files() - self._shared_memory_before)]
+        return left
+
+    def _end_quietly(self):
+        for lines in reversed(self._lines):
+            lines.end()
+        self._lines = []
+        (self.run_dir / "stopping").touch()
+        end_processes(self._orphans())
+        if self.hw_sim:
+            self.hw_sim.wait()
+        for path in self.run_dir.iterdir():
+            if path.name != "mission.lock":
+                path.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            (self.var / "rs422").unlink()
+        self._release_lock()
+
+    def _release_lock(self):
+        if self._lock:
+            (self.run_dir / "mission.lock").unlink(missing_ok=True)
+            self._lock.close()
+            self._lock = None
+
+
+class StopSignals:
+    """SIGINT and SIGTERM as something to look at: the first asks for an orderly end."""
+
+    def __init__(self):
+        self._asked = queue.SimpleQueue()
+        self.asked = False
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, number, frame):
+        self.asked = True
+        self._asked.put(number)
+
+    def wait(self, seconds):
+        """Waits; True as soon as the end was asked for."""
+        with contextlib.suppress(queue.Empty):
+            self._asked.get(timeout=seconds)
+        return self.asked

@@ -1,0 +1,120 @@
+"""What `srfs record` saw of the CAN rotation and of telecommands, checked. Pure: messages in, facts out."""
+
+import bisect
+
+
+def percentile(values, q):
+    """The q-quantile (0 to 1) of values, None without values."""
+    if not values:
+        return None
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(q * len(ordered)))]
+
+
+class Rotation:
+    """Collects ticks, task flags, bus status, telecommands and reports. All times are CLOCK_MONOTONIC in ns."""
+
+    def __init__(self):
+        self.ticks = {}  # cycle -> time of receipt
+        self.grants = {}  # (switcher incarnation, grant counter) -> dict
+        self.flag_latencies_us = []  # tick published -> flag received, both as the recorder sees them
+        self.several_flags = 0  # messages with more than one flag true
+        self.telecommands = {}  # id -> dict of target, at, {stage: time}
+        self.last_slot = None
+        self._tick_published = {}
+
+    def on_message(self, message):
+        handler = getattr(self, "_on_" + message["type"], None)
+        if handler:
+            handler(message)
+
+    def _on_tick(self, m):
+        self.ticks.setdefault(m["cycle"], m["at_ns"])
+        self._tick_published[m["cycle"]] = m["published_ns"]
+
+    def _on_flags(self, m):
+        if sum(1 for flag in m["flags"] if flag) > 1:
+            self.several_flags += 1
+        key = (m["switcher"], m["grant"])
+        if not m["holder"] or key in self.grants:
+            return
+        self.grants[key] = {"holder": m["holder"], "cycle": m["cycle"], "published": m["published_ns"], "lease_end": m["lease_end_ns"],
+                            "status": None, "released": None, "used_us": None}  # fmt: skip
+        if m["cycle"] in self._tick_published:
+            self.flag_latencies_us.append((m["at_ns"] - self._tick_published[m["cycle"]]) / 1000)
+
+    def _on_bus(self, m):
+        grant = self.grants.get((m["switcher"], m["grant"]))
+        if grant is None or m["status"] not in ("released", "failed"):
+            return
+        # A payload that is not active hands the slot back at once.
+        status = "not used" if m["detail"] == "inactive" else m["status"]
+        grant.update(status=status, released=m["at_ns"], used_us=m["used_us"])
+        self.last_slot = grant
+
+    def _on_telecommand(self, m):
+        self.telecommands.setdefault(m["id"], {"target": m["target"], "at": m["at_ns"], "stages": {}})
+
+    def _on_report(self, m):
+        telecommand = self.telecommands.get(m["id"])
+        if telecommand is not None:
+            telecommand["stages"].setdefault(m["stage"], m["at_ns"])
+
+    # --- facts ------------------------------------------------------------------------------------------------------
+
+    def _ordered(self):
+        """Grants in order, from the first whose end was recorded: an observer hears the topics one after the other."""
+        ordered = [self.grants[key] for key in sorted(self.grants)]
+        settled = next((i for i, grant in enumerate(ordered) if grant["released"] is not None), len(ordered))
+        return ordered[settled:]
+
+    def slots(self):
+        """{payload: {granted, used, failed}} of what was recorded; a slot under way counts as granted."""
+        counts = {}
+        for grant in self._ordered():
+            count = counts.setdefault(grant["holder"], {"granted": 0, "used": 0, "failed": 0})
+            count["granted"] += 1
+            count["used"] += grant["status"] == "released"
+            count["failed"] += grant["status"] == "failed"
+        return counts
+
+    def overlaps(self):
+        """Grants given while the holder before had neither released nor lost its lease."""
+        ordered = self._ordered()
+        return self.several_flags + sum(
+            1
+            for before, after in zip(ordered, ordered[1:])
+            if after["published"] < before["lease_end"] and (before["released"] is None or before["released"] > after["published"])
+        )
+
+    def skipped(self):
+        """(with cause, without): recorded ticks without a grant, the cause being a bus that was still held."""
+        ordered = self._ordered()
+        granted = {grant["cycle"] for grant in ordered}
+        if not granted:
+            return 0, 0
+        with_cause = without = 0
+        for cycle, at in self.ticks.items():
+            if not min(granted) < cycle < max(granted) or cycle in granted:
+                continue
+            held = any(g["published"] < at and (g["released"] is None or g["released"] > at) and g["lease_end"] > at for g in ordered)
+            with_cause += held
+            without += not held
+        return with_cause, without
+
+    def missed_ticks(self):
+        """Gaps in the recorded cycle numbers."""
+        return max(self.ticks) - min(self.ticks) + 1 - len(self.ticks) if self.ticks else 0
+
+    def telecommand_slots(self):
+        """[(id, in the next own slot?, ms from publishing to completion)] of the telecommands to payloads that completed."""
+        facts = []
+        for number, telecommand in self.telecommands.items():
+            completed = telecommand["stages"].get(7)
+            own = [g["published"] for g in self._ordered() if g["holder"] == telecommand["target"]]
+            if completed is None or not own:
+                continue
+            after_next = bisect.bisect_right(own, telecommand["at"]) + 1
+            in_time = after_next >= len(own) or completed < own[after_next]
+            facts.append((number, in_time, (completed - telecommand["at"]) / 1e6))
+        return facts

@@ -1,0 +1,70 @@
+"""./run sim: the simulated spacecraft and the suite, up until Ctrl-C or SIGTERM."""
+
+import argparse
+import sys
+
+import mission
+
+
+def parse():
+    parser = argparse.ArgumentParser(prog="./run sim", description="Flies the simulated spacecraft until Ctrl-C or SIGTERM.")
+    parser.add_argument("--var", default=mission.ROOT / "var", metavar="DIR", help="folder of the running deployment (default: %(default)s); "
+                        "two simulations run side by side with different folders")  # fmt: skip
+    parser.add_argument("--deployment", default="sim", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: %(default)s)")
+    parser.add_argument("--bin", default=mission.ROOT / "build-release" / "bin", metavar="DIR", help=argparse.SUPPRESS)
+    return parser.parse_args()
+
+
+def say(text):
+    print(text, flush=True)
+
+
+def greeting(flight):
+    var, bin_dir, nodes = flight.var, flight.bin_dir, flight.up_report["nodes"]
+    option = "" if flight.deployment.stem == "sim" else f" --deployment {flight.deployment}"
+    return f"""{len(nodes)} nodes up in {flight.up_report['took_ms']} ms, DDS domain {flight.domain}
+  operator's port  {var}/rs422
+  logs             {var}/log/
+Try, in another terminal:
+  {bin_dir}/srfs-ground --port {var}/rs422{option} ping
+  {bin_dir}/srfs-ground --port {var}/rs422{option} tc eps.switch_load load=2 state=on --wait
+  {bin_dir}/srfs-ground --port {var}/rs422{option} listen
+  {bin_dir}/srfs --var {var} --deployment {flight.deployment} status
+  {bin_dir}/srfs --var {var} --deployment {flight.deployment} record
+  ROS_DOMAIN_ID={flight.domain} ROS_LOCALHOST_ONLY=1 ros2 topic echo /timing/tick
+Ctrl-C ends it."""
+
+
+def fly(flight, signals):
+    """Watches until the end is asked for. Returns whether the simulation was still whole then."""
+    while not signals.wait(0.5):
+        news, gone = flight.news_of_processes()
+        for line in news:
+            say(f"! {line}")
+        if gone:
+            return False
+    return True
+
+
+def main():
+    arguments = parse()
+    signals = mission.StopSignals()
+    flight = mission.Mission(arguments.var, arguments.deployment, arguments.bin, say)
+    flight.start()
+    say(greeting(flight))
+    whole = fly(flight, signals)
+    say("stopping")
+    left = flight.stop()
+    for line in left:
+        print(f"left behind: {line}", file=sys.stderr)
+    if not left:
+        say("stopped; nothing is left running")
+    return 0 if whole and not left else 1
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except mission.MissionError as error:
+        print(f"sim: {error}", file=sys.stderr)
+        sys.exit(error.code)
