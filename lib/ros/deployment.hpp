@@ -24,7 +24,7 @@ struct NodeEntry {
   std::string name;        ///< without slash
   std::string executable;  ///< beside the launcher, or a path
   Scheduling scheduling;
-  std::int64_t memory_limit_mib = 0;  ///< RLIMIT_AS... 0: none
+  std::int64_t memory_limit_mib = 0;  ///< private memory (RLIMIT_DATA); 0: none
   int oom_score_adj = 0;
   ConfigSection parameters;
 };

@@ -13,6 +13,8 @@
 #include <rcl_interfaces/srv/set_parameters.hpp>
 #include <rcl_interfaces/srv/set_parameters_atomically.hpp>
 
+#include <mission/structures.hpp>
+
 #include "base/file.hpp"
 
 namespace srfs::ros {
@@ -23,6 +25,9 @@ namespace rcl = rcl_interfaces;
 
 constexpr Qos parameter_qos{.depth = 1000};
 constexpr std::uint32_t most_events_per_s = 20;
+constexpr seconds input_check_period{10};
+constexpr seconds start_report_delay{
+    2};  // discovery needs a moment: an event raised at once would reach nobody
 
 builtin_interfaces::msg::Time stamp(UtcTime t) {
   builtin_interfaces::msg::Time time;
@@ -217,6 +222,7 @@ LifecycleNode::LifecycleNode(NodeContext& context) : context_(context) {
     if (interfaces_) interfaces_->parameter_events->publish(m);
   });
   interfaces_ = std::make_unique<Interfaces>(*this);
+  input_check_ = create_timer(input_check_period, [this] { report_bad_input(); });
 }
 
 LifecycleNode::~LifecycleNode() = default;
@@ -295,12 +301,18 @@ Result<TransitionResult, std::string> LifecycleNode::request_transition(std::uin
     const CallbackReturn outcome = run_callback(transition_state);
     if (outcome != CallbackReturn::success) {
       succeeded = false;
+      if (outcome == CallbackReturn::error) {
+        const mission::NodeErrorEvent event{
+            .what = fmt::format("{}: {}", label(transition_state), failure_reason_)};
+        raise_event(event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded());
+      }
       log::error("{} failed: {}", label(transition_state),
                  failure_reason_.empty() ? "no reason given" : failure_reason_);
     }
     enter(*find_row(transition_state, to_trigger(outcome)));
   }
   log::info("lifecycle: {}", label(state_));
+  report_first_activation();
   return TransitionResult{state_, succeeded};
 }
 
@@ -336,6 +348,39 @@ void LifecycleNode::persist_desired(State primary) {
   }
 }
 
+void LifecycleNode::report_first_activation() {
+  if (state_ != State::active || start_report_) return;
+  start_report_ = create_one_shot(monotonic_now() + start_report_delay, [this] {
+    const mission::NodeStartedEvent event{.incarnation = incarnation()};
+    raise_event(event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded());
+  });
+}
+
+void LifecycleNode::report_bad_input() {
+  for (auto input = inputs_.begin(); input != inputs_.end();) {
+    const auto reader = input->reader.lock();
+    if (!reader) {
+      input = inputs_.erase(input);
+      continue;
+    }
+    if (const std::uint64_t malformed = reader->stats().malformed; malformed > input->reported) {
+      input->reported = malformed;
+      log::warn("{} malformed samples on {} so far: who publishes there?", malformed, input->topic);
+      const mission::NodeMalformedSamplesEvent event{.count = static_cast<std::uint32_t>(malformed),
+                                                     .topic = input->topic};
+      raise_event(event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded());
+    }
+    ++input;
+  }
+  if (suppressed_events_ > suppressed_reported_) {
+    const mission::NodeEventsSuppressedEvent event{
+        .event = last_suppressed_event_,
+        .count = static_cast<std::uint32_t>(suppressed_events_ - suppressed_reported_)};
+    suppressed_reported_ = suppressed_events_;
+    raise_event(event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded());
+  }
+}
+
 void LifecycleNode::raise_event(std::uint16_t event_id, std::uint8_t severity, OctetView data) {
   const MonotonicTime t = monotonic_now();
   if (t - event_window_ >= seconds(1)) {
@@ -344,6 +389,7 @@ void LifecycleNode::raise_event(std::uint16_t event_id, std::uint8_t severity, O
   }
   if (++events_in_window_ > most_events_per_s) {
     ++suppressed_events_;
+    last_suppressed_event_ = event_id;
     return;
   }
   srfs_msgs::msg::Event m;

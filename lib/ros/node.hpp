@@ -91,14 +91,16 @@ class LifecycleNode {
   /// @param callback called with (const M&) or (const M&, const MessageInfo&)
   template <class M, class F>
   [[nodiscard]] std::shared_ptr<Subscription<M>> create_subscription(const Topic<M>& topic, F callback) {
+    typename Subscription<M>::Callback handler;
     if constexpr (std::is_invocable_v<F, const M&, const MessageInfo&>) {
-      return std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic,
-                                               std::move(callback));
+      handler = std::move(callback);
     } else {
-      return std::make_shared<Subscription<M>>(
-          context_.executor, context_.participant, topic,
-          [f = std::move(callback)](const M& m, const MessageInfo&) { f(m); });
+      handler = [f = std::move(callback)](const M& m, const MessageInfo&) { f(m); };
     }
+    auto made =
+        std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic, std::move(handler));
+    inputs_.push_back({topic.name, made->reader(), 0});
+    return made;
   }
   /// @param name "~/x" is below the node's name, "/x" absolute
   template <class S>
@@ -159,6 +161,8 @@ class LifecycleNode {
   CallbackReturn run_callback(State transition_state);
   void enter(const LifecycleRow& row);
   void persist_desired(State primary);
+  void report_first_activation();
+  void report_bad_input();
 
   NodeContext& context_;
   ParameterSet parameters_;
@@ -168,6 +172,17 @@ class LifecycleNode {
   MonotonicTime event_window_;
   std::uint32_t events_in_window_ = 0;
   std::uint64_t suppressed_events_ = 0;
+  std::uint64_t suppressed_reported_ = 0;
+  std::uint16_t last_suppressed_event_ = 0;
+  /// Subscriptions made so far, to report what they could not read.
+  struct Input {
+    std::string topic;
+    std::weak_ptr<const ReaderEndpoint> reader;
+    std::uint64_t reported = 0;
+  };
+  std::vector<Input> inputs_;
+  Timer input_check_;
+  Timer start_report_;
   std::unique_ptr<Interfaces> interfaces_;
   friend class NodeRunner;
 };

@@ -37,6 +37,7 @@ class Subscription {
                                        topic.priority, std::move(callback))) {}
 
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
+  [[nodiscard]] std::weak_ptr<const ReaderEndpoint> reader() const { return reader_; }
   [[nodiscard]] std::size_t publisher_count() const { return reader_->matched_count(); }
   [[nodiscard]] const std::string& topic_name() const { return name_; }
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }

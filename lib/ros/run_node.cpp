@@ -85,7 +85,10 @@ class NodeRunner {
       log::error("finalized after an error; restart the node to use it again");
       return;
     }
-    if (node_.go_to(desired_)) return;
+    if (node_.go_to(desired_)) {
+      malloc_trim(0);  // configuring takes memory that working does not need (YAML, tables being built)
+      return;
+    }
     constexpr std::array<seconds, 4> waits{seconds(1), seconds(2), seconds(5), seconds(10)};
     const seconds wait = waits[std::min(attempts_++, waits.size() - 1)];
     log::warn("not {} yet, next attempt in {} s", label(desired_), wait.count());

@@ -174,7 +174,8 @@ void CanSwitcherNode::publish_flag(const Grant& grant) {
 
 void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
   using Kind = BusReport::Kind;
-  if (status.status < static_cast<std::uint8_t>(Kind::taken) || status.status > static_cast<std::uint8_t>(Kind::failed)) {
+  if (status.status < static_cast<std::uint8_t>(Kind::taken) ||
+      status.status > static_cast<std::uint8_t>(Kind::failed)) {
     ++meaningless_statuses_;
     return;
   }
@@ -202,10 +203,11 @@ void CanSwitcherNode::arm_deadline() {
   if (deadline == armed_) return;
   armed_ = deadline;
   deadline_timer_.reset();
-  if (deadline) deadline_timer_ = create_one_shot(*deadline, [this] {
-    armed_.reset();
-    on_deadline();
-  });
+  if (deadline)
+    deadline_timer_ = create_one_shot(*deadline, [this] {
+      armed_.reset();
+      on_deadline();
+    });
 }
 
 void CanSwitcherNode::on_deadline() {
@@ -263,7 +265,8 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.holder = rotation_->next_deadline() ? static_cast<std::uint8_t>(rotation_->current()->slot + 1)
                                          : std::uint8_t{0};
   hk.ticks_missed = counters.missed_cycles;
-  hk.status_rejected = counters.old_reports + counters.foreign_reports + counters.duplicate_reports + meaningless_statuses_;
+  hk.status_rejected =
+      counters.old_reports + counters.foreign_reports + counters.duplicate_reports + meaningless_statuses_;
   telemetry_->publish(
       ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }

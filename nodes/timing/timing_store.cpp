@@ -1,5 +1,7 @@
 #include "nodes/timing/timing_store.hpp"
 
+#include <utility>
+
 #include "base/log.hpp"
 
 namespace srfs {
@@ -18,7 +20,7 @@ TimingRecord TimingStore::load() const {
     if (!record) {
       damaged = true;
       log::error("{} is damaged, the cycle number jumps to stay ahead", file(turn).string());
-    } else if (record->cycle_ceiling >= newest.cycle_ceiling) {
+    } else if (std::pair(record->cycle_ceiling, record->utc) >= std::pair(newest.cycle_ceiling, newest.utc)) {
       newest = *record;
     }
   }

@@ -21,14 +21,14 @@ std::string stored_form(Mode mode) {
 ModeKeeper::ModeKeeper(StoredModeState state, std::string_view stored, Mode initial) {
   if (state == StoredModeState::first_start) {
     mode_ = initial;
-    reason_ = "first start of this deployment";
+    reason_ = "first start";
   } else if (state == StoredModeState::missing) {
-    reason_ = "the stored mode is missing";
+    reason_ = "stored mode missing";
   } else if (stored == stored_form(Mode::nominal) || stored == stored_form(Mode::safe)) {
     mode_ = stored == stored_form(Mode::nominal) ? Mode::nominal : Mode::safe;
-    reason_ = "as stored before the restart";
+    reason_ = "as before the restart";
   } else {
-    reason_ = "the stored mode is damaged";
+    reason_ = "stored mode damaged";
   }
 }
 

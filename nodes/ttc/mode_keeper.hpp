@@ -29,7 +29,7 @@ class ModeKeeper {
   ModeKeeper(StoredModeState state, std::string_view stored, Mode initial);
 
   [[nodiscard]] Mode mode() const { return mode_; }
-  /// Why the mode is what it is, for people, at most 80 characters.
+  /// Why the mode is what it is, for people, at most 80 characters (24 of them in the beacon).
   [[nodiscard]] const std::string& reason() const { return reason_; }
   /// @return the file content that makes it last
   [[nodiscard]] std::string change(Mode mode, std::string reason);

@@ -483,6 +483,10 @@ void TtcNode::send_beacon() {
     in.sdls_counter[next] = link_->uplink.counter(in.sdls_spi[next]).value_or(0);
     ++next;
   }
+  if (next == 1) {  // one association carries both frame types
+    in.sdls_spi[1] = in.sdls_spi[0];
+    in.sdls_counter[1] = in.sdls_counter[0];
+  }
   const wire::FarmState& farm =
       link_->uplink.farm(static_cast<std::uint8_t>(deployment().link.channels.front().virtual_channel));
   in.farm_vr = farm.vr;

@@ -5,8 +5,10 @@
 #include <cstdlib>
 #include <map>
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/file.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 #include <lifecycle_msgs/srv/change_state.hpp>
@@ -126,6 +128,23 @@ void disarm_simulated_watchdog(const Target& target) {
   if (auto watchdog = hw::open_watchdog(uri->second, target.var.root, unused)) (void)(*watchdog)->disarm();
 }
 
+/// Sets the flag while nobody is starting anything: whoever starts a node afterwards sees it. A starter that
+/// holds its lock for longer than a second is overtaken; the loop of down() over instances still finds its
+/// node.
+void set_stopping_flag(const Target& target) {
+  std::error_code ec;
+  std::filesystem::create_directories(target.var.run(), ec);
+  std::vector<Fd> locks;
+  const MonotonicTime deadline = monotonic_now() + seconds(1);
+  for (const auto& node : target.deployment.nodes) {
+    Fd lock(open(target.var.restart_lock(node.name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    while (lock && flock(lock.get(), LOCK_EX | LOCK_NB) != 0 && monotonic_now() < deadline)
+      poll(nullptr, 0, 5);
+    locks.push_back(std::move(lock));
+  }
+  (void)write_file_atomically(target.var.stopping_flag(), "down\n");
+}
+
 }  // namespace
 
 std::optional<int> running_domain(const Target& target) {
@@ -179,7 +198,7 @@ UpReport up(const Target& target, const UpOptions& options) {
 
 DownReport down(const Target& target, milliseconds patience) {
   DownReport report;
-  (void)write_file_atomically(target.var.stopping_flag(), "down\n");
+  set_stopping_flag(target);
   disarm_simulated_watchdog(target);
   std::vector<std::pair<std::string, pid_t>> running;
   for (auto node = target.deployment.nodes.rbegin(); node != target.deployment.nodes.rend(); ++node) {
