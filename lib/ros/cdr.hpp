@@ -164,9 +164,19 @@ class CdrDecoder {
         value(item);
         v[i] = item;
       }
-    } else {
+    } else if constexpr (is_wire_primitive<T>) {
       v.resize(length);
       elements(v, string_bound);
+    } else {
+      // One by one: a claimed length costs no more memory than the elements that are really there.
+      v.clear();
+      for (std::size_t i = 0; i < length; ++i) {
+        if constexpr (std::is_same_v<T, std::string>) {
+          string(v.emplace_back(), string_bound);
+        } else {
+          value(v.emplace_back());
+        }
+      }
     }
   }
   template <class T, std::size_t N>

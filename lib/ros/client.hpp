@@ -82,6 +82,13 @@ class Client {
     reader_->on_match_change(wake);
   }
 
+  ~Client() {
+    reader_->close();
+    // Captured callbacks of other threads hold the table only weakly.
+  }
+  Client(const Client&) = delete;
+  Client& operator=(const Client&) = delete;
+
   /// @param deadline for one attempt; @param attempts at least 1. A request that may be sent twice must be
   /// idempotent.
   void call(const Request& request, nanoseconds deadline, int attempts, Callback callback) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <stdexcept>
+#include <utility>
 
 namespace srfs::ros {
 
@@ -30,6 +31,12 @@ bool WriterEndpoint::matched(const GUID_t& reader) const {
   return readers_.contains(reader);
 }
 
+bool WriterEndpoint::matched_in_participant_of(const GUID_t& other) const {
+  const std::lock_guard lock(mutex_);
+  return std::any_of(readers_.begin(), readers_.end(),
+                     [&](const GUID_t& reader) { return reader.guidPrefix == other.guidPrefix; });
+}
+
 std::size_t WriterEndpoint::matched_count() const {
   const std::lock_guard lock(mutex_);
   return readers_.size();
@@ -56,7 +63,11 @@ void WriterEndpoint::on_publication_matched(dds::DataWriter*, const dds::Publica
 }
 
 ReaderEndpoint::~ReaderEndpoint() {
-  if (participant_ != nullptr) participant_->destroy(reader_);
+  close();
+}
+
+void ReaderEndpoint::close() {
+  if (participant_ != nullptr) participant_->destroy(std::exchange(reader_, nullptr));
 }
 
 void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,

@@ -50,6 +50,8 @@ class WriterEndpoint : public dds::DataWriterListener {
   /// its type or DDS refuses
   bool write(const void* message, WriteParams* params = nullptr);
   [[nodiscard]] bool matched(const GUID_t& reader) const;
+  /// A reader in the same participant as @p other (any endpoint of that process) is matched.
+  [[nodiscard]] bool matched_in_participant_of(const GUID_t& other) const;
   [[nodiscard]] std::size_t matched_count() const;
   /// Called on a middleware thread at every change of the matches; set before others can match.
   void on_match_change(std::function<void()> callback);
@@ -76,6 +78,9 @@ class ReaderEndpoint : public Source,
   ReaderEndpoint(Executor& executor, Priority priority) : executor_(executor), priority_(priority) {}
   ~ReaderEndpoint() override;
 
+  /// Ends the DDS reader. By the owner, on the work thread: the last reference may be dropped by a middleware
+  /// thread that was just announcing data, and a reader must not be deleted inside its own callback.
+  void close();
   [[nodiscard]] InputStats stats() const { return stats_; }
   [[nodiscard]] std::size_t matched_count() const { return matched_; }
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
@@ -125,6 +130,7 @@ class TypedReader final : public ReaderEndpoint {
   }
 
   bool dispatch_one(MonotonicTime now) override {
+    if (reader_ == nullptr) return false;
     dds::SampleInfo info;
     if (reader_->take_next_sample(&sample_, &info) != ReturnCode_t::RETCODE_OK) return false;
     if (!info.valid_data) return true;

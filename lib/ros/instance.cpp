@@ -66,7 +66,7 @@ std::optional<RunningInstance> find_instance(const VarPaths& var, const std::str
   if (std::filesystem::absolute(var.instance_lock(node)) == own_instance().lock_file) {
     return RunningInstance{getpid(), own_instance().incarnation, own_instance().version};
   }
-  const Fd fd(open(var.instance_lock(node).c_str(), O_RDWR | O_CLOEXEC));
+  const Fd fd(open(var.instance_lock(node).c_str(), O_RDONLY | O_CLOEXEC));
   if (!fd) return std::nullopt;
   struct flock lock = whole_file(F_WRLCK);
   // F_GETLK names the holder.
@@ -95,17 +95,20 @@ void InstanceLock::publish(std::uint32_t incarnation, const std::string& version
   [[maybe_unused]] const ssize_t ignored = pwrite(fd_.get(), text.data(), text.size(), 0);
 }
 
-Result<std::uint32_t, std::string> next_incarnation(const VarPaths& var, const std::string& node) {
+Incarnation next_incarnation(const VarPaths& var, const std::string& node) {
   const auto file = var.state(node) / "incarnation";
-  std::uint32_t next = 1;
+  Incarnation next;
   if (std::filesystem::exists(file)) {
     const auto last = read_number(file);
     // Seconds since 2020 are above every honest count, so a lost count still goes up.
-    next =
+    next.number =
         last ? *last + 1 : static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000 - 1'577'836'800);
   }
-  if (const auto written = write_file_atomically(file, fmt::format("{}\n", next)); !written)
-    return Err(written.error().message);
+  if (const auto written = write_file_atomically(file, fmt::format("{}\n", next.number)); !written) {
+    // The next start reads the same old number: the seconds since boot keep the two apart.
+    next.number += static_cast<std::uint32_t>(monotonic_now().ns() / 1'000'000'000);
+    next.not_durable_because = written.error().message;
+  }
   return next;
 }
 

@@ -18,6 +18,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/time.hpp"
+
 namespace srfs::ros {
 namespace {
 
@@ -196,6 +198,16 @@ Result<pid_t, std::string> spawn(const Preparation& p, const NodeEntry& node) {
   return Err(fmt::format("{}: {}: {}", p.executable, failure.step, errno_text(failure.error)));
 }
 
+/// The restart lock is kept until the new process can be found, so that nobody looks in between and sees no
+/// instance.
+void wait_for_instance(const VarPaths& var, const std::string& node, pid_t pid) {
+  const MonotonicTime give_up = monotonic_now() + seconds(2);
+  while (!find_instance(var, node) && kill(pid, 0) == 0 && monotonic_now() < give_up) {
+    const timespec pause{0, 1'000'000};
+    nanosleep(&pause, nullptr);
+  }
+}
+
 }  // namespace
 
 std::filesystem::path own_bin_folder() {
@@ -224,7 +236,9 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
     record.last_cause = request.cause;
   }
   write_start_record(request.var, node.name, record);
-  return spawn(*prepared, node);
+  const auto pid = spawn(*prepared, node);
+  if (pid) wait_for_instance(request.var, node.name, *pid);
+  return pid;
 }
 
 }  // namespace srfs::ros

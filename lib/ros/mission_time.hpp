@@ -22,7 +22,10 @@ namespace srfs::ros {
 /// What a node knows of the mission's time: the last tick, carried on by the monotonic clock.
 class MissionTime {
  public:
+  /// A tick from the far future or before the epoch is nobody's tick and is ignored.
   void on_tick(const srfs_msgs::msg::TimeTick& tick) {
+    constexpr std::uint64_t farthest_ns = 1ULL << 61;  // 73 years of uptime
+    if (tick.monotonic_ns > farthest_ns || tick.utc.sec < 0 || tick.utc.nanosec >= 1'000'000'000) return;
     tick_ = tick;
     known_ = true;
   }

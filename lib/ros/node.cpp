@@ -107,7 +107,9 @@ struct LifecycleNode::Interfaces {
             return;
           }
           response.success = result->succeeded;
-          if (response.success) node.persist_desired(result->reached);
+          if (!response.success) return;
+          node.persist_desired(result->reached);
+          if (node.on_commanded_) node.on_commanded_(result->reached);
         });
     get_state = node.create_service<lc::srv::GetState>("~/get_state", [&node](const auto&, auto& response) {
       response.current_state = state_message(node.state());

@@ -60,6 +60,8 @@ class LifecycleNode {
   [[nodiscard]] std::string device(const std::string& key) const;
   [[nodiscard]] State state() const { return state_; }
   [[nodiscard]] bool is_active() const { return state_ == State::active; }
+  /// Nothing that deactivation began is still under way (a bus to release, an answer to wait for).
+  [[nodiscard]] virtual bool is_at_rest() const { return true; }
   /// Time of this wake-up, read once before each callback.
   [[nodiscard]] MonotonicTime now() const { return context_.executor.now(); }
 
@@ -183,6 +185,7 @@ class LifecycleNode {
   std::vector<Input> inputs_;
   Timer input_check_;
   Timer start_report_;
+  std::function<void(State)> on_commanded_;
   std::unique_ptr<Interfaces> interfaces_;
   friend class NodeRunner;
 };

@@ -14,6 +14,10 @@ class Publisher {
 
   /// Never waits for a reader. @return false when the message breaks a bound of its type (counted)
   bool publish(const M& message) { return writer_.write(&message); }
+  /// Somebody in the process that sent this message listens here.
+  [[nodiscard]] bool is_heard_by_sender_of(const MessageInfo& message) const {
+    return writer_.matched_in_participant_of(message.identity.writer_guid());
+  }
   [[nodiscard]] std::size_t subscription_count() const { return writer_.matched_count(); }
   /// Publications refused so far.
   [[nodiscard]] std::uint64_t refused() const { return writer_.refused(); }
@@ -36,6 +40,15 @@ class Subscription {
         reader_(TypedReader<M>::create(executor, participant, topic_dds_name(topic.name), topic.qos,
                                        topic.priority, std::move(callback))) {}
 
+  ~Subscription() { reader_->close(); }
+  Subscription(const Subscription&) = delete;
+  Subscription& operator=(const Subscription&) = delete;
+
+  /// Handles what has arrived already, now. For callbacks that must not decide before it, on the work thread.
+  void take_waiting() {
+    while (reader_->dispatch_one(monotonic_now())) {
+    }
+  }
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
   [[nodiscard]] std::weak_ptr<const ReaderEndpoint> reader() const { return reader_; }
   [[nodiscard]] std::size_t publisher_count() const { return reader_->matched_count(); }

@@ -19,6 +19,8 @@
 namespace srfs::ros {
 namespace {
 
+constexpr milliseconds longest_rest{200};
+
 struct Arguments {
   std::string name;
   std::filesystem::path deployment;
@@ -74,8 +76,15 @@ class NodeRunner {
  public:
   NodeRunner(Executor& executor, LifecycleNode& node, State desired)
       : executor_(executor), node_(node), desired_(desired) {
+    node_.on_commanded_ = [this](State commanded) {
+      desired_ = commanded;  // the operator's word ends what was going on before
+      retry_.reset();
+    };
     attempt();
   }
+  ~NodeRunner() { node_.on_commanded_ = {}; }
+  NodeRunner(const NodeRunner&) = delete;
+  NodeRunner& operator=(const NodeRunner&) = delete;
 
   static void finish_declarations(LifecycleNode& node) { node.parameters_.finish(); }
 
@@ -119,8 +128,10 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
     return code(ExitCode::already_running);
   }
   const auto incarnation = next_incarnation(var, arguments.name);
-  if (!incarnation) log::error("incarnation is not durable: {}", incarnation.error());
-  lock->publish(incarnation.value_or(1), version());
+  if (!incarnation.not_durable_because.empty()) {
+    log::error("incarnation {} is not durable: {}", incarnation.number, incarnation.not_durable_because);
+  }
+  lock->publish(incarnation.number, version());
   check_scheduling(*entry);
 
   const auto domain = domain_of(arguments, deployment, var);
@@ -136,22 +147,27 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
     log::error("{}", participant.error());
     return code(ExitCode::middleware);
   }
-  NodeContext context{arguments.name, deployment, var, incarnation.value_or(1), executor, **participant};
+  NodeContext context{arguments.name, deployment, var, incarnation.number, executor, **participant};
   const std::unique_ptr<LifecycleNode> node = factory(context);
   NodeRunner::finish_declarations(*node);
   log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", context.incarnation, version(), getpid(),
             *domain);
 
+  bool stopping = false;
   const auto signal_watch = executor.add_fd(signals.get(), EPOLLIN, [&](std::uint32_t) {
     signalfd_siginfo info{};
     if (read(signals.get(), &info, sizeof info) != sizeof info) return;
     log::info("stopping: signal {} from pid {}", info.ssi_signo, info.ssi_pid);
-    executor.stop();
+    stopping = true;
   });
   {
     const NodeRunner runner(executor, *node, desired_state(var, arguments.name));
-    executor.spin();
+    while (!stopping && executor.spin_once(seconds(1))) {
+    }
   }
+  if (node->is_active()) node->go_to(State::inactive);
+  // What deactivation set going (the release of the bus) gets its time before the devices are closed.
+  executor.spin_until([&] { return node->is_at_rest(); }, monotonic_now() + longest_rest);
   node->go_to(State::unconfigured);
   node->go_to(State::finalized);
   return code(ExitCode::stopped);

@@ -57,6 +57,10 @@ class Service {
             executor, participant, request_dds_name(name), qos, priority,
             [this](const Request& request, const MessageInfo& info) { serve(request, info); })) {}
 
+  ~Service() { reader_->close(); }
+  Service(const Service&) = delete;
+  Service& operator=(const Service&) = delete;
+
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
   [[nodiscard]] GUID_t reader_guid() const { return reader_->guid(); }
   [[nodiscard]] GUID_t writer_guid() const { return writer_->guid(); }

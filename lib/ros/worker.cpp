@@ -42,8 +42,23 @@ WorkerProgress Worker::progress() const {
 }
 
 void Worker::drain() {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return jobs_.empty() && !progress_.busy; });
+  while (true) {
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return jobs_.empty() && !progress_.busy; });
+      if (finished_.empty()) return;
+    }
+    run_finished();
+  }
+}
+
+void Worker::run_finished() {
+  std::deque<std::function<void()>> due;
+  {
+    const std::lock_guard lock(mutex_);
+    due.swap(finished_);
+  }
+  for (const auto& done : due) done();
 }
 
 void Worker::run() {
@@ -57,14 +72,14 @@ void Worker::run() {
     progress_.busy_since = monotonic_now();
     lock.unlock();
     job.run();
+    lock.lock();
+    if (job.done) finished_.push_back(job.done);
+    lock.unlock();
+    // A refused post is no loss: the next one, or drain(), hands over everything that has finished.
     if (job.done) {
-      // Results always arrive: the executor's bound covers strangers, a worker's results are bounded by its
-      // own queue.
-      while (!executor_.post([alive = alive_, done = job.done] {
-        if (*alive) done();
-      })) {
-        std::this_thread::yield();
-      }
+      executor_.post([this, alive = alive_] {
+        if (*alive) run_finished();
+      });
     }
     lock.lock();
     progress_.busy = false;

@@ -39,8 +39,8 @@ class Worker {
   /// @return false when the queue is full: the job is dropped and counted
   bool post(std::function<void()> job, std::function<void()> done = {});
   [[nodiscard]] WorkerProgress progress() const;
-  /// Runs waiting jobs to their end before the destructor goes on; for shutting down without losing writes.
-  /// Blocks.
+  /// Runs all jobs and their `done` to the end, also those that a `done` posts; for shutting down without
+  /// losing writes. On the work thread; blocks.
   void drain();
 
  private:
@@ -49,12 +49,14 @@ class Worker {
     std::function<void()> done;
   };
   void run();
+  void run_finished();
 
   Executor& executor_;
   std::size_t capacity_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Job> jobs_;
+  std::deque<std::function<void()>> finished_;  // `done` of jobs that ended; bounded by the jobs
   WorkerProgress progress_;
   bool stop_ = false;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  // work thread's: no `done` after destruction

@@ -75,7 +75,8 @@ CallbackReturn CanSwitcherNode::on_configure() {
     HolderFence::Hooks hooks;
     hooks.find = [this](const std::string& payload) -> std::optional<pid_t> {
       const auto instance = ros::find_instance(var(), payload);
-      return instance ? std::optional(instance->pid) : std::nullopt;
+      const bool successor = instance && fenced_process_ && instance->incarnation > *fenced_process_;
+      return instance && !successor ? std::optional(instance->pid) : std::nullopt;
     };
     hooks.watch = [this](int fd, std::function<void()> readable) {
       return watch_fd(fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); });
@@ -149,15 +150,15 @@ void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTim
   if (!is_active()) return;
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
-  const Decision decision = rotation_->on_tick(received, tick.cycle);
+  const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle);
   if (const Grant* grant = std::get_if<Grant>(&decision)) {
-    publish_flag(*grant);
+    publish_flag(*grant, received);
     flag_latency_.add(monotonic_now() - received);
   }
   arm_deadline();
 }
 
-void CanSwitcherNode::publish_flag(const Grant& grant) {
+void CanSwitcherNode::publish_flag(const Grant& grant, MonotonicTime tick_received) {
   srfs_msgs::msg::TaskFlags m;
   m.cycle = grant.cycle;
   m.switcher_incarnation = grant.id.incarnation;
@@ -165,7 +166,7 @@ void CanSwitcherNode::publish_flag(const Grant& grant) {
   m.flags.assign(rotation_->slots().size(), false);
   m.flags[grant.slot] = true;
   m.holder = grant.payload;
-  m.tick_received_ns = static_cast<std::uint64_t>(grant.granted.ns());
+  m.tick_received_ns = static_cast<std::uint64_t>(tick_received.ns());
   m.allotted_us = as_us(grant.allotted);
   m.lease_end_ns = static_cast<std::uint64_t>(grant.lease_end.ns());
   m.published_ns = static_cast<std::uint64_t>(monotonic_now().ns());
@@ -211,6 +212,13 @@ void CanSwitcherNode::arm_deadline() {
 }
 
 void CanSwitcherNode::on_deadline() {
+  const auto due = rotation_->next_deadline();
+  if (!due || monotonic_now() < *due) {
+    arm_deadline();
+    return;
+  }
+  // This thread may be the late one: a release that waits in the reader counts before anybody is accused.
+  statuses_->take_waiting();
   const Decision decision = rotation_->on_deadline(monotonic_now());
   if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
   if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f);
@@ -235,6 +243,7 @@ void CanSwitcherNode::fence(const Fence& f) {
   log::error("{} did not release the bus before the end of its lease (grant {}.{}): killing it", f.payload,
              f.id.incarnation, f.id.counter);
   raise(mission::CanSwitcherHolderFencedEvent{.payload = f.payload, .grant = f.id.counter});
+  fenced_process_ = f.process;
   fence_->fence(f.payload, [this, f](bool gone) {
     if (!gone) log::fatal("{} outlived its kill; the bus goes on", f.payload);
     rotation_->on_fenced(f.id, gone, monotonic_now());

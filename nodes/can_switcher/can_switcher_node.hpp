@@ -31,7 +31,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void on_bus_status(const srfs_msgs::msg::BusStatus& status);
   void on_deadline();
   void arm_deadline();
-  void publish_flag(const Grant& grant);
+  void publish_flag(const Grant& grant, MonotonicTime tick_received);
   void order_reset(const OrderReset& order);
   void fence(const Fence& fence);
   void report_failed_slot(const srfs_msgs::msg::BusStatus& status);
@@ -53,6 +53,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
 
   /// Lives as long as the process: its grant counter must never start again.
   std::optional<TaskFlagRotation> rotation_;
+  std::optional<std::uint32_t> fenced_process_;  ///< incarnation that is being fenced
   std::optional<HolderFence> fence_;
   ros::MissionTime time_;
   LatencyHistogram flag_latency_;

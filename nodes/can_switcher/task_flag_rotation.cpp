@@ -25,11 +25,12 @@ TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarn
 }
 
 Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle) {
-  if (last_cycle_ && cycle <= *last_cycle_) {
+  if (!follows(cycle)) {
     ++counters_.repeated_ticks;
     return Nothing{};
   }
-  if (last_cycle_) counters_.missed_cycles += static_cast<std::uint32_t>(cycle - *last_cycle_ - 1);
+  if (last_cycle_ && cycle > *last_cycle_)
+    counters_.missed_cycles += static_cast<std::uint32_t>(cycle - *last_cycle_ - 1);
   last_cycle_ = cycle;
   ++counters_.ticks;
 
@@ -42,6 +43,18 @@ Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle) {
     return WaitingOut{not_before_};
   }
   return grant_next(now, cycle);
+}
+
+bool TaskFlagRotation::follows(MissionCycle cycle) {
+  const auto plausible_after = [cycle](const std::optional<MissionCycle>& before, MissionCycle farthest) {
+    return before && cycle > *before && cycle - *before <= farthest;
+  };
+  if (!last_cycle_ || plausible_after(last_cycle_, longest_gap) || plausible_after(doubted_cycle_, 10)) {
+    doubted_cycle_.reset();
+    return true;
+  }
+  doubted_cycle_ = cycle;
+  return false;
 }
 
 Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle) {
@@ -128,7 +141,8 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
   phase_ = Phase::fencing;
   ++counters.fences;
   not_before_ = now;
-  return Fence{current_->id, current_->payload};
+  return Fence{current_->id, current_->payload,
+               holder_process_ ? holder_process_ : known_process_[current_->slot]};
 }
 
 void TaskFlagRotation::on_fenced(GrantId id, bool gone, MonotonicTime now) {

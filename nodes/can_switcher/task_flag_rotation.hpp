@@ -55,6 +55,7 @@ struct OrderReset {
 struct Fence {
   GrantId id;
   std::string payload;
+  std::optional<std::uint32_t> process;  ///< incarnation of the holder where known: a later one is innocent
 };
 
 using Decision = std::variant<Nothing, Grant, Blocked, WaitingOut, OrderReset, Fence>;
@@ -142,6 +143,11 @@ class TaskFlagRotation {
  private:
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing };
 
+  /// A tick of the timeline heard so far. A cycle far ahead or behind is doubted (a forged or misdelivered
+  /// tick must not stop the rotation), and believed when the next one goes on from there (timing lost its
+  /// count).
+  bool follows(MissionCycle cycle);
+  static constexpr MissionCycle longest_gap = 1'000'000;
   Decision grant_next(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> next_enabled() const;
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
@@ -165,6 +171,7 @@ class TaskFlagRotation {
   std::optional<std::uint32_t> holder_process_;
   MonotonicTime not_before_;
   std::optional<MissionCycle> last_cycle_;
+  std::optional<MissionCycle> doubted_cycle_;
   Counters counters_;
 };
 

@@ -153,8 +153,9 @@ void PayloadNode::open_topics() {
   reports_ = create_publisher(ros::topics::telecommand_report);
   ticks_ = create_subscription(ros::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& m) { time_.on_tick(m); });
-  flags_ = create_subscription(ros::topics::task_flags,
-                               [this](const srfs_msgs::msg::TaskFlags& m) { on_flags(m); });
+  flags_ = create_subscription(
+      ros::topics::task_flags,
+      [this](const srfs_msgs::msg::TaskFlags& m, const ros::MessageInfo& info) { on_flags(m, info); });
   resets_ = create_subscription(ros::topics::reset_peripheral, [this](
                                                                    const srfs_msgs::msg::PeripheralReset& m) {
     if (m.payload != name()) return;
@@ -191,6 +192,7 @@ void PayloadNode::close() {
   timer_.reset();
   armed_.reset();
   report_timer_.reset();
+  if (process_worker_) process_worker_->drain();
   if (store_worker_) store_worker_->drain();
   if (gpio_worker_) gpio_worker_->drain();
   process_worker_.reset();
@@ -234,7 +236,37 @@ CallbackReturn PayloadNode::on_error() {
 
 // ---------------------------------------------------------------- input
 
-void PayloadNode::on_flags(const srfs_msgs::msg::TaskFlags& flags) {
+bool PayloadNode::is_plausible(const srfs_msgs::msg::TaskFlags& flags) {
+  const auto& slots = deployment().slots;
+  if (flags.flags.size() != slots.size()) return false;
+  nanoseconds longest_lease{0};
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    if (flags.flags[i] != (slots[i].payload == flags.holder)) return false;
+    longest_lease =
+        std::max<nanoseconds>(longest_lease, slots[i].allotted + slots[i].overrun + slots[i].reset);
+  }
+  const auto at = static_cast<std::uint64_t>(monotonic_now().ns());
+  constexpr std::uint64_t oldest_ns = 10'000'000'000;  // a flag may be late, and is answered as such
+  const bool lease_fits = flags.lease_end_ns + oldest_ns >= at &&
+                          flags.lease_end_ns <= at + static_cast<std::uint64_t>(longest_lease.count());
+  const bool receipt_fits = flags.tick_received_ns + oldest_ns >= at && flags.tick_received_ns <= at;
+  if (!lease_fits || !receipt_fits || microseconds(flags.allotted_us) > longest_lease) return false;
+  if (flags.switcher_incarnation == believed_switcher_) return true;
+  // A switcher not heard before must be the one that holds the switcher's instance lock.
+  const auto switcher = ros::find_instance(var(), "can_switcher");
+  if (!switcher || switcher->incarnation != flags.switcher_incarnation) return false;
+  believed_switcher_ = flags.switcher_incarnation;
+  return true;
+}
+
+void PayloadNode::on_flags(const srfs_msgs::msg::TaskFlags& flags, const ros::MessageInfo& info) {
+  if (!is_plausible(flags)) {
+    if (++implausible_flags_ % 100 == 1) {
+      log::warn("implausible task flags ignored ({} so far): grant {}.{} for '{}'", implausible_flags_,
+                flags.switcher_incarnation, flags.grant_counter, flags.holder);
+    }
+    return;
+  }
   const GrantId grant{flags.switcher_incarnation, flags.grant_counter};
   if (flags.holder != name()) {
     run(cycle_->on_foreign_flag(grant, monotonic_now()));
@@ -246,7 +278,7 @@ void PayloadNode::on_flags(const srfs_msgs::msg::TaskFlags& flags) {
   flag.granted = from_ns(flags.tick_received_ns);
   flag.allotted_end = flag.granted + microseconds(flags.allotted_us);
   flag.lease_end = from_ns(flags.lease_end_ns);
-  flag.switcher_reachable = statuses_->subscription_count() > 0;
+  flag.switcher_reachable = statuses_->is_heard_by_sender_of(info);
   run(cycle_->on_flag(flag, monotonic_now()));
 }
 

@@ -20,6 +20,8 @@ class PayloadNode : public ros::LifecycleNode {
  public:
   PayloadNode(ros::NodeContext& context, std::unique_ptr<PayloadProfile> profile);
 
+  [[nodiscard]] bool is_at_rest() const override { return !cycle_ || !cycle_->holds_bus(); }
+
  protected:
   ros::CallbackReturn on_configure() override;
   ros::CallbackReturn on_activate() override;
@@ -37,7 +39,10 @@ class PayloadNode : public ros::LifecycleNode {
   void close();
 
   // Input
-  void on_flags(const srfs_msgs::msg::TaskFlags& flags);
+  /// Our plan's slots, exactly the holder's flag, a lease that this plan can give, from the switcher that
+  /// runs.
+  [[nodiscard]] bool is_plausible(const srfs_msgs::msg::TaskFlags& flags);
+  void on_flags(const srfs_msgs::msg::TaskFlags& flags, const ros::MessageInfo& info);
   void on_telecommand(const srfs_msgs::msg::Telecommand& telecommand);
   void on_can_input();
   void on_can_frame(const hw::CanFrame& frame);
@@ -101,6 +106,8 @@ class PayloadNode : public ros::LifecycleNode {
   std::uint32_t frames_received_ = 0;  ///< in this slot
   std::uint32_t frames_outside_slot_ = 0;
 
+  std::uint64_t implausible_flags_ = 0;
+  std::uint32_t believed_switcher_ = 0;
   bool journal_writing_ = false;
   std::uint64_t journal_wanted_ = 0;
   /// Reports that nobody was there to hear yet; the oldest is dropped (ttc asks again by repeating the

@@ -230,10 +230,13 @@ void TelecommandJournal::on_written(std::uint64_t revision, bool ok) {
 }
 
 void TelecommandJournal::drop_unaccepted() {
-  std::erase_if(pending_, [this](const Pending& p) {
+  const auto dropped = std::erase_if(pending_, [this](const Pending& p) {
     if (!p.accepted) refuse(p.telecommand.id, FailureCode::storage_unavailable);
     return !p.accepted;
   });
+  // A write that failed late (the sync of the folder) may have left them on disk: they must not come back
+  // from there.
+  if (dropped > 0) ++revision_;
 }
 
 std::vector<StageReport> TelecommandJournal::take_reports() {

@@ -256,6 +256,8 @@ void TimingNode::save(MissionCycle ceiling) {
 
 void TimingNode::on_pulse_input() {
   while (const auto pulse = pulse_->read()) {
+    if (pulse->edge > monotonic_now())
+      continue;  // no edge can be in the future; it would shut out all true ones
     clock_->on_pulse(pulse->edge);
     last_pulse_ = pulse->edge;
   }

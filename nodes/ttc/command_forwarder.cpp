@@ -5,6 +5,15 @@
 
 namespace srfs {
 
+std::uint64_t first_telecommand_id(std::uint64_t stored, std::uint64_t known, UtcTime utc) {
+  constexpr std::int64_t start_of_2020_s = 1'577'836'800;
+  constexpr unsigned ids_a_second_log2 = 4;
+  const std::int64_t since_2020_s = utc.ns() / 1'000'000'000 - start_of_2020_s;
+  const std::uint64_t by_clock =
+      since_2020_s > 0 ? static_cast<std::uint64_t>(since_2020_s) << ids_a_second_log2 : 0;
+  return std::max({stored, known, by_clock, std::uint64_t{1}});
+}
+
 bool CommandForwarder::has_room(const std::string& target) const {
   const auto found = nodes_.find(target);
   if (found == nodes_.end()) return true;
@@ -43,7 +52,9 @@ void CommandForwarder::publish(Entry& entry, MonotonicTime now) {
 }
 
 void CommandForwarder::on_report(const NodeReport& report, MonotonicTime now) {
-  const auto has_id = [&](const Entry& entry) { return entry.command.id == report.id; };
+  const auto has_id = [&](const Entry& entry) {
+    return entry.command.id == report.id && entry.command.target == report.node;
+  };
   for (auto& [name, node] : nodes_) {
     const auto waiting = std::find_if(node.unacknowledged.begin(), node.unacknowledged.end(), has_id);
     if (waiting != node.unacknowledged.end()) {
@@ -108,6 +119,8 @@ void CommandForwarder::report_start(Entry& entry) {
 void CommandForwarder::fail(const Entry& entry, Stage stage, std::uint16_t code, OctetView data) {
   ++counters_.failed;
   outbox_.failure(entry.origin, stage, code, data, static_cast<std::uint8_t>(entry.last_step + 1));
+  // A failed step ends the command, and every started command gets its completion report.
+  if (stage == Stage::progress) outbox_.failure(entry.origin, Stage::completion, code, data);
 }
 
 void CommandForwarder::expire(const Entry& entry, Stage stage, std::uint16_t code) {

@@ -17,7 +17,7 @@ namespace srfs {
 
 /// One telecommand on its way to another node, as published on /telecommand.
 struct ForwardedCommand {
-  std::uint64_t id = 0;  ///< unique for ever: incarnation of ttc << 32 | counter
+  std::uint64_t id = 0;  ///< unique for ever, counts up; payloads tell commands apart by the low 32 bits
   std::string target;    ///< node name
   std::uint16_t apid = 0;
   std::uint16_t function_id = 0;
@@ -29,6 +29,7 @@ struct ForwardedCommand {
 /// What a node says on /telecommand_report.
 struct NodeReport {
   std::uint64_t id = 0;
+  std::string node;  ///< that says it; only the target of the command is believed
   Stage stage = Stage::acceptance;
   bool success = true;
   std::uint16_t failure_code = 0;
@@ -50,7 +51,7 @@ struct ForwardingCounters {
   std::uint64_t failed = 0;
   std::uint64_t expired = 0;            ///< of failed: not taken, or no completion report
   std::uint64_t duplicate_reports = 0;  ///< a stage already reported
-  std::uint64_t stray_reports = 0;      ///< about a command that is not under way
+  std::uint64_t stray_reports = 0;      ///< about a command that is not under way, or not from its target
 };
 
 /// A command that ended without its node, for the event that says so.
@@ -58,6 +59,16 @@ struct ExpiredCommand {
   std::uint64_t id = 0;
   std::string target;
 };
+
+/// Telecommand ids a written link state sets aside: more than can be given out before the next one is on disk
+/// (twice the persistence gate).
+inline constexpr std::uint64_t reserved_telecommand_ids = 256;
+
+/// The first id after a start. Never one that was given out before, as far as that is known.
+/// @param stored from the link state, 0: lost or none. @param known by this process, 0: none.
+/// @param utc of the machine: sixteen ids a second since 2020 are far more than the link carries, so this
+/// goes up even if the state is lost or the disk failed for long
+[[nodiscard]] std::uint64_t first_telecommand_id(std::uint64_t stored, std::uint64_t known, UtcTime utc);
 
 enum class ForwardError : std::uint8_t { queue_full };
 
@@ -73,8 +84,9 @@ class CommandForwarder {
   static constexpr seconds completion_grace{30};  ///< after the expiry
 
   /// @param outbox takes the verification reports; outlives this
-  CommandForwarder(std::uint32_t incarnation, ForwardingFailureCodes codes, ReportOutbox& outbox)
-      : next_id_(std::uint64_t{incarnation} << 32 | 1), codes_(codes), outbox_(outbox) {}
+  /// @param first_id see first_telecommand_id()
+  CommandForwarder(std::uint64_t first_id, ForwardingFailureCodes codes, ReportOutbox& outbox)
+      : next_id_(first_id), codes_(codes), outbox_(outbox) {}
 
   /// Takes an accepted telecommand. @param command its id is filled in. @return the id
   Result<std::uint64_t, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
@@ -92,6 +104,8 @@ class CommandForwarder {
   /// Commands that expired since the last call; at most those that were under way.
   [[nodiscard]] std::vector<ExpiredCommand> take_expired() { return std::exchange(expired_, {}); }
 
+  /// The id of the next command.
+  [[nodiscard]] std::uint64_t next_id() const { return next_id_; }
   /// Commands not completed, of all nodes.
   [[nodiscard]] std::size_t under_way() const;
   [[nodiscard]] const ForwardingCounters& counters() const { return counters_; }

@@ -8,7 +8,8 @@ namespace srfs {
 namespace {
 
 constexpr std::uint32_t link_state_magic = 0x5352'4C53;  // "SRLS"
-constexpr std::uint16_t link_state_version = 1;
+constexpr std::uint16_t link_state_version = 2;
+constexpr std::uint16_t version_without_telecommand_id = 1;
 
 }  // namespace
 
@@ -18,6 +19,7 @@ Octets encode_link_state(const LinkState& state) {
   writer.u32(link_state_magic);
   writer.u16(link_state_version);
   writer.u64(state.generation);
+  writer.u64(state.next_telecommand_id);
   writer.u8(static_cast<std::uint8_t>(state.channels.size()));
   for (const LinkState::Channel& channel : state.channels) {
     writer.u8(channel.vc);
@@ -44,9 +46,12 @@ std::optional<LinkState> decode_link_state(OctetView octets) {
   OctetReader check(octets.last(4));
   if (check.u32() != crc32c(octets.first(link_state_octets - 4))) return std::nullopt;
   OctetReader reader(octets);
-  if (reader.u32() != link_state_magic || reader.u16() != link_state_version) return std::nullopt;
+  if (reader.u32() != link_state_magic) return std::nullopt;
+  const std::uint16_t version = reader.u16();
+  if (version != link_state_version && version != version_without_telecommand_id) return std::nullopt;
   LinkState state;
   state.generation = reader.u64();
+  if (version != version_without_telecommand_id) state.next_telecommand_id = reader.u64();
   const std::size_t channels = reader.u8();
   if (channels > max_link_channels) return std::nullopt;
   for (std::size_t i = 0; i < channels; ++i) {

@@ -22,6 +22,8 @@ struct LinkState {
     friend bool operator==(const Association&, const Association&) = default;
   };
   std::uint64_t generation = 0;  ///< counts changes; of two valid copies the higher one is true
+  /// Telecommand ids from here on were never given to a node; 0: not known. Not part of the generation.
+  std::uint64_t next_telecommand_id = 0;
   std::vector<Channel> channels;
   std::vector<Association> associations;  ///< only those that accepted a frame ever
   friend bool operator==(const LinkState&, const LinkState&) = default;
@@ -32,9 +34,9 @@ inline constexpr std::size_t link_state_octets = 512;
 inline constexpr std::size_t max_link_channels = 16;
 inline constexpr std::size_t max_link_associations = 16;
 
-/// One copy: magic, version, generation, channels, associations, zeros, CRC-32C.
+/// One copy: magic, version, generation, next telecommand id, channels, associations, zeros, CRC-32C.
 [[nodiscard]] Octets encode_link_state(const LinkState& state);
-/// nullopt: not a whole, undamaged copy of this version.
+/// Version 1 had no telecommand id. nullopt: not a whole, undamaged copy of a known version.
 [[nodiscard]] std::optional<LinkState> decode_link_state(OctetView octets);
 
 }  // namespace srfs

@@ -15,7 +15,7 @@ constexpr std::size_t copy_distance = 4096;
 
 }  // namespace
 
-LinkStateFile::Found LinkStateFile::load() const {
+LinkStateFile::Found LinkStateFile::load() {
   Found found;
   const auto content = read_file(path_, 4 * copy_distance);
   if (!content || content->empty()) {
@@ -26,7 +26,8 @@ LinkStateFile::Found LinkStateFile::load() const {
   }
   found.existed = true;
   const OctetView octets(reinterpret_cast<const std::uint8_t*>(content->data()), content->size());
-  for (const std::size_t at : {std::size_t{0}, copy_distance}) {
+  for (const unsigned slot : {0U, 1U}) {
+    const std::size_t at = slot * copy_distance;
     std::optional<LinkState> copy;
     if (octets.size() >= at + link_state_octets)
       copy = decode_link_state(octets.subspan(at, link_state_octets));
@@ -34,6 +35,7 @@ LinkStateFile::Found LinkStateFile::load() const {
       ++found.damaged_copies;
     } else if (copy->generation >= found.state.generation) {
       found.state = *copy;
+      newest_slot_ = slot;
     }
   }
   return found;
@@ -53,13 +55,15 @@ Result<void, FileError> LinkStateFile::open_file() {
 Result<void, FileError> LinkStateFile::store(const LinkState& state) {
   if (auto opened = open_file(); !opened) return opened;
   const Octets copy = encode_link_state(state);
-  const auto at = static_cast<off_t>(state.generation % 2 == 0 ? 0 : copy_distance);
+  const unsigned slot = 1 - newest_slot_;
+  const auto at = static_cast<off_t>(slot * copy_distance);
   const ssize_t written = pwrite(fd_.get(), copy.data(), copy.size(), at);
   if (written != static_cast<ssize_t>(copy.size()) || fdatasync(fd_.get()) != 0) {
     const int error = written >= 0 && written != static_cast<ssize_t>(copy.size()) ? ENOSPC : errno;
     fd_.reset();
     return Err(FileError{fmt::format("{}: cannot write: {}", path_.string(), errno_text(error))});
   }
+  newest_slot_ = slot;
   return {};
 }
 

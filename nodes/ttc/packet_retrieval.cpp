@@ -8,8 +8,7 @@ namespace srfs {
 bool PacketRetrieval::request(const TelecommandOrigin& origin, std::vector<StorePeriod> periods) {
   assert(!periods.empty() && periods.size() <= max_periods);
   if (requests_.size() == max_requests) return false;
-  requests_.push_back(
-      Request{.origin = origin, .periods = {periods.begin(), periods.end()}, .started = false});
+  requests_.push_back(Request{.origin = origin, .periods = {periods.begin(), periods.end()}});
   return true;
 }
 
@@ -26,9 +25,10 @@ void PacketRetrieval::abort(std::uint16_t store, std::uint16_t code) {
   if (running_ends) end_period();
 }
 
-void PacketRetrieval::fail(std::uint64_t request, std::uint16_t code) {
+void PacketRetrieval::fail(std::uint64_t request) {
   if (request != number_ || requests_.empty()) return;
-  outbox_.failure(requests_.front().origin, Stage::completion, code);
+  ++incomplete_;
+  outbox_.failure(requests_.front().origin, Stage::completion, store_unreadable_);
   requests_.pop_front();
   end_period();
 }
@@ -45,6 +45,7 @@ std::vector<Octets> PacketRetrieval::on_batch(std::uint64_t request, RetrievedPa
     requests_.front().started = true;
     outbox_.success(requests_.front().origin, Stage::start);
   }
+  requests_.front().damaged = requests_.front().damaged || batch.damaged;
   reading_ = false;
   cursor_ = batch.next;
   read_all_ = batch.finished;
@@ -60,7 +61,12 @@ void PacketRetrieval::on_playback(bool playback_empty) {
   done_.push_back(running_);
   request.periods.pop_front();
   if (request.periods.empty()) {
-    outbox_.success(request.origin, Stage::completion);
+    if (request.damaged) {
+      ++incomplete_;
+      outbox_.failure(request.origin, Stage::completion, store_unreadable_);
+    } else {
+      outbox_.success(request.origin, Stage::completion);
+    }
     requests_.pop_front();
   }
   end_period();

@@ -42,14 +42,16 @@ class PacketRetrieval {
     std::uint64_t request = 0;  ///< goes back with the packets; those of an ended request are dropped
   };
 
-  explicit PacketRetrieval(ReportOutbox& outbox) : outbox_(outbox) {}
+  /// @param store_unreadable failure code (1,8) of a retrieval that could not read everything
+  PacketRetrieval(ReportOutbox& outbox, std::uint16_t store_unreadable)
+      : outbox_(outbox), store_unreadable_(store_unreadable) {}
 
   /// @param periods 1 to max_periods. @return false: too many wait
   [[nodiscard]] bool request(const TelecommandOrigin& origin, std::vector<StorePeriod> periods);
   /// Ends the requests that name @p store; each gets its 1,8 with @p code.
   void abort(std::uint16_t store, std::uint16_t code);
-  /// Ends the running request, whose store cannot be read.
-  void fail(std::uint64_t request, std::uint16_t code);
+  /// Ends the running request, whose store cannot be read at all.
+  void fail(std::uint64_t request);
 
   /// The batch to read next, if the playback channel has room for one and none is being read.
   [[nodiscard]] std::optional<Batch> next_batch(std::size_t room_octets);
@@ -61,6 +63,8 @@ class PacketRetrieval {
   void on_playback(bool playback_empty);
 
   [[nodiscard]] std::vector<RetrievalDone> take_done() { return std::exchange(done_, {}); }
+  /// Retrievals that ended with 1,8 because a part could not be read.
+  [[nodiscard]] std::uint64_t incomplete() const { return incomplete_; }
   [[nodiscard]] bool busy() const { return !requests_.empty(); }
 
  private:
@@ -68,10 +72,13 @@ class PacketRetrieval {
     TelecommandOrigin origin;
     std::deque<StorePeriod> periods;  // the first one runs
     bool started = false;
+    bool damaged = false;  // a part of it could not be read
   };
   void end_period();
 
   ReportOutbox& outbox_;
+  std::uint16_t store_unreadable_;
+  std::uint64_t incomplete_ = 0;
   std::deque<Request> requests_;  // the first one runs
   RetrievalCursor cursor_;
   RetrievalDone running_;

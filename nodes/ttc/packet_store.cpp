@@ -70,10 +70,18 @@ Result<void, FileError> PacketStore::open() {
   if (ec) return Err(failure("list", config_.folder, ec.value()));
   std::sort(numbers.begin(), numbers.end());
   segments_.clear();
+  cached_number_.reset();
+  file_.reset();
   for (const std::uint32_t number : numbers) {
-    if (auto done = recover(number, number == numbers.back()); !done) return done;
+    if (recover(number, number == numbers.back())) continue;
+    ++counters_.unreadable;
+    // Counted as full, so that nothing is appended to it.
+    segments_[number] = Segment{};
+    segments_[number].octets = config_.segment_octets;
+    segments_[number].unreadable = true;
   }
   opened_ = true;
+  gone_ = false;
   return {};
 }
 
@@ -120,7 +128,7 @@ void PacketStore::append(const RecordStamp& stamp, OctetView packet) {
 }
 
 Result<void, FileError> PacketStore::commit() {
-  if (!opened_) {
+  if (!opened_ || gone_) {
     if (auto opened = open(); !opened) {
       failing_ = true;
       ++counters_.write_failures;
@@ -141,12 +149,20 @@ Result<void, FileError> PacketStore::commit() {
 }
 
 Result<void, FileError> PacketStore::start_segment() {
+  struct stat info {};
+  if (file_ && fstat(file_.get(), &info) == 0 && info.st_nlink == 0) {
+    gone_ = true;  // somebody removed it: what is written there is lost
+    return Err(failure("write", path_of(segments_.rbegin()->first), ENOENT));
+  }
   if (!segments_.empty() && !file_) {
     const std::uint32_t number = segments_.rbegin()->first;
     if (segments_.rbegin()->second.octets + pending_.size() <= config_.segment_octets &&
         segments_.rbegin()->second.octets >= segment_header_octets) {
       file_ = Fd(::open(path_of(number).c_str(), O_WRONLY | O_CLOEXEC));
-      if (!file_) return Err(failure("open", path_of(number), errno));
+      if (!file_) {
+        gone_ = errno == ENOENT;
+        return Err(failure("open", path_of(number), errno));
+      }
       return {};
     }
   }
@@ -155,7 +171,10 @@ Result<void, FileError> PacketStore::start_segment() {
   keep_quota(std::max(config_.segment_octets, segment_header_octets + pending_.size()));
   const std::uint32_t number = segments_.empty() ? 0 : segments_.rbegin()->first + 1;
   file_ = Fd(::open(path_of(number).c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-  if (!file_) return Err(failure("create", path_of(number), errno));
+  if (!file_) {
+    gone_ = errno == ENOENT;
+    return Err(failure("create", path_of(number), errno));
+  }
   const Octets header = segment_header(number);
   if (pwrite(file_.get(), header.data(), header.size(), 0) != static_cast<ssize_t>(header.size())) {
     const int error = errno;
@@ -251,10 +270,14 @@ RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor 
   std::size_t offset = segment != segments_.end() && segment->first == cursor.segment ? cursor.offset : 0;
   for (; segment != segments_.end(); ++segment, offset = 0) {
     const auto& index = segment->second;
-    if (!index.oldest || *index.oldest > range.to || *index.newest < range.from) continue;
+    if (!index.unreadable && (!index.oldest || *index.oldest > range.to || *index.newest < range.from))
+      continue;
     const Octets* data = content_of(segment->first);
     if (data == nullptr) {
       ++counters_.unreadable;
+      out.damaged = true;
+      std::error_code ec;
+      gone_ = gone_ || !std::filesystem::exists(path_of(segment->first), ec);
       continue;
     }
     offset = std::max(offset, segment_header_octets);
@@ -278,6 +301,8 @@ RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor 
     }
   }
   out.finished = true;
+  cached_number_.reset();
+  Octets().swap(cached_);  // a mebibyte is not kept for the next retrieval
   return out;
 }
 

@@ -29,7 +29,7 @@ struct PacketStoreCounters {
   std::uint64_t overwritten = 0;     ///< records deleted with their segment to keep the quota
   std::uint64_t damaged = 0;         ///< places skipped at recovery because no valid record was there
   std::uint64_t damaged_octets = 0;  ///< in them
-  std::uint64_t unreadable = 0;      ///< the same while reading back
+  std::uint64_t unreadable = 0;      ///< the same while reading back, and segments that could not be read
   std::uint64_t cut_octets = 0;      ///< incomplete tails removed at recovery
   std::uint64_t write_failures = 0;  ///< commits that failed; repeated at the next commit
   std::uint64_t written_octets = 0;  ///< to the medium, headers included
@@ -53,6 +53,7 @@ struct RetrievedPackets {
   std::vector<Octets> packets;
   RetrievalCursor next;
   bool finished = false;
+  bool damaged = false;  ///< a segment that may hold packets of the period could not be read
 };
 
 struct PacketStoreStatus {
@@ -73,7 +74,8 @@ class PacketStore {
  public:
   explicit PacketStore(PacketStoreConfig config) : config_(std::move(config)) {}
 
-  /// Reads what is there: cuts an incomplete tail of the last segment, skips and counts damage elsewhere.
+  /// Reads what is there: cuts an incomplete tail of the last segment, skips and counts damage elsewhere. A
+  /// segment that cannot be read is counted and kept, and the next one gets a new number.
   /// A failure is not final: commit() tries again.
   Result<void, FileError> open();
 
@@ -102,6 +104,7 @@ class PacketStore {
     std::uint64_t records = 0;
     std::optional<TaiTime> oldest;
     std::optional<TaiTime> newest;
+    bool unreadable = false;  ///< nothing is known of its records
     void count(TaiTime t);
   };
 
@@ -122,6 +125,7 @@ class PacketStore {
   Segment pending_index_;
   std::uint32_t next_sequence_ = 0;
   bool opened_ = false;
+  bool gone_ = false;  ///< files vanished at run time: the next commit opens the store again
   bool failing_ = false;
   bool unsynced_ = false;  ///< written, not yet on the medium for sure
   // The segment a retrieval is in, so that each batch does not read a mebibyte again. Dropped when it is

@@ -1,5 +1,6 @@
 #include "nodes/ttc/persistence_gate.hpp"
 
+#include <algorithm>
 #include <cassert>
 
 namespace srfs {
@@ -17,21 +18,27 @@ bool PersistenceGate::enter(UplinkedPacket packet, std::uint64_t generation, Mon
   return true;
 }
 
-void PersistenceGate::on_write_done(bool success) {
+void PersistenceGate::on_write_done(bool success, MonotonicTime now) {
   assert(writing_);
   const std::uint64_t generation = *writing_;
   writing_.reset();
-  if (success) durable_ = generation;
+  if (success) {
+    durable_ = generation;
+  } else {
+    retry_ = now + retry_period;
+  }
   while (!waiting_.empty() && waiting_.front().generation <= generation) pass_front(success);
 }
 
 void PersistenceGate::on_time(MonotonicTime now) {
+  if (retry_ && *retry_ <= now) retry_.reset();
   while (!waiting_.empty() && waiting_.front().deadline <= now) pass_front(false);
 }
 
 std::optional<MonotonicTime> PersistenceGate::next_due() const {
-  if (waiting_.empty()) return std::nullopt;
-  return waiting_.front().deadline;
+  if (waiting_.empty()) return retry_;
+  const MonotonicTime deadline = waiting_.front().deadline;
+  return retry_ ? std::min(*retry_, deadline) : deadline;
 }
 
 void PersistenceGate::pass_front(bool durable) {

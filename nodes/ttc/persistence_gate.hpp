@@ -31,7 +31,12 @@ class PersistenceGate {
  public:
   static constexpr std::size_t capacity = 64;
 
-  explicit PersistenceGate(milliseconds deadline) : deadline_(deadline) {}
+  /// After a failed write the next one begins no sooner.
+  static constexpr milliseconds retry_period{1000};
+
+  /// @param durable generation that is on disk already
+  explicit PersistenceGate(milliseconds deadline, std::uint64_t durable = 0)
+      : deadline_(deadline), durable_(durable) {}
 
   /// @param generation of the link state after this packet. @return false: full, the packet is dropped
   /// (counted)
@@ -40,12 +45,12 @@ class PersistenceGate {
 
   /// Whether a write of the link state with @p generation should begin now.
   [[nodiscard]] bool wants_write(std::uint64_t generation) const {
-    return !writing_ && generation > durable_;
+    return !writing_ && !retry_ && generation > durable_;
   }
   void on_write_begun(std::uint64_t generation) { writing_ = generation; }
   /// The write ended. After a failure everything that waited for it passes as not durable.
-  void on_write_done(bool success);
-  /// Lets packets past their deadline go.
+  void on_write_done(bool success, MonotonicTime now);
+  /// Lets packets past their deadline go, and the next write after a failed one.
   void on_time(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> next_due() const;
 
@@ -63,8 +68,9 @@ class PersistenceGate {
   milliseconds deadline_;
   std::deque<Waiting> waiting_;
   std::vector<GatedPacket> passed_;
-  std::uint64_t durable_ = 0;             ///< generation on disk
+  std::uint64_t durable_;                 ///< generation on disk
   std::optional<std::uint64_t> writing_;  ///< generation of the write under way
+  std::optional<MonotonicTime> retry_;    ///< no write before
   GateCounters counters_;
 };
 

@@ -20,8 +20,29 @@ UplinkChain::UplinkChain(UplinkConfig config, const LinkState& stored)
       if (counter != stored.associations.end()) state_.associations.push_back(*counter);
     }
   }
+  carry_along(stored);
   // A wait that was on when the process ended has nobody left to end it.
   set_buffer_available(true);
+}
+
+void UplinkChain::carry_along(const LinkState& stored) {
+  std::size_t associations = 0;  // those that have accepted nothing yet need their place too
+  const auto configured = [&](std::uint16_t spi) {
+    return std::any_of(config_.channels.begin(), config_.channels.end(), [&](const UplinkChannel& c) {
+      return std::any_of(c.associations.begin(), c.associations.end(),
+                         [&](const UplinkAssociation& a) { return a.spi == spi; });
+    });
+  };
+  for (const UplinkChannel& channel : config_.channels) associations += channel.associations.size();
+  for (const LinkState::Channel& channel : stored.channels) {
+    if (channel_of(channel.vc) == nullptr && state_.channels.size() < max_link_channels)
+      state_.channels.push_back(channel);
+  }
+  for (const LinkState::Association& association : stored.associations) {
+    if (configured(association.spi) || associations >= max_link_associations) continue;
+    state_.associations.push_back(association);
+    ++associations;
+  }
 }
 
 std::vector<UplinkedPacket> UplinkChain::push(OctetView octets, MonotonicTime now) {
@@ -181,7 +202,8 @@ void UplinkChain::set_counter(std::uint16_t spi, std::uint64_t counter) {
 void UplinkChain::set_buffer_available(bool available) {
   const bool released = available && !buffer_available_;
   buffer_available_ = available;
-  for (LinkState::Channel& channel : state_.channels) {
+  for (std::size_t i = 0; i < config_.channels.size(); ++i) {
+    const LinkState::Channel& channel = state_.channels[i];
     if (available && (released || channel.farm.wait)) {
       set_farm(channel.vc, wire::farm_step(channel.farm, wire::FarmEvent::e10_buffer_released).state);
     }
@@ -189,8 +211,8 @@ void UplinkChain::set_buffer_available(bool available) {
 }
 
 std::uint32_t UplinkChain::next_clcw() {
-  if (state_.channels.empty()) return 0;
-  const LinkState::Channel& channel = state_.channels[clcw_turn_++ % state_.channels.size()];
+  if (config_.channels.empty()) return 0;
+  const LinkState::Channel& channel = state_.channels[clcw_turn_++ % config_.channels.size()];
   return wire::encode_clcw(wire::make_clcw(channel.farm, channel.vc));
 }
 

@@ -76,7 +76,8 @@ class UplinkChain {
  public:
   static constexpr std::size_t max_findings = 16;
 
-  /// @param stored what was remembered; channels and associations no longer configured are forgotten
+  /// @param stored what was remembered. Channels and associations that are not configured are carried along
+  /// while there is room, so that they keep their counters when they come back
   UplinkChain(UplinkConfig config, const LinkState& stored);
 
   /// @param now not before the previous call. @return packets in order of arrival
@@ -115,10 +116,11 @@ class UplinkChain {
   void set_farm(std::uint8_t vc, const wire::FarmState& farm);
   void set_counter(std::uint16_t spi, std::uint64_t counter);
   void find(SecurityFinding finding);
+  void carry_along(const LinkState& stored);
 
   UplinkConfig config_;
   wire::CltuDecoder decoder_;
-  LinkState state_;
+  LinkState state_;  ///< the configured channels first, in their order
   bool buffer_available_ = true;
   std::size_t clcw_turn_ = 0;
   UplinkCounters counters_;

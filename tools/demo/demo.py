@@ -12,7 +12,7 @@ from rotation import Rotation, percentile
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
 SHORTEST_S = 20
-SCRIPT_S = 16  # what the script needs without its two watching phases
+SCRIPT_S = 10  # what the script needs without its two watching phases
 BEACON_DEADLINE_S = 35
 
 

@@ -359,21 +359,23 @@ class Mission:
             raise MissionError(f"{self.deployment}: the simulated spacecraft did not start:\n{said}", code=2)
 
     def _start_suite(self):
+        earlier = {log.stem: log.stat().st_size for log in (self.var / "log").glob("*.log")}
         result = self.srfs("up", "--deadline", str(UP_DEADLINE_S), timeout_s=UP_DEADLINE_S + 10)
         try:
             self.up_report = json.loads(result.stdout)
         except ValueError:
             raise MissionError(f"srfs up: {result.stderr.strip()}", code=result.returncode or 1) from None
         if not self.up_report["ok"]:
-            errors = [error for node in self.up_report["nodes"] if node["state"] != "active" for error in self._last_error(node["name"])]
+            late = [node["name"] for node in self.up_report["nodes"] if node["state"] != "active"]
+            errors = [error for name in late for error in self._last_error(name, earlier.get(name, 0))]
             in_the_file = any(str(self.deployment) in error for error in errors)
             raise MissionError("the suite did not come up:\n" + "\n".join(self.up_report["problems"] + errors), code=2 if in_the_file else 1)
         self._watched = {node["name"]: node["pid"] for node in self.up_report["nodes"]}
 
-    def _last_error(self, node):
-        """The last error in a node's log, as a list of at most one line."""
+    def _last_error(self, node, begin):
+        """The last error in a node's log behind octet `begin`, as a list of at most one line."""
         with contextlib.suppress(OSError):
-            lines = (self.var / "log" / f"{node}.log").read_text(errors="replace").splitlines()
+            lines = (self.var / "log" / f"{node}.log").read_bytes()[begin:].decode(errors="replace").splitlines()
             return [line for line in lines if " ERROR " in line or " FATAL " in line][-1:]
         return []
 

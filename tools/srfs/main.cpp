@@ -80,7 +80,7 @@ int run_down(const Target& target, int patience_ms, bool json) {
 int run_status(const Target& target, bool json) {
   const auto nodes = status(target, milliseconds(2000));
   if (json) {
-    std::cout << to_json(nodes).dump(2) << "\n";
+    std::cout << to_json(nodes).dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
   } else {
     print_table(nodes);
   }

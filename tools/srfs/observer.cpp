@@ -23,7 +23,8 @@ Json begin(const char* type, MonotonicTime at) {
 }
 
 void print(const Json& line) {
-  std::puts(line.dump().c_str());
+  // Texts come from any process: what is not UTF-8 is replaced, not thrown at.
+  std::puts(line.dump(-1, ' ', false, Json::error_handler_t::replace).c_str());
   std::fflush(stdout);
 }
 

@@ -114,10 +114,35 @@ Result<ros::DomainLock, std::string> take_domain(const Target& target, std::opti
   return lock;
 }
 
-bool wait_for_exit(pid_t pid, milliseconds patience) {
-  const Fd pidfd(static_cast<int>(syscall(SYS_pidfd_open, pid, 0)));
-  if (!pidfd) return true;  // gone already
-  pollfd entry{pidfd.get(), POLLIN, 0};
+/// One `up` or `down` of a deployment at a time: the second waits for the first. No file is left behind: the
+/// lock is on the folder itself.
+Fd lock_suite(const Target& target) {
+  std::error_code ec;
+  std::filesystem::create_directories(target.var.root, ec);
+  Fd folder(open(target.var.root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (folder) flock(folder.get(), LOCK_EX);
+  return folder;
+}
+
+/// A process that cannot be mistaken for a later one with the same pid.
+struct Process {
+  std::string node;
+  Fd pidfd;
+  void signal(int number) const { syscall(SYS_pidfd_send_signal, pidfd.get(), number, nullptr, 0); }
+};
+
+std::optional<Process> find_process(const Target& target, const std::string& node) {
+  const auto instance = ros::find_instance(target.var, node);
+  if (!instance) return std::nullopt;
+  Fd pidfd(static_cast<int>(syscall(SYS_pidfd_open, instance->pid, 0)));
+  const auto again =
+      ros::find_instance(target.var, node);  // still the lock's holder: the descriptor names it
+  if (!pidfd || !again || again->pid != instance->pid) return std::nullopt;
+  return Process{node, std::move(pidfd)};
+}
+
+bool wait_for_exit(const Process& process, milliseconds patience) {
+  pollfd entry{process.pidfd.get(), POLLIN, 0};
   return poll(&entry, 1, static_cast<int>(patience.count())) == 1;
 }
 
@@ -156,6 +181,7 @@ std::optional<int> running_domain(const Target& target) {
 
 UpReport up(const Target& target, const UpOptions& options) {
   UpReport report;
+  const Fd suite_lock = lock_suite(target);
   std::error_code ec;
   std::filesystem::remove(target.var.stopping_flag(), ec);
   const auto domain = take_domain(target, options.domain);
@@ -198,23 +224,24 @@ UpReport up(const Target& target, const UpOptions& options) {
 
 DownReport down(const Target& target, milliseconds patience) {
   DownReport report;
+  const Fd suite_lock = lock_suite(target);
   set_stopping_flag(target);
   disarm_simulated_watchdog(target);
-  std::vector<std::pair<std::string, pid_t>> running;
+  std::vector<Process> running;
   for (auto node = target.deployment.nodes.rbegin(); node != target.deployment.nodes.rend(); ++node) {
-    const auto instance = ros::find_instance(target.var, node->name);
-    if (!instance) continue;
-    kill(instance->pid, SIGTERM);
-    kill(instance->pid, SIGCONT);  // a stopped process would sleep through its SIGTERM
-    running.emplace_back(node->name, instance->pid);
+    auto process = find_process(target, node->name);
+    if (!process) continue;
+    process->signal(SIGTERM);
+    process->signal(SIGCONT);  // a stopped process would sleep through its SIGTERM
+    running.push_back(std::move(*process));
   }
   const MonotonicTime deadline = monotonic_now() + patience;
-  for (const auto& [name, pid] : running) {
+  for (const Process& process : running) {
     const auto left = std::chrono::duration_cast<milliseconds>(deadline - monotonic_now());
-    if (wait_for_exit(pid, std::max(left, milliseconds(1)))) continue;
-    kill(pid, SIGKILL);
-    report.killed.push_back(name);
-    if (!wait_for_exit(pid, milliseconds(2000))) report.left.push_back(name);
+    if (wait_for_exit(process, std::max(left, milliseconds(1)))) continue;
+    process.signal(SIGKILL);
+    report.killed.push_back(process.node);
+    if (!wait_for_exit(process, milliseconds(2000))) report.left.push_back(process.node);
   }
   std::error_code ec;
   if (report.left.empty()) {

@@ -173,6 +173,22 @@ TEST_F(TaskFlagRotationTest, IgnoresARepeatedOrOlderTick) {
   EXPECT_EQ(rotation.counters().repeated_ticks, 2U);
 }
 
+TEST_F(TaskFlagRotationTest, ASingleAbsurdTickDoesNotStopTheRotation) {
+  const Grant grant = must_grant();
+  report(BusReport::Kind::released, grant);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ~MissionCycle{0})));
+  must_grant();
+}
+
+TEST_F(TaskFlagRotationTest, BelievesATimelineThatStartsAgainAfterItsSecondTick) {
+  cycle = 5000;
+  const Grant grant = must_grant();
+  report(BusReport::Kind::released, grant);
+  cycle = 0;  // timing lost its count
+  EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
+  must_grant();
+}
+
 TEST_F(TaskFlagRotationTest, SkipsDisabledPayloads) {
   EXPECT_TRUE(rotation.set_enabled("eps", false));
   EXPECT_FALSE(rotation.set_enabled("nobody", false));

@@ -58,10 +58,17 @@ TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
 
 TEST_F(DeploymentTest, IncarnationsOnlyGoUpAlsoFromADamagedFile) {
   const VarPaths var{folder_};
-  EXPECT_EQ(next_incarnation(var, "timing"), 1U);
-  EXPECT_EQ(next_incarnation(var, "timing"), 2U);
+  EXPECT_EQ(next_incarnation(var, "timing").number, 1U);
+  EXPECT_EQ(next_incarnation(var, "timing").number, 2U);
   ASSERT_TRUE(write_file_atomically(var.state("timing") / "incarnation", "\x01garbage"));
-  EXPECT_GT(next_incarnation(var, "timing").value(), 2U);
+  EXPECT_GT(next_incarnation(var, "timing").number, 2U);
+}
+
+TEST_F(DeploymentTest, AnIncarnationIsGivenAndExplainedWhenTheDiskCannotKeepIt) {
+  const VarPaths var{"/proc/nowhere"};
+  const Incarnation incarnation = next_incarnation(var, "timing");
+  EXPECT_GE(incarnation.number, 1U);
+  EXPECT_NE(incarnation.not_durable_because, "");
 }
 
 TEST_F(DeploymentTest, StartRecordsSurviveAndKeepTheCause) {
