@@ -73,7 +73,7 @@ bool is_final(Stage stage) {
 StageReport Commanding::sent(const wire::RequestId& request, const mission::Command& command,
                              milliseconds patience, std::uint64_t tag, MonotonicTime now) {
   if (outstanding_.size() == max_outstanding) outstanding_.pop_front();
-  outstanding_.push_back({request, &command, tag, now, now + patience});
+  outstanding_.push_back({request, &command, tag, now, patience, now + patience});
   return report_of(outstanding_.back(), Stage::sent, now);
 }
 
@@ -92,6 +92,12 @@ std::optional<StageReport> Commanding::on_packet(const wire::TmPacket& packet, M
   if (is_failure(*stage)) read_failure(in, report);
   if (is_final(*stage)) outstanding_.erase(std::next(newest).base());
   return report;
+}
+
+void Commanding::extend(std::uint64_t tag, MonotonicTime now) {
+  for (auto& telecommand : outstanding_) {
+    if (telecommand.tag == tag) telecommand.deadline = std::max(telecommand.deadline, now + telecommand.patience);
+  }
 }
 
 std::vector<StageReport> Commanding::on_time(MonotonicTime now) {
@@ -142,23 +148,32 @@ void Commanding::read_failure(OctetReader& in, StageReport& report) const {
   }
 }
 
-void Retrieval::on_packet(const ReceivedPacket& received, MonotonicTime now) {
+bool Retrieval::on_packet(const ReceivedPacket& received, MonotonicTime now) {
   if (received.vc == tm_channel::playback) {
-    ++received_;
-    last_news_ = now;
-    return;
+    if (counting_) {
+      ++received_;
+      last_news_ = now;
+    }
+    return false;
   }
   const auto& packet = received.packet;
-  if (packet.service != 5 || packet.apid != mission::apid::ttc) return;
+  if (!started_ || expected_ || packet.service != 5 || packet.apid != mission::apid::ttc) return false;
   OctetReader in(packet.source);
-  if (in.u16() != mission::event::ttc_retrieval_done || !in.ok()) return;
+  if (in.u16() != mission::event::ttc_retrieval_done || !in.ok()) return false;
   const auto done = mission::TtcRetrievalDoneEvent::decode(in);
-  if (!done || done->store != store_) return;
+  if (!done || done->store != store_) return false;
   expected_ = done->packets;
   last_news_ = now;
+  return true;
 }
 
 void Retrieval::on_stage(const StageReport& report, MonotonicTime now) {
+  if (report.stage == Stage::started && report.command != nullptr &&
+      report.command->service == mission::StorageRetrieve::service &&
+      report.command->subtype == mission::StorageRetrieve::subtype) {
+    counting_ = report.tag == tag_;
+    started_ = started_ || counting_;
+  }
   if (report.tag != tag_ || !is_final(report.stage)) return;
   last_news_ = now;
   (is_failure(report.stage) ? failed_ : completed_) = true;

@@ -57,6 +57,8 @@ class Commanding {
                    std::uint64_t tag, MonotonicTime now);
   /// @return nullopt for a packet that is no verification report of an outstanding telecommand
   [[nodiscard]] std::optional<StageReport> on_packet(const wire::TmPacket& packet, MonotonicTime now);
+  /// There is news of a telecommand that takes long: its patience begins anew.
+  void extend(std::uint64_t tag, MonotonicTime now);
   /// The telecommands whose time is over.
   [[nodiscard]] std::vector<StageReport> on_time(MonotonicTime now);
 
@@ -69,6 +71,7 @@ class Commanding {
     const mission::Command* command;
     std::uint64_t tag;
     MonotonicTime sent;
+    milliseconds patience;
     MonotonicTime deadline;
   };
   [[nodiscard]] StageReport report_of(const Outstanding& telecommand, Stage stage, MonotonicTime now) const;
@@ -78,7 +81,8 @@ class Commanding {
   std::deque<Outstanding> outstanding_;
 };
 
-/// Counts the packets of one retrieval on the playback channel and knows when all have come. Pure.
+/// Counts the packets of one retrieval on the playback channel and knows when all have come. The spacecraft
+/// plays retrievals one after another: from its own 1,3 to the next one's, the packets are its. Pure.
 class Retrieval {
  public:
   /// How long packets may still come after the spacecraft said that all were sent.
@@ -86,7 +90,9 @@ class Retrieval {
 
   explicit Retrieval(std::uint64_t tag, std::uint16_t store) : tag_(tag), store_(store) {}
 
-  void on_packet(const ReceivedPacket& received, MonotonicTime now);
+  /// @return whether it was the event that ends this retrieval; no other one must take it then
+  bool on_packet(const ReceivedPacket& received, MonotonicTime now);
+  /// Stages of all telecommands.
   void on_stage(const StageReport& report, MonotonicTime now);
   /// Nothing more is expected.
   [[nodiscard]] bool is_over(MonotonicTime now) const;
@@ -102,6 +108,8 @@ class Retrieval {
   std::uint16_t store_;
   std::uint64_t received_ = 0;
   std::optional<std::uint64_t> expected_;
+  bool started_ = false;
+  bool counting_ = false;  // no other retrieval has started since
   bool completed_ = false;
   bool failed_ = false;
   MonotonicTime last_news_;

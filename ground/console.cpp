@@ -143,7 +143,9 @@ void Console::on_telemetry(const TelemetryReport& report) {
 
 void Console::on_stage(const StageReport& report) {
   last_stage_ = report;
-  accepted_ = accepted_ || report.stage == Stage::accepted;
+  // Later reports prove the acceptance whose own was lost.
+  accepted_ = accepted_ || report.stage == Stage::accepted || report.stage == Stage::started ||
+              report.stage == Stage::progress || report.stage == Stage::completed;
   options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 
@@ -238,7 +240,8 @@ void Console::wait_once(Watch watch, std::optional<MonotonicTime> deadline, bool
 }
 
 void Console::write_json(const nlohmann::json& json) {
-  write_lines(json.dump() + "\n");
+  // Text from the spacecraft may be anything.
+  write_lines(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
 }
 
 void Console::write_lines(const std::string& lines) {
@@ -332,7 +335,7 @@ Exit list(const mission::Dictionary& dictionary, const std::string& name, bool j
   for (const auto& command : dictionary.commands()) {
     if (!name.empty() && command.name != name) continue;
     if (json) {
-      std::puts(command_json(command).dump().c_str());
+      std::puts(command_json(command).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
       continue;
     }
     std::puts(

@@ -1,12 +1,12 @@
 // srfs-ground: the operator's side of the ground link on a command line.
 #include <cstdio>
+#include <exception>
 #include <string>
 #include <vector>
 
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
-#include "base/config.hpp"
 #include "ground/console.hpp"
 #include "ros/deployment.hpp"
 
@@ -67,7 +67,8 @@ void define(CLI::App& app, Arguments& a) {
 
 Exit fail(const Arguments& a, const std::string& message) {
   if (a.json) {
-    std::puts(nlohmann::json{{"type", "error"}, {"message", message}}.dump().c_str());
+    const nlohmann::json json{{"type", "error"}, {"message", message}};
+    std::puts(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else {
     std::fprintf(stderr, "srfs-ground: %s\n", message.c_str());
   }
@@ -103,10 +104,13 @@ int main(int argc, char** argv) {
   CLI::App app("The operator's side of the ground link");
   Arguments arguments;
   define(app, arguments);
-  CLI11_PARSE(app, argc, argv);
   try {
+    app.parse(argc, argv);
     return static_cast<int>(operate(app, arguments));
-  } catch (const ConfigError& error) {
+  } catch (const CLI::ParseError& error) {
+    // 0: help was asked for; CLI11 numbers its errors from 100.
+    return app.exit(error) == 0 ? 0 : static_cast<int>(Exit::unusable);
+  } catch (const std::exception& error) {
     return static_cast<int>(fail(arguments, error.what()));
   }
 }

@@ -34,7 +34,7 @@ Result<wire::RequestId, std::string> Station::send(const std::string& command,
     if (request) retrievals_.emplace_back(tag, request->front().store);
   }
   const StageReport report = commanding_.sent(telecommand->request, *encoded->command,
-                                              patience.value_or(encoded->command->timeout), tag, now);
+                                              patience.value_or(encoded->command->timeout + report_margin), tag, now);
   on_stage(report, now);
   return telecommand->request;
 }
@@ -48,7 +48,10 @@ Result<void, std::string> Station::on_readable() {
 }
 
 void Station::on_packet(const ReceivedPacket& received, MonotonicTime now) {
-  for (auto& retrieval : retrievals_) retrieval.on_packet(received, now);
+  for (auto& retrieval : retrievals_) {
+    if (received.vc == tm_channel::playback) commanding_.extend(retrieval.tag(), now);
+    if (retrieval.on_packet(received, now)) break;
+  }
   if (received.vc != tm_channel::playback) {
     if (const auto report = commanding_.on_packet(received.packet, now)) {
       on_stage(*report, now);

@@ -27,6 +27,8 @@ struct StationOutput {
 class Station {
  public:
   static constexpr milliseconds write_patience{5000};
+  /// Waited beyond a telecommand's own timeout: its last report must still come down.
+  static constexpr milliseconds report_margin{2000};
   static constexpr std::size_t max_retrievals = 16;
 
   Station(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port, Uplink uplink,
@@ -34,7 +36,8 @@ class Station {
 
   /// Checks, secures and writes one telecommand; its stages come through the output. Blocks until the octets
   /// are written.
-  /// @param patience until the final report; nullopt: as the dictionary says
+  /// @param patience until the final report, of a retrieval anew with every packet; nullopt: as the dictionary
+  /// says, and report_margin
   /// @param tag the caller's own, comes back in every report
   [[nodiscard]] Result<wire::RequestId, std::string> send(const std::string& command,
                                                           const std::vector<std::string>& arguments,

@@ -56,22 +56,31 @@ Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& 
   return state;
 }
 
-Result<UplinkState::Reserved, std::string> UplinkState::reserve(std::uint16_t apid) {
-  const Reserved reserved{next_counter_, next_sequence_[apid]};
+Result<void, std::string> UplinkState::save(std::uint64_t next_counter,
+                                            const SequenceCounts& next_sequence) const {
   nlohmann::json json;
-  json["next_security_counter"] = reserved.counter + 1;
-  auto next = next_sequence_;
-  next[apid] = static_cast<std::uint16_t>((reserved.sequence_count + 1) % sequence_modulus);
-  for (const auto& [process, count] : next) json["next_sequence_counts"][fmt::format("{}", process)] = count;
+  json["next_security_counter"] = next_counter;
+  for (const auto& [process, count] : next_sequence)
+    json["next_sequence_counts"][fmt::format("{}", process)] = count;
   const auto written = write_file_atomically(file_, json.dump(2) + "\n");
   if (!written) return Err(written.error().message);
+  return {};
+}
+
+Result<UplinkState::Reserved, std::string> UplinkState::reserve(std::uint16_t apid) {
+  const Reserved reserved{next_counter_, next_sequence_[apid]};
+  auto next = next_sequence_;
+  next[apid] = static_cast<std::uint16_t>((reserved.sequence_count + 1) % sequence_modulus);
+  if (const auto saved = save(reserved.counter + 1, next); !saved) return Err(saved.error());
   next_counter_ = reserved.counter + 1;
   next_sequence_ = std::move(next);
   return reserved;
 }
 
-void UplinkState::raise(std::uint64_t counter) {
-  next_counter_ = std::max(next_counter_, counter + 1);
+Result<void, std::string> UplinkState::raise(std::uint64_t counter) {
+  if (counter < next_counter_ || counter == UINT64_MAX) return {};
+  next_counter_ = counter + 1;
+  return save(next_counter_, next_sequence_);
 }
 
 Result<Uplink, std::string> Uplink::open(const ros::LinkSettings& link, const std::filesystem::path& var_dir,
@@ -114,7 +123,8 @@ Result<OutgoingTelecommand, std::string> Uplink::make(const mission::EncodedComm
 }
 
 void Uplink::on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter) {
-  if (key_ && spi == spi_) state_.raise(counter);
+  // Not on disk is no loss yet: the next telecommand writes it, and the beacon says it again.
+  if (key_ && spi == spi_) (void)state_.raise(counter);
 }
 
 }  // namespace srfs::ground

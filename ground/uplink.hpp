@@ -33,15 +33,19 @@ class UplinkState {
   /// The counters of the next telecommand. They are on disk when this returns, so none is used twice. Blocks
   /// on the disk.
   [[nodiscard]] Result<Reserved, std::string> reserve(std::uint16_t apid);
-  /// The spacecraft has accepted @p counter: the next one is higher.
-  void raise(std::uint64_t counter);
+  /// The spacecraft has accepted @p counter: the next one is higher. Written when it grows; blocks on the
+  /// disk. On an error it still holds for this run.
+  Result<void, std::string> raise(std::uint64_t counter);
   [[nodiscard]] std::uint64_t next_counter() const { return next_counter_; }
 
  private:
+  using SequenceCounts = std::map<std::uint16_t, std::uint16_t>;
+  [[nodiscard]] Result<void, std::string> save(std::uint64_t next_counter,
+                                               const SequenceCounts& next_sequence) const;
   UplinkState(std::filesystem::path file, std::uint64_t next) : file_(std::move(file)), next_counter_(next) {}
   std::filesystem::path file_;
   std::uint64_t next_counter_;
-  std::map<std::uint16_t, std::uint16_t> next_sequence_;
+  SequenceCounts next_sequence_;
 };
 
 struct OutgoingTelecommand {

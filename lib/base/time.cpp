@@ -47,7 +47,8 @@ std::optional<UtcTime> from_iso8601(const std::string& text) {
                   &parts.tm_hour, &parts.tm_min, &parts.tm_sec, &consumed) != 6) {
     return std::nullopt;
   }
-  if (parts.tm_year < 1970 || parts.tm_mon < 1 || parts.tm_mon > 12 || parts.tm_mday < 1 ||
+  constexpr int last_whole_year = 2261;  // of 64 bits of nanoseconds
+  if (parts.tm_year < 1970 || parts.tm_year > last_whole_year || parts.tm_mon < 1 || parts.tm_mon > 12 || parts.tm_mday < 1 ||
       parts.tm_mday > 31 || parts.tm_hour < 0 || parts.tm_hour > 23 || parts.tm_min < 0 ||
       parts.tm_min > 59 || parts.tm_sec < 0 || parts.tm_sec > 60) {
     return std::nullopt;
@@ -65,6 +66,12 @@ std::optional<UtcTime> from_iso8601(const std::string& text) {
   if (rest != text.size()) return std::nullopt;
   parts.tm_year -= 1900;
   parts.tm_mon -= 1;
+  // A day that the month does not have becomes one of the next month.
+  tm day{};
+  day.tm_year = parts.tm_year;
+  day.tm_mon = parts.tm_mon;
+  day.tm_mday = parts.tm_mday;
+  if (timegm(&day) < 0 || day.tm_mon != parts.tm_mon || day.tm_mday != parts.tm_mday) return std::nullopt;
   return UtcTime(seconds(timegm(&parts)) + nanoseconds(fraction_ns));
 }
 

@@ -129,29 +129,47 @@ void write_start_record(const VarPaths& var, const std::string& node, const Star
                               fmt::format("{} {} {}\n", record.starts, record.restarts, cause));
 }
 
-Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, int first) {
-  const std::filesystem::path folder = "/tmp/srfs_domains";
+namespace {
+
+const std::filesystem::path domain_folder = "/tmp/srfs_domains";
+
+/// The lock file of a domain with the given flock, or why not (errno). The last holder removes the file, so a
+/// lock on a removed file is no lock: then the file is opened anew.
+Result<Fd, int> lock_domain(int domain, int operation) {
   std::error_code ec;
-  std::filesystem::create_directories(folder, ec);
-  std::filesystem::permissions(folder, std::filesystem::perms::all, ec);
-  for (int domain = wanted.value_or(first); domain <= wanted.value_or(101); ++domain) {
-    Fd fd(open((folder / std::to_string(domain)).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
-    if (!fd) continue;
-    if (flock(fd.get(), LOCK_EX | LOCK_NB) == 0) return DomainLock(domain, std::move(fd));
+  if (std::filesystem::create_directories(domain_folder, ec)) {
+    std::filesystem::permissions(domain_folder, std::filesystem::perms::all, ec);
   }
-  return Err(wanted ? fmt::format("DDS domain {} is in use by another running suite", *wanted)
-                    : fmt::format("no free DDS domain from {} to 101 (locks in {})", first, folder.string()));
+  while (true) {
+    Fd fd(open((domain_folder / std::to_string(domain)).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+    if (!fd || flock(fd.get(), operation | LOCK_NB) != 0) return Err(errno);
+    struct stat status {};
+    if (fstat(fd.get(), &status) == 0 && status.st_nlink > 0) return fd;
+  }
+}
+
+}  // namespace
+
+Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, int first) {
+  for (int domain = wanted.value_or(first); domain <= wanted.value_or(101); ++domain) {
+    if (auto fd = lock_domain(domain, LOCK_EX)) return DomainLock(domain, std::move(*fd));
+  }
+  return Err(
+      wanted ? fmt::format("DDS domain {} is in use by another running suite", *wanted)
+             : fmt::format("no free DDS domain from {} to 101 (locks in {})", first, domain_folder.string()));
 }
 
 Result<DomainLock, std::string> DomainLock::share(int domain) {
-  const auto path = std::filesystem::path("/tmp/srfs_domains") / std::to_string(domain);
+  auto fd = lock_domain(domain, LOCK_SH);
+  if (fd) return DomainLock(domain, std::move(*fd));
+  return Err(fmt::format("cannot share DDS domain {} (lock in {}): {}", domain, domain_folder.string(),
+                         errno_text(fd.error())));
+}
+
+DomainLock::~DomainLock() {
+  if (!fd_ || flock(fd_.get(), LOCK_EX | LOCK_NB) != 0) return;  // others still hold it
   std::error_code ec;
-  std::filesystem::create_directories(path.parent_path(), ec);
-  Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
-  if (!fd || flock(fd.get(), LOCK_SH | LOCK_NB) != 0) {
-    return Err(fmt::format("{}: cannot share DDS domain {}: {}", path.string(), domain, errno_text(errno)));
-  }
-  return DomainLock(domain, std::move(fd));
+  std::filesystem::remove(domain_folder / std::to_string(domain_), ec);
 }
 
 void DomainLock::downgrade() {

@@ -81,6 +81,9 @@ class DomainLock {
   [[nodiscard]] static Result<DomainLock, std::string> allocate(std::optional<int> wanted, int first = 42);
   /// Holds a domain together with others of the same suite.
   [[nodiscard]] static Result<DomainLock, std::string> share(int domain);
+  DomainLock(DomainLock&&) = default;
+  DomainLock& operator=(DomainLock&&) = default;
+  ~DomainLock();  ///< the last holder removes the lock file
   [[nodiscard]] int domain() const { return domain_; }
   /// From sole holder to one of several.
   void downgrade();

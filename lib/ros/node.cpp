@@ -16,6 +16,7 @@
 #include <mission/structures.hpp>
 
 #include "base/file.hpp"
+#include "ros/mission_time.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -28,13 +29,6 @@ constexpr std::uint32_t most_events_per_s = 20;
 constexpr seconds input_check_period{10};
 constexpr seconds start_report_delay{
     2};  // discovery needs a moment: an event raised at once would reach nobody
-
-builtin_interfaces::msg::Time stamp(UtcTime t) {
-  builtin_interfaces::msg::Time time;
-  time.sec = static_cast<std::int32_t>(t.ns() / 1'000'000'000);
-  time.nanosec = static_cast<std::uint32_t>(t.ns() % 1'000'000'000);
-  return time;
-}
 
 lc::msg::State state_message(State state) {
   lc::msg::State m;
@@ -86,7 +80,7 @@ struct LifecycleNode::Interfaces {
     make_parameter_services(node);
     log::set_sink([out = rosout, name = node.name()](log::Severity severity, std::string_view text) {
       rcl::msg::Log m;
-      m.stamp = stamp(system_utc_now());
+      m.stamp = to_message(system_utc_now());
       m.level = log_level(severity);
       m.name = name;
       m.msg = std::string(text);
@@ -218,7 +212,7 @@ LifecycleNode::LifecycleNode(NodeContext& context) : context_(context) {
   parameters_.set_changed([this](const std::string& parameter) {
     if (parameter_changed_) parameter_changed_(parameter);
     rcl::msg::ParameterEvent m;
-    m.stamp = stamp(system_utc_now());
+    m.stamp = to_message(system_utc_now());
     m.node = "/" + name();
     m.changed_parameters.push_back({parameter, to_message(*parameters_.find(parameter))});
     if (interfaces_) interfaces_->parameter_events->publish(m);
@@ -398,7 +392,7 @@ void LifecycleNode::raise_event(std::uint16_t event_id, std::uint8_t severity, O
   m.source = name();
   m.event_id = event_id;
   m.severity = severity;
-  m.utc = stamp(system_utc_now());
+  m.utc = to_message(system_utc_now());
   m.time_valid = false;  // the node's own clock; ttc stamps the report with mission time
   m.monotonic_ns = static_cast<std::uint64_t>(t.ns());
   m.data.assign(data.begin(), data.end());

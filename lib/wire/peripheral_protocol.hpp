@@ -70,7 +70,7 @@ struct PeripheralRequest {
 struct WakeUpResponse {
   PeripheralStatus status = PeripheralStatus::ready;
   std::uint32_t uptime_ms = 0;  ///< since the peripheral's start; wraps
-  Octets measurement{};           ///< raw measurement block; empty while booting
+  Octets measurement{};         ///< raw measurement block; empty while booting
   friend bool operator==(const WakeUpResponse&, const WakeUpResponse&) = default;
 };
 struct CommandResponse {

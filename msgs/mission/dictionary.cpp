@@ -307,7 +307,7 @@ class ArgumentText {
       out.put(*id, octets_of(field.type));
       return {};
     }
-    const auto value = parse_integer(without_unit(text, field.unit), is_signed(field.type));
+    const auto value = parse_integer(without_unit(text, field.unit));
     if (!value) {
       if (field.reference != Reference::none)
         return error(field, "no {} is called '{}'", kind_of(field.reference), text);
@@ -315,13 +315,13 @@ class ArgumentText {
                    field.unit.empty() ? "" : " of " + field.unit);
     }
     const unsigned bits = static_cast<unsigned>(8 * octets_of(field.type));
-    const bool fits =
-        is_signed(field.type)
-            ? bits == 64 || (static_cast<std::int64_t>(*value) >= -(std::int64_t{1} << (bits - 1)) &&
-                             static_cast<std::int64_t>(*value) < (std::int64_t{1} << (bits - 1)))
-            : bits == 64 || *value < (std::uint64_t{1} << bits);
-    const double number = is_signed(field.type) ? static_cast<double>(static_cast<std::int64_t>(*value))
-                                                : static_cast<double>(*value);
+    // The largest magnitude below zero and from zero on.
+    const std::uint64_t half = std::uint64_t{1} << (bits - 1);
+    const std::uint64_t least = is_signed(field.type) ? half : 0;
+    const std::uint64_t most = is_signed(field.type) ? half - 1 : half - 1 + half;
+    const bool fits = value->magnitude <= (value->negative ? least : most);
+    const double magnitude = static_cast<double>(value->magnitude);
+    const double number = value->negative ? -magnitude : magnitude;
     if (!fits || (field.range && !field.range->contains(number))) {
       const double lowest = is_signed(field.type) ? -std::exp2(bits - 1) : 0;
       const double highest = std::exp2(is_signed(field.type) ? bits - 1 : bits) - 1;
@@ -330,31 +330,29 @@ class ArgumentText {
                    range_text(field, bounds.low.value_or(lowest), bounds.high.value_or(highest)));
     }
     if (field.reference != Reference::none &&
-        reference_name(d_, field.reference, static_cast<std::uint16_t>(*value)).empty()) {
+        reference_name(d_, field.reference, static_cast<std::uint16_t>(value->magnitude)).empty()) {
       return error(field, "no {} has the number {}", kind_of(field.reference), text);
     }
-    out.put(*value, octets_of(field.type));
+    // Two's complement for negative numbers.
+    out.put(value->negative ? ~value->magnitude + 1 : value->magnitude, octets_of(field.type));
     return {};
   }
 
-  /// Two's complement for negative numbers.
-  static std::optional<std::uint64_t> parse_integer(std::string_view text, bool negative_allowed) {
-    const bool negative = text.starts_with('-');
-    if (negative && !negative_allowed) {
-      // A number all the same: "out of range" says more than "not a number".
-      text.remove_prefix(1);
-      std::uint64_t ignored = 0;
-      const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), ignored);
-      if (fault != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-      return std::numeric_limits<std::uint64_t>::max();
-    }
-    if (negative) text.remove_prefix(1);
+  struct Integer {
+    bool negative = false;
+    std::uint64_t magnitude = 0;
+  };
+  /// Decimal, or hexadecimal with 0x. nullopt: not a whole number of 64 bits.
+  static std::optional<Integer> parse_integer(std::string_view text) {
+    Integer value;
+    value.negative = text.starts_with('-');
+    if (value.negative) text.remove_prefix(1);
     const int base = text.starts_with("0x") ? 16 : 10;
     if (base == 16) text.remove_prefix(2);
-    std::uint64_t value = 0;
-    const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+    const auto [end, fault] =
+        std::from_chars(text.data(), text.data() + text.size(), value.magnitude, base);
     if (fault != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
-    return negative ? ~value + 1 : value;
+    return value;
   }
 
   const Dictionary& d_;

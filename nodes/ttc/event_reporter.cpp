@@ -5,7 +5,12 @@
 namespace srfs {
 
 void EventReporter::add_event(std::uint16_t event_id, bool enabled) {
-  events_[event_id] = Event{.enabled = enabled, .tokens = 0, .refilled = {}, .seen = false};
+  events_[event_id] = Event{.enabled = enabled, .essential = false, .tokens = 0, .refilled = {}, .seen = false};
+}
+
+void EventReporter::add_essential_event(std::uint16_t event_id) {
+  add_event(event_id);
+  events_[event_id].essential = true;
 }
 
 std::optional<EventReport> EventReporter::on_event(std::uint16_t apid, std::uint16_t event_id,
@@ -17,7 +22,7 @@ std::optional<EventReport> EventReporter::on_event(std::uint16_t apid, std::uint
     ++counters_.unknown;
     return std::nullopt;
   }
-  if (!take_token(found->second, now)) {
+  if (!found->second.essential && !take_token(found->second, now)) {
     ++counters_.suppressed;
     return std::nullopt;
   }
@@ -36,7 +41,7 @@ std::optional<EventReport> EventReporter::on_event(std::uint16_t apid, std::uint
 
 bool EventReporter::set_enabled(std::uint16_t event_id, bool enabled) {
   const auto found = events_.find(event_id);
-  if (found == events_.end()) return false;
+  if (found == events_.end() || (found->second.essential && !enabled)) return false;
   found->second.enabled = enabled;
   return true;
 }

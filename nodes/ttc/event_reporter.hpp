@@ -42,17 +42,21 @@ class EventReporter {
   /// Event ids are unique in the whole dictionary. @param apid of the node that raises it
   void add_event(std::uint16_t event_id, bool enabled = true);
 
+  /// One that the ground needs to finish something: no rate limit, and 5,6 on it is refused.
+  void add_essential_event(std::uint16_t event_id);
+
   /// @param data the event's parameters, encoded
   [[nodiscard]] std::optional<EventReport> on_event(std::uint16_t apid, std::uint16_t event_id,
                                                     std::uint8_t severity, OctetView data, MonotonicTime now);
   [[nodiscard]] bool knows(std::uint16_t event_id) const { return events_.contains(event_id); }
-  /// 5,5 and 5,6. @return false: unknown event
+  /// 5,5 and 5,6. @return false: unknown event, or an essential one that would be disabled
   bool set_enabled(std::uint16_t event_id, bool enabled);
   [[nodiscard]] const EventCounters& counters() const { return counters_; }
 
  private:
   struct Event {
     bool enabled = true;
+    bool essential = false;
     std::uint32_t tokens = 0;
     MonotonicTime refilled;
     bool seen = false;

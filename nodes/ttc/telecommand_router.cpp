@@ -91,6 +91,18 @@ void TelecommandRouter::on_packet(OctetView packet, bool durable, MonotonicTime 
   }
 }
 
+void TelecommandRouter::on_packet_without_room(OctetView packet) {
+  TelecommandOrigin origin{.request = wire::peek_request_id(packet).value_or(wire::RequestId{}),
+                           .apid = own_apid_,
+                           .ack_flags = 0,
+                           .source_id = 0};
+  if (const auto parsed = wire::parse_tc_packet(packet)) {
+    if (parts_.dictionary.apid(parsed->apid) != nullptr) origin.apid = parsed->apid;
+    origin.source_id = parsed->source_id;
+  }
+  refuse(origin, Refusal{parts_.codes.queue_full, {}});
+}
+
 Result<const mission::Command*, TelecommandRouter::Refusal> TelecommandRouter::find_command(
     const wire::TcPacket& packet) const {
   const mission::Dictionary& dictionary = parts_.dictionary;

@@ -66,6 +66,8 @@ class TelecommandRouter {
   /// @param packet a space packet as it came up, not judged yet
   /// @param durable whether what excludes its repetition is on disk; if not, only recovery commands run
   void on_packet(OctetView packet, bool durable, MonotonicTime now);
+  /// A packet that came while too many wait for the disk: 1,2 queue_full, unseen.
+  void on_packet_without_room(OctetView packet);
 
   [[nodiscard]] std::optional<ModeChange> take_mode_change() {
     return std::exchange(mode_change_, std::nullopt);

@@ -16,10 +16,6 @@ constexpr std::size_t frames_per_read = read_octets / 26 + 2;  ///< the shortest
 constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
 constexpr std::uint8_t verification_service = 1;
 
-std::int64_t to_ns(const builtin_interfaces::msg::Time& time) {
-  return std::int64_t{time.sec} * 1'000'000'000 + time.nanosec;
-}
-
 std::optional<Stage> to_stage(std::uint8_t stage) {
   switch (stage) {
     case srfs_msgs::msg::TelecommandReport::ACCEPTED:
@@ -58,13 +54,16 @@ void TtcNode::read_line() {
 
 void TtcNode::take_uplinked(std::vector<UplinkedPacket> packets) {
   const MonotonicTime received = monotonic_now();
-  for (UplinkedPacket& packet : packets)
+  for (UplinkedPacket& packet : packets) {
+    if (!link_->gate.has_room()) link_->router.on_packet_without_room(packet.packet);
     link_->gate.enter(std::move(packet), link_->uplink.state().generation, received);
+  }
 }
 
 void TtcNode::persist_link_state() {
-  const LinkState& state = link_->uplink.state();
-  if (!link_->gate.wants_write(state.generation)) return;
+  if (!link_->gate.wants_write(link_->uplink.state().generation)) return;
+  LinkState state = link_->uplink.state();
+  state.next_telecommand_id = link_->forwarder.next_id() + reserved_telecommand_ids;
   auto written = std::make_shared<Result<void, FileError>>();
   const bool taken =
       state_worker_->post([file = link_file_, state, written] { *written = file->store(state); },
@@ -73,7 +72,7 @@ void TtcNode::persist_link_state() {
 }
 
 void TtcNode::on_link_state_written(const Result<void, FileError>& written) {
-  link_->gate.on_write_done(written.has_value());
+  link_->gate.on_write_done(written.has_value(), monotonic_now());
   note_storage(state_durable_, written.has_value(), written ? "" : written.error().message);
   if (is_active()) settle();
 }
@@ -147,7 +146,7 @@ void TtcNode::send_reports(const std::vector<Report>& reports, std::optional<Mon
 void TtcNode::send(const Report& report, bool live, bool stored, bool urgent) {
   const MonotonicTime at = now();
   const TaiTime tai = link_->clock.tai_at(at);
-  Octets packet = link_->packets.make(report, tai, link_->clock.reference());
+  Octets packet = link_->packets.make(report, tai, link_->clock.reference_at(at));
   const std::uint16_t store = stored ? store_of_service(dictionary_, report.service) : std::uint16_t{0};
   if (store != 0) {
     if (to_store_.size() < max_items_to_store) {
@@ -210,14 +209,18 @@ void TtcNode::report_rejections() {
 void TtcNode::feed_playback() {
   PacketRetrieval& retrieval = link_->retrieval;
   retrieval.on_playback(link_->downlink.empty(DownlinkChannel::playback));
+  send_reports(link_->outbox.take(), std::nullopt);  // the completion, before its event
   for (const RetrievalDone& done : retrieval.take_done()) {
     mission::TtcRetrievalDoneEvent event;
     event.store = done.store;
     event.packets = done.packets;
     event.octets = done.octets;
-    raise(event.severity, event.event_id, event.encoded());
+    // Not by way of the event topic, whose rate limit could take it from the ground.
+    const auto report = link_->events.on_event(dictionary_.apid_of_node(name())->apid, event.event_id,
+                                               static_cast<std::uint8_t>(event.severity), event.encoded(),
+                                               now());
+    if (report) send(report->report, report->live, true, false);
   }
-  send_reports(link_->outbox.take(), std::nullopt);
 
   const auto batch = retrieval.next_batch(link_->downlink.room_octets(DownlinkChannel::playback));
   if (!batch) return;
@@ -231,7 +234,7 @@ void TtcNode::feed_playback() {
       },
       [this, request = batch->request, read] {
         if (!*read) {
-          link_->retrieval.fail(request, link_->codes.store_unreadable);
+          link_->retrieval.fail(request);
         } else {
           for (Octets& packet : link_->retrieval.on_batch(request, std::move(**read))) {
             link_->downlink.push(DownlinkChannel::playback, std::move(packet), false, now());
@@ -302,13 +305,26 @@ void TtcNode::arm_timer() {
 // ---- inputs from other nodes
 
 void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
+  const ReceivedTick received{.utc_s = tick.utc.sec,
+                              .utc_ns = tick.utc.nanosec,
+                              .monotonic_ns = tick.monotonic_ns,
+                              .period_us = tick.period_us,
+                              .time_valid = tick.time_valid,
+                              .sync_state = tick.sync_state};
+  if (!link_->clock.on_tick(received, monotonic_now())) {
+    ++foreign_samples_;
+    return;
+  }
   cycle_ = tick.cycle;
-  link_->clock.on_tick(UtcTime(nanoseconds(to_ns(tick.utc))), MonotonicTime(nanoseconds(tick.monotonic_ns)),
-                       tick.time_valid, tick.sync_state);
 }
 
 void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
   if (!is_active()) return;
+  const mission::ApplicationProcess* source = dictionary_.apid_of_node(message.source);
+  if (source == nullptr || source->apid != message.apid) {
+    ++foreign_samples_;
+    return;
+  }
   const auto report = link_->housekeeping.on_sample(message.apid, message.structure_id, message.data, now());
   if (!report) return;
   link_->beacon.on_telemetry(message.source, message.structure_id, message.data, now());
@@ -331,6 +347,7 @@ void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& mes
   if (!is_active() || !stage) return;
   NodeReport report;
   report.id = message.id;
+  report.node = message.node;
   report.stage = *stage;
   report.success = message.success;
   report.failure_code = message.failure_code;
@@ -458,7 +475,7 @@ void TtcNode::send_own_housekeeping() {
   for (const auto& stats : input_stats_) malformed += stats().malformed;
   h.dds_malformed = as_u32(malformed);
   h.dds_foreign = as_u32(link_->housekeeping.counters().unknown + link_->events.counters().unknown +
-                         link_->forwarder.counters().stray_reports);
+                         link_->forwarder.counters().stray_reports + foreign_samples_);
   add_latency(h);
   if (const auto report = link_->housekeeping.on_sample(h.apid, h.structure_id, h.encoded(), now())) {
     send(report->report, report->live, true, false);

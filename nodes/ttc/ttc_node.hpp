@@ -53,7 +53,7 @@ class TtcNode : public ros::LifecycleNode {
  private:
   /// What is there from configure to cleanup. Order matters: later members use earlier ones.
   struct Link {
-    Link(const mission::Dictionary& dictionary, std::uint32_t incarnation, UplinkConfig uplink_config,
+    Link(const mission::Dictionary& dictionary, std::uint64_t first_telecommand_id, UplinkConfig uplink_config,
          const LinkState& stored, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
          milliseconds persist_deadline, SpacecraftClock start, const std::string& own_name);
 
@@ -145,6 +145,8 @@ class TtcNode : public ros::LifecycleNode {
   std::uint64_t unstored_packets_ = 0;
   bool state_durable_ = true;  ///< the link state reaches the disk in time
   bool stores_work_ = true;
+  std::uint64_t foreign_samples_ = 0;      ///< ticks, telemetry and reports that cannot be what they say
+  std::uint64_t next_telecommand_id_ = 0;  ///< after the last clean-up, 0: none yet
   std::uint32_t boot_count_ = 1;
   std::uint64_t cycle_ = 0;
   std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event

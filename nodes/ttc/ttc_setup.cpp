@@ -29,15 +29,15 @@ std::optional<std::string> permission_problem(const std::filesystem::path& path)
 
 }  // namespace
 
-TtcNode::Link::Link(const mission::Dictionary& dictionary, std::uint32_t incarnation,
+TtcNode::Link::Link(const mission::Dictionary& dictionary, std::uint64_t first_telecommand_id,
                     UplinkConfig uplink_config, const LinkState& stored, DownlinkConfig downlink_config,
                     ModeKeeper mode_keeper, milliseconds persist_deadline, SpacecraftClock start,
                     const std::string& own_name)
     : codes(dictionary),
       mode(std::move(mode_keeper)),
-      forwarder(incarnation, {.not_taken = codes.node_unavailable, .no_completion = codes.completion_unknown},
+      forwarder(first_telecommand_id, {.not_taken = codes.node_unavailable, .no_completion = codes.completion_unknown},
                 outbox),
-      retrieval(outbox),
+      retrieval(outbox, codes.store_unreadable),
       router({.dictionary = dictionary,
               .codes = codes,
               .housekeeping = housekeeping,
@@ -48,7 +48,7 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, std::uint32_t incarna
               .outbox = outbox},
              own_name),
       uplink(std::move(uplink_config), stored),
-      gate(persist_deadline),
+      gate(persist_deadline, stored.generation),
       downlink(downlink_config),
       beacon(dictionary),
       clock(start) {}
@@ -193,8 +193,10 @@ ros::CallbackReturn TtcNode::on_configure() {
   if (ran && (found.damaged_copies == 2 || !found.existed)) {
     log::error("the anti-replay counters are lost: frames recorded earlier would be accepted once more");
   }
+  const std::uint64_t first_id =
+      first_telecommand_id(found.state.next_telecommand_id, next_telecommand_id_, system_utc_now());
   link_ =
-      std::make_unique<Link>(dictionary_, incarnation(), std::move(*channels), found.state, *downlink,
+      std::make_unique<Link>(dictionary_, first_id, std::move(*channels), found.state, *downlink,
                              load_mode(ran), milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
                              SpacecraftClock(system_utc_now(), monotonic_now()), name());
   boot_count_ = load_boot_count();
@@ -223,6 +225,7 @@ void TtcNode::fill_from_dictionary() {
         {.enabled = true, .interval = own ? milliseconds(0) : structure.interval});
   }
   for (const mission::Event& event : dictionary_.events()) link_->events.add_event(event.id);
+  link_->events.add_essential_event(mission::event::ttc_retrieval_done);
 }
 
 void TtcNode::subscribe() {
@@ -308,6 +311,7 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   stores_.reset();
   link_file_.reset();
   line_.reset();
+  if (link_) next_telecommand_id_ = link_->forwarder.next_id();
   link_.reset();
   outgoing_.clear();
   commit_running_ = false;

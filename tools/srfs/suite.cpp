@@ -208,7 +208,19 @@ UpReport up(const Target& target, const UpOptions& options) {
     }
     return all;
   };
-  report.all_reached = bus.executor.spin_until(reached, start + options.deadline) && report.problems.empty();
+  // A node that ended (a bad parameter, a missing library) will not come by waiting for it.
+  MonotonicTime next_look = start;
+  bool ended = false;
+  const auto reached_or_ended = [&] {
+    if (reached()) return true;
+    if (monotonic_now() < next_look) return false;
+    next_look = monotonic_now() + milliseconds(100);
+    const auto now = local_status(target);
+    ended = std::any_of(now.begin(), now.end(), [](const NodeStatus& n) { return !n.instance; });
+    return ended;
+  };
+  report.all_reached = bus.executor.spin_until(reached_or_ended, start + options.deadline) && !ended &&
+                       report.problems.empty();
   report.took = std::chrono::duration_cast<milliseconds>(monotonic_now() - start);
   report.nodes = local_status(target);
   for (NodeStatus& s : report.nodes) {
@@ -249,6 +261,8 @@ DownReport down(const Target& target, milliseconds patience) {
       std::filesystem::remove(target.var.instance_lock(node.name), ec);
       std::filesystem::remove(target.var.restart_lock(node.name), ec);
     }
+    if (const auto domain = running_domain(target))
+      (void)ros::DomainLock::share(*domain);  // removes the lock of killed nodes
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }

@@ -1,5 +1,6 @@
 #include "nodes/ttc/command_forwarder.hpp"
 
+#include <algorithm>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -23,9 +24,11 @@ class Forwarding : public testing::Test {
     command.expiry = at(ms + lifetime_ms);
     return forwarder_.submit(origin, command, at(ms)).value_or(0);
   }
-  void report(std::uint64_t id, Stage stage, int ms, bool success = true, std::uint16_t code = 0) {
+  void report(std::uint64_t id, Stage stage, int ms, bool success = true, std::uint16_t code = 0,
+              const std::string& node = "payload_eps") {
     NodeReport report;
     report.id = id;
+    report.node = node;
     report.stage = stage;
     report.success = success;
     report.failure_code = code;
@@ -41,12 +44,58 @@ class Forwarding : public testing::Test {
   int sequence_ = 0;
 };
 
-TEST_F(Forwarding, GivesEveryCommandAnIdOfThisIncarnation) {
+TEST_F(Forwarding, GivesEveryCommandAnIdOfItsOwn) {
   std::set<std::uint64_t> ids;
   for (int i = 0; i < 5; ++i) ids.insert(submit("payload_eps", 0));
 
   EXPECT_EQ(ids.size(), 5U);
-  for (const std::uint64_t id : ids) EXPECT_EQ(id >> 32, 7U);
+  EXPECT_EQ(*ids.begin(), 7U);
+  EXPECT_EQ(forwarder_.next_id(), 12U);
+}
+
+TEST(TelecommandIds, NeverRepeatOverRestartsAndTheirLow32BitsDiffer) {
+  const UtcTime utc(seconds(1'600'000'000));
+  ReportOutbox outbox;
+  std::uint64_t stored = 0xFFFF'FFFF - 500;  // the low half wraps on the way
+  std::vector<std::uint64_t> ids;
+  for (int start = 0; start < 40; ++start) {
+    CommandForwarder forwarder(first_telecommand_id(stored, 0, utc), {}, outbox);
+    for (int i = 0; i < 35; ++i) {
+      stored = forwarder.next_id() + reserved_telecommand_ids;  // what the write before execution holds
+      ForwardedCommand command;
+      command.target = "payload_eps";
+      ids.push_back(forwarder.submit({}, command, MonotonicTime{}).value_or(0));
+    }
+  }
+
+  EXPECT_EQ(std::set<std::uint64_t>(ids.begin(), ids.end()).size(), ids.size());
+  EXPECT_TRUE(std::is_sorted(ids.begin(), ids.end()));
+  std::set<std::uint32_t> low;
+  for (auto id = ids.end() - 1000; id != ids.end(); ++id) low.insert(static_cast<std::uint32_t>(*id));
+  EXPECT_EQ(low.size(), 1000U);
+}
+
+TEST(TelecommandIds, GoUpByTheClockWhenTheStateIsLost) {
+  const UtcTime in_2026(seconds(1'795'000'000));
+  const std::uint64_t before = first_telecommand_id(0, 0, in_2026);
+  EXPECT_GT(first_telecommand_id(0, 0, in_2026 + seconds(60)), before + 900);
+  EXPECT_EQ(first_telecommand_id(before + 5, before + 9, in_2026), before + 9);
+  EXPECT_EQ(first_telecommand_id(0, 0, UtcTime{}), 1U);
+}
+
+TEST_F(Forwarding, AFailedStepAlsoEndsTheCommand) {
+  const std::uint64_t id = submit("payload_eps", 0);
+  report(id, Stage::start, 10);
+  report(id, Stage::progress, 20, false, 33);
+  EXPECT_EQ(subtypes(), (std::vector<int>{3, 6, 8}));
+  EXPECT_EQ(forwarder_.under_way(), 0U);
+}
+
+TEST_F(Forwarding, BelievesOnlyTheTargetOfTheCommand) {
+  const std::uint64_t id = submit("payload_eps", 0);
+  report(id, Stage::completion, 10, true, 0, "payload_adcs");
+  EXPECT_TRUE(subtypes().empty());
+  EXPECT_EQ(forwarder_.counters().stray_reports, 1U);
 }
 
 TEST_F(Forwarding, PublishesAgainEvery500MsUntilTheNodeHasAccepted) {

@@ -15,6 +15,7 @@ namespace fs = std::filesystem;
 LinkState state_of(std::uint64_t generation) {
   LinkState state;
   state.generation = generation;
+  state.next_telecommand_id = 100 * generation;
   state.channels.push_back({.vc = 0, .farm = {.mode = wire::FarmMode::lockout, .vr = 9, .lockout = true}});
   state.associations.push_back({.spi = 1, .counter = 1000 + generation});
   return state;
@@ -73,6 +74,27 @@ TEST_F(LinkStateOnDisk, OneDamagedCopyLeavesTheOther) {
 
   EXPECT_EQ(found.state, state_of(4));
   EXPECT_EQ(found.damaged_copies, 1U);
+}
+
+TEST_F(LinkStateOnDisk, ATornNewestCopyLeavesTheOneBeforeWhateverTheGenerations) {
+  LinkStateFile file(path_);
+  for (const std::uint64_t generation : {2U, 4U, 6U}) ASSERT_TRUE(file.store(state_of(generation)));
+  damage(20);  // the third write went to the first copy
+
+  EXPECT_EQ(LinkStateFile(path_).load().state, state_of(4));
+}
+
+TEST_F(LinkStateOnDisk, AfterARestartTheNewestValidCopyIsNotWrittenOver) {
+  {
+    LinkStateFile file(path_);
+    for (const std::uint64_t generation : {2U, 4U, 6U}) ASSERT_TRUE(file.store(state_of(generation)));
+  }
+  LinkStateFile file(path_);
+  ASSERT_EQ(file.load().state, state_of(6));
+  ASSERT_TRUE(file.store(state_of(8)));
+  damage(4096 + 20);  // generation 8
+
+  EXPECT_EQ(LinkStateFile(path_).load().state, state_of(6));
 }
 
 TEST_F(LinkStateOnDisk, TwoDamagedCopiesAreNoLockOut) {

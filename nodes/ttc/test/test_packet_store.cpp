@@ -216,6 +216,42 @@ TEST_F(PacketStoreOnDisk, ARetrievalEndsThoughPacketsKeepComing) {
   EXPECT_EQ(packets, 40U);
 }
 
+TEST_F(PacketStoreOnDisk, OneUnreadableSegmentCostsOnlyItself) {
+  {
+    PacketStore store(config());
+    ASSERT_TRUE(store.open());
+    fill(store, 1, 120);
+  }
+  const fs::path last = segments().back();
+  fs::remove(last);
+  fs::create_directory(last);  // cannot be read, whoever asks
+
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  fill(store, 121, 130);
+
+  EXPECT_EQ(store.status().counters.unreadable, 1U);
+  EXPECT_GT(segments().back(), last) << "its number stays taken";
+  const auto got = store.read({.from = TaiTime(seconds(0)), .to = TaiTime(seconds(1000))}, {}, 1U << 20);
+  EXPECT_TRUE(got.finished);
+  EXPECT_TRUE(got.damaged);
+  EXPECT_EQ(got.packets.back(), packet(130));
+  EXPECT_GT(got.packets.size(), 50U);
+}
+
+TEST_F(PacketStoreOnDisk, AFolderRemovedAtRunTimeIsMadeAgain) {
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  fill(store, 1, 20);
+  fs::remove_all(folder_ / "store");
+
+  store.append(at(21), packet(21));
+  EXPECT_FALSE(store.commit());
+  EXPECT_TRUE(store.commit());
+
+  EXPECT_EQ(read_all(store, 0, 1000), std::vector<Octets>{packet(21)});
+}
+
 TEST_F(PacketStoreOnDisk, AMissingDiskIsCountedAndTakenUpAgainWhenItIsBack) {
   { std::ofstream(folder_ / "store") << "a file where the folder should be"; }
   PacketStore store(config());

@@ -163,17 +163,52 @@ TEST(PacketMaking, CountsPerApidAndPerTypeAndKeepsTheTimeStatus) {
   EXPECT_EQ(third->time, TaiTime(seconds(3)));
 }
 
+ReceivedTick tick(std::int32_t utc_s, std::uint64_t due_ms, std::uint8_t sync_state) {
+  return {.utc_s = utc_s,
+          .utc_ns = 0,
+          .monotonic_ns = due_ms * 1'000'000,
+          .period_us = 100'000,
+          .time_valid = true,
+          .sync_state = sync_state};
+}
+
 TEST(SpacecraftTime, IsInvalidUntilTheTickSaysOtherwiseAndGoesOnBetweenTicks) {
   SpacecraftClock clock(UtcTime(seconds(1000)), at(0));
   EXPECT_FALSE(clock.valid());
   EXPECT_EQ(clock.utc_at(at(500)), UtcTime(milliseconds(1'000'500)));
 
-  clock.on_tick(UtcTime(seconds(2000)), at(600), true, 2);
+  ASSERT_TRUE(clock.on_tick(tick(2000, 600, 2), at(600)));
 
-  EXPECT_EQ(clock.reference(), TimeReference::locked);
+  EXPECT_EQ(clock.reference_at(at(600)), TimeReference::locked);
   EXPECT_EQ(clock.utc_at(at(700)), UtcTime(milliseconds(2'000'100)));
-  clock.on_tick(UtcTime(seconds(2001)), at(1600), true, 3);
-  EXPECT_EQ(clock.reference(), TimeReference::holdover);
+  ASSERT_TRUE(clock.on_tick(tick(2001, 1600, 3), at(1600)));
+  EXPECT_EQ(clock.reference_at(at(1600)), TimeReference::holdover);
+}
+
+TEST(SpacecraftTime, IsInHoldoverAfterFivePeriodsWithoutATick) {
+  SpacecraftClock clock(UtcTime(seconds(1000)), at(0));
+  ASSERT_TRUE(clock.on_tick(tick(2000, 600, 2), at(600)));
+
+  EXPECT_EQ(clock.reference_at(at(1100)), TimeReference::locked);
+  EXPECT_EQ(clock.reference_at(at(1101)), TimeReference::holdover);
+}
+
+TEST(SpacecraftTime, IgnoresTicksThatCannotBeTrue) {
+  SpacecraftClock clock(UtcTime(seconds(1000)), at(0));
+  ReceivedTick far_ahead = tick(2000, 0, 2);
+  far_ahead.monotonic_ns = UINT64_MAX;
+  ReceivedTick long_ago = tick(2000, 0, 2);
+  ReceivedTick before_1970 = tick(-1, 60'000, 2);
+  ReceivedTick too_many_ns = tick(2000, 60'000, 2);
+  too_many_ns.utc_ns = 1'000'000'000;
+  ReceivedTick no_period = tick(2000, 60'000, 2);
+  no_period.period_us = 0;
+
+  for (const ReceivedTick& bad : {far_ahead, long_ago, before_1970, too_many_ns, no_period})
+    EXPECT_FALSE(clock.on_tick(bad, at(60'000)));
+
+  EXPECT_EQ(clock.utc_at(at(0)), UtcTime(seconds(1000)));
+  EXPECT_FALSE(clock.valid());
 }
 
 TEST(Latencies, GiveThePercentilesClass) {
@@ -211,7 +246,7 @@ class Retrieval : public testing::Test {
   }
   static constexpr std::size_t room = PacketRetrieval::room_for_batch;
   ReportOutbox outbox_;
-  PacketRetrieval retrieval_{outbox_};
+  PacketRetrieval retrieval_{outbox_, 38};
 };
 
 TEST_F(Retrieval, StartsWithTheFirstBatchAndCompletesWhenTheLastPacketIsFramed) {
@@ -266,9 +301,37 @@ TEST_F(Retrieval, AnUnreadableStoreFailsTheRequest) {
   ASSERT_TRUE(retrieval_.request(origin(1), period()));
   const auto batch = retrieval_.next_batch(room);
   ASSERT_TRUE(batch);
-  retrieval_.fail(batch->request, 38);
+  retrieval_.fail(batch->request);
   EXPECT_EQ(subtypes(), std::vector<int>{8});
   EXPECT_FALSE(retrieval_.busy());
+}
+
+TEST_F(Retrieval, EndsWithAFailureAfterSendingTheRestWhenAPartCouldNotBeRead) {
+  ASSERT_TRUE(retrieval_.request(origin(1), period()));
+  auto batch = retrieval_.next_batch(room);
+  ASSERT_TRUE(batch);
+  RetrievedPackets with_a_gap = packets(3, false);
+  with_a_gap.damaged = true;
+  (void)retrieval_.on_batch(batch->request, with_a_gap);
+  batch = retrieval_.next_batch(room);
+  ASSERT_TRUE(batch);
+  EXPECT_EQ(retrieval_.on_batch(batch->request, packets(2, true)).size(), 2U);
+
+  retrieval_.on_playback(true);
+
+  EXPECT_EQ(subtypes(), (std::vector<int>{3, 8}));
+  EXPECT_EQ(retrieval_.incomplete(), 1U);
+  EXPECT_EQ(retrieval_.take_done().size(), 1U) << "the ground still learns how many were sent";
+}
+
+TEST(EssentialEvent, IsNeitherLimitedNorDisabled) {
+  EventReporter events;
+  events.add_event(7);
+  events.add_essential_event(8);
+  for (int i = 0; i < 50; ++i) EXPECT_TRUE(events.on_event(1, 8, 1, Octets{}, at(0)));
+  EXPECT_FALSE(events.set_enabled(8, false));
+  EXPECT_TRUE(events.set_enabled(8, true));
+  EXPECT_TRUE(events.set_enabled(7, false));
 }
 
 TEST_F(Retrieval, TakesABoundedNumberOfRequests) {

@@ -68,7 +68,7 @@ class Router : public testing::Test {
   ReportOutbox outbox_;
   CommandForwarder forwarder_{
       1, {.not_taken = codes_.node_unavailable, .no_completion = codes_.completion_unknown}, outbox_};
-  PacketRetrieval retrieval_{outbox_};
+  PacketRetrieval retrieval_{outbox_, 38};
   TelecommandRouter router_{{.dictionary = dictionary_,
                              .codes = codes_,
                              .housekeeping = housekeeping_,

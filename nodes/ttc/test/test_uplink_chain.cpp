@@ -175,6 +175,40 @@ TEST_F(Uplink, RemembersCounterAndFarmAcrossARestart) {
   EXPECT_TRUE(next.push(secured(12), MonotonicTime{}).empty());
 }
 
+TEST_F(Uplink, CarriesTheCountersOfADeploymentThatIsAwayAlong) {
+  LinkState stored;
+  stored.channels.push_back({.vc = 5, .farm = {.vr = 77}});
+  stored.associations.push_back({.spi = 9, .counter = 4711});
+  UplinkChain chain(config(), stored);
+  (void)chain.push(secured(12), MonotonicTime{});
+
+  const auto copy = decode_link_state(encode_link_state(chain.state()));
+
+  ASSERT_TRUE(copy);
+  UplinkConfig other;
+  other.spacecraft_id = spacecraft;
+  other.channels.push_back(UplinkChannel{.vc = 5, .associations = {}});
+  other.channels[0].associations.push_back(UplinkAssociation{.spi = 9, .key = test_key()});
+  const UplinkChain next(std::move(other), *copy);
+  EXPECT_EQ(next.counter(9), 4711U);
+  EXPECT_EQ(next.counter(1), 12U);
+  EXPECT_EQ(next.farm(5).vr, 77);
+}
+
+TEST_F(Uplink, CarriesOnlySoManyForeignCountersAlong) {
+  LinkState stored;
+  for (std::uint16_t i = 0; i < max_link_associations; ++i)
+    stored.associations.push_back({.spi = static_cast<std::uint16_t>(100 + i), .counter = i});
+  for (std::uint8_t i = 0; i < max_link_channels; ++i)
+    stored.channels.push_back({.vc = static_cast<std::uint8_t>(10 + i), .farm = {}});
+  UplinkChain chain(config(), stored);
+  (void)chain.push(secured(12), MonotonicTime{});
+
+  EXPECT_EQ(chain.state().associations.size(), max_link_associations);
+  EXPECT_EQ(chain.state().channels.size(), max_link_channels);
+  EXPECT_EQ(chain.counter(1), 12U);
+}
+
 TEST_F(Uplink, TheControlWordAlternatesOverTheChannels) {
   push(secured(1, wire::TcFrameType::ad, 0));
 
@@ -233,12 +267,12 @@ TEST(PersistenceGate, HoldsAPacketUntilItsStateIsOnDisk) {
   EXPECT_FALSE(gate.wants_write(2)) << "one write at a time";
   EXPECT_TRUE(gate.take_passed().empty());
 
-  gate.on_write_done(true);
+  gate.on_write_done(true, MonotonicTime{});
 
   EXPECT_EQ(gate.take_passed().size(), 1U);
   EXPECT_TRUE(gate.wants_write(2));
   gate.on_write_begun(2);
-  gate.on_write_done(true);
+  gate.on_write_done(true, MonotonicTime{});
   const auto passed = gate.take_passed();
   ASSERT_EQ(passed.size(), 1U);
   EXPECT_TRUE(passed[0].durable);
@@ -248,7 +282,7 @@ TEST(PersistenceGate, AFailingOrHangingDiskLetsPacketsPassAsNotDurable) {
   PersistenceGate gate(milliseconds(1000));
   ASSERT_TRUE(gate.enter(uplinked(), 1, MonotonicTime{}));
   gate.on_write_begun(1);
-  gate.on_write_done(false);
+  gate.on_write_done(false, MonotonicTime{});
   auto passed = gate.take_passed();
   ASSERT_EQ(passed.size(), 1U);
   EXPECT_FALSE(passed[0].durable);
@@ -260,6 +294,26 @@ TEST(PersistenceGate, AFailingOrHangingDiskLetsPacketsPassAsNotDurable) {
   passed = gate.take_passed();
   ASSERT_EQ(passed.size(), 1U);
   EXPECT_FALSE(passed[0].durable);
+}
+
+TEST(PersistenceGate, WaitsASecondAfterAFailedWriteBeforeTheNext) {
+  PersistenceGate gate(milliseconds(1000));
+  gate.on_write_begun(1);
+  gate.on_write_done(false, MonotonicTime(milliseconds(500)));
+
+  EXPECT_FALSE(gate.wants_write(1));
+  EXPECT_EQ(gate.next_due(), MonotonicTime(milliseconds(1500)));
+  gate.on_time(MonotonicTime(milliseconds(1499)));
+  EXPECT_FALSE(gate.wants_write(1));
+  gate.on_time(MonotonicTime(milliseconds(1500)));
+  EXPECT_TRUE(gate.wants_write(1));
+  EXPECT_FALSE(gate.next_due());
+}
+
+TEST(PersistenceGate, DoesNotWriteAgainWhatWasLoaded) {
+  PersistenceGate gate(milliseconds(1000), 12);
+  EXPECT_FALSE(gate.wants_write(12));
+  EXPECT_TRUE(gate.wants_write(13));
 }
 
 TEST(PersistenceGate, IsBounded) {

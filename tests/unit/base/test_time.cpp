@@ -13,9 +13,17 @@ TEST(Time, WritesAndReadsIso8601) {
 }
 
 TEST(Time, RefusesTextThatIsNoTime) {
-  for (const char* text : {"", "now", "2026-13-01T00:00:00Z", "2026-11-21", "2026-11-21T08:00:00Zx"}) {
+  for (const char* text : {"", "now", "2026-13-01T00:00:00Z", "2026-11-21", "2026-11-21T08:00:00Zx",
+                           "2026-02-31T00:00:00Z", "2026-02-29T00:00:00Z", "2026-04-31T23:59:59Z",
+                           "2262-01-01T00:00:00Z", "9999-01-01T00:00:00Z"}) {
     EXPECT_FALSE(from_iso8601(text)) << text;
   }
+}
+
+TEST(Time, TakesLeapDaysAndLeapSeconds) {
+  EXPECT_TRUE(from_iso8601("2028-02-29T00:00:00Z"));
+  EXPECT_EQ(from_iso8601("2016-12-31T23:59:60Z"), from_iso8601("2017-01-01T00:00:00Z"));
+  EXPECT_TRUE(from_iso8601("1970-01-01T00:00:00Z"));
 }
 
 TEST(Time, TaiLeadsUtcByTheLeapSecondsAndCountsFrom1958) {

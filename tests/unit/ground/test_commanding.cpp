@@ -90,6 +90,13 @@ TEST_F(CommandingTest, GivesUpAfterItsPatience) {
   EXPECT_FALSE(commanding.on_packet(report(7), start + seconds(11)));
 }
 
+TEST_F(CommandingTest, WaitsAnewWhenThereIsNews) {
+  commanding.extend(7, start + seconds(8));
+  commanding.extend(8, start + seconds(80));
+  EXPECT_TRUE(commanding.on_time(start + milliseconds(17'999)).empty());
+  EXPECT_EQ(commanding.on_time(start + seconds(18)).size(), 1U);
+}
+
 TEST_F(CommandingTest, KeepsABoundedNumber) {
   for (std::size_t i = 0; i < Commanding::max_outstanding + 5; ++i) {
     static_cast<void>(commanding.sent({0x1811, static_cast<std::uint16_t>(i)},
@@ -110,18 +117,20 @@ ReceivedPacket done_event(std::uint32_t packets) {
           {.apid = mission::apid::ttc, .service = 5, .subtype = 1, .source = source.take()}};
 }
 
-StageReport stage_report(Stage stage) {
+StageReport stage_report(Stage stage, std::uint64_t tag = 1) {
   StageReport r;
   r.command = dictionary().command("storage.retrieve");
-  r.tag = 1;
+  r.tag = tag;
   r.stage = stage;
   return r;
 }
 
 TEST(Retrieval, IsCompleteWhenAllAnnouncedPacketsHaveCome) {
   Retrieval retrieval(1, mission::store::housekeeping);
+  retrieval.on_packet(playback_packet(), start);  // of an older retrieval
+  retrieval.on_stage(stage_report(Stage::started), start);
   retrieval.on_packet(playback_packet(), start);
-  retrieval.on_packet(done_event(2), start);
+  EXPECT_TRUE(retrieval.on_packet(done_event(2), start));
   retrieval.on_stage(stage_report(Stage::completed), start);
   EXPECT_FALSE(retrieval.is_over(start));
   retrieval.on_packet(playback_packet(), start + milliseconds(100));
@@ -131,11 +140,30 @@ TEST(Retrieval, IsCompleteWhenAllAnnouncedPacketsHaveCome) {
 
 TEST(Retrieval, EndsIncompleteWhenPacketsAreLost) {
   Retrieval retrieval(1, mission::store::housekeeping);
+  retrieval.on_stage(stage_report(Stage::started), start);
   retrieval.on_packet(done_event(2), start);
   retrieval.on_stage(stage_report(Stage::completed), start);
   EXPECT_FALSE(retrieval.is_over(start + milliseconds(1999)));
   EXPECT_TRUE(retrieval.is_over(start + milliseconds(2000)));
   EXPECT_FALSE(retrieval.is_complete());
+}
+
+TEST(Retrieval, LeavesThePacketsAndTheEventOfOtherRetrievalsAlone) {
+  Retrieval first(1, mission::store::housekeeping);
+  Retrieval second(2, mission::store::housekeeping);
+  EXPECT_FALSE(second.on_packet(done_event(9), start)) << "it has not started";
+  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::started, 1), start);
+  for (auto* retrieval : {&first, &second}) retrieval->on_packet(playback_packet(), start);
+  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::completed, 1), start);
+  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::started, 2), start);
+  for (auto* retrieval : {&first, &second}) retrieval->on_packet(playback_packet(), start);
+
+  EXPECT_TRUE(first.on_packet(done_event(1), start));
+
+  EXPECT_TRUE(first.is_complete());
+  EXPECT_EQ(first.received(), 1U);
+  EXPECT_EQ(second.received(), 1U);
+  EXPECT_FALSE(second.expected());
 }
 
 TEST(Retrieval, EndsAtOnceWhenItIsRefused) {
