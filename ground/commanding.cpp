@@ -96,7 +96,8 @@ std::optional<StageReport> Commanding::on_packet(const wire::TmPacket& packet, M
 
 void Commanding::extend(std::uint64_t tag, MonotonicTime now) {
   for (auto& telecommand : outstanding_) {
-    if (telecommand.tag == tag) telecommand.deadline = std::max(telecommand.deadline, now + telecommand.patience);
+    if (telecommand.tag == tag)
+      telecommand.deadline = std::max(telecommand.deadline, now + telecommand.patience);
   }
 }
 

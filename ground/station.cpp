@@ -33,8 +33,9 @@ Result<wire::RequestId, std::string> Station::send(const std::string& command,
     const auto request = mission::StorageRetrieve::decode(encoded->data);
     if (request) retrievals_.emplace_back(tag, request->front().store);
   }
-  const StageReport report = commanding_.sent(telecommand->request, *encoded->command,
-                                              patience.value_or(encoded->command->timeout + report_margin), tag, now);
+  const StageReport report =
+      commanding_.sent(telecommand->request, *encoded->command,
+                       patience.value_or(encoded->command->timeout + report_margin), tag, now);
   on_stage(report, now);
   return telecommand->request;
 }

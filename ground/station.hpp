@@ -36,8 +36,8 @@ class Station {
 
   /// Checks, secures and writes one telecommand; its stages come through the output. Blocks until the octets
   /// are written.
-  /// @param patience until the final report, of a retrieval anew with every packet; nullopt: as the dictionary
-  /// says, and report_margin
+  /// @param patience until the final report, of a retrieval anew with every packet; nullopt: as the
+  /// dictionary says, and report_margin
   /// @param tag the caller's own, comes back in every report
   [[nodiscard]] Result<wire::RequestId, std::string> send(const std::string& command,
                                                           const std::vector<std::string>& arguments,

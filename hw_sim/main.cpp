@@ -158,7 +158,10 @@ int main(int argc, char** argv) {
     if (!request.empty()) return control(request, absolute_var);
     if (deployment.empty()) throw std::runtime_error("--deployment is required (see --help)");
     return simulate(std::filesystem::absolute(deployment), absolute_var);
-  } catch (const std::exception& e) {  // configuration and start-up errors end here, with their message
+  } catch (const ConfigError& e) {
+    log::fatal("{}", e.what());
+    return 2;
+  } catch (const std::exception& e) {  // start-up errors end here, with their message
     log::fatal("{}", e.what());
     return 1;
   }

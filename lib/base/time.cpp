@@ -48,9 +48,9 @@ std::optional<UtcTime> from_iso8601(const std::string& text) {
     return std::nullopt;
   }
   constexpr int last_whole_year = 2261;  // of 64 bits of nanoseconds
-  if (parts.tm_year < 1970 || parts.tm_year > last_whole_year || parts.tm_mon < 1 || parts.tm_mon > 12 || parts.tm_mday < 1 ||
-      parts.tm_mday > 31 || parts.tm_hour < 0 || parts.tm_hour > 23 || parts.tm_min < 0 ||
-      parts.tm_min > 59 || parts.tm_sec < 0 || parts.tm_sec > 60) {
+  if (parts.tm_year < 1970 || parts.tm_year > last_whole_year || parts.tm_mon < 1 || parts.tm_mon > 12 ||
+      parts.tm_mday < 1 || parts.tm_mday > 31 || parts.tm_hour < 0 || parts.tm_hour > 23 ||
+      parts.tm_min < 0 || parts.tm_min > 59 || parts.tm_sec < 0 || parts.tm_sec > 60) {
     return std::nullopt;
   }
   auto rest = static_cast<std::size_t>(consumed);

@@ -349,8 +349,7 @@ class ArgumentText {
     if (value.negative) text.remove_prefix(1);
     const int base = text.starts_with("0x") ? 16 : 10;
     if (base == 16) text.remove_prefix(2);
-    const auto [end, fault] =
-        std::from_chars(text.data(), text.data() + text.size(), value.magnitude, base);
+    const auto [end, fault] = std::from_chars(text.data(), text.data() + text.size(), value.magnitude, base);
     if (fault != std::errc{} || end != text.data() + text.size() || text.empty()) return std::nullopt;
     return value;
   }

@@ -5,7 +5,8 @@
 namespace srfs {
 
 void EventReporter::add_event(std::uint16_t event_id, bool enabled) {
-  events_[event_id] = Event{.enabled = enabled, .essential = false, .tokens = 0, .refilled = {}, .seen = false};
+  events_[event_id] =
+      Event{.enabled = enabled, .essential = false, .tokens = 0, .refilled = {}, .seen = false};
 }
 
 void EventReporter::add_essential_event(std::uint16_t event_id) {

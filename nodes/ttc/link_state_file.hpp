@@ -11,7 +11,8 @@
 namespace srfs {
 
 /// Two checksummed copies of the link state in one file. A write always goes to the copy that is not the
-/// newest valid one, so that a write cut short leaves the other. Blocks on the disk: start-up and worker thread only.
+/// newest valid one, so that a write cut short leaves the other. Blocks on the disk: start-up and worker
+/// thread only.
 class LinkStateFile {
  public:
   explicit LinkStateFile(std::filesystem::path path) : path_(std::move(path)) {}

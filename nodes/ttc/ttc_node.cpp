@@ -216,9 +216,9 @@ void TtcNode::feed_playback() {
     event.packets = done.packets;
     event.octets = done.octets;
     // Not by way of the event topic, whose rate limit could take it from the ground.
-    const auto report = link_->events.on_event(dictionary_.apid_of_node(name())->apid, event.event_id,
-                                               static_cast<std::uint8_t>(event.severity), event.encoded(),
-                                               now());
+    const auto report =
+        link_->events.on_event(dictionary_.apid_of_node(name())->apid, event.event_id,
+                               static_cast<std::uint8_t>(event.severity), event.encoded(), now());
     if (report) send(report->report, report->live, true, false);
   }
 

@@ -53,9 +53,10 @@ class TtcNode : public ros::LifecycleNode {
  private:
   /// What is there from configure to cleanup. Order matters: later members use earlier ones.
   struct Link {
-    Link(const mission::Dictionary& dictionary, std::uint64_t first_telecommand_id, UplinkConfig uplink_config,
-         const LinkState& stored, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
-         milliseconds persist_deadline, SpacecraftClock start, const std::string& own_name);
+    Link(const mission::Dictionary& dictionary, std::uint64_t first_telecommand_id,
+         UplinkConfig uplink_config, const LinkState& stored, DownlinkConfig downlink_config,
+         ModeKeeper mode_keeper, milliseconds persist_deadline, SpacecraftClock start,
+         const std::string& own_name);
 
     FailureCodes codes;
     HousekeepingScheduler housekeeping;

@@ -35,8 +35,8 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, std::uint64_t first_t
                     const std::string& own_name)
     : codes(dictionary),
       mode(std::move(mode_keeper)),
-      forwarder(first_telecommand_id, {.not_taken = codes.node_unavailable, .no_completion = codes.completion_unknown},
-                outbox),
+      forwarder(first_telecommand_id,
+                {.not_taken = codes.node_unavailable, .no_completion = codes.completion_unknown}, outbox),
       retrieval(outbox, codes.store_unreadable),
       router({.dictionary = dictionary,
               .codes = codes,
@@ -276,6 +276,9 @@ ros::CallbackReturn TtcNode::on_activate() {
                                  [this] { send_own_housekeeping(); }));
   timers_.push_back(
       create_timer(milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }));
+  // The first beacon does not wait for its period: an operator who listens wants to know that the spacecraft
+  // is up.
+  timers_.push_back(create_one_shot(monotonic_now() + seconds(6), [this] { send_beacon(); }));
   timers_.push_back(create_timer(seconds(5), [this] { look_at_nodes(); }));
   look_at_nodes();
   publish_mode();

@@ -142,6 +142,12 @@ TEST_F(Router, RefusesDamagedPacketsWithTheRequestIdAsItCame) {
   EXPECT_EQ(failure(), code(codes_.bad_length));
 }
 
+TEST_F(Router, AnswersAPacketThatFoundNoRoomWithQueueFull) {
+  router_.on_packet_without_room(Octets{0x18, 0x01, 0xC0, 0x05});
+  EXPECT_EQ(taken(), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.queue_full));
+}
+
 TEST_F(Router, ForwardsACommandOfAnotherNodeAndReportsItsStages) {
   EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}), Names{"1,1"});
   const auto published = forwarder_.take_publications();
@@ -154,6 +160,7 @@ TEST_F(Router, ForwardsACommandOfAnotherNodeAndReportsItsStages) {
   for (const Stage stage : {Stage::acceptance, Stage::start, Stage::completion}) {
     NodeReport report;
     report.id = published[0].id;
+    report.node = published[0].target;
     report.stage = stage;
     forwarder_.on_report(report, MonotonicTime{});
   }
