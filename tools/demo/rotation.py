@@ -22,6 +22,7 @@ class Rotation:
         self.telecommands = {}  # id -> dict of target, at, {stage: time}
         self.last_slot = None
         self._tick_published = {}
+        self._early_ends = {}  # ends of slots whose flag was not heard yet: topics do not keep each other's order
 
     def on_message(self, message):
         handler = getattr(self, "_on_" + message["type"], None)
@@ -40,17 +41,22 @@ class Rotation:
             return
         self.grants[key] = {"holder": m["holder"], "cycle": m["cycle"], "published": m["published_ns"], "lease_end": m["lease_end_ns"],
                             "status": None, "released": None, "used_us": None}  # fmt: skip
+        self.grants[key].update(self._early_ends.pop(key, {}))
         if m["cycle"] in self._tick_published:
             self.flag_latencies_us.append((m["at_ns"] - self._tick_published[m["cycle"]]) / 1000)
 
     def _on_bus(self, m):
-        grant = self.grants.get((m["switcher"], m["grant"]))
-        if grant is None or m["status"] not in ("released", "failed"):
+        if m["status"] not in ("released", "failed"):
             return
+        key = (m["switcher"], m["grant"])
         # A payload that is not active hands the slot back at once.
         status = "not used" if m["detail"] == "inactive" else m["status"]
-        grant.update(status=status, released=m["at_ns"], used_us=m["used_us"])
-        self.last_slot = grant
+        end = {"status": status, "released": m["said_ns"], "used_us": m["used_us"]}
+        if key not in self.grants:
+            self._early_ends[key] = end
+            return
+        self.grants[key].update(end)
+        self.last_slot = self.grants[key]
 
     def _on_telecommand(self, m):
         self.telecommands.setdefault(m["id"], {"target": m["target"], "at": m["at_ns"], "stages": {}})

@@ -57,6 +57,7 @@ Json describe(const m::BusStatus& s, MonotonicTime at) {
   static constexpr const char* names[] = {"?", "taken", "released", "failed"};
   Json j = begin("bus", at);
   j.update({{"status", names[s.status < 4 ? s.status : 0]},
+            {"said_ns", s.monotonic_ns},
             {"payload", s.payload},
             {"switcher", s.switcher_incarnation},
             {"grant", s.grant_counter},
