@@ -168,7 +168,11 @@ int run(int argc, char** argv) {
   if (*record_command) return record(target, seconds(duration_s));
   if (*restart_command) {
     if (up_options.cause == "up") up_options.cause = "restart by command";
-    up_options.domain = running_domain(target);
+    if (const auto domain = running_domain(target)) {
+      if (auto lock = ros::DomainLock::share(*domain)) {
+        up_options.held_domain = std::make_shared<ros::DomainLock>(std::move(*lock));
+      }
+    }
     const int stopped = run_down(target, 500, false);
     return stopped != 0 ? stopped : run_up(target, up_options, json);
   }

@@ -100,18 +100,27 @@ std::vector<NodeStatus> local_status(const Target& target) {
 }
 
 /// The domain of the suite that runs in VAR, or a fresh one held for it.
-Result<ros::DomainLock, std::string> take_domain(const Target& target, std::optional<int> wanted) {
+Result<std::shared_ptr<ros::DomainLock>, std::string> take_domain(const Target& target,
+                                                                  const UpOptions& options) {
   const auto statuses = local_status(target);
   const bool running = std::any_of(statuses.begin(), statuses.end(),
                                    [](const NodeStatus& s) { return s.instance.has_value(); });
   const auto old = running_domain(target);
-  if (running && old) return ros::DomainLock::share(*old);
-  auto lock = ros::DomainLock::allocate(wanted ? wanted : target.deployment.domain);
-  if (!lock) return lock;
-  const auto written = write_file_atomically(target.var.domain_file(), fmt::format("{}\n", lock->domain()));
-  if (!written) return Err(written.error().message);
-  lock->downgrade();
-  return lock;
+  std::shared_ptr<ros::DomainLock> held = options.held_domain;
+  if (!held) {
+    auto lock = running && old
+                    ? ros::DomainLock::share(*old)
+                    : ros::DomainLock::allocate(options.domain ? options.domain : target.deployment.domain);
+    if (!lock) return Err(lock.error());
+    held = std::make_shared<ros::DomainLock>(std::move(*lock));
+  }
+  if (const auto written =
+          write_file_atomically(target.var.domain_file(), fmt::format("{}\n", held->domain()));
+      !written) {
+    return Err(written.error().message);
+  }
+  held->downgrade();
+  return held;
 }
 
 /// One `up` or `down` of a deployment at a time: the second waits for the first. No file is left behind: the
@@ -184,12 +193,12 @@ UpReport up(const Target& target, const UpOptions& options) {
   const Fd suite_lock = lock_suite(target);
   std::error_code ec;
   std::filesystem::remove(target.var.stopping_flag(), ec);
-  const auto domain = take_domain(target, options.domain);
+  const auto domain = take_domain(target, options);
   if (!domain) {
     report.problems.push_back(domain.error());
     return report;
   }
-  report.domain = domain->domain();
+  report.domain = (*domain)->domain();
   Bus bus(target.deployment, report.domain);  // before the nodes, so that it does not slow their start
   StateQuestions questions(bus, names(target.deployment));
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,6 +30,8 @@ struct UpOptions {
   std::string cause = "up";
   seconds deadline{15};  ///< for all nodes to reach their desired state
   std::optional<int> domain;
+  /// A domain the caller holds for this suite already: over a restart nobody else may take it in between.
+  std::shared_ptr<ros::DomainLock> held_domain;
 };
 
 struct UpReport {
