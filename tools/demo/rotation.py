@@ -1,4 +1,8 @@
-"""What `srfs record` saw of the CAN rotation and of telecommands, checked. Pure: messages in, facts out."""
+"""What `srfs record` saw of the CAN rotation and of telecommands, checked. Pure: messages in, facts out.
+
+Messages may come in another thread than the one that asks for facts: facts are taken from copies (list() of a dict is one
+step under the interpreter lock).
+"""
 
 import bisect
 
@@ -70,7 +74,7 @@ class Rotation:
 
     def _ordered(self):
         """Grants in order, from the first whose end was recorded: an observer hears the topics one after the other."""
-        ordered = [self.grants[key] for key in sorted(self.grants)]
+        ordered = [grant for _, grant in sorted(list(self.grants.items()), key=lambda item: item[0])]
         settled = next((i for i, grant in enumerate(ordered) if grant["released"] is not None), len(ordered))
         return ordered[settled:]
 
@@ -100,7 +104,7 @@ class Rotation:
         if not granted:
             return 0, 0
         with_cause = without = 0
-        for cycle, at in self.ticks.items():
+        for cycle, at in list(self.ticks.items()):
             if not min(granted) < cycle < max(granted) or cycle in granted:
                 continue
             held = any(g["published"] < at and (g["released"] is None or g["released"] > at) and g["lease_end"] > at for g in ordered)
@@ -115,7 +119,7 @@ class Rotation:
     def telecommand_slots(self):
         """[(id, in the next own slot?, ms from publishing to completion)] of the telecommands to payloads that completed."""
         facts = []
-        for number, telecommand in self.telecommands.items():
+        for number, telecommand in list(self.telecommands.items()):
             completed = telecommand["stages"].get(7)
             own = [g["published"] for g in self._ordered() if g["holder"] == telecommand["target"]]
             if completed is None or not own:
