@@ -300,7 +300,7 @@ Result<TransitionResult, std::string> LifecycleNode::request_transition(std::uin
       if (outcome == CallbackReturn::error) {
         const mission::NodeErrorEvent event{
             .what = fmt::format("{}: {}", label(transition_state), failure_reason_)};
-        raise_event(event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded());
+        raise(event);
       }
       log::error("{} failed: {}", label(transition_state),
                  failure_reason_.empty() ? "no reason given" : failure_reason_);
@@ -348,7 +348,7 @@ void LifecycleNode::report_first_activation() {
   if (state_ != State::active || start_report_) return;
   start_report_ = create_one_shot(monotonic_now() + start_report_delay, [this] {
     const mission::NodeStartedEvent event{.incarnation = incarnation()};
-    raise_event(event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded());
+    raise(event);
   });
 }
 
@@ -364,7 +364,7 @@ void LifecycleNode::report_bad_input() {
       log::warn("{} malformed samples on {} so far: who publishes there?", malformed, input->topic);
       const mission::NodeMalformedSamplesEvent event{.count = static_cast<std::uint32_t>(malformed),
                                                      .topic = input->topic};
-      raise_event(event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded());
+      raise(event);
     }
     ++input;
   }
@@ -373,7 +373,7 @@ void LifecycleNode::report_bad_input() {
         .event = last_suppressed_event_,
         .count = static_cast<std::uint32_t>(suppressed_events_ - suppressed_reported_)};
     suppressed_reported_ = suppressed_events_;
-    raise_event(event.event_id, static_cast<std::uint8_t>(event.severity), event.encoded());
+    raise(event);
   }
 }
 

@@ -153,6 +153,11 @@ class LifecycleNode {
   /// counted.
   /// @param severity srfs_msgs::msg::Event::INFO ... HIGH; @param data its parameters, encoded
   void raise_event(std::uint16_t event_id, std::uint8_t severity, OctetView data = {});
+  /// The same for an event struct of <mission/structures.hpp>, which knows its id, severity and encoding.
+  template <class Event>
+  void raise(const Event& event) {
+    raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
+  }
   [[nodiscard]] std::uint64_t suppressed_events() const { return suppressed_events_; }
 
   NodeContext& context() { return context_; }

@@ -37,11 +37,6 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void report_failed_slot(const srfs_msgs::msg::BusStatus& status);
   void publish_housekeeping();
   void close();
-  template <class Event>
-  void raise(const Event& event) {
-    raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
-  }
-
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TaskFlags>> flags_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PeripheralReset>> resets_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_;

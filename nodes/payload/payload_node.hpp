@@ -70,11 +70,6 @@ class PayloadNode : public ros::LifecycleNode {
   void publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured);
   void flush_reports();
   void say_goodbye();
-  template <class Event>
-  void raise(const Event& event) {
-    raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
-  }
-
   std::unique_ptr<PayloadProfile> profile_;
   std::unique_ptr<hw::CanBus> can_;
   std::unique_ptr<hw::LeasedCanBus> leased_;

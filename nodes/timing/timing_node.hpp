@@ -52,11 +52,6 @@ class TimingNode : public ros::LifecycleNode {
   void feed_watchdog();
   void publish_housekeeping();
   void close();
-  template <class Event>
-  void raise(const Event& event) {
-    raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
-  }
-
   TimingStore store_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TimeTick>> tick_publisher_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_publisher_;
