@@ -21,7 +21,8 @@ void RequestBook::forget_old(MonotonicTime now) {
 }
 
 RequestBook::Judgement RequestBook::judge(const SampleIdentity& request,
-                                          std::optional<std::int64_t> first_sequence, MonotonicTime now) {
+                                          std::optional<std::int64_t> first_sequence, bool within_reach,
+                                          MonotonicTime now) {
   forget_old(now);
   const SampleIdentity first = first_attempt(request, first_sequence);
   const auto is_this = [&](const auto& known) { return known.first == first; };
@@ -41,7 +42,7 @@ RequestBook::Judgement RequestBook::judge(const SampleIdentity& request,
     return {Verdict::refuse};
   }
   const auto ticket = static_cast<Ticket>(next_ticket_++);
-  pending_.push_back({ticket, first, request, now});
+  pending_.push_back({ticket, first, request, now, within_reach});
   return {Verdict::execute, ticket};
 }
 

@@ -56,8 +56,9 @@ class RequestBook {
 
   /// @param request identity the answer will carry: client and sequence number of this sample
   /// @param first_sequence of the first attempt, when this one says that it is a repeat
+  /// @param within_reach the client's reader is matched already
   [[nodiscard]] Judgement judge(const SampleIdentity& request, std::optional<std::int64_t> first_sequence,
-                                MonotonicTime now);
+                                bool within_reach, MonotonicTime now);
   /// Ends a pending request and keeps the response for repeats.
   /// @return whom to answer; nullopt when the ticket was answered or dropped before
   [[nodiscard]] std::optional<SampleIdentity> answer(Ticket ticket, Response response, MonotonicTime now);

@@ -91,7 +91,8 @@ void ServiceCore::review_clients() {
 
 std::optional<Ticket> ServiceCore::begin(const MessageInfo& info) {
   const SampleIdentity request = request_identity(info);
-  const auto judgement = book_.judge(request, first_attempt(info), executor_.now());
+  const auto judgement =
+      book_.judge(request, first_attempt(info), within_reach(request.writer_guid()), executor_.now());
   if (judgement.verdict == RequestBook::Verdict::answer_again) replies_.send(request, judgement.response);
   if (judgement.verdict != RequestBook::Verdict::execute) return std::nullopt;
   return judgement.ticket;

@@ -15,12 +15,13 @@ namespace srfs::testing_support {
 /// object.
 class PeerProcess {
  public:
-  explicit PeerProcess(const std::string& role) {
+  PeerProcess(const std::string& role, const std::string& name) {
     const std::string program = std::string(SRFS_BINARY_DIR) + "/tests/action_peer";
     const std::string domain = std::to_string(own_domain());
     pid_ = fork();
     if (pid_ == 0) {
-      execl(program.c_str(), program.c_str(), role.c_str(), domain.c_str(), static_cast<char*>(nullptr));
+      execl(program.c_str(), program.c_str(), role.c_str(), domain.c_str(), name.c_str(),
+            static_cast<char*>(nullptr));
       _exit(127);
     }
   }
@@ -34,6 +35,14 @@ class PeerProcess {
     kill(pid_, SIGKILL);
     waitpid(pid_, nullptr, 0);
     pid_ = 0;
+  }
+  /// Waits for its end, at most 20 s. @return its exit code, -1 when it did not end by itself
+  int wait_for_exit() {
+    int status = 0;
+    for (int i = 0; i < 2000 && waitpid(pid_, &status, WNOHANG) == 0; ++i) usleep(10'000);
+    const bool exited = pid_ > 0 && kill(pid_, 0) != 0 && WIFEXITED(status);
+    if (exited) pid_ = 0;
+    return exited ? WEXITSTATUS(status) : -1;
   }
 
  private:

@@ -22,18 +22,26 @@ using testing_support::PeerProcess;
 using FibonacciGoal = std::shared_ptr<ServerGoal<Fibonacci>>;
 using FibonacciOutcome = GoalOutcome<Fibonacci>;
 
-const std::string action = "/test/fibonacci";
-
 Fibonacci::Goal order(int n) {
   return {n};
 }
 
 class ActionTest : public testing::Test {
  protected:
-  void SetUp() override {
+  // Fast DDS gives a process' participants ascending ports and announces to 32 of them: all tests share two.
+  static void SetUpTestSuite() {
     here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
-    client_ = std::make_unique<ActionClient<Fibonacci>>(executor_, *there_, action);
+  }
+  static void TearDownTestSuite() {
+    here_.reset();
+    there_.reset();
+  }
+  void SetUp() override {
+    // A name of its own: what the test before closed may still be known to the other participant.
+    static int tests = 0;
+    action_ = "/test/fibonacci_" + std::to_string(++tests);
+    client_ = std::make_unique<ActionClient<Fibonacci>>(executor_, *there_, action_);
   }
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
@@ -42,7 +50,7 @@ class ActionTest : public testing::Test {
   void serve(ActionHandlers<Fibonacci> handlers = {}, const ActionServerOptions& options = {}) {
     if (!handlers.accepted) handlers.accepted = [this](FibonacciGoal goal) { running_.push_back(goal); };
     server_ =
-        std::make_unique<ActionServer<Fibonacci>>(executor_, *here_, action, std::move(handlers), options);
+        std::make_unique<ActionServer<Fibonacci>>(executor_, *here_, action_, std::move(handlers), options);
   }
   struct Sent {
     std::shared_ptr<ClientGoal<Fibonacci>> goal;
@@ -80,9 +88,10 @@ class ActionTest : public testing::Test {
     sent.goal->cancel([&](CancelOutcome outcome) { sent.canceled = outcome; });
   }
 
+  static inline std::unique_ptr<Participant> here_;
+  static inline std::unique_ptr<Participant> there_;
+  std::string action_;
   Executor executor_;
-  std::unique_ptr<Participant> here_;
-  std::unique_ptr<Participant> there_;
   std::vector<FibonacciGoal> running_;
   std::unique_ptr<ActionServer<Fibonacci>> server_;
   std::unique_ptr<ActionClient<Fibonacci>> client_;
@@ -254,6 +263,7 @@ TEST_F(ActionTest, AGoalWhoseWorkIsDroppedFailsOrFindsNoRoomIsAborted) {
   gate.lock();
   const auto blocked = [&] { const std::lock_guard hold(gate); };
   ASSERT_TRUE(worker.post(blocked));
+  ASSERT_TRUE(wait([&] { return worker.progress().busy; }));
   while (worker.post(blocked)) {
   }
   serve({.accepted = [&](const FibonacciGoal& goal) {
@@ -318,7 +328,7 @@ TEST_F(ActionTest, AResultIsKeptForItsTimeAndThenTheGoalIsUnknown) {
   running_.at(0)->succeed({{42}});
   expect_end(sent, GoalState::succeeded);
 
-  Client<Fibonacci::GetResult> asker(executor_, *there_, action + "/_action/get_result", Qos{},
+  Client<Fibonacci::GetResult> asker(executor_, *there_, action_ + "/_action/get_result", Qos{},
                                      Priority::normal);
   const auto ask = [&] {
     std::optional<Fibonacci::GetResult::Response> answer;
@@ -344,7 +354,7 @@ TEST_F(ActionTest, WhoeverComesLateSeesTheStatusOfAllGoals) {
   std::vector<std::int8_t> seen;
   const auto late = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
   Subscription<action_msgs::msg::GoalStatusArray> subscription(
-      executor_, *late, {action + "/_action/status", action_status_qos},
+      executor_, *late, {action_ + "/_action/status", action_status_qos},
       [&](const action_msgs::msg::GoalStatusArray& m, const MessageInfo&) {
         for (const auto& one : m.status_list) seen.push_back(one.status);
       });
@@ -366,7 +376,7 @@ TEST_F(ActionTest, FeedbackBeyondItsBoundDropsTheOldestAndTheEndStillArrives) {
 
 TEST_F(ActionTest, AKilledClientLeavesNoRequestBehindAndItsGoalRunsOn) {
   serve();
-  PeerProcess peer("client");
+  PeerProcess peer("waiter", action_);
   ASSERT_TRUE(wait([&] { return running_.size() == 1 && server_->results_awaited() == 1; }));
   peer.kill_now();
   EXPECT_TRUE(wait([&] { return server_->results_awaited() == 0; }));
@@ -378,7 +388,7 @@ TEST_F(ActionTest, AKilledClientLeavesNoRequestBehindAndItsGoalRunsOn) {
 
 TEST_F(ActionTest, AKilledClientsGoalIsCanceledWhereThatIsThePolicy) {
   serve({}, {.orphans = OrphanPolicy::cancel});
-  PeerProcess peer("client");
+  PeerProcess peer("waiter", action_);
   ASSERT_TRUE(wait([&] { return running_.size() == 1 && server_->results_awaited() == 1; }));
   peer.kill_now();
   EXPECT_TRUE(wait([&] { return running_.at(0)->is_cancel_requested(); }));
@@ -386,9 +396,9 @@ TEST_F(ActionTest, AKilledClientsGoalIsCanceledWhereThatIsThePolicy) {
 }
 
 TEST_F(ActionTest, AKilledServerIsNoticedAndNothingIsLeft) {
-  PeerProcess peer("server");
+  PeerProcess peer("server", action_);
   Sent sent;
-  send(sent, 1, {.response = seconds(15), .result = std::chrono::hours(1)});
+  send(sent, 0, {.response = seconds(15), .result = std::chrono::hours(1)});
   ASSERT_TRUE(wait([&] { return sent.feedback.size() >= 3; }));
   peer.kill_now();
   expect_error(sent, GoalError::server_lost);
@@ -396,9 +406,9 @@ TEST_F(ActionTest, AKilledServerIsNoticedAndNothingIsLeft) {
   EXPECT_EQ(client_->calls_waiting(), 0U);
 
   // The next server serves the next goal.
-  PeerProcess next("server");
+  PeerProcess next("server", action_);
   Sent again;
-  send(again, 1);
+  send(again, 0);
   ASSERT_TRUE(wait([&] { return !again.feedback.empty(); }));
   cancel(again);
   expect_end(again, GoalState::canceled);

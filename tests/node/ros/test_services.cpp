@@ -17,8 +17,6 @@ using srfs_msgs::srv::CheckAlive;
 using testing_support::PeerProcess;
 using Answer = Result<CheckAlive::Response, CallError>;
 
-const std::string name = "/test/check_alive";
-
 std::unique_ptr<Participant> participant() {
   return Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
 }
@@ -31,13 +29,27 @@ CheckAlive::Request nonce(std::uint64_t n) {
 
 class ServicesTest : public testing::Test {
  protected:
+  // Fast DDS gives a process' participants ascending ports and announces to 32 of them: tests share two.
+  static void SetUpTestSuite() {
+    here_ = participant();
+    there_ = participant();
+  }
+  static void TearDownTestSuite() {
+    here_.reset();
+    there_.reset();
+  }
+  void SetUp() override {
+    // A name of its own: what the test before closed may still be known to the other participant.
+    static int tests = 0;
+    name_ = "/test/check_alive_" + std::to_string(++tests);
+  }
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
   }
   /// Answers nonce + 1 and counts how often it was asked to.
   std::unique_ptr<Service<CheckAlive>> counting_service() {
     return std::make_unique<Service<CheckAlive>>(
-        executor_, *here_, name, Qos{}, Priority::normal,
+        executor_, *here_, name_, Qos{}, Priority::normal,
         [this](const CheckAlive::Request& q, CheckAlive::Response& r) {
           ++executed_;
           r.nonce = q.nonce + 1;
@@ -46,12 +58,13 @@ class ServicesTest : public testing::Test {
   /// Keeps the tickets it is given.
   std::unique_ptr<Service<CheckAlive>> deferring_service() {
     return std::make_unique<Service<CheckAlive>>(
-        executor_, *here_, name, Qos{}, Priority::normal, defer_replies,
+        executor_, *here_, name_, Qos{}, Priority::normal, defer_replies,
         [this](const CheckAlive::Request&, Ticket ticket) { tickets_.push_back(ticket); });
   }
+  static inline std::unique_ptr<Participant> here_;
+  static inline std::unique_ptr<Participant> there_;
+  std::string name_;
   Executor executor_;
-  std::unique_ptr<Participant> here_ = participant();
-  std::unique_ptr<Participant> there_ = participant();
   int executed_ = 0;
   std::vector<Ticket> tickets_;
 };
@@ -64,8 +77,8 @@ TEST_F(ServicesTest, ConcurrentClientsOfSeveralProcessesGetTheirOwnAnswers) {
   std::vector<std::unique_ptr<Client<CheckAlive>>> all;
   for (std::uint64_t c = 0; c < clients; ++c) {
     participants.push_back(participant());
-    all.push_back(
-        std::make_unique<Client<CheckAlive>>(executor_, *participants.back(), name, Qos{}, Priority::normal));
+    all.push_back(std::make_unique<Client<CheckAlive>>(executor_, *participants.back(), name_, Qos{},
+                                                       Priority::normal));
   }
   std::map<std::uint64_t, std::uint64_t> answers;
   for (std::uint64_t n = 0; n < clients * calls; ++n) {
@@ -81,7 +94,7 @@ TEST_F(ServicesTest, ConcurrentClientsOfSeveralProcessesGetTheirOwnAnswers) {
 
 TEST_F(ServicesTest, ARequestRepeatedWhileItIsExecutedIsExecutedOnce) {
   const auto service = deferring_service();
-  Client<CheckAlive> client(executor_, *there_, name, Qos{}, Priority::normal);
+  Client<CheckAlive> client(executor_, *there_, name_, Qos{}, Priority::normal);
   ASSERT_TRUE(wait([&] { return client.is_ready(); }));
   std::optional<std::uint64_t> answer;
   client.call(nonce(1), milliseconds(300), 50, [&](const Answer& a) { answer = a.value().nonce; });
@@ -98,7 +111,7 @@ TEST_F(ServicesTest, ARequestRepeatedWhileItIsExecutedIsExecutedOnce) {
 /// A client made of bare endpoints, to write requests as the test wants them.
 class BareClient {
  public:
-  BareClient(Executor& executor, Participant& participant)
+  BareClient(Executor& executor, Participant& participant, const std::string& name)
       : reader_(TypedReader<CheckAlive::Response>::create(
             executor, participant, reply_dds_name(name), Qos{}, Priority::normal,
             [this](const CheckAlive::Response& r, const MessageInfo& info) {
@@ -132,7 +145,7 @@ class BareClient {
 
 TEST_F(ServicesTest, ARequestRepeatedAfterItsAnswerWasLostIsAnsweredAgainAndNotExecuted) {
   const auto service = counting_service();
-  BareClient client(executor_, *there_);
+  BareClient client(executor_, *there_, name_);
   ASSERT_TRUE(wait([&] { return client.is_matched(); }));
   const auto first = client.write(1, std::nullopt);
   ASSERT_TRUE(wait([&] { return client.replies.size() == 1; }));
@@ -150,7 +163,7 @@ TEST_F(ServicesTest, AReplyIsNotLostWhenTheRequestIsFasterThanTheMatch) {
   const auto service = counting_service();
   for (int round = 0; round < 8; ++round) {
     const auto fresh = participant();
-    BareClient client(executor_, *fresh);
+    BareClient client(executor_, *fresh, name_);
     ASSERT_TRUE(wait([&] { return client.request_is_matched(); }));
     client.write(1, std::nullopt);  // whether or not the reply's way is matched yet
     ASSERT_TRUE(wait([&] { return client.replies.size() == 1; })) << "round " << round;
@@ -174,7 +187,7 @@ TEST_F(ServicesTest, AReplyToAReaderThatNeverComesIsGivenUpAndCounted) {
 
 TEST_F(ServicesTest, AServerThatNeverAnswersCostsItsDeadlinesAndNothingElse) {
   const auto service = deferring_service();
-  Client<CheckAlive> client(executor_, *there_, name, Qos{}, Priority::normal);
+  Client<CheckAlive> client(executor_, *there_, name_, Qos{}, Priority::normal);
   ASSERT_TRUE(wait([&] { return client.is_ready(); }));
   std::optional<CallError> error;
   client.call(nonce(1), milliseconds(100), 3, [&](const Answer& answer) { error = answer.error(); });
@@ -185,8 +198,8 @@ TEST_F(ServicesTest, AServerThatNeverAnswersCostsItsDeadlinesAndNothingElse) {
 }
 
 TEST_F(ServicesTest, RequestsToAKilledServerEndAtTheirDeadlines) {
-  PeerProcess peer("mute");
-  Client<CheckAlive> client(executor_, *there_, name, Qos{}, Priority::normal);
+  PeerProcess peer("mute", name_);
+  Client<CheckAlive> client(executor_, *there_, name_, Qos{}, Priority::normal);
   ASSERT_TRUE(wait([&] { return client.is_ready(); }));
   int failed = 0;
   for (std::uint64_t n = 0; n < 8; ++n)
@@ -198,7 +211,7 @@ TEST_F(ServicesTest, RequestsToAKilledServerEndAtTheirDeadlines) {
 
 TEST_F(ServicesTest, RequestsOfAClientThatLeftAreDropped) {
   const auto service = deferring_service();
-  auto client = std::make_unique<Client<CheckAlive>>(executor_, *there_, name, Qos{}, Priority::normal);
+  auto client = std::make_unique<Client<CheckAlive>>(executor_, *there_, name_, Qos{}, Priority::normal);
   client->call(nonce(1), seconds(15), 1, [](const Answer&) {});
   ASSERT_TRUE(wait([&] { return service->pending() == 1; }));
   std::vector<Ticket> dropped;
@@ -214,7 +227,7 @@ TEST_F(ServicesTest, RequestsOfAClientThatLeftAreDropped) {
 
 TEST_F(ServicesTest, AForgottenCallIsNotHeardOfAgain) {
   const auto service = deferring_service();
-  Client<CheckAlive> client(executor_, *there_, name, Qos{}, Priority::normal);
+  Client<CheckAlive> client(executor_, *there_, name_, Qos{}, Priority::normal);
   ASSERT_TRUE(wait([&] { return client.is_ready(); }));
   bool called = false;
   const auto call = client.call(nonce(1), seconds(15), 1, [&](const Answer&) { called = true; });
@@ -230,7 +243,7 @@ TEST_F(ServicesTest, AForgottenCallIsNotHeardOfAgain) {
 
 TEST_F(ServicesTest, AClientMayBeDroppedByItsOwnCallback) {
   const auto service = counting_service();
-  auto client = std::make_unique<Client<CheckAlive>>(executor_, *there_, name, Qos{}, Priority::normal);
+  auto client = std::make_unique<Client<CheckAlive>>(executor_, *there_, name_, Qos{}, Priority::normal);
   bool answered = false;
   client->call(nonce(1), seconds(15), 1, [&](const Answer&) {
     answered = true;
