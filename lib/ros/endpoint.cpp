@@ -114,11 +114,6 @@ void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
   std::rotate(positions_.begin(), found, found + 1);
 }
 
-MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now) {
-  const nanoseconds age = system_utc_now().since_epoch() - nanoseconds(info.reception_timestamp.to_ns());
-  return now - std::clamp<nanoseconds>(age, nanoseconds(0), seconds(1));
-}
-
 std::string topic_dds_name(const std::string& ros_name) {
   return "rt" + ros_name;
 }

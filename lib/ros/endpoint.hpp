@@ -33,7 +33,7 @@ struct InputStats {
 
 /// What a callback may know of the sample beside its content.
 struct MessageInfo {
-  MonotonicTime received;  ///< when Fast DDS' receive thread had the sample whole
+  MonotonicTime received;  ///< when the kernel had it; without a work-thread transport, when Fast DDS read it
   SampleIdentity identity;
   SampleIdentity related;
 };
@@ -69,8 +69,8 @@ class WriterEndpoint : public dds::DataWriterListener {
   std::atomic<std::uint64_t> refused_{0};
 };
 
-/// A DDS reader whose samples are taken on the work thread. The receive thread only marks the source as
-/// ready; the reader's KEEP_LAST history is the bounded queue (oldest dropped, counted as lost).
+/// A DDS reader whose samples are taken on the work thread. Reception only marks the source as ready; the
+/// reader's KEEP_LAST history is the bounded queue (oldest dropped, counted as lost).
 class ReaderEndpoint : public Source,
                        public dds::DataReaderListener,
                        public std::enable_shared_from_this<ReaderEndpoint> {
@@ -81,6 +81,8 @@ class ReaderEndpoint : public Source,
   /// Ends the DDS reader. By the owner, on the work thread: the last reference may be dropped by a middleware
   /// thread that was just announcing data, and a reader must not be deleted inside its own callback.
   void close();
+  /// What the kernel holds already reaches this reader's history now.
+  void receive_waiting() const { participant_->receive_waiting(); }
   [[nodiscard]] InputStats stats() const { return stats_; }
   [[nodiscard]] std::size_t matched_count() const { return matched_; }
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
@@ -98,9 +100,9 @@ class ReaderEndpoint : public Source,
   Priority priority_;
   dds::DataReader* reader_ = nullptr;
   InputStats stats_;
+  Participant* participant_ = nullptr;
 
  private:
-  Participant* participant_ = nullptr;
   std::atomic<std::size_t> matched_{0};
   std::mutex mutex_;
   std::function<void()> match_change_;
@@ -110,10 +112,6 @@ class ReaderEndpoint : public Source,
   };
   std::vector<WriterPosition> positions_;  // bounded; the least recently seen writer makes room
 };
-
-/// Fast DDS stamps the reception with the system clock; this is the same instant as monotonic time. A step of
-/// the system clock in between costs at most one second of error. @param now not before the reception
-[[nodiscard]] MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now);
 
 /// A reader of messages of type M.
 template <class M>
@@ -140,7 +138,8 @@ class TypedReader final : public ReaderEndpoint {
       return true;
     }
     ++stats_.received;
-    callback_(sample_.message, {received_at(info, now), info.sample_identity, info.related_sample_identity});
+    callback_(sample_.message,
+              {participant_->received_at(info, now), info.sample_identity, info.related_sample_identity});
     return true;
   }
 

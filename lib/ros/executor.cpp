@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <stdexcept>
+#include <utility>
 
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
@@ -38,6 +39,9 @@ struct Executor::Watch : Registration {
 namespace {
 
 constexpr std::size_t most_posts = 1024;
+
+// The executor whose loop this thread is in: what it notifies itself is seen without being woken.
+thread_local const Executor* in_loop_of = nullptr;
 
 // What the owner holds: forgetting it cancels, while the executor still keeps the object alive through its
 // callback.
@@ -112,7 +116,7 @@ bool Executor::post(std::function<void()> callback) {
 }
 
 void Executor::wake() {
-  if (wake_pending_.exchange(true)) return;
+  if (in_loop_of == this || wake_pending_.exchange(true)) return;
   const std::uint64_t one = 1;
   [[maybe_unused]] const ssize_t ignored = write(wake_.get(), &one, sizeof one);
 }
@@ -211,6 +215,11 @@ void Executor::arm_timer_fd() {
 
 bool Executor::spin_once(nanoseconds longest) {
   if (stopped_) return false;
+  struct InLoop {
+    const Executor* before;
+    explicit InLoop(const Executor* executor) : before(std::exchange(in_loop_of, executor)) {}
+    ~InLoop() { in_loop_of = before; }
+  } const in_loop(this);
   bool busy = run_due_timers();
   take_incoming();
   busy = run_posts() || busy;

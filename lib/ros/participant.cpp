@@ -1,5 +1,7 @@
 #include "ros/participant.hpp"
 
+#include <algorithm>
+
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 #include <fmt/format.h>
@@ -20,7 +22,8 @@ eprosima::fastrtps::Duration_t duration(double s) {
   return {s};
 }
 
-dds::DomainParticipantQos participant_qos(const ParticipantOptions& options) {
+dds::DomainParticipantQos participant_qos(const ParticipantOptions& options,
+                                          const std::shared_ptr<TransportState>& state) {
   dds::DomainParticipantQos qos;
   qos.name("/");
   const std::string enclave = "enclave=/;";  // ROS 2 ignores participants without it
@@ -34,7 +37,12 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options) {
   udp->receiveBufferSize = socket_buffer_octets;
   udp->maxInitialPeersRange = most_participants;
   qos.transport().use_builtin_transports = false;
-  qos.transport().user_transports.push_back(udp);
+  if (options.executor != nullptr) {
+    qos.transport().user_transports.push_back(
+        work_thread_transport(udp, *options.executor, options.interfaces, state));
+  } else {
+    qos.transport().user_transports.push_back(udp);
+  }
   qos.transport().send_socket_buffer_size = socket_buffer_octets;
   qos.transport().listen_socket_buffer_size = socket_buffer_octets;
 
@@ -77,8 +85,8 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   dds::Log::SetVerbosity(dds::Log::Error);
   auto* factory = dds::DomainParticipantFactory::get_instance();
   std::unique_ptr<Participant> self(new Participant);
-  self->participant_ =
-      factory->create_participant(static_cast<std::uint32_t>(options.domain), participant_qos(options));
+  self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain),
+                                                   participant_qos(options, self->transport_));
   if (self->participant_ == nullptr) {
     return Err(fmt::format(
         "no DDS participant on domain {}: are the interfaces up and {} participants not exceeded?",
@@ -127,6 +135,12 @@ dds::DataReader* Participant::create_reader(const std::string& name, dds::TypeSu
   dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
   set_common(qos, ours);
   return subscriber_->create_datareader(dds_topic, qos, listener);
+}
+
+MonotonicTime Participant::received_at(const dds::SampleInfo& info, MonotonicTime now) const {
+  const UtcTime arrived =
+      transport_->arrivals.arrival_of(UtcTime(nanoseconds(info.reception_timestamp.to_ns())));
+  return now - std::clamp<nanoseconds>(system_utc_now() - arrived, nanoseconds(0), seconds(1));
 }
 
 void Participant::destroy(dds::DataWriter* writer) {

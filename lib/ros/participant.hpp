@@ -9,12 +9,14 @@
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
 #include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 
 #include "base/result.hpp"
 #include "ros/qos.hpp"
+#include "ros/transport.hpp"
 
 namespace srfs::ros {
 
@@ -23,6 +25,9 @@ namespace dds = eprosima::fastdds::dds;
 struct ParticipantOptions {
   int domain = 42;                                      ///< 0..101
   std::vector<std::string> interfaces = {"127.0.0.1"};  ///< transports are confined to these addresses
+  /// Reads user traffic on its work thread (transport.hpp); outlives the participant. nullptr: Fast DDS' own
+  /// receive threads do.
+  Executor* executor = nullptr;
 };
 
 /// One DDS participant: UDPv4 on the given interfaces only, shared memory and data-sharing off (they do not
@@ -46,6 +51,13 @@ class Participant {
   void destroy(dds::DataReader* reader);
   [[nodiscard]] dds::DomainParticipant& dds_participant() { return *participant_; }
 
+  /// When the kernel had the sample: what a busy work thread let it wait is not hidden. A step of the system
+  /// clock in between costs at most one second of error. @param now not before the reception
+  [[nodiscard]] MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now) const;
+  /// What the kernel holds already reaches the readers' histories now. On the work thread.
+  void receive_waiting() const { transport_->receive_waiting(); }
+  [[nodiscard]] TransportStats transport_stats() const { return transport_->stats; }
+
  private:
   Participant() = default;
   dds::Topic* topic(const std::string& name, dds::TypeSupport& type);
@@ -53,6 +65,7 @@ class Participant {
   dds::DomainParticipant* participant_ = nullptr;
   dds::Publisher* publisher_ = nullptr;
   dds::Subscriber* subscriber_ = nullptr;
+  std::shared_ptr<TransportState> transport_ = std::make_shared<TransportState>();
 };
 
 }  // namespace srfs::ros

@@ -46,6 +46,7 @@ class Subscription {
 
   /// Handles what has arrived already, now. For callbacks that must not decide before it, on the work thread.
   void take_waiting() {
+    reader_->receive_waiting();
     while (reader_->dispatch_one(monotonic_now())) {
     }
   }

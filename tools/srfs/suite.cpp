@@ -36,7 +36,7 @@ struct Bus {
   std::unique_ptr<ros::Participant> participant;
 
   explicit Bus(const ros::Deployment& deployment, int domain) {
-    auto made = ros::Participant::create({domain, deployment.interfaces});
+    auto made = ros::Participant::create({domain, deployment.interfaces, &executor});
     if (!made) throw std::runtime_error(made.error());
     participant = std::move(*made);
   }

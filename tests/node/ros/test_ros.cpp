@@ -28,8 +28,8 @@ const Topic<TaskFlags> flags_topic{"/test/flags", {.depth = 4}, Priority::time};
 class RosTest : public testing::Test {
  protected:
   void SetUp() override {
-    here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
-    there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+    here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor_}).value();
+    there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor_}).value();
   }
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
