@@ -101,7 +101,7 @@ CallbackReturn CanSwitcherNode::on_configure() {
 }
 
 CallbackReturn CanSwitcherNode::on_activate() {
-  rotation_->resume();
+  rotation_->resume(monotonic_now());
   nanoseconds wait{0};
   for (const Slot& slot : rotation_->slots()) wait = std::max(wait, slot.lease());
   if (!rotation_->current()) {
@@ -150,7 +150,7 @@ void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTim
   if (!is_active()) return;
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
-  const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle);
+  const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle, received);
   if (const Grant* grant = std::get_if<Grant>(&decision)) {
     publish_flag(*grant, received);
     flag_latency_.add(monotonic_now() - received);

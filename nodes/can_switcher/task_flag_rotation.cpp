@@ -24,7 +24,7 @@ TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarn
   assert(!slots_.empty());
 }
 
-Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle) {
+Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   if (!follows(cycle)) {
     ++counters_.repeated_ticks;
     return Nothing{};
@@ -42,7 +42,7 @@ Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle) {
     ++counters_.waiting_ticks;
     return WaitingOut{not_before_};
   }
-  return grant_next(now, cycle);
+  return grant_next(now, cycle, received);
 }
 
 bool TaskFlagRotation::follows(MissionCycle cycle) {
@@ -57,9 +57,10 @@ bool TaskFlagRotation::follows(MissionCycle cycle) {
   return false;
 }
 
-Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle) {
+Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   assert(phase_ == Phase::free);
-  const auto slot = suspended_ ? std::nullopt : next_enabled();
+  const bool from_before = resumed_ && received < *resumed_;
+  const auto slot = suspended_ || from_before ? std::nullopt : next_enabled();
   if (!slot) {
     ++counters_.idle_ticks;
     return Nothing{};

@@ -48,6 +48,7 @@ mission::SlotStatistics to_mission(const SlotStatistics& s) {
   return {.slots_granted = s.slots_granted,
           .slots_used = s.slots_used,
           .slots_failed = s.slots_failed,
+          .slots_handed_back = s.slots_handed_back,
           .peripheral_timeouts = s.peripheral_timeouts,
           .last_used_us = as_us(s.last_used),
           .telecommands_executed = s.telecommands_executed};

@@ -23,7 +23,7 @@ class World {
       case 0:
       case 1:
       case 2:
-        decide(rotation_.on_tick(now_, cycle_ += random_() % 8 == 0 ? random_() % 3 : 1));
+        decide(rotation_.on_tick(now_, cycle_ += random_() % 8 == 0 ? random_() % 3 : 1, now_));
         break;
       case 3:
       case 4:
