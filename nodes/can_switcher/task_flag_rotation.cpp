@@ -146,9 +146,8 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
                holder_process_ ? holder_process_ : known_process_[current_->slot]};
 }
 
-void TaskFlagRotation::on_fenced(GrantId id, bool gone, MonotonicTime now) {
+void TaskFlagRotation::on_fenced(GrantId id, MonotonicTime now) {
   if (phase_ != Phase::fencing || id != current_->id) return;
-  if (!gone) ++counters_.unkillable_holders;
   known_process_[current_->slot].reset();
   not_before_ = now + guard_time;
   free_bus();

@@ -50,8 +50,8 @@ struct OrderReset {
   std::string payload;
   nanoseconds held{0};
 };
-/// The lease ended without release. Kill the holder's process, wait (bounded) until it is gone, then call
-/// on_fenced(). Until then nobody is granted.
+/// The lease ended without release. Kill the holder's process, wait until it is gone, then call on_fenced().
+/// Until then nobody is granted.
 struct Fence {
   GrantId id;
   std::string payload;
@@ -97,9 +97,11 @@ class TaskFlagRotation {
   /// time.
   [[nodiscard]] Decision on_deadline(MonotonicTime now);
   ReportVerdict on_bus_status(const BusReport& report);
-  /// The answer to Fence. @param gone false: the process outlived the kill and the bounded wait (counted; the
-  /// bus goes on)
-  void on_fenced(GrantId id, bool gone, MonotonicTime now);
+  /// The answer to Fence: the process is gone. Until then the bus stays blocked, however long that takes: a
+  /// process that lives may write.
+  void on_fenced(GrantId id, MonotonicTime now);
+  /// It is not known to be gone after another wait.
+  void on_fence_unproven() { ++counters_.unproven_fences; }
 
   /// When on_deadline() has something to do; nullopt: nothing before the next tick or report.
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
@@ -137,7 +139,7 @@ class TaskFlagRotation {
     std::uint32_t duplicate_reports = 0;
     std::uint32_t old_reports = 0;
     std::uint32_t foreign_reports = 0;
-    std::uint32_t unkillable_holders = 0;
+    std::uint32_t unproven_fences = 0;  ///< waits for the end of a fenced holder that ended without it
   };
   [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
   [[nodiscard]] const Counters& counters() const { return counters_; }

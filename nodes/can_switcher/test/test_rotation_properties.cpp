@@ -33,7 +33,7 @@ class World {
         if (fencing_) {
           writers_[fencing_->payload_index].reset();
           known_[fencing_->payload_index] = false;  // the next process of it has not spoken yet
-          rotation_.on_fenced(fencing_->id, true, now_);
+          rotation_.on_fenced(fencing_->id, now_);
           fencing_.reset();
         }
         break;

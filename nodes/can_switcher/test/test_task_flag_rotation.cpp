@@ -94,7 +94,11 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
   EXPECT_EQ(release(grant), ReportVerdict::old_grant);  // too late: it is being killed
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
 
-  rotation.on_fenced(grant.id, true, now);
+  rotation.on_fence_unproven();
+  now += seconds(10);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "a holder that is not proven dead may write";
+
+  rotation.on_fenced(grant.id, now);
   EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick()));
   now += TaskFlagRotation::guard_time;
   EXPECT_EQ(must_grant().payload, "eps");
