@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "hw/backends.hpp"
 #include "hw/can_bus.hpp"
 #include "hw/reopening.hpp"
 

@@ -606,7 +606,8 @@ void PayloadNode::carry_out(const StageReport& action) {
 }
 
 void PayloadNode::flush_reports() {
-  if (!reports_ || reports_->subscription_count() == 0) return;
+  // Who publishes telecommands is ttc; a recorder that listens to the reports keeps none of them for it.
+  if (!reports_ || !telecommands_ || !reports_->is_heard_by_a_publisher_of(*telecommands_)) return;
   while (const auto report = unheard_.pop()) reports_->publish(*report);
 }
 

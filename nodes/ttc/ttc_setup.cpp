@@ -106,10 +106,14 @@ Result<UplinkConfig, std::string> TtcNode::read_channels() const {
   if (config.channels.empty())
     return Err(fmt::format("{}: 'link.tc_channels': expected one at least", deployment().file.string()));
   if (const auto shared = associations_with_one_key(config)) {
-    return Err(
-        fmt::format("{}: 'link.tc_channels': expected another key for each SPI, found the same one in the "
-                    "key_file of {} and {}",
-                    deployment().file.string(), shared->first, shared->second));
+    const auto key_of = [&settings](int spi) {
+      const auto entry = std::find_if(settings.channels.begin(), settings.channels.end(),
+                                      [spi](const ros::TelecommandChannel& c) { return c.spi == spi; });
+      return fmt::format("{} (SPI {})", entry->key_file, spi);
+    };
+    return Err(fmt::format(
+        "{}: 'link.tc_channels': expected another key for each SPI, found the same one in {} and {}",
+        deployment().file.string(), key_of(shared->first), key_of(shared->second)));
   }
   return config;
 }
