@@ -77,11 +77,21 @@ LinkSettings read_link(const ConfigSection& section) {
   link.tc_correct_single_bits = tc.boolean("correct_single_bits", link.tc_correct_single_bits);
   tc.finish();
   for (const ConfigSection& entry : section.sections("tc_channels")) {
+    const auto is_taken = [&link](auto member, const auto& value) {
+      return std::any_of(link.channels.begin(), link.channels.end(), [&](const TelecommandChannel& other) {
+        return other.security == ChannelSecurity::sdls && other.*member == value;
+      });
+    };
     TelecommandChannel channel{static_cast<int>(entry.integer("vc", 0, 63)), ChannelSecurity::none, 0, ""};
     if (entry.choice("security", {"sdls", "none"}, "sdls") == "sdls") {
       channel.security = ChannelSecurity::sdls;
       channel.spi = static_cast<int>(entry.integer("spi", 1, 65534));
+      if (is_taken(&TelecommandChannel::spi, channel.spi))
+        throw entry.bad("spi", "a number that no other entry has");
       channel.key_file = entry.text("key_file");
+      // Two counters under one key would use an IV twice, which breaks AES-GCM.
+      if (is_taken(&TelecommandChannel::key_file, channel.key_file))
+        throw entry.bad("key_file", "a key that no other entry has");
     }
     entry.finish();
     link.channels.push_back(channel);

@@ -82,16 +82,31 @@ void ReaderEndpoint::on_data_available(dds::DataReader*) {
   if (const auto self = weak_from_this().lock()) executor_.notify(self, priority_);
 }
 
+std::size_t ReaderEndpoint::matched_count() const {
+  const std::lock_guard lock(mutex_);
+  return writers_.size();
+}
+
+std::set<GUID_t> ReaderEndpoint::matched_writers() const {
+  const std::lock_guard lock(mutex_);
+  return writers_;
+}
+
 void ReaderEndpoint::on_match_change(std::function<void()> callback) {
   const std::lock_guard lock(mutex_);
   match_change_ = std::move(callback);
 }
 
 void ReaderEndpoint::on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) {
-  matched_ = static_cast<std::size_t>(std::max(status.current_count, 0));
   std::function<void()> callback;
   {
     const std::lock_guard lock(mutex_);
+    const auto writer = static_cast<GUID_t>(status.last_publication_handle);
+    if (status.current_count_change > 0) {
+      writers_.insert(writer);
+    } else {
+      writers_.erase(writer);
+    }
     callback = match_change_;
   }
   if (callback) callback();

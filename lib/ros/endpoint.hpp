@@ -84,7 +84,9 @@ class ReaderEndpoint : public Source,
   /// What the kernel holds already reaches this reader's history now.
   void receive_waiting() const { participant_->receive_waiting(); }
   [[nodiscard]] InputStats stats() const { return stats_; }
-  [[nodiscard]] std::size_t matched_count() const { return matched_; }
+  [[nodiscard]] std::size_t matched_count() const;
+  /// The writers matched now.
+  [[nodiscard]] std::set<GUID_t> matched_writers() const;
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
   void on_match_change(std::function<void()> callback);
 
@@ -103,8 +105,8 @@ class ReaderEndpoint : public Source,
   Participant* participant_ = nullptr;
 
  private:
-  std::atomic<std::size_t> matched_{0};
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
+  std::set<GUID_t> writers_;
   std::function<void()> match_change_;
   struct WriterPosition {
     GUID_t writer;

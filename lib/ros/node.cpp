@@ -352,6 +352,14 @@ void LifecycleNode::report_first_activation() {
   });
 }
 
+std::uint64_t LifecycleNode::malformed_samples() const {
+  std::uint64_t count = 0;
+  for (const Input& input : inputs_) {
+    if (const auto reader = input.reader.lock()) count += reader->stats().malformed;
+  }
+  return count;
+}
+
 void LifecycleNode::report_bad_input() {
   for (auto input = inputs_.begin(); input != inputs_.end();) {
     const auto reader = input->reader.lock();

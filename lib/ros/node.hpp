@@ -159,6 +159,8 @@ class LifecycleNode {
     raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
   }
   [[nodiscard]] std::uint64_t suppressed_events() const { return suppressed_events_; }
+  /// Malformed samples on the subscriptions that exist now.
+  [[nodiscard]] std::uint64_t malformed_samples() const;
 
   NodeContext& context() { return context_; }
 

@@ -1,8 +1,13 @@
 #pragma once
 
+#include <set>
+
 #include "ros/endpoint.hpp"
 
 namespace srfs::ros {
+
+template <class M>
+class Subscription;
 
 /// Publishes messages of type M on one topic.
 template <class M>
@@ -17,6 +22,14 @@ class Publisher {
   /// Somebody in the process that sent this message listens here.
   [[nodiscard]] bool is_heard_by_sender_of(const MessageInfo& message) const {
     return writer_.matched_in_participant_of(message.identity.writer_guid());
+  }
+  /// Somebody who publishes what @p other receives listens here: the peer, not a recorder that only listens.
+  template <class Other>
+  [[nodiscard]] bool is_heard_by_a_publisher_of(const Subscription<Other>& other) const {
+    for (const GUID_t& writer : other.publishers()) {
+      if (writer_.matched_in_participant_of(writer)) return true;
+    }
+    return false;
   }
   [[nodiscard]] std::size_t subscription_count() const { return writer_.matched_count(); }
   /// Publications refused so far.
@@ -52,6 +65,8 @@ class Subscription {
   }
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
   [[nodiscard]] std::weak_ptr<const ReaderEndpoint> reader() const { return reader_; }
+  /// The writers matched now.
+  [[nodiscard]] std::set<GUID_t> publishers() const { return reader_->matched_writers(); }
   [[nodiscard]] std::size_t publisher_count() const { return reader_->matched_count(); }
   [[nodiscard]] const std::string& topic_name() const { return name_; }
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }

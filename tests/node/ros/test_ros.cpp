@@ -90,6 +90,21 @@ TEST_F(RosTest, AMessageBeyondItsBoundsIsRefusedAndCounted) {
   EXPECT_EQ(publisher.refused(), 1U);
 }
 
+TEST_F(RosTest, APublisherTellsItsPeerFromOneThatOnlyListens) {
+  const Topic<TaskFlags> questions{"/test/questions", {.depth = 4}, Priority::normal};
+  const auto ignore = [](const TaskFlags&, const MessageInfo&) {};
+  const auto recorder = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+  Publisher<TaskFlags> answers(*here_, flags_topic);
+  Subscription<TaskFlags> asked(executor_, *here_, questions, ignore);
+  Subscription<TaskFlags> recorded(executor_, *recorder, flags_topic, ignore);
+  Publisher<TaskFlags> asking(*there_, questions);
+  ASSERT_TRUE(wait([&] { return answers.subscription_count() == 1 && asked.publisher_count() == 1; }));
+  EXPECT_FALSE(answers.is_heard_by_a_publisher_of(asked)) << "only the recorder listens";
+
+  Subscription<TaskFlags> heard(executor_, *there_, flags_topic, ignore);
+  EXPECT_TRUE(wait([&] { return answers.is_heard_by_a_publisher_of(asked); }));
+}
+
 /// Claims the type of TaskFlags on the wire and sends what it likes.
 struct ForeignFlags {
   static constexpr const char* dds_type_name = TaskFlags::dds_type_name;

@@ -46,6 +46,15 @@ TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
             "d.yaml:4: 'devcies': unknown key, e");
   EXPECT_EQ(error_of("deployment: x\n" + node + "link: {baud: fast}\n"),
             "d.yaml:4: 'link.baud': expected an integer from 1200 to 4000000, found 'fast'");
+  const std::string channels =
+      "link:\n  tc_channels:\n    - {vc: 0, security: sdls, spi: 1, key_file: a.key}\n";
+  EXPECT_EQ(error_of("deployment: x\n" + node + channels +
+                     "    - {vc: 0, security: sdls, spi: 1, key_file: b.key}\n"),
+            "d.yaml:7: 'link.tc_channels[1].spi': expected a number that no other entry has, found '1'");
+  EXPECT_EQ(
+      error_of("deployment: x\n" + node + channels +
+               "    - {vc: 1, security: sdls, spi: 2, key_file: a.key}\n"),
+      "d.yaml:7: 'link.tc_channels[1].key_file': expected a key that no other entry has, found 'a.key'");
   EXPECT_EQ(error_of("deployment: x\n" + node + "link: {tm: {frame_length: 1115}}\n"),
             "d.yaml:4: 'link.tm.frame_length': expected 223 x interleave with reed_solomon, found '1115'");
   EXPECT_EQ(error_of("deployment: x\nnodes:\n  - {name: Timing, executable: t}\n"),
