@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
+#include "base/latency_histogram.hpp"
 #include "nodes/can_switcher/holder_fence.hpp"
-#include "nodes/can_switcher/latency_histogram.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"

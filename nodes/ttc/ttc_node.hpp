@@ -13,6 +13,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/latency_histogram.hpp"
 #include "hw/open.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/beacon_builder.hpp"
@@ -20,7 +21,6 @@
 #include "nodes/ttc/downlink_scheduler.hpp"
 #include "nodes/ttc/event_reporter.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
-#include "nodes/ttc/latency_histogram.hpp"
 #include "nodes/ttc/link_state_file.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_maker.hpp"
