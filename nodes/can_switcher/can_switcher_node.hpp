@@ -39,7 +39,6 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void close();
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TaskFlags>> flags_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PeripheralReset>> resets_;
-  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::BusStatus>> statuses_;
   ros::Timer deadline_timer_;

@@ -99,8 +99,10 @@ CallbackReturn PayloadNode::on_configure() {
   if (!open_devices()) return CallbackReturn::failure;
   restore();
   open_topics();
-  can_watch_ = watch_fd(can_->fd(), EPOLLIN, [this](std::uint32_t) { on_can_input(); });
-  report_timer_ = create_timer(milliseconds(200), [this] { flush_reports(); });
+  can_watch_ = watch_fd(
+      can_->fd(), EPOLLIN, [this](std::uint32_t) { on_can_input(); }, "can");
+  report_timer_ = create_timer(
+      milliseconds(200), [this] { flush_reports(); }, "reports");
   return CallbackReturn::success;
 }
 
@@ -149,7 +151,6 @@ void PayloadNode::open_topics() {
   gpio_worker_ = create_worker("gpio", 4);
   statuses_ = create_publisher(ros::topics::bus_status);
   activities_ = create_publisher(ros::topics::activity(name()));
-  telemetry_ = create_publisher(ros::topics::telemetry(name()));
   reports_ = create_publisher(ros::topics::telecommand_report);
   ticks_ = create_subscription(ros::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& m) { time_.on_tick(m); });
@@ -210,7 +211,6 @@ void PayloadNode::close() {
   gpio_.reset();
   statuses_.reset();
   activities_.reset();
-  telemetry_.reset();
   reports_.reset();
   // The state on disk is complete; on_configure takes it up again.
   cycle_.reset();
@@ -359,7 +359,9 @@ void PayloadNode::arm_timer() {
   if (deadline == armed_) return;
   armed_ = deadline;
   timer_.reset();
-  if (deadline) timer_ = create_one_shot(*deadline, [this] { on_timer(); });
+  if (deadline)
+    timer_ = create_one_shot(
+        *deadline, [this] { on_timer(); }, "slot deadline");
 }
 
 // ---------------------------------------------------------------- actions
@@ -456,7 +458,7 @@ void PayloadNode::publish_processed(const Processed& processed, MissionCycle cyc
   m.time_valid = time_.valid();
   m.monotonic_ns = as_ns(measured);
   m.data = processed.housekeeping;
-  telemetry_->publish(m);
+  publish_telemetry(m);
   for (const EncodedEvent& event : processed.events) raise_event(event.id, event.severity, event.data);
 }
 

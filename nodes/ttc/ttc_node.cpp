@@ -292,14 +292,17 @@ void TtcNode::arm_timer() {
   wake_up_at_ = due;
   wake_up_.reset();
   if (!due) return;
-  wake_up_ = create_one_shot(*due, [this] {
-    wake_up_at_.reset();
-    const MonotonicTime t = monotonic_now();
-    link_->forwarder.on_time(t);
-    link_->gate.on_time(t);
-    take_uplinked(link_->uplink.on_idle(t));
-    settle();
-  });
+  wake_up_ = create_one_shot(
+      *due,
+      [this] {
+        wake_up_at_.reset();
+        const MonotonicTime t = monotonic_now();
+        link_->forwarder.on_time(t);
+        link_->gate.on_time(t);
+        take_uplinked(link_->uplink.on_idle(t));
+        settle();
+      },
+      "deadlines");
 }
 
 // ---- inputs from other nodes
@@ -316,6 +319,10 @@ void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
     return;
   }
   cycle_ = tick.cycle;
+}
+
+void TtcNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) {
+  on_telemetry(sample);  // nobody else wants it
 }
 
 void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {

@@ -109,6 +109,7 @@ class TtcNode : public ros::LifecycleNode {
 
   // Inputs from other nodes
   void on_tick(const srfs_msgs::msg::TimeTick& tick);
+  void publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) override;
   void on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message);
   void on_event_message(const srfs_msgs::msg::Event& message);
   void on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message);
