@@ -29,6 +29,7 @@ NodeEntry read_node(const ConfigSection& section) {
                  read_scheduling(section.section("scheduling")),
                  section.integer("memory_limit_mib", 0, 65536, 0),
                  static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
+                 section.text("user", ""),
                  section.section("parameters")};
   const bool fine = !node.name.empty() && node.name.size() <= 32 &&
                     node.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos;

@@ -26,6 +26,7 @@ struct NodeEntry {
   Scheduling scheduling;
   std::int64_t memory_limit_mib = 0;  ///< private memory (RLIMIT_DATA); 0: none
   int oom_score_adj = 0;
+  std::string user;  ///< whom the process belongs to; empty: as its starter
   ConfigSection parameters;
 };
 

@@ -5,6 +5,21 @@
 #include <utility>
 
 namespace srfs::ros {
+namespace {
+
+/// What the statistics call a reader: "rt/x" the topic /x, "rq/xRequest" and "rr/xReply" the service /x.
+std::pair<CallbackKind, std::string_view> callback_name(std::string_view dds_topic) {
+  constexpr std::string_view request = "Request";
+  constexpr std::string_view reply = "Reply";
+  const std::string_view name = dds_topic.substr(std::min<std::size_t>(dds_topic.find('/'), 2));
+  if (dds_topic.starts_with("rq/") && name.ends_with(request))
+    return {CallbackKind::service, name.substr(0, name.size() - request.size())};
+  if (dds_topic.starts_with("rr/") && name.ends_with(reply))
+    return {CallbackKind::client, name.substr(0, name.size() - reply.size())};
+  return {CallbackKind::subscription, dds_topic.starts_with("rt/") ? name : dds_topic};
+}
+
+}  // namespace
 
 WriterEndpoint::WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
                                const Qos& qos)
@@ -73,6 +88,8 @@ void ReaderEndpoint::close() {
 void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
                           const Qos& qos) {
   participant_ = &participant;
+  const auto [kind, name] = callback_name(dds_topic);
+  executor_.name_source(shared_from_this(), kind, name);
   reader_ = participant.create_reader(dds_topic, std::move(type), qos, this);
   if (reader_ == nullptr) throw std::runtime_error("DDS refused a reader for " + dds_topic);
 }

@@ -42,6 +42,13 @@ constexpr std::array table{
     LifecycleRow{S::error_processing, T::error, S::finalized, 62, "transition_error"},
 };
 
+// 99 is lifecycle_msgs/msg/Transition TRANSITION_CALLBACK_ERROR, for private use.
+constexpr std::array error_rows{
+    LifecycleRow{S::unconfigured, T::error, S::error_processing, 99, "raise_error"},
+    LifecycleRow{S::inactive, T::error, S::error_processing, 99, "raise_error"},
+    LifecycleRow{S::active, T::error, S::error_processing, 99, "raise_error"},
+};
+
 }  // namespace
 
 std::span<const LifecycleRow> lifecycle_table() {
@@ -53,6 +60,12 @@ const LifecycleRow* find_row(State from, Trigger trigger) {
     return r.from == from && r.trigger == trigger;
   });
   return found == table.end() ? nullptr : &*found;
+}
+
+const LifecycleRow* find_error_row(State from) {
+  const auto found = std::find_if(error_rows.begin(), error_rows.end(),
+                                  [&](const LifecycleRow& r) { return r.from == from; });
+  return found == error_rows.end() ? nullptr : &*found;
 }
 
 const LifecycleRow* find_request(State from, std::uint8_t id, std::string_view label) {

@@ -53,6 +53,10 @@ struct LifecycleRow {
 [[nodiscard]] std::span<const LifecycleRow> lifecycle_table();
 /// @return the row for this pair, nullptr when the pair is refused
 [[nodiscard]] const LifecycleRow* find_row(State from, Trigger trigger);
+/// From where a node goes to error processing by itself, because a callback failed (the design's RaiseError,
+/// https://design.ros2.org/articles/node_lifecycle.html). ROS 2's table lacks these rows, so they are none
+/// that a request could name. @return nullptr for Finalized and the transition states
+[[nodiscard]] const LifecycleRow* find_error_row(State from);
 /// A request by id, or by label when the id is 0 and a label is given, as `ros2 lifecycle set` and services
 /// send it.
 [[nodiscard]] const LifecycleRow* find_request(State from, std::uint8_t id, std::string_view label);

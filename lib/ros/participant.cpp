@@ -69,6 +69,8 @@ void set_common(DdsQos& qos, const Qos& ours) {
       ours.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = ours.depth;
+  if (ours.lifespan.count() > 0)
+    qos.lifespan().duration = duration(static_cast<double>(ours.lifespan.count()));
   qos.resource_limits().max_instances = 1;
   qos.resource_limits().max_samples_per_instance = ours.depth;
   qos.resource_limits().max_samples = ours.depth;

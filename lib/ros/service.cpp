@@ -43,7 +43,9 @@ void ReplyQueue::send(const SampleIdentity& request, Write write) {
     ++dropped_;
   }
   waiting_.push_back({request, std::move(write), executor_.now() + match_wait});
-  if (!timer_) timer_ = executor_.add_timer(executor_.now() + match_poll, match_poll, [this] { flush(); });
+  if (!timer_)
+    timer_ = executor_.add_timer(
+        executor_.now() + match_poll, match_poll, [this] { flush(); }, "reply queue");
 }
 
 void ReplyQueue::flush() {

@@ -79,24 +79,25 @@ CallbackReturn CanSwitcherNode::on_configure() {
       return instance && !successor ? std::optional(instance->pid) : std::nullopt;
     };
     hooks.watch = [this](int fd, std::function<void()> readable) {
-      return watch_fd(fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); });
+      return watch_fd(
+          fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); }, "fence");
     };
     hooks.after = [this](nanoseconds delay, std::function<void()> due) {
-      return create_one_shot(monotonic_now() + delay, std::move(due));
+      return create_one_shot(monotonic_now() + delay, std::move(due), "fence");
     };
     fence_.emplace(std::move(hooks), milliseconds(get_parameter<std::int64_t>("fence_wait_ms")));
   }
 
   flags_ = create_publisher(ros::topics::task_flags);
   resets_ = create_publisher(ros::topics::reset_peripheral);
-  telemetry_ = create_publisher(ros::topics::telemetry(name()));
   statuses_ = create_subscription(ros::topics::bus_status,
                                   [this](const srfs_msgs::msg::BusStatus& status) { on_bus_status(status); });
   ticks_ = create_subscription(ros::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& tick, const ros::MessageInfo& info) {
                                  on_tick(tick, info.received);
                                });
-  housekeeping_timer_ = create_timer(housekeeping_period, [this] { publish_housekeeping(); });
+  housekeeping_timer_ = create_timer(
+      housekeeping_period, [this] { publish_housekeeping(); }, "housekeeping");
   return CallbackReturn::success;
 }
 
@@ -125,7 +126,6 @@ void CanSwitcherNode::close() {
   statuses_.reset();
   flags_.reset();
   resets_.reset();
-  telemetry_.reset();
 }
 
 CallbackReturn CanSwitcherNode::on_cleanup() {
@@ -205,10 +205,13 @@ void CanSwitcherNode::arm_deadline() {
   armed_ = deadline;
   deadline_timer_.reset();
   if (deadline)
-    deadline_timer_ = create_one_shot(*deadline, [this] {
-      armed_.reset();
-      on_deadline();
-    });
+    deadline_timer_ = create_one_shot(
+        *deadline,
+        [this] {
+          armed_.reset();
+          on_deadline();
+        },
+        "slot deadline");
 }
 
 void CanSwitcherNode::on_deadline() {
@@ -288,8 +291,7 @@ void CanSwitcherNode::publish_housekeeping() {
       counters.old_reports + counters.foreign_reports + counters.duplicate_reports + meaningless_statuses_;
   hk.dds_malformed = static_cast<std::uint32_t>(malformed_samples());
   hk.events_suppressed = static_cast<std::uint32_t>(suppressed_events());
-  telemetry_->publish(
-      ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 }  // namespace srfs

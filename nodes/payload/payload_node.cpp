@@ -104,9 +104,12 @@ CallbackReturn PayloadNode::on_configure() {
   if (!open_devices()) return CallbackReturn::failure;
   restore();
   open_topics();
-  can_watch_ = watch_fd(can_->fd(), EPOLLIN, [this](std::uint32_t) { on_can_input(); });
-  report_timer_ = create_timer(milliseconds(200), [this] { flush_reports(); });
-  counter_timer_ = create_timer(counters_period, [this] { publish_counters(); });
+  can_watch_ = watch_fd(
+      can_->fd(), EPOLLIN, [this](std::uint32_t) { on_can_input(); }, "can");
+  report_timer_ = create_timer(
+      milliseconds(200), [this] { flush_reports(); }, "reports");
+  counter_timer_ = create_timer(
+      counters_period, [this] { publish_counters(); }, "counters");
   return CallbackReturn::success;
 }
 
@@ -155,7 +158,6 @@ void PayloadNode::open_topics() {
   gpio_worker_ = create_worker("gpio", 4);
   statuses_ = create_publisher(ros::topics::bus_status);
   activities_ = create_publisher(ros::topics::activity(name()));
-  telemetry_ = create_publisher(ros::topics::telemetry(name()));
   reports_ = create_publisher(ros::topics::telecommand_report);
   ticks_ = create_subscription(ros::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& m) { time_.on_tick(m); });
@@ -217,7 +219,6 @@ void PayloadNode::close() {
   gpio_.reset();
   statuses_.reset();
   activities_.reset();
-  telemetry_.reset();
   reports_.reset();
   // The state on disk is complete; on_configure takes it up again.
   cycle_.reset();
@@ -366,7 +367,9 @@ void PayloadNode::arm_timer() {
   if (deadline == armed_) return;
   armed_ = deadline;
   timer_.reset();
-  if (deadline) timer_ = create_one_shot(*deadline, [this] { on_timer(); });
+  if (deadline)
+    timer_ = create_one_shot(
+        *deadline, [this] { on_timer(); }, "slot deadline");
 }
 
 // ---------------------------------------------------------------- actions
@@ -465,7 +468,7 @@ void PayloadNode::publish_structure(std::uint16_t structure_id, Octets data, Mis
   m.time_valid = time_.valid();
   m.monotonic_ns = as_ns(at);
   m.data = std::move(data);
-  telemetry_->publish(m);
+  publish_telemetry(m);
 }
 
 /// By a timer and not with the measurements: a silent peripheral must not hide what went wrong.

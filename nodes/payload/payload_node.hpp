@@ -83,7 +83,6 @@ class PayloadNode : public ros::LifecycleNode {
 
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::BusStatus>> statuses_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadActivity>> activities_;
-  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TelecommandReport>> reports_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TaskFlags>> flags_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::PeripheralReset>> resets_;

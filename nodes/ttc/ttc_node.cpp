@@ -294,16 +294,19 @@ void TtcNode::arm_timer() {
   wake_up_at_ = due;
   wake_up_.reset();
   if (!due) return;
-  wake_up_ = create_one_shot(*due, [this] {
-    wake_up_at_.reset();
-    // A silence of the line counts, not one of this thread: what waits in the driver is read first.
-    const bool line_empty = read_line();
-    const MonotonicTime t = monotonic_now();
-    link_->forwarder.on_time(t);
-    link_->gate.on_time(t);
-    if (line_empty) take_uplinked(link_->uplink.on_idle(t));
-    settle();
-  });
+  wake_up_ = create_one_shot(
+      *due,
+      [this] {
+        wake_up_at_.reset();
+        // A silence of the line counts, not one of this thread: what waits in the driver is read first.
+        const bool line_empty = read_line();
+        const MonotonicTime t = monotonic_now();
+        link_->forwarder.on_time(t);
+        link_->gate.on_time(t);
+        if (line_empty) take_uplinked(link_->uplink.on_idle(t));
+        settle();
+      },
+      "deadlines");
 }
 
 // ---- inputs from other nodes
@@ -320,6 +323,10 @@ void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
     return;
   }
   cycle_ = tick.cycle;
+}
+
+void TtcNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) {
+  on_telemetry(sample);  // nobody else wants it
 }
 
 void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
@@ -419,12 +426,21 @@ void TtcNode::raise(mission::EventSeverity severity, std::uint16_t event_id, con
 void TtcNode::add_latency(mission::TtcHousekeeping& h) const {
   const LatencyHistogram& latency = link_->acceptance_latency;
   const auto us = [](nanoseconds d) { return as_u32(static_cast<std::uint64_t>(d.count() / 1000)); };
-  h.acceptance_latency_p50_us = us(latency.percentile(50));
-  h.acceptance_latency_p99_us = us(latency.percentile(99));
-  h.acceptance_latency_max_us = us(latency.longest());
-  static_assert(std::tuple_size_v<decltype(h.acceptance_latency)> == LatencyHistogram::bounds.size() + 1);
-  for (std::size_t i = 0; i < h.acceptance_latency.size(); ++i)
-    h.acceptance_latency[i] = as_u32(latency.counts()[i]);
+  h.acceptance_latency_p50_us = us(latency.quantile(0.5));
+  h.acceptance_latency_p99_us = us(latency.quantile(0.99));
+  h.acceptance_latency_max_us = us(latency.max());
+  // The classes of the dictionary (labels of acceptance_latency), each without its lower bound.
+  static constexpr std::array bounds{microseconds(500),   microseconds(1000),  microseconds(2000),
+                                     microseconds(5000),  microseconds(10000), microseconds(20000),
+                                     microseconds(50000), microseconds(100000)};
+  static_assert(std::tuple_size_v<decltype(h.acceptance_latency)> == bounds.size() + 1);
+  std::uint64_t below = 0;
+  for (std::size_t i = 0; i < bounds.size(); ++i) {
+    const std::uint64_t up_to = latency.count_up_to(bounds[i]);
+    h.acceptance_latency[i] = as_u32(up_to - below);
+    below = up_to;
+  }
+  h.acceptance_latency.back() = as_u32(latency.count() - below);
 }
 
 void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {

@@ -13,6 +13,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/latency_histogram.hpp"
 #include "hw/open.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/beacon_builder.hpp"
@@ -20,7 +21,6 @@
 #include "nodes/ttc/downlink_scheduler.hpp"
 #include "nodes/ttc/event_reporter.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
-#include "nodes/ttc/latency_histogram.hpp"
 #include "nodes/ttc/link_state_file.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_maker.hpp"
@@ -110,6 +110,7 @@ class TtcNode : public ros::LifecycleNode {
 
   // Inputs from other nodes
   void on_tick(const srfs_msgs::msg::TimeTick& tick);
+  void publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) override;
   void on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message);
   void on_event_message(const srfs_msgs::msg::Event& message);
   void on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message);

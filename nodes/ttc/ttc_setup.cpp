@@ -276,20 +276,28 @@ void TtcNode::say_how_the_link_is_secured() const {
 }
 
 ros::CallbackReturn TtcNode::on_activate() {
-  line_watch_ = watch_fd(line_->fd(), EPOLLIN, [this](std::uint32_t) {
-    read_line();
-    settle();
-  });
-  timers_.push_back(create_timer(seconds(1), [this] { commit_stores(); }));
-  timers_.push_back(create_timer(ModeKeeper::publish_period, [this] { publish_mode(); }));
-  timers_.push_back(create_timer(milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
-                                 [this] { send_own_housekeeping(); }));
-  timers_.push_back(
-      create_timer(milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }));
+  line_watch_ = watch_fd(
+      line_->fd(), EPOLLIN, 
+      [this](std::uint32_t) {
+        read_line();
+        settle();
+      },
+      "rs422");
+  timers_.push_back(create_timer(
+      seconds(1), [this] { commit_stores(); }, "commit stores"));
+  timers_.push_back(create_timer(
+      ModeKeeper::publish_period, [this] { publish_mode(); }, "mode"));
+  timers_.push_back(create_timer(
+      milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
+      [this] { send_own_housekeeping(); }, "housekeeping"));
+  timers_.push_back(create_timer(
+      milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }, "beacon"));
   // The first beacon does not wait for its period: an operator who listens wants to know that the spacecraft
   // is up.
-  timers_.push_back(create_one_shot(monotonic_now() + seconds(6), [this] { send_beacon(); }));
-  timers_.push_back(create_timer(seconds(5), [this] { look_at_nodes(); }));
+  timers_.push_back(create_one_shot(
+      monotonic_now() + seconds(6), [this] { send_beacon(); }, "beacon"));
+  timers_.push_back(create_timer(
+      seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
   look_at_nodes();
   publish_mode();
   settle();

@@ -119,6 +119,11 @@ Result<std::shared_ptr<ros::DomainLock>, std::string> take_domain(const Target& 
       !written) {
     return Err(written.error().message);
   }
+  // What a restart by any node gives its node, too.
+  if (const auto written = write_file_atomically(target.var.environment_file(), ros::environment_for_nodes());
+      !written) {
+    return Err(written.error().message);
+  }
   held->downgrade();
   return held;
 }
@@ -273,6 +278,7 @@ DownReport down(const Target& target, milliseconds patience) {
     if (const auto domain = running_domain(target))
       (void)ros::DomainLock::share(*domain);  // removes the lock of killed nodes
     std::filesystem::remove(target.var.domain_file(), ec);
+    std::filesystem::remove(target.var.environment_file(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }
   return report;

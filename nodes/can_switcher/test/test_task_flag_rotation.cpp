@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include "nodes/can_switcher/latency_histogram.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 
 namespace srfs {
@@ -227,18 +226,6 @@ TEST_F(TaskFlagRotationTest, GrantsNothingOnATickThatWaitedForItsActivation) {
 
   EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ++cycle, received)));
   EXPECT_EQ(must_grant().payload, "adcs");
-}
-
-TEST(LatencyHistogram, GivesQuantilesWithinASixteenth) {
-  LatencyHistogram histogram;
-  EXPECT_EQ(histogram.quantile(0.5), nanoseconds(0));
-  for (int us = 1; us <= 1000; ++us) histogram.add(microseconds(us));
-  EXPECT_NEAR(static_cast<double>(histogram.quantile(0.5).count()), 500e3, 35e3);
-  EXPECT_NEAR(static_cast<double>(histogram.quantile(0.99).count()), 990e3, 65e3);
-  EXPECT_EQ(histogram.max(), microseconds(1000));
-  histogram.add(std::chrono::hours(1000));
-  EXPECT_EQ(histogram.quantile(1.0),
-            std::chrono::hours(1000) < histogram.max() ? histogram.max() : histogram.quantile(1.0));
 }
 
 }  // namespace

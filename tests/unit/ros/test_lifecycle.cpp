@@ -47,6 +47,18 @@ TEST(LifecycleTable, EveryTransitionStateHasAllThreeOutcomes) {
   }
 }
 
+TEST(LifecycleTable, ANodeMayRaiseAnErrorInEveryStateThatCanStillFail) {
+  for (int state = 0; state < 32; ++state) {
+    const LifecycleRow* row = find_error_row(static_cast<State>(state));
+    const bool expected = state == 1 || state == 2 || state == 3;
+    ASSERT_EQ(row != nullptr, expected) << state;
+    if (row == nullptr) continue;
+    EXPECT_EQ(row->to, State::error_processing);
+    EXPECT_EQ(find_request(row->from, row->transition_id, ""), nullptr) << "nobody can request it";
+    EXPECT_EQ(find_request(row->from, 0, row->label), nullptr);
+  }
+}
+
 TEST(LifecycleTable, ARequestIsFoundByIdOrByLabel) {
   EXPECT_EQ(find_request(State::inactive, 3, "")->to, State::activating);
   EXPECT_EQ(find_request(State::inactive, 0, "activate")->to, State::activating);

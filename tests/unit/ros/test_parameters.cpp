@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "ros/parameters.hpp"
@@ -59,6 +61,70 @@ TEST(ParameterSet, SaysWhyAChangeIsRefused) {
   EXPECT_EQ(set.set_atomically({{"fixed", false}})[0], "parameter 'fixed' is read-only");
   EXPECT_EQ(set.set_atomically({{"none", false}})[0], "parameter 'none' has not been declared");
   EXPECT_EQ(set.set_atomically({{"a", std::int64_t{7}}})[0], "seven is taken");
+}
+
+TEST(ParameterSet, AStepAllowsItsMultiplesAndTheHighest) {
+  ParameterSet set;
+  set.declare("i", {std::int64_t{10}, ParameterRange{10, 25, 4}, ""});
+  set.declare("d", {0.0, ParameterRange{0, 1, 0.1}, ""});
+  set.declare("list", {std::vector<std::int64_t>{}, ParameterRange{0, 8, 2}, ""});
+  for (const std::int64_t fine : {10, 14, 18, 22, 25}) EXPECT_EQ(set.set_atomically({{"i", fine}})[0], "");
+  EXPECT_EQ(set.set_atomically({{"i", std::int64_t{24}}})[0],
+            "parameter 'i': 24 is not 10 and a multiple of 4");
+  for (const double fine : {0.1, 0.3, 0.7, 1.0}) EXPECT_EQ(set.set_atomically({{"d", fine}})[0], "");
+  EXPECT_NE(set.set_atomically({{"d", 0.35}})[0], "");
+  EXPECT_NE(set.set_atomically({{"d", std::nan("")}})[0], "");
+  EXPECT_EQ(set.set_atomically({{"list", std::vector<std::int64_t>{2, 8}}})[0], "");
+  EXPECT_NE(set.set_atomically({{"list", std::vector<std::int64_t>{2, 3}}})[0], "");
+  EXPECT_EQ(descriptor("i", *set.declaration("i")).integer_range.at(0).step, 4U);
+  EXPECT_EQ(descriptor("d", *set.declaration("d")).floating_point_range.at(0).step, 0.1);
+}
+
+TEST(ParameterSet, AChoiceAllowsOnlyItsTexts) {
+  ParameterSet set;
+  set.declare("mode", {std::string("safe"), std::nullopt, "", false, {"safe", "nominal"}});
+  EXPECT_EQ(set.set_atomically({{"mode", std::string("nominal")}})[0], "");
+  EXPECT_EQ(set.set_atomically({{"mode", std::string("fast")}})[0],
+            "parameter 'mode': 'fast' is not one of safe, nominal");
+  EXPECT_EQ(descriptor("mode", *set.declaration("mode")).additional_constraints, "one of: safe, nominal");
+}
+
+TEST(ParameterSet, ASetCheckSeesAllParametersAsTheyWouldBe) {
+  ParameterSet set;
+  set.declare("low", {std::int64_t{1}, std::nullopt, ""});
+  set.declare("high", {std::int64_t{5}, std::nullopt, ""});
+  set.set_set_check([](const ParameterSet::Proposal& p) -> Result<void, std::string> {
+    if (std::get<std::int64_t>(*p.find("low")) > std::get<std::int64_t>(*p.find("high")))
+      return Err(std::string("low is above high"));
+    return {};
+  });
+  EXPECT_EQ(set.set_atomically({{"low", std::int64_t{7}}})[0], "low is above high");
+  EXPECT_EQ(set.set_atomically({{"low", std::int64_t{7}}, {"high", std::int64_t{9}}})[0], "");
+  EXPECT_EQ(std::get<std::int64_t>(*set.find("low")), 7);
+}
+
+TEST(ParameterSet, TellsOnceOfAWholeSet) {
+  ParameterSet set;
+  set.declare("a", {std::int64_t{1}, std::nullopt, ""});
+  set.declare("b", {std::int64_t{1}, std::nullopt, ""});
+  std::vector<std::vector<std::string>> told;
+  set.set_applied([&](const std::vector<std::string>& names) { told.push_back(names); });
+  EXPECT_EQ(set.set_atomically({{"a", std::int64_t{2}}, {"b", std::int64_t{2}}})[0], "");
+  EXPECT_NE(set.set_atomically({{"a", std::string("x")}})[0], "");
+  EXPECT_EQ(told, (std::vector<std::vector<std::string>>{{"a", "b"}}));
+}
+
+TEST(ParameterSet, IsListedByPrefixAndDepthAsInRos2) {
+  ParameterSet set;
+  for (const char* name : {"a", "camera.gain", "camera.lens.focus", "camera2"})
+    set.declare(name, {true, std::nullopt, ""});
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(set.list({}, 0).names, (Names{"a", "camera.gain", "camera.lens.focus", "camera2"}));
+  EXPECT_EQ(set.list({}, 0).prefixes, (Names{"camera", "camera.lens"}));
+  EXPECT_EQ(set.list({}, 1).names, (Names{"a", "camera2"}));
+  EXPECT_EQ(set.list({"camera"}, 0).names, (Names{"camera.gain", "camera.lens.focus"}));
+  EXPECT_EQ(set.list({"camera"}, 1).names, (Names{"camera.gain"}));
+  EXPECT_EQ(set.list({"none"}, 0).names, Names{});
 }
 
 TEST(ParameterSet, TellsAfterAChangeHolds) {
