@@ -9,6 +9,8 @@
 #include "base/log.hpp"
 #include "base/octets.hpp"
 #include "base/result.hpp"
+#include "ros/action_client.hpp"
+#include "ros/action_server.hpp"
 #include "ros/client.hpp"
 #include "ros/deployment.hpp"
 #include "ros/executor.hpp"
@@ -152,6 +154,19 @@ class LifecycleNode {
                                                          Priority priority = Priority::normal) {
     return std::make_shared<Client<S>>(context_.executor, context_.participant, resolve(service), qos,
                                        priority);
+  }
+  /// @param action "~/x" is below the node's name, "/x" absolute
+  template <class A>
+  [[nodiscard]] std::shared_ptr<ActionServer<A>> create_action_server(
+      const std::string& action, ActionHandlers<A> handlers, const ActionServerOptions& options = {}) {
+    return std::make_shared<ActionServer<A>>(context_.executor, context_.participant, resolve(action),
+                                             std::move(handlers), options);
+  }
+  template <class A>
+  [[nodiscard]] std::shared_ptr<ActionClient<A>> create_action_client(const std::string& action,
+                                                                      Priority priority = Priority::normal) {
+    return std::make_shared<ActionClient<A>>(context_.executor, context_.participant, resolve(action),
+                                             priority);
   }
   /// Periodic; the first call comes one period from now. Dropping the handle cancels.
   /// @param timer_name in the executor's statistics
