@@ -114,6 +114,20 @@ void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
   std::rotate(positions_.begin(), found, found + 1);
 }
 
+bool ReaderEndpoint::admit(const SampleIdentity& identity) {
+  if (!guarded_) return true;
+  GuidPrefix prefix{};
+  std::copy_n(identity.writer_guid().guidPrefix.value, prefix.size(), prefix.begin());
+  if (!participant_->known_participants().is_foreign(prefix)) return true;
+  ++stats_.foreign;
+  last_foreign_ = prefix;
+  return !participant_->drops_foreign();
+}
+
+std::string ReaderEndpoint::last_foreign() const {
+  return last_foreign_ ? participant_->known_participants().describe(*last_foreign_) : std::string();
+}
+
 MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now) {
   const nanoseconds age = system_utc_now().since_epoch() - nanoseconds(info.reception_timestamp.to_ns());
   return now - std::clamp<nanoseconds>(age, nanoseconds(0), seconds(1));

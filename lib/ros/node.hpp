@@ -12,6 +12,7 @@
 #include "ros/client.hpp"
 #include "ros/deployment.hpp"
 #include "ros/executor.hpp"
+#include "ros/graph_publisher.hpp"
 #include "ros/instance.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/parameters.hpp"
@@ -101,7 +102,7 @@ class LifecycleNode {
     }
     auto made =
         std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic, std::move(handler));
-    inputs_.push_back({topic.name, made->reader(), 0});
+    inputs_.push_back({topic.name, made->reader()});
     return made;
   }
   /// @param name "~/x" is below the node's name, "/x" absolute
@@ -164,6 +165,13 @@ class LifecycleNode {
 
  private:
   struct Interfaces;
+  /// A subscription, to report what should not have come in.
+  struct Input {
+    std::string topic;
+    std::weak_ptr<const ReaderEndpoint> reader;
+    std::uint64_t reported = 0;
+    std::uint64_t foreign_reported = 0;
+  };
   [[nodiscard]] std::string resolve(const std::string& service) const;
   CallbackReturn run_callback(State transition_state);
   void enter(const LifecycleRow& row);
@@ -171,7 +179,10 @@ class LifecycleNode {
   void report_first_activation();
   void report_bad_input();
 
+  void report_bad_input(Input& input, const ReaderEndpoint& reader);
+
   NodeContext& context_;
+  GraphPublisher graph_;  // first to come, last to go: it tells of all endpoints
   ParameterSet parameters_;
   ParameterSet::Changed parameter_changed_;
   State state_ = State::unconfigured;
@@ -181,12 +192,6 @@ class LifecycleNode {
   std::uint64_t suppressed_events_ = 0;
   std::uint64_t suppressed_reported_ = 0;
   std::uint16_t last_suppressed_event_ = 0;
-  /// Subscriptions made so far, to report what they could not read.
-  struct Input {
-    std::string topic;
-    std::weak_ptr<const ReaderEndpoint> reader;
-    std::uint64_t reported = 0;
-  };
   std::vector<Input> inputs_;
   Timer input_check_;
   Timer start_report_;

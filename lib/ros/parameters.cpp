@@ -1,5 +1,6 @@
 #include "ros/parameters.hpp"
 
+#include <algorithm>
 #include <array>
 
 #include <fmt/format.h>
@@ -178,6 +179,32 @@ std::optional<ParameterValue> from_message(const Message& m) {
     default:
       return std::nullopt;
   }
+}
+
+rcl_interfaces::msg::ListParametersResult list_parameter_names(const std::vector<std::string>& names,
+                                                               const std::vector<std::string>& prefixes,
+                                                               std::uint64_t depth) {
+  const auto shallow = [depth](std::string_view below) {
+    return depth == 0 || static_cast<std::uint64_t>(std::count(below.begin(), below.end(), '.')) < depth;
+  };
+  const auto wanted = [&](const std::string& name) {
+    if (prefixes.empty()) return shallow(name);
+    return std::any_of(prefixes.begin(), prefixes.end(), [&](const std::string& prefix) {
+      return name == prefix ||
+             (name.starts_with(prefix + ".") && shallow(std::string_view(name).substr(prefix.size() + 1)));
+    });
+  };
+  rcl_interfaces::msg::ListParametersResult result;
+  for (const std::string& name : names) {
+    if (!wanted(name)) continue;
+    result.names.push_back(name);
+    const std::size_t last = name.rfind('.');
+    if (last == std::string::npos) continue;
+    const std::string prefix = name.substr(0, last);
+    if (std::find(result.prefixes.begin(), result.prefixes.end(), prefix) == result.prefixes.end())
+      result.prefixes.push_back(prefix);
+  }
+  return result;
 }
 
 rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,

@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include <rcl_interfaces/msg/list_parameters_result.hpp>
 #include <rcl_interfaces/msg/parameter_descriptor.hpp>
 #include <rcl_interfaces/msg/parameter_value.hpp>
 
@@ -81,6 +82,11 @@ class ParameterSet {
 [[nodiscard]] std::optional<ParameterValue> from_message(const rcl_interfaces::msg::ParameterValue& message);
 [[nodiscard]] rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,
                                                                   const ParameterDeclaration& declaration);
+/// Answers rcl_interfaces/srv/ListParameters as rclcpp does (NodeParameters::list_parameters): the names that
+/// equal a prefix or lie below it by at most @p depth levels separated by '.' (0: any number), and the
+/// prefixes they have.
+[[nodiscard]] rcl_interfaces::msg::ListParametersResult list_parameter_names(
+    const std::vector<std::string>& names, const std::vector<std::string>& prefixes, std::uint64_t depth);
 /// "integer", "double array"...
 [[nodiscard]] std::string type_text(const ParameterValue& value);
 

@@ -47,7 +47,7 @@ inline const Topic<m::TelecommandReport> telecommand_report{
 inline const Topic<m::Event> event{"/event", {.depth = 32}, Priority::normal};
 inline const Topic<m::SystemMode> mode{"/mode", {.depth = 1, .transient_local = true}, Priority::normal};
 inline const Topic<rcl_interfaces::msg::Log> rosout{
-    "/rosout", {.depth = 100, .transient_local = true}, Priority::bulk};
+    "/rosout", {.depth = 100, .transient_local = true, .lifespan = std::chrono::seconds(10)}, Priority::bulk};
 inline const Topic<rcl_interfaces::msg::ParameterEvent> parameter_events{
     "/parameter_events", {.depth = 100}, Priority::bulk};
 

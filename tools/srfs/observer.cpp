@@ -123,7 +123,7 @@ int record(const Target& target, seconds duration) {
   const Fd signals(signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
 
   ros::Executor executor;
-  auto participant = ros::Participant::create({*domain, target.deployment.interfaces});
+  auto participant = ros::Participant::create(participant_options(target.deployment, *domain));
   if (!participant) {
     std::fprintf(stderr, "srfs record: %s\n", participant.error().c_str());
     return 1;

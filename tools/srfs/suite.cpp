@@ -36,7 +36,7 @@ struct Bus {
   std::unique_ptr<ros::Participant> participant;
 
   explicit Bus(const ros::Deployment& deployment, int domain) {
-    auto made = ros::Participant::create({domain, deployment.interfaces});
+    auto made = ros::Participant::create(participant_options(deployment, domain));
     if (!made) throw std::runtime_error(made.error());
     participant = std::move(*made);
   }
@@ -180,6 +180,11 @@ void set_stopping_flag(const Target& target) {
 }
 
 }  // namespace
+
+ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain) {
+  return {domain, deployment.interfaces,
+          ros::SuiteIdentity{deployment.name, "srfs", static_cast<std::uint32_t>(getpid())}};
+}
 
 std::optional<int> running_domain(const Target& target) {
   const auto text = read_file(target.var.domain_file(), 64);

@@ -83,5 +83,24 @@ TEST(ParameterMessage, EveryTypeSurvivesTheRoundTrip) {
   EXPECT_FALSE(from_message({})) << "NOT_SET is no value";
 }
 
+TEST(ListParameters, FollowsPrefixesAndDepthAsRclcppDoes) {
+  using Names = std::vector<std::string>;
+  const Names all{"camera.gain", "camera.lens.focus", "camera.lens.ring.step", "cameras", "period"};
+  EXPECT_EQ(list_parameter_names(all, {}, 0).names, all);
+  EXPECT_EQ(list_parameter_names(all, {}, 1).names, (Names{"cameras", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {}, 2).names, (Names{"camera.gain", "cameras", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {"camera"}, 0).names,
+            (Names{"camera.gain", "camera.lens.focus", "camera.lens.ring.step"}));
+  EXPECT_EQ(list_parameter_names(all, {"camera"}, 1).names, Names{"camera.gain"});
+  EXPECT_EQ(list_parameter_names(all, {"camera.lens", "period"}, 1).names,
+            (Names{"camera.lens.focus", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {"nothing"}, 0).names, Names{});
+}
+
+TEST(ListParameters, NamesEveryPrefixOnce) {
+  const auto result = list_parameter_names({"a.b.c", "a.b.d", "a.e", "f"}, {}, 0);
+  EXPECT_EQ(result.prefixes, (std::vector<std::string>{"a.b", "a"}));
+}
+
 }  // namespace
 }  // namespace srfs::ros
