@@ -110,7 +110,9 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   if (dds.text("domain", "auto") != "auto") d.domain = static_cast<int>(dds.integer("domain", 0, 101));
   d.interfaces = dds.texts("interfaces");
   if (d.interfaces.empty()) d.interfaces = {"127.0.0.1"};
-  d.ros_graph = dds.choice("ros_graph", {"humble", "iron"}, "humble");
+  const std::string graph = dds.choice("ros_graph", {"humble", "iron", "off"}, "humble");
+  d.ros_graph = graph == "humble" ? RosGraph::humble : graph == "iron" ? RosGraph::iron : RosGraph::off;
+  d.drop_foreign = dds.choice("foreign", {"report", "drop"}, "report") == "drop";
   dds.finish();
   const ConfigSection devices = root.section("devices");
   for (const std::string& key : devices.keys()) d.devices[key] = devices.text(key);

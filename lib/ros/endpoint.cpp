@@ -146,6 +146,20 @@ void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
   std::rotate(positions_.begin(), found, found + 1);
 }
 
+bool ReaderEndpoint::admit(const SampleIdentity& identity) {
+  if (!guarded_) return true;
+  GuidPrefix prefix{};
+  std::copy_n(identity.writer_guid().guidPrefix.value, prefix.size(), prefix.begin());
+  if (!participant_->known_participants().is_foreign(prefix)) return true;
+  ++stats_.foreign;
+  last_foreign_ = prefix;
+  return !participant_->drops_foreign();
+}
+
+std::string ReaderEndpoint::last_foreign() const {
+  return last_foreign_ ? participant_->known_participants().describe(*last_foreign_) : std::string();
+}
+
 std::string topic_dds_name(const std::string& ros_name) {
   return "rt" + ros_name;
 }

@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <unordered_map>
@@ -29,6 +30,8 @@ struct InputStats {
   std::uint64_t malformed = 0;  ///< octets that were no such message; dropped
   std::uint64_t lost =
       0;  ///< gaps in writers' sequence numbers: overwritten before they were taken, or never arrived
+  std::uint64_t foreign =
+      0;  ///< from participants outside the suite, on a guarded reader; part of the others
 };
 
 /// What a callback may know of the sample beside its content.
@@ -89,6 +92,11 @@ class ReaderEndpoint : public Source,
   [[nodiscard]] std::set<GUID_t> matched_writers() const;
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
   void on_match_change(std::function<void()> callback);
+  /// From now on samples of participants outside the suite are counted, and dropped where the participant's
+  /// options say so.
+  void guard() { guarded_ = true; }
+  /// The foreign participant that was heard last, for people; empty: none so far.
+  [[nodiscard]] std::string last_foreign() const;
 
   void on_data_available(dds::DataReader*) override;
   void on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) override;
@@ -97,6 +105,8 @@ class ReaderEndpoint : public Source,
   void open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos);
   /// Counts the sample's gap to the one before from the same writer.
   void count_gap(const SampleIdentity& identity);
+  /// @return false when the sample is foreign and to be dropped
+  [[nodiscard]] bool admit(const SampleIdentity& identity);
 
   Executor& executor_;
   Priority priority_;
@@ -105,6 +115,8 @@ class ReaderEndpoint : public Source,
   Participant* participant_ = nullptr;
 
  private:
+  bool guarded_ = false;
+  std::optional<GuidPrefix> last_foreign_;
   mutable std::mutex mutex_;
   std::set<GUID_t> writers_;
   std::function<void()> match_change_;
@@ -135,6 +147,7 @@ class TypedReader final : public ReaderEndpoint {
     if (reader_->take_next_sample(&sample_, &info) != ReturnCode_t::RETCODE_OK) return false;
     if (!info.valid_data) return true;
     count_gap(info.sample_identity);
+    if (!admit(info.sample_identity)) return true;
     if (!sample_.well_formed) {
       ++stats_.malformed;
       return true;

@@ -14,6 +14,7 @@
 #include "ros/client.hpp"
 #include "ros/deployment.hpp"
 #include "ros/executor.hpp"
+#include "ros/graph_publisher.hpp"
 #include "ros/instance.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/parameters.hpp"
@@ -130,7 +131,7 @@ class LifecycleNode {
     }
     auto made =
         std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic, std::move(handler));
-    inputs_.push_back({topic.name, made->reader(), 0});
+    inputs_.push_back({topic.name, made->reader()});
     return made;
   }
   /// @param name "~/x" is below the node's name, "/x" absolute
@@ -247,7 +248,10 @@ class LifecycleNode {
   void report_first_activation();
   void report_bad_input();
 
+  void report_bad_input(Input& input, const ReaderEndpoint& reader);
+
   NodeContext& context_;
+  GraphPublisher graph_;  // first to come, last to go: it tells of all endpoints
   ParameterSet parameters_;
   ParameterSet::Changed parameter_changed_;
   State state_ = State::unconfigured;
@@ -262,12 +266,6 @@ class LifecycleNode {
   std::uint64_t suppressed_events_ = 0;
   std::uint64_t suppressed_reported_ = 0;
   std::uint16_t last_suppressed_event_ = 0;
-  /// Subscriptions made so far, to report what they could not read.
-  struct Input {
-    std::string topic;
-    std::weak_ptr<const ReaderEndpoint> reader;
-    std::uint64_t reported = 0;
-  };
   std::vector<Input> inputs_;
   Timer input_check_;
   Timer start_report_;

@@ -42,7 +42,9 @@ class Publisher {
   WriterEndpoint writer_;
 };
 
-/// Receives messages of type M; dropping it ends the subscription.
+/// Receives messages of type M; dropping it ends the subscription. Topics are the suite's own business:
+/// what others publish there is counted, or dropped (ParticipantOptions::drop_foreign). Services are open to
+/// everybody in the domain.
 template <class M>
 class Subscription {
  public:
@@ -51,7 +53,9 @@ class Subscription {
   Subscription(Executor& executor, Participant& participant, const Topic<M>& topic, Callback callback)
       : name_(topic.name),
         reader_(TypedReader<M>::create(executor, participant, topic_dds_name(topic.name), topic.qos,
-                                       topic.priority, std::move(callback))) {}
+                                       topic.priority, std::move(callback))) {
+    reader_->guard();
+  }
 
   ~Subscription() { reader_->close(); }
   Subscription(const Subscription&) = delete;

@@ -158,7 +158,9 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
   // Few threads, small heaps: one arena instead of one per thread saves about 1 MB a node.
   mallopt(M_ARENA_MAX, 1);
   Executor executor;
-  auto participant = Participant::create({*domain, deployment.interfaces, &executor});
+  auto participant = Participant::create({*domain, deployment.interfaces, &executor,
+                                          SuiteIdentity{deployment.name, arguments.name, incarnation.number},
+                                          deployment.drop_foreign});
   if (!participant) {
     log::error("{}", participant.error());
     return code(ExitCode::middleware);

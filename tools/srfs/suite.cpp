@@ -36,7 +36,7 @@ struct Bus {
   std::unique_ptr<ros::Participant> participant;
 
   explicit Bus(const ros::Deployment& deployment, int domain) {
-    auto made = ros::Participant::create({domain, deployment.interfaces, &executor});
+    auto made = ros::Participant::create(participant_options(deployment, domain, executor));
     if (!made) throw std::runtime_error(made.error());
     participant = std::move(*made);
   }
@@ -185,6 +185,12 @@ void set_stopping_flag(const Target& target) {
 }
 
 }  // namespace
+
+ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
+                                            ros::Executor& executor) {
+  return {domain, deployment.interfaces, &executor,
+          ros::SuiteIdentity{deployment.name, "srfs", static_cast<std::uint32_t>(getpid())}};
+}
 
 std::optional<int> running_domain(const Target& target) {
   const auto text = read_file(target.var.domain_file(), 64);

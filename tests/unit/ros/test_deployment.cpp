@@ -65,6 +65,18 @@ TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
             std::string::npos);
 }
 
+TEST_F(DeploymentTest, TheGraphsDialectAndTheRuleForForeignersAreTheDeployments) {
+  const auto load = [&](const std::string& dds) {
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + "dds: " + dds + "\n"));
+    return Deployment::load(folder_ / "d.yaml");
+  };
+  EXPECT_EQ(load("{}").ros_graph, RosGraph::humble);
+  EXPECT_FALSE(load("{}").drop_foreign);
+  EXPECT_EQ(load("{ros_graph: iron}").ros_graph, RosGraph::iron);
+  EXPECT_EQ(load("{ros_graph: off}").ros_graph, RosGraph::off) << "a word of YAML 1.1 for false";
+  EXPECT_TRUE(load("{foreign: drop}").drop_foreign);
+}
+
 TEST_F(DeploymentTest, IncarnationsOnlyGoUpAlsoFromADamagedFile) {
   const VarPaths var{folder_};
   EXPECT_EQ(next_incarnation(var, "timing").number, 1U);
