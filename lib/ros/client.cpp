@@ -34,8 +34,9 @@ std::optional<std::uint64_t> CallTable::add(Attempt attempt, nanoseconds deadlin
 void CallTable::begin(std::uint64_t call) {
   const auto found = calls_.find(call);
   if (found == calls_.end()) return;
-  found->second.timer = executor_.add_timer(monotonic_now() + found->second.deadline, nanoseconds(0),
-                                            [this, call] { on_deadline(call); });
+  found->second.timer = executor_.add_timer(
+      monotonic_now() + found->second.deadline, nanoseconds(0), [this, call] { on_deadline(call); },
+      "call deadline");
   if (server_ready_()) send(call, found->second);
 }
 
@@ -49,8 +50,8 @@ void CallTable::send(std::uint64_t id, Call& call) {
   call.sent = true;
   --call.attempts_left;
   call.sequences.push_back(*sequence);
-  call.timer =
-      executor_.add_timer(monotonic_now() + call.deadline, nanoseconds(0), [this, id] { on_deadline(id); });
+  call.timer = executor_.add_timer(
+      monotonic_now() + call.deadline, nanoseconds(0), [this, id] { on_deadline(id); }, "call deadline");
 }
 
 void CallTable::on_deadline(std::uint64_t id) {

@@ -26,6 +26,7 @@ struct NodeEntry {
   Scheduling scheduling;
   std::int64_t memory_limit_mib = 0;  ///< private memory (RLIMIT_DATA); 0: none
   int oom_score_adj = 0;
+  std::string user;  ///< whom the process belongs to; empty: as its starter
   ConfigSection parameters;
 };
 
@@ -58,13 +59,17 @@ struct LinkSettings {
   std::vector<TelecommandChannel> channels;
 };
 
+/// Layout of the ROS graph messages (lib/ros/graph.hpp): they differ between ROS 2 releases.
+enum class RosGraph : std::uint8_t { off, humble, iron };
+
 /// One deployment file (launch_config/NAME.yaml), read strictly.
 struct Deployment {
   std::filesystem::path file;
   std::string name;
   std::optional<int> domain;  ///< nullopt: auto
   std::vector<std::string> interfaces;
-  std::string ros_graph;  ///< "humble" or "iron"
+  RosGraph ros_graph = RosGraph::humble;
+  bool drop_foreign = false;  ///< drop what participants outside the suite publish on flight topics
   std::map<std::string, std::string> devices;
   LinkSettings link;
   std::vector<Slot> slots;

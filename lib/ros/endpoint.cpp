@@ -5,6 +5,21 @@
 #include <utility>
 
 namespace srfs::ros {
+namespace {
+
+/// What the statistics call a reader: "rt/x" the topic /x, "rq/xRequest" and "rr/xReply" the service /x.
+std::pair<CallbackKind, std::string_view> callback_name(std::string_view dds_topic) {
+  constexpr std::string_view request = "Request";
+  constexpr std::string_view reply = "Reply";
+  const std::string_view name = dds_topic.substr(std::min<std::size_t>(dds_topic.find('/'), 2));
+  if (dds_topic.starts_with("rq/") && name.ends_with(request))
+    return {CallbackKind::service, name.substr(0, name.size() - request.size())};
+  if (dds_topic.starts_with("rr/") && name.ends_with(reply))
+    return {CallbackKind::client, name.substr(0, name.size() - reply.size())};
+  return {CallbackKind::subscription, dds_topic.starts_with("rt/") ? name : dds_topic};
+}
+
+}  // namespace
 
 WriterEndpoint::WriterEndpoint(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
                                const Qos& qos)
@@ -73,6 +88,8 @@ void ReaderEndpoint::close() {
 void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
                           const Qos& qos) {
   participant_ = &participant;
+  const auto [kind, name] = callback_name(dds_topic);
+  executor_.name_source(shared_from_this(), kind, name);
   reader_ = participant.create_reader(dds_topic, std::move(type), qos, this);
   if (reader_ == nullptr) throw std::runtime_error("DDS refused a reader for " + dds_topic);
 }
@@ -82,16 +99,31 @@ void ReaderEndpoint::on_data_available(dds::DataReader*) {
   if (const auto self = weak_from_this().lock()) executor_.notify(self, priority_);
 }
 
+std::size_t ReaderEndpoint::matched_count() const {
+  const std::lock_guard lock(mutex_);
+  return writers_.size();
+}
+
+std::set<GUID_t> ReaderEndpoint::matched_writers() const {
+  const std::lock_guard lock(mutex_);
+  return writers_;
+}
+
 void ReaderEndpoint::on_match_change(std::function<void()> callback) {
   const std::lock_guard lock(mutex_);
   match_change_ = std::move(callback);
 }
 
 void ReaderEndpoint::on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) {
-  matched_ = static_cast<std::size_t>(std::max(status.current_count, 0));
   std::function<void()> callback;
   {
     const std::lock_guard lock(mutex_);
+    const auto writer = static_cast<GUID_t>(status.last_publication_handle);
+    if (status.current_count_change > 0) {
+      writers_.insert(writer);
+    } else {
+      writers_.erase(writer);
+    }
     callback = match_change_;
   }
   if (callback) callback();
@@ -114,9 +146,18 @@ void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
   std::rotate(positions_.begin(), found, found + 1);
 }
 
-MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now) {
-  const nanoseconds age = system_utc_now().since_epoch() - nanoseconds(info.reception_timestamp.to_ns());
-  return now - std::clamp<nanoseconds>(age, nanoseconds(0), seconds(1));
+bool ReaderEndpoint::admit(const SampleIdentity& identity) {
+  if (!guarded_) return true;
+  GuidPrefix prefix{};
+  std::copy_n(identity.writer_guid().guidPrefix.value, prefix.size(), prefix.begin());
+  if (!participant_->known_participants().is_foreign(prefix)) return true;
+  ++stats_.foreign;
+  last_foreign_ = prefix;
+  return !participant_->drops_foreign();
+}
+
+std::string ReaderEndpoint::last_foreign() const {
+  return last_foreign_ ? participant_->known_participants().describe(*last_foreign_) : std::string();
 }
 
 std::string topic_dds_name(const std::string& ros_name) {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <stdexcept>
+#include <type_traits>
+#include <utility>
 
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
@@ -16,6 +18,7 @@ struct Executor::Timer : Registration {
   MonotonicTime due;
   nanoseconds period{0};
   TimerCallback callback;
+  CallbackRecord* record = nullptr;
   bool cancelled = false;
 
   void cancel() override { cancelled = true; }
@@ -25,6 +28,7 @@ struct Executor::Watch : Registration {
   Executor* executor = nullptr;
   int fd = -1;
   FdCallback callback;
+  CallbackRecord* record = nullptr;
   bool cancelled = false;
 
   void cancel() override {
@@ -38,6 +42,9 @@ struct Executor::Watch : Registration {
 namespace {
 
 constexpr std::size_t most_posts = 1024;
+
+// The executor whose loop this thread is in: what it notifies itself is seen without being woken.
+thread_local const Executor* in_loop_of = nullptr;
 
 // What the owner holds: forgetting it cancels, while the executor still keeps the object alive through its
 // callback.
@@ -65,21 +72,68 @@ Executor::Executor()
 
 Executor::~Executor() = default;
 
-Executor::Handle Executor::add_timer(MonotonicTime first, nanoseconds period, TimerCallback callback) {
+/// Runs a callback whose beginning is now_, counts it unless it says that it had nothing to do, and catches
+/// what it throws. @return whether it was counted
+template <class Callback>
+bool Executor::run(CallbackRecord& record, Callback&& callback) {
+  const MonotonicTime begun = now_;
+  bool worked = true;
+  try {
+    if constexpr (std::is_same_v<decltype(callback()), bool>) {
+      worked = callback();
+    } else {
+      callback();
+    }
+  } catch (const std::exception& e) {
+    ++record.failed;
+    if (!failure_) throw;
+    report_failure(record, e.what());
+  } catch (...) {
+    ++record.failed;
+    if (!failure_) throw;
+    report_failure(record, "not a std::exception");
+  }
+  now_ = monotonic_now();
+  if (!worked) return false;
+  const nanoseconds took = now_ - begun;
+  if (statistics_.add(record, took, now_) && over_budget_) over_budget_(record, took);
+  return true;
+}
+
+void Executor::report_failure(const CallbackRecord& record, const std::string& what) {
+  failure_(record, what);
+}
+
+void Executor::name_source(const std::shared_ptr<Source>& source, CallbackKind kind, std::string_view name) {
+  source->record_ = &statistics_.record(kind, name);
+  std::erase_if(sources_, [](const std::weak_ptr<Source>& s) { return s.expired(); });
+  sources_.push_back(source);
+}
+
+void Executor::for_each_source(const std::function<void(const CallbackRecord&, const Source&)>& visit) const {
+  for (const auto& weak : sources_) {
+    if (const auto source = weak.lock()) visit(*source->record_, *source);
+  }
+}
+
+Executor::Handle Executor::add_timer(MonotonicTime first, nanoseconds period, TimerCallback callback,
+                                     std::string_view name) {
   auto timer = std::make_shared<Timer>();
   timer->executor = this;
   timer->due = first;
   timer->period = period;
   timer->callback = std::move(callback);
+  timer->record = &statistics_.record(CallbackKind::timer, name);
   timers_.emplace(first, timer);
   return owner_handle(std::move(timer));
 }
 
-Executor::Handle Executor::add_fd(int fd, std::uint32_t events, FdCallback callback) {
+Executor::Handle Executor::add_fd(int fd, std::uint32_t events, FdCallback callback, std::string_view name) {
   auto watch = std::make_shared<Watch>();
   watch->executor = this;
   watch->fd = fd;
   watch->callback = std::move(callback);
+  watch->record = &statistics_.record(CallbackKind::descriptor, name);
   epoll_event event{};
   event.events = events;
   event.data.fd = fd;
@@ -98,21 +152,21 @@ void Executor::notify(const std::shared_ptr<Source>& source, Priority priority) 
   wake();
 }
 
-bool Executor::post(std::function<void()> callback) {
+bool Executor::post(std::function<void()> callback, CallbackRecord* record) {
   {
     const std::lock_guard lock(mutex_);
     if (posts_.size() >= most_posts) {
       ++refused_posts_;
       return false;
     }
-    posts_.push_back(std::move(callback));
+    posts_.push_back({std::move(callback), record});
   }
   wake();
   return true;
 }
 
 void Executor::wake() {
-  if (wake_pending_.exchange(true)) return;
+  if (in_loop_of == this || wake_pending_.exchange(true)) return;
   const std::uint64_t one = 1;
   [[maybe_unused]] const ssize_t ignored = write(wake_.get(), &one, sizeof one);
 }
@@ -146,16 +200,18 @@ void Executor::take_incoming() {
 }
 
 bool Executor::run_posts() {
-  std::deque<std::function<void()>> due;
+  std::deque<Post> due;
   {
     const std::lock_guard lock(mutex_);
     due.swap(posts_);
   }
-  for (const auto& callback : due) {
-    now_ = monotonic_now();
-    callback();
+  if (due.empty()) return false;
+  now_ = monotonic_now();
+  for (const Post& post : due) {
+    run(post.record != nullptr ? *post.record : statistics_.record(CallbackKind::posted, "posted"),
+        post.callback);
   }
-  return !due.empty();
+  return true;
 }
 
 bool Executor::run_due_timers() {
@@ -169,12 +225,12 @@ bool Executor::run_due_timers() {
       // The next deadline lies on the timer's own grid, whatever this wake-up was late by.
       const std::int64_t missed = (now_ - timer->due) / timer->period;
       missed_timer_periods_ += static_cast<std::uint64_t>(missed);
+      timer->record->missed_periods += static_cast<std::uint64_t>(missed);
       timer->due += timer->period * (missed + 1);
       timers_.emplace(timer->due, timer);
     }
-    timer->callback();
+    run(*timer->record, timer->callback);
     ran = true;
-    now_ = monotonic_now();
   }
   return ran;
 }
@@ -187,7 +243,9 @@ bool Executor::run_one_source() {
       if (!source) continue;
       now_ = monotonic_now();
       source->queued_ = false;  // before taking: input that comes now queues it again
-      if (source->dispatch_one(now_) && !source->queued_.exchange(true)) queue.push_back(source);
+      if (source->record_ == nullptr) source->record_ = &statistics_.record(CallbackKind::other, "source");
+      const bool more = run(*source->record_, [&] { return source->dispatch_one(now_); });
+      if (more && !source->queued_.exchange(true)) queue.push_back(source);
       return true;
     }
   }
@@ -211,6 +269,11 @@ void Executor::arm_timer_fd() {
 
 bool Executor::spin_once(nanoseconds longest) {
   if (stopped_) return false;
+  struct InLoop {
+    const Executor* before;
+    explicit InLoop(const Executor* executor) : before(std::exchange(in_loop_of, executor)) {}
+    ~InLoop() { in_loop_of = before; }
+  } const in_loop(this);
   bool busy = run_due_timers();
   take_incoming();
   busy = run_posts() || busy;
@@ -235,7 +298,7 @@ bool Executor::spin_once(nanoseconds longest) {
     } else if (const auto found = watches_.find(event.data.fd); found != watches_.end()) {
       if (const auto watch = found->second.lock()) {
         now_ = monotonic_now();
-        watch->callback(event.events);
+        run(*watch->record, [&] { watch->callback(event.events); });
       }
     }
   }

@@ -9,9 +9,13 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "base/fd.hpp"
 #include "base/time.hpp"
+#include "ros/callback_statistics.hpp"
 #include "ros/topics.hpp"
 
 namespace srfs::ros {
@@ -24,18 +28,19 @@ class Source {
   Source(const Source&) = delete;
   Source& operator=(const Source&) = delete;
   virtual ~Source() = default;
-  /// Handles one item. On the work thread. @return true when more may be waiting
+  /// Handles one item. On the work thread. @return true when one was handled (more may be waiting)
   virtual bool dispatch_one(MonotonicTime now) = 0;
 
  private:
   friend class Executor;
   std::atomic<bool> queued_{false};
+  CallbackRecord* record_ = nullptr;  ///< the executor's; nullptr: not counted by name
 };
 
 /// One work thread on an epoll loop: DDS input, timers, descriptors and signals all arrive here, so callbacks
 /// never run at the same time and need no locks. Among ready sources the highest priority goes first, one
 /// item at a time, so a burst of bulk never delays the tick by more than one callback. Due timers run before
-/// sources.
+/// sources. Every callback is counted with its run time; one that throws is caught here.
 class Executor {
  public:
   Executor();
@@ -55,16 +60,22 @@ class Executor {
   using Handle = std::shared_ptr<Registration>;
 
   /// @param period zero: once. A periodic timer that missed deadlines skips them (counted) instead of
-  /// bursting.
-  [[nodiscard]] Handle add_timer(MonotonicTime first, nanoseconds period, TimerCallback callback);
+  /// bursting. @param name in the statistics
+  [[nodiscard]] Handle add_timer(MonotonicTime first, nanoseconds period, TimerCallback callback,
+                                 std::string_view name = "timer");
   /// @param events EPOLLIN, EPOLLOUT...; level-triggered
-  [[nodiscard]] Handle add_fd(int fd, std::uint32_t events, FdCallback callback);
+  [[nodiscard]] Handle add_fd(int fd, std::uint32_t events, FdCallback callback,
+                              std::string_view name = "descriptor");
+  /// Gives a source its name in the statistics. On the work thread.
+  void name_source(const std::shared_ptr<Source>& source, CallbackKind kind, std::string_view name);
+  /// Calls @p visit(record, source) for every named source that lives. On the work thread.
+  void for_each_source(const std::function<void(const CallbackRecord&, const Source&)>& visit) const;
 
   /// Marks the source as having input. Any thread; never blocks on the work thread.
   void notify(const std::shared_ptr<Source>& source, Priority priority);
   /// Runs the callback on the work thread, soon. Any thread. @return false when 1024 are waiting already
-  /// (counted)
-  bool post(std::function<void()> callback);
+  /// (counted). @param record what its run time is counted under; nullptr: "posted"
+  bool post(std::function<void()> callback, CallbackRecord* record = nullptr);
 
   /// Runs until stop().
   void spin();
@@ -79,6 +90,16 @@ class Executor {
   [[nodiscard]] MonotonicTime now() const { return now_; }
   [[nodiscard]] std::uint64_t missed_timer_periods() const { return missed_timer_periods_; }
   [[nodiscard]] std::uint64_t refused_posts() const { return refused_posts_; }
+  /// On the work thread only.
+  [[nodiscard]] CallbackStatistics& statistics() { return statistics_; }
+  /// Called when a callback was over its budget, at most every 10 s for each.
+  void on_over_budget(std::function<void(const CallbackRecord&, nanoseconds took)> callback) {
+    over_budget_ = std::move(callback);
+  }
+  /// Called when a callback ended with an exception. Without one it goes on to the caller of spin.
+  void on_failure(std::function<void(const CallbackRecord&, const std::string& what)> callback) {
+    failure_ = std::move(callback);
+  }
 
  private:
   struct Timer;
@@ -88,6 +109,14 @@ class Executor {
     Priority priority;
   };
 
+  struct Post {
+    std::function<void()> callback;
+    CallbackRecord* record;
+  };
+
+  template <class Callback>
+  bool run(CallbackRecord& record, Callback&& callback);
+  void report_failure(const CallbackRecord& record, const std::string& what);
   void arm_timer_fd();
   bool run_due_timers();
   bool run_one_source();
@@ -106,11 +135,15 @@ class Executor {
 
   std::mutex mutex_;  // guards the two below
   std::deque<Ready> incoming_;
-  std::deque<std::function<void()>> posts_;
+  std::deque<Post> posts_;
   std::atomic<bool> wake_pending_{false};
   std::atomic<bool> stopped_{false};
   std::atomic<std::uint64_t> refused_posts_{0};
   std::uint64_t missed_timer_periods_ = 0;
+  CallbackStatistics statistics_;
+  std::vector<std::weak_ptr<Source>> sources_;  // named ones
+  std::function<void(const CallbackRecord&, nanoseconds)> over_budget_;
+  std::function<void(const CallbackRecord&, const std::string&)> failure_;
 };
 
 using Timer = Executor::Handle;

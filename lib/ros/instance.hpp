@@ -28,6 +28,8 @@ struct VarPaths {
   }
   /// Exists while the suite is being stopped: nobody may start a node then.
   [[nodiscard]] std::filesystem::path stopping_flag() const { return run() / "stopping"; }
+  /// Environment variables of test tools that every node of the suite gets (environment_for_nodes).
+  [[nodiscard]] std::filesystem::path environment_file() const { return run() / "environment"; }
   [[nodiscard]] std::filesystem::path domain_file() const { return run() / "dds_domain"; }
 };
 

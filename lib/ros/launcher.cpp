@@ -1,23 +1,30 @@
 #include "ros/launcher.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <optional>
+#include <string_view>
 #include <vector>
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <grp.h>
 #include <linux/close_range.h>
+#include <pwd.h>
 #include <sched.h>
 #include <sys/file.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/file.hpp"
 #include "base/time.hpp"
 
 namespace srfs::ros {
@@ -25,8 +32,19 @@ namespace {
 
 constexpr off_t largest_log = 4 << 20;
 constexpr rlim_t open_files = 1024;
+constexpr rlim_t most_open_files = 4096;
+constexpr rlim_t stack_octets = 8U << 20;
+constexpr rlim_t locked_octets = 64U << 20;
+constexpr unsigned long timer_slack_ns = 50'000;  // the kernel's own default
 constexpr rlim_t rt_time_us =
     500'000;  // a real-time node that never sleeps is stopped by the kernel, not by luck
+
+/// Whom a process shall belong to.
+struct Owner {
+  uid_t uid;
+  gid_t gid;
+  std::vector<gid_t> groups;
+};
 
 /// What the child needs, made before fork: between fork and exec nothing may allocate.
 struct Preparation {
@@ -36,6 +54,7 @@ struct Preparation {
   std::vector<std::string> environment;
   std::vector<char*> envp;
   std::string oom_score_adj;
+  std::optional<Owner> owner;
   Fd log;
   Fd null;
 };
@@ -46,14 +65,44 @@ struct Failure {
   char step[24];
 };
 
-std::vector<std::string> absolute_environment() {
+/// Test tools only: sanitizer settings and the place of the mission dictionary of a build tree.
+constexpr std::array passed_on{"ASAN_OPTIONS", "UBSAN_OPTIONS",    "TSAN_OPTIONS",
+                               "LSAN_OPTIONS", "SRFS_MISSION_DIR", "LD_LIBRARY_PATH"};
+
+bool is_passed_on(std::string_view line) {
+  return std::any_of(passed_on.begin(), passed_on.end(), [&](const char* name) {
+    return line.starts_with(name) && line.substr(std::strlen(name)).starts_with('=');
+  });
+}
+
+std::vector<std::string> absolute_environment(const VarPaths& var) {
   std::vector<std::string> env{"PATH=/usr/local/bin:/usr/bin:/bin", "LANG=C.UTF-8", "TZ=UTC", "HOME=/"};
-  // Test tools only: sanitizer settings and the place of the mission dictionary of a build tree.
-  for (const char* name : {"ASAN_OPTIONS", "UBSAN_OPTIONS", "TSAN_OPTIONS", "LSAN_OPTIONS",
-                           "SRFS_MISSION_DIR", "LD_LIBRARY_PATH"}) {
-    if (const char* value = std::getenv(name)) env.push_back(fmt::format("{}={}", name, value));
+  constexpr std::size_t largest = 16384;
+  const std::string lines = read_file(var.environment_file(), largest).value_or(environment_for_nodes());
+  for (std::size_t at = 0; at < lines.size();) {
+    const std::size_t end = std::min(lines.find('\n', at), lines.size());
+    const std::string line = lines.substr(at, end - at);
+    if (is_passed_on(line)) env.push_back(line);
+    at = end + 1;
   }
   return env;
+}
+
+/// Whom the node's process belongs to; nullopt: as this process.
+Result<std::optional<Owner>, std::string> owner_of(const NodeEntry& node) {
+  if (node.user.empty()) return std::optional<Owner>();
+  const passwd* entry = getpwnam(node.user.c_str());
+  if (entry == nullptr) return Err(fmt::format("there is no user '{}'", node.user));
+  if (geteuid() != 0) {
+    if (entry->pw_uid == geteuid()) return std::optional<Owner>();
+    return Err(fmt::format("only root can start a node as user '{}'", node.user));
+  }
+  Owner owner{entry->pw_uid, entry->pw_gid, std::vector<gid_t>(64)};
+  int count = static_cast<int>(owner.groups.size());
+  if (getgrouplist(node.user.c_str(), owner.gid, owner.groups.data(), &count) < 0)
+    return Err(fmt::format("user '{}' is in more than {} groups", node.user, owner.groups.size()));
+  owner.groups.resize(static_cast<std::size_t>(count));
+  return std::optional(owner);
 }
 
 Result<Preparation, std::string> prepare(const LaunchRequest& request, const NodeEntry& node) {
@@ -69,7 +118,10 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
                  request.deployment.file.string(),
                  "--var",
                  std::filesystem::absolute(request.var.root).string()};
-  p.environment = absolute_environment();
+  p.environment = absolute_environment(request.var);
+  auto owner = owner_of(node);
+  if (!owner) return Err(owner.error());
+  p.owner = std::move(*owner);
   for (auto& a : p.arguments) p.argv.push_back(a.data());
   for (auto& e : p.environment) p.envp.push_back(e.data());
   p.argv.push_back(nullptr);
@@ -91,12 +143,30 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
 
 // From here to exec only async-signal-safe calls.
 
-void limit(__rlimit_resource resource, rlim_t value) {
+/// The hard limit is opened as far as the system permits: a node that starts another must not bind it.
+void limit(__rlimit_resource resource, rlim_t soft, rlim_t hard = RLIM_INFINITY) {
+  const rlimit open{soft, hard};
+  if (setrlimit(resource, &open) == 0) return;
   rlimit now{};
   getrlimit(resource, &now);
-  const rlim_t cap = now.rlim_max == RLIM_INFINITY ? value : std::min(value, now.rlim_max);
-  const rlimit wanted{cap, cap};
+  const rlimit wanted{std::min(soft, now.rlim_max), now.rlim_max};
   setrlimit(resource, &wanted);
+}
+
+void set_limits(const NodeEntry& node) {
+  for (const auto resource : {RLIMIT_AS, RLIMIT_CPU, RLIMIT_FSIZE, RLIMIT_LOCKS, RLIMIT_NPROC, RLIMIT_RSS})
+    limit(resource, RLIM_INFINITY);
+  limit(RLIMIT_CORE, 0);
+  limit(RLIMIT_DATA,
+        node.memory_limit_mib > 0 ? static_cast<rlim_t>(node.memory_limit_mib) << 20 : RLIM_INFINITY);
+  limit(RLIMIT_MEMLOCK, locked_octets);
+  limit(RLIMIT_MSGQUEUE, 819200);
+  limit(RLIMIT_NICE, 40, 40);
+  limit(RLIMIT_NOFILE, open_files, most_open_files);
+  limit(RLIMIT_RTPRIO, 99, 99);
+  limit(RLIMIT_RTTIME, node.scheduling.policy == SchedulingPolicy::fifo ? rt_time_us : RLIM_INFINITY);
+  limit(RLIMIT_SIGPENDING, 4096);
+  limit(RLIMIT_STACK, stack_octets);
 }
 
 // Missing permission for any of these leaves the node running normally; it says so once itself.
@@ -113,8 +183,18 @@ void set_scheduling(const Scheduling& s) {
   sched_param parameter{};
   parameter.sched_priority = s.priority;
   static constexpr std::array policies{SCHED_OTHER, SCHED_FIFO, SCHED_BATCH, SCHED_IDLE};
-  if (s.policy == SchedulingPolicy::fifo) limit(RLIMIT_RTTIME, rt_time_us);
   sched_setscheduler(0, policies[static_cast<std::size_t>(s.policy)], &parameter);
+  constexpr int this_process = 1;  // IOPRIO_WHO_PROCESS; the C library has no name for it
+  constexpr int by_niceness = 0;   // IOPRIO_CLASS_NONE
+  syscall(SYS_ioprio_set, this_process, 0, by_niceness);
+  prctl(PR_SET_TIMERSLACK, timer_slack_ns, 0, 0, 0);
+  prctl(PR_SET_THP_DISABLE, 0, 0, 0, 0);
+  syscall(SYS_set_mempolicy, 0, nullptr, 0);  // MPOL_DEFAULT
+}
+
+bool become(const Owner& owner) {
+  return setgroups(owner.groups.size(), owner.groups.data()) == 0 &&
+         setresgid(owner.gid, owner.gid, owner.gid) == 0 && setresuid(owner.uid, owner.uid, owner.uid) == 0;
 }
 
 void write_oom_score(const std::string& value) {
@@ -143,11 +223,10 @@ void write_oom_score(const std::string& value) {
       dup2(p.log.get(), STDERR_FILENO) < 0) {
     report_and_exit(pipe_fd, "dup2");
   }
-  limit(RLIMIT_NOFILE, open_files);
-  limit(RLIMIT_CORE, 0);
-  if (node.memory_limit_mib > 0) limit(RLIMIT_DATA, static_cast<rlim_t>(node.memory_limit_mib) << 20);
+  set_limits(node);
   set_scheduling(node.scheduling);
   write_oom_score(p.oom_score_adj);
+  if (p.owner && !become(*p.owner)) report_and_exit(pipe_fd, "user");
   syscall(SYS_close_range, 3U, ~0U, CLOSE_RANGE_CLOEXEC);
   execve(p.executable.c_str(), p.argv.data(), p.envp.data());
   report_and_exit(pipe_fd, "exec");
@@ -192,7 +271,7 @@ Result<pid_t, std::string> spawn(const Preparation& p, const NodeEntry& node) {
     std::memcpy(&failure, buffer + offset, sizeof failure);
     failure.step[sizeof failure.step - 1] = '\0';
     if (std::strcmp(failure.step, "exec") == 0 || std::strcmp(failure.step, "chdir") == 0 ||
-        std::strcmp(failure.step, "dup2") == 0)
+        std::strcmp(failure.step, "dup2") == 0 || std::strcmp(failure.step, "user") == 0)
       break;
   }
   return Err(fmt::format("{}: {}: {}", p.executable, failure.step, errno_text(failure.error)));
@@ -209,6 +288,14 @@ void wait_for_instance(const VarPaths& var, const std::string& node, pid_t pid) 
 }
 
 }  // namespace
+
+std::string environment_for_nodes() {
+  std::string lines;
+  for (const char* name : passed_on) {
+    if (const char* value = std::getenv(name)) lines += fmt::format("{}={}\n", name, value);
+  }
+  return lines;
+}
 
 std::filesystem::path own_bin_folder() {
   std::error_code ec;

@@ -42,6 +42,13 @@ constexpr std::array table{
     LifecycleRow{S::error_processing, T::error, S::finalized, 62, "transition_error"},
 };
 
+// 99 is lifecycle_msgs/msg/Transition TRANSITION_CALLBACK_ERROR, for private use.
+constexpr std::array error_rows{
+    LifecycleRow{S::unconfigured, T::error, S::error_processing, 99, "raise_error"},
+    LifecycleRow{S::inactive, T::error, S::error_processing, 99, "raise_error"},
+    LifecycleRow{S::active, T::error, S::error_processing, 99, "raise_error"},
+};
+
 }  // namespace
 
 std::span<const LifecycleRow> lifecycle_table() {
@@ -55,10 +62,16 @@ const LifecycleRow* find_row(State from, Trigger trigger) {
   return found == table.end() ? nullptr : &*found;
 }
 
+const LifecycleRow* find_error_row(State from) {
+  const auto found = std::find_if(error_rows.begin(), error_rows.end(),
+                                  [&](const LifecycleRow& r) { return r.from == from; });
+  return found == error_rows.end() ? nullptr : &*found;
+}
+
 const LifecycleRow* find_request(State from, std::uint8_t id, std::string_view label) {
   if (!is_primary(from)) return nullptr;  // one transition at a time
   const auto found = std::find_if(table.begin(), table.end(), [&](const LifecycleRow& r) {
-    return r.from == from && (id != 0 ? r.transition_id == id : r.label == label);
+    return r.from == from && (label.empty() ? r.transition_id == id : r.label == label);
   });
   return found == table.end() ? nullptr : &*found;
 }

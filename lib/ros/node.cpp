@@ -17,6 +17,7 @@
 
 #include "base/file.hpp"
 #include "ros/mission_time.hpp"
+#include "ros/node_introspection.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -26,6 +27,7 @@ namespace rcl = rcl_interfaces;
 
 constexpr Qos parameter_qos{.depth = 1000};
 constexpr std::uint32_t most_events_per_s = 20;
+constexpr std::size_t longest_function = 100;
 constexpr seconds input_check_period{10};
 constexpr seconds start_report_delay{
     2};  // discovery needs a moment: an event raised at once would reach nobody
@@ -46,8 +48,8 @@ lc::msg::TransitionDescription describe(const LifecycleRow& row) {
   return d;
 }
 
-std::uint8_t log_level(log::Severity severity) {
-  return static_cast<std::uint8_t>(severity);
+std::string_view base_name(std::string_view file) {
+  return file.substr(file.find_last_of('/') + 1);
 }
 
 }  // namespace
@@ -58,6 +60,7 @@ struct LifecycleNode::Interfaces {
   std::shared_ptr<Publisher<rcl::msg::ParameterEvent>> parameter_events;
   std::shared_ptr<Publisher<rcl::msg::Log>> rosout;
   std::shared_ptr<Publisher<srfs_msgs::msg::Event>> event;
+  std::shared_ptr<Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry;
   std::shared_ptr<Service<lc::srv::ChangeState>> change_state;
   std::shared_ptr<Service<lc::srv::GetState>> get_state;
   std::shared_ptr<Service<lc::srv::GetAvailableStates>> available_states;
@@ -76,14 +79,18 @@ struct LifecycleNode::Interfaces {
     parameter_events = node.create_publisher(topics::parameter_events);
     rosout = node.create_publisher(topics::rosout);
     event = node.create_publisher(topics::event);
+    telemetry = node.create_publisher(topics::telemetry(node.name()));
     make_lifecycle_services(node);
     make_parameter_services(node);
-    log::set_sink([out = rosout, name = node.name()](log::Severity severity, std::string_view text) {
+    log::set_sink([out = rosout, name = node.name()](const log::Record& record) {
       rcl::msg::Log m;
       m.stamp = to_message(system_utc_now());
-      m.level = log_level(severity);
+      m.level = static_cast<std::uint8_t>(record.severity);
       m.name = name;
-      m.msg = std::string(text);
+      m.msg = std::string(record.text);
+      m.file = std::string(base_name(record.where.file_name()));
+      m.function = std::string(std::string_view(record.where.function_name()).substr(0, longest_function));
+      m.line = record.where.line();
       out->publish(m);
     });
   }
@@ -95,11 +102,7 @@ struct LifecycleNode::Interfaces {
     change_state = node.create_service<lc::srv::ChangeState>(
         "~/change_state", [&node](const auto& request, auto& response) {
           const auto result = node.request_transition(request.transition.id, request.transition.label);
-          if (!result) {
-            log::warn("lifecycle transition {} '{}' refused: {}", request.transition.id,
-                      request.transition.label, result.error());
-            return;
-          }
+          if (!result) return;
           response.success = result->succeeded;
           if (!response.success) return;
           node.persist_desired(result->reached);
@@ -175,12 +178,7 @@ struct LifecycleNode::Interfaces {
     list_parameters = node.create_service<rcl::srv::ListParameters>(
         "~/list_parameters",
         [&node](const auto& request, auto& response) {
-          for (const std::string& name : node.parameters().names()) {
-            bool wanted = request.prefixes.empty();
-            for (const std::string& prefix : request.prefixes)
-              wanted = wanted || name == prefix || name.starts_with(prefix + ".");
-            if (wanted) response.result.names.push_back(name);
-          }
+          response.result = list_parameter_names(node.parameters().names(), request.prefixes, request.depth);
         },
         parameter_qos);
     describe_parameters = node.create_service<rcl::srv::DescribeParameters>(
@@ -206,22 +204,104 @@ struct LifecycleNode::Interfaces {
   }
 };
 
-LifecycleNode::LifecycleNode(NodeContext& context) : context_(context) {
+LifecycleNode::LifecycleNode(NodeContext& context)
+    : context_(context),
+      graph_(context.executor, context.participant, context.deployment.ros_graph, context.name) {
   const NodeEntry* entry = context.deployment.find(context.name);
   if (entry != nullptr) parameters_ = ParameterSet(entry->parameters);
+  introspection_ = std::make_unique<NodeIntrospection>(*this);
+  declare_common_parameters();
   parameters_.set_changed([this](const std::string& parameter) {
     if (parameter_changed_) parameter_changed_(parameter);
-    rcl::msg::ParameterEvent m;
-    m.stamp = to_message(system_utc_now());
-    m.node = "/" + name();
-    m.changed_parameters.push_back({parameter, to_message(*parameters_.find(parameter))});
-    if (interfaces_) interfaces_->parameter_events->publish(m);
+  });
+  parameters_.set_applied([this](const std::vector<std::string>& changed) {
+    apply_common_parameters();
+    publish_parameter_event(changed);
   });
   interfaces_ = std::make_unique<Interfaces>(*this);
-  input_check_ = create_timer(input_check_period, [this] { report_bad_input(); });
+  introspection_->open();
+  watch_executor();
+  input_check_ = create_timer(
+      input_check_period,
+      [this] {
+        report_bad_input();
+        log::report_held_back();
+        introspection_->publish_work();
+      },
+      "self check");
 }
 
-LifecycleNode::~LifecycleNode() = default;
+LifecycleNode::~LifecycleNode() {
+  context_.executor.on_over_budget({});
+  context_.executor.on_failure({});
+}
+
+void LifecycleNode::declare_common_parameters() {
+  declare_parameter("log_level", std::string("info"),
+                    std::vector<std::string>{"debug", "info", "warn", "error", "fatal"},
+                    "Lowest severity of the lines that are logged");
+  declare_parameter("callback_budget_ms", std::int64_t{20}, ParameterRange{1, 60000},
+                    "Run time of a callback above which it is reported");
+  declare_parameter("service_budget_ms", std::int64_t{100}, ParameterRange{1, 60000},
+                    "The same for the requests of services");
+  declare_parameter("transition_deadline_ms", std::int64_t{2000}, ParameterRange{1, 600000},
+                    "Run time of a lifecycle callback above which it is reported as late");
+  apply_common_parameters();
+}
+
+void LifecycleNode::apply_common_parameters() {
+  if (const auto lowest = log::severity_of(get_parameter<std::string>("log_level"))) log::set_level(*lowest);
+  CallbackStatistics& statistics = context_.executor.statistics();
+  const milliseconds callback(get_parameter<std::int64_t>("callback_budget_ms"));
+  for (const auto kind : {CallbackKind::timer, CallbackKind::subscription, CallbackKind::client,
+                          CallbackKind::descriptor, CallbackKind::posted, CallbackKind::other}) {
+    statistics.set_budget(kind, callback);
+  }
+  statistics.set_budget(CallbackKind::service,
+                        milliseconds(get_parameter<std::int64_t>("service_budget_ms")));
+  const milliseconds transition(get_parameter<std::int64_t>("transition_deadline_ms"));
+  statistics.set_budget(CallbackKind::transition, transition);
+  // Callbacks whose work is a transition, or several.
+  constexpr int most_transitions = 4;
+  statistics.record(CallbackKind::service, resolve("~/change_state")).budget = transition;
+  statistics.record(CallbackKind::timer, bring_up_timer).budget = transition * most_transitions;
+}
+
+void LifecycleNode::publish_parameter_event(const std::vector<std::string>& changed) {
+  rcl::msg::ParameterEvent m;
+  m.stamp = to_message(system_utc_now());
+  m.node = "/" + name();
+  for (const std::string& parameter : changed)
+    m.changed_parameters.push_back({parameter, to_message(*parameters_.find(parameter))});
+  interfaces_->parameter_events->publish(m);
+}
+
+void LifecycleNode::finish_declarations() {
+  parameters_.finish();
+  introspection_->keep_set_aside();
+}
+
+void LifecycleNode::watch_executor() {
+  Executor& executor = context_.executor;
+  executor.on_over_budget([this](const CallbackRecord& record, nanoseconds took) {
+    const auto us = [](nanoseconds d) { return static_cast<std::uint32_t>(d / microseconds(1)); };
+    const nanoseconds budget = context_.executor.statistics().budget(record);
+    log::warn("{} {} took {} us, its budget is {} us ({} times so far)", to_text(record.kind), record.name,
+              us(took), us(budget), record.over_budget);
+    const mission::NodeCallbackOverBudgetEvent event{.callback = record.name,
+                                                     .took_us = us(took),
+                                                     .budget_us = us(budget),
+                                                     .count = static_cast<std::uint32_t>(record.over_budget)};
+    raise(event);
+  });
+  executor.on_failure([this](const CallbackRecord& record, const std::string& what) {
+    ++failed_callbacks_;
+    log::error("{} {} ended with an exception: {}", to_text(record.kind), record.name, what);
+    const mission::NodeCallbackFailedEvent event{.callback = record.name, .what = what};
+    raise(event);
+    process_error(fmt::format("{} {}: {}", to_text(record.kind), record.name, what));
+  });
+}
 
 std::string LifecycleNode::device(const std::string& key) const {
   const auto found = deployment().devices.find(key);
@@ -234,16 +314,23 @@ std::string LifecycleNode::resolve(const std::string& service) const {
   return service.starts_with("~/") ? "/" + name() + service.substr(1) : service;
 }
 
-Timer LifecycleNode::create_timer(nanoseconds period, std::function<void()> callback) {
-  return context_.executor.add_timer(monotonic_now() + period, period, std::move(callback));
+Timer LifecycleNode::create_timer(nanoseconds period, std::function<void()> callback,
+                                  std::string_view timer_name) {
+  return context_.executor.add_timer(monotonic_now() + period, period, std::move(callback), timer_name);
 }
 
-Timer LifecycleNode::create_one_shot(MonotonicTime at, std::function<void()> callback) {
-  return context_.executor.add_timer(at, nanoseconds(0), std::move(callback));
+Timer LifecycleNode::create_one_shot(MonotonicTime at, std::function<void()> callback,
+                                     std::string_view timer_name) {
+  return context_.executor.add_timer(at, nanoseconds(0), std::move(callback), timer_name);
 }
 
-Executor::Handle LifecycleNode::watch_fd(int fd, std::uint32_t events, Executor::FdCallback callback) {
-  return context_.executor.add_fd(fd, events, std::move(callback));
+Executor::Handle LifecycleNode::watch_fd(int fd, std::uint32_t events, Executor::FdCallback callback,
+                                         std::string_view fd_name) {
+  return context_.executor.add_fd(fd, events, std::move(callback), fd_name);
+}
+
+void LifecycleNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) {
+  interfaces_->telemetry->publish(sample);
 }
 
 std::shared_ptr<Worker> LifecycleNode::create_worker(const std::string& worker_name, std::size_t capacity) {
@@ -270,14 +357,17 @@ CallbackReturn LifecycleNode::run_callback(State transition_state) {
     }
   } catch (const std::exception& e) {
     set_failure_reason(e.what());
-    return transition_state == State::configuring ? CallbackReturn::failure : CallbackReturn::error;
+  } catch (...) {
+    set_failure_reason("an exception that is no std::exception");
   }
+  // A device or key that is missing is no error: the next attempt may find it.
+  return transition_state == State::configuring ? CallbackReturn::failure : CallbackReturn::error;
 }
 
 void LifecycleNode::enter(const LifecycleRow& row) {
   state_ = row.to;
   lc::msg::TransitionEvent m;
-  m.timestamp = static_cast<std::uint64_t>(monotonic_now().ns());
+  m.timestamp = static_cast<std::uint64_t>(system_utc_now().ns());  // ROS time, as the other stamps of ROS 2
   m.transition.id = row.transition_id;
   m.transition.label = std::string(row.label);
   m.start_state = state_message(row.from);
@@ -287,29 +377,100 @@ void LifecycleNode::enter(const LifecycleRow& row) {
 
 Result<TransitionResult, std::string> LifecycleNode::request_transition(std::uint8_t id,
                                                                         std::string_view requested_label) {
-  const LifecycleRow* row = find_request(state_, id, requested_label);
-  if (row == nullptr) return Err(fmt::format("not possible in state {}", label(state_)));
-  failure_reason_.clear();
-  enter(*row);
-  bool succeeded = true;
+  if (const LifecycleRow* row = find_request(state_, id, requested_label)) return pass_through(*row, {});
+  const std::string wanted =
+      requested_label.empty() ? fmt::format("transition {}", id) : std::string(requested_label);
+  const std::string why = fmt::format("not possible in state {}", label(state_));
+  if (is_primary(state_)) {
+    last_transition_ = {.label = wanted, .outcome = LastTransition::Outcome::refused, .reason = why};
+  }
+  log::warn("{} refused: {}", wanted, why);
+  const mission::NodeTransitionRefusedEvent event{.transition = wanted, .state = std::string(label(state_))};
+  raise(event);
+  return Err(why);
+}
+
+CallbackReturn LifecycleNode::run_timed(State transition_state) {
+  const MonotonicTime begun = monotonic_now();
+  // What led to error processing stays the reason, whatever on_error adds.
+  const std::string cause = std::exchange(failure_reason_, {});
+  const CallbackReturn returned = run_callback(transition_state);
+  if (failure_reason_.empty()) {
+    failure_reason_ = cause;
+  } else if (!cause.empty()) {
+    failure_reason_ = cause + "; then " + failure_reason_;
+  }
+  const MonotonicTime ended = monotonic_now();
+  CallbackStatistics& statistics = context_.executor.statistics();
+  CallbackRecord& record = statistics.record(CallbackKind::transition, label(transition_state));
+  statistics.add(record, ended - begun, ended);
+  const nanoseconds deadline = statistics.budget(record);
+  if (ended - begun <= deadline) return returned;
+  last_transition_.late = true;
+  const mission::NodeTransitionLateEvent event{
+      .state = std::string(label(transition_state)),
+      .took_ms = static_cast<std::uint32_t>((ended - begun) / milliseconds(1)),
+      .deadline_ms = static_cast<std::uint32_t>(deadline / milliseconds(1))};
+  log::warn("{} took {} ms, its deadline is {} ms", event.state, event.took_ms, event.deadline_ms);
+  raise(event);
+  return returned;
+}
+
+TransitionResult LifecycleNode::pass_through(const LifecycleRow& row, const std::string& cause) {
+  using Outcome = LastTransition::Outcome;
+  const MonotonicTime begun = monotonic_now();
+  failure_reason_ = cause;
+  last_transition_ = {.label = std::string(row.label), .reason = {}};
+  Outcome outcome = cause.empty() ? Outcome::succeeded : Outcome::error;
+  enter(row);
   while (!is_primary(state_)) {
     const State transition_state = state_;
-    const CallbackReturn outcome = run_callback(transition_state);
-    if (outcome != CallbackReturn::success) {
-      succeeded = false;
-      if (outcome == CallbackReturn::error) {
+    const CallbackReturn returned = run_timed(transition_state);
+    if (returned != CallbackReturn::success) {
+      if (failure_reason_.empty()) failure_reason_ = "no reason given";
+      if (outcome != Outcome::error)
+        outcome = returned == CallbackReturn::error ? Outcome::error : Outcome::failed;
+      log::error("{} failed: {}", label(transition_state), failure_reason_);
+      if (returned == CallbackReturn::error) {
         const mission::NodeErrorEvent event{
             .what = fmt::format("{}: {}", label(transition_state), failure_reason_)};
         raise(event);
       }
-      log::error("{} failed: {}", label(transition_state),
-                 failure_reason_.empty() ? "no reason given" : failure_reason_);
     }
-    enter(*find_row(transition_state, to_trigger(outcome)));
+    enter(*find_row(transition_state, to_trigger(returned)));
   }
+  if (outcome != Outcome::succeeded) ++failed_transitions_;
+  if (outcome == Outcome::failed) {
+    const mission::NodeTransitionFailedEvent event{
+        .transition = last_transition_.label, .state = std::string(label(state_)), .reason = failure_reason_};
+    raise(event);
+  }
+  last_transition_.outcome = outcome;
+  if (outcome != Outcome::succeeded) last_transition_.reason = failure_reason_;
+  last_transition_.took = monotonic_now() - begun;
   log::info("lifecycle: {}", label(state_));
   report_first_activation();
-  return TransitionResult{state_, succeeded};
+  return {state_, outcome == Outcome::succeeded};
+}
+
+void LifecycleNode::raise_error(std::string reason) {
+  if (raised_error_) return;  // the first reason is the cause
+  raised_error_ = create_one_shot(
+      monotonic_now(),
+      [this, why = std::move(reason)] {
+        raised_error_.reset();
+        process_error(why);
+      },
+      "raise_error");
+}
+
+void LifecycleNode::process_error(const std::string& reason) {
+  const LifecycleRow* row = find_error_row(state_);
+  if (row == nullptr) return;  // finalized: nothing is left to take back
+  const mission::NodeErrorEvent event{.what = reason};
+  raise(event);
+  pass_through(*row, reason.empty() ? "no reason given" : reason);
+  if (on_error_processed_) on_error_processed_();
 }
 
 bool LifecycleNode::go_to(State target) {
@@ -346,10 +507,42 @@ void LifecycleNode::persist_desired(State primary) {
 
 void LifecycleNode::report_first_activation() {
   if (state_ != State::active || start_report_) return;
-  start_report_ = create_one_shot(monotonic_now() + start_report_delay, [this] {
-    const mission::NodeStartedEvent event{.incarnation = incarnation()};
+  start_report_ = create_one_shot(
+      monotonic_now() + start_report_delay,
+      [this] {
+        const mission::NodeStartedEvent event{.incarnation = incarnation()};
+        raise(event);
+        introspection_->raise_set_aside();
+      },
+      "start report");
+}
+
+std::uint64_t LifecycleNode::malformed_samples() const {
+  std::uint64_t count = 0;
+  for (const Input& input : inputs_) {
+    if (const auto reader = input.reader.lock()) count += reader->stats().malformed;
+  }
+  return count;
+}
+
+void LifecycleNode::report_bad_input(Input& input, const ReaderEndpoint& reader) {
+  const InputStats stats = reader.stats();
+  if (stats.malformed > input.reported) {
+    input.reported = stats.malformed;
+    log::warn("{} malformed samples on {} so far: who publishes there?", stats.malformed, input.topic);
+    const mission::NodeMalformedSamplesEvent event{.count = static_cast<std::uint32_t>(stats.malformed),
+                                                   .topic = input.topic};
     raise(event);
-  });
+  }
+  if (stats.foreign > input.foreign_reported) {
+    input.foreign_reported = stats.foreign;
+    const std::string source = reader.last_foreign();
+    log::warn("{} samples on {} so far from outside the suite, last by participant {}: {}", stats.foreign,
+              input.topic, source, context_.participant.drops_foreign() ? "dropped" : "accepted");
+    const mission::NodeForeignSamplesEvent event{
+        .count = static_cast<std::uint32_t>(stats.foreign), .topic = input.topic, .participant = source};
+    raise(event);
+  }
 }
 
 void LifecycleNode::report_bad_input() {
@@ -359,13 +552,7 @@ void LifecycleNode::report_bad_input() {
       input = inputs_.erase(input);
       continue;
     }
-    if (const std::uint64_t malformed = reader->stats().malformed; malformed > input->reported) {
-      input->reported = malformed;
-      log::warn("{} malformed samples on {} so far: who publishes there?", malformed, input->topic);
-      const mission::NodeMalformedSamplesEvent event{.count = static_cast<std::uint32_t>(malformed),
-                                                     .topic = input->topic};
-      raise(event);
-    }
+    report_bad_input(*input, *reader);
     ++input;
   }
   if (suppressed_events_ > suppressed_reported_) {

@@ -14,6 +14,7 @@
 #include "ros/client.hpp"
 #include "ros/deployment.hpp"
 #include "ros/executor.hpp"
+#include "ros/graph_publisher.hpp"
 #include "ros/instance.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/parameters.hpp"
@@ -34,15 +35,33 @@ struct NodeContext {
   Participant& participant;
 };
 
+/// Name of the timer with which run_node brings a node up again.
+inline constexpr std::string_view bring_up_timer = "bring up";
+
 /// How a requested transition ended.
 struct TransitionResult {
   State reached;
   bool succeeded;  ///< its callback succeeded; else `reached` is where failure or error processing led
 };
 
+/// The last transition that was requested or that an error caused.
+struct LastTransition {
+  enum class Outcome : std::uint8_t { none, succeeded, failed, error, refused };
+  std::string label;  ///< "configure"...; "raise_error"
+  Outcome outcome = Outcome::none;
+  std::string reason;  ///< why it was refused or failed
+  nanoseconds took{0};
+  bool late = false;  ///< longer than the parameter transition_deadline_ms
+};
+
 /// A lifecycle node: rclcpp's words, one work thread. Everything here is called on the work thread, in the
 /// constructor or in callbacks. The standard services (~/change_state, ~/get_state, ..., the parameter
 /// services) are there from the start.
+///
+/// A callback that throws, or calls raise_error(), takes the node through ErrorProcessing: on_error() decides
+/// whether it becomes Unconfigured (run_node brings it up again) or Finalized. The process goes on.
+///
+/// Every node has the parameters log_level, callback_budget_ms, service_budget_ms and transition_deadline_ms.
 ///
 /// What a state means for the hardware: Unconfigured has nothing open; Inactive has its devices open but
 /// drives nothing and holds no bus, and still answers; Active works.
@@ -77,6 +96,15 @@ class LifecycleNode {
   /// Reason of the last failing transition, for people; set by the callbacks.
   void set_failure_reason(std::string reason) { failure_reason_ = std::move(reason); }
   [[nodiscard]] const std::string& failure_reason() const { return failure_reason_; }
+  [[nodiscard]] const LastTransition& last_transition() const { return last_transition_; }
+  /// Since the start.
+  [[nodiscard]] std::uint32_t failed_transitions() const { return failed_transitions_; }
+  [[nodiscard]] std::uint32_t failed_callbacks() const { return failed_callbacks_; }
+  /// Goes to ErrorProcessing as soon as the running callback has returned. No effect in Finalized.
+  void raise_error(std::string reason);
+  /// After the constructor: throws ConfigError for parameters of the deployment that nobody declared, and
+  /// moves stored ones that cannot be used out of the way. Blocks on the disk for the latter.
+  void finish_declarations();
 
  protected:
   // Transition callbacks. failure: back to where it came from; error: on_error decides (success:
@@ -103,7 +131,7 @@ class LifecycleNode {
     }
     auto made =
         std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic, std::move(handler));
-    inputs_.push_back({topic.name, made->reader(), 0});
+    inputs_.push_back({topic.name, made->reader()});
     return made;
   }
   /// @param name "~/x" is below the node's name, "/x" absolute
@@ -113,6 +141,14 @@ class LifecycleNode {
                                                            Priority priority = Priority::normal) {
     return std::make_shared<Service<S>>(context_.executor, context_.participant, resolve(service), qos,
                                         priority, std::move(handler));
+  }
+  /// A service whose replies come later, by Service::reply with the ticket the handler was given.
+  template <class S, class F>
+  [[nodiscard]] std::shared_ptr<Service<S>> create_deferred_service(const std::string& service, F handler,
+                                                                    Qos qos = {},
+                                                                    Priority priority = Priority::normal) {
+    return std::make_shared<Service<S>>(context_.executor, context_.participant, resolve(service), qos,
+                                        priority, defer_replies, std::move(handler));
   }
   template <class S>
   [[nodiscard]] std::shared_ptr<Client<S>> create_client(const std::string& service, Qos qos = {},
@@ -134,11 +170,15 @@ class LifecycleNode {
                                              priority);
   }
   /// Periodic; the first call comes one period from now. Dropping the handle cancels.
-  [[nodiscard]] Timer create_timer(nanoseconds period, std::function<void()> callback);
+  /// @param timer_name in the executor's statistics
+  [[nodiscard]] Timer create_timer(nanoseconds period, std::function<void()> callback,
+                                   std::string_view timer_name = "timer");
   /// Once, at @p at.
-  [[nodiscard]] Timer create_one_shot(MonotonicTime at, std::function<void()> callback);
+  [[nodiscard]] Timer create_one_shot(MonotonicTime at, std::function<void()> callback,
+                                      std::string_view timer_name = "timer");
   /// Level-triggered epoll; dropping the handle unwatches. Drop it before closing the descriptor.
-  [[nodiscard]] Executor::Handle watch_fd(int fd, std::uint32_t events, Executor::FdCallback callback);
+  [[nodiscard]] Executor::Handle watch_fd(int fd, std::uint32_t events, Executor::FdCallback callback,
+                                          std::string_view fd_name = "descriptor");
   [[nodiscard]] std::shared_ptr<Worker> create_worker(const std::string& worker_name, std::size_t capacity);
 
   /// Declares a parameter (constructor only) and returns its start value. The type of @p fallback is the
@@ -147,13 +187,20 @@ class LifecycleNode {
   T declare_parameter(const std::string& parameter, T fallback, const std::string& description,
                       bool read_only = false) {
     return std::get<T>(parameters_.declare(
-        parameter, {ParameterValue(std::move(fallback)), std::nullopt, description, read_only}));
+        parameter, {ParameterValue(std::move(fallback)), std::nullopt, description, read_only, {}}));
   }
   template <class T>
   T declare_parameter(const std::string& parameter, T fallback, ParameterRange range,
                       const std::string& description, bool read_only = false) {
-    return std::get<T>(
-        parameters_.declare(parameter, {ParameterValue(std::move(fallback)), range, description, read_only}));
+    return std::get<T>(parameters_.declare(
+        parameter, {ParameterValue(std::move(fallback)), range, description, read_only, {}}));
+  }
+  /// A text (or texts) out of @p choices.
+  template <class T>
+  T declare_parameter(const std::string& parameter, T fallback, std::vector<std::string> choices,
+                      const std::string& description, bool read_only = false) {
+    return std::get<T>(parameters_.declare(parameter, {ParameterValue(std::move(fallback)), std::nullopt,
+                                                       description, read_only, std::move(choices)}));
   }
   template <class T>
   [[nodiscard]] T get_parameter(const std::string& parameter) const {
@@ -161,6 +208,8 @@ class LifecycleNode {
   }
   /// May refuse a run-time change with a reason.
   void on_parameter_check(ParameterSet::Check check) { parameters_.set_check(std::move(check)); }
+  /// May refuse a set of run-time changes that do not go together.
+  void on_parameter_set_check(ParameterSet::SetCheck check) { parameters_.set_set_check(std::move(check)); }
   /// Told after a change.
   void on_parameter_change(ParameterSet::Changed changed) { parameter_changed_ = std::move(changed); }
 
@@ -174,39 +223,55 @@ class LifecycleNode {
     raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
   }
   [[nodiscard]] std::uint64_t suppressed_events() const { return suppressed_events_; }
+  /// Malformed samples on the subscriptions that exist now.
+  [[nodiscard]] std::uint64_t malformed_samples() const;
+
+  /// Publishes one of this node's own housekeeping structures on /<node>/telemetry.
+  virtual void publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample);
 
   NodeContext& context() { return context_; }
 
  private:
   struct Interfaces;
+  friend class NodeIntrospection;
   [[nodiscard]] std::string resolve(const std::string& service) const;
   CallbackReturn run_callback(State transition_state);
+  CallbackReturn run_timed(State transition_state);
+  TransitionResult pass_through(const LifecycleRow& row, const std::string& cause);
+  void process_error(const std::string& reason);
+  void watch_executor();
+  void declare_common_parameters();
+  void apply_common_parameters();
+  void publish_parameter_event(const std::vector<std::string>& changed);
   void enter(const LifecycleRow& row);
   void persist_desired(State primary);
   void report_first_activation();
   void report_bad_input();
 
+  void report_bad_input(Input& input, const ReaderEndpoint& reader);
+
   NodeContext& context_;
+  GraphPublisher graph_;  // first to come, last to go: it tells of all endpoints
   ParameterSet parameters_;
   ParameterSet::Changed parameter_changed_;
   State state_ = State::unconfigured;
   std::string failure_reason_;
+  LastTransition last_transition_;
+  std::uint32_t failed_transitions_ = 0;
+  std::uint32_t failed_callbacks_ = 0;
+  Timer raised_error_;
+  std::function<void()> on_error_processed_;
   MonotonicTime event_window_;
   std::uint32_t events_in_window_ = 0;
   std::uint64_t suppressed_events_ = 0;
   std::uint64_t suppressed_reported_ = 0;
   std::uint16_t last_suppressed_event_ = 0;
-  /// Subscriptions made so far, to report what they could not read.
-  struct Input {
-    std::string topic;
-    std::weak_ptr<const ReaderEndpoint> reader;
-    std::uint64_t reported = 0;
-  };
   std::vector<Input> inputs_;
   Timer input_check_;
   Timer start_report_;
   std::function<void(State)> on_commanded_;
   std::unique_ptr<Interfaces> interfaces_;
+  std::unique_ptr<class NodeIntrospection> introspection_;
   friend class NodeRunner;
 };
 

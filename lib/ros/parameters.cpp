@@ -1,8 +1,12 @@
 #include "ros/parameters.hpp"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <rcl_interfaces/msg/parameter_type.hpp>
 
 namespace srfs::ros {
@@ -20,27 +24,50 @@ std::optional<ParameterValue> read_override(const YAML::Node& node, const Parame
   }
 }
 
-std::string range_refusal(double value, const ParameterRange& range) {
-  if (value >= range.lowest && value <= range.highest) return {};
-  return fmt::format("{} is outside {}..{}", value, range.lowest, range.highest);
+/// As rclcpp: 100 units in the last place count as equal.
+bool nearly(double a, double b) {
+  return std::abs(a - b) <= 100 * std::numeric_limits<double>::epsilon() * std::max(std::abs(a), std::abs(b));
 }
 
-std::string range_refusal(const ParameterValue& value, const ParameterDeclaration& declaration) {
-  if (!declaration.range) return {};
-  const ParameterRange& range = *declaration.range;
-  if (const auto* i = std::get_if<std::int64_t>(&value)) return range_refusal(static_cast<double>(*i), range);
-  if (const auto* d = std::get_if<double>(&value)) return range_refusal(*d, range);
-  if (const auto* list = std::get_if<std::vector<std::int64_t>>(&value)) {
-    for (const auto item : *list) {
-      if (auto why = range_refusal(static_cast<double>(item), range); !why.empty()) return why;
-    }
-  }
-  if (const auto* list = std::get_if<std::vector<double>>(&value)) {
-    for (const auto item : *list) {
-      if (auto why = range_refusal(item, range); !why.empty()) return why;
+std::string range_refusal(double value, const ParameterRange& range) {
+  if (!(value >= range.lowest && value <= range.highest))
+    return fmt::format("{} is outside {}..{}", value, range.lowest, range.highest);
+  if (range.step <= 0 || value == range.highest) return {};
+  const double steps = std::round((value - range.lowest) / range.step);
+  if (nearly(range.lowest + steps * range.step, value)) return {};
+  return fmt::format("{} is not {} and a multiple of {}", value, range.lowest, range.step);
+}
+
+std::string choice_refusal(const std::string& value, const std::vector<std::string>& choices) {
+  if (std::find(choices.begin(), choices.end(), value) != choices.end()) return {};
+  return fmt::format("'{}' is not one of {}", value, fmt::join(choices, ", "));
+}
+
+template <class T, class Rule>
+std::string first_refusal(const ParameterValue& value, const Rule& rule) {
+  if (const auto* one = std::get_if<T>(&value)) return rule(*one);
+  if (const auto* list = std::get_if<std::vector<T>>(&value)) {
+    for (const T& item : *list) {
+      if (auto why = rule(item); !why.empty()) return why;
     }
   }
   return {};
+}
+
+/// Why a value of the right type breaks the declaration's rules; empty: it does not.
+std::string rule_refusal(const ParameterValue& value, const ParameterDeclaration& declaration) {
+  std::string why;
+  if (declaration.range) {
+    const ParameterRange& range = *declaration.range;
+    why = first_refusal<std::int64_t>(
+        value, [&](std::int64_t i) { return range_refusal(static_cast<double>(i), range); });
+    if (why.empty()) why = first_refusal<double>(value, [&](double d) { return range_refusal(d, range); });
+  }
+  if (why.empty() && !declaration.choices.empty()) {
+    why = first_refusal<std::string>(
+        value, [&](const std::string& s) { return choice_refusal(s, declaration.choices); });
+  }
+  return why;
 }
 
 }  // namespace
@@ -57,29 +84,76 @@ const ParameterValue& ParameterSet::declare(const std::string& name, ParameterDe
     const auto override_value = read_override(overrides_->raw(name), declaration.default_value);
     const std::string expected = type_text(declaration.default_value);
     if (!override_value) throw overrides_->bad(name, expected);
-    if (const std::string why = range_refusal(*override_value, declaration); !why.empty()) {
-      throw overrides_->bad(name, fmt::format("{} from {} to {}", expected, declaration.range->lowest,
-                                              declaration.range->highest));
+    if (const std::string why = rule_refusal(*override_value, declaration); !why.empty()) {
+      throw overrides_->bad(name, declaration.range
+                                      ? fmt::format("{} from {} to {}", expected, declaration.range->lowest,
+                                                    declaration.range->highest)
+                                      : fmt::format("one of {}", fmt::join(declaration.choices, ", ")));
     }
     value = *override_value;
   }
-  return entries_.insert_or_assign(name, Entry{std::move(declaration), std::move(value)}).first->second.value;
+  ParameterValue start = value;
+  if (auto stored = stored_start(name, declaration)) value = std::move(*stored);
+  return entries_.insert_or_assign(name, Entry{std::move(declaration), std::move(value), std::move(start)})
+      .first->second.value;
 }
 
-void ParameterSet::finish() const {
+void ParameterSet::set_stored(std::vector<StoredParameter> stored) {
+  stored_ = std::move(stored);
+}
+
+void ParameterSet::put_aside(const std::string& name, std::string reason) {
+  const auto found =
+      std::find_if(stored_.begin(), stored_.end(), [&](const StoredParameter& s) { return s.name == name; });
+  if (found == stored_.end()) return;
+  set_aside_.push_back({std::move(*found), std::move(reason)});
+  stored_.erase(found);
+}
+
+std::optional<ParameterValue> ParameterSet::stored_start(const std::string& name,
+                                                         const ParameterDeclaration& declaration) {
+  const auto found =
+      std::find_if(stored_.begin(), stored_.end(), [&](const StoredParameter& s) { return s.name == name; });
+  if (found == stored_.end()) return std::nullopt;
+  std::string why;
+  if (found->trial) {
+    why = "a trial value that nobody confirmed";
+  } else if (found->value.index() != declaration.default_value.index()) {
+    why = fmt::format("it is of type {}, not {}", type_text(declaration.default_value),
+                      type_text(found->value));
+  } else {
+    why = rule_refusal(found->value, declaration);
+  }
+  if (why.empty()) return found->value;
+  put_aside(name, std::move(why));
+  return std::nullopt;
+}
+
+void ParameterSet::finish() {
   if (overrides_) overrides_->finish();
+  for (const StoredParameter& stored : std::vector<StoredParameter>(stored_)) {
+    const auto entry = entries_.find(stored.name);
+    if (entry == entries_.end()) {
+      put_aside(stored.name, "no such parameter");
+    } else if (check_) {
+      const auto checked = check_(stored.name, stored.value);
+      if (checked) continue;
+      entry->second.value = entry->second.start;
+      put_aside(stored.name, checked.error());
+    }
+  }
 }
 
-std::string ParameterSet::refusal(const std::string& name, const ParameterValue& value) const {
+std::string ParameterSet::refusal(const std::string& name, const ParameterValue& value, For when) const {
   const auto found = entries_.find(name);
   if (found == entries_.end()) return fmt::format("parameter '{}' has not been declared", name);
   const ParameterDeclaration& declaration = found->second.declaration;
-  if (declaration.read_only) return fmt::format("parameter '{}' is read-only", name);
+  if (declaration.read_only && when == For::now) return fmt::format("parameter '{}' is read-only", name);
   if (value.index() != declaration.default_value.index()) {
     return fmt::format("parameter '{}' is of type {}, not {}", name, type_text(declaration.default_value),
                        type_text(value));
   }
-  if (const std::string why = range_refusal(value, declaration); !why.empty())
+  if (const std::string why = rule_refusal(value, declaration); !why.empty())
     return fmt::format("parameter '{}': {}", name, why);
   if (check_) {
     if (const auto checked = check_(name, value); !checked) return checked.error();
@@ -87,20 +161,70 @@ std::string ParameterSet::refusal(const std::string& name, const ParameterValue&
   return {};
 }
 
+const ParameterValue* ParameterSet::Proposal::find(const std::string& name) const {
+  // The last of several changes of one parameter holds.
+  const auto change = std::find_if(changes_.rbegin(), changes_.rend(),
+                                   [&](const auto& entry) { return entry.first == name; });
+  return change != changes_.rend() ? &change->second : set_.find(name);
+}
+
 std::vector<std::string> ParameterSet::set_atomically(
     const std::vector<std::pair<std::string, ParameterValue>>& changes) {
   std::vector<std::string> refusals;
   bool all_fine = true;
   for (const auto& [name, value] : changes) {
-    refusals.push_back(refusal(name, value));
+    refusals.push_back(refusal(name, value, For::now));
     all_fine = all_fine && refusals.back().empty();
+  }
+  if (all_fine && set_check_) {
+    if (const auto checked = set_check_(Proposal(*this, changes)); !checked) {
+      refusals.assign(changes.size(), checked.error());
+      all_fine = false;
+    }
   }
   if (!all_fine) return refusals;
   for (const auto& [name, value] : changes) entries_.at(name).value = value;
   if (changed_) {
     for (const auto& change : changes) changed_(change.first);
   }
+  if (applied_ && !changes.empty()) {
+    std::vector<std::string> names;
+    for (const auto& change : changes) names.push_back(change.first);
+    applied_(names);
+  }
   return refusals;
+}
+
+Result<std::vector<StoredParameter>, std::string> ParameterSet::store(const StoreRequest& request,
+                                                                      const std::string& saved) const {
+  std::vector<StoredParameter> all = stored_;
+  const auto forget = [&](const std::string& name) {
+    return std::erase_if(all, [&](const StoredParameter& s) { return s.name == name; }) > 0;
+  };
+  if (request.clear) {
+    if (request.names.empty()) all.clear();
+    for (const std::string& name : request.names) {
+      if (!forget(name)) return Err(fmt::format("parameter '{}' is not stored", name));
+    }
+    return all;
+  }
+  auto wanted = request.values;
+  for (const std::string& name : request.names) {
+    const ParameterValue* value = find(name);
+    if (value == nullptr) return Err(fmt::format("parameter '{}' has not been declared", name));
+    wanted.emplace_back(name, *value);
+  }
+  if (wanted.empty()) {
+    for (const auto& [name, entry] : entries_) {
+      if (entry.value != entry.start) wanted.emplace_back(name, entry.value);
+    }
+  }
+  for (auto& [name, value] : wanted) {
+    if (const std::string why = refusal(name, value, For::next_start); !why.empty()) return Err(why);
+    forget(name);
+    all.push_back({name, std::move(value), request.trial, saved});
+  }
+  return all;
 }
 
 const ParameterValue* ParameterSet::find(const std::string& name) const {
@@ -180,6 +304,32 @@ std::optional<ParameterValue> from_message(const Message& m) {
   }
 }
 
+rcl_interfaces::msg::ListParametersResult list_parameter_names(const std::vector<std::string>& names,
+                                                               const std::vector<std::string>& prefixes,
+                                                               std::uint64_t depth) {
+  const auto shallow = [depth](std::string_view below) {
+    return depth == 0 || static_cast<std::uint64_t>(std::count(below.begin(), below.end(), '.')) < depth;
+  };
+  const auto wanted = [&](const std::string& name) {
+    if (prefixes.empty()) return shallow(name);
+    return std::any_of(prefixes.begin(), prefixes.end(), [&](const std::string& prefix) {
+      return name == prefix ||
+             (name.starts_with(prefix + ".") && shallow(std::string_view(name).substr(prefix.size() + 1)));
+    });
+  };
+  rcl_interfaces::msg::ListParametersResult result;
+  for (const std::string& name : names) {
+    if (!wanted(name)) continue;
+    result.names.push_back(name);
+    const std::size_t last = name.rfind('.');
+    if (last == std::string::npos) continue;
+    const std::string prefix = name.substr(0, last);
+    if (std::find(result.prefixes.begin(), result.prefixes.end(), prefix) == result.prefixes.end())
+      result.prefixes.push_back(prefix);
+  }
+  return result;
+}
+
 rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,
                                                     const ParameterDeclaration& declaration) {
   rcl_interfaces::msg::ParameterDescriptor d;
@@ -187,13 +337,17 @@ rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,
   d.type = to_message(declaration.default_value).type;
   d.description = declaration.description;
   d.read_only = declaration.read_only;
+  if (!declaration.choices.empty())
+    d.additional_constraints = fmt::format("one of: {}", fmt::join(declaration.choices, ", "));
   if (declaration.range) {
     const bool integer = declaration.default_value.index() == 1 || declaration.default_value.index() == 5;
     if (integer) {
       d.integer_range.push_back({static_cast<std::int64_t>(declaration.range->lowest),
-                                 static_cast<std::int64_t>(declaration.range->highest), 1});
+                                 static_cast<std::int64_t>(declaration.range->highest),
+                                 static_cast<std::uint64_t>(std::max(declaration.range->step, 1.0))});
     } else {
-      d.floating_point_range.push_back({declaration.range->lowest, declaration.range->highest, 0.0});
+      d.floating_point_range.push_back(
+          {declaration.range->lowest, declaration.range->highest, declaration.range->step});
     }
   }
   return d;

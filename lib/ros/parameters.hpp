@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include <rcl_interfaces/msg/list_parameters_result.hpp>
 #include <rcl_interfaces/msg/parameter_descriptor.hpp>
 #include <rcl_interfaces/msg/parameter_value.hpp>
 
@@ -23,34 +24,88 @@ using ParameterValue = std::variant<bool, std::int64_t, double, std::string, std
 struct ParameterRange {
   double lowest = 0;
   double highest = 0;
+  double step = 0;  ///< allowed are lowest + n * step, and highest; 0: everything between
 };
 
 struct ParameterDeclaration {
   ParameterValue default_value;  ///< its type is the parameter's type
   std::optional<ParameterRange> range;
   std::string description;
-  bool read_only = false;
+  bool read_only = false;              ///< changes at the next start only, by its stored value
+  std::vector<std::string> choices{};  ///< of a text (every element of an array); empty: any
 };
 
-/// The parameters of one node: declared once with type, range and default, started from the deployment file's
-/// values, changed at run time only after every rule and the node's own callback agreed. Pure: no DDS.
+/// A value that outlives the node (VAR/state/<node>/parameters.yaml).
+struct StoredParameter {
+  std::string name;
+  ParameterValue value;
+  bool trial = false;  ///< nobody confirmed it yet: not used at the next start
+  std::string saved;   ///< when, UTC, for people
+  friend bool operator==(const StoredParameter&, const StoredParameter&) = default;
+};
+
+/// A stored value that is not used, and why.
+struct SetAside {
+  StoredParameter parameter;
+  std::string reason;
+};
+
+/// The parameters of one node: declared once with type, range and default, started from the stored values,
+/// else the deployment file's, changed at run time only after every rule and the node's own callbacks agreed.
+/// Pure: no DDS.
 class ParameterSet {
  public:
-  /// Refuses a change with a reason, for people. Called with the whole proposed set applied to nothing yet.
+  /// Refuses the change of one parameter with a reason, for people. Nothing is applied yet.
   using Check =
       std::function<Result<void, std::string>(const std::string& name, const ParameterValue& value)>;
+  /// The parameters as they would be.
+  class Proposal {
+   public:
+    [[nodiscard]] const ParameterValue* find(const std::string& name) const;
+
+   private:
+    friend class ParameterSet;
+    Proposal(const ParameterSet& set, const std::vector<std::pair<std::string, ParameterValue>>& changes)
+        : set_(set), changes_(changes) {}
+    const ParameterSet& set_;
+    const std::vector<std::pair<std::string, ParameterValue>>& changes_;
+  };
+  /// Refuses a set of changes that do not go together. Called after each was found fine by itself.
+  using SetCheck = std::function<Result<void, std::string>(const Proposal& proposal)>;
   /// Called after the change holds.
   using Changed = std::function<void(const std::string& name)>;
+  /// Called once after all changes of a set hold, and after Changed of each.
+  using Applied = std::function<void(const std::vector<std::string>& names)>;
 
   ParameterSet() = default;
   /// @param overrides the node's `parameters` mapping of the deployment file
   explicit ParameterSet(ConfigSection overrides) : overrides_(std::move(overrides)) {}
+  /// Values that go over the deployment's. Before the first declaration.
+  void set_stored(std::vector<StoredParameter> stored);
 
-  /// Declares and returns the start value: the override, else the default. Throws ConfigError for an override
-  /// of the wrong type or range.
+  /// Declares and returns the start value: the stored value, else the override, else the default. Throws
+  /// ConfigError for an override of the wrong type or range; such a stored value is set aside.
   const ParameterValue& declare(const std::string& name, ParameterDeclaration declaration);
-  /// Throws ConfigError for overrides that nobody declared. After all declarations.
-  void finish() const;
+  /// Throws ConfigError for overrides that nobody declared; stored values that nobody declared or that the
+  /// node's check refuses are set aside. After all declarations.
+  void finish();
+  /// Stored values that are not used.
+  [[nodiscard]] const std::vector<SetAside>& set_aside() const { return set_aside_; }
+
+  /// What to keep over a restart (srfs_msgs/srv/SaveParameters).
+  struct StoreRequest {
+    std::vector<std::string> names;  ///< neither names nor values: all that differ from their start
+    std::vector<std::pair<std::string, ParameterValue>> values;  ///< for the next start; read-only ones too
+    bool clear = false;                                          ///< forget `names` (empty: all) instead
+    bool trial = false;
+  };
+  /// The stored values as they would be, all or nothing; set_stored_now() makes it so once they are on disk.
+  /// @param saved  now, UTC, for people. @return why not
+  [[nodiscard]] Result<std::vector<StoredParameter>, std::string> store(const StoreRequest& request,
+                                                                        const std::string& saved) const;
+  void set_stored_now(std::vector<StoredParameter> stored) { stored_ = std::move(stored); }
+  /// In the file now, without what was set aside.
+  [[nodiscard]] const std::vector<StoredParameter>& stored() const { return stored_; }
 
   /// All or none. @return per parameter its refusal (empty: fine); all empty means all were applied
   [[nodiscard]] std::vector<std::string> set_atomically(
@@ -60,19 +115,30 @@ class ParameterSet {
   [[nodiscard]] std::vector<std::string> names() const;
 
   void set_check(Check check) { check_ = std::move(check); }
+  void set_set_check(SetCheck check) { set_check_ = std::move(check); }
   void set_changed(Changed changed) { changed_ = std::move(changed); }
+  void set_applied(Applied applied) { applied_ = std::move(applied); }
 
  private:
   struct Entry {
     ParameterDeclaration declaration;
     ParameterValue value;
+    ParameterValue start;  ///< of the deployment or the default
   };
-  [[nodiscard]] std::string refusal(const std::string& name, const ParameterValue& value) const;
+  enum class For : std::uint8_t { now, next_start };
+  [[nodiscard]] std::string refusal(const std::string& name, const ParameterValue& value, For when) const;
+  [[nodiscard]] std::optional<ParameterValue> stored_start(const std::string& name,
+                                                           const ParameterDeclaration& declaration);
+  void put_aside(const std::string& name, std::string reason);
 
   std::optional<ConfigSection> overrides_;
   std::map<std::string, Entry> entries_;
+  std::vector<StoredParameter> stored_;
+  std::vector<SetAside> set_aside_;
   Check check_;
+  SetCheck set_check_;
   Changed changed_;
+  Applied applied_;
 };
 
 /// The value as ROS 2 sends it, and back; nullopt for NOT_SET and byte arrays, which no parameter of ours
@@ -81,6 +147,11 @@ class ParameterSet {
 [[nodiscard]] std::optional<ParameterValue> from_message(const rcl_interfaces::msg::ParameterValue& message);
 [[nodiscard]] rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,
                                                                   const ParameterDeclaration& declaration);
+/// Answers rcl_interfaces/srv/ListParameters as rclcpp does (NodeParameters::list_parameters): the names that
+/// equal a prefix or lie below it by at most @p depth levels separated by '.' (0: any number), and the
+/// prefixes they have.
+[[nodiscard]] rcl_interfaces::msg::ListParametersResult list_parameter_names(
+    const std::vector<std::string>& names, const std::vector<std::string>& prefixes, std::uint64_t depth);
 /// "integer", "double array"...
 [[nodiscard]] std::string type_text(const ParameterValue& value);
 

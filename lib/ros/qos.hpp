@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 
 namespace srfs::ros {
@@ -9,6 +10,7 @@ namespace srfs::ros {
 struct Qos {
   std::int32_t depth = 10;
   bool transient_local = false;
+  std::chrono::milliseconds lifespan{0};  ///< a sample is dropped this long after it was written; 0: never
 };
 
 }  // namespace srfs::ros

@@ -1,6 +1,5 @@
 #include "ros/run_node.hpp"
 
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 
@@ -13,6 +12,7 @@
 #include <CLI/CLI.hpp>
 
 #include "base/file.hpp"
+#include "base/signals.hpp"
 #include "ros/node.hpp"
 #include "srfs_version.hpp"
 
@@ -30,17 +30,6 @@ struct Arguments {
 
 int code(ExitCode c) {
   return static_cast<int>(c);
-}
-
-/// Blocks the signals in every thread to come and hands them out on a descriptor.
-Fd block_signals() {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGTERM);
-  sigaddset(&set, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &set, nullptr);
-  signal(SIGPIPE, SIG_IGN);
-  return Fd(signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
 }
 
 State desired_state(const VarPaths& var, const std::string& node) {
@@ -80,15 +69,30 @@ class NodeRunner {
       desired_ = commanded;  // the operator's word ends what was going on before
       retry_.reset();
     };
+    node_.on_error_processed_ = [this] { recover(); };
     attempt();
   }
-  ~NodeRunner() { node_.on_commanded_ = {}; }
+  ~NodeRunner() {
+    node_.on_commanded_ = {};
+    node_.on_error_processed_ = {};
+  }
   NodeRunner(const NodeRunner&) = delete;
   NodeRunner& operator=(const NodeRunner&) = delete;
 
-  static void finish_declarations(LifecycleNode& node) { node.parameters_.finish(); }
-
  private:
+  /// After an error the node is brought up again, later and later while it fails soon after.
+  void recover() {
+    if (node_.state() != State::finalized && retry_) return;  // on its way already
+    constexpr nanoseconds lasting = seconds(60);
+    if (reached_ && monotonic_now() - *reached_ > lasting) attempts_ = 0;
+    reached_.reset();
+    if (node_.state() == State::finalized || node_.state() == desired_) {
+      attempt();
+    } else {
+      retry_later();
+    }
+  }
+
   void attempt() {
     if (node_.state() == State::finalized) {
       log::error("finalized after an error; restart the node to use it again");
@@ -96,25 +100,37 @@ class NodeRunner {
     }
     if (node_.go_to(desired_)) {
       malloc_trim(0);  // configuring takes memory that working does not need (YAML, tables being built)
+      reached_ = monotonic_now();
       return;
     }
+    retry_later();
+  }
+  void retry_later() {
     constexpr std::array<seconds, 4> waits{seconds(1), seconds(2), seconds(5), seconds(10)};
     const seconds wait = waits[std::min(attempts_++, waits.size() - 1)];
     log::warn("not {} yet, next attempt in {} s", label(desired_), wait.count());
-    retry_ = executor_.add_timer(monotonic_now() + wait, nanoseconds(0), [this] { attempt(); });
+    retry_ = executor_.add_timer(
+        monotonic_now() + wait, nanoseconds(0),
+        [this] {
+          retry_.reset();
+          attempt();
+        },
+        bring_up_timer);
   }
 
   Executor& executor_;
   LifecycleNode& node_;
   State desired_;
   std::size_t attempts_ = 0;
+  std::optional<MonotonicTime> reached_;  ///< when the desired state was reached last
   Timer retry_;
 };
 
 namespace {
 
 int run(const Arguments& arguments, const NodeFactory& factory) {
-  const Fd signals = block_signals();
+  const Fd signals = termination_signals();
+  ignore_broken_pipes();
   const Deployment deployment = Deployment::load(arguments.deployment);
   const NodeEntry* entry = deployment.find(arguments.name);
   if (entry == nullptr) {
@@ -142,24 +158,29 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
   // Few threads, small heaps: one arena instead of one per thread saves about 1 MB a node.
   mallopt(M_ARENA_MAX, 1);
   Executor executor;
-  auto participant = Participant::create({*domain, deployment.interfaces});
+  auto participant = Participant::create({*domain, deployment.interfaces, &executor,
+                                          SuiteIdentity{deployment.name, arguments.name, incarnation.number},
+                                          deployment.drop_foreign});
   if (!participant) {
     log::error("{}", participant.error());
     return code(ExitCode::middleware);
   }
   NodeContext context{arguments.name, deployment, var, incarnation.number, executor, **participant};
   const std::unique_ptr<LifecycleNode> node = factory(context);
-  NodeRunner::finish_declarations(*node);
+  node->finish_declarations();
   log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", context.incarnation, version(), getpid(),
             *domain);
 
   bool stopping = false;
-  const auto signal_watch = executor.add_fd(signals.get(), EPOLLIN, [&](std::uint32_t) {
-    signalfd_siginfo info{};
-    if (read(signals.get(), &info, sizeof info) != sizeof info) return;
-    log::info("stopping: signal {} from pid {}", info.ssi_signo, info.ssi_pid);
-    stopping = true;
-  });
+  const auto signal_watch = executor.add_fd(
+      signals.get(), EPOLLIN,
+      [&](std::uint32_t) {
+        signalfd_siginfo info{};
+        if (read(signals.get(), &info, sizeof info) != sizeof info) return;
+        log::info("stopping: signal {} from pid {}", info.ssi_signo, info.ssi_pid);
+        stopping = true;
+      },
+      "signals");
   {
     const NodeRunner runner(executor, *node, desired_state(var, arguments.name));
     while (!stopping && executor.spin_once(seconds(1))) {

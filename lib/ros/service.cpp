@@ -46,7 +46,9 @@ bool ReplyQueue::send(const SampleIdentity& request, std::shared_ptr<const void>
   }
   const MonotonicTime give_up = monotonic_now() + RequestBook::longest_to_match;
   waiting_.push_back({request, std::move(response), give_up});
-  if (!timer_) timer_ = executor_.add_timer(give_up, nanoseconds(0), [this] { flush(); });
+  if (!timer_)
+    timer_ = executor_.add_timer(
+        give_up, nanoseconds(0), [this] { flush(); }, "reply queue");
   return true;
 }
 

@@ -46,8 +46,11 @@ inline const Topic<m::TelecommandReport> telecommand_report{
     "/telecommand_report", {.depth = 64}, Priority::normal};
 inline const Topic<m::Event> event{"/event", {.depth = 32}, Priority::normal};
 inline const Topic<m::SystemMode> mode{"/mode", {.depth = 1, .transient_local = true}, Priority::normal};
+// ROS 2 keeps 1000 lines for late readers; 100 are enough to see why a node is as it is and bound the memory
+// of a node to 0.15 MB (a line is 1.2 KB at most). Depth is no part of what must agree between writer and
+// reader.
 inline const Topic<rcl_interfaces::msg::Log> rosout{
-    "/rosout", {.depth = 100, .transient_local = true}, Priority::bulk};
+    "/rosout", {.depth = 100, .transient_local = true, .lifespan = std::chrono::seconds(10)}, Priority::bulk};
 inline const Topic<rcl_interfaces::msg::ParameterEvent> parameter_events{
     "/parameter_events", {.depth = 100}, Priority::bulk};
 

@@ -5,7 +5,9 @@
 namespace srfs::ros {
 
 Worker::Worker(Executor& executor, std::string name, std::size_t capacity)
-    : executor_(executor), capacity_(capacity) {
+    : executor_(executor),
+      capacity_(capacity),
+      record_(&executor.statistics().record(CallbackKind::posted, "worker " + name)) {
   thread_ = std::thread([this] { run(); });
   pthread_setname_np(thread_.native_handle(), name.substr(0, 15).c_str());
 }
@@ -53,12 +55,23 @@ void Worker::drain() {
 }
 
 void Worker::run_finished() {
-  std::deque<std::function<void()>> due;
+  // One by one: what a throwing `done` leaves behind is handed over by the next post.
+  const auto alive = alive_;
+  std::size_t due = 0;
   {
     const std::lock_guard lock(mutex_);
-    due.swap(finished_);
+    due = finished_.size();
   }
-  for (const auto& done : due) done();
+  for (; due > 0 && *alive; --due) {
+    std::function<void()> done;
+    {
+      const std::lock_guard lock(mutex_);
+      if (finished_.empty()) return;
+      done = std::move(finished_.front());
+      finished_.pop_front();
+    }
+    done();
+  }
 }
 
 void Worker::run() {
@@ -71,18 +84,28 @@ void Worker::run() {
     progress_.busy = true;
     progress_.busy_since = monotonic_now();
     lock.unlock();
-    job.run();
+    std::function<void()> done = job.done;
+    bool failed = false;
+    try {
+      job.run();
+    } catch (...) {
+      failed = true;
+      done = [error = std::current_exception()] { std::rethrow_exception(error); };
+    }
     lock.lock();
-    if (job.done) finished_.push_back(job.done);
+    if (done) finished_.push_back(done);
     lock.unlock();
     // A refused post is no loss: the next one, or drain(), hands over everything that has finished.
-    if (job.done) {
-      executor_.post([this, alive = alive_] {
-        if (*alive) run_finished();
-      });
+    if (done) {
+      executor_.post(
+          [this, alive = alive_] {
+            if (*alive) run_finished();
+          },
+          record_);
     }
     lock.lock();
     progress_.busy = false;
+    progress_.failed += failed ? 1 : 0;
     ++progress_.finished;
     changed_.notify_all();
   }

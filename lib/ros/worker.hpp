@@ -17,6 +17,7 @@ namespace srfs::ros {
 struct WorkerProgress {
   std::uint64_t finished = 0;
   std::uint64_t refused = 0;  ///< jobs not taken because the queue was full
+  std::uint64_t failed = 0;   ///< jobs that ended with an exception; their `done` is not called
   std::size_t waiting = 0;    ///< jobs not begun
   bool busy = false;
   MonotonicTime busy_since;  ///< when busy
@@ -24,7 +25,8 @@ struct WorkerProgress {
 
 /// A named thread for what may block: files and fsync, heavy computation, blocking devices. Jobs run in
 /// order; what they produced is handled by their `done` on the work thread. The destructor finishes the job
-/// that runs, drops the waiting ones and joins.
+/// that runs, drops the waiting ones and joins. An exception of a job is thrown again on the work thread,
+/// where it counts as that of a callback.
 class Worker {
  public:
   /// @param name at most 15 characters (the thread's name); @param capacity jobs waiting at most; further
@@ -53,6 +55,7 @@ class Worker {
 
   Executor& executor_;
   std::size_t capacity_;
+  CallbackRecord* record_;  // run time of `done`
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Job> jobs_;

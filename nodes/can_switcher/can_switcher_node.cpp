@@ -32,7 +32,7 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
   declare_parameter("disabled_payloads", std::vector<std::string>{},
                     "Payloads that are passed over in the rotation");
   declare_parameter("fence_wait_ms", std::int64_t{500}, ros::ParameterRange{10, 10000},
-                    "Longest wait for the exit of a killed holder before the bus goes on", true);
+                    "Wait for the exit of a killed holder before it is killed again and reported", true);
   on_parameter_check([this](const std::string& parameter,
                             const ros::ParameterValue& value) -> Result<void, std::string> {
     if (parameter != "disabled_payloads") return {};
@@ -79,29 +79,30 @@ CallbackReturn CanSwitcherNode::on_configure() {
       return instance && !successor ? std::optional(instance->pid) : std::nullopt;
     };
     hooks.watch = [this](int fd, std::function<void()> readable) {
-      return watch_fd(fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); });
+      return watch_fd(
+          fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); }, "fence");
     };
     hooks.after = [this](nanoseconds delay, std::function<void()> due) {
-      return create_one_shot(monotonic_now() + delay, std::move(due));
+      return create_one_shot(monotonic_now() + delay, std::move(due), "fence");
     };
     fence_.emplace(std::move(hooks), milliseconds(get_parameter<std::int64_t>("fence_wait_ms")));
   }
 
   flags_ = create_publisher(ros::topics::task_flags);
   resets_ = create_publisher(ros::topics::reset_peripheral);
-  telemetry_ = create_publisher(ros::topics::telemetry(name()));
   statuses_ = create_subscription(ros::topics::bus_status,
                                   [this](const srfs_msgs::msg::BusStatus& status) { on_bus_status(status); });
   ticks_ = create_subscription(ros::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& tick, const ros::MessageInfo& info) {
                                  on_tick(tick, info.received);
                                });
-  housekeeping_timer_ = create_timer(housekeeping_period, [this] { publish_housekeeping(); });
+  housekeeping_timer_ = create_timer(
+      housekeeping_period, [this] { publish_housekeeping(); }, "housekeeping");
   return CallbackReturn::success;
 }
 
 CallbackReturn CanSwitcherNode::on_activate() {
-  rotation_->resume();
+  rotation_->resume(monotonic_now());
   nanoseconds wait{0};
   for (const Slot& slot : rotation_->slots()) wait = std::max(wait, slot.lease());
   if (!rotation_->current()) {
@@ -125,7 +126,6 @@ void CanSwitcherNode::close() {
   statuses_.reset();
   flags_.reset();
   resets_.reset();
-  telemetry_.reset();
 }
 
 CallbackReturn CanSwitcherNode::on_cleanup() {
@@ -150,7 +150,7 @@ void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTim
   if (!is_active()) return;
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
-  const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle);
+  const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle, received);
   if (const Grant* grant = std::get_if<Grant>(&decision)) {
     publish_flag(*grant, received);
     flag_latency_.add(monotonic_now() - received);
@@ -205,10 +205,13 @@ void CanSwitcherNode::arm_deadline() {
   armed_ = deadline;
   deadline_timer_.reset();
   if (deadline)
-    deadline_timer_ = create_one_shot(*deadline, [this] {
-      armed_.reset();
-      on_deadline();
-    });
+    deadline_timer_ = create_one_shot(
+        *deadline,
+        [this] {
+          armed_.reset();
+          on_deadline();
+        },
+        "slot deadline");
 }
 
 void CanSwitcherNode::on_deadline() {
@@ -244,10 +247,14 @@ void CanSwitcherNode::fence(const Fence& f) {
              f.id.incarnation, f.id.counter);
   raise(mission::CanSwitcherHolderFencedEvent{.payload = f.payload, .grant = f.id.counter});
   fenced_process_ = f.process;
-  fence_->fence(f.payload, [this, f](bool gone) {
-    if (!gone) log::fatal("{} outlived its kill; the bus goes on", f.payload);
-    rotation_->on_fenced(f.id, gone, monotonic_now());
-  });
+  fence_->fence(f.payload,
+                {.gone = [this, f] { rotation_->on_fenced(f.id, monotonic_now()); },
+                 .unproven =
+                     [this, f](const std::string& why) {
+                       rotation_->on_fence_unproven();
+                       log::fatal("{} may still write, the bus stays blocked: {}", f.payload, why);
+                       raise(mission::CanSwitcherFenceUnprovenEvent{.payload = f.payload, .why = why});
+                     }});
 }
 
 // ---------------------------------------------------------------- housekeeping
@@ -262,11 +269,17 @@ void CanSwitcherNode::publish_housekeeping() {
       hk.grants[i] = slot.granted;
       hk.releases[i] = slot.released;
       hk.failures[i] = slot.failed;
+      hk.not_taken[i] = slot.not_taken;
     }
     hk.overruns += slot.overruns;
     hk.fences += slot.fences;
   }
+  hk.ticks = counters.ticks;
+  hk.repeated_ticks = counters.repeated_ticks;
+  hk.waiting_ticks = counters.waiting_ticks;
+  hk.idle_ticks = counters.idle_ticks;
   hk.blocked_ticks = counters.blocked_ticks;
+  hk.fences_unproven = counters.unproven_fences;
   hk.peripheral_resets = resets_sent_;
   hk.flag_latency_p50_us = as_us(flag_latency_.quantile(0.5));
   hk.flag_latency_p99_us = as_us(flag_latency_.quantile(0.99));
@@ -276,8 +289,9 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.ticks_missed = counters.missed_cycles;
   hk.status_rejected =
       counters.old_reports + counters.foreign_reports + counters.duplicate_reports + meaningless_statuses_;
-  telemetry_->publish(
-      ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+  hk.dds_malformed = static_cast<std::uint32_t>(malformed_samples());
+  hk.events_suppressed = static_cast<std::uint32_t>(suppressed_events());
+  publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 
 }  // namespace srfs

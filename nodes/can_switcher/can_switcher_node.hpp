@@ -4,8 +4,8 @@
 #include <optional>
 #include <vector>
 
+#include "base/latency_histogram.hpp"
 #include "nodes/can_switcher/holder_fence.hpp"
-#include "nodes/can_switcher/latency_histogram.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
@@ -39,7 +39,6 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void close();
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TaskFlags>> flags_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PeripheralReset>> resets_;
-  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::BusStatus>> statuses_;
   ros::Timer deadline_timer_;

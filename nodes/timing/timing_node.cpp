@@ -124,11 +124,14 @@ CallbackReturn TimingNode::on_configure() {
 
   worker_ = create_worker("store", 4);
   tick_publisher_ = create_publisher(ros::topics::time_tick);
-  telemetry_publisher_ = create_publisher(ros::topics::telemetry(name()));
-  pulse_watch_ = watch_fd(pulse_->fd(), EPOLLIN, [this](std::uint32_t) { on_pulse_input(); });
-  serial_watch_ = watch_fd(serial_->fd(), EPOLLIN, [this](std::uint32_t) { on_serial_input(); });
-  housekeeping_timer_ = create_timer(housekeeping_period, [this] { publish_housekeeping(); });
-  save_timer_ = create_timer(save_period, [this] { save_time(); });
+  pulse_watch_ = watch_fd(
+      pulse_->fd(), EPOLLIN, [this](std::uint32_t) { on_pulse_input(); }, "gps pulse");
+  serial_watch_ = watch_fd(
+      serial_->fd(), EPOLLIN, [this](std::uint32_t) { on_serial_input(); }, "gps serial");
+  housekeeping_timer_ = create_timer(
+      housekeeping_period, [this] { publish_housekeeping(); }, "housekeeping");
+  save_timer_ = create_timer(
+      save_period, [this] { save_time(); }, "save time");
   return CallbackReturn::success;
 }
 
@@ -144,7 +147,8 @@ CallbackReturn TimingNode::on_activate() {
   for (const WatchdogEvidence& evidence : evidence_) feeding_->add_evidence(evidence);
   ticks_.emplace(tick_period(), next_cycle_, monotonic_now() + milliseconds(1));
   arm_tick();
-  feed_timer_ = create_timer(feed_period, [this] { feed_watchdog(); });
+  feed_timer_ = create_timer(
+      feed_period, [this] { feed_watchdog(); }, "watchdog");
   return CallbackReturn::success;
 }
 
@@ -170,7 +174,6 @@ void TimingNode::close() {
   if (worker_) worker_->drain();
   worker_.reset();
   tick_publisher_.reset();
-  telemetry_publisher_.reset();
 }
 
 CallbackReturn TimingNode::on_cleanup() {
@@ -191,7 +194,8 @@ CallbackReturn TimingNode::on_error() {
 // ---------------------------------------------------------------- tick
 
 void TimingNode::arm_tick() {
-  tick_timer_ = create_one_shot(ticks_->next_due(), [this] { on_tick_due(); });
+  tick_timer_ = create_one_shot(
+      ticks_->next_due(), [this] { on_tick_due(); }, "tick");
 }
 
 void TimingNode::on_tick_due() {
@@ -349,7 +353,14 @@ void TimingNode::publish_housekeeping() {
   hk.watchdog_withheld = watchdog_withheld_;
   hk.max_tick_lateness_us = as_us(max_lateness_);
   hk.ticks_skipped = as_u32(skipped_before_ + (ticks_ ? ticks_->skipped_total() : 0));
-  telemetry_publisher_->publish(ros::telemetry_message(name(), hk, hk.cycle, utc, hk.time_valid, at));
+  hk.phase_adoptions = as_u32(clock.phase_adoptions);
+  hk.times_set = as_u32(clock.times_set);
+  hk.time_jumps_refused = as_u32(clock.jumps_refused);
+  hk.cycles_unreserved = as_u32(reservation_->unreserved());
+  hk.reservation_failures = as_u32(reservation_->failed_writes());
+  hk.dds_malformed = as_u32(malformed_samples());
+  hk.events_suppressed = as_u32(suppressed_events());
+  publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, utc, hk.time_valid, at));
   max_lateness_ = nanoseconds(0);
 }
 

@@ -54,7 +54,6 @@ class TimingNode : public ros::LifecycleNode {
   void close();
   TimingStore store_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TimeTick>> tick_publisher_;
-  std::shared_ptr<ros::Publisher<srfs_msgs::msg::PayloadTelemetry>> telemetry_publisher_;
   std::shared_ptr<ros::Worker> worker_;
   std::unique_ptr<hw::PulseSource> pulse_;
   std::unique_ptr<hw::SerialPort> serial_;

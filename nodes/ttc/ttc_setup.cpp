@@ -105,6 +105,16 @@ Result<UplinkConfig, std::string> TtcNode::read_channels() const {
   }
   if (config.channels.empty())
     return Err(fmt::format("{}: 'link.tc_channels': expected one at least", deployment().file.string()));
+  if (const auto shared = associations_with_one_key(config)) {
+    const auto key_of = [&settings](int spi) {
+      const auto entry = std::find_if(settings.channels.begin(), settings.channels.end(),
+                                      [spi](const ros::TelecommandChannel& c) { return c.spi == spi; });
+      return fmt::format("{} (SPI {})", entry->key_file, spi);
+    };
+    return Err(fmt::format(
+        "{}: 'link.tc_channels': expected another key for each SPI, found the same one in {} and {}",
+        deployment().file.string(), key_of(shared->first), key_of(shared->second)));
+  }
   return config;
 }
 
@@ -229,10 +239,7 @@ void TtcNode::fill_from_dictionary() {
 }
 
 void TtcNode::subscribe() {
-  const auto keep = [this](auto subscription) {
-    input_stats_.push_back([subscription] { return subscription->stats(); });
-    subscriptions_.push_back(subscription);
-  };
+  const auto keep = [this](auto subscription) { subscriptions_.push_back(std::move(subscription)); };
   telecommands_ = create_publisher(ros::topics::telecommand);
   mode_publisher_ = create_publisher(ros::topics::mode);
   keep(
@@ -269,17 +276,28 @@ void TtcNode::say_how_the_link_is_secured() const {
 }
 
 ros::CallbackReturn TtcNode::on_activate() {
-  line_watch_ = watch_fd(line_->fd(), EPOLLIN, [this](std::uint32_t) { read_line(); });
-  timers_.push_back(create_timer(seconds(1), [this] { commit_stores(); }));
-  timers_.push_back(create_timer(ModeKeeper::publish_period, [this] { publish_mode(); }));
-  timers_.push_back(create_timer(milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
-                                 [this] { send_own_housekeeping(); }));
-  timers_.push_back(
-      create_timer(milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }));
+  line_watch_ = watch_fd(
+      line_->fd(), EPOLLIN, 
+      [this](std::uint32_t) {
+        read_line();
+        settle();
+      },
+      "rs422");
+  timers_.push_back(create_timer(
+      seconds(1), [this] { commit_stores(); }, "commit stores"));
+  timers_.push_back(create_timer(
+      ModeKeeper::publish_period, [this] { publish_mode(); }, "mode"));
+  timers_.push_back(create_timer(
+      milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
+      [this] { send_own_housekeeping(); }, "housekeeping"));
+  timers_.push_back(create_timer(
+      milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }, "beacon"));
   // The first beacon does not wait for its period: an operator who listens wants to know that the spacecraft
   // is up.
-  timers_.push_back(create_one_shot(monotonic_now() + seconds(6), [this] { send_beacon(); }));
-  timers_.push_back(create_timer(seconds(5), [this] { look_at_nodes(); }));
+  timers_.push_back(create_one_shot(
+      monotonic_now() + seconds(6), [this] { send_beacon(); }, "beacon"));
+  timers_.push_back(create_timer(
+      seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
   look_at_nodes();
   publish_mode();
   settle();
@@ -302,7 +320,6 @@ ros::CallbackReturn TtcNode::on_deactivate() {
 
 ros::CallbackReturn TtcNode::on_cleanup() {
   subscriptions_.clear();
-  input_stats_.clear();
   state_clients_.clear();
   telecommands_.reset();
   mode_publisher_.reset();

@@ -36,7 +36,7 @@ struct Bus {
   std::unique_ptr<ros::Participant> participant;
 
   explicit Bus(const ros::Deployment& deployment, int domain) {
-    auto made = ros::Participant::create({domain, deployment.interfaces});
+    auto made = ros::Participant::create(participant_options(deployment, domain, executor));
     if (!made) throw std::runtime_error(made.error());
     participant = std::move(*made);
   }
@@ -119,6 +119,11 @@ Result<std::shared_ptr<ros::DomainLock>, std::string> take_domain(const Target& 
       !written) {
     return Err(written.error().message);
   }
+  // What a restart by any node gives its node, too.
+  if (const auto written = write_file_atomically(target.var.environment_file(), ros::environment_for_nodes());
+      !written) {
+    return Err(written.error().message);
+  }
   held->downgrade();
   return held;
 }
@@ -180,6 +185,12 @@ void set_stopping_flag(const Target& target) {
 }
 
 }  // namespace
+
+ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
+                                            ros::Executor& executor) {
+  return {domain, deployment.interfaces, &executor,
+          ros::SuiteIdentity{deployment.name, "srfs", static_cast<std::uint32_t>(getpid())}};
+}
 
 std::optional<int> running_domain(const Target& target) {
   const auto text = read_file(target.var.domain_file(), 64);
@@ -273,6 +284,7 @@ DownReport down(const Target& target, milliseconds patience) {
     if (const auto domain = running_domain(target))
       (void)ros::DomainLock::share(*domain);  // removes the lock of killed nodes
     std::filesystem::remove(target.var.domain_file(), ec);
+    std::filesystem::remove(target.var.environment_file(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }
   return report;

@@ -23,7 +23,7 @@ class World {
       case 0:
       case 1:
       case 2:
-        decide(rotation_.on_tick(now_, cycle_ += random_() % 8 == 0 ? random_() % 3 : 1));
+        decide(rotation_.on_tick(now_, cycle_ += random_() % 8 == 0 ? random_() % 3 : 1, now_));
         break;
       case 3:
       case 4:
@@ -33,7 +33,7 @@ class World {
         if (fencing_) {
           writers_[fencing_->payload_index].reset();
           known_[fencing_->payload_index] = false;  // the next process of it has not spoken yet
-          rotation_.on_fenced(fencing_->id, true, now_);
+          rotation_.on_fenced(fencing_->id, now_);
           fencing_.reset();
         }
         break;

@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include "nodes/can_switcher/latency_histogram.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 
 namespace srfs {
@@ -20,7 +19,7 @@ struct Rotation : ::testing::Test {
   MonotonicTime now = boot + milliseconds(120);
   MissionCycle cycle = 0;
 
-  Decision tick() { return rotation.on_tick(now, ++cycle); }
+  Decision tick() { return rotation.on_tick(now, ++cycle, now); }
   Grant must_grant() {
     const Decision decision = tick();
     EXPECT_TRUE(std::holds_alternative<Grant>(decision)) << decision.index();
@@ -94,7 +93,11 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
   EXPECT_EQ(release(grant), ReportVerdict::old_grant);  // too late: it is being killed
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
 
-  rotation.on_fenced(grant.id, true, now);
+  rotation.on_fence_unproven();
+  now += seconds(10);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "a holder that is not proven dead may write";
+
+  rotation.on_fenced(grant.id, now);
   EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick()));
   now += TaskFlagRotation::guard_time;
   EXPECT_EQ(must_grant().payload, "eps");
@@ -168,15 +171,15 @@ TEST_F(TaskFlagRotationTest, IgnoresAReleaseFromAnotherProcessOfTheHolder) {
 
 TEST_F(TaskFlagRotationTest, IgnoresARepeatedOrOlderTick) {
   must_grant();
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle)));
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle - 1)));
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle, now)));
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle - 1, now)));
   EXPECT_EQ(rotation.counters().repeated_ticks, 2U);
 }
 
 TEST_F(TaskFlagRotationTest, ASingleAbsurdTickDoesNotStopTheRotation) {
   const Grant grant = must_grant();
   report(BusReport::Kind::released, grant);
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ~MissionCycle{0})));
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ~MissionCycle{0}, now)));
   must_grant();
 }
 
@@ -211,20 +214,18 @@ TEST_F(TaskFlagRotationTest, GrantsNothingWhileSuspendedAndStillFencesTheHolder)
   EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now)));
   release(grant);
   EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
-  rotation.resume();
+  rotation.resume(now);
   EXPECT_EQ(must_grant().payload, "eps");
 }
 
-TEST(LatencyHistogram, GivesQuantilesWithinASixteenth) {
-  LatencyHistogram histogram;
-  EXPECT_EQ(histogram.quantile(0.5), nanoseconds(0));
-  for (int us = 1; us <= 1000; ++us) histogram.add(microseconds(us));
-  EXPECT_NEAR(static_cast<double>(histogram.quantile(0.5).count()), 500e3, 35e3);
-  EXPECT_NEAR(static_cast<double>(histogram.quantile(0.99).count()), 990e3, 65e3);
-  EXPECT_EQ(histogram.max(), microseconds(1000));
-  histogram.add(std::chrono::hours(1000));
-  EXPECT_EQ(histogram.quantile(1.0),
-            std::chrono::hours(1000) < histogram.max() ? histogram.max() : histogram.quantile(1.0));
+TEST_F(TaskFlagRotationTest, GrantsNothingOnATickThatWaitedForItsActivation) {
+  rotation.suspend();
+  const MonotonicTime received = now;
+  now += milliseconds(55);
+  rotation.resume(now);
+
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ++cycle, received)));
+  EXPECT_EQ(must_grant().payload, "adcs");
 }
 
 }  // namespace

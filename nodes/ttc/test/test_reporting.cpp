@@ -4,7 +4,6 @@
 
 #include "nodes/ttc/event_reporter.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
-#include "nodes/ttc/latency_histogram.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_maker.hpp"
 #include "nodes/ttc/packet_retrieval.hpp"
@@ -209,17 +208,6 @@ TEST(SpacecraftTime, IgnoresTicksThatCannotBeTrue) {
 
   EXPECT_EQ(clock.utc_at(at(0)), UtcTime(seconds(1000)));
   EXPECT_FALSE(clock.valid());
-}
-
-TEST(Latencies, GiveThePercentilesClass) {
-  LatencyHistogram histogram;
-  EXPECT_EQ(histogram.percentile(99), nanoseconds(0));
-  for (int i = 0; i < 99; ++i) histogram.add(microseconds(300));
-  histogram.add(milliseconds(15));
-  EXPECT_EQ(histogram.percentile(50), microseconds(500));
-  EXPECT_EQ(histogram.percentile(99), microseconds(500));
-  EXPECT_EQ(histogram.percentile(100), milliseconds(20));
-  EXPECT_EQ(histogram.longest(), milliseconds(15));
 }
 
 class Retrieval : public testing::Test {

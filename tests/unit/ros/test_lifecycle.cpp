@@ -47,10 +47,24 @@ TEST(LifecycleTable, EveryTransitionStateHasAllThreeOutcomes) {
   }
 }
 
+TEST(LifecycleTable, ANodeMayRaiseAnErrorInEveryStateThatCanStillFail) {
+  for (int state = 0; state < 32; ++state) {
+    const LifecycleRow* row = find_error_row(static_cast<State>(state));
+    const bool expected = state == 1 || state == 2 || state == 3;
+    ASSERT_EQ(row != nullptr, expected) << state;
+    if (row == nullptr) continue;
+    EXPECT_EQ(row->to, State::error_processing);
+    EXPECT_EQ(find_request(row->from, row->transition_id, ""), nullptr) << "nobody can request it";
+    EXPECT_EQ(find_request(row->from, 0, row->label), nullptr);
+  }
+}
+
 TEST(LifecycleTable, ARequestIsFoundByIdOrByLabel) {
   EXPECT_EQ(find_request(State::inactive, 3, "")->to, State::activating);
   EXPECT_EQ(find_request(State::inactive, 0, "activate")->to, State::activating);
   EXPECT_EQ(find_request(State::active, 0, "shutdown")->transition_id, 7);
+  EXPECT_EQ(find_request(State::inactive, 2, "activate")->to, State::activating) << "the label decides";
+  EXPECT_EQ(find_request(State::inactive, 3, "deactivate"), nullptr) << "not in this state";
   EXPECT_EQ(find_request(State::active, 3, ""), nullptr);
   EXPECT_EQ(find_request(State::configuring, 3, ""), nullptr) << "one transition at a time";
   EXPECT_EQ(find_request(State::finalized, 0, "configure"), nullptr);

@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "ros/parameters.hpp"
@@ -61,6 +63,57 @@ TEST(ParameterSet, SaysWhyAChangeIsRefused) {
   EXPECT_EQ(set.set_atomically({{"a", std::int64_t{7}}})[0], "seven is taken");
 }
 
+TEST(ParameterSet, AStepAllowsItsMultiplesAndTheHighest) {
+  ParameterSet set;
+  set.declare("i", {std::int64_t{10}, ParameterRange{10, 25, 4}, ""});
+  set.declare("d", {0.0, ParameterRange{0, 1, 0.1}, ""});
+  set.declare("list", {std::vector<std::int64_t>{}, ParameterRange{0, 8, 2}, ""});
+  for (const std::int64_t fine : {10, 14, 18, 22, 25}) EXPECT_EQ(set.set_atomically({{"i", fine}})[0], "");
+  EXPECT_EQ(set.set_atomically({{"i", std::int64_t{24}}})[0],
+            "parameter 'i': 24 is not 10 and a multiple of 4");
+  for (const double fine : {0.1, 0.3, 0.7, 1.0}) EXPECT_EQ(set.set_atomically({{"d", fine}})[0], "");
+  EXPECT_NE(set.set_atomically({{"d", 0.35}})[0], "");
+  EXPECT_NE(set.set_atomically({{"d", std::nan("")}})[0], "");
+  EXPECT_EQ(set.set_atomically({{"list", std::vector<std::int64_t>{2, 8}}})[0], "");
+  EXPECT_NE(set.set_atomically({{"list", std::vector<std::int64_t>{2, 3}}})[0], "");
+  EXPECT_EQ(descriptor("i", *set.declaration("i")).integer_range.at(0).step, 4U);
+  EXPECT_EQ(descriptor("d", *set.declaration("d")).floating_point_range.at(0).step, 0.1);
+}
+
+TEST(ParameterSet, AChoiceAllowsOnlyItsTexts) {
+  ParameterSet set;
+  set.declare("mode", {std::string("safe"), std::nullopt, "", false, {"safe", "nominal"}});
+  EXPECT_EQ(set.set_atomically({{"mode", std::string("nominal")}})[0], "");
+  EXPECT_EQ(set.set_atomically({{"mode", std::string("fast")}})[0],
+            "parameter 'mode': 'fast' is not one of safe, nominal");
+  EXPECT_EQ(descriptor("mode", *set.declaration("mode")).additional_constraints, "one of: safe, nominal");
+}
+
+TEST(ParameterSet, ASetCheckSeesAllParametersAsTheyWouldBe) {
+  ParameterSet set;
+  set.declare("low", {std::int64_t{1}, std::nullopt, ""});
+  set.declare("high", {std::int64_t{5}, std::nullopt, ""});
+  set.set_set_check([](const ParameterSet::Proposal& p) -> Result<void, std::string> {
+    if (std::get<std::int64_t>(*p.find("low")) > std::get<std::int64_t>(*p.find("high")))
+      return Err(std::string("low is above high"));
+    return {};
+  });
+  EXPECT_EQ(set.set_atomically({{"low", std::int64_t{7}}})[0], "low is above high");
+  EXPECT_EQ(set.set_atomically({{"low", std::int64_t{7}}, {"high", std::int64_t{9}}})[0], "");
+  EXPECT_EQ(std::get<std::int64_t>(*set.find("low")), 7);
+}
+
+TEST(ParameterSet, TellsOnceOfAWholeSet) {
+  ParameterSet set;
+  set.declare("a", {std::int64_t{1}, std::nullopt, ""});
+  set.declare("b", {std::int64_t{1}, std::nullopt, ""});
+  std::vector<std::vector<std::string>> told;
+  set.set_applied([&](const std::vector<std::string>& names) { told.push_back(names); });
+  EXPECT_EQ(set.set_atomically({{"a", std::int64_t{2}}, {"b", std::int64_t{2}}})[0], "");
+  EXPECT_NE(set.set_atomically({{"a", std::string("x")}})[0], "");
+  EXPECT_EQ(told, (std::vector<std::vector<std::string>>{{"a", "b"}}));
+}
+
 TEST(ParameterSet, TellsAfterAChangeHolds) {
   ParameterSet set;
   set.declare("a", {std::int64_t{1}, std::nullopt, ""});
@@ -81,6 +134,25 @@ TEST(ParameterMessage, EveryTypeSurvivesTheRoundTrip) {
                                            std::vector<std::string>{"a", "b"}};
   for (const auto& value : values) EXPECT_EQ(from_message(to_message(value)), value) << type_text(value);
   EXPECT_FALSE(from_message({})) << "NOT_SET is no value";
+}
+
+TEST(ListParameters, FollowsPrefixesAndDepthAsRclcppDoes) {
+  using Names = std::vector<std::string>;
+  const Names all{"camera.gain", "camera.lens.focus", "camera.lens.ring.step", "cameras", "period"};
+  EXPECT_EQ(list_parameter_names(all, {}, 0).names, all);
+  EXPECT_EQ(list_parameter_names(all, {}, 1).names, (Names{"cameras", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {}, 2).names, (Names{"camera.gain", "cameras", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {"camera"}, 0).names,
+            (Names{"camera.gain", "camera.lens.focus", "camera.lens.ring.step"}));
+  EXPECT_EQ(list_parameter_names(all, {"camera"}, 1).names, Names{"camera.gain"});
+  EXPECT_EQ(list_parameter_names(all, {"camera.lens", "period"}, 1).names,
+            (Names{"camera.lens.focus", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {"nothing"}, 0).names, Names{});
+}
+
+TEST(ListParameters, NamesEveryPrefixOnce) {
+  const auto result = list_parameter_names({"a.b.c", "a.b.d", "a.e", "f"}, {}, 0);
+  EXPECT_EQ(result.prefixes, (std::vector<std::string>{"a.b", "a"}));
 }
 
 }  // namespace

@@ -1,0 +1,294 @@
+#include "ros/node_introspection.hpp"
+
+#include <algorithm>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+#include <mission/structures.hpp>
+
+#include "base/file.hpp"
+#include "ros/mission_time.hpp"
+#include "ros/node.hpp"
+#include "ros/parameter_store.hpp"
+#include "ros/run_node.hpp"
+
+namespace srfs::ros {
+namespace {
+
+constexpr const char* parameter_file = "parameters.yaml";
+constexpr const char* set_aside_file = "parameters_set_aside.yaml";
+constexpr const char* damaged_file = "parameters.damaged";
+constexpr std::size_t most_set_aside_told = 32;
+constexpr std::size_t longest_told = 250;
+constexpr std::size_t most_set_aside_events = 8;
+
+std::uint32_t as_u32(std::uint64_t value) {
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
+}
+
+std::uint32_t as_us(nanoseconds d) {
+  return as_u32(static_cast<std::uint64_t>(std::max<std::int64_t>(d.count(), 0) / 1000));
+}
+
+std::string cut(std::string_view text, std::size_t longest) {
+  return std::string(text.substr(0, longest));
+}
+
+/// Where the dictionary has the structure of a node's work thread.
+struct WorkStructure {
+  std::string_view node;
+  std::uint16_t apid;
+  std::uint16_t structure_id;
+};
+constexpr std::array work_structures{
+    WorkStructure{"ttc", mission::apid::ttc, mission::structure::ttc_work},
+    WorkStructure{"timing", mission::apid::timing, mission::structure::timing_work},
+    WorkStructure{"can_switcher", mission::apid::can_switcher, mission::structure::can_switcher_work},
+    WorkStructure{"payload_adcs", mission::apid::payload_adcs, mission::structure::payload_adcs_work},
+    WorkStructure{"payload_eps", mission::apid::payload_eps, mission::structure::payload_eps_work},
+    WorkStructure{"payload_thermal", mission::apid::payload_thermal,
+                  mission::structure::payload_thermal_work},
+    WorkStructure{"image_acquisition", mission::apid::image_acquisition,
+                  mission::structure::image_acquisition_work},
+    WorkStructure{"image_processing", mission::apid::image_processing,
+                  mission::structure::image_processing_work},
+    WorkStructure{"maintenance", mission::apid::maintenance, mission::structure::maintenance_work},
+};
+
+srfs_msgs::msg::CallbackStatistics to_message(const CallbackRecord& record, nanoseconds budget) {
+  srfs_msgs::msg::CallbackStatistics m;
+  m.kind = static_cast<std::uint8_t>(record.kind);
+  m.name = cut(record.name, 96);
+  m.count = record.run_time.count();
+  m.over_budget = record.over_budget;
+  m.failed = record.failed;
+  m.missed_periods = record.missed_periods;
+  m.budget_us = as_us(budget);
+  m.p50_us = as_us(record.run_time.quantile(0.5));
+  m.p99_us = as_us(record.run_time.quantile(0.99));
+  m.max_us = as_us(record.run_time.max());
+  m.total_us = static_cast<std::uint64_t>(record.total / microseconds(1));
+  return m;
+}
+
+}  // namespace
+
+NodeIntrospection::NodeIntrospection(LifecycleNode& node)
+    : node_(node), start_(monotonic_now()), counted_since_(start_), last_work_(start_) {
+  const auto text = read_file(path(parameter_file), largest_parameter_file);
+  std::error_code ec;
+  if (!text && !std::filesystem::exists(path(parameter_file), ec)) return;
+  auto stored = text ? read_stored(*text) : Err(text.error().message);
+  if (!stored) {
+    std::filesystem::rename(path(parameter_file), path(damaged_file), ec);
+    set_aside_.push_back(cut(fmt::format("all: {}", stored.error()), longest_told));
+    log::error("{} is damaged and set aside as {}: {}", path(parameter_file), damaged_file, stored.error());
+    return;
+  }
+  for (const std::string& what : stored->damaged) {
+    if (set_aside_.size() < most_set_aside_told) set_aside_.push_back(cut(what, longest_told));
+    log::warn("{}: {}", path(parameter_file), what);
+  }
+  node_.parameters().set_stored(std::move(stored->parameters));
+}
+
+std::string NodeIntrospection::path(const char* file) const {
+  return (node_.state_dir() / file).string();
+}
+
+void NodeIntrospection::open() {
+  using srfs_msgs::srv::GetExecutorStatistics;
+  using srfs_msgs::srv::GetNodeStatus;
+  status_ = node_.create_service<GetNodeStatus>(
+      "~/get_status", [this](const auto&, GetNodeStatus::Response& response) { fill(response); });
+  statistics_ = node_.create_service<GetExecutorStatistics>(
+      "~/get_executor_statistics",
+      [this](const GetExecutorStatistics::Request& request, GetExecutorStatistics::Response& response) {
+        fill(response);
+        if (!request.reset) return;
+        node_.context().executor.statistics().reset();
+        counted_since_ = node_.now();
+        busy_before_reset_ = node_.context().executor.statistics().busy();
+      });
+  save_ = node_.create_deferred_service<SaveParameters>(
+      "~/save_parameters", [this](const SaveParameters::Request& request, auto ticket) {
+        const auto answer = [this, ticket](const SaveParameters::Response& response) {
+          save_->reply(ticket, response);
+        };
+        if (const std::string why = begin_save(request, answer); !why.empty()) {
+          log::warn("parameters not saved: {}", why);
+          SaveParameters::Response refused;
+          refused.reason = cut(why, longest_told);
+          answer(refused);
+        }
+      });
+}
+
+std::string NodeIntrospection::begin_save(const SaveParameters::Request& request,
+                                          std::function<void(const SaveParameters::Response&)> answer) {
+  if (saving_) return "another save is under way";
+  ParameterSet::StoreRequest wanted{
+      .names = request.names, .values = {}, .clear = request.clear, .trial = request.trial};
+  for (const auto& parameter : request.values) {
+    const auto value = from_message(parameter.value);
+    if (!value)
+      return fmt::format("parameter '{}': values of type {} are not supported", parameter.name,
+                         parameter.value.type);
+    wanted.values.emplace_back(parameter.name, *value);
+  }
+  auto stored = node_.parameters().store(wanted, to_iso8601(system_utc_now(), 0));
+  if (!stored) return stored.error();
+  if (stored->size() > most_stored_parameters)
+    return fmt::format("more than {} stored parameters", most_stored_parameters);
+  std::string text = write_stored(node_.name(), *stored);
+  if (text.size() > largest_parameter_file)
+    return fmt::format("more than {} octets of stored parameters", largest_parameter_file);
+
+  if (!disk_) disk_ = std::make_unique<Worker>(node_.context().executor, "parameters", 1);
+  auto written = std::make_shared<Result<void, FileError>>();
+  saving_ = disk_->post([file = path(parameter_file), text = std::move(text),
+                         written] { *written = write_file_atomically(file, text); },
+                        [this, written, stored = std::move(*stored), answer = std::move(answer)] {
+                          saving_ = false;
+                          SaveParameters::Response response;
+                          response.success = written->has_value();
+                          if (response.success) {
+                            node_.parameters().set_stored_now(stored);
+                            log::info("{} parameters stored for the next start", stored.size());
+                          } else {
+                            response.reason = cut(written->error().message, longest_told);
+                            log::error("parameters not saved: {}", written->error().message);
+                          }
+                          for (const StoredParameter& p : node_.parameters().stored())
+                            response.stored.push_back(p.name);
+                          answer(response);
+                        });
+  return saving_ ? "" : "another save is under way";
+}
+
+void NodeIntrospection::keep_set_aside() {
+  const auto& unused = node_.parameters().set_aside();
+  if (unused.empty()) return;
+  std::vector<StoredParameter> moved;
+  for (const SetAside& entry : unused) {
+    log::warn("stored parameter '{}' is not used: {}", entry.parameter.name, entry.reason);
+    if (set_aside_.size() < most_set_aside_told)
+      set_aside_.push_back(cut(fmt::format("{}: {}", entry.parameter.name, entry.reason), longest_told));
+    moved.push_back(entry.parameter);
+  }
+  // First where they go, then where they come from: a crash in between loses nothing.
+  auto written = write_file_atomically(path(set_aside_file), write_stored(node_.name(), moved));
+  if (written)
+    written =
+        write_file_atomically(path(parameter_file), write_stored(node_.name(), node_.parameters().stored()));
+  if (!written) log::error("{}", written.error().message);
+}
+
+void NodeIntrospection::raise_set_aside() {
+  const auto& unused = node_.parameters().set_aside();
+  for (std::size_t i = 0; i < std::min(unused.size(), most_set_aside_events); ++i) {
+    const mission::NodeParameterSetAsideEvent event{.parameter = unused[i].parameter.name,
+                                                    .reason = unused[i].reason};
+    node_.raise(event);
+  }
+}
+
+void NodeIntrospection::fill(srfs_msgs::srv::GetNodeStatus_Response& r) const {
+  const LastTransition& last = node_.last_transition();
+  const log::Losses losses = log::losses();
+  r.state = static_cast<std::uint8_t>(node_.state());
+  r.state_label = std::string(label(node_.state()));
+  r.incarnation = node_.incarnation();
+  r.version = version();
+  r.uptime_ns = static_cast<std::uint64_t>((node_.now() - start_).count());
+  r.last_transition = cut(last.label, 32);
+  r.last_outcome = static_cast<std::uint8_t>(last.outcome);
+  r.last_reason = cut(last.reason, longest_told);
+  r.last_took_ms = as_us(last.took) / 1000;
+  r.last_was_late = last.late;
+  r.failed_transitions = node_.failed_transitions();
+  r.failed_callbacks = node_.failed_callbacks();
+  r.log_held_back = losses.held_back;
+  r.log_lost = losses.lost;
+  r.events_suppressed = node_.suppressed_events();
+  r.parameters_set_aside = set_aside_;
+}
+
+void NodeIntrospection::fill(srfs_msgs::srv::GetExecutorStatistics_Response& r) const {
+  Executor& executor = node_.context().executor;
+  CallbackStatistics& statistics = executor.statistics();
+  r.counted_for_ns = static_cast<std::uint64_t>((node_.now() - counted_since_).count());
+  r.busy_ns = static_cast<std::uint64_t>((statistics.busy() - busy_before_reset_).count());
+  r.missed_timer_periods = executor.missed_timer_periods();
+  r.refused_posts = executor.refused_posts();
+  r.callback_budget_us = as_us(milliseconds(node_.get_parameter<std::int64_t>("callback_budget_ms")));
+  for (const CallbackRecord& record : statistics.records())
+    r.callbacks.push_back(to_message(record, statistics.budget(record)));
+  executor.for_each_source([&](const CallbackRecord& record, const Source& source) {
+    const auto* reader = dynamic_cast<const ReaderEndpoint*>(&source);
+    if (reader == nullptr || r.inputs.size() == 256) return;
+    srfs_msgs::msg::InputStatistics input;
+    const InputStats stats = reader->stats();
+    input.name = cut(record.name, 96);
+    input.received = stats.received;
+    input.malformed = stats.malformed;
+    input.lost = stats.lost;
+    input.matched = as_u32(reader->matched_count());
+    r.inputs.push_back(std::move(input));
+  });
+}
+
+void NodeIntrospection::publish_work() {
+  const auto structure = std::find_if(work_structures.begin(), work_structures.end(),
+                                      [&](const WorkStructure& w) { return w.node == node_.name(); });
+  Executor& executor = node_.context().executor;
+  CallbackStatistics& statistics = executor.statistics();
+  const CallbackStatistics::Longest longest = statistics.take_longest();
+  const MonotonicTime now = monotonic_now();
+  const nanoseconds busy = statistics.busy() - busy_at_last_work_;
+  const nanoseconds period = std::max<nanoseconds>(now - last_work_, nanoseconds(1));
+  busy_at_last_work_ = statistics.busy();
+  last_work_ = now;
+  if (structure == work_structures.end()) return;
+
+  const log::Losses losses = log::losses();
+  mission::WorkThread work;
+  work.state = is_primary(node_.state()) ? static_cast<mission::LifecycleState>(node_.state())
+                                         : mission::LifecycleState::transition;
+  work.callbacks = statistics.all().count();
+  work.over_budget = as_u32(statistics.over_budget());
+  work.failed = node_.failed_callbacks();
+  work.run_p50_us = as_us(statistics.all().quantile(0.5));
+  work.run_p99_us = as_us(statistics.all().quantile(0.99));
+  work.longest_us = as_us(longest.took);
+  if (longest.record != nullptr) work.longest = cut(longest.record->name, 40);
+  work.busy =
+      static_cast<float>(100.0 * static_cast<double>(busy.count()) / static_cast<double>(period.count()));
+  work.missed_timer_periods = as_u32(executor.missed_timer_periods());
+  work.refused_posts = as_u32(executor.refused_posts());
+  executor.for_each_source([&](const CallbackRecord&, const Source& source) {
+    const auto* reader = dynamic_cast<const ReaderEndpoint*>(&source);
+    if (reader == nullptr) return;
+    work.samples_lost += as_u32(reader->stats().lost);
+    work.samples_malformed += as_u32(reader->stats().malformed);
+  });
+  work.failed_transitions = node_.failed_transitions();
+  work.log_held_back = as_u32(losses.held_back);
+  work.log_lost = as_u32(losses.lost);
+  work.events_suppressed = as_u32(node_.suppressed_events());
+
+  srfs_msgs::msg::PayloadTelemetry m;
+  m.source = node_.name();
+  m.apid = structure->apid;
+  m.structure_id = structure->structure_id;
+  m.utc = to_message(system_utc_now());
+  m.time_valid = false;  // the node's own clock; ttc stamps the report with mission time
+  m.monotonic_ns = static_cast<std::uint64_t>(now.ns());
+  OctetWriter out;
+  work.encode(out);
+  m.data = out.take();
+  node_.publish_telemetry(m);
+}
+
+}  // namespace srfs::ros

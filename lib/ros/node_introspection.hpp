@@ -1,0 +1,63 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <srfs_msgs/srv/get_executor_statistics.hpp>
+#include <srfs_msgs/srv/get_node_status.hpp>
+#include <srfs_msgs/srv/save_parameters.hpp>
+
+#include "ros/executor.hpp"
+#include "ros/parameters.hpp"
+#include "ros/service.hpp"
+#include "ros/worker.hpp"
+
+namespace srfs::ros {
+
+class LifecycleNode;
+
+/// What every node offers beside the services of ROS 2: ~/get_status, ~/get_executor_statistics,
+/// ~/save_parameters with the file behind it, and the housekeeping structure of its work thread. A part of
+/// LifecycleNode; on the work thread.
+class NodeIntrospection {
+ public:
+  /// Reads the stored parameters into the node's set: before the first declaration. Blocks on the disk.
+  explicit NodeIntrospection(LifecycleNode& node);
+  NodeIntrospection(const NodeIntrospection&) = delete;
+  NodeIntrospection& operator=(const NodeIntrospection&) = delete;
+
+  /// Makes the services.
+  void open();
+  /// Moves stored values that were not used into parameters_set_aside.yaml and says so. Blocks on the disk.
+  void keep_set_aside();
+  /// Raises an event for each stored value that was not used, at most 8.
+  void raise_set_aside();
+  /// Publishes the structure of the work thread; nodes that the mission dictionary lacks have none.
+  void publish_work();
+
+ private:
+  using SaveParameters = srfs_msgs::srv::SaveParameters;
+
+  [[nodiscard]] std::string path(const char* file) const;
+  void fill(srfs_msgs::srv::GetNodeStatus_Response& response) const;
+  void fill(srfs_msgs::srv::GetExecutorStatistics_Response& response) const;
+  /// @return why nothing is written; empty: on its way
+  std::string begin_save(const SaveParameters::Request& request,
+                         std::function<void(const SaveParameters::Response&)> answer);
+
+  LifecycleNode& node_;
+  MonotonicTime start_;
+  MonotonicTime counted_since_;
+  MonotonicTime last_work_;
+  nanoseconds busy_before_reset_{0};
+  nanoseconds busy_at_last_work_{0};
+  std::vector<std::string> set_aside_;  ///< with reasons, for people; at most 32
+  std::shared_ptr<Service<srfs_msgs::srv::GetNodeStatus>> status_;
+  std::shared_ptr<Service<srfs_msgs::srv::GetExecutorStatistics>> statistics_;
+  std::shared_ptr<Service<SaveParameters>> save_;
+  std::unique_ptr<Worker> disk_;  ///< made with the first save
+  bool saving_ = false;
+};
+
+}  // namespace srfs::ros

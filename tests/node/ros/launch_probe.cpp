@@ -1,0 +1,40 @@
+// A process as the launcher starts it: holds its instance lock and waits. SIGUSR1: starts the node that
+// VAR/run/start_next names, as the ring will. SIGTERM: ends.
+
+#include <csignal>
+
+#include <CLI/CLI.hpp>
+
+#include "base/file.hpp"
+#include "ros/launcher.hpp"
+
+int main(int argc, char** argv) {
+  using namespace srfs;
+  CLI::App app;
+  std::string name;
+  std::string deployment;
+  std::string var;
+  app.add_option("--name", name);
+  app.add_option("--deployment", deployment);
+  app.add_option("--var", var);
+  CLI11_PARSE(app, argc, argv);
+
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGUSR1);
+  sigaddset(&set, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  const ros::VarPaths paths{var};
+  auto lock = ros::InstanceLock::take(paths, name);
+  if (!lock) return 3;
+  lock->publish(1, "probe");  // from now on the test may signal
+  const ros::Deployment plan = ros::Deployment::load(deployment);
+  while (true) {
+    int signal = 0;
+    sigwait(&set, &signal);
+    if (signal == SIGTERM) return 0;
+    const std::string next = read_file(paths.run() / "start_next", 64).value_or("");
+    const ros::NodeEntry* node = plan.find(next);
+    if (node == nullptr || !ros::launch({plan, paths, ros::own_bin_folder(), "probe"}, *node)) return 4;
+  }
+}

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <lifecycle_msgs/srv/change_state.hpp>
+
+#include "base/file.hpp"
+#include "ros/node.hpp"
+#include "tests/dds_domain.hpp"
+
+namespace srfs::ros {
+
+/// A node whose callbacks do what a test says.
+class ScriptedNode : public LifecycleNode {
+ public:
+  using Script = std::function<CallbackReturn()>;
+
+  explicit ScriptedNode(NodeContext& context) : LifecycleNode(context) {
+    declare_parameter("period_ms", std::int64_t{100}, ParameterRange{10, 1000}, "Period");
+    declare_parameter("window", std::int64_t{4}, ParameterRange{1, 64}, "Window", true);
+  }
+
+  Script configure, activate, deactivate, cleanup, shutdown, error;
+  std::vector<std::string> calls;
+
+  // What a node has beside its state machine, open to the test.
+  using LifecycleNode::create_one_shot;
+  using LifecycleNode::create_subscription;
+  using LifecycleNode::create_timer;
+  using LifecycleNode::create_worker;
+  using LifecycleNode::get_parameter;
+
+ protected:
+  CallbackReturn on_configure() override { return play("configure", configure); }
+  CallbackReturn on_activate() override { return play("activate", activate); }
+  CallbackReturn on_deactivate() override { return play("deactivate", deactivate); }
+  CallbackReturn on_cleanup() override { return play("cleanup", cleanup); }
+  CallbackReturn on_shutdown() override { return play("shutdown", shutdown); }
+  CallbackReturn on_error() override { return play("error", error); }
+
+ private:
+  CallbackReturn play(const char* name, const Script& script) {
+    calls.emplace_back(name);
+    return script ? script() : CallbackReturn::success;
+  }
+};
+
+/// A scripted node "probe" in one participant and a client's participant beside it; one work thread serves
+/// both, so callbacks never overlap.
+class ScriptedNodeTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+    there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_node_XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+    ASSERT_TRUE(write_file_atomically(
+        folder_ / "d.yaml",
+        "deployment: t\nnodes: [{name: probe, executable: x, parameters: {period_ms: 50}}]\n"));
+    deployment_ = std::make_unique<Deployment>(Deployment::load(folder_ / "d.yaml"));
+    start_node();
+  }
+  void TearDown() override {
+    node_.reset();
+    std::filesystem::remove_all(folder_);
+  }
+  /// A fresh node, as after a restart of its process.
+  void start_node() {
+    node_.reset();
+    context_ = std::make_unique<NodeContext>(
+        NodeContext{"probe", *deployment_, VarPaths{folder_}, ++incarnation_, executor_, *here_});
+    node_ = std::make_unique<ScriptedNode>(*context_);
+    node_->finish_declarations();
+  }
+  bool wait(const std::function<bool()>& condition) {
+    return executor_.spin_until(condition, monotonic_now() + seconds(20));
+  }
+  template <class S>
+  typename S::Response call(const std::string& name, const typename S::Request& request) {
+    Client<S> client(executor_, *there_, name, Qos{}, Priority::normal);
+    std::optional<typename S::Response> answer;
+    client.call(request, seconds(15), 1, [&](const Result<typename S::Response, CallError>& r) {
+      if (r) answer = *r;
+    });
+    EXPECT_TRUE(wait([&] { return answer.has_value(); })) << name;
+    return answer.value_or(typename S::Response{});
+  }
+  bool change(const std::string& label) {
+    lifecycle_msgs::srv::ChangeState_Request request;
+    request.transition.label = label;
+    return call<lifecycle_msgs::srv::ChangeState>("/probe/change_state", request).success;
+  }
+
+  Executor executor_;
+  std::unique_ptr<Participant> here_;
+  std::unique_ptr<Participant> there_;
+  std::filesystem::path folder_;
+  std::unique_ptr<Deployment> deployment_;
+  std::uint32_t incarnation_ = 0;
+  std::unique_ptr<NodeContext> context_;
+  std::unique_ptr<ScriptedNode> node_;
+};
+
+}  // namespace srfs::ros
