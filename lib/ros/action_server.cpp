@@ -75,7 +75,9 @@ ActionServerCore::ActionServerCore(Typed& typed, Executor& executor, Participant
       cancel_goal_(executor, participant, action + "/_action/cancel_goal", Qos{}, options.priority,
                    [this](const CancelGoal::Request& request, CancelGoal::Response& response) {
                      on_cancel(request, response);
-                   }) {}
+                   }) {
+  executor.name_source(mailbox_, CallbackKind::other, action + " (goals)");
+}
 
 ActionServerCore::~ActionServerCore() {
   mailbox_->close();
@@ -191,7 +193,9 @@ void ActionServerCore::expire() {
 
 void ActionServerCore::arm_expiry() {
   const auto next = book_.next_expiry();
-  expiry_ = next ? executor_.add_timer(*next, nanoseconds(0), [this] { expire(); }) : nullptr;
+  expiry_ = next ? executor_.add_timer(
+                       *next, nanoseconds(0), [this] { expire(); }, "goal results")
+                 : nullptr;
 }
 
 }  // namespace srfs::ros
