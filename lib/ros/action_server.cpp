@@ -51,16 +51,14 @@ void GoalMailbox::close() {
 
 bool GoalMailbox::dispatch_one(MonotonicTime) {
   Item item;
-  bool more = false;
   {
     const std::lock_guard lock(mutex_);
     if (items_.empty()) return false;
     item = std::move(items_.front());
     items_.pop_front();
-    more = !items_.empty();
   }
   handle_(item);
-  return more;
+  return true;
 }
 
 ActionServerCore::ActionServerCore(Typed& typed, Executor& executor, Participant& participant,
