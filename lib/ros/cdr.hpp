@@ -86,7 +86,9 @@ class CdrEncoder {
   }
   void string(const std::string& v, std::size_t bound) {
     if (bound != 0 && v.size() > bound) throw CdrError("string longer than its bound");
-    cdr_.serialize(v);
+    // Not Fast CDR's own way, which ends at the first NUL inside the text.
+    cdr_.serialize(static_cast<std::uint32_t>(v.size() + 1));
+    cdr_.serializeArray(v.c_str(), v.size() + 1);
   }
   template <class T>
   void sequence(const std::vector<T>& v, std::size_t bound, std::size_t string_bound) {

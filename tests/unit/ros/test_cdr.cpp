@@ -62,6 +62,12 @@ TEST(Cdr, MessagesSurviveTheRoundTrip) {
   EXPECT_EQ(decoded<rcl_interfaces::msg::Parameter>(encode(p)), p);
 }
 
+TEST(Cdr, ATextWithANulInsideIsNotCutShort) {
+  auto m = example_flags();
+  m.holder = std::string("a\0b", 3);
+  EXPECT_EQ(decoded<srfs_msgs::msg::TaskFlags>(encode(m)), m);
+}
+
 TEST(Cdr, WritersRefuseWhatBreaksABound) {
   auto m = example_flags();
   m.flags.assign(17, false);
