@@ -87,8 +87,8 @@ class CdrEncoder {
   }
   void string(const std::string& v, std::size_t bound) {
     if (bound != 0 && v.size() > bound) throw CdrError("string longer than its bound");
-    align(4);
     // Not Fast CDR's own way, which ends at the first NUL inside the text.
+    align(4);
     cdr_.serialize(static_cast<std::uint32_t>(v.size() + 1));
     cdr_.serializeArray(v.c_str(), v.size() + 1);
   }

@@ -217,7 +217,9 @@ bool Executor::run_posts() {
 bool Executor::run_due_timers() {
   bool ran = false;
   now_ = monotonic_now();
-  while (!timers_.empty() && timers_.begin()->first <= now_) {
+  // Only what was due when the round began: a timer that takes longer than its period starves nobody.
+  const MonotonicTime round = now_;
+  while (!timers_.empty() && timers_.begin()->first <= round) {
     const std::shared_ptr<Timer> timer = timers_.begin()->second;
     timers_.erase(timers_.begin());
     if (timer->cancelled) continue;

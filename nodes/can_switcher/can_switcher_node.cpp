@@ -183,8 +183,7 @@ void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
   const BusReport report{.kind = static_cast<Kind>(status.status),
                          .grant = {status.switcher_incarnation, status.grant_counter},
                          .payload = status.payload,
-                         .payload_incarnation = status.payload_incarnation,
-                         .used = microseconds(status.used_us)};
+                         .payload_incarnation = status.payload_incarnation};
   const ReportVerdict verdict = rotation_->on_bus_status(report);
   if (verdict == ReportVerdict::applied && report.kind == Kind::failed) report_failed_slot(status);
   arm_deadline();

@@ -194,7 +194,6 @@ ReportVerdict TaskFlagRotation::on_current_report(const BusReport& report) {
   // RELEASED may overtake TAKEN on its way; it says everything TAKEN would have said.
   SlotCounters& counters = slot_counters_[current_->slot];
   ++(report.kind == BusReport::Kind::released ? counters.released : counters.failed);
-  counters.used += report.used;
   free_bus();
   return ReportVerdict::applied;
 }

@@ -67,7 +67,6 @@ struct BusReport {
   GrantId grant;
   std::string payload;
   std::uint32_t payload_incarnation = 0;
-  nanoseconds used{0};
 };
 
 enum class ReportVerdict : std::uint8_t {
@@ -127,7 +126,6 @@ class TaskFlagRotation {
     std::uint32_t not_taken = 0;  ///< lease ended without a word
     std::uint32_t overruns = 0;   ///< PeripheralReset ordered
     std::uint32_t fences = 0;
-    nanoseconds used{0};  ///< bus time from grants to releases
   };
   struct Counters {
     std::uint32_t ticks = 0;

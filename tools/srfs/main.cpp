@@ -9,6 +9,7 @@
 
 #include "base/log.hpp"
 #include "ros/run_node.hpp"
+#include "tools/srfs/node_commands.hpp"
 #include "tools/srfs/observer.hpp"
 #include "tools/srfs/suite.hpp"
 
@@ -25,6 +26,8 @@ Json to_json(const std::vector<NodeStatus>& nodes) {
     j["incarnation"] = s.instance ? Json(s.instance->incarnation) : Json(nullptr);
     j["version"] = s.instance ? Json(s.instance->version) : Json(nullptr);
     j["restarts"] = s.starts.restarts;
+    j["reason"] = s.reason.empty() ? Json(nullptr) : Json(s.reason);
+    j["failed_callbacks"] = s.failed_callbacks;
     j["last_restart_cause"] = s.starts.last_cause == "-" ? Json(nullptr) : Json(s.starts.last_cause);
     list.push_back(j);
   }
@@ -39,6 +42,9 @@ void print_table(const std::vector<NodeStatus>& nodes) {
                s.instance ? std::to_string(s.instance->pid) : "-",
                s.instance ? std::to_string(s.instance->incarnation) : "-",
                s.instance ? s.instance->version : "-", s.starts.restarts, s.starts.last_cause);
+  }
+  for (const NodeStatus& s : nodes) {
+    if (!s.reason.empty()) fmt::print("{}: {}\n", s.name, s.reason);
   }
 }
 
@@ -90,25 +96,50 @@ int run_status(const Target& target, bool json) {
   return all_up ? 0 : 1;
 }
 
-int run_transition(const Target& target, const std::string& node, const std::string& label, bool json) {
-  if (target.deployment.find(node) == nullptr) {
-    fmt::print(stderr, "srfs lifecycle: {} has no node '{}'\n", target.deployment.file.string(), node);
-    return 2;
+/// What the command line of `srfs param` says.
+struct ParameterArguments {
+  std::string node;
+  std::string name;
+  std::string value;
+  std::vector<std::string> names;
+  bool trial = false;
+  bool next_start = false;
+  CLI::App* command = nullptr;
+};
+
+void add_parameter_commands(CLI::App& app, ParameterArguments& a) {
+  a.command = app.add_subcommand("param", "Parameters of a node");
+  a.command->require_subcommand(1);
+  const auto add = [&](const char* name, const char* help) {
+    CLI::App* sub = a.command->add_subcommand(name, help);
+    sub->add_option("node", a.node, "Node name")->required();
+    return sub;
+  };
+  add("list", "All parameters with their values");
+  for (const auto& [verb, help] : {std::pair{"get", "Value of a parameter"},
+                                   {"describe", "Type, range and meaning of a parameter"},
+                                   {"set", "Change a parameter, until the node's next start"}}) {
+    CLI::App* sub = add(verb, help);
+    sub->add_option("name", a.name, "Parameter")->required();
+    if (std::string(verb) != "set") continue;
+    sub->add_option("value", a.value, "As in YAML: 5, true, text, [1, 2]")->required();
+    sub->add_flag("--next-start", a.next_start, "Store it for the next start, change nothing now");
   }
-  const TransitionOutcome outcome = transition(target, node, label, milliseconds(3000));
-  if (json) {
-    std::cout << Json{{"ok", outcome.success},
-                      {"node", node},
-                      {"state", outcome.state},
-                      {"error", outcome.error}}
-                     .dump()
-              << "\n";
-  } else if (outcome.success) {
-    fmt::print("/{} is {}\n", node, outcome.state);
-  } else {
-    fmt::print(stderr, "srfs lifecycle: {}\n", outcome.error);
-  }
-  return outcome.success ? 0 : 1;
+  CLI::App* save = add("save", "Keep present values over restarts of the node");
+  save->add_option("names", a.names, "Parameters; default: all that differ from the deployment");
+  save->add_flag("--trial", a.trial, "Store as trial: not used at the next start unless confirmed");
+  add("clear", "Forget stored values; the next start is that of the deployment")
+      ->add_option("names", a.names, "Parameters; default: all");
+}
+
+int run_parameters(const Target& target, const ParameterArguments& a, bool json) {
+  if (a.command->got_subcommand("list")) return list_parameters(target, a.node, json);
+  if (a.command->got_subcommand("get")) return get_parameter(target, a.node, a.name, json);
+  if (a.command->got_subcommand("describe")) return describe_parameter(target, a.node, a.name, json);
+  if (a.command->got_subcommand("set"))
+    return set_parameter(target, a.node, a.name, a.value, a.next_start, json);
+  if (a.command->got_subcommand("save")) return save_parameters(target, a.node, a.names, a.trial, json);
+  return clear_parameters(target, a.node, a.names, json);
 }
 
 int run(int argc, char** argv) {
@@ -129,6 +160,7 @@ int run(int argc, char** argv) {
   std::string node;
   std::string label;
   int duration_s = 0;
+  int transition_ms = 2000;
   auto* up_command = app.add_subcommand(
       "up", "Start all nodes in list order, wait until they are in their desired state, exit");
   up_command
@@ -153,6 +185,18 @@ int run(int argc, char** argv) {
   lifecycle_command->add_option("transition", label, "configure, activate, deactivate, cleanup or shutdown")
       ->required()
       ->check(CLI::IsMember({"configure", "activate", "deactivate", "cleanup", "shutdown"}));
+  lifecycle_command
+      ->add_option("--deadline", transition_ms,
+                   "Milliseconds to wait for its end; exit code 3 when it is still running then")
+      ->check(CLI::Range(1, 600000))
+      ->capture_default_str();
+  bool reset = false;
+  auto* stats_command =
+      app.add_subcommand("stats", "Run times of a node's callbacks, what was lost at its inputs");
+  stats_command->add_option("node", node, "Node name")->required();
+  stats_command->add_flag("--reset", reset, "Start to count anew afterwards");
+  ParameterArguments parameters;
+  add_parameter_commands(app, parameters);
   auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
   record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
       ->check(CLI::Range(0, 86400))
@@ -164,7 +208,9 @@ int run(int argc, char** argv) {
   if (*up_command) return run_up(target, up_options, json);
   if (*down_command) return run_down(target, patience_ms, json);
   if (*status_command) return run_status(target, json);
-  if (*lifecycle_command) return run_transition(target, node, label, json);
+  if (*lifecycle_command) return change_state(target, node, label, milliseconds(transition_ms), json);
+  if (*stats_command) return show_statistics(target, node, reset, json);
+  if (*parameters.command) return run_parameters(target, parameters, json);
   if (*record_command) return record(target, seconds(duration_s));
   if (*restart_command) {
     if (up_options.cause == "up") up_options.cause = "restart by command";

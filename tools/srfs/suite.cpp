@@ -11,40 +11,22 @@
 #include <sys/file.h>
 #include <sys/syscall.h>
 #include <unistd.h>
-#include <lifecycle_msgs/srv/change_state.hpp>
 #include <lifecycle_msgs/srv/get_state.hpp>
+#include <srfs_msgs/srv/get_node_status.hpp>
 
 #include "base/file.hpp"
 #include "hw/open.hpp"
 #include "hw/watchdog.hpp"
-#include "ros/client.hpp"
 #include "ros/launcher.hpp"
 #include "ros/lifecycle.hpp"
+#include "tools/srfs/bus.hpp"
 
 namespace srfs::tool {
 namespace {
 
-using lifecycle_msgs::srv::ChangeState;
 using lifecycle_msgs::srv::GetState;
 
 constexpr milliseconds ask_deadline{150};
-constexpr ros::Qos service_qos{};
-
-/// A tool's place on the bus: one participant, one executor, run only while something is waited for.
-struct Bus {
-  ros::Executor executor;
-  std::unique_ptr<ros::Participant> participant;
-
-  explicit Bus(const ros::Deployment& deployment, int domain) {
-    auto made = ros::Participant::create(participant_options(deployment, domain, executor));
-    if (!made) throw std::runtime_error(made.error());
-    participant = std::move(*made);
-  }
-  template <class S>
-  std::unique_ptr<ros::Client<S>> client(const std::string& name) {
-    return std::make_unique<ros::Client<S>>(executor, *participant, name, service_qos, ros::Priority::normal);
-  }
-};
 
 /// Asks nodes for their lifecycle state until told to stop.
 class StateQuestions {
@@ -158,6 +140,26 @@ std::optional<Process> find_process(const Target& target, const std::string& nod
 bool wait_for_exit(const Process& process, milliseconds patience) {
   pollfd entry{process.pidfd.get(), POLLIN, 0};
   return poll(&entry, 1, static_cast<int>(patience.count())) == 1;
+}
+
+/// Why nodes are not as they should be, by themselves. Blocks for 0.5 s at most.
+void add_reasons(Bus& bus, std::vector<NodeStatus>& nodes) {
+  using srfs_msgs::srv::GetNodeStatus;
+  std::vector<std::unique_ptr<ros::Client<GetNodeStatus>>> clients;
+  std::size_t open = 0;
+  for (NodeStatus& s : nodes) {
+    if (!s.instance || s.state == "not answering") continue;
+    clients.push_back(bus.client<GetNodeStatus>("/" + s.name + "/get_status"));
+    ++open;
+    clients.back()->call({}, milliseconds(500), 1,
+                         [&](const Result<GetNodeStatus::Response, ros::CallError>& answer) {
+                           --open;
+                           if (!answer) return;
+                           s.reason = answer->last_reason;
+                           s.failed_callbacks = answer->failed_callbacks;
+                         });
+  }
+  bus.executor.spin_until([&] { return open == 0; }, monotonic_now() + seconds(1));
 }
 
 void disarm_simulated_watchdog(const Target& target) {
@@ -314,42 +316,8 @@ std::vector<NodeStatus> status(const Target& target, milliseconds deadline) {
   for (NodeStatus& s : all) {
     if (const std::string state = questions.state(s.name); !state.empty()) s.state = state;
   }
+  add_reasons(bus, all);
   return all;
-}
-
-TransitionOutcome transition(const Target& target, const std::string& node, const std::string& label,
-                             milliseconds deadline) {
-  TransitionOutcome outcome;
-  const auto domain = running_domain(target);
-  if (!domain) {
-    outcome.error = "the suite is not running (no " + target.var.domain_file().string() + ")";
-    return outcome;
-  }
-  Bus bus(target.deployment, *domain);
-  const auto client = bus.client<ChangeState>("/" + node + "/change_state");
-  ChangeState::Request request;
-  request.transition.label = label;
-  bool done = false;
-  client->call(request, deadline, 1, [&](const Result<ChangeState::Response, ros::CallError>& answer) {
-    done = true;
-    outcome.answered = answer.has_value();
-    outcome.success = answer && answer->success;
-    if (!answer) outcome.error = fmt::format("/{}: {}", node, ros::to_text(answer.error()));
-  });
-  bus.executor.spin_until([&] { return done; }, monotonic_now() + deadline + seconds(1));
-  StateQuestions questions(bus, {node});
-  bus.executor.spin_until(
-      [&] {
-        questions.ask(node);
-        return !questions.state(node).empty();
-      },
-      monotonic_now() + milliseconds(1000));
-  outcome.state = questions.state(node);
-  if (outcome.answered && !outcome.success) {
-    outcome.error = fmt::format("/{} refused '{}' and is {}; its log says why: {}", node, label,
-                                outcome.state, target.var.log(node).string());
-  }
-  return outcome;
 }
 
 }  // namespace srfs::tool

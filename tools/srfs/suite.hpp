@@ -29,6 +29,8 @@ struct NodeStatus {
   std::string state = "not running";  ///< lifecycle label; "not running"; "not answering"
   std::optional<ros::RunningInstance> instance;
   ros::StartRecord starts;
+  std::string reason;  ///< of the last transition that was refused or failed; empty: it succeeded
+  std::uint32_t failed_callbacks = 0;  ///< since its start
 };
 
 struct UpOptions {
@@ -64,17 +66,6 @@ struct DownReport {
 
 /// Asks every node for its state over DDS. Blocks for at most @p deadline.
 [[nodiscard]] std::vector<NodeStatus> status(const Target& target, milliseconds deadline);
-
-struct TransitionOutcome {
-  bool answered = false;
-  bool success = false;
-  std::string state;  ///< afterwards
-  std::string error;
-};
-/// Requests a transition by label ("configure", "activate", "deactivate", "cleanup", "shutdown"). Blocks up
-/// to @p deadline.
-[[nodiscard]] TransitionOutcome transition(const Target& target, const std::string& node,
-                                           const std::string& label, milliseconds deadline);
 
 /// DDS domain of the running suite; nullopt when VAR has none.
 [[nodiscard]] std::optional<int> running_domain(const Target& target);

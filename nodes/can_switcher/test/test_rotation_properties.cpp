@@ -114,7 +114,7 @@ class World {
 
   void send(BusReport::Kind kind, const Grant& grant, bool arrives) {
     if (!arrives) return;
-    const BusReport report{kind, grant.id, grant.payload, 1, milliseconds(1)};
+    const BusReport report{kind, grant.id, grant.payload, 1};
     // The first TAKEN of a process must not be lost or late past the lease: a payload that cannot reach the
     // switcher takes nothing.
     const bool first = kind == BusReport::Kind::taken && !known_[grant.slot];
@@ -136,7 +136,7 @@ class World {
   void noise() {
     // Reports that must not free the bus: old grants, other payloads, grants never given, other processes.
     const auto kind = static_cast<BusReport::Kind>(1 + random_() % 3);
-    BusReport report{kind, current_.id, current_.payload, 1, {}};
+    BusReport report{kind, current_.id, current_.payload, 1};
     switch (random_() % 4) {
       case 0:
         report.grant.counter -= static_cast<std::uint32_t>(1 + random_() % 3);

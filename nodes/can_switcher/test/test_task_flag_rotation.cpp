@@ -26,7 +26,7 @@ struct Rotation : ::testing::Test {
     return std::holds_alternative<Grant>(decision) ? std::get<Grant>(decision) : Grant{};
   }
   ReportVerdict report(BusReport::Kind kind, const Grant& grant, std::uint32_t process = 5) {
-    return rotation.on_bus_status({kind, grant.id, grant.payload, process, milliseconds(3)});
+    return rotation.on_bus_status({kind, grant.id, grant.payload, process});
   }
   ReportVerdict take(const Grant& grant) { return report(BusReport::Kind::taken, grant); }
   ReportVerdict release(const Grant& grant) { return report(BusReport::Kind::released, grant); }
@@ -106,7 +106,7 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
 
 TEST_F(TaskFlagRotationTest, FencesAPayloadThatSpokeBeforeButNeverTakesItsFlag) {
   Grant grant = must_grant();
-  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5, {}});
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5});
   now = grant.lease_end;
   EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now)));
 }
@@ -121,8 +121,8 @@ TEST_F(TaskFlagRotationTest, PassesOverAPayloadThatNeverSpokeWithoutKillingAnybo
 }
 
 TEST_F(TaskFlagRotationTest, DoesNotKillAPayloadThatSaidItLeaves) {
-  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5, {}});
-  rotation.on_bus_status({BusReport::Kind::failed, {}, "adcs", 5, {}});
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5});
+  rotation.on_bus_status({BusReport::Kind::failed, {}, "adcs", 5});
   const Grant grant = must_grant();
   now = grant.lease_end;
   EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));
@@ -150,13 +150,13 @@ TEST_F(TaskFlagRotationTest, IgnoresOldDuplicateAndForeignReports) {
   const Grant second = must_grant();
 
   EXPECT_EQ(release(first), ReportVerdict::old_grant);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "adcs", 5, {}}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "adcs", 5}),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "intruder", 5, {}}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "intruder", 5}),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation, 77}, "eps", 5, {}}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation, 77}, "eps", 5}),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation - 1, 77}, "eps", 5, {}}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation - 1, 77}, "eps", 5}),
             ReportVerdict::old_grant);
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
   EXPECT_EQ(rotation.counters().foreign_reports, 3U);

@@ -1,0 +1,380 @@
+#include "tools/srfs/node_commands.hpp"
+
+#include <algorithm>
+#include <iostream>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <yaml-cpp/yaml.h>
+#include <lifecycle_msgs/msg/transition_event.hpp>
+#include <lifecycle_msgs/srv/change_state.hpp>
+#include <nlohmann/json.hpp>
+#include <rcl_interfaces/srv/describe_parameters.hpp>
+#include <rcl_interfaces/srv/get_parameters.hpp>
+#include <rcl_interfaces/srv/list_parameters.hpp>
+#include <rcl_interfaces/srv/set_parameters.hpp>
+#include <srfs_msgs/srv/get_executor_statistics.hpp>
+#include <srfs_msgs/srv/get_node_status.hpp>
+#include <srfs_msgs/srv/save_parameters.hpp>
+
+#include "ros/callback_statistics.hpp"
+#include "ros/lifecycle.hpp"
+#include "ros/parameters.hpp"
+#include "ros/publisher.hpp"
+#include "tools/srfs/bus.hpp"
+
+namespace srfs::tool {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using lifecycle_msgs::srv::ChangeState;
+using ros::ParameterValue;
+using srfs_msgs::srv::GetExecutorStatistics;
+using srfs_msgs::srv::GetNodeStatus;
+using srfs_msgs::srv::SaveParameters;
+
+constexpr milliseconds answer_deadline{2000};
+constexpr milliseconds discovery_deadline{1500};
+
+int code(CommandExit e) {
+  return static_cast<int>(e);
+}
+
+void print(const Json& json) {
+  std::cout << json.dump(-1, ' ', false, Json::error_handler_t::replace) << "\n";
+}
+
+/// Says why a command did not do what it should. @return its exit code
+int fail(CommandExit exit, const std::string& why, bool json) {
+  if (json) {
+    print({{"ok", false}, {"error", why}});
+  } else {
+    fmt::print(stderr, "srfs: {}\n", why);
+  }
+  return code(exit);
+}
+
+/// The bus of the running suite, or why a command cannot reach the node.
+struct Reach {
+  std::unique_ptr<Bus> bus;
+  std::string problem;
+  CommandExit exit = CommandExit::done;
+};
+
+Reach reach(const Target& target, const std::string& node) {
+  Reach r;
+  const auto domain = running_domain(target);
+  if (target.deployment.find(node) == nullptr) {
+    r.problem = fmt::format("{} has no node '{}'", target.deployment.file.string(), node);
+    r.exit = CommandExit::usage;
+  } else if (!domain) {
+    r.problem = "the suite is not running (no " + target.var.domain_file().string() + ")";
+    r.exit = CommandExit::no_answer;
+  } else {
+    r.bus = std::make_unique<Bus>(target.deployment, *domain);
+  }
+  return r;
+}
+
+Json to_json(const ParameterValue& value) {
+  return std::visit([](const auto& v) { return Json(v); }, value);
+}
+
+std::string to_text(const ParameterValue& value) {
+  return to_json(value).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+/// @param like  a value of the type that is wanted. Throws YAML::Exception when the text is no such value
+ParameterValue parse_value(const std::string& text, const ParameterValue& like) {
+  const YAML::Node node = YAML::Load(text);
+  return std::visit([&](const auto& v) { return ParameterValue(node.as<std::decay_t<decltype(v)>>()); },
+                    like);
+}
+
+/// The values of some parameters, or an answer with an exit code.
+Result<std::vector<std::optional<ParameterValue>>, ros::CallError> values_of(
+    Bus& bus, const std::string& node, const std::vector<std::string>& names) {
+  rcl_interfaces::srv::GetParameters_Request request;
+  request.names = names;
+  const auto answer =
+      bus.ask<rcl_interfaces::srv::GetParameters>("/" + node + "/get_parameters", request, answer_deadline);
+  if (!answer) return Err(answer.error());
+  std::vector<std::optional<ParameterValue>> values;
+  for (const auto& value : answer->values) values.push_back(ros::from_message(value));
+  values.resize(names.size());
+  return values;
+}
+
+std::string no_answer(const std::string& node, ros::CallError error) {
+  return fmt::format("/{}: {}", node, ros::to_text(error));
+}
+
+/// What is known of a transition, from its topic and its service.
+struct Transition {
+  std::string goal;  ///< last state it was seen to go to
+  std::optional<Result<ChangeState::Response, ros::CallError>> answer;
+};
+
+Transition request_transition(Bus& bus, const std::string& node, const std::string& label,
+                              milliseconds deadline) {
+  using Event = lifecycle_msgs::msg::TransitionEvent;
+  Transition seen;
+  const ros::Subscription<Event> events(
+      bus.executor, *bus.participant, ros::Topic<Event>{"/" + node + "/transition_event", {}},
+      [&](const Event& e, const ros::MessageInfo&) { seen.goal = e.goal_state.label; });
+  const auto client = bus.client<ChangeState>("/" + node + "/change_state");
+  bus.executor.spin_until([&] { return client->is_ready() && events.publisher_count() > 0; },
+                          monotonic_now() + discovery_deadline);
+  ChangeState::Request request;
+  request.transition.label = label;
+  client->call(request, deadline, 1, [&](const auto& answer) { seen.answer = answer; });
+  bus.executor.spin_until([&] { return seen.answer.has_value(); }, monotonic_now() + deadline + seconds(1));
+  return seen;
+}
+
+int print_outcome(const std::string& node, const std::string& state, CommandExit exit, const std::string& why,
+                  bool json) {
+  if (json) {
+    print({{"ok", exit == CommandExit::done}, {"node", node}, {"state", state}, {"error", why}});
+  } else if (exit == CommandExit::done) {
+    fmt::print("/{} is {}\n", node, state);
+  } else {
+    fmt::print(stderr, "srfs lifecycle: {}\n", why);
+  }
+  return code(exit);
+}
+
+Json to_json(const srfs_msgs::msg::CallbackStatistics& s) {
+  return {{"kind", ros::to_text(static_cast<ros::CallbackKind>(s.kind))},
+          {"name", s.name},
+          {"count", s.count},
+          {"p50_us", s.p50_us},
+          {"p99_us", s.p99_us},
+          {"max_us", s.max_us},
+          {"total_us", s.total_us},
+          {"budget_us", s.budget_us},
+          {"over_budget", s.over_budget},
+          {"failed", s.failed},
+          {"missed_periods", s.missed_periods}};
+}
+
+void print_statistics(const std::string& node, const GetExecutorStatistics::Response& all) {
+  const double share = all.counted_for_ns == 0 ? 0.0
+                                               : 100.0 * static_cast<double>(all.busy_ns) /
+                                                     static_cast<double>(all.counted_for_ns);
+  fmt::print("/{}: {:.1f} s counted, {:.2f} % in callbacks, {} timer periods missed, {} posts refused\n",
+             node, static_cast<double>(all.counted_for_ns) * 1e-9, share, all.missed_timer_periods,
+             all.refused_posts);
+  fmt::print("{:<13}{:<34}{:>10}{:>9}{:>9}{:>9}{:>10}{:>6}{:>7}\n", "KIND", "CALLBACK", "COUNT", "P50 us",
+             "P99 us", "MAX us", "BUDGET us", "OVER", "FAILED");
+  for (const auto& s : all.callbacks) {
+    if (s.count == 0) continue;
+    fmt::print("{:<13}{:<34}{:>10}{:>9}{:>9}{:>9}{:>10}{:>6}{:>7}\n",
+               ros::to_text(static_cast<ros::CallbackKind>(s.kind)), s.name, s.count, s.p50_us, s.p99_us,
+               s.max_us, s.budget_us, s.over_budget, s.failed);
+  }
+  fmt::print("{:<47}{:>10}{:>9}{:>9}{:>9}\n", "INPUT", "RECEIVED", "LOST", "BAD", "WRITERS");
+  for (const auto& i : all.inputs) {
+    if (i.received + i.lost + i.malformed == 0) continue;
+    fmt::print("{:<47}{:>10}{:>9}{:>9}{:>9}\n", i.name, i.received, i.lost, i.malformed, i.matched);
+  }
+}
+
+int store(const Target& target, const std::string& node, const SaveParameters::Request& request, bool json) {
+  const Reach r = reach(target, node);
+  if (!r.bus) return fail(r.exit, r.problem, json);
+  const auto answer = r.bus->ask<SaveParameters>("/" + node + "/save_parameters", request, answer_deadline);
+  if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
+  if (!answer->success) return fail(CommandExit::refused, fmt::format("/{}: {}", node, answer->reason), json);
+  if (json) {
+    print({{"ok", true}, {"stored", answer->stored}});
+  } else {
+    fmt::print("stored for the next start of /{}: {}\n", node,
+               answer->stored.empty() ? "nothing" : fmt::format("{}", fmt::join(answer->stored, ", ")));
+  }
+  return code(CommandExit::done);
+}
+
+}  // namespace
+
+int change_state(const Target& target, const std::string& node, const std::string& label,
+                 milliseconds deadline, bool json) {
+  const Reach r = reach(target, node);
+  if (!r.bus) return fail(r.exit, r.problem, json);
+  const Transition seen = request_transition(*r.bus, node, label, deadline);
+  const bool answered = seen.answer && seen.answer->has_value();
+  if (!answered) {
+    const bool running = !seen.goal.empty() && !ros::primary_state(seen.goal);
+    if (running) {
+      return print_outcome(node, seen.goal, CommandExit::still_running,
+                           fmt::format("/{} is still {} after {:.1f} s", node, seen.goal,
+                                       static_cast<double>(deadline.count()) * 1e-3),
+                           json);
+    }
+    return print_outcome(node, seen.goal, CommandExit::no_answer,
+                         no_answer(node, seen.answer ? seen.answer->error() : ros::CallError::timeout), json);
+  }
+  const auto status = r.bus->ask<GetNodeStatus>("/" + node + "/get_status", {}, answer_deadline);
+  const std::string state = status ? status->state_label : "not answering";
+  if ((*seen.answer)->success) return print_outcome(node, state, CommandExit::done, "", json);
+  const bool refused = status && status->last_outcome == GetNodeStatus::Response::REFUSED;
+  return print_outcome(node, state, CommandExit::refused,
+                       fmt::format("/{} {} '{}' and is {}: {}", node, refused ? "refused" : "failed to",
+                                   label, state, status ? status->last_reason : "it does not say why"),
+                       json);
+}
+
+int show_statistics(const Target& target, const std::string& node, bool reset, bool json) {
+  const Reach r = reach(target, node);
+  if (!r.bus) return fail(r.exit, r.problem, json);
+  GetExecutorStatistics::Request request;
+  request.reset = reset;
+  auto answer =
+      r.bus->ask<GetExecutorStatistics>("/" + node + "/get_executor_statistics", request, answer_deadline);
+  if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
+  std::sort(answer->callbacks.begin(), answer->callbacks.end(),
+            [](const auto& a, const auto& b) { return a.total_us > b.total_us; });
+  if (!json) {
+    print_statistics(node, *answer);
+    return code(CommandExit::done);
+  }
+  Json callbacks = Json::array();
+  for (const auto& s : answer->callbacks) callbacks.push_back(to_json(s));
+  Json inputs = Json::array();
+  for (const auto& i : answer->inputs) {
+    inputs.push_back({{"name", i.name},
+                      {"received", i.received},
+                      {"lost", i.lost},
+                      {"malformed", i.malformed},
+                      {"matched", i.matched}});
+  }
+  print({{"ok", true},
+         {"node", node},
+         {"counted_for_ns", answer->counted_for_ns},
+         {"busy_ns", answer->busy_ns},
+         {"missed_timer_periods", answer->missed_timer_periods},
+         {"refused_posts", answer->refused_posts},
+         {"callbacks", callbacks},
+         {"inputs", inputs}});
+  return code(CommandExit::done);
+}
+
+int list_parameters(const Target& target, const std::string& node, bool json) {
+  const Reach r = reach(target, node);
+  if (!r.bus) return fail(r.exit, r.problem, json);
+  const auto list =
+      r.bus->ask<rcl_interfaces::srv::ListParameters>("/" + node + "/list_parameters", {}, answer_deadline);
+  if (!list) return fail(CommandExit::no_answer, no_answer(node, list.error()), json);
+  const auto values = values_of(*r.bus, node, list->result.names);
+  if (!values) return fail(CommandExit::no_answer, no_answer(node, values.error()), json);
+  Json all = Json::object();
+  for (std::size_t i = 0; i < values->size(); ++i) {
+    const auto& value = (*values)[i];
+    all[list->result.names[i]] = value ? to_json(*value) : Json(nullptr);
+  }
+  if (json) {
+    print({{"ok", true}, {"parameters", all}});
+  } else {
+    for (const auto& [name, value] : all.items()) fmt::print("{:<32} {}\n", name, value.dump());
+  }
+  return code(CommandExit::done);
+}
+
+int get_parameter(const Target& target, const std::string& node, const std::string& name, bool json) {
+  const Reach r = reach(target, node);
+  if (!r.bus) return fail(r.exit, r.problem, json);
+  const auto values = values_of(*r.bus, node, {name});
+  if (!values) return fail(CommandExit::no_answer, no_answer(node, values.error()), json);
+  const auto& value = values->front();
+  if (!value) return fail(CommandExit::usage, fmt::format("/{} has no parameter '{}'", node, name), json);
+  if (json) {
+    print({{"ok", true}, {"name", name}, {"type", ros::type_text(*value)}, {"value", to_json(*value)}});
+  } else {
+    fmt::print("{}\n", to_text(*value));
+  }
+  return code(CommandExit::done);
+}
+
+int describe_parameter(const Target& target, const std::string& node, const std::string& name, bool json) {
+  const Reach r = reach(target, node);
+  if (!r.bus) return fail(r.exit, r.problem, json);
+  rcl_interfaces::srv::DescribeParameters_Request request;
+  request.names = {name};
+  const auto answer = r.bus->ask<rcl_interfaces::srv::DescribeParameters>("/" + node + "/describe_parameters",
+                                                                          request, answer_deadline);
+  if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
+  const auto values = values_of(*r.bus, node, {name});
+  if (!values) return fail(CommandExit::no_answer, no_answer(node, values.error()), json);
+  if (answer->descriptors.empty() || !values->front())
+    return fail(CommandExit::usage, fmt::format("/{} has no parameter '{}'", node, name), json);
+  const auto& d = answer->descriptors.front();
+  Json j{{"name", d.name},
+         {"type", ros::type_text(*values->front())},
+         {"value", to_json(*values->front())},
+         {"description", d.description},
+         {"read_only", d.read_only},
+         {"constraints", d.additional_constraints}};
+  for (const auto& range : d.integer_range)
+    j["range"] = {{"from", range.from_value}, {"to", range.to_value}, {"step", range.step}};
+  for (const auto& range : d.floating_point_range)
+    j["range"] = {{"from", range.from_value}, {"to", range.to_value}, {"step", range.step}};
+  if (json) {
+    j["ok"] = true;
+    print(j);
+  } else {
+    for (const auto& [key, value] : j.items()) fmt::print("{:<12} {}\n", key, value.dump());
+  }
+  return code(CommandExit::done);
+}
+
+int set_parameter(const Target& target, const std::string& node, const std::string& name,
+                  const std::string& text, bool next_start, bool json) {
+  const Reach r = reach(target, node);
+  if (!r.bus) return fail(r.exit, r.problem, json);
+  const auto values = values_of(*r.bus, node, {name});
+  if (!values) return fail(CommandExit::no_answer, no_answer(node, values.error()), json);
+  const auto& present = values->front();
+  if (!present) return fail(CommandExit::usage, fmt::format("/{} has no parameter '{}'", node, name), json);
+  rcl_interfaces::msg::Parameter parameter;
+  parameter.name = name;
+  try {
+    parameter.value = ros::to_message(parse_value(text, *present));
+  } catch (const YAML::Exception&) {
+    return fail(CommandExit::usage,
+                fmt::format("'{}' is no {}, as the parameter '{}' is", text, ros::type_text(*present), name),
+                json);
+  }
+  if (next_start) {
+    SaveParameters::Request request;
+    request.values = {parameter};
+    return store(target, node, request, json);
+  }
+  rcl_interfaces::srv::SetParameters_Request request;
+  request.parameters = {parameter};
+  const auto answer = r.bus->ask<rcl_interfaces::srv::SetParameters>("/" + node + "/set_parameters", request,
+                                                                     answer_deadline);
+  if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
+  if (answer->results.empty() || !answer->results.front().successful)
+    return fail(CommandExit::refused, answer->results.empty() ? "no result" : answer->results.front().reason,
+                json);
+  if (json) print({{"ok", true}});
+  return code(CommandExit::done);
+}
+
+int save_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
+                    bool trial, bool json) {
+  SaveParameters::Request request;
+  request.names = names;
+  request.trial = trial;
+  return store(target, node, request, json);
+}
+
+int clear_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
+                     bool json) {
+  SaveParameters::Request request;
+  request.names = names;
+  request.clear = true;
+  return store(target, node, request, json);
+}
+
+}  // namespace srfs::tool

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/srfs/suite.hpp"
+
+namespace srfs::tool {
+
+/// Exit codes of the commands to one node.
+enum class CommandExit : int {
+  done = 0,
+  refused = 1,        ///< the node said no, or what was asked for failed
+  usage = 2,          ///< no such node, no such value
+  still_running = 3,  ///< a transition that has not ended within the deadline; it goes on
+  no_answer = 4,      ///< the node does not answer
+};
+
+/// `srfs lifecycle NODE TRANSITION`: requests a transition and waits for its end. A transition that takes
+/// longer is not taken for a failed one. Blocks up to @p deadline, plus 1.5 s to find the node.
+int change_state(const Target& target, const std::string& node, const std::string& label,
+                 milliseconds deadline, bool json);
+
+/// `srfs stats NODE`: run times of its callbacks, what was lost at its inputs.
+int show_statistics(const Target& target, const std::string& node, bool reset, bool json);
+
+/// `srfs param ...`. Values are written as in YAML ("5", "true", "[1, 2]").
+int list_parameters(const Target& target, const std::string& node, bool json);
+int get_parameter(const Target& target, const std::string& node, const std::string& name, bool json);
+int describe_parameter(const Target& target, const std::string& node, const std::string& name, bool json);
+/// @param next_start  store the value for the next start instead of changing it now (read-only parameters)
+int set_parameter(const Target& target, const std::string& node, const std::string& name,
+                  const std::string& value, bool next_start, bool json);
+/// @param names  empty: all that differ from the deployment (save), all that are stored (clear)
+int save_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
+                    bool trial, bool json);
+int clear_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
+                     bool json);
+
+}  // namespace srfs::tool
