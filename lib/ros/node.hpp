@@ -234,6 +234,13 @@ class LifecycleNode {
  private:
   struct Interfaces;
   friend class NodeIntrospection;
+  /// A subscription, to report what should not have come in.
+  struct Input {
+    std::string topic;
+    std::weak_ptr<const ReaderEndpoint> reader;
+    std::uint64_t reported = 0;
+    std::uint64_t foreign_reported = 0;
+  };
   [[nodiscard]] std::string resolve(const std::string& service) const;
   CallbackReturn run_callback(State transition_state);
   CallbackReturn run_timed(State transition_state);
@@ -247,7 +254,6 @@ class LifecycleNode {
   void persist_desired(State primary);
   void report_first_activation();
   void report_bad_input();
-
   void report_bad_input(Input& input, const ReaderEndpoint& reader);
 
   NodeContext& context_;

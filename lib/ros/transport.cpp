@@ -64,7 +64,8 @@ class Channel {
         receiver_(receiver),
         state_(std::move(state)),
         buffer_(buffer),
-        watch_(executor.add_fd(fd_.get(), EPOLLIN, [this](std::uint32_t) { read(most_datagrams_a_turn); })) {}
+        watch_(executor.add_fd(
+            fd_.get(), EPOLLIN, [this](std::uint32_t) { read(most_datagrams_a_turn); }, "DDS socket")) {}
 
   [[nodiscard]] std::uint32_t port() const { return IPLocator::getPhysicalPort(locator_); }
 
