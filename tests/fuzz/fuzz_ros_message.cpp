@@ -17,7 +17,6 @@
 #include <rcl_interfaces/srv/describe_parameters.hpp>
 #include <rcl_interfaces/srv/list_parameters.hpp>
 #include <rcl_interfaces/srv/set_parameters.hpp>
-#include <rmw_dds_common/msg/participant_entities_info.hpp>
 #include <sensor_msgs/msg/image.hpp>
 #include <srfs_msgs/msg/bus_status.hpp>
 #include <srfs_msgs/msg/event.hpp>
@@ -29,6 +28,7 @@
 #include <srfs_msgs/msg/time_tick.hpp>
 #include <srfs_msgs/srv/check_alive.hpp>
 
+#include "ros/graph.hpp"
 #include "ros/type_support.hpp"
 
 namespace {
@@ -82,7 +82,7 @@ constexpr std::array<Decode, 29> decoders{
     decode<rcl_interfaces::srv::DescribeParameters::Response>,
     decode<rcl_interfaces::srv::ListParameters::Request>,
     decode<rcl_interfaces::srv::SetParameters::Request>,
-    decode<rmw_dds_common::msg::ParticipantEntitiesInfo>,
+    decode<srfs::ros::HumbleGraphMessage>,
     decode<sensor_msgs::msg::Image>,
     decode<srfs_msgs::msg::BusStatus>,
     decode<srfs_msgs::msg::Event>,
