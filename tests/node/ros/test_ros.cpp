@@ -140,6 +140,20 @@ TEST_F(RosTest, AMalformedSampleIsCountedDroppedAndTheNextGoodOneArrives) {
   EXPECT_THAT(got, testing::ElementsAre(9));
 }
 
+TEST(Participants, MadeAndForgottenAllDayLongAreStillFound) {
+  Executor executor;
+  const auto here = Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor}).value();
+  const Publisher<TaskFlags> publisher(*here, flags_topic);
+  for (int i = 0; i < 40; ++i) {
+    const auto there = Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor}).value();
+    const Subscription<TaskFlags> subscription(executor, *there, flags_topic,
+                                               [](const TaskFlags&, const MessageInfo&) {});
+    ASSERT_TRUE(executor.spin_until([&] { return subscription.publisher_count() == 1; },
+                                    monotonic_now() + seconds(20)))
+        << "number " << i;
+  }
+}
+
 /// A process of the suite, another one, and a stranger, on one topic.
 class IsolationTest : public RosTest {
  protected:
