@@ -159,7 +159,11 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   self->subscriber_ = self->participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
   if (self->publisher_ == nullptr || self->subscriber_ == nullptr)
     return Err(std::string("no DDS publisher or subscriber"));
-  self->graph_.set_participant(to_gid(self->participant_->guid()));
+  const auto& guid = self->participant_->guid();
+  self->graph_.set_participant(to_gid(guid));
+  GuidPrefix own{};  // nobody discovers itself, and a node may hear what it says
+  std::copy_n(guid.guidPrefix.value, own.size(), own.begin());
+  self->known_.discovered(own, participant_user_data(options.identity), "/", "this process");
   return self;
 }
 
