@@ -191,10 +191,13 @@ void ClientGoal<A>::perform(const GoalTracker::Step& step, const typename A::Res
   const auto next = tracker_.next_deadline();
   timer_.reset();
   if (links && next) {
-    timer_ = links->executor.add_timer(*next, nanoseconds(0), [this] {
-      const auto held = this->shared_from_this();
-      if (const auto there = links_.lock()) perform(tracker_.on_time(there->executor.now()));
-    });
+    timer_ = links->executor.add_timer(
+        *next, nanoseconds(0),
+        [this] {
+          const auto held = this->shared_from_this();
+          if (const auto there = links_.lock()) perform(tracker_.on_time(there->executor.now()));
+        },
+        "goal deadline");
   }
 }
 

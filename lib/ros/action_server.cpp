@@ -51,16 +51,14 @@ void GoalMailbox::close() {
 
 bool GoalMailbox::dispatch_one(MonotonicTime) {
   Item item;
-  bool more = false;
   {
     const std::lock_guard lock(mutex_);
     if (items_.empty()) return false;
     item = std::move(items_.front());
     items_.pop_front();
-    more = !items_.empty();
   }
   handle_(item);
-  return more;
+  return true;
 }
 
 ActionServerCore::ActionServerCore(Typed& typed, Executor& executor, Participant& participant,
@@ -75,7 +73,9 @@ ActionServerCore::ActionServerCore(Typed& typed, Executor& executor, Participant
       cancel_goal_(executor, participant, action + "/_action/cancel_goal", Qos{}, options.priority,
                    [this](const CancelGoal::Request& request, CancelGoal::Response& response) {
                      on_cancel(request, response);
-                   }) {}
+                   }) {
+  executor.name_source(mailbox_, CallbackKind::other, action + " (goals)");
+}
 
 ActionServerCore::~ActionServerCore() {
   mailbox_->close();
@@ -191,7 +191,9 @@ void ActionServerCore::expire() {
 
 void ActionServerCore::arm_expiry() {
   const auto next = book_.next_expiry();
-  expiry_ = next ? executor_.add_timer(*next, nanoseconds(0), [this] { expire(); }) : nullptr;
+  expiry_ = next ? executor_.add_timer(
+                       *next, nanoseconds(0), [this] { expire(); }, "goal results")
+                 : nullptr;
 }
 
 }  // namespace srfs::ros

@@ -57,6 +57,10 @@ std::optional<SampleIdentity> RequestBook::answer(Ticket ticket, Response respon
   return reply_to;
 }
 
+void RequestBook::forget(Ticket ticket) {
+  std::erase_if(pending_, [&](const Pending& pending) { return pending.ticket == ticket; });
+}
+
 std::vector<Ticket> RequestBook::drop_vanished(const std::function<bool(const GUID_t&)>& within_reach,
                                                MonotonicTime now) {
   std::vector<Ticket> dropped;

@@ -62,6 +62,8 @@ class RequestBook {
   /// Ends a pending request and keeps the response for repeats.
   /// @return whom to answer; nullopt when the ticket was answered or dropped before
   [[nodiscard]] std::optional<SampleIdentity> answer(Ticket ticket, Response response, MonotonicTime now);
+  /// Drops a pending request without an answer; a repeat of it is executed.
+  void forget(Ticket ticket);
   /// Drops pending requests of clients that were within reach, or had time to be, and are not.
   /// @return their tickets
   [[nodiscard]] std::vector<Ticket> drop_vanished(const std::function<bool(const GUID_t&)>& within_reach,

@@ -51,6 +51,7 @@ class ServiceCore {
   /// A request came. @return the ticket to execute it under; nullopt when there is nothing to execute
   [[nodiscard]] std::optional<Ticket> begin(const MessageInfo& info);
   bool reply(Ticket ticket, std::shared_ptr<const void> response);
+  void forget(Ticket ticket) { book_.forget(ticket); }
   void on_clients_changed(std::function<void(std::span<const Ticket> dropped)> callback) {
     clients_changed_ = std::move(callback);
   }
@@ -104,11 +105,9 @@ class Service {
           Priority priority, DeferReplies, DeferredHandler handler)
       : handler_(std::move(handler)),
         core_(executor, participant, reply_dds_name(name), dds::TypeSupport(new TypeSupport<Response>), qos),
-        reader_(TypedReader<Request>::create(executor, participant, request_dds_name(name), qos, priority,
-                                             [this](const Request& request, const MessageInfo& info) {
-                                               if (const auto ticket = core_.begin(info))
-                                                 handler_(request, *ticket);
-                                             })) {}
+        reader_(TypedReader<Request>::create(
+            executor, participant, request_dds_name(name), qos, priority,
+            [this](const Request& request, const MessageInfo& info) { serve(request, info); })) {}
 
   ~Service() { reader_->close(); }
   Service(const Service&) = delete;
@@ -139,6 +138,17 @@ class Service {
   [[nodiscard]] GUID_t writer_guid() const { return core_.writer_guid(); }
 
  private:
+  void serve(const Request& request, const MessageInfo& info) {
+    const auto ticket = core_.begin(info);
+    if (!ticket) return;
+    try {
+      handler_(request, *ticket);
+    } catch (...) {
+      core_.forget(*ticket);  // the client times out; the executor reports the exception
+      throw;
+    }
+  }
+
   DeferredHandler handler_;
   ServiceCore core_;
   std::shared_ptr<TypedReader<Request>> reader_;

@@ -225,6 +225,23 @@ TEST_F(ServicesTest, RequestsOfAClientThatLeftAreDropped) {
   EXPECT_TRUE(service->reply(tickets_.at(0), {})) << "nobody is there to be answered: no error";
 }
 
+TEST_F(ServicesTest, AHandlerThatThrowsLeavesNoRequestWaiting) {
+  bool throws = true;
+  Service<CheckAlive> service(executor_, *here_, name_, Qos{}, Priority::normal,
+                              [&](const CheckAlive::Request&, CheckAlive::Response&) {
+                                if (std::exchange(throws, false)) throw std::runtime_error("out of memory");
+                              });
+  int failed = 0;
+  executor_.on_failure([&](const CallbackRecord&, const std::string&) { ++failed; });
+  Client<CheckAlive> client(executor_, *there_, name_, Qos{}, Priority::normal);
+  ASSERT_TRUE(wait([&] { return client.is_ready(); }));
+  bool answered = false;
+  client.call(nonce(1), milliseconds(100), 50, [&](const Answer& answer) { answered = answer.has_value(); });
+  ASSERT_TRUE(wait([&] { return answered; }));
+  EXPECT_EQ(failed, 1);
+  EXPECT_EQ(service.pending(), 0U);
+}
+
 TEST_F(ServicesTest, AForgottenCallIsNotHeardOfAgain) {
   const auto service = deferring_service();
   Client<CheckAlive> client(executor_, *there_, name_, Qos{}, Priority::normal);

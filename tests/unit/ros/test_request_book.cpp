@@ -96,6 +96,15 @@ TEST(RequestBook, RefusesAndCountsWhatItCannotKeep) {
   EXPECT_EQ(book.counters().refused, 1U);
 }
 
+TEST(RequestBook, AForgottenRequestLeavesNothingAndItsRepeatIsExecuted) {
+  RequestBook book;
+  const auto ticket = book.judge(request(1, 7), std::nullopt, false, at(seconds(0))).ticket;
+  book.forget(ticket);
+  EXPECT_EQ(book.pending(), 0U);
+  EXPECT_FALSE(book.answer(ticket, response(1), at(seconds(0))));
+  EXPECT_EQ(book.judge(request(1, 8), 7, false, at(seconds(1))).verdict, Verdict::execute);
+}
+
 TEST(RequestBook, DropsTheRequestsOfAClientThatVanished) {
   RequestBook book;
   const auto gone = book.judge(request(1, 1), std::nullopt, false, at(seconds(0))).ticket;
