@@ -30,7 +30,7 @@ struct ParameterDeclaration {
   ParameterValue default_value;  ///< its type is the parameter's type
   std::optional<ParameterRange> range;
   std::string description;
-  bool read_only = false;            ///< changes at the next start only, by its stored value
+  bool read_only = false;              ///< changes at the next start only, by its stored value
   std::vector<std::string> choices{};  ///< of a text (every element of an array); empty: any
 };
 
