@@ -1,9 +1,21 @@
-# srfs_add_library(<name> SOURCES ... [DEPS ...] [PRIVATE_DEPS ...]): a static library of the house.
+# srfs_add_library(<name> [SHARED] SOURCES ... [DEPS ...] [PRIVATE_DEPS ...]): a library of the house. SHARED for what
+# several nodes use: its code is then in memory once, not once a process.
 function(srfs_add_library name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPS;PRIVATE_DEPS" ${ARGN})
-  add_library(${name} STATIC ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "SHARED" "" "SOURCES;DEPS;PRIVATE_DEPS" ${ARGN})
+  set(kind STATIC)
+  if(ARG_SHARED)
+    set(kind SHARED)
+  endif()
+  add_library(${name} ${kind} ${ARG_SOURCES})
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
   target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE srfs::compile_options ${ARG_PRIVATE_DEPS})
+  if(ARG_SHARED)
+    set_target_properties(${name} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib
+      VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR})
+    target_link_options(${name} PRIVATE -Wl,-Bsymbolic-functions)
+    install(TARGETS ${name} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+    set_property(GLOBAL APPEND PROPERTY SRFS_PROGRAMS ${name})
+  endif()
 endfunction()
 
 # srfs_add_executable(<name> SOURCES ... [DEPS ...]): an installed program (bin/).
@@ -44,6 +56,7 @@ function(srfs_add_unit_test name)
   target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
   target_compile_definitions(test_${name} PRIVATE SRFS_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
   target_link_libraries(test_${name} PRIVATE srfs::compile_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
+  target_compile_options(test_${name} PRIVATE -O0)  # half the time to compile; what is tested is optimised as configured
   set_target_properties(test_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME unit.${name} COMMAND test_${name})
   set_tests_properties(unit.${name} PROPERTIES LABELS unit TIMEOUT 120)
@@ -61,6 +74,7 @@ function(srfs_add_node_test name)
   target_include_directories(node_test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
   target_compile_definitions(node_test_${name} PRIVATE SRFS_SOURCE_DIR="${PROJECT_SOURCE_DIR}" SRFS_BINARY_DIR="${CMAKE_BINARY_DIR}")
   target_link_libraries(node_test_${name} PRIVATE srfs::compile_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
+  target_compile_options(node_test_${name} PRIVATE -O0)  # half the time to compile; what is tested is optimised as configured
   set_target_properties(node_test_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME node.${name} COMMAND node_test_${name})
   set_tests_properties(node.${name} PROPERTIES LABELS node TIMEOUT 180)

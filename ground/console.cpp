@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
@@ -11,9 +10,10 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/signalfd.h>
 #include <unistd.h>
 #include <mission/structures.hpp>
+
+#include "base/signals.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -21,15 +21,6 @@ namespace {
 constexpr seconds stats_period{5};
 constexpr milliseconds default_acceptance{5000};
 constexpr std::size_t longest_line = 4096;
-
-Fd watch_signals() {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGINT);
-  sigaddset(&set, SIGTERM);
-  sigprocmask(SIG_BLOCK, &set, nullptr);
-  return Fd(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
-}
 
 std::vector<std::string> words_of(const std::string& line) {
   std::istringstream in(line);
@@ -55,7 +46,7 @@ Result<std::optional<milliseconds>, std::string> take_timeout(std::vector<std::s
 Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port,
                  Uplink uplink, ConsoleOptions options)
     : options_(options),
-      signals_(watch_signals()),
+      signals_(termination_signals()),
       station_(dictionary, link, std::move(port), std::move(uplink),
                {.telemetry = [this](const auto& report) { on_telemetry(report); },
                 .stage = [this](const auto& report) { on_stage(report); },

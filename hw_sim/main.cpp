@@ -1,5 +1,4 @@
 #include <array>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -10,7 +9,6 @@
 #include <sys/epoll.h>
 #include <sys/file.h>
 #include <sys/random.h>
-#include <sys/signalfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
@@ -18,6 +16,7 @@
 #include "base/config.hpp"
 #include "base/file.hpp"
 #include "base/log.hpp"
+#include "base/signals.hpp"
 #include "hw_sim/event_loop.hpp"
 #include "hw_sim/seqpacket_server.hpp"
 #include "hw_sim/settings.hpp"
@@ -87,17 +86,6 @@ void create_test_key(const path& file) {
   log::info("created the TEST key {} (random, for the simulation only)", file.string());
 }
 
-/// SIGTERM and SIGINT as a descriptor; blocked from here on.
-Fd termination_signals() {
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
-  sigprocmask(SIG_BLOCK, &signals, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
-  return Fd(signalfd(-1, &signals, SFD_CLOEXEC | SFD_NONBLOCK));
-}
-
 int simulate(const path& deployment_file, const path& var) {
   const sim::SimulationSettings settings = sim::read_settings(ConfigSection::load(deployment_file));
   const path run = var / "run";
@@ -109,6 +97,7 @@ int simulate(const path& deployment_file, const path& var) {
 
   sim::EventLoop loop;
   const Fd signals = termination_signals();
+  ignore_broken_pipes();
   loop.watch(signals.get(), EPOLLIN, [&](std::uint32_t, MonotonicTime) { loop.stop(); });
 
   const path beside = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "srfs";

@@ -79,6 +79,7 @@ class CdrEncoder {
   template <class T>
   void value(const T& v) {
     if constexpr (is_wire_primitive<T>) {
+      align(sizeof(T));
       cdr_.serialize(v);
     } else {
       T::visit(v, *this);
@@ -86,11 +87,15 @@ class CdrEncoder {
   }
   void string(const std::string& v, std::size_t bound) {
     if (bound != 0 && v.size() > bound) throw CdrError("string longer than its bound");
-    cdr_.serialize(v);
+    // Not Fast CDR's own way, which ends at the first NUL inside the text.
+    align(4);
+    cdr_.serialize(static_cast<std::uint32_t>(v.size() + 1));
+    cdr_.serializeArray(v.c_str(), v.size() + 1);
   }
   template <class T>
   void sequence(const std::vector<T>& v, std::size_t bound, std::size_t string_bound) {
     if (bound != 0 && v.size() > bound) throw CdrError("sequence longer than its bound");
+    align(4);
     cdr_.serialize(static_cast<std::uint32_t>(v.size()));
     if constexpr (std::is_same_v<T, bool>) {
       for (const bool item : v) cdr_.serialize(item);
@@ -105,13 +110,20 @@ class CdrEncoder {
   void empty_struct() { cdr_.serialize(std::uint8_t{0}); }
 
  private:
+  /// Fast CDR skips padding without writing it: what the buffer held before would go out on the wire.
+  void align(std::size_t width) {
+    constexpr std::size_t encapsulation = 4;
+    while ((cdr_.getSerializedDataLength() - encapsulation) % width != 0) cdr_.serialize(std::uint8_t{0});
+  }
   template <class C>
   void elements(const C& v, std::size_t string_bound) {
     using T = typename C::value_type;
     if constexpr (std::is_same_v<T, std::string>) {
       for (const auto& item : v) string(item, string_bound);
     } else if constexpr (is_wire_primitive<T>) {
-      if (!v.empty()) cdr_.serializeArray(v.data(), v.size());
+      if (v.empty()) return;
+      align(sizeof(T));
+      cdr_.serializeArray(v.data(), v.size());
     } else {
       for (const auto& item : v) value(item);
     }

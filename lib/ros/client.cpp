@@ -41,7 +41,8 @@ void CallTable::begin(std::uint64_t call) {
 }
 
 void CallTable::send(std::uint64_t id, Call& call) {
-  const auto sequence = call.attempt();
+  const auto sequence =
+      call.attempt(call.sequences.empty() ? std::nullopt : std::optional(call.sequences.front()));
   if (!sequence) {
     fail(id, CallError::refused);
     return;

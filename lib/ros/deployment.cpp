@@ -78,11 +78,21 @@ LinkSettings read_link(const ConfigSection& section) {
   link.tc_correct_single_bits = tc.boolean("correct_single_bits", link.tc_correct_single_bits);
   tc.finish();
   for (const ConfigSection& entry : section.sections("tc_channels")) {
+    const auto is_taken = [&link](auto member, const auto& value) {
+      return std::any_of(link.channels.begin(), link.channels.end(), [&](const TelecommandChannel& other) {
+        return other.security == ChannelSecurity::sdls && other.*member == value;
+      });
+    };
     TelecommandChannel channel{static_cast<int>(entry.integer("vc", 0, 63)), ChannelSecurity::none, 0, ""};
     if (entry.choice("security", {"sdls", "none"}, "sdls") == "sdls") {
       channel.security = ChannelSecurity::sdls;
       channel.spi = static_cast<int>(entry.integer("spi", 1, 65534));
+      if (is_taken(&TelecommandChannel::spi, channel.spi))
+        throw entry.bad("spi", "a number that no other entry has");
       channel.key_file = entry.text("key_file");
+      // Two counters under one key would use an IV twice, which breaks AES-GCM.
+      if (is_taken(&TelecommandChannel::key_file, channel.key_file))
+        throw entry.bad("key_file", "a key that no other entry has");
     }
     entry.finish();
     link.channels.push_back(channel);
@@ -100,7 +110,9 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   if (dds.text("domain", "auto") != "auto") d.domain = static_cast<int>(dds.integer("domain", 0, 101));
   d.interfaces = dds.texts("interfaces");
   if (d.interfaces.empty()) d.interfaces = {"127.0.0.1"};
-  d.ros_graph = dds.choice("ros_graph", {"humble", "iron"}, "humble");
+  const std::string graph = dds.choice("ros_graph", {"humble", "iron", "off"}, "humble");
+  d.ros_graph = graph == "humble" ? RosGraph::humble : graph == "iron" ? RosGraph::iron : RosGraph::off;
+  d.drop_foreign = dds.choice("foreign", {"report", "drop"}, "report") == "drop";
   dds.finish();
   const ConfigSection devices = root.section("devices");
   for (const std::string& key : devices.keys()) d.devices[key] = devices.text(key);

@@ -59,13 +59,17 @@ struct LinkSettings {
   std::vector<TelecommandChannel> channels;
 };
 
+/// Layout of the ROS graph messages (lib/ros/graph.hpp): they differ between ROS 2 releases.
+enum class RosGraph : std::uint8_t { off, humble, iron };
+
 /// One deployment file (launch_config/NAME.yaml), read strictly.
 struct Deployment {
   std::filesystem::path file;
   std::string name;
   std::optional<int> domain;  ///< nullopt: auto
   std::vector<std::string> interfaces;
-  std::string ros_graph;  ///< "humble" or "iron"
+  RosGraph ros_graph = RosGraph::humble;
+  bool drop_foreign = false;  ///< drop what participants outside the suite publish on flight topics
   std::map<std::string, std::string> devices;
   LinkSettings link;
   std::vector<Slot> slots;

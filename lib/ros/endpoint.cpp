@@ -99,16 +99,31 @@ void ReaderEndpoint::on_data_available(dds::DataReader*) {
   if (const auto self = weak_from_this().lock()) executor_.notify(self, priority_);
 }
 
+std::size_t ReaderEndpoint::matched_count() const {
+  const std::lock_guard lock(mutex_);
+  return writers_.size();
+}
+
+std::set<GUID_t> ReaderEndpoint::matched_writers() const {
+  const std::lock_guard lock(mutex_);
+  return writers_;
+}
+
 void ReaderEndpoint::on_match_change(std::function<void()> callback) {
   const std::lock_guard lock(mutex_);
   match_change_ = std::move(callback);
 }
 
 void ReaderEndpoint::on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) {
-  matched_ = static_cast<std::size_t>(std::max(status.current_count, 0));
   std::function<void()> callback;
   {
     const std::lock_guard lock(mutex_);
+    const auto writer = static_cast<GUID_t>(status.last_publication_handle);
+    if (status.current_count_change > 0) {
+      writers_.insert(writer);
+    } else {
+      writers_.erase(writer);
+    }
     callback = match_change_;
   }
   if (callback) callback();
@@ -131,9 +146,18 @@ void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
   std::rotate(positions_.begin(), found, found + 1);
 }
 
-MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now) {
-  const nanoseconds age = system_utc_now().since_epoch() - nanoseconds(info.reception_timestamp.to_ns());
-  return now - std::clamp<nanoseconds>(age, nanoseconds(0), seconds(1));
+bool ReaderEndpoint::admit(const SampleIdentity& identity) {
+  if (!guarded_) return true;
+  GuidPrefix prefix{};
+  std::copy_n(identity.writer_guid().guidPrefix.value, prefix.size(), prefix.begin());
+  if (!participant_->known_participants().is_foreign(prefix)) return true;
+  ++stats_.foreign;
+  last_foreign_ = prefix;
+  return !participant_->drops_foreign();
+}
+
+std::string ReaderEndpoint::last_foreign() const {
+  return last_foreign_ ? participant_->known_participants().describe(*last_foreign_) : std::string();
 }
 
 std::string topic_dds_name(const std::string& ros_name) {

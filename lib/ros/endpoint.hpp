@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <unordered_map>
@@ -29,11 +30,13 @@ struct InputStats {
   std::uint64_t malformed = 0;  ///< octets that were no such message; dropped
   std::uint64_t lost =
       0;  ///< gaps in writers' sequence numbers: overwritten before they were taken, or never arrived
+  std::uint64_t foreign =
+      0;  ///< from participants outside the suite, on a guarded reader; part of the others
 };
 
 /// What a callback may know of the sample beside its content.
 struct MessageInfo {
-  MonotonicTime received;  ///< when Fast DDS' receive thread had the sample whole
+  MonotonicTime received;  ///< when the kernel had it; without a work-thread transport, when Fast DDS read it
   SampleIdentity identity;
   SampleIdentity related;
 };
@@ -69,8 +72,8 @@ class WriterEndpoint : public dds::DataWriterListener {
   std::atomic<std::uint64_t> refused_{0};
 };
 
-/// A DDS reader whose samples are taken on the work thread. The receive thread only marks the source as
-/// ready; the reader's KEEP_LAST history is the bounded queue (oldest dropped, counted as lost).
+/// A DDS reader whose samples are taken on the work thread. Reception only marks the source as ready; the
+/// reader's KEEP_LAST history is the bounded queue (oldest dropped, counted as lost).
 class ReaderEndpoint : public Source,
                        public dds::DataReaderListener,
                        public std::enable_shared_from_this<ReaderEndpoint> {
@@ -81,10 +84,19 @@ class ReaderEndpoint : public Source,
   /// Ends the DDS reader. By the owner, on the work thread: the last reference may be dropped by a middleware
   /// thread that was just announcing data, and a reader must not be deleted inside its own callback.
   void close();
+  /// What the kernel holds already reaches this reader's history now.
+  void receive_waiting() const { participant_->receive_waiting(); }
   [[nodiscard]] InputStats stats() const { return stats_; }
-  [[nodiscard]] std::size_t matched_count() const { return matched_; }
+  [[nodiscard]] std::size_t matched_count() const;
+  /// The writers matched now.
+  [[nodiscard]] std::set<GUID_t> matched_writers() const;
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
   void on_match_change(std::function<void()> callback);
+  /// From now on samples of participants outside the suite are counted, and dropped where the participant's
+  /// options say so.
+  void guard() { guarded_ = true; }
+  /// The foreign participant that was heard last, for people; empty: none so far.
+  [[nodiscard]] std::string last_foreign() const;
 
   void on_data_available(dds::DataReader*) override;
   void on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) override;
@@ -93,16 +105,20 @@ class ReaderEndpoint : public Source,
   void open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos);
   /// Counts the sample's gap to the one before from the same writer.
   void count_gap(const SampleIdentity& identity);
+  /// @return false when the sample is foreign and to be dropped
+  [[nodiscard]] bool admit(const SampleIdentity& identity);
 
   Executor& executor_;
   Priority priority_;
   dds::DataReader* reader_ = nullptr;
   InputStats stats_;
+  Participant* participant_ = nullptr;
 
  private:
-  Participant* participant_ = nullptr;
-  std::atomic<std::size_t> matched_{0};
-  std::mutex mutex_;
+  bool guarded_ = false;
+  std::optional<GuidPrefix> last_foreign_;
+  mutable std::mutex mutex_;
+  std::set<GUID_t> writers_;
   std::function<void()> match_change_;
   struct WriterPosition {
     GUID_t writer;
@@ -110,10 +126,6 @@ class ReaderEndpoint : public Source,
   };
   std::vector<WriterPosition> positions_;  // bounded; the least recently seen writer makes room
 };
-
-/// Fast DDS stamps the reception with the system clock; this is the same instant as monotonic time. A step of
-/// the system clock in between costs at most one second of error. @param now not before the reception
-[[nodiscard]] MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now);
 
 /// A reader of messages of type M.
 template <class M>
@@ -135,12 +147,14 @@ class TypedReader final : public ReaderEndpoint {
     if (reader_->take_next_sample(&sample_, &info) != ReturnCode_t::RETCODE_OK) return false;
     if (!info.valid_data) return true;
     count_gap(info.sample_identity);
+    if (!admit(info.sample_identity)) return true;
     if (!sample_.well_formed) {
       ++stats_.malformed;
       return true;
     }
     ++stats_.received;
-    callback_(sample_.message, {received_at(info, now), info.sample_identity, info.related_sample_identity});
+    callback_(sample_.message,
+              {participant_->received_at(info, now), info.sample_identity, info.related_sample_identity});
     return true;
   }
 

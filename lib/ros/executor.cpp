@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <stdexcept>
 #include <type_traits>
+#include <utility>
 
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
@@ -41,6 +42,9 @@ struct Executor::Watch : Registration {
 namespace {
 
 constexpr std::size_t most_posts = 1024;
+
+// The executor whose loop this thread is in: what it notifies itself is seen without being woken.
+thread_local const Executor* in_loop_of = nullptr;
 
 // What the owner holds: forgetting it cancels, while the executor still keeps the object alive through its
 // callback.
@@ -83,21 +87,17 @@ bool Executor::run(CallbackRecord& record, Callback&& callback) {
   } catch (const std::exception& e) {
     ++record.failed;
     if (!failure_) throw;
-    report_failure(record, e.what());
+    failure_(record, e.what());
   } catch (...) {
     ++record.failed;
     if (!failure_) throw;
-    report_failure(record, "not a std::exception");
+    failure_(record, "not a std::exception");
   }
   now_ = monotonic_now();
   if (!worked) return false;
   const nanoseconds took = now_ - begun;
   if (statistics_.add(record, took, now_) && over_budget_) over_budget_(record, took);
   return true;
-}
-
-void Executor::report_failure(const CallbackRecord& record, const std::string& what) {
-  failure_(record, what);
 }
 
 void Executor::name_source(const std::shared_ptr<Source>& source, CallbackKind kind, std::string_view name) {
@@ -162,7 +162,7 @@ bool Executor::post(std::function<void()> callback, CallbackRecord* record) {
 }
 
 void Executor::wake() {
-  if (wake_pending_.exchange(true)) return;
+  if (in_loop_of == this || wake_pending_.exchange(true)) return;
   const std::uint64_t one = 1;
   [[maybe_unused]] const ssize_t ignored = write(wake_.get(), &one, sizeof one);
 }
@@ -267,6 +267,11 @@ void Executor::arm_timer_fd() {
 
 bool Executor::spin_once(nanoseconds longest) {
   if (stopped_) return false;
+  struct InLoop {
+    const Executor* before;
+    explicit InLoop(const Executor* executor) : before(std::exchange(in_loop_of, executor)) {}
+    ~InLoop() { in_loop_of = before; }
+  } const in_loop(this);
   bool busy = run_due_timers();
   take_incoming();
   busy = run_posts() || busy;

@@ -71,7 +71,7 @@ const LifecycleRow* find_error_row(State from) {
 const LifecycleRow* find_request(State from, std::uint8_t id, std::string_view label) {
   if (!is_primary(from)) return nullptr;  // one transition at a time
   const auto found = std::find_if(table.begin(), table.end(), [&](const LifecycleRow& r) {
-    return r.from == from && (id != 0 ? r.transition_id == id : r.label == label);
+    return r.from == from && (label.empty() ? r.transition_id == id : r.label == label);
   });
   return found == table.end() ? nullptr : &*found;
 }

@@ -57,8 +57,8 @@ struct LifecycleRow {
 /// https://design.ros2.org/articles/node_lifecycle.html). ROS 2's table lacks these rows, so they are none
 /// that a request could name. @return nullptr for Finalized and the transition states
 [[nodiscard]] const LifecycleRow* find_error_row(State from);
-/// A request by id, or by label when the id is 0 and a label is given, as `ros2 lifecycle set` and services
-/// send it.
+/// A request by label when one is given, else by id: rclcpp_lifecycle's rule, since a call that fills only
+/// the label sends id 0. `ros2 lifecycle set` sends both.
 [[nodiscard]] const LifecycleRow* find_request(State from, std::uint8_t id, std::string_view label);
 [[nodiscard]] std::string_view label(State state);
 [[nodiscard]] bool is_primary(State state);

@@ -178,9 +178,7 @@ struct LifecycleNode::Interfaces {
     list_parameters = node.create_service<rcl::srv::ListParameters>(
         "~/list_parameters",
         [&node](const auto& request, auto& response) {
-          auto listing = node.parameters().list(request.prefixes, request.depth);
-          response.result.names = std::move(listing.names);
-          response.result.prefixes = std::move(listing.prefixes);
+          response.result = list_parameter_names(node.parameters().names(), request.prefixes, request.depth);
         },
         parameter_qos);
     describe_parameters = node.create_service<rcl::srv::DescribeParameters>(
@@ -206,7 +204,9 @@ struct LifecycleNode::Interfaces {
   }
 };
 
-LifecycleNode::LifecycleNode(NodeContext& context) : context_(context) {
+LifecycleNode::LifecycleNode(NodeContext& context)
+    : context_(context),
+      graph_(context.executor, context.participant, context.deployment.ros_graph, context.name) {
   const NodeEntry* entry = context.deployment.find(context.name);
   if (entry != nullptr) parameters_ = ParameterSet(entry->parameters);
   introspection_ = std::make_unique<NodeIntrospection>(*this);
@@ -367,7 +367,7 @@ CallbackReturn LifecycleNode::run_callback(State transition_state) {
 void LifecycleNode::enter(const LifecycleRow& row) {
   state_ = row.to;
   lc::msg::TransitionEvent m;
-  m.timestamp = static_cast<std::uint64_t>(monotonic_now().ns());
+  m.timestamp = static_cast<std::uint64_t>(system_utc_now().ns());  // ROS time, as the other stamps of ROS 2
   m.transition.id = row.transition_id;
   m.transition.label = std::string(row.label);
   m.start_state = state_message(row.from);
@@ -517,6 +517,34 @@ void LifecycleNode::report_first_activation() {
       "start report");
 }
 
+std::uint64_t LifecycleNode::malformed_samples() const {
+  std::uint64_t count = 0;
+  for (const Input& input : inputs_) {
+    if (const auto reader = input.reader.lock()) count += reader->stats().malformed;
+  }
+  return count;
+}
+
+void LifecycleNode::report_bad_input(Input& input, const ReaderEndpoint& reader) {
+  const InputStats stats = reader.stats();
+  if (stats.malformed > input.reported) {
+    input.reported = stats.malformed;
+    log::warn("{} malformed samples on {} so far: who publishes there?", stats.malformed, input.topic);
+    const mission::NodeMalformedSamplesEvent event{.count = static_cast<std::uint32_t>(stats.malformed),
+                                                   .topic = input.topic};
+    raise(event);
+  }
+  if (stats.foreign > input.foreign_reported) {
+    input.foreign_reported = stats.foreign;
+    const std::string source = reader.last_foreign();
+    log::warn("{} samples on {} so far from outside the suite, last by participant {}: {}", stats.foreign,
+              input.topic, source, context_.participant.drops_foreign() ? "dropped" : "accepted");
+    const mission::NodeForeignSamplesEvent event{
+        .count = static_cast<std::uint32_t>(stats.foreign), .topic = input.topic, .participant = source};
+    raise(event);
+  }
+}
+
 void LifecycleNode::report_bad_input() {
   for (auto input = inputs_.begin(); input != inputs_.end();) {
     const auto reader = input->reader.lock();
@@ -524,13 +552,7 @@ void LifecycleNode::report_bad_input() {
       input = inputs_.erase(input);
       continue;
     }
-    if (const std::uint64_t malformed = reader->stats().malformed; malformed > input->reported) {
-      input->reported = malformed;
-      log::warn("{} malformed samples on {} so far: who publishes there?", malformed, input->topic);
-      const mission::NodeMalformedSamplesEvent event{.count = static_cast<std::uint32_t>(malformed),
-                                                     .topic = input->topic};
-      raise(event);
-    }
+    report_bad_input(*input, *reader);
     ++input;
   }
   if (suppressed_events_ > suppressed_reported_) {

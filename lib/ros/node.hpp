@@ -9,9 +9,12 @@
 #include "base/log.hpp"
 #include "base/octets.hpp"
 #include "base/result.hpp"
+#include "ros/action_client.hpp"
+#include "ros/action_server.hpp"
 #include "ros/client.hpp"
 #include "ros/deployment.hpp"
 #include "ros/executor.hpp"
+#include "ros/graph_publisher.hpp"
 #include "ros/instance.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/parameters.hpp"
@@ -128,7 +131,7 @@ class LifecycleNode {
     }
     auto made =
         std::make_shared<Subscription<M>>(context_.executor, context_.participant, topic, std::move(handler));
-    inputs_.push_back({topic.name, made->reader(), 0});
+    inputs_.push_back({topic.name, made->reader()});
     return made;
   }
   /// @param name "~/x" is below the node's name, "/x" absolute
@@ -152,6 +155,19 @@ class LifecycleNode {
                                                          Priority priority = Priority::normal) {
     return std::make_shared<Client<S>>(context_.executor, context_.participant, resolve(service), qos,
                                        priority);
+  }
+  /// @param action "~/x" is below the node's name, "/x" absolute
+  template <class A>
+  [[nodiscard]] std::shared_ptr<ActionServer<A>> create_action_server(
+      const std::string& action, ActionHandlers<A> handlers, const ActionServerOptions& options = {}) {
+    return std::make_shared<ActionServer<A>>(context_.executor, context_.participant, resolve(action),
+                                             std::move(handlers), options);
+  }
+  template <class A>
+  [[nodiscard]] std::shared_ptr<ActionClient<A>> create_action_client(const std::string& action,
+                                                                      Priority priority = Priority::normal) {
+    return std::make_shared<ActionClient<A>>(context_.executor, context_.participant, resolve(action),
+                                             priority);
   }
   /// Periodic; the first call comes one period from now. Dropping the handle cancels.
   /// @param timer_name in the executor's statistics
@@ -207,6 +223,8 @@ class LifecycleNode {
     raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
   }
   [[nodiscard]] std::uint64_t suppressed_events() const { return suppressed_events_; }
+  /// Malformed samples on the subscriptions that exist now.
+  [[nodiscard]] std::uint64_t malformed_samples() const;
 
   /// Publishes one of this node's own housekeeping structures on /<node>/telemetry.
   virtual void publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample);
@@ -216,6 +234,13 @@ class LifecycleNode {
  private:
   struct Interfaces;
   friend class NodeIntrospection;
+  /// A subscription, to report what should not have come in.
+  struct Input {
+    std::string topic;
+    std::weak_ptr<const ReaderEndpoint> reader;
+    std::uint64_t reported = 0;
+    std::uint64_t foreign_reported = 0;
+  };
   [[nodiscard]] std::string resolve(const std::string& service) const;
   CallbackReturn run_callback(State transition_state);
   CallbackReturn run_timed(State transition_state);
@@ -229,8 +254,10 @@ class LifecycleNode {
   void persist_desired(State primary);
   void report_first_activation();
   void report_bad_input();
+  void report_bad_input(Input& input, const ReaderEndpoint& reader);
 
   NodeContext& context_;
+  GraphPublisher graph_;  // first to come, last to go: it tells of all endpoints
   ParameterSet parameters_;
   ParameterSet::Changed parameter_changed_;
   State state_ = State::unconfigured;
@@ -245,12 +272,6 @@ class LifecycleNode {
   std::uint64_t suppressed_events_ = 0;
   std::uint64_t suppressed_reported_ = 0;
   std::uint16_t last_suppressed_event_ = 0;
-  /// Subscriptions made so far, to report what they could not read.
-  struct Input {
-    std::string topic;
-    std::weak_ptr<const ReaderEndpoint> reader;
-    std::uint64_t reported = 0;
-  };
   std::vector<Input> inputs_;
   Timer input_check_;
   Timer start_report_;

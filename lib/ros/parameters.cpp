@@ -243,33 +243,6 @@ std::vector<std::string> ParameterSet::names() const {
   return all;
 }
 
-ParameterSet::Listing ParameterSet::list(const std::vector<std::string>& prefixes,
-                                         std::uint64_t depth) const {
-  const auto shallow = [&](std::string_view rest) {
-    return depth == 0 || static_cast<std::uint64_t>(std::count(rest.begin(), rest.end(), '.')) < depth;
-  };
-  const auto below = [&](const std::string& name, const std::string& prefix) {
-    if (name == prefix) return true;
-    return name.starts_with(prefix + ".") && shallow(std::string_view(name).substr(prefix.size() + 1));
-  };
-  Listing listing;
-  for (const auto& entry : entries_) {
-    const std::string& name = entry.first;
-    const bool wanted = prefixes.empty()
-                            ? shallow(name)
-                            : std::any_of(prefixes.begin(), prefixes.end(),
-                                          [&](const auto& prefix) { return below(name, prefix); });
-    if (!wanted) continue;
-    listing.names.push_back(name);
-    const std::size_t dot = name.rfind('.');
-    if (dot == std::string::npos) continue;
-    const std::string prefix = name.substr(0, dot);
-    if (std::find(listing.prefixes.begin(), listing.prefixes.end(), prefix) == listing.prefixes.end())
-      listing.prefixes.push_back(prefix);
-  }
-  return listing;
-}
-
 Message to_message(const ParameterValue& value) {
   using Type = rcl_interfaces::msg::ParameterType;
   Message m;
@@ -329,6 +302,32 @@ std::optional<ParameterValue> from_message(const Message& m) {
     default:
       return std::nullopt;
   }
+}
+
+rcl_interfaces::msg::ListParametersResult list_parameter_names(const std::vector<std::string>& names,
+                                                               const std::vector<std::string>& prefixes,
+                                                               std::uint64_t depth) {
+  const auto shallow = [depth](std::string_view below) {
+    return depth == 0 || static_cast<std::uint64_t>(std::count(below.begin(), below.end(), '.')) < depth;
+  };
+  const auto wanted = [&](const std::string& name) {
+    if (prefixes.empty()) return shallow(name);
+    return std::any_of(prefixes.begin(), prefixes.end(), [&](const std::string& prefix) {
+      return name == prefix ||
+             (name.starts_with(prefix + ".") && shallow(std::string_view(name).substr(prefix.size() + 1)));
+    });
+  };
+  rcl_interfaces::msg::ListParametersResult result;
+  for (const std::string& name : names) {
+    if (!wanted(name)) continue;
+    result.names.push_back(name);
+    const std::size_t last = name.rfind('.');
+    if (last == std::string::npos) continue;
+    const std::string prefix = name.substr(0, last);
+    if (std::find(result.prefixes.begin(), result.prefixes.end(), prefix) == result.prefixes.end())
+      result.prefixes.push_back(prefix);
+  }
+  return result;
 }
 
 rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,

@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include <rcl_interfaces/msg/list_parameters_result.hpp>
 #include <rcl_interfaces/msg/parameter_descriptor.hpp>
 #include <rcl_interfaces/msg/parameter_value.hpp>
 
@@ -112,13 +113,6 @@ class ParameterSet {
   [[nodiscard]] const ParameterValue* find(const std::string& name) const;
   [[nodiscard]] const ParameterDeclaration* declaration(const std::string& name) const;
   [[nodiscard]] std::vector<std::string> names() const;
-  /// Names and their prefixes as rclcpp lists them: those below one of @p prefixes (empty: all), at most
-  /// @p depth levels deep, counted in dots (0: any).
-  struct Listing {
-    std::vector<std::string> names;
-    std::vector<std::string> prefixes;
-  };
-  [[nodiscard]] Listing list(const std::vector<std::string>& prefixes, std::uint64_t depth) const;
 
   void set_check(Check check) { check_ = std::move(check); }
   void set_set_check(SetCheck check) { set_check_ = std::move(check); }
@@ -153,6 +147,11 @@ class ParameterSet {
 [[nodiscard]] std::optional<ParameterValue> from_message(const rcl_interfaces::msg::ParameterValue& message);
 [[nodiscard]] rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,
                                                                   const ParameterDeclaration& declaration);
+/// Answers rcl_interfaces/srv/ListParameters as rclcpp does (NodeParameters::list_parameters): the names that
+/// equal a prefix or lie below it by at most @p depth levels separated by '.' (0: any number), and the
+/// prefixes they have.
+[[nodiscard]] rcl_interfaces::msg::ListParametersResult list_parameter_names(
+    const std::vector<std::string>& names, const std::vector<std::string>& prefixes, std::uint64_t depth);
 /// "integer", "double array"...
 [[nodiscard]] std::string type_text(const ParameterValue& value);
 

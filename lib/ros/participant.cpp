@@ -1,9 +1,12 @@
 #include "ros/participant.hpp"
 
+#include <algorithm>
+
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
 #include <fmt/format.h>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/log/Log.hpp>
 
 namespace srfs::ros {
@@ -20,13 +23,11 @@ eprosima::fastrtps::Duration_t duration(double s) {
   return {s};
 }
 
-dds::DomainParticipantQos participant_qos(const ParticipantOptions& options) {
+dds::DomainParticipantQos participant_qos(const ParticipantOptions& options,
+                                          const std::shared_ptr<TransportState>& state) {
   dds::DomainParticipantQos qos;
   qos.name("/");
-  const std::string enclave = "enclave=/;";  // ROS 2 ignores participants without it
-  std::vector<eprosima::fastrtps::rtps::octet> user_data(enclave.begin(), enclave.end());
-  user_data.push_back(0);
-  qos.user_data().setValue(user_data);
+  qos.user_data().setValue(participant_user_data(options.identity));
 
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
   udp->interfaceWhiteList = options.interfaces;
@@ -34,7 +35,12 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options) {
   udp->receiveBufferSize = socket_buffer_octets;
   udp->maxInitialPeersRange = most_participants;
   qos.transport().use_builtin_transports = false;
-  qos.transport().user_transports.push_back(udp);
+  if (options.executor != nullptr) {
+    qos.transport().user_transports.push_back(
+        work_thread_transport(udp, *options.executor, options.interfaces, state));
+  } else {
+    qos.transport().user_transports.push_back(udp);
+  }
   qos.transport().send_socket_buffer_size = socket_buffer_octets;
   qos.transport().listen_socket_buffer_size = socket_buffer_octets;
 
@@ -61,8 +67,8 @@ void set_common(DdsQos& qos, const Qos& ours) {
       ours.transient_local ? dds::TRANSIENT_LOCAL_DURABILITY_QOS : dds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = ours.depth;
-  if (ours.lifespan.count() > 0)
-    qos.lifespan().duration = duration(static_cast<double>(ours.lifespan.count()));
+  if (ours.lifespan > milliseconds(0))
+    qos.lifespan().duration = duration(std::chrono::duration<double>(ours.lifespan).count());
   qos.resource_limits().max_instances = 1;
   qos.resource_limits().max_samples_per_instance = ours.depth;
   qos.resource_limits().max_samples = ours.depth;
@@ -71,16 +77,58 @@ void set_common(DdsQos& qos, const Qos& ours) {
   qos.data_sharing().off();
 }
 
+Gid to_gid(const eprosima::fastrtps::rtps::GUID_t& guid) {
+  Gid gid{};
+  std::copy_n(guid.guidPrefix.value, 12, gid.begin());
+  std::copy_n(guid.entityId.value, 4, gid.begin() + 12);
+  return gid;
+}
+
+std::string first_address(const eprosima::fastrtps::rtps::RemoteLocatorList& locators) {
+  if (locators.unicast.empty()) return "no address";
+  const Locator_t& locator = locators.unicast[0];
+  return locator.kind == LOCATOR_KIND_UDPv4 ? IPLocator::toIPv4string(locator) : "no IPv4 address";
+}
+
 }  // namespace
+
+/// Notes who comes and goes. On discovery's thread.
+class Participant::Discovery : public dds::DomainParticipantListener {
+ public:
+  explicit Discovery(KnownParticipants& known) : known_(known) {}
+
+  void on_participant_discovery(dds::DomainParticipant*,
+                                eprosima::fastrtps::rtps::ParticipantDiscoveryInfo&& info) override {
+    using Info = eprosima::fastrtps::rtps::ParticipantDiscoveryInfo;
+    GuidPrefix prefix{};
+    std::copy_n(info.info.m_guid.guidPrefix.value, prefix.size(), prefix.begin());
+    if (info.status == Info::DISCOVERED_PARTICIPANT) {
+      known_.discovered(prefix, info.info.m_userData.getValue(), info.info.m_participantName.to_string(),
+                        first_address(info.info.default_locators));
+    } else if (info.status == Info::REMOVED_PARTICIPANT || info.status == Info::DROPPED_PARTICIPANT) {
+      known_.gone(prefix);
+    }
+  }
+
+ private:
+  KnownParticipants& known_;
+};
+
+Participant::Participant(const ParticipantOptions& options)
+    : known_(options.identity),
+      drop_foreign_(options.drop_foreign),
+      discovery_(std::make_unique<Discovery>(known_)) {}
 
 Result<std::unique_ptr<Participant>, std::string> Participant::create(const ParticipantOptions& options) {
   if (options.domain < 0 || options.domain > 101)
     return Err(fmt::format("DDS domain {} is outside 0..101", options.domain));
   dds::Log::SetVerbosity(dds::Log::Error);
   auto* factory = dds::DomainParticipantFactory::get_instance();
-  std::unique_ptr<Participant> self(new Participant);
-  self->participant_ =
-      factory->create_participant(static_cast<std::uint32_t>(options.domain), participant_qos(options));
+  std::unique_ptr<Participant> self(new Participant(options));
+  // Discovery is told outside the mask; everything else goes to the endpoints' own listeners.
+  self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain),
+                                                   participant_qos(options, self->transport_),
+                                                   self->discovery_.get(), dds::StatusMask::none());
   if (self->participant_ == nullptr) {
     return Err(fmt::format(
         "no DDS participant on domain {}: are the interfaces up and {} participants not exceeded?",
@@ -90,6 +138,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   self->subscriber_ = self->participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
   if (self->publisher_ == nullptr || self->subscriber_ == nullptr)
     return Err(std::string("no DDS publisher or subscriber"));
+  self->graph_.set_participant(to_gid(self->participant_->guid()));
   return self;
 }
 
@@ -97,6 +146,32 @@ Participant::~Participant() {
   if (participant_ == nullptr) return;
   participant_->delete_contained_entities();
   dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+}
+
+ParticipantGraph Participant::graph() const {
+  const std::lock_guard lock(graph_mutex_);
+  return graph_;
+}
+
+void Participant::set_node(std::optional<std::string> name) {
+  change_graph([&](ParticipantGraph& graph) {
+    graph.set_node(std::move(name));
+    return true;
+  });
+}
+
+void Participant::on_graph_change(std::function<void()> callback) {
+  const std::lock_guard lock(graph_mutex_);
+  graph_change_ = std::move(callback);
+}
+
+void Participant::change_graph(const std::function<bool(ParticipantGraph&)>& change) {
+  std::function<void()> tell;
+  {
+    const std::lock_guard lock(graph_mutex_);
+    if (change(graph_)) tell = graph_change_;
+  }
+  if (tell) tell();
 }
 
 dds::Topic* Participant::topic(const std::string& name, dds::TypeSupport& type) {
@@ -119,7 +194,10 @@ dds::DataWriter* Participant::create_writer(const std::string& name, dds::TypeSu
   qos.publish_mode().kind = dds::SYNCHRONOUS_PUBLISH_MODE;
   qos.reliable_writer_qos().times.heartbeatPeriod = duration(0.2);
   qos.reliable_writer_qos().times.nackResponseDelay = duration(0.001);
-  return publisher_->create_datawriter(dds_topic, qos, listener);
+  auto* writer = publisher_->create_datawriter(dds_topic, qos, listener);
+  if (writer != nullptr && belongs_to_a_node(name))
+    change_graph([&](ParticipantGraph& graph) { return graph.add_writer(to_gid(writer->guid())); });
+  return writer;
 }
 
 dds::DataReader* Participant::create_reader(const std::string& name, dds::TypeSupport type, const Qos& ours,
@@ -128,17 +206,30 @@ dds::DataReader* Participant::create_reader(const std::string& name, dds::TypeSu
   if (dds_topic == nullptr) return nullptr;
   dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
   set_common(qos, ours);
-  return subscriber_->create_datareader(dds_topic, qos, listener);
+  auto* reader = subscriber_->create_datareader(dds_topic, qos, listener);
+  if (reader != nullptr && belongs_to_a_node(name))
+    change_graph([&](ParticipantGraph& graph) { return graph.add_reader(to_gid(reader->guid())); });
+  return reader;
+}
+
+MonotonicTime Participant::received_at(const dds::SampleInfo& info, MonotonicTime now) const {
+  const UtcTime arrived =
+      transport_->arrivals.arrival_of(UtcTime(nanoseconds(info.reception_timestamp.to_ns())));
+  return now - std::clamp<nanoseconds>(system_utc_now() - arrived, nanoseconds(0), seconds(1));
 }
 
 void Participant::destroy(dds::DataWriter* writer) {
   if (writer == nullptr) return;
+  const Gid gid = to_gid(writer->guid());
+  change_graph([&](ParticipantGraph& graph) { return graph.remove_writer(gid); });
   writer->set_listener(nullptr);
   publisher_->delete_datawriter(writer);
 }
 
 void Participant::destroy(dds::DataReader* reader) {
   if (reader == nullptr) return;
+  const Gid gid = to_gid(reader->guid());
+  change_graph([&](ParticipantGraph& graph) { return graph.remove_reader(gid); });
   reader->set_listener(nullptr);
   subscriber_->delete_datareader(reader);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -9,12 +10,16 @@
 #include <fastdds/dds/publisher/DataWriter.hpp>
 #include <fastdds/dds/publisher/Publisher.hpp>
 #include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/Topic.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 
 #include "base/result.hpp"
+#include "ros/graph.hpp"
+#include "ros/isolation.hpp"
 #include "ros/qos.hpp"
+#include "ros/transport.hpp"
 
 namespace srfs::ros {
 
@@ -23,6 +28,11 @@ namespace dds = eprosima::fastdds::dds;
 struct ParticipantOptions {
   int domain = 42;                                      ///< 0..101
   std::vector<std::string> interfaces = {"127.0.0.1"};  ///< transports are confined to these addresses
+  /// Reads user traffic on its work thread (transport.hpp); outlives the participant. nullptr: Fast DDS' own
+  /// receive threads do.
+  Executor* executor = nullptr;
+  std::optional<SuiteIdentity> identity = std::nullopt;  ///< none: a process that belongs to no suite
+  bool drop_foreign = false;  ///< drop what foreign participants publish on flight topics, not only count it
 };
 
 /// One DDS participant: UDPv4 on the given interfaces only, shared memory and data-sharing off (they do not
@@ -46,13 +56,39 @@ class Participant {
   void destroy(dds::DataReader* reader);
   [[nodiscard]] dds::DomainParticipant& dds_participant() { return *participant_; }
 
- private:
-  Participant() = default;
-  dds::Topic* topic(const std::string& name, dds::TypeSupport& type);
+  /// When the kernel had the sample: what a busy work thread let it wait is not hidden. A step of the system
+  /// clock in between costs at most one second of error. @param now not before the reception
+  [[nodiscard]] MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now) const;
+  /// What the kernel holds already reaches the readers' histories now. On the work thread.
+  void receive_waiting() const { transport_->receive_waiting(); }
+  [[nodiscard]] TransportStats transport_stats() const { return transport_->stats; }
 
+  /// The others in the domain, ours and foreign ones.
+  [[nodiscard]] const KnownParticipants& known_participants() const { return known_; }
+  [[nodiscard]] bool drops_foreign() const { return drop_foreign_; }
+
+  // What this process tells the ROS graph; every endpoint that is made here is in it.
+  [[nodiscard]] ParticipantGraph graph() const;
+  void set_node(std::optional<std::string> name);
+  /// Called after every change, on the thread that made it; an empty function: nobody.
+  void on_graph_change(std::function<void()> callback);
+
+ private:
+  class Discovery;
+  explicit Participant(const ParticipantOptions& options);
+  dds::Topic* topic(const std::string& name, dds::TypeSupport& type);
+  void change_graph(const std::function<bool(ParticipantGraph&)>& change);
+
+  KnownParticipants known_;
+  const bool drop_foreign_;
+  std::unique_ptr<Discovery> discovery_;  // outlives the DDS participant
+  mutable std::mutex graph_mutex_;
+  ParticipantGraph graph_;
+  std::function<void()> graph_change_;
   dds::DomainParticipant* participant_ = nullptr;
   dds::Publisher* publisher_ = nullptr;
   dds::Subscriber* subscriber_ = nullptr;
+  std::shared_ptr<TransportState> transport_ = std::make_shared<TransportState>();
 };
 
 }  // namespace srfs::ros

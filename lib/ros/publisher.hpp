@@ -1,8 +1,13 @@
 #pragma once
 
+#include <set>
+
 #include "ros/endpoint.hpp"
 
 namespace srfs::ros {
+
+template <class M>
+class Subscription;
 
 /// Publishes messages of type M on one topic.
 template <class M>
@@ -18,6 +23,14 @@ class Publisher {
   [[nodiscard]] bool is_heard_by_sender_of(const MessageInfo& message) const {
     return writer_.matched_in_participant_of(message.identity.writer_guid());
   }
+  /// Somebody who publishes what @p other receives listens here: the peer, not a recorder that only listens.
+  template <class Other>
+  [[nodiscard]] bool is_heard_by_a_publisher_of(const Subscription<Other>& other) const {
+    for (const GUID_t& writer : other.publishers()) {
+      if (writer_.matched_in_participant_of(writer)) return true;
+    }
+    return false;
+  }
   [[nodiscard]] std::size_t subscription_count() const { return writer_.matched_count(); }
   /// Publications refused so far.
   [[nodiscard]] std::uint64_t refused() const { return writer_.refused(); }
@@ -29,7 +42,9 @@ class Publisher {
   WriterEndpoint writer_;
 };
 
-/// Receives messages of type M; dropping it ends the subscription.
+/// Receives messages of type M; dropping it ends the subscription. Topics are the suite's own business:
+/// what others publish there is counted, or dropped (ParticipantOptions::drop_foreign). Services are open to
+/// everybody in the domain.
 template <class M>
 class Subscription {
  public:
@@ -38,7 +53,9 @@ class Subscription {
   Subscription(Executor& executor, Participant& participant, const Topic<M>& topic, Callback callback)
       : name_(topic.name),
         reader_(TypedReader<M>::create(executor, participant, topic_dds_name(topic.name), topic.qos,
-                                       topic.priority, std::move(callback))) {}
+                                       topic.priority, std::move(callback))) {
+    reader_->guard();
+  }
 
   ~Subscription() { reader_->close(); }
   Subscription(const Subscription&) = delete;
@@ -46,11 +63,14 @@ class Subscription {
 
   /// Handles what has arrived already, now. For callbacks that must not decide before it, on the work thread.
   void take_waiting() {
+    reader_->receive_waiting();
     while (reader_->dispatch_one(monotonic_now())) {
     }
   }
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
   [[nodiscard]] std::weak_ptr<const ReaderEndpoint> reader() const { return reader_; }
+  /// The writers matched now.
+  [[nodiscard]] std::set<GUID_t> publishers() const { return reader_->matched_writers(); }
   [[nodiscard]] std::size_t publisher_count() const { return reader_->matched_count(); }
   [[nodiscard]] const std::string& topic_name() const { return name_; }
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }

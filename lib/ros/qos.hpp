@@ -10,7 +10,7 @@ namespace srfs::ros {
 struct Qos {
   std::int32_t depth = 10;
   bool transient_local = false;
-  std::chrono::seconds lifespan{0};  ///< older samples are dropped from the histories; 0: never
+  std::chrono::milliseconds lifespan{0};  ///< a sample is dropped this long after it was written; 0: never
 };
 
 }  // namespace srfs::ros

@@ -1,6 +1,5 @@
 #include "ros/run_node.hpp"
 
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 
@@ -13,6 +12,7 @@
 #include <CLI/CLI.hpp>
 
 #include "base/file.hpp"
+#include "base/signals.hpp"
 #include "ros/node.hpp"
 #include "srfs_version.hpp"
 
@@ -30,17 +30,6 @@ struct Arguments {
 
 int code(ExitCode c) {
   return static_cast<int>(c);
-}
-
-/// Blocks the signals in every thread to come and hands them out on a descriptor.
-Fd block_signals() {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGTERM);
-  sigaddset(&set, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &set, nullptr);
-  signal(SIGPIPE, SIG_IGN);
-  return Fd(signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
 }
 
 State desired_state(const VarPaths& var, const std::string& node) {
@@ -140,7 +129,8 @@ class NodeRunner {
 namespace {
 
 int run(const Arguments& arguments, const NodeFactory& factory) {
-  const Fd signals = block_signals();
+  const Fd signals = termination_signals();
+  ignore_broken_pipes();
   const Deployment deployment = Deployment::load(arguments.deployment);
   const NodeEntry* entry = deployment.find(arguments.name);
   if (entry == nullptr) {
@@ -168,7 +158,9 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
   // Few threads, small heaps: one arena instead of one per thread saves about 1 MB a node.
   mallopt(M_ARENA_MAX, 1);
   Executor executor;
-  auto participant = Participant::create({*domain, deployment.interfaces});
+  auto participant = Participant::create({*domain, deployment.interfaces, &executor,
+                                          SuiteIdentity{deployment.name, arguments.name, incarnation.number},
+                                          deployment.drop_foreign});
   if (!participant) {
     log::error("{}", participant.error());
     return code(ExitCode::middleware);

@@ -1,10 +1,10 @@
 #include "ros/service.hpp"
 
+#include <algorithm>
+
 namespace srfs::ros {
 namespace {
 
-constexpr milliseconds match_wait{100};
-constexpr milliseconds match_poll{5};
 constexpr std::size_t most_waiting = 32;
 
 bool is_reader(const GUID_t& guid) {
@@ -21,46 +21,88 @@ SampleIdentity request_identity(const MessageInfo& info) {
   return identity;
 }
 
-ReplyQueue::ReplyQueue(Executor& executor, WriterEndpoint& writer) : executor_(executor), writer_(writer) {}
-
-bool ReplyQueue::can_reach(const SampleIdentity& request) const {
-  return !is_reader(request.writer_guid()) || writer_.matched(request.writer_guid());
+std::optional<std::int64_t> first_attempt(const MessageInfo& info) {
+  const auto first = static_cast<std::int64_t>(info.related.sequence_number().to64long());
+  if (first <= 0 || first >= static_cast<std::int64_t>(info.identity.sequence_number().to64long()))
+    return std::nullopt;
+  return first;
 }
 
-void ReplyQueue::transmit(const SampleIdentity& request, const Write& write) {
+bool ReplyQueue::can_reach(const GUID_t& client) const {
+  return !is_reader(client) || writer_.matched(client);
+}
+
+bool ReplyQueue::transmit(const SampleIdentity& request, const void* response) {
   WriteParams params;
   params.related_sample_identity(request);
-  write(params);
+  return writer_.write(response, &params);
 }
 
-void ReplyQueue::send(const SampleIdentity& request, Write write) {
-  if (can_reach(request)) {
-    transmit(request, write);
-    return;
-  }
+bool ReplyQueue::send(const SampleIdentity& request, std::shared_ptr<const void> response) {
+  if (can_reach(request.writer_guid())) return transmit(request, response.get());
   if (waiting_.size() == most_waiting) {
     waiting_.pop_front();
     ++dropped_;
   }
-  waiting_.push_back({request, std::move(write), executor_.now() + match_wait});
+  const MonotonicTime give_up = monotonic_now() + RequestBook::longest_to_match;
+  waiting_.push_back({request, std::move(response), give_up});
   if (!timer_)
     timer_ = executor_.add_timer(
-        executor_.now() + match_poll, match_poll, [this] { flush(); }, "reply queue");
+        give_up, nanoseconds(0), [this] { flush(); }, "reply queue");
+  return true;
 }
 
 void ReplyQueue::flush() {
-  std::deque<Waiting> still;
-  for (Waiting& reply : waiting_) {
-    if (can_reach(reply.request)) {
-      transmit(reply.request, reply.write);
-    } else if (executor_.now() < reply.give_up) {
-      still.push_back(std::move(reply));
-    } else {
-      ++dropped_;
+  timer_.reset();
+  const MonotonicTime now = monotonic_now();
+  std::erase_if(waiting_, [&](const Waiting& reply) {
+    if (can_reach(reply.request.writer_guid())) {
+      transmit(reply.request, reply.response.get());
+      return true;
     }
-  }
-  waiting_ = std::move(still);
-  if (waiting_.empty()) timer_.reset();
+    if (now < reply.give_up) return false;
+    ++dropped_;
+    return true;
+  });
+  if (!waiting_.empty())
+    timer_ = executor_.add_timer(waiting_.front().give_up, nanoseconds(0), [this] { flush(); });
+}
+
+ServiceCore::ServiceCore(Executor& executor, Participant& participant, const std::string& dds_topic,
+                         dds::TypeSupport response_type, const Qos& qos)
+    : executor_(executor),
+      writer_(participant, dds_topic, std::move(response_type), qos),
+      replies_(executor, writer_) {
+  writer_.on_match_change([this, &executor, alive = std::weak_ptr<bool>(alive_)] {
+    executor.post([this, alive] {
+      if (!alive.expired()) review_clients();
+    });
+  });
+}
+
+bool ServiceCore::within_reach(const GUID_t& client) const {
+  return is_reader(client) ? writer_.matched(client) : writer_.matched_in_participant_of(client);
+}
+
+void ServiceCore::review_clients() {
+  replies_.flush();
+  const auto dropped =
+      book_.drop_vanished([this](const GUID_t& client) { return within_reach(client); }, monotonic_now());
+  if (clients_changed_) clients_changed_(dropped);
+}
+
+std::optional<Ticket> ServiceCore::begin(const MessageInfo& info) {
+  const SampleIdentity request = request_identity(info);
+  const auto judgement =
+      book_.judge(request, first_attempt(info), within_reach(request.writer_guid()), executor_.now());
+  if (judgement.verdict == RequestBook::Verdict::answer_again) replies_.send(request, judgement.response);
+  if (judgement.verdict != RequestBook::Verdict::execute) return std::nullopt;
+  return judgement.ticket;
+}
+
+bool ServiceCore::reply(Ticket ticket, std::shared_ptr<const void> response) {
+  const auto request = book_.answer(ticket, response, executor_.now());
+  return !request || replies_.send(*request, std::move(response));
 }
 
 }  // namespace srfs::ros

@@ -1,36 +1,39 @@
 #pragma once
 
 #include <deque>
+#include <span>
 
 #include "ros/endpoint.hpp"
+#include "ros/request_book.hpp"
 
 namespace srfs::ros {
 
 /// Names the request a reply belongs to (ROS2_WIRE: the client's response reader, else its request writer;
 /// sequence).
 [[nodiscard]] SampleIdentity request_identity(const MessageInfo& info);
+/// Sequence number of the first attempt when the request says that it is a repeat (RequestBook).
+[[nodiscard]] std::optional<std::int64_t> first_attempt(const MessageInfo& info);
 
 /// Sends replies. A reply whose client reader has not been matched yet would be lost, so it waits (bounded:
 /// 32 replies, 100 ms each) until the match; it never blocks the work thread.
 class ReplyQueue {
  public:
-  using Write = std::function<bool(WriteParams&)>;
-
-  ReplyQueue(Executor& executor, WriterEndpoint& writer);
-  /// @param write writes the reply with the given parameters; kept until it is sent or given up
-  void send(const SampleIdentity& request, Write write);
+  ReplyQueue(Executor& executor, WriterEndpoint& writer) : executor_(executor), writer_(writer) {}
+  /// @param response kept until it is sent or given up. @return false when it breaks a bound of its type
+  bool send(const SampleIdentity& request, std::shared_ptr<const void> response);
+  /// Sends what can be sent now, gives up what is too late.
+  void flush();
+  [[nodiscard]] bool can_reach(const GUID_t& client) const;
   /// Replies given up because the client's reader never matched.
   [[nodiscard]] std::uint64_t dropped() const { return dropped_; }
 
  private:
   struct Waiting {
     SampleIdentity request;
-    Write write;
+    std::shared_ptr<const void> response;
     MonotonicTime give_up;
   };
-  void flush();
-  [[nodiscard]] bool can_reach(const SampleIdentity& request) const;
-  void transmit(const SampleIdentity& request, const Write& write);
+  bool transmit(const SampleIdentity& request, const void* response);
 
   Executor& executor_;
   WriterEndpoint& writer_;
@@ -39,13 +42,44 @@ class ReplyQueue {
   std::uint64_t dropped_ = 0;
 };
 
+/// The half of a service that does not know its types: which requests to execute, which replies to send.
+class ServiceCore {
+ public:
+  ServiceCore(Executor& executor, Participant& participant, const std::string& dds_topic,
+              dds::TypeSupport response_type, const Qos& qos);
+
+  /// A request came. @return the ticket to execute it under; nullopt when there is nothing to execute
+  [[nodiscard]] std::optional<Ticket> begin(const MessageInfo& info);
+  bool reply(Ticket ticket, std::shared_ptr<const void> response);
+  void on_clients_changed(std::function<void(std::span<const Ticket> dropped)> callback) {
+    clients_changed_ = std::move(callback);
+  }
+  [[nodiscard]] GUID_t client(Ticket ticket) const { return book_.client(ticket); }
+  [[nodiscard]] bool within_reach(const GUID_t& client) const;
+  [[nodiscard]] const RequestBook::Counters& counters() const { return book_.counters(); }
+  [[nodiscard]] std::uint64_t dropped_replies() const { return replies_.dropped(); }
+  [[nodiscard]] std::size_t pending() const { return book_.pending(); }
+  [[nodiscard]] GUID_t writer_guid() const { return writer_.guid(); }
+
+ private:
+  void review_clients();
+
+  Executor& executor_;
+  RequestBook book_;
+  WriterEndpoint writer_;
+  ReplyQueue replies_;
+  std::function<void(std::span<const Ticket>)> clients_changed_;
+  std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  // for what is posted by middleware threads
+};
+
 /// Marks a service whose replies come later, by Service::reply.
 struct DeferReplies {};
 inline constexpr DeferReplies defer_replies{};
-/// Names a request that waits for its reply.
-using Ticket = SampleIdentity;
 
-/// Serves one service of type S. The handler runs on the work thread and fills the response.
+/// Serves one service of type S, any number of clients at once. The handler runs on the work thread.
+///
+/// A request that one of our clients repeats is executed once: the first answer is sent again (RequestBook
+/// states the bounds). ROS 2 clients never repeat.
 template <class S>
 class Service {
  public:
@@ -54,45 +88,59 @@ class Service {
   using Handler = std::function<void(const Request&, Response&)>;
   using DeferredHandler = std::function<void(const Request&, Ticket)>;
 
+  /// @param handler fills the response, which is sent when it returns
   Service(Executor& executor, Participant& participant, const std::string& name, const Qos& qos,
           Priority priority, Handler handler)
       : Service(executor, participant, name, qos, priority, defer_replies,
                 [this, f = std::move(handler)](const Request& request, Ticket ticket) {
-                  Response response;
-                  f(request, response);
-                  reply(ticket, std::move(response));
+                  auto response = std::make_shared<Response>();
+                  f(request, *response);
+                  core_.reply(ticket, std::move(response));
                 }) {}
 
-  /// @param handler keeps the ticket; reply() answers it, then or later
+  /// @param handler keeps the ticket; reply() answers it, then or later. At most 64 requests wait at a time,
+  /// further ones are dropped and counted.
   Service(Executor& executor, Participant& participant, const std::string& name, const Qos& qos,
           Priority priority, DeferReplies, DeferredHandler handler)
       : handler_(std::move(handler)),
-        writer_(std::make_shared<WriterEndpoint>(participant, reply_dds_name(name),
-                                                 dds::TypeSupport(new TypeSupport<Response>), qos)),
-        replies_(executor, *writer_),
+        core_(executor, participant, reply_dds_name(name), dds::TypeSupport(new TypeSupport<Response>), qos),
         reader_(TypedReader<Request>::create(executor, participant, request_dds_name(name), qos, priority,
                                              [this](const Request& request, const MessageInfo& info) {
-                                               handler_(request, request_identity(info));
+                                               if (const auto ticket = core_.begin(info))
+                                                 handler_(request, *ticket);
                                              })) {}
 
   ~Service() { reader_->close(); }
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
 
-  /// Answers a request, once. On the work thread.
-  void reply(Ticket ticket, Response response) {
-    replies_.send(ticket, [writer = writer_, kept = std::make_shared<Response>(std::move(response))](
-                              WriteParams& params) { return writer->write(kept.get(), &params); });
+  /// Answers a request, once. On the work thread. A ticket that was answered, or whose client vanished, is
+  /// ignored. @return false when the response breaks a bound of its type: nothing was sent
+  bool reply(Ticket ticket, Response response) {
+    return core_.reply(ticket, std::make_shared<Response>(std::move(response)));
   }
+  /// Who sent a request that waits (its response reader, else its request writer).
+  [[nodiscard]] GUID_t client(Ticket ticket) const { return core_.client(ticket); }
+  /// The client can be sent replies now.
+  [[nodiscard]] bool within_reach(const GUID_t& client) const { return core_.within_reach(client); }
+  /// Called on the work thread after clients came or went, with the tickets that were dropped because their
+  /// clients vanished.
+  void on_clients_changed(std::function<void(std::span<const Ticket> dropped)> callback) {
+    core_.on_clients_changed(std::move(callback));
+  }
+  [[nodiscard]] const RequestBook::Counters& counters() const { return core_.counters(); }
+  /// Replies given up because the client's reader never matched.
+  [[nodiscard]] std::uint64_t dropped_replies() const { return core_.dropped_replies(); }
+  /// Requests that wait for their reply.
+  [[nodiscard]] std::size_t pending() const { return core_.pending(); }
 
   [[nodiscard]] InputStats stats() const { return reader_->stats(); }
   [[nodiscard]] GUID_t reader_guid() const { return reader_->guid(); }
-  [[nodiscard]] GUID_t writer_guid() const { return writer_->guid(); }
+  [[nodiscard]] GUID_t writer_guid() const { return core_.writer_guid(); }
 
  private:
   DeferredHandler handler_;
-  std::shared_ptr<WriterEndpoint> writer_;
-  ReplyQueue replies_;
+  ServiceCore core_;
   std::shared_ptr<TypedReader<Request>> reader_;
 };
 

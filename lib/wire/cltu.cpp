@@ -105,8 +105,6 @@ CltuDecoder::CltuDecoder(Config config) : config_(config) {
 std::vector<Octets> CltuDecoder::push(OctetView octets, MonotonicTime now) {
   std::vector<Octets> frames;
   if (octets.empty()) return frames;
-  // Octets after a silence do not continue a CLTU from before it, even if nobody called on_idle in between.
-  if (in_cltu_ && now >= silence_deadline()) frames = on_idle(now);
   last_octet_ = now;
   while (!octets.empty()) {
     const OctetView piece = octets.first(std::min(octets.size(), input_piece_octets));

@@ -65,13 +65,16 @@ class CltuDecoder {
 
   explicit CltuDecoder(Config config);
 
+  /// Judges no gap: when these octets were on the line is not known, only when they were read. A reader that
+  /// was held up for longer than the silence loses nothing.
   /// @param octets  any number, as they came from the line
-  /// @param now     not before the previous call
+  /// @param now     when they were read; not before the previous call
   /// @return the frames that end in these octets, FECF tested and still at the end; derandomized
   [[nodiscard]] std::vector<Octets> push(OctetView octets, MonotonicTime now);
 
-  /// To be called from time to time. When the line has been silent for the configured time inside a CLTU,
-  /// gives that one up and searches what it had taken.
+  /// The line is empty: everything that had arrived by @p now was pushed. To be called from time to time, and
+  /// only after looking. When the line has been silent for the configured time inside a CLTU, gives that one
+  /// up and searches what it had taken.
   /// @return the frames found in it
   [[nodiscard]] std::vector<Octets> on_idle(MonotonicTime now);
 

@@ -1,19 +1,22 @@
 #!/usr/bin/python3
-"""Turns .msg and .srv files into plain C++ structs.
+"""Turns .msg, .srv and .action files into plain C++ structs.
 
 Usage: ros_messages.py --out DIR PACKAGE_FOLDER...
 
-Each PACKAGE_FOLDER holds msg/ and srv/. DIR/<package>/<kind>/<name_in_snake_case>.hpp is written for every
+Each PACKAGE_FOLDER holds msg/, srv/ and action/. DIR/<package>/<kind>/<name_in_snake_case>.hpp is written for every
 interface, with the layout of XCDR1 as ROS 2 puts it on the wire (field order is order of declaration; an empty struct
 carries one dummy octet) and the DDS names of rmw_fastrtps (pkg::msg::dds_::Name_). Parsing is rosidl_adapter's, so that
 a file means here what it means to ROS 2. Files that did not change are not touched.
+
+An action X becomes X_Goal, X_Result, X_Feedback and the types that travel (rosidl's "Actions" design article):
+X_SendGoal {goal_id, goal} -> {accepted, stamp}, X_GetResult {goal_id} -> {status, result}, X_FeedbackMessage {goal_id, feedback}.
 """
 import argparse
 import pathlib
 import re
 import sys
 
-from rosidl_adapter.parser import parse_message_file, parse_service_file
+from rosidl_adapter.parser import Field, Type, parse_action_file, parse_message_file, parse_service_file
 
 PRIMITIVES = {
     'bool': 'bool', 'byte': 'std::uint8_t', 'char': 'std::uint8_t', 'float32': 'float', 'float64': 'double',
@@ -34,7 +37,19 @@ def element_type(field_type):
         if field_type.type not in PRIMITIVES:
             raise ValueError(f'type {field_type.type} is not supported')
         return PRIMITIVES[field_type.type]
-    return f'{field_type.pkg_name}::msg::{field_type.type}'
+    return f'{field_type.pkg_name}::{kind_of(field_type)}::{field_type.type}'
+
+
+class PartOfAction(Type):
+    """The goal, result or feedback of an action as a member of the types that travel; no .msg file can name it."""
+
+    def __init__(self, package, name):
+        super().__init__(f'{package}/{name.replace("_", "")}')  # rosidl allows no underscore in a type's name
+        self.type = name
+
+
+def kind_of(field_type):
+    return 'action' if isinstance(field_type, PartOfAction) else 'msg'
 
 
 def cpp_type(field_type):
@@ -103,7 +118,7 @@ def includes_of(specs):
     found = set()
     for fields, _ in specs:
         for field in fields:
-            if not field.type.is_primitive_type():
+            if not field.type.is_primitive_type() and kind_of(field.type) == 'msg':
                 found.add(f'{field.type.pkg_name}/msg/{snake(field.type.type)}.hpp')
     return sorted(found)
 
@@ -138,6 +153,25 @@ def service(path, package):
              (f'{name}_Response', spec.response.fields, spec.response.constants)], service_extra(name, package, 'srv'))
 
 
+def action(path, package):
+    spec = parse_action_file(package, str(path))
+    name = path.stem
+    goal_id = Field(Type('unique_identifier_msgs/UUID'), 'goal_id')
+    own = {part: Field(PartOfAction(package, f'{name}_{part}'), part.lower()) for part in ('Goal', 'Result', 'Feedback')}
+    parts = [(f'{name}_{part}', message_spec.fields, message_spec.constants)
+             for part, message_spec in (('Goal', spec.goal), ('Result', spec.result), ('Feedback', spec.feedback))]
+    wrappers = [(f'{name}_SendGoal_Request', [goal_id, own['Goal']]),
+                (f'{name}_SendGoal_Response', [Field(Type('bool'), 'accepted'), Field(Type('builtin_interfaces/Time'), 'stamp')]),
+                (f'{name}_GetResult_Request', [goal_id]),
+                (f'{name}_GetResult_Response', [Field(Type('int8'), 'status'), own['Result']]),
+                (f'{name}_FeedbackMessage', [goal_id, own['Feedback']])]
+    extra = [f'struct {name} {{']
+    extra += [f'  using {part} = {name}_{part};' for part in ('Goal', 'Result', 'Feedback', 'SendGoal', 'GetResult', 'FeedbackMessage')]
+    extra += [f'  static constexpr const char* ros_type_name = "{package}/action/{name}";', '};', '']
+    return (parts + [(wrapper, fields, []) for wrapper, fields in wrappers],
+            service_extra(f'{name}_SendGoal', package, 'action') + service_extra(f'{name}_GetResult', package, 'action') + extra)
+
+
 def write(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.exists() or path.read_text() != text:
@@ -151,7 +185,7 @@ def main():
     options = parser.parse_args()
     for folder in options.packages:
         package = folder.name
-        for kind, reader in (('msg', message), ('srv', service)):
+        for kind, reader in (('msg', message), ('srv', service), ('action', action)):
             for path in sorted((folder / kind).glob('*.' + kind)):
                 try:
                     structs, extra = reader(path, package)

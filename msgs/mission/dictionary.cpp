@@ -11,8 +11,6 @@
 namespace srfs::mission {
 namespace {
 
-constexpr std::size_t max_groups = 16;  // of a repeated request; as in the generated structs
-
 std::size_t octets_of(FieldType type) {
   switch (type) {
     case FieldType::u8:
@@ -487,7 +485,7 @@ Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
 Result<void, ArgumentError> Dictionary::check_arguments(const Command& command, OctetView arguments) const {
   OctetReader in(arguments);
   const std::size_t groups = command.repeated ? in.u16() : 1;
-  if (!in.ok() || groups == 0 || groups > max_groups) return Err(ArgumentError{0});
+  if (!in.ok() || groups == 0 || groups > command.max_groups) return Err(ArgumentError{0});
   for (std::size_t group = 0; group < groups; ++group) {
     std::uint8_t number = 0;
     for (const auto& field : command.arguments) {

@@ -116,8 +116,9 @@ struct Command {
   std::string description;
   RepeatClass repeat_class = RepeatClass::at_most_once;
   bool hazardous = false;
-  bool recovery = false;  ///< runs without storage too
-  bool repeated = false;  ///< a u16 count stands before the arguments; the group may come several times
+  bool recovery = false;       ///< runs without storage too
+  bool repeated = false;       ///< a u16 count stands before the arguments; the group may come several times
+  std::size_t max_groups = 1;  ///< bound of that count; a request with more is refused
   std::vector<std::uint8_t> modes;  ///< allowed mission modes
   milliseconds timeout{0};          ///< acceptance to completion
   std::vector<Field> arguments;

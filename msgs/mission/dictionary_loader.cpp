@@ -13,6 +13,8 @@
 namespace srfs::mission {
 namespace {
 
+constexpr int most_groups = 16;  // of one request with a repeated group
+
 constexpr std::array<std::pair<std::string_view, FieldType>, 13> type_names{{{"u8", FieldType::u8},
                                                                              {"u16", FieldType::u16},
                                                                              {"u32", FieldType::u32},
@@ -258,6 +260,8 @@ class DictionaryLoader {
     c.hazardous = section.boolean("hazardous", false);
     c.recovery = section.boolean("recovery", false);
     c.repeated = section.boolean("repeated", false);
+    if (c.repeated)
+      c.max_groups = static_cast<std::size_t>(section.integer("max_groups", 1, most_groups, most_groups));
     c.timeout = milliseconds(section.integer("timeout_ms", 100, 86'400'000, 10'000));
     c.modes = read_modes(section);
     c.arguments = read_fields(section, "arguments", 0);

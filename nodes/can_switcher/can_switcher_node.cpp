@@ -32,7 +32,7 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
   declare_parameter("disabled_payloads", std::vector<std::string>{},
                     "Payloads that are passed over in the rotation");
   declare_parameter("fence_wait_ms", std::int64_t{500}, ros::ParameterRange{10, 10000},
-                    "Longest wait for the exit of a killed holder before the bus goes on", true);
+                    "Wait for the exit of a killed holder before it is killed again and reported", true);
   on_parameter_check([this](const std::string& parameter,
                             const ros::ParameterValue& value) -> Result<void, std::string> {
     if (parameter != "disabled_payloads") return {};
@@ -102,7 +102,7 @@ CallbackReturn CanSwitcherNode::on_configure() {
 }
 
 CallbackReturn CanSwitcherNode::on_activate() {
-  rotation_->resume();
+  rotation_->resume(monotonic_now());
   nanoseconds wait{0};
   for (const Slot& slot : rotation_->slots()) wait = std::max(wait, slot.lease());
   if (!rotation_->current()) {
@@ -150,7 +150,7 @@ void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTim
   if (!is_active()) return;
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
-  const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle);
+  const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle, received);
   if (const Grant* grant = std::get_if<Grant>(&decision)) {
     publish_flag(*grant, received);
     flag_latency_.add(monotonic_now() - received);
@@ -183,8 +183,7 @@ void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
   const BusReport report{.kind = static_cast<Kind>(status.status),
                          .grant = {status.switcher_incarnation, status.grant_counter},
                          .payload = status.payload,
-                         .payload_incarnation = status.payload_incarnation,
-                         .used = microseconds(status.used_us)};
+                         .payload_incarnation = status.payload_incarnation};
   const ReportVerdict verdict = rotation_->on_bus_status(report);
   if (verdict == ReportVerdict::applied && report.kind == Kind::failed) report_failed_slot(status);
   arm_deadline();
@@ -247,10 +246,14 @@ void CanSwitcherNode::fence(const Fence& f) {
              f.id.incarnation, f.id.counter);
   raise(mission::CanSwitcherHolderFencedEvent{.payload = f.payload, .grant = f.id.counter});
   fenced_process_ = f.process;
-  fence_->fence(f.payload, [this, f](bool gone) {
-    if (!gone) log::fatal("{} outlived its kill; the bus goes on", f.payload);
-    rotation_->on_fenced(f.id, gone, monotonic_now());
-  });
+  fence_->fence(f.payload,
+                {.gone = [this, f] { rotation_->on_fenced(f.id, monotonic_now()); },
+                 .unproven =
+                     [this, f](const std::string& why) {
+                       rotation_->on_fence_unproven();
+                       log::fatal("{} may still write, the bus stays blocked: {}", f.payload, why);
+                       raise(mission::CanSwitcherFenceUnprovenEvent{.payload = f.payload, .why = why});
+                     }});
 }
 
 // ---------------------------------------------------------------- housekeeping
@@ -265,11 +268,17 @@ void CanSwitcherNode::publish_housekeeping() {
       hk.grants[i] = slot.granted;
       hk.releases[i] = slot.released;
       hk.failures[i] = slot.failed;
+      hk.not_taken[i] = slot.not_taken;
     }
     hk.overruns += slot.overruns;
     hk.fences += slot.fences;
   }
+  hk.ticks = counters.ticks;
+  hk.repeated_ticks = counters.repeated_ticks;
+  hk.waiting_ticks = counters.waiting_ticks;
+  hk.idle_ticks = counters.idle_ticks;
   hk.blocked_ticks = counters.blocked_ticks;
+  hk.fences_unproven = counters.unproven_fences;
   hk.peripheral_resets = resets_sent_;
   hk.flag_latency_p50_us = as_us(flag_latency_.quantile(0.5));
   hk.flag_latency_p99_us = as_us(flag_latency_.quantile(0.99));
@@ -279,6 +288,8 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.ticks_missed = counters.missed_cycles;
   hk.status_rejected =
       counters.old_reports + counters.foreign_reports + counters.duplicate_reports + meaningless_statuses_;
+  hk.dds_malformed = static_cast<std::uint32_t>(malformed_samples());
+  hk.events_suppressed = static_cast<std::uint32_t>(suppressed_events());
   publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 

@@ -6,8 +6,11 @@
 #include <cassert>
 #include <cerrno>
 #include <csignal>
+#include <utility>
 
-#include "base/log.hpp"
+#include <fmt/format.h>
+
+#include "base/fd.hpp"
 
 namespace srfs {
 namespace {
@@ -18,37 +21,54 @@ Fd open_pidfd(pid_t pid) {
 
 }  // namespace
 
-void HolderFence::fence(const std::string& payload, Done done) {
-  assert(!busy());
-  done_ = std::move(done);
-  const auto pid = hooks_.find(payload);
-  if (!pid) {
-    finish(true);
-    return;
-  }
-  pidfd_ = open_pidfd(*pid);
-  // Asked again: between the two questions the process may have ended and its number gone to a stranger.
-  if (!pidfd_ || hooks_.find(payload) != pid) {
-    finish(!hooks_.find(payload).has_value());
-    return;
-  }
-  if (::syscall(SYS_pidfd_send_signal, pidfd_.get(), SIGKILL, nullptr, 0) != 0) {
-    const int error = errno;
-    if (error != ESRCH) log::error("cannot kill {} (pid {}): {}", payload, *pid, errno_text(error));
-    finish(error == ESRCH);
-    return;
-  }
-  watch_ = hooks_.watch(pidfd_.get(), [this] { finish(true); });
-  timeout_ = hooks_.after(longest_wait_, [this] { finish(false); });
+int HolderFence::send_sigkill(int pidfd) {
+  return ::syscall(SYS_pidfd_send_signal, pidfd, SIGKILL, nullptr, 0) == 0 ? 0 : errno;
 }
 
-void HolderFence::finish(bool gone) {
+void HolderFence::fence(const std::string& payload, Outcome outcome) {
+  assert(!busy() && outcome.gone);
+  payload_ = payload;
+  outcome_ = std::move(outcome);
+  attempt();
+}
+
+void HolderFence::attempt() {
+  watch_.reset();
+  pidfd_.reset();
+  const auto problem = kill_holder();
+  // The instance lock ends with the process, not before: without it there is no such process.
+  if (!hooks_.find(payload_)) {
+    finish();
+    return;
+  }
+  if (pidfd_) watch_ = hooks_.watch(pidfd_.get(), [this] { finish(); });
+  timeout_ = hooks_.after(wait_, [this, why = problem.value_or("killed, and does not go away")] {
+    if (outcome_.unproven) outcome_.unproven(why);
+    attempt();
+  });
+}
+
+std::optional<std::string> HolderFence::kill_holder() {
+  const auto pid = hooks_.find(payload_);
+  if (!pid) return std::nullopt;
+  pidfd_ = open_pidfd(*pid);
+  if (!pidfd_) return fmt::format("pidfd of {}: {}", *pid, errno_text(errno));
+  // Asked again: between the two questions the process may have ended and its number gone to a stranger.
+  if (hooks_.find(payload_) != pid) {
+    pidfd_.reset();
+    return "another process holds its lock";
+  }
+  const int error = hooks_.kill(pidfd_.get());
+  if (error == 0) return std::nullopt;
+  return fmt::format("cannot kill pid {}: {}", *pid, errno_text(error));
+}
+
+void HolderFence::finish() {
   watch_.reset();
   timeout_.reset();
   pidfd_.reset();
-  const Done done = std::move(done_);
-  done_ = nullptr;
-  done(gone);
+  const Outcome outcome = std::exchange(outcome_, {});
+  outcome.gone();
 }
 
 }  // namespace srfs

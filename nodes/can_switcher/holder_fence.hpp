@@ -13,8 +13,9 @@
 namespace srfs {
 
 /// Ends a payload's process so surely that it can never write to the bus again, without blocking: SIGKILL by
-/// pidfd (a number that was reused meanwhile is never hit), then the exit is waited for, bounded. Work
-/// thread.
+/// pidfd (a number that was reused meanwhile is never hit), then its exit is waited for. A process that
+/// cannot be killed, or does not go away, may still write: nobody is told that it is gone before it is; it is
+/// killed again after each wait. Work thread.
 class HolderFence {
  public:
   /// What it needs from its surroundings.
@@ -23,27 +24,35 @@ class HolderFence {
         find;  ///< who holds the payload's instance lock now
     std::function<ros::Executor::Handle(int fd, std::function<void()> readable)> watch;
     std::function<ros::Timer(nanoseconds delay, std::function<void()> due)> after;
+    std::function<int(int pidfd)> kill = send_sigkill;  ///< @return 0 or errno
   };
-  /// @param gone false: still there after the longest wait
-  using Done = std::function<void(bool gone)>;
+  struct Outcome {
+    std::function<void()> gone;  ///< once, and nothing after it
+    /// After each wait without proof; it goes on.
+    std::function<void(const std::string& why)> unproven = {};
+  };
 
-  HolderFence(Hooks hooks, nanoseconds longest_wait)
-      : hooks_(std::move(hooks)), longest_wait_(longest_wait) {}
+  HolderFence(Hooks hooks, nanoseconds wait) : hooks_(std::move(hooks)), wait_(wait) {}
 
-  /// Calls @p done once: at once when no such process runs, else when it is gone or the wait is over. One at
-  /// a time.
-  void fence(const std::string& payload, Done done);
-  [[nodiscard]] bool busy() const { return static_cast<bool>(done_); }
+  /// One at a time. gone() is called at once when no such process runs.
+  void fence(const std::string& payload, Outcome outcome);
+  [[nodiscard]] bool busy() const { return static_cast<bool>(outcome_.gone); }
+
+  static int send_sigkill(int pidfd);
 
  private:
-  void finish(bool gone);
+  void attempt();
+  /// @return why the process is not known to be on its way out, nothing when it is
+  std::optional<std::string> kill_holder();
+  void finish();
 
   Hooks hooks_;
-  nanoseconds longest_wait_;
+  nanoseconds wait_;
+  std::string payload_;
   Fd pidfd_;
   ros::Executor::Handle watch_;
   ros::Timer timeout_;
-  Done done_;
+  Outcome outcome_;
 };
 
 }  // namespace srfs

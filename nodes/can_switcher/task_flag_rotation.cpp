@@ -24,7 +24,7 @@ TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarn
   assert(!slots_.empty());
 }
 
-Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle) {
+Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   if (!follows(cycle)) {
     ++counters_.repeated_ticks;
     return Nothing{};
@@ -42,7 +42,7 @@ Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle) {
     ++counters_.waiting_ticks;
     return WaitingOut{not_before_};
   }
-  return grant_next(now, cycle);
+  return grant_next(now, cycle, received);
 }
 
 bool TaskFlagRotation::follows(MissionCycle cycle) {
@@ -57,9 +57,10 @@ bool TaskFlagRotation::follows(MissionCycle cycle) {
   return false;
 }
 
-Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle) {
+Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   assert(phase_ == Phase::free);
-  const auto slot = suspended_ ? std::nullopt : next_enabled();
+  const bool from_before = resumed_ && received < *resumed_;
+  const auto slot = suspended_ || from_before ? std::nullopt : next_enabled();
   if (!slot) {
     ++counters_.idle_ticks;
     return Nothing{};
@@ -145,9 +146,8 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
                holder_process_ ? holder_process_ : known_process_[current_->slot]};
 }
 
-void TaskFlagRotation::on_fenced(GrantId id, bool gone, MonotonicTime now) {
+void TaskFlagRotation::on_fenced(GrantId id, MonotonicTime now) {
   if (phase_ != Phase::fencing || id != current_->id) return;
-  if (!gone) ++counters_.unkillable_holders;
   known_process_[current_->slot].reset();
   not_before_ = now + guard_time;
   free_bus();
@@ -194,7 +194,6 @@ ReportVerdict TaskFlagRotation::on_current_report(const BusReport& report) {
   // RELEASED may overtake TAKEN on its way; it says everything TAKEN would have said.
   SlotCounters& counters = slot_counters_[current_->slot];
   ++(report.kind == BusReport::Kind::released ? counters.released : counters.failed);
-  counters.used += report.used;
   free_bus();
   return ReportVerdict::applied;
 }

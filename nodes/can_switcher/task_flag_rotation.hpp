@@ -50,8 +50,8 @@ struct OrderReset {
   std::string payload;
   nanoseconds held{0};
 };
-/// The lease ended without release. Kill the holder's process, wait (bounded) until it is gone, then call
-/// on_fenced(). Until then nobody is granted.
+/// The lease ended without release. Kill the holder's process, wait until it is gone, then call on_fenced().
+/// Until then nobody is granted.
 struct Fence {
   GrantId id;
   std::string payload;
@@ -67,7 +67,6 @@ struct BusReport {
   GrantId grant;
   std::string payload;
   std::uint32_t payload_incarnation = 0;
-  nanoseconds used{0};
 };
 
 enum class ReportVerdict : std::uint8_t {
@@ -89,15 +88,19 @@ class TaskFlagRotation {
   /// granted until now
   TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now);
 
-  /// @return Grant, Blocked, WaitingOut, or Nothing (a cycle already seen, nobody enabled, suspended)
-  [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle);
+  /// @param received  when the tick arrived, before now if it had to wait
+  /// @return Grant, Blocked, WaitingOut, or Nothing (a cycle already seen, nobody enabled, suspended, a tick
+  /// from before resume())
+  [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
   /// time.
   [[nodiscard]] Decision on_deadline(MonotonicTime now);
   ReportVerdict on_bus_status(const BusReport& report);
-  /// The answer to Fence. @param gone false: the process outlived the kill and the bounded wait (counted; the
-  /// bus goes on)
-  void on_fenced(GrantId id, bool gone, MonotonicTime now);
+  /// The answer to Fence: the process is gone. Until then the bus stays blocked, however long that takes: a
+  /// process that lives may write.
+  void on_fenced(GrantId id, MonotonicTime now);
+  /// It is not known to be gone after another wait.
+  void on_fence_unproven() { ++counters_.unproven_fences; }
 
   /// When on_deadline() has something to do; nullopt: nothing before the next tick or report.
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
@@ -107,7 +110,11 @@ class TaskFlagRotation {
   bool set_enabled(const std::string& payload, bool enabled);
   /// Grants nothing until resume(); a running slot is finished or fenced as ever.
   void suspend() { suspended_ = true; }
-  void resume() { suspended_ = false; }
+  /// @param now  ticks received before grant nothing: their slot is partly over, its flag would come late
+  void resume(MonotonicTime now) {
+    suspended_ = false;
+    resumed_ = now;
+  }
 
   [[nodiscard]] const std::optional<Grant>& current() const { return current_; }
   [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
@@ -119,7 +126,6 @@ class TaskFlagRotation {
     std::uint32_t not_taken = 0;  ///< lease ended without a word
     std::uint32_t overruns = 0;   ///< PeripheralReset ordered
     std::uint32_t fences = 0;
-    nanoseconds used{0};  ///< bus time from grants to releases
   };
   struct Counters {
     std::uint32_t ticks = 0;
@@ -127,11 +133,11 @@ class TaskFlagRotation {
     std::uint32_t missed_cycles = 0;  ///< cycle numbers between two ticks that were never received
     std::uint32_t blocked_ticks = 0;
     std::uint32_t waiting_ticks = 0;
-    std::uint32_t idle_ticks = 0;  ///< nobody enabled
+    std::uint32_t idle_ticks = 0;  ///< nobody enabled, suspended, or a tick from before resume()
     std::uint32_t duplicate_reports = 0;
     std::uint32_t old_reports = 0;
     std::uint32_t foreign_reports = 0;
-    std::uint32_t unkillable_holders = 0;
+    std::uint32_t unproven_fences = 0;  ///< waits for the end of a fenced holder that ended without it
   };
   [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
   [[nodiscard]] const Counters& counters() const { return counters_; }
@@ -148,7 +154,7 @@ class TaskFlagRotation {
   /// count).
   bool follows(MissionCycle cycle);
   static constexpr MissionCycle longest_gap = 1'000'000;
-  Decision grant_next(MonotonicTime now, MissionCycle cycle);
+  Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   [[nodiscard]] std::optional<std::size_t> next_enabled() const;
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
   ReportVerdict on_current_report(const BusReport& report);
@@ -167,6 +173,7 @@ class TaskFlagRotation {
   std::size_t next_slot_ = 0;
   Phase phase_ = Phase::free;
   bool suspended_ = false;
+  std::optional<MonotonicTime> resumed_;
   std::optional<Grant> current_;  ///< the last grant, also after its release
   std::optional<std::uint32_t> holder_process_;
   MonotonicTime not_before_;

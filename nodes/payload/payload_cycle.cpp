@@ -32,8 +32,9 @@ PayloadCycle::PayloadCycle(PayloadSettings settings, CommandDecoder decode, Tele
 
 // ---------------------------------------------------------------- state of the node
 
-PayloadActions PayloadCycle::activate(MonotonicTime /*now*/) {
+PayloadActions PayloadCycle::activate(MonotonicTime now) {
   active_ = true;
+  starting_since_ = now;
   if (power_by_command_ && power_ != Power::on) journal_.finish(FailureCode::interrupted);
   // A predecessor may have died in the middle of a power cycle.
   power_ = Power::switching_on;
@@ -98,7 +99,9 @@ PayloadActions PayloadCycle::on_flag(const PayloadFlag& flag, MonotonicTime now)
   } else if (now >= flag.lease_end) {
     ++counters_.stale_flags;
   } else if (!active_) {
-    decline(PublishStatus::Kind::released, "inactive", now);
+    hand_back("inactive", now);
+  } else if (is_starting(now) && (power_ != Power::on || !time_for_request(now))) {
+    hand_back("starting", now);
   } else if (power_ != Power::on) {
     decline(PublishStatus::Kind::failed, "the peripheral is switched off", now);
   } else if (!time_for_request(now)) {
@@ -108,6 +111,15 @@ PayloadActions PayloadCycle::on_flag(const PayloadFlag& flag, MonotonicTime now)
     begin_slot(now);
   }
   return finish();
+}
+
+bool PayloadCycle::is_starting(MonotonicTime now) const {
+  return starting_since_ && now - *starting_since_ < settings_.start_time;
+}
+
+void PayloadCycle::hand_back(const std::string& detail, MonotonicTime now) {
+  ++statistics_.slots_handed_back;
+  decline(PublishStatus::Kind::released, detail, now);
 }
 
 void PayloadCycle::decline(PublishStatus::Kind kind, const std::string& detail, MonotonicTime now) {
@@ -128,6 +140,7 @@ PayloadActions PayloadCycle::on_foreign_flag(GrantId grant, MonotonicTime now) {
 }
 
 void PayloadCycle::begin_slot(MonotonicTime now) {
+  starting_since_.reset();
   failure_.reset();
   block_.reset();
   stuck_counted_ = false;

@@ -25,6 +25,8 @@ struct PayloadSettings {
   nanoseconds power_off_time = milliseconds(200);       ///< of a power cycle that no telecommand ordered
   nanoseconds power_retry = milliseconds(500);          ///< until the next try when the switch did not obey
   std::uint32_t silent_slots_to_power_cycle = 20;       ///< in a row; 0: never
+  nanoseconds start_time =
+      seconds(2);  ///< after activation, until the first slot: see PayloadCycle::is_starting
 };
 
 /// What a telecommand asks of the payload, decoded from the mission dictionary's function id and arguments.
@@ -53,6 +55,7 @@ struct SlotStatistics {
   std::uint32_t slots_granted = 0;
   std::uint32_t slots_used = 0;
   std::uint32_t slots_failed = 0;
+  std::uint32_t slots_handed_back = 0;  ///< unused, because the payload was not active or not up yet
   std::uint32_t peripheral_timeouts = 0;
   nanoseconds last_used{0};
   std::uint32_t telecommands_executed = 0;
@@ -197,6 +200,11 @@ class PayloadCycle {
   PayloadActions finish();
 
   void begin_slot(MonotonicTime now);
+  void hand_back(const std::string& detail, MonotonicTime now);
+  /// Activated just now and no slot begun since: a flag that waited for the node to come up, or for the
+  /// peripheral's power, says nothing about a slot. Bounded by start_time, so that a node that is late for
+  /// ever is reported.
+  [[nodiscard]] bool is_starting(MonotonicTime now) const;
   void decline(PublishStatus::Kind kind, const std::string& detail, MonotonicTime now);
   [[nodiscard]] bool next_command_acts_on_peripheral(MonotonicTime now);
   void wake_up(MonotonicTime now);
@@ -229,6 +237,7 @@ class PayloadCycle {
   PayloadActions actions_;
 
   bool active_ = false;
+  std::optional<MonotonicTime> starting_since_;  ///< until the first slot is begun
   Step step_ = Step::idle;
   PayloadFlag flag_;  ///< the running or last own slot
   GrantId newest_;    ///< highest grant seen, anybody's

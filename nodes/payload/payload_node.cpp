@@ -14,6 +14,7 @@ namespace {
 using ros::CallbackReturn;
 
 constexpr std::size_t longest_detail = 120;  // bound of BusStatus.detail
+constexpr nanoseconds counters_period = seconds(5);
 
 std::uint64_t pack(GrantId grant) {
   return std::uint64_t{grant.incarnation} << 32U | grant.counter;
@@ -23,6 +24,9 @@ std::uint64_t as_ns(MonotonicTime t) {
 }
 MonotonicTime from_ns(std::uint64_t ns) {
   return MonotonicTime(nanoseconds(static_cast<std::int64_t>(ns)));
+}
+std::uint32_t as_u32(std::uint64_t value) {
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
 }
 std::uint32_t as_us(nanoseconds d) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d.count() / 1000, 0, 0xFFFFFFFF));
@@ -48,6 +52,7 @@ mission::SlotStatistics to_mission(const SlotStatistics& s) {
   return {.slots_granted = s.slots_granted,
           .slots_used = s.slots_used,
           .slots_failed = s.slots_failed,
+          .slots_handed_back = s.slots_handed_back,
           .peripheral_timeouts = s.peripheral_timeouts,
           .last_used_us = as_us(s.last_used),
           .telecommands_executed = s.telecommands_executed};
@@ -103,6 +108,8 @@ CallbackReturn PayloadNode::on_configure() {
       can_->fd(), EPOLLIN, [this](std::uint32_t) { on_can_input(); }, "can");
   report_timer_ = create_timer(
       milliseconds(200), [this] { flush_reports(); }, "reports");
+  counter_timer_ = create_timer(
+      counters_period, [this] { publish_counters(); }, "counters");
   return CallbackReturn::success;
 }
 
@@ -193,6 +200,7 @@ void PayloadNode::close() {
   timer_.reset();
   armed_.reset();
   report_timer_.reset();
+  counter_timer_.reset();
   if (process_worker_) process_worker_->drain();
   if (store_worker_) store_worker_->drain();
   if (gpio_worker_) gpio_worker_->drain();
@@ -387,8 +395,9 @@ void PayloadNode::carry_out(const PublishStatus& action) {
   m.payload = name();
   m.payload_incarnation = incarnation();
   m.monotonic_ns = as_ns(monotonic_now());
-  if (action.kind != PublishStatus::Kind::taken) {
-    m.used_us = as_us(action.used);
+  if (action.kind != PublishStatus::Kind::taken) m.used_us = as_us(action.used);
+  // A slot that was not taken has no frames; the counts are still those of the slot before.
+  if (action.kind != PublishStatus::Kind::taken && pack(action.grant) == grant_) {
     m.frames_sent = frames_sent_;
     m.frames_received = frames_received_;
   }
@@ -448,17 +457,63 @@ void PayloadNode::carry_out(const ProcessMeasurement& action) {
   run(cycle_->on_processed(measured));
 }
 
-void PayloadNode::publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured) {
+void PayloadNode::publish_structure(std::uint16_t structure_id, Octets data, MissionCycle cycle,
+                                    MonotonicTime at) {
   srfs_msgs::msg::PayloadTelemetry m;
   m.source = name();
   m.apid = profile_->apid();
-  m.structure_id = profile_->structure_id();
+  m.structure_id = structure_id;
   m.cycle = cycle;
-  m.utc = ros::to_message(time_.utc_at(measured));
+  m.utc = ros::to_message(time_.utc_at(at));
   m.time_valid = time_.valid();
-  m.monotonic_ns = as_ns(measured);
-  m.data = processed.housekeeping;
+  m.monotonic_ns = as_ns(at);
+  m.data = std::move(data);
   publish_telemetry(m);
+}
+
+/// By a timer and not with the measurements: a silent peripheral must not hide what went wrong.
+void PayloadNode::publish_counters() {
+  const PayloadCycle::Counters& cycle = cycle_->counters();
+  const TelecommandJournal::Counters& journal = cycle_->journal().counters();
+  const wire::IsoTpCounters& transport = link_->transport();
+  const hw::CanCounters& can = can_->counters();
+  mission::PayloadCounters c;
+  c.flags_repeated = cycle.repeated_flags;
+  c.flags_stale = cycle.stale_flags;
+  c.flags_unreachable = cycle.unreachable_flags;
+  c.flags_implausible = as_u32(implausible_flags_);
+  c.grants_lost = cycle.lost_grants;
+  c.answers_unexpected = cycle.unexpected_answers;
+  c.answers_garbage = cycle.garbage_answers;
+  c.answers_late = link_->late_answers();
+  c.transport_errors = as_u32(transport.timeouts_as + transport.timeouts_bs + transport.timeouts_cr +
+                              transport.wrong_sequences + transport.invalid_flow_statuses +
+                              transport.unexpected_pdus + transport.malformed_pdus + transport.wait_limits +
+                              transport.peer_overflows + transport.receive_overflows);
+  c.frames_outside_slot = frames_outside_slot_;
+  c.frames_stuck = cycle.stuck_frames;
+  c.bus_errors = as_u32(can.bus_errors);
+  c.receive_overruns = as_u32(can.receive_overruns);
+  c.resets_ordered = cycle.resets_ordered;
+  c.resets_stray = cycle.stray_reset_orders;
+  c.power_cycles = cycle.power_cycles;
+  c.measurements_dropped = measurements_dropped_;
+  c.telecommands_arrived = journal.arrived;
+  c.telecommands_repeated = journal.repeated;
+  c.telecommands_refused = journal.refused;
+  c.telecommands_expired = journal.expired;
+  c.telecommands_completed = journal.completed;
+  c.telecommands_failed = journal.failed;
+  c.journal_failures = journal.failed_writes;
+  c.reports_dropped = as_u32(unheard_.dropped());
+  c.dds_malformed = as_u32(malformed_samples());
+  c.events_suppressed = as_u32(suppressed_events());
+  EncodedStructure structure = profile_->counters(time_.cycle(), c);
+  publish_structure(structure.id, std::move(structure.data), time_.cycle(), monotonic_now());
+}
+
+void PayloadNode::publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured) {
+  publish_structure(profile_->structure_id(), processed.housekeeping, cycle, measured);
   for (const EncodedEvent& event : processed.events) raise_event(event.id, event.severity, event.data);
 }
 
@@ -554,7 +609,8 @@ void PayloadNode::carry_out(const StageReport& action) {
 }
 
 void PayloadNode::flush_reports() {
-  if (!reports_ || reports_->subscription_count() == 0) return;
+  // Who publishes telecommands is ttc; a recorder that listens to the reports keeps none of them for it.
+  if (!reports_ || !telecommands_ || !reports_->is_heard_by_a_publisher_of(*telecommands_)) return;
   while (const auto report = unheard_.pop()) reports_->publish(*report);
 }
 

@@ -68,6 +68,8 @@ class PayloadNode : public ros::LifecycleNode {
   void carry_out(const Activity& action);
   void write_journal();
   void publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured);
+  void publish_counters();
+  void publish_structure(std::uint16_t structure_id, Octets data, MissionCycle cycle, MonotonicTime at);
   void flush_reports();
   void say_goodbye();
   std::unique_ptr<PayloadProfile> profile_;
@@ -108,6 +110,7 @@ class PayloadNode : public ros::LifecycleNode {
   /// telecommand).
   BoundedQueue<srfs_msgs::msg::TelecommandReport> unheard_{64, Overflow::drop_oldest};
   ros::Timer report_timer_;
+  ros::Timer counter_timer_;
   std::uint32_t measurements_dropped_ = 0;
 };
 

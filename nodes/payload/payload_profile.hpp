@@ -24,6 +24,20 @@ template <class Event>
   return {Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded()};
 }
 
+/// A housekeeping structure of the mission dictionary, encoded.
+struct EncodedStructure {
+  std::uint16_t id = 0;
+  Octets data;
+};
+/// The counters as the payload's own structure: its cycle and the group that all payloads share.
+template <class Housekeeping>
+[[nodiscard]] EncodedStructure encode_counters(MissionCycle cycle, const mission::PayloadCounters& counters) {
+  Housekeeping hk;
+  hk.cycle = cycle;
+  hk.counters = counters;
+  return {Housekeeping::structure_id, hk.encoded()};
+}
+
 /// What a measurement became.
 struct Processed {
   Octets housekeeping;  ///< the payload's housekeeping structure, encoded
@@ -40,6 +54,9 @@ class PayloadProfile {
   [[nodiscard]] virtual std::uint8_t power_line() const = 0;  ///< hw/gpio.hpp
   [[nodiscard]] virtual std::uint16_t apid() const = 0;
   [[nodiscard]] virtual std::uint16_t structure_id() const = 0;
+
+  [[nodiscard]] virtual EncodedStructure counters(MissionCycle cycle,
+                                                  const mission::PayloadCounters& counters) const = 0;
 
   /// What a telecommand asks for, every argument checked against the dictionary. Any thread.
   [[nodiscard]] virtual Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,

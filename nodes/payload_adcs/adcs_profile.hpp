@@ -20,6 +20,11 @@ class AdcsProfile : public PayloadProfile {
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_adcs; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_adcs; }
 
+  [[nodiscard]] EncodedStructure counters(MissionCycle cycle,
+                                          const mission::PayloadCounters& counters) const override {
+    return encode_counters<mission::PayloadAdcsCountersHousekeeping>(cycle, counters);
+  }
+
   [[nodiscard]] Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,
                                                                    OctetView arguments) const override;
   [[nodiscard]] std::optional<Processed> process(OctetView block, MissionCycle cycle,

@@ -17,6 +17,11 @@ class EpsProfile : public PayloadProfile {
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_eps; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_eps; }
 
+  [[nodiscard]] EncodedStructure counters(MissionCycle cycle,
+                                          const mission::PayloadCounters& counters) const override {
+    return encode_counters<mission::PayloadEpsCountersHousekeeping>(cycle, counters);
+  }
+
   [[nodiscard]] Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,
                                                                    OctetView arguments) const override;
   [[nodiscard]] std::optional<Processed> process(OctetView block, MissionCycle cycle,

@@ -146,7 +146,6 @@ void PulseClock::on_time_passing(MonotonicTime now) {
 }
 
 TimeOfDayVerdict PulseClock::on_time_of_day(UtcTime second, MonotonicTime received) {
-  ++counters_.sentences;
   const nanoseconds after_pulse = received - measured_;
   if (!have_phase_ || after_pulse < nanoseconds(0) || after_pulse > sentence_window) {
     ++counters_.sentences_without_pulse;

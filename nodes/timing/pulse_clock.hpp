@@ -79,7 +79,6 @@ class PulseClock {
     std::uint64_t outliers = 0;
     std::uint64_t repeated_pulses = 0;
     std::uint64_t phase_adoptions = 0;
-    std::uint64_t sentences = 0;
     std::uint64_t sentences_without_pulse = 0;
     std::uint64_t implausible_times = 0;
     std::uint64_t jumps_refused = 0;

@@ -353,6 +353,13 @@ void TimingNode::publish_housekeeping() {
   hk.watchdog_withheld = watchdog_withheld_;
   hk.max_tick_lateness_us = as_us(max_lateness_);
   hk.ticks_skipped = as_u32(skipped_before_ + (ticks_ ? ticks_->skipped_total() : 0));
+  hk.phase_adoptions = as_u32(clock.phase_adoptions);
+  hk.times_set = as_u32(clock.times_set);
+  hk.time_jumps_refused = as_u32(clock.jumps_refused);
+  hk.cycles_unreserved = as_u32(reservation_->unreserved());
+  hk.reservation_failures = as_u32(reservation_->failed_writes());
+  hk.dds_malformed = as_u32(malformed_samples());
+  hk.events_suppressed = as_u32(suppressed_events());
   publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, utc, hk.time_valid, at));
   max_lateness_ = nanoseconds(0);
 }

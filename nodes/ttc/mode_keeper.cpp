@@ -35,7 +35,7 @@ ModeKeeper::ModeKeeper(StoredModeState state, std::string_view stored, Mode init
 std::string ModeKeeper::change(Mode mode, std::string reason) {
   mode_ = mode;
   reason_ = std::move(reason);
-  if (reason_.size() > 80) reason_.resize(80);
+  if (reason_.size() > longest_reason) reason_.resize(longest_reason);
   return stored_text();
 }
 

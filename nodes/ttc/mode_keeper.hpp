@@ -24,12 +24,14 @@ enum class StoredModeState : std::uint8_t {
 class ModeKeeper {
  public:
   static constexpr seconds publish_period{10};
+  /// The beacon's room for it; the event and /mode, which have more, say the same.
+  static constexpr std::size_t longest_reason = 60;
 
   /// Missing or damaged means safe; only a deployment that never ran starts in @p initial.
   ModeKeeper(StoredModeState state, std::string_view stored, Mode initial);
 
   [[nodiscard]] Mode mode() const { return mode_; }
-  /// Why the mode is what it is, for people, at most 80 characters (24 of them in the beacon).
+  /// Why the mode is what it is, for people, at most longest_reason characters.
   [[nodiscard]] const std::string& reason() const { return reason_; }
   /// @return the file content that makes it last
   [[nodiscard]] std::string change(Mode mode, std::string reason);

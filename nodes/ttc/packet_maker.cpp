@@ -23,7 +23,6 @@ Octets PacketMaker::make(const Report& report, TaiTime time, TimeReference refer
   packet.source = report.data;
   sequence = static_cast<std::uint16_t>((sequence + 1) & 0x3FFF);
   ++type_counter;
-  ++made_;
   return wire::make_tm_packet(packet);
 }
 

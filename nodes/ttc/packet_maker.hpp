@@ -16,7 +16,6 @@ namespace srfs {
 class PacketMaker {
  public:
   [[nodiscard]] Octets make(const Report& report, TaiTime time, TimeReference reference);
-  [[nodiscard]] std::uint64_t made() const { return made_; }
 
  private:
   std::map<std::uint16_t, std::uint16_t> sequence_counts_;
@@ -25,7 +24,6 @@ class PacketMaker {
   /// Destinations are chosen by senders: past the bound the counter of another type starts anew.
   static constexpr std::size_t max_type_counters = 1024;
   std::map<Type, std::uint16_t> type_counters_;
-  std::uint64_t made_ = 0;
 };
 
 }  // namespace srfs

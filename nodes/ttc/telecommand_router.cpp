@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <mission/structures.hpp>
+
 #include "base/config.hpp"
 #include "wire/cuc.hpp"
 
@@ -28,6 +30,8 @@ std::uint16_t code_of(const mission::Dictionary& dictionary, std::string_view na
 Octets as_u16(std::uint16_t value) {
   return {static_cast<std::uint8_t>(value >> 8), static_cast<std::uint8_t>(value)};
 }
+
+static_assert(mission::StorageRetrieve::max_groups == PacketRetrieval::max_periods);
 
 TaiTime read_time(OctetReader& reader) {
   // The dictionary has checked it; anything else would be a bug there.
@@ -287,7 +291,7 @@ void TelecommandRouter::execute_storage(const Request& request) {
     return;
   }
   std::vector<StorePeriod> periods;
-  for (unsigned i = 0; i < count && i < PacketRetrieval::max_periods; ++i) {
+  for (unsigned i = 0; i < count; ++i) {  // at most max_groups of the dictionary
     StorePeriod period;
     period.store = reader.u16();
     period.range.from = read_time(reader);
@@ -298,9 +302,7 @@ void TelecommandRouter::execute_storage(const Request& request) {
     }
     periods.push_back(period);
   }
-  if (periods.empty() || count > PacketRetrieval::max_periods) {
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.bad_arguments_length);
-  } else if (!parts_.retrieval.request(request.origin, std::move(periods))) {
+  if (!parts_.retrieval.request(request.origin, std::move(periods))) {
     parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
   }
 }

@@ -39,17 +39,19 @@ std::uint32_t as_u32(std::uint64_t value) {
 
 // ---- uplink
 
-void TtcNode::read_line() {
+bool TtcNode::read_line() {
   std::array<std::uint8_t, read_octets> octets{};
+  bool empty = false;
   const std::uint64_t frames_before = link_->uplink.cltu_counters().cltus_decoded;
   for (int i = 0; i < reads_per_wake; ++i) {
     const auto count = line_->read(octets);
-    if (!count || *count == 0) break;
+    empty = !count || *count == 0;
+    if (empty) break;
     take_uplinked(link_->uplink.push(OctetView(octets.data(), *count), monotonic_now()));
     link_->uplink.set_buffer_available(link_->gate.has_room(frames_per_read));
   }
   if (link_->uplink.cltu_counters().cltus_decoded != frames_before) link_->downlink.want_control_word(now());
-  settle();
+  return empty;
 }
 
 void TtcNode::take_uplinked(std::vector<UplinkedPacket> packets) {
@@ -296,10 +298,12 @@ void TtcNode::arm_timer() {
       *due,
       [this] {
         wake_up_at_.reset();
+        // A silence of the line counts, not one of this thread: what waits in the driver is read first.
+        const bool line_empty = read_line();
         const MonotonicTime t = monotonic_now();
         link_->forwarder.on_time(t);
         link_->gate.on_time(t);
-        take_uplinked(link_->uplink.on_idle(t));
+        if (line_empty) take_uplinked(link_->uplink.on_idle(t));
         settle();
       },
       "deadlines");
@@ -444,7 +448,22 @@ void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
   const wire::CltuDecoder::Counters& cltu = link_->uplink.cltu_counters();
   const VerificationCounters& verification = link_->outbox.counters();
   const DownlinkCounters down = link_->downlink.counters();
+  const ForwardingCounters& forwarded = link_->forwarder.counters();
+  const GateCounters& gate = link_->gate.counters();
   h.octets_received = up.octets;
+  h.noise_octets = cltu.noise_octets;
+  h.control_commands = up.control_commands;
+  h.packets_up = up.packets;
+  h.gate_passed = as_u32(gate.passed);
+  h.gate_undurable = as_u32(gate.passed_undurable);
+  h.gate_refused = as_u32(gate.refused);
+  h.tc_forwarded = as_u32(forwarded.submitted);
+  h.tc_queue_full = as_u32(forwarded.refused);
+  h.tc_published = as_u32(forwarded.published);
+  h.tc_forwarded_completed = as_u32(forwarded.completed);
+  h.tc_forwarded_failed = as_u32(forwarded.failed);
+  h.tc_expired = as_u32(forwarded.expired);
+  h.reports_repeated = as_u32(forwarded.duplicate_reports);
   h.start_sequences = as_u32(cltu.start_sequences);
   h.cltus = as_u32(cltu.cltus_decoded);
   h.bch_corrected = as_u32(cltu.corrected_bits);
@@ -471,25 +490,41 @@ void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
   h.tm_lost = as_u32(lost_frames_);
 }
 
+void TtcNode::add_store_counters(mission::TtcHousekeeping& h) const {
+  PacketStoreCounters sum;
+  for (std::size_t i = 0; i < store_status_.stores.size(); ++i) {
+    const PacketStoreCounters& counters = store_status_.stores[i].second.counters;
+    if (i < h.store_records.size()) h.store_records[i] = as_u32(counters.stored);
+    sum.refused += counters.refused;
+    sum.overwritten += counters.overwritten;
+    sum.write_failures += counters.write_failures;
+    sum.damaged += counters.damaged;
+    sum.unreadable += counters.unreadable;
+    sum.cut_octets += counters.cut_octets;
+    sum.written_octets += counters.written_octets;
+  }
+  h.store_failures = as_u32(sum.refused + unstored_packets_);
+  h.store_dropped = as_u32(sum.overwritten);
+  h.store_write_failures = as_u32(sum.write_failures);
+  h.store_damaged = as_u32(sum.damaged);
+  h.store_unreadable = as_u32(sum.unreadable);
+  h.store_cut_octets = as_u32(sum.cut_octets);
+  h.store_written_octets = sum.written_octets;
+  h.retrievals_incomplete = as_u32(link_->retrieval.incomplete());
+}
+
 void TtcNode::send_own_housekeeping() {
   mission::TtcHousekeeping h;
   h.cycle = cycle_;
   add_link_counters(h);
-  std::uint64_t failures = unstored_packets_;
-  std::uint64_t overwritten = 0;
-  for (std::size_t i = 0; i < store_status_.stores.size(); ++i) {
-    const PacketStoreCounters& counters = store_status_.stores[i].second.counters;
-    if (i < h.store_records.size()) h.store_records[i] = as_u32(counters.stored);
-    failures += counters.refused;
-    overwritten += counters.overwritten;
-  }
-  h.store_failures = as_u32(failures);
-  h.store_dropped = as_u32(overwritten);
+  add_store_counters(h);
+  h.housekeeping_samples = as_u32(link_->housekeeping.counters().samples);
+  h.housekeeping_live = as_u32(link_->housekeeping.counters().live);
+  h.events_reported = as_u32(link_->events.counters().reported);
+  h.events_disabled = as_u32(link_->events.counters().disabled);
   h.events_suppressed = as_u32(link_->events.counters().suppressed + suppressed_events());
   h.publish_drops = as_u32(telecommands_->refused());
-  std::uint64_t malformed = 0;
-  for (const auto& stats : input_stats_) malformed += stats().malformed;
-  h.dds_malformed = as_u32(malformed);
+  h.dds_malformed = as_u32(malformed_samples());
   h.dds_foreign = as_u32(link_->housekeeping.counters().unknown + link_->events.counters().unknown +
                          link_->forwarder.counters().stray_reports + foreign_samples_);
   add_latency(h);

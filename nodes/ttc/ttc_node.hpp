@@ -87,7 +87,8 @@ class TtcNode : public ros::LifecycleNode {
   void say_how_the_link_is_secured() const;
 
   // Uplink
-  void read_line();
+  /// @return whether the line was found empty; false: more may wait
+  bool read_line();
   void take_uplinked(std::vector<UplinkedPacket> packets);
   void persist_link_state();
   void on_link_state_written(const Result<void, FileError>& written);
@@ -119,6 +120,7 @@ class TtcNode : public ros::LifecycleNode {
   void on_store_status(const StoreRackStatus& status);
   void send_own_housekeeping();
   void add_link_counters(mission::TtcHousekeeping& h) const;
+  void add_store_counters(mission::TtcHousekeeping& h) const;
   void add_latency(mission::TtcHousekeeping& h) const;
   void send_beacon();
   void look_at_nodes();
@@ -152,12 +154,10 @@ class TtcNode : public ros::LifecycleNode {
   std::uint32_t boot_count_ = 1;
   std::uint64_t cycle_ = 0;
   std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event
-  std::uint64_t events_suppressed_before_ = 0;
 
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::Telecommand>> telecommands_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::SystemMode>> mode_publisher_;
   std::vector<std::shared_ptr<void>> subscriptions_;
-  std::vector<std::function<ros::InputStats()>> input_stats_;
   std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> state_clients_;
   std::vector<std::string> answered_;  ///< nodes whose client has done its work
   std::vector<ros::Timer> timers_;

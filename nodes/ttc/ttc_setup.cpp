@@ -105,6 +105,16 @@ Result<UplinkConfig, std::string> TtcNode::read_channels() const {
   }
   if (config.channels.empty())
     return Err(fmt::format("{}: 'link.tc_channels': expected one at least", deployment().file.string()));
+  if (const auto shared = associations_with_one_key(config)) {
+    const auto key_of = [&settings](int spi) {
+      const auto entry = std::find_if(settings.channels.begin(), settings.channels.end(),
+                                      [spi](const ros::TelecommandChannel& c) { return c.spi == spi; });
+      return fmt::format("{} (SPI {})", entry->key_file, spi);
+    };
+    return Err(fmt::format(
+        "{}: 'link.tc_channels': expected another key for each SPI, found the same one in {} and {}",
+        deployment().file.string(), key_of(shared->first), key_of(shared->second)));
+  }
   return config;
 }
 
@@ -229,10 +239,7 @@ void TtcNode::fill_from_dictionary() {
 }
 
 void TtcNode::subscribe() {
-  const auto keep = [this](auto subscription) {
-    input_stats_.push_back([subscription] { return subscription->stats(); });
-    subscriptions_.push_back(subscription);
-  };
+  const auto keep = [this](auto subscription) { subscriptions_.push_back(std::move(subscription)); };
   telecommands_ = create_publisher(ros::topics::telecommand);
   mode_publisher_ = create_publisher(ros::topics::mode);
   keep(
@@ -270,7 +277,12 @@ void TtcNode::say_how_the_link_is_secured() const {
 
 ros::CallbackReturn TtcNode::on_activate() {
   line_watch_ = watch_fd(
-      line_->fd(), EPOLLIN, [this](std::uint32_t) { read_line(); }, "rs422");
+      line_->fd(), EPOLLIN,
+      [this](std::uint32_t) {
+        read_line();
+        settle();
+      },
+      "rs422");
   timers_.push_back(create_timer(
       seconds(1), [this] { commit_stores(); }, "commit stores"));
   timers_.push_back(create_timer(
@@ -308,7 +320,6 @@ ros::CallbackReturn TtcNode::on_deactivate() {
 
 ros::CallbackReturn TtcNode::on_cleanup() {
   subscriptions_.clear();
-  input_stats_.clear();
   state_clients_.clear();
   telecommands_.reset();
   mode_publisher_.reset();

@@ -45,6 +45,19 @@ void UplinkChain::carry_along(const LinkState& stored) {
   }
 }
 
+std::optional<std::pair<std::uint16_t, std::uint16_t>> associations_with_one_key(const UplinkConfig& config) {
+  std::vector<const UplinkAssociation*> seen;
+  for (const UplinkChannel& channel : config.channels) {
+    for (const UplinkAssociation& association : channel.associations) {
+      for (const UplinkAssociation* other : seen) {
+        if (other->key.octets() == association.key.octets()) return std::pair(other->spi, association.spi);
+      }
+      seen.push_back(&association);
+    }
+  }
+  return std::nullopt;
+}
+
 std::vector<UplinkedPacket> UplinkChain::push(OctetView octets, MonotonicTime now) {
   counters_.octets += octets.size();
   return on_frames(decoder_.push(octets, now));

@@ -37,6 +37,11 @@ struct UplinkConfig {
   std::vector<UplinkChannel> channels;
 };
 
+/// Two associations under one key would use an IV twice, which breaks AES-GCM.
+/// @return the SPIs of the first two that share one
+[[nodiscard]] std::optional<std::pair<std::uint16_t, std::uint16_t>> associations_with_one_key(
+    const UplinkConfig& config);
+
 /// One count per reason; every octet that came and every frame that did not get through is in one of them.
 struct UplinkCounters {
   std::uint64_t octets = 0;
@@ -82,7 +87,7 @@ class UplinkChain {
 
   /// @param now not before the previous call. @return packets in order of arrival
   [[nodiscard]] std::vector<UplinkedPacket> push(OctetView octets, MonotonicTime now);
-  /// Ends a CLTU that was cut short. To be called at idle_deadline().
+  /// Ends a CLTU that was cut short. To be called from idle_deadline() on, when the line was found empty.
   [[nodiscard]] std::vector<UplinkedPacket> on_idle(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> idle_deadline() const;
 

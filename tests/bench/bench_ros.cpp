@@ -103,9 +103,9 @@ void pin(int cpu) {
 [[noreturn]] void echo_process(int domain, int udp_port, bool pinned) {
   if (pinned) pin(1);
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  auto ros_participant = ros::Participant::create({domain, {"127.0.0.1"}}).value();
-  auto raw_participant = ros::Participant::create({domain, {"127.0.0.1"}}).value();
   ros::Executor executor;
+  auto ros_participant = ros::Participant::create({domain, {"127.0.0.1"}, &executor}).value();
+  auto raw_participant = ros::Participant::create({domain, {"127.0.0.1"}}).value();
   ros::Publisher<Probe> pong(*ros_participant, pong_topic);
   const ros::Subscription<Probe> ping(executor, *ros_participant, ping_topic,
                                       [&](const Probe& p, const ros::MessageInfo&) { pong.publish(p); });
@@ -174,9 +174,9 @@ int measure(int rounds, milliseconds pause, bool pinned) {
   if (echo == 0) echo_process(domain, udp_port, pinned);
   if (pinned) pin(0);
 
-  auto ros_participant = ros::Participant::create({domain, {"127.0.0.1"}}).value();
-  auto raw_participant = ros::Participant::create({domain, {"127.0.0.1"}}).value();
   ros::Executor executor;
+  auto ros_participant = ros::Participant::create({domain, {"127.0.0.1"}, &executor}).value();
+  auto raw_participant = ros::Participant::create({domain, {"127.0.0.1"}}).value();
   std::uint32_t echoed = 0;
   MonotonicTime arrived;
   ros::Publisher<Probe> ping(*ros_participant, ping_topic);

@@ -41,7 +41,12 @@ def show_ros(results):
 
 
 def show_flight(summary):
-    print(*(f"  {key}: {json.dumps(value)}" for key, value in summary.get("measures", {}).items()), sep="\n")
+    for key, value in summary.get("measures", {}).items():
+        if key == "next_slot_by_can_frame" and value:
+            late = "".join(f"; {text}" for text in value["late"])
+            print(f"  {key}: {value['in_next_slot']} of {value['checked']}, at most {value['longest_ms']:.0f} ms after the octets{late}")
+        else:
+            print(f"  {key}: {json.dumps(value)}")
     for failure in summary["failures"]:
         print(f"not as expected: {failure}", file=sys.stderr)
 

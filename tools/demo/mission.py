@@ -16,6 +16,8 @@ import subprocess
 import threading
 import time
 
+import can_frames
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 READY_DEADLINE_S = 10
@@ -206,10 +208,12 @@ class GroundSession(Lines):
                    str(mission.deployment), "--json", "session"]  # fmt: skip
         super().__init__(command, mission.var / "log" / "ground.log", stdin=subprocess.PIPE)
         self._line = 0
+        self.sent_ns = {}  # line number -> CLOCK_MONOTONIC just before it was written
 
     def send(self, line):
         """Writes one command line; returns its number, which everything it causes carries."""
         self._line += 1
+        self.sent_ns[self._line] = time.monotonic_ns()
         try:
             self.process.stdin.write(line + "\n")
             self.process.stdin.flush()
@@ -408,6 +412,19 @@ class Mission:
         if result.returncode != 0:
             raise MissionError(f"hw_sim --control {json.dumps(request)}: {result.stdout or result.stderr}")
         return json.loads(result.stdout)
+
+    def can_log(self, until_ns=0, deadline_s=5):
+        """The lines of the simulated bus' record, once it has come past until_ns; [] when none is kept."""
+        path = self.var / "log" / "can.log"
+        end = time.monotonic() + deadline_s
+        while True:
+            lines = []
+            for part in (path.with_name("can.log.1"), path):
+                with contextlib.suppress(OSError):
+                    lines += part.read_text().splitlines()
+            if not lines or (can_frames.last_time(lines[-100:]) or 0) > until_ns or time.monotonic() > end:
+                return lines
+            time.sleep(0.1)
 
     def ground(self):
         """Opens the operator's session; ended with the mission."""

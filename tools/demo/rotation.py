@@ -4,8 +4,6 @@ Messages may come in another thread than the one that asks for facts: facts are 
 step under the interpreter lock).
 """
 
-import bisect
-
 
 def percentile(values, q):
     """The q-quantile (0 to 1) of values, None without values."""
@@ -53,8 +51,8 @@ class Rotation:
         if m["status"] not in ("released", "failed"):
             return
         key = (m["switcher"], m["grant"])
-        # A payload that is not active hands the slot back at once.
-        status = "not used" if m["detail"] == "inactive" else m["status"]
+        # A payload that is not active, or not up yet, hands the slot back at once.
+        status = "not used" if m["detail"] in ("inactive", "starting") else m["status"]
         end = {"status": status, "released": m["said_ns"], "used_us": m["used_us"]}
         if key not in self.grants:
             self._early_ends[key] = end
@@ -116,15 +114,6 @@ class Rotation:
         """Gaps in the recorded cycle numbers."""
         return max(self.ticks) - min(self.ticks) + 1 - len(self.ticks) if self.ticks else 0
 
-    def telecommand_slots(self):
-        """[(id, in the next own slot?, ms from publishing to completion)] of the telecommands to payloads that completed."""
-        facts = []
-        for number, telecommand in list(self.telecommands.items()):
-            completed = telecommand["stages"].get(7)
-            own = [g["published"] for g in self._ordered() if g["holder"] == telecommand["target"]]
-            if completed is None or not own:
-                continue
-            after_next = bisect.bisect_right(own, telecommand["at"]) + 1
-            in_time = after_next >= len(own) or completed < own[after_next]
-            facts.append((number, in_time, (completed - telecommand["at"]) / 1e6))
-        return facts
+    def slots_of(self, payload):
+        """Its slots in order: [{published, lease_end, ...}]."""
+        return [grant for grant in self._ordered() if grant["holder"] == payload]

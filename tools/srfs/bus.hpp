@@ -9,6 +9,7 @@
 #include "ros/client.hpp"
 #include "ros/deployment.hpp"
 #include "ros/executor.hpp"
+#include "tools/srfs/suite.hpp"
 
 namespace srfs::tool {
 
@@ -19,7 +20,7 @@ struct Bus {
 
   /// Throws std::runtime_error when there is no participant to be had.
   Bus(const ros::Deployment& deployment, int domain) {
-    auto made = ros::Participant::create({domain, deployment.interfaces});
+    auto made = ros::Participant::create(participant_options(deployment, domain, executor));
     if (!made) throw std::runtime_error(made.error());
     participant = std::move(*made);
   }

@@ -3,11 +3,11 @@
 #include <cstdio>
 
 #include <sys/epoll.h>
-#include <sys/signalfd.h>
 #include <lifecycle_msgs/msg/transition_event.hpp>
 #include <nlohmann/json.hpp>
 
 #include "base/octets.hpp"
+#include "base/signals.hpp"
 #include "ros/publisher.hpp"
 #include "ros/topics.hpp"
 
@@ -115,15 +115,10 @@ int record(const Target& target, seconds duration) {
     std::fprintf(stderr, "srfs record: the suite is not running (no %s)\n", target.var.domain_file().c_str());
     return 1;
   }
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGTERM);
-  sigaddset(&set, SIGINT);
-  pthread_sigmask(SIG_BLOCK, &set, nullptr);
-  const Fd signals(signalfd(-1, &set, SFD_NONBLOCK | SFD_CLOEXEC));
+  const Fd signals = termination_signals();
 
   ros::Executor executor;
-  auto participant = ros::Participant::create({*domain, target.deployment.interfaces});
+  auto participant = ros::Participant::create(participant_options(target.deployment, *domain, executor));
   if (!participant) {
     std::fprintf(stderr, "srfs record: %s\n", participant.error().c_str());
     return 1;

@@ -188,6 +188,12 @@ void set_stopping_flag(const Target& target) {
 
 }  // namespace
 
+ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
+                                            ros::Executor& executor) {
+  return {domain, deployment.interfaces, &executor,
+          ros::SuiteIdentity{deployment.name, "srfs", static_cast<std::uint32_t>(getpid())}};
+}
+
 std::optional<int> running_domain(const Target& target) {
   const auto text = read_file(target.var.domain_file(), 64);
   if (!text) return std::nullopt;

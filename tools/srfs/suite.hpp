@@ -9,6 +9,7 @@
 #include "base/time.hpp"
 #include "ros/deployment.hpp"
 #include "ros/instance.hpp"
+#include "ros/participant.hpp"
 
 namespace srfs::tool {
 
@@ -17,6 +18,10 @@ struct Target {
   ros::Deployment deployment;
   ros::VarPaths var;
 };
+
+/// A tool's participant: it belongs to the suite that it looks at.
+[[nodiscard]] ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
+                                                          ros::Executor& executor);
 
 /// One line of `srfs status`.
 struct NodeStatus {

@@ -1,11 +1,9 @@
-#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <utility>
 
 #include <fmt/format.h>
-#include <linux/can.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
@@ -16,7 +14,7 @@
 #include "base/log.hpp"
 #include "hw/backends.hpp"
 #include "hw/linux/clock_offset.hpp"
-#include "hw/reopening.hpp"
+#include "hw/raw_can_bus.hpp"
 
 namespace srfs::hw {
 namespace {
@@ -127,47 +125,36 @@ Received receive_one(int socket) {
   return r;
 }
 
-class SocketCan : public CanBus {
+class SocketCan : public RawCanBus {
  public:
   SocketCan(const std::string& uri, std::string interface, std::vector<CanFilter> filters)
-      : uri_(uri),
-        interface_(std::move(interface)),
-        filters_(std::move(filters)),
-        raw_(uri, [this] { return open(); }) {}
+      : RawCanBus(std::move(filters)), uri_(uri), interface_(std::move(interface)) {
+    start(uri, [this] { return open(); });
+  }
 
-  [[nodiscard]] int fd() const override { return raw_.fd(); }
-  [[nodiscard]] std::size_t unconfirmed() const override { return unconfirmed_; }
-  [[nodiscard]] std::string reason() const override { return raw_.reason(); }
-  [[nodiscard]] const CanCounters& counters() const override { return counters_; }
   [[nodiscard]] CanBusState state() const override {
-    if (!raw_.present()) return down_ ? CanBusState::down : CanBusState::gone;
+    if (!present()) return down_ ? CanBusState::down : CanBusState::gone;
     return controller_;
   }
 
   [[nodiscard]] Result<void, CanError> send(const CanFrame& frame) override {
-    if (frame.size > CAN_MAX_DLEN || frame.id > (frame.extended ? CAN_EFF_MASK : CAN_SFF_MASK)) {
-      return Err(CanError::invalid_frame);
-    }
-    const int socket = device();
-    if (socket < 0) return Err(down_ ? CanError::down : CanError::gone);
+    const auto raw = to_raw(frame);
+    if (!raw) return Err(raw.error());
+    const int device = socket();
+    if (device < 0) return Err(down_ ? CanError::down : CanError::gone);
     if (controller_ == CanBusState::bus_off) return Err(CanError::bus_off);
-    can_frame raw{};
-    raw.can_id = frame.id | (frame.extended ? CAN_EFF_FLAG : 0U);
-    raw.len = frame.size;
-    std::copy_n(frame.data.begin(), frame.size, raw.data);
-    if (::write(socket, &raw, sizeof raw) != static_cast<ssize_t>(sizeof raw)) return write_failed(errno);
-    ++counters_.sent;
-    ++unconfirmed_;
+    if (::write(device, &*raw, sizeof *raw) != static_cast<ssize_t>(sizeof *raw)) return write_failed(errno);
+    note_sent();
     return {};
   }
 
   [[nodiscard]] std::optional<CanFrame> receive() override {
-    const int socket = device();
-    if (socket < 0) return std::nullopt;
+    const int device = socket();
+    if (device < 0) return std::nullopt;
     for (int i = 0; i < frames_per_call; ++i) {
-      const Received r = receive_one(socket);
+      const Received r = receive_one(device);
       if (r.size < 0) {
-        if (errno != EAGAIN && errno != EINTR) lost(errno);
+        if (errno != EAGAIN && errno != EINTR) interface_lost(errno);
         return std::nullopt;
       }
       note_drops(r);
@@ -175,7 +162,7 @@ class SocketCan : public CanBus {
         ++counters_.malformed;
       } else if ((r.raw.can_id & CAN_ERR_FLAG) != 0) {
         on_error_frame(r.raw);
-      } else if (auto frame = accept(r)) {
+      } else if (auto frame = accept(r.raw, r.is_echo, r.at)) {
         return frame;
       }
     }
@@ -189,59 +176,26 @@ class SocketCan : public CanBus {
     return open_raw(interface_, filters_, down_);
   }
 
-  int device() {
-    const int socket = raw_.device();
-    counters_.reopened = raw_.reopened();
-    return socket;
-  }
-
-  std::optional<CanFrame> accept(const Received& r) {
-    const bool extended = (r.raw.can_id & CAN_EFF_FLAG) != 0;
-    CanFrame frame{.id = r.raw.can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK),
-                   .extended = extended,
-                   .size = r.raw.len,
-                   .data = {},
-                   .is_echo = r.is_echo,
-                   .timestamp = r.at};
-    std::copy_n(r.raw.data, r.raw.len, frame.data.begin());
-    if (frame.is_echo) {
-      ++counters_.echoed;
-      if (unconfirmed_ > 0) --unconfirmed_;
-      return frame;
-    }
-    // The kernel's echo filters also let the same identifiers of others pass.
-    if (!filters_.empty() && !(extended && passes(frame.id, filters_))) return std::nullopt;
-    ++counters_.received;
-    return frame;
-  }
-
   Result<void, CanError> write_failed(int error) {
     switch (error) {
       case ENOBUFS:  // the interface's queue (txqueuelen) is full
       case EAGAIN:   // the socket's buffer is full
       case EINTR:
-        ++counters_.refused_full;
-        return Err(CanError::queue_full);
+        return refuse_full();
       case EINVAL:
       case EMSGSIZE:
         return Err(CanError::invalid_frame);
       default:
-        lost(error);
+        interface_lost(error);
         return Err(down_ ? CanError::down : CanError::gone);
     }
   }
 
   // Down or unplugged. A socket bound to an interface that went away never comes back to life: a new one is
   // opened.
-  void lost(int error) {
+  void interface_lost(int error) {
     down_ = error == ENETDOWN;
-    raw_.lost(errno_text(error));
-    drop_unconfirmed();
-  }
-
-  void drop_unconfirmed() {
-    counters_.lost_in_queue += unconfirmed_;
-    unconfirmed_ = 0;
+    lost(errno_text(error));
   }
 
   void note_drops(const Received& r) {
@@ -284,13 +238,9 @@ class SocketCan : public CanBus {
 
   std::string uri_;
   std::string interface_;
-  std::vector<CanFilter> filters_;
   bool down_ = false;
   CanBusState controller_ = CanBusState::active;
   std::uint32_t dropped_ = 0;
-  std::size_t unconfirmed_ = 0;
-  CanCounters counters_;
-  Reopening raw_;  // last: it opens while it is constructed
 };
 
 }  // namespace

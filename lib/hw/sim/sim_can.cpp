@@ -1,13 +1,10 @@
-#include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
-#include <linux/can.h>
 #include <sys/socket.h>
 
 #include "hw/backends.hpp"
-#include "hw/reopening.hpp"
+#include "hw/raw_can_bus.hpp"
 #include "hw/sim/seqpacket.hpp"
 
 namespace srfs::hw {
@@ -18,46 +15,38 @@ constexpr std::size_t transmit_queue =
 constexpr int datagrams_per_call = 64;
 
 /// The hub of hw_sim (docs/icd_can.md): each datagram is one struct can_frame, __res0 = 1 marks an echo.
-class SimCan : public CanBus {
+class SimCan : public RawCanBus {
  public:
-  SimCan(const std::string& uri, const path& socket, std::vector<CanFilter> filters)
-      : filters_(std::move(filters)), hub_(uri, [socket] { return connect_seqpacket(socket); }) {}
-
-  [[nodiscard]] int fd() const override { return hub_.fd(); }
-  [[nodiscard]] std::size_t unconfirmed() const override { return unconfirmed_; }
-  [[nodiscard]] CanBusState state() const override {
-    return hub_.present() ? CanBusState::active : CanBusState::gone;
+  SimCan(const std::string& uri, const path& hub, std::vector<CanFilter> filters)
+      : RawCanBus(std::move(filters)) {
+    start(uri, [hub] { return connect_seqpacket(hub); });
   }
-  [[nodiscard]] std::string reason() const override { return hub_.reason(); }
-  [[nodiscard]] const CanCounters& counters() const override { return counters_; }
+
+  [[nodiscard]] CanBusState state() const override {
+    return present() ? CanBusState::active : CanBusState::gone;
+  }
 
   [[nodiscard]] Result<void, CanError> send(const CanFrame& frame) override {
-    if (frame.size > CAN_MAX_DLEN || frame.id > (frame.extended ? CAN_EFF_MASK : CAN_SFF_MASK)) {
-      return Err(CanError::invalid_frame);
-    }
-    const int socket = device();
-    if (socket < 0) return Err(CanError::gone);
-    if (unconfirmed_ == transmit_queue) return refuse_full();
-    can_frame raw{};
-    raw.can_id = frame.id | (frame.extended ? CAN_EFF_FLAG : 0U);
-    raw.len = frame.size;
-    std::copy_n(frame.data.begin(), frame.size, raw.data);
-    if (::send(socket, &raw, sizeof raw, MSG_NOSIGNAL) != static_cast<ssize_t>(sizeof raw)) {
+    const auto raw = to_raw(frame);
+    if (!raw) return Err(raw.error());
+    const int device = socket();
+    if (device < 0) return Err(CanError::gone);
+    if (unconfirmed() == transmit_queue) return refuse_full();
+    if (::send(device, &*raw, sizeof *raw, MSG_NOSIGNAL) != static_cast<ssize_t>(sizeof *raw)) {
       if (errno == EAGAIN || errno == ENOBUFS) return refuse_full();
       lost("write: " + errno_text(errno));
       return Err(CanError::gone);
     }
-    ++counters_.sent;
-    ++unconfirmed_;
+    note_sent();
     return {};
   }
 
   [[nodiscard]] std::optional<CanFrame> receive() override {
-    const int socket = device();
-    if (socket < 0) return std::nullopt;
+    const int device = socket();
+    if (device < 0) return std::nullopt;
     for (int i = 0; i < datagrams_per_call; ++i) {
       can_frame raw{};
-      const ssize_t n = ::recv(socket, &raw, sizeof raw, MSG_TRUNC);
+      const ssize_t n = ::recv(device, &raw, sizeof raw, MSG_TRUNC);
       if (n < 0) {
         if (errno != EAGAIN && errno != EINTR) lost("read: " + errno_text(errno));
         return std::nullopt;
@@ -71,52 +60,10 @@ class SimCan : public CanBus {
         ++counters_.malformed;
         continue;
       }
-      if (auto frame = accept(raw)) return frame;
+      if (auto frame = accept(raw, raw.__res0 == 1, monotonic_now())) return frame;
     }
     return std::nullopt;
   }
-
- private:
-  int device() {
-    const int socket = hub_.device();
-    counters_.reopened = hub_.reopened();
-    return socket;
-  }
-
-  std::optional<CanFrame> accept(const can_frame& raw) {
-    const bool extended = (raw.can_id & CAN_EFF_FLAG) != 0;
-    CanFrame frame{.id = raw.can_id & (extended ? CAN_EFF_MASK : CAN_SFF_MASK),
-                   .extended = extended,
-                   .size = raw.len,
-                   .data = {},
-                   .is_echo = raw.__res0 == 1,
-                   .timestamp = monotonic_now()};
-    std::copy_n(raw.data, raw.len, frame.data.begin());
-    if (frame.is_echo) {
-      ++counters_.echoed;
-      if (unconfirmed_ > 0) --unconfirmed_;
-      return frame;
-    }
-    if (!filters_.empty() && !(extended && passes(frame.id, filters_))) return std::nullopt;
-    ++counters_.received;
-    return frame;
-  }
-
-  tl::unexpected<CanError> refuse_full() {
-    ++counters_.refused_full;
-    return Err(CanError::queue_full);
-  }
-
-  void lost(std::string why) {
-    hub_.lost(std::move(why));
-    counters_.lost_in_queue += unconfirmed_;
-    unconfirmed_ = 0;
-  }
-
-  std::vector<CanFilter> filters_;
-  Reopening hub_;
-  std::size_t unconfirmed_ = 0;
-  CanCounters counters_;
 };
 
 }  // namespace

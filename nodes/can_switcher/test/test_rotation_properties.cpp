@@ -23,7 +23,7 @@ class World {
       case 0:
       case 1:
       case 2:
-        decide(rotation_.on_tick(now_, cycle_ += random_() % 8 == 0 ? random_() % 3 : 1));
+        decide(rotation_.on_tick(now_, cycle_ += random_() % 8 == 0 ? random_() % 3 : 1, now_));
         break;
       case 3:
       case 4:
@@ -33,7 +33,7 @@ class World {
         if (fencing_) {
           writers_[fencing_->payload_index].reset();
           known_[fencing_->payload_index] = false;  // the next process of it has not spoken yet
-          rotation_.on_fenced(fencing_->id, true, now_);
+          rotation_.on_fenced(fencing_->id, now_);
           fencing_.reset();
         }
         break;
@@ -114,7 +114,7 @@ class World {
 
   void send(BusReport::Kind kind, const Grant& grant, bool arrives) {
     if (!arrives) return;
-    const BusReport report{kind, grant.id, grant.payload, 1, milliseconds(1)};
+    const BusReport report{kind, grant.id, grant.payload, 1};
     // The first TAKEN of a process must not be lost or late past the lease: a payload that cannot reach the
     // switcher takes nothing.
     const bool first = kind == BusReport::Kind::taken && !known_[grant.slot];
@@ -136,7 +136,7 @@ class World {
   void noise() {
     // Reports that must not free the bus: old grants, other payloads, grants never given, other processes.
     const auto kind = static_cast<BusReport::Kind>(1 + random_() % 3);
-    BusReport report{kind, current_.id, current_.payload, 1, {}};
+    BusReport report{kind, current_.id, current_.payload, 1};
     switch (random_() % 4) {
       case 0:
         report.grant.counter -= static_cast<std::uint32_t>(1 + random_() % 3);

@@ -19,14 +19,14 @@ struct Rotation : ::testing::Test {
   MonotonicTime now = boot + milliseconds(120);
   MissionCycle cycle = 0;
 
-  Decision tick() { return rotation.on_tick(now, ++cycle); }
+  Decision tick() { return rotation.on_tick(now, ++cycle, now); }
   Grant must_grant() {
     const Decision decision = tick();
     EXPECT_TRUE(std::holds_alternative<Grant>(decision)) << decision.index();
     return std::holds_alternative<Grant>(decision) ? std::get<Grant>(decision) : Grant{};
   }
   ReportVerdict report(BusReport::Kind kind, const Grant& grant, std::uint32_t process = 5) {
-    return rotation.on_bus_status({kind, grant.id, grant.payload, process, milliseconds(3)});
+    return rotation.on_bus_status({kind, grant.id, grant.payload, process});
   }
   ReportVerdict take(const Grant& grant) { return report(BusReport::Kind::taken, grant); }
   ReportVerdict release(const Grant& grant) { return report(BusReport::Kind::released, grant); }
@@ -93,7 +93,11 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
   EXPECT_EQ(release(grant), ReportVerdict::old_grant);  // too late: it is being killed
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
 
-  rotation.on_fenced(grant.id, true, now);
+  rotation.on_fence_unproven();
+  now += seconds(10);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "a holder that is not proven dead may write";
+
+  rotation.on_fenced(grant.id, now);
   EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick()));
   now += TaskFlagRotation::guard_time;
   EXPECT_EQ(must_grant().payload, "eps");
@@ -102,7 +106,7 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
 
 TEST_F(TaskFlagRotationTest, FencesAPayloadThatSpokeBeforeButNeverTakesItsFlag) {
   Grant grant = must_grant();
-  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5, {}});
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5});
   now = grant.lease_end;
   EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now)));
 }
@@ -117,8 +121,8 @@ TEST_F(TaskFlagRotationTest, PassesOverAPayloadThatNeverSpokeWithoutKillingAnybo
 }
 
 TEST_F(TaskFlagRotationTest, DoesNotKillAPayloadThatSaidItLeaves) {
-  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5, {}});
-  rotation.on_bus_status({BusReport::Kind::failed, {}, "adcs", 5, {}});
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5});
+  rotation.on_bus_status({BusReport::Kind::failed, {}, "adcs", 5});
   const Grant grant = must_grant();
   now = grant.lease_end;
   EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));
@@ -146,13 +150,13 @@ TEST_F(TaskFlagRotationTest, IgnoresOldDuplicateAndForeignReports) {
   const Grant second = must_grant();
 
   EXPECT_EQ(release(first), ReportVerdict::old_grant);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "adcs", 5, {}}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "adcs", 5}),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "intruder", 5, {}}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "intruder", 5}),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation, 77}, "eps", 5, {}}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation, 77}, "eps", 5}),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation - 1, 77}, "eps", 5, {}}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation - 1, 77}, "eps", 5}),
             ReportVerdict::old_grant);
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
   EXPECT_EQ(rotation.counters().foreign_reports, 3U);
@@ -167,15 +171,15 @@ TEST_F(TaskFlagRotationTest, IgnoresAReleaseFromAnotherProcessOfTheHolder) {
 
 TEST_F(TaskFlagRotationTest, IgnoresARepeatedOrOlderTick) {
   must_grant();
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle)));
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle - 1)));
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle, now)));
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle - 1, now)));
   EXPECT_EQ(rotation.counters().repeated_ticks, 2U);
 }
 
 TEST_F(TaskFlagRotationTest, ASingleAbsurdTickDoesNotStopTheRotation) {
   const Grant grant = must_grant();
   report(BusReport::Kind::released, grant);
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ~MissionCycle{0})));
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ~MissionCycle{0}, now)));
   must_grant();
 }
 
@@ -210,8 +214,18 @@ TEST_F(TaskFlagRotationTest, GrantsNothingWhileSuspendedAndStillFencesTheHolder)
   EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now)));
   release(grant);
   EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
-  rotation.resume();
+  rotation.resume(now);
   EXPECT_EQ(must_grant().payload, "eps");
+}
+
+TEST_F(TaskFlagRotationTest, GrantsNothingOnATickThatWaitedForItsActivation) {
+  rotation.suspend();
+  const MonotonicTime received = now;
+  now += milliseconds(55);
+  rotation.resume(now);
+
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ++cycle, received)));
+  EXPECT_EQ(must_grant().payload, "adcs");
 }
 
 }  // namespace

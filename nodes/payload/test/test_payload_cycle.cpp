@@ -197,11 +197,39 @@ TEST_F(PayloadCycleTest, IgnoresARepeatedFlagAndRepeatsItsStatus) {
   EXPECT_EQ(cycle.counters().repeated_flags, 1U);
 }
 
+TEST_F(PayloadCycleTest, HandsBackAFlagThatWaitedForItsStartAndCountsNoFailure) {
+  flag = PayloadFlag{{1, 1}, 1, now - milliseconds(55), now + milliseconds(5), now + milliseconds(65), true};
+  const PayloadActions actions = cycle.on_flag(flag, now);
+  ASSERT_NE(find<PublishStatus>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::released);
+  EXPECT_EQ(find<PublishStatus>(actions)->detail, "starting");
+  EXPECT_EQ(cycle.statistics().slots_failed, 0U);
+  EXPECT_EQ(cycle.statistics().slots_handed_back, 1U);
+}
+
+TEST(PayloadCycleStart, HandsBackAFlagThatComesWhileThePeripheralIsSwitchedOn) {
+  PayloadCycle cycle{PayloadSettings{}, decode, TelecommandJournal{"boot"}};
+  const MonotonicTime now{seconds(20)};
+  cycle.activate(now);
+  const PayloadFlag flag{{1, 1}, 1, now, now + milliseconds(60), now + milliseconds(120), true};
+  EXPECT_EQ(find<PublishStatus>(cycle.on_flag(flag, now))->kind, Kind::released);
+  EXPECT_EQ(cycle.statistics().slots_failed, 0U);
+}
+
+TEST_F(PayloadCycleTest, IsNotStartingForEver) {
+  now += PayloadSettings{}.start_time;
+  flag = PayloadFlag{{1, 1}, 1, now - milliseconds(55), now + milliseconds(5), now + milliseconds(65), true};
+  EXPECT_EQ(find<PublishStatus>(cycle.on_flag(flag, now))->kind, Kind::failed);
+}
+
 TEST_F(PayloadCycleTest, NeverTakesAFlagWhoseLeaseIsOverOrWhoseTimeIsShort) {
-  flag = PayloadFlag{{1, 1}, 1, now, now + milliseconds(60), now + milliseconds(120), true};
+  grant();
+  wake();
+  quiet();  // no longer starting
+  flag = PayloadFlag{{1, 2}, 2, now, now + milliseconds(60), now + milliseconds(120), true};
   now += milliseconds(120);
   EXPECT_TRUE(cycle.on_flag(flag, now).empty());
-  flag = PayloadFlag{{1, 2}, 2, now, now + milliseconds(60), now + milliseconds(120), true};
+  flag = PayloadFlag{{1, 3}, 3, now, now + milliseconds(60), now + milliseconds(120), true};
   now += milliseconds(55);
   const PayloadActions actions = cycle.on_flag(flag, now);
   EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::failed);

@@ -28,6 +28,11 @@ TEST_F(Beacon, FitsInto200OctetsWithEveryFieldAtItsLongest) {
   EXPECT_LE(builder_.build(inputs_, {}).size() + 25, 200U) << "with structure id and packet headers";
 }
 
+TEST_F(Beacon, CarriesTheWholeReasonOfTheMode) {
+  inputs_.mode_reason = std::string(ModeKeeper::longest_reason, 'x');
+  EXPECT_EQ(built().mode_reason, inputs_.mode_reason);
+}
+
 TEST_F(Beacon, SaysUnknownForWhatNobodyTold) {
   const mission::Beacon beacon = built();
   EXPECT_TRUE(std::isnan(beacon.battery_voltage_v));

@@ -110,6 +110,25 @@ TEST_F(Router, RefusesWhatTheDictionaryDoesNotHave) {
   EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
 }
 
+TEST_F(Router, RefusesMoreGroupsThanARequestMayCarry) {
+  const auto groups = [](std::uint8_t count, std::size_t octets_each) {
+    Octets data{0, count};
+    data.resize(2 + count * octets_each);
+    return data;
+  };
+  for (const auto& [service, subtype] : {std::pair{3, 5}, {3, 6}, {5, 5}, {5, 6}}) {
+    const auto request = [&](std::uint8_t count) {
+      return send(1, static_cast<std::uint8_t>(service), static_cast<std::uint8_t>(subtype),
+                  groups(count, 2));
+    };
+    EXPECT_EQ(request(17), Names{"1,2"}) << service << ',' << subtype;
+    EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+    EXPECT_EQ(request(0), Names{"1,2"});
+  }
+  EXPECT_EQ(send(1, 15, 9, groups(9, 18)), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+}
+
 TEST_F(Router, RefusesAnArgumentOutOfRangeWithItsPosition) {
   EXPECT_EQ(send(17, 8, 1, {0, 1, 9, 1}), Names{"1,2"}) << "load 9";
   EXPECT_EQ(failure(), code(codes_.bad_argument, {1}));

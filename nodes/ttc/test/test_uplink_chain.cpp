@@ -124,6 +124,27 @@ TEST_F(Uplink, AHalfCltuFollowedBySilenceDoesNotHoldTheLine) {
   EXPECT_EQ(push(open_bd(ping()), 2000), 1U);
 }
 
+TEST(UplinkConfig, NamesTheAssociationsThatShareAKey) {
+  const auto association = [](std::uint16_t spi, std::uint8_t first_octet) {
+    return UplinkAssociation{
+        .spi = spi,
+        .key = wire::SdlsKey(std::array<std::uint8_t, wire::sdls_key_octets>{first_octet}),
+        .for_ad = true,
+        .for_bd = true};
+  };
+  const auto channel = [](std::uint8_t vc, UplinkAssociation only) {
+    UplinkChannel made{.vc = vc, .associations = {}};
+    made.associations.push_back(std::move(only));
+    return made;
+  };
+  UplinkConfig config;
+  config.channels.push_back(channel(0, association(1, 7)));
+  config.channels.front().associations.push_back(association(2, 8));
+  EXPECT_FALSE(associations_with_one_key(config).has_value());
+  config.channels.push_back(channel(1, association(3, 8)));
+  EXPECT_EQ(associations_with_one_key(config), std::pair(std::uint16_t{2}, std::uint16_t{3}));
+}
+
 TEST_F(Uplink, RefusesAReplayAndAnOldCounterOnASecuredChannel) {
   const Octets tenth = secured(10);
   EXPECT_EQ(push(tenth), 1U);

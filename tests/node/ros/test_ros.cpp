@@ -28,8 +28,8 @@ const Topic<TaskFlags> flags_topic{"/test/flags", {.depth = 4}, Priority::time};
 class RosTest : public testing::Test {
  protected:
   void SetUp() override {
-    here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
-    there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+    here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor_}).value();
+    there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor_}).value();
   }
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
@@ -90,6 +90,21 @@ TEST_F(RosTest, AMessageBeyondItsBoundsIsRefusedAndCounted) {
   EXPECT_EQ(publisher.refused(), 1U);
 }
 
+TEST_F(RosTest, APublisherTellsItsPeerFromOneThatOnlyListens) {
+  const Topic<TaskFlags> questions{"/test/questions", {.depth = 4}, Priority::normal};
+  const auto ignore = [](const TaskFlags&, const MessageInfo&) {};
+  const auto recorder = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+  Publisher<TaskFlags> answers(*here_, flags_topic);
+  Subscription<TaskFlags> asked(executor_, *here_, questions, ignore);
+  Subscription<TaskFlags> recorded(executor_, *recorder, flags_topic, ignore);
+  Publisher<TaskFlags> asking(*there_, questions);
+  ASSERT_TRUE(wait([&] { return answers.subscription_count() == 1 && asked.publisher_count() == 1; }));
+  EXPECT_FALSE(answers.is_heard_by_a_publisher_of(asked)) << "only the recorder listens";
+
+  Subscription<TaskFlags> heard(executor_, *there_, flags_topic, ignore);
+  EXPECT_TRUE(wait([&] { return answers.is_heard_by_a_publisher_of(asked); }));
+}
+
 /// Claims the type of TaskFlags on the wire and sends what it likes.
 struct ForeignFlags {
   static constexpr const char* dds_type_name = TaskFlags::dds_type_name;
@@ -123,6 +138,50 @@ TEST_F(RosTest, AMalformedSampleIsCountedDroppedAndTheNextGoodOneArrives) {
   good.publish(m);
   ASSERT_TRUE(wait([&] { return !got.empty(); }));
   EXPECT_THAT(got, testing::ElementsAre(9));
+}
+
+/// A process of the suite, another one, and a stranger, on one topic.
+class IsolationTest : public RosTest {
+ protected:
+  static std::unique_ptr<Participant> member(const std::string& node, bool drop_foreign) {
+    return Participant::create({testing_support::own_domain(),
+                                {"127.0.0.1"},
+                                nullptr,
+                                SuiteIdentity{"suite", node, 1},
+                                drop_foreign})
+        .value();
+  }
+  /// @return the cycles that the subscriber's callback got, in order of arrival
+  std::vector<std::uint64_t> run(bool drop_foreign) {
+    const auto listener = member("listener", drop_foreign);
+    const auto friendly = member("talker", drop_foreign);
+    std::vector<std::uint64_t> got;
+    Publisher<TaskFlags> ours(*friendly, flags_topic);
+    Publisher<TaskFlags> foreign(*here_, flags_topic);
+    Subscription<TaskFlags> subscription(
+        executor_, *listener, flags_topic,
+        [&](const TaskFlags& m, const MessageInfo&) { got.push_back(m.cycle); });
+    EXPECT_TRUE(wait([&] { return ours.subscription_count() == 1 && foreign.subscription_count() == 1; }));
+    TaskFlags m;
+    m.cycle = 1;
+    foreign.publish(m);
+    EXPECT_TRUE(wait([&] { return subscription.stats().foreign == 1; }));
+    m.cycle = 2;
+    ours.publish(m);
+    EXPECT_TRUE(wait([&] { return !got.empty() && got.back() == 2; }));
+    EXPECT_EQ(subscription.stats().foreign, 1U);
+    EXPECT_NE(subscription.reader().lock()->last_foreign().find("'/' at 127.0.0.1"), std::string::npos)
+        << subscription.reader().lock()->last_foreign();
+    return got;
+  }
+};
+
+TEST_F(IsolationTest, SamplesFromOutsideTheSuiteAreCountedAndAccepted) {
+  EXPECT_THAT(run(false), testing::ElementsAre(1, 2));
+}
+
+TEST_F(IsolationTest, WhereTheDeploymentSaysSoTheyAreDropped) {
+  EXPECT_THAT(run(true), testing::ElementsAre(2));
 }
 
 class ServiceTest : public RosTest {

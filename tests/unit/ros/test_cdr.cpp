@@ -52,6 +52,12 @@ TEST(Cdr, LaysOutFieldsAsXcdr1WithAlignmentFromTheBody) {
             "000000");
 }
 
+TEST(Cdr, PaddingIsZeroWhateverTheBufferHeldBefore) {
+  Octets out(encoded_size(example_flags()), 0xee);
+  encode_into(example_flags(), reinterpret_cast<char*>(out.data()), out.size());
+  EXPECT_EQ(to_hex(out), to_hex(encode(example_flags())));
+}
+
 TEST(Cdr, MessagesSurviveTheRoundTrip) {
   EXPECT_EQ(decoded<srfs_msgs::msg::TaskFlags>(encode(example_flags())), example_flags());
   rcl_interfaces::msg::Parameter p;
@@ -60,6 +66,12 @@ TEST(Cdr, MessagesSurviveTheRoundTrip) {
   p.value.string_array_value = {"a", "", "ccc"};
   p.value.double_array_value = {1.5, -2.5};
   EXPECT_EQ(decoded<rcl_interfaces::msg::Parameter>(encode(p)), p);
+}
+
+TEST(Cdr, ATextWithANulInsideIsNotCutShort) {
+  auto m = example_flags();
+  m.holder = std::string("a\0b", 3);
+  EXPECT_EQ(decoded<srfs_msgs::msg::TaskFlags>(encode(m)), m);
 }
 
 TEST(Cdr, WritersRefuseWhatBreaksABound) {

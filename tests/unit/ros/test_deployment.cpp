@@ -46,6 +46,15 @@ TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
             "d.yaml:4: 'devcies': unknown key, e");
   EXPECT_EQ(error_of("deployment: x\n" + node + "link: {baud: fast}\n"),
             "d.yaml:4: 'link.baud': expected an integer from 1200 to 4000000, found 'fast'");
+  const std::string channels =
+      "link:\n  tc_channels:\n    - {vc: 0, security: sdls, spi: 1, key_file: a.key}\n";
+  EXPECT_EQ(error_of("deployment: x\n" + node + channels +
+                     "    - {vc: 0, security: sdls, spi: 1, key_file: b.key}\n"),
+            "d.yaml:7: 'link.tc_channels[1].spi': expected a number that no other entry has, found '1'");
+  EXPECT_EQ(
+      error_of("deployment: x\n" + node + channels +
+               "    - {vc: 1, security: sdls, spi: 2, key_file: a.key}\n"),
+      "d.yaml:7: 'link.tc_channels[1].key_file': expected a key that no other entry has, found 'a.key'");
   EXPECT_EQ(error_of("deployment: x\n" + node + "link: {tm: {frame_length: 1115}}\n"),
             "d.yaml:4: 'link.tm.frame_length': expected 223 x interleave with reed_solomon, found '1115'");
   EXPECT_EQ(error_of("deployment: x\nnodes:\n  - {name: Timing, executable: t}\n"),
@@ -54,6 +63,18 @@ TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
                      "slots: [{payload: ghost, allotted_ms: 1, overrun_ms: 1, reset_ms: 1}]\n")
                 .find("'ghost' is none"),
             std::string::npos);
+}
+
+TEST_F(DeploymentTest, TheGraphsDialectAndTheRuleForForeignersAreTheDeployments) {
+  const auto load = [&](const std::string& dds) {
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + "dds: " + dds + "\n"));
+    return Deployment::load(folder_ / "d.yaml");
+  };
+  EXPECT_EQ(load("{}").ros_graph, RosGraph::humble);
+  EXPECT_FALSE(load("{}").drop_foreign);
+  EXPECT_EQ(load("{ros_graph: iron}").ros_graph, RosGraph::iron);
+  EXPECT_EQ(load("{ros_graph: off}").ros_graph, RosGraph::off) << "a word of YAML 1.1 for false";
+  EXPECT_TRUE(load("{foreign: drop}").drop_foreign);
 }
 
 TEST_F(DeploymentTest, IncarnationsOnlyGoUpAlsoFromADamagedFile) {

@@ -63,6 +63,8 @@ TEST(LifecycleTable, ARequestIsFoundByIdOrByLabel) {
   EXPECT_EQ(find_request(State::inactive, 3, "")->to, State::activating);
   EXPECT_EQ(find_request(State::inactive, 0, "activate")->to, State::activating);
   EXPECT_EQ(find_request(State::active, 0, "shutdown")->transition_id, 7);
+  EXPECT_EQ(find_request(State::inactive, 2, "activate")->to, State::activating) << "the label decides";
+  EXPECT_EQ(find_request(State::inactive, 3, "deactivate"), nullptr) << "not in this state";
   EXPECT_EQ(find_request(State::active, 3, ""), nullptr);
   EXPECT_EQ(find_request(State::configuring, 3, ""), nullptr) << "one transition at a time";
   EXPECT_EQ(find_request(State::finalized, 0, "configure"), nullptr);

@@ -114,19 +114,6 @@ TEST(ParameterSet, TellsOnceOfAWholeSet) {
   EXPECT_EQ(told, (std::vector<std::vector<std::string>>{{"a", "b"}}));
 }
 
-TEST(ParameterSet, IsListedByPrefixAndDepthAsInRos2) {
-  ParameterSet set;
-  for (const char* name : {"a", "camera.gain", "camera.lens.focus", "camera2"})
-    set.declare(name, {true, std::nullopt, ""});
-  using Names = std::vector<std::string>;
-  EXPECT_EQ(set.list({}, 0).names, (Names{"a", "camera.gain", "camera.lens.focus", "camera2"}));
-  EXPECT_EQ(set.list({}, 0).prefixes, (Names{"camera", "camera.lens"}));
-  EXPECT_EQ(set.list({}, 1).names, (Names{"a", "camera2"}));
-  EXPECT_EQ(set.list({"camera"}, 0).names, (Names{"camera.gain", "camera.lens.focus"}));
-  EXPECT_EQ(set.list({"camera"}, 1).names, (Names{"camera.gain"}));
-  EXPECT_EQ(set.list({"none"}, 0).names, Names{});
-}
-
 TEST(ParameterSet, TellsAfterAChangeHolds) {
   ParameterSet set;
   set.declare("a", {std::int64_t{1}, std::nullopt, ""});
@@ -147,6 +134,25 @@ TEST(ParameterMessage, EveryTypeSurvivesTheRoundTrip) {
                                            std::vector<std::string>{"a", "b"}};
   for (const auto& value : values) EXPECT_EQ(from_message(to_message(value)), value) << type_text(value);
   EXPECT_FALSE(from_message({})) << "NOT_SET is no value";
+}
+
+TEST(ListParameters, FollowsPrefixesAndDepthAsRclcppDoes) {
+  using Names = std::vector<std::string>;
+  const Names all{"camera.gain", "camera.lens.focus", "camera.lens.ring.step", "cameras", "period"};
+  EXPECT_EQ(list_parameter_names(all, {}, 0).names, all);
+  EXPECT_EQ(list_parameter_names(all, {}, 1).names, (Names{"cameras", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {}, 2).names, (Names{"camera.gain", "cameras", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {"camera"}, 0).names,
+            (Names{"camera.gain", "camera.lens.focus", "camera.lens.ring.step"}));
+  EXPECT_EQ(list_parameter_names(all, {"camera"}, 1).names, Names{"camera.gain"});
+  EXPECT_EQ(list_parameter_names(all, {"camera.lens", "period"}, 1).names,
+            (Names{"camera.lens.focus", "period"}));
+  EXPECT_EQ(list_parameter_names(all, {"nothing"}, 0).names, Names{});
+}
+
+TEST(ListParameters, NamesEveryPrefixOnce) {
+  const auto result = list_parameter_names({"a.b.c", "a.b.d", "a.e", "f"}, {}, 0);
+  EXPECT_EQ(result.prefixes, (std::vector<std::string>{"a.b", "a"}));
 }
 
 }  // namespace

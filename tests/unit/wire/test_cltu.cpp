@@ -97,6 +97,18 @@ TEST(CltuDecoder, OctetsAfterASilenceDoNotContinueWhatWasBefore) {
   EXPECT_EQ(decoder.push(line, start + milliseconds(300)).size(), 1U);
 }
 
+TEST(CltuDecoder, AReaderHeldUpInsideACltuLosesNothing) {
+  CltuDecoder decoder({.silence = std::chrono::milliseconds(200)});
+  const Octets frame = frame_of(40);
+  const Octets line = encode_cltu(frame, false);
+  (void)decoder.push(cut(line, 18), start);
+  // The rest waited in the kernel while the reader did not run.
+  const auto frames = decoder.push(Octets(line.begin() + 18, line.end()), start + milliseconds(350));
+  ASSERT_EQ(frames.size(), 1U);
+  EXPECT_EQ(frames[0], frame);
+  EXPECT_EQ(decoder.counters().cut_short, 0U);
+}
+
 TEST(CltuDecoder, RejectsOneWrongBitOrCorrectsItAsConfigured) {
   const Octets frame = frame_of(9);
   const Octets good = encode_cltu(frame, false);

@@ -1,0 +1,246 @@
+#include "ros/transport.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cerrno>
+#include <cstring>
+#include <span>
+
+#include <arpa/inet.h>
+#include <fastdds/rtps/transport/ChainingTransport.h>
+#include <fastdds/rtps/transport/ChainingTransportDescriptor.h>
+#include <fastdds/rtps/transport/TransportReceiverInterface.h>
+#include <fastrtps/utils/IPLocator.h>
+#include <netinet/in.h>
+#include <sys/epoll.h>
+#include <sys/socket.h>
+
+#include "base/fd.hpp"
+#include "base/log.hpp"
+
+namespace srfs::ros {
+namespace {
+
+namespace rtps = eprosima::fastdds::rtps;
+using eprosima::fastrtps::rtps::IPLocator;
+using eprosima::fastrtps::rtps::Locator_t;
+
+constexpr int receive_buffer_octets = 4 << 20;
+constexpr int most_datagrams_a_turn = 16;
+constexpr int most_datagrams_waiting = 64;
+
+/// Ports of a participant (RTPS 2.2, 9.6.1.1): discovery has even ones, user traffic odd ones, whatever its
+/// number.
+bool is_user_unicast(const Locator_t& locator) {
+  return !IPLocator::isMulticast(locator) && IPLocator::getPhysicalPort(locator) % 2 == 1;
+}
+
+Fd bind_socket(const in_addr& address, std::uint16_t port) {
+  Fd fd(socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!fd) return fd;
+  const int on = 1;
+  setsockopt(fd.get(), SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+  setsockopt(fd.get(), SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
+  // Past net.core.rmem_max with the right to it, else up to that.
+  if (setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUFFORCE, &receive_buffer_octets,
+                 sizeof receive_buffer_octets) != 0) {
+    setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUF, &receive_buffer_octets, sizeof receive_buffer_octets);
+  }
+  sockaddr_in me{};
+  me.sin_family = AF_INET;
+  me.sin_port = htons(port);
+  me.sin_addr = address;
+  if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&me), sizeof me) != 0) return {};
+  return fd;
+}
+
+/// One port of the participant's user traffic, on one address.
+class Channel {
+ public:
+  Channel(Fd fd, const Locator_t& locator, rtps::TransportReceiverInterface& receiver, Executor& executor,
+          std::shared_ptr<TransportState> state, std::span<std::uint8_t> buffer)
+      : fd_(std::move(fd)),
+        locator_(locator),
+        receiver_(receiver),
+        state_(std::move(state)),
+        buffer_(buffer),
+        watch_(executor.add_fd(
+            fd_.get(), EPOLLIN, [this](std::uint32_t) { read(most_datagrams_a_turn); }, "DDS socket")) {}
+
+  [[nodiscard]] std::uint32_t port() const { return IPLocator::getPhysicalPort(locator_); }
+
+  void read(int most) {
+    for (int i = 0; i < most && read_one(); ++i) {
+    }
+  }
+
+ private:
+  bool read_one() {
+    sockaddr_in from{};
+    iovec part{buffer_.data(), buffer_.size()};
+    alignas(cmsghdr) std::array<std::uint8_t, 128> control{};
+    msghdr message{};
+    message.msg_name = &from;
+    message.msg_namelen = sizeof from;
+    message.msg_iov = &part;
+    message.msg_iovlen = 1;
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    const ssize_t length = recvmsg(fd_.get(), &message, 0);
+    // A pending ICMP error (a peer that was killed) is reported once and is nothing to us.
+    if (length < 0) return errno == ECONNREFUSED || errno == EINTR;
+    note(message);
+    Locator_t remote;
+    remote.kind = LOCATOR_KIND_UDPv4;
+    IPLocator::setIPv4(remote, reinterpret_cast<const std::uint8_t*>(&from.sin_addr));
+    IPLocator::setPhysicalPort(remote, ntohs(from.sin_port));
+    receiver_.OnDataReceived(buffer_.data(), static_cast<std::uint32_t>(length), locator_, remote);
+    return true;
+  }
+
+  void note(msghdr& message) {
+    const UtcTime now = system_utc_now();
+    UtcTime arrived = now;
+    for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
+      if (c->cmsg_level != SOL_SOCKET) continue;
+      if (c->cmsg_type == SCM_TIMESTAMPNS) {
+        timespec t{};
+        std::memcpy(&t, CMSG_DATA(c), sizeof t);
+        arrived = UtcTime(seconds(t.tv_sec) + nanoseconds(t.tv_nsec));
+      } else if (c->cmsg_type == SO_RXQ_OVFL) {
+        std::uint32_t dropped = 0;  // since the socket was made
+        std::memcpy(&dropped, CMSG_DATA(c), sizeof dropped);
+        state_->stats.overflowed += dropped - dropped_;
+        dropped_ = dropped;
+      }
+    }
+    ++state_->stats.datagrams;
+    state_->arrivals.add(now, arrived);
+  }
+
+  Fd fd_;
+  Locator_t locator_;
+  rtps::TransportReceiverInterface& receiver_;
+  std::shared_ptr<TransportState> state_;
+  std::span<std::uint8_t> buffer_;
+  std::uint32_t dropped_ = 0;
+  Executor::Handle watch_;
+};
+
+struct Descriptor : rtps::ChainingTransportDescriptor {
+  Descriptor(std::shared_ptr<rtps::TransportDescriptorInterface> udp, Executor& work_thread,
+             std::vector<std::string> on_addresses, std::shared_ptr<TransportState> shared_state)
+      : ChainingTransportDescriptor(std::move(udp)),
+        executor(work_thread),
+        addresses(std::move(on_addresses)),
+        state(std::move(shared_state)) {}
+  [[nodiscard]] rtps::TransportInterface* create_transport() const override;
+
+  Executor& executor;
+  std::vector<std::string> addresses;
+  std::shared_ptr<TransportState> state;
+};
+
+class WorkThreadTransport final : public rtps::ChainingTransport {
+ public:
+  explicit WorkThreadTransport(const Descriptor& descriptor)
+      : ChainingTransport(descriptor),
+        descriptor_(descriptor),
+        buffer_(std::make_unique_for_overwrite<std::uint8_t[]>(descriptor.max_message_size())) {
+    descriptor_.state->receive_waiting = [this] {
+      for (const auto& channel : channels_) channel->read(most_datagrams_waiting);
+    };
+  }
+  ~WorkThreadTransport() override {
+    descriptor_.state->receive_waiting = [] {};
+  }
+  WorkThreadTransport(const WorkThreadTransport&) = delete;
+  WorkThreadTransport& operator=(const WorkThreadTransport&) = delete;
+
+  rtps::TransportDescriptorInterface* get_configuration() override { return &descriptor_; }
+
+  bool IsInputChannelOpen(const Locator_t& locator) const override {
+    if (!is_user_unicast(locator)) return low_level_transport_->IsInputChannelOpen(locator);
+    const std::lock_guard lock(mutex_);
+    return std::any_of(channels_.begin(), channels_.end(),
+                       [&](const auto& c) { return c->port() == IPLocator::getPhysicalPort(locator); });
+  }
+
+  bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
+                        std::uint32_t max_message_octets) override {
+    if (!is_user_unicast(locator))
+      return low_level_transport_->OpenInputChannel(locator, receiver, max_message_octets);
+    if (IsInputChannelOpen(locator)) return true;
+    std::vector<std::unique_ptr<Channel>> made;
+    const std::vector<std::string> any{"0.0.0.0"};
+    for (const std::string& text : descriptor_.addresses.empty() ? any : descriptor_.addresses) {
+      in_addr address{};
+      if (inet_pton(AF_INET, text.c_str(), &address) != 1) return false;
+      Fd fd = bind_socket(address, static_cast<std::uint16_t>(IPLocator::getPhysicalPort(locator)));
+      if (!fd) return false;  // taken: Fast DDS tries the next port
+      made.push_back(std::make_unique<Channel>(std::move(fd), locator, *receiver, descriptor_.executor,
+                                               descriptor_.state,
+                                               std::span(buffer_.get(), descriptor_.max_message_size())));
+    }
+    const std::lock_guard lock(mutex_);
+    for (auto& channel : made) channels_.push_back(std::move(channel));
+    return true;
+  }
+
+  bool CloseInputChannel(const Locator_t& locator) override {
+    if (!is_user_unicast(locator)) return low_level_transport_->CloseInputChannel(locator);
+    const std::lock_guard lock(mutex_);
+    std::erase_if(channels_, [&](const auto& c) { return c->port() == IPLocator::getPhysicalPort(locator); });
+    return true;
+  }
+
+  // What goes out goes straight through the UDP transport: no link of a chain in the path of a sample.
+  bool OpenOutputChannel(rtps::SendResourceList& list, const Locator_t& locator) override {
+    return low_level_transport_->OpenOutputChannel(list, locator);
+  }
+  bool send(eprosima::fastrtps::rtps::SenderResource*, const eprosima::fastrtps::rtps::octet*, std::uint32_t,
+            eprosima::fastrtps::rtps::LocatorsIterator*, eprosima::fastrtps::rtps::LocatorsIterator*,
+            const std::chrono::steady_clock::time_point&) override {
+    assert(false && "no sender of this transport goes through the chain");
+    return false;
+  }
+  void receive(rtps::TransportReceiverInterface*, const eprosima::fastrtps::rtps::octet*, std::uint32_t,
+               const Locator_t&, const Locator_t&) override {
+    assert(false && "no receiver of this transport goes through the chain");
+  }
+  void shutdown() override { low_level_transport_->shutdown(); }
+
+ private:
+  Descriptor descriptor_;
+  // One for all channels: they are read one after another. Untouched pages of it cost no memory.
+  std::unique_ptr<std::uint8_t[]> buffer_;
+  mutable std::mutex mutex_;
+  std::vector<std::unique_ptr<Channel>> channels_;
+};
+
+rtps::TransportInterface* Descriptor::create_transport() const {
+  return new WorkThreadTransport(*this);
+}
+
+}  // namespace
+
+void ArrivalLog::add(UtcTime read, UtcTime arrived) {
+  entries_[next_++ % entries_.size()] = {read, arrived};
+}
+
+UtcTime ArrivalLog::arrival_of(UtcTime looked_at) const {
+  const std::size_t known = std::min(next_, entries_.size());
+  for (std::size_t back = 1; back <= known; ++back) {
+    const Entry& entry = entries_[(next_ - back) % entries_.size()];
+    if (entry.read <= looked_at) return std::min(entry.arrived, looked_at);
+  }
+  return looked_at;
+}
+
+std::shared_ptr<rtps::TransportDescriptorInterface> work_thread_transport(
+    std::shared_ptr<rtps::TransportDescriptorInterface> udp, Executor& executor,
+    std::vector<std::string> addresses, std::shared_ptr<TransportState> state) {
+  return std::make_shared<Descriptor>(std::move(udp), executor, std::move(addresses), std::move(state));
+}
+
+}  // namespace srfs::ros

@@ -1,0 +1,40 @@
+// The node under test: the layer with a parameter of every type and one input, nothing else.
+
+#include "ros/run_node.hpp"
+
+#include "ros/node.hpp"
+
+namespace {
+
+using namespace srfs::ros;
+
+class ConformanceNode : public LifecycleNode {
+ public:
+  explicit ConformanceNode(NodeContext& context) : LifecycleNode(context) {
+    declare_parameter("configure_fails", false, "Configuring returns failure");
+    declare_parameter("camera.gain", 1.5, ParameterRange{0.0, 8.0}, "Gain of the camera");
+    declare_parameter("camera.lens.focus", std::int64_t{-3}, ParameterRange{-10, 10}, "Focus in steps");
+    declare_parameter("camera.name", std::string("cam"), "Name", true);
+    declare_parameter("lists.bools", std::vector<bool>{true, false, true}, "Flags");
+    declare_parameter("lists.integers", std::vector<std::int64_t>{1, -2}, "Numbers");
+    declare_parameter("lists.doubles", std::vector<double>{0.5}, "Fractions");
+    declare_parameter("lists.strings", std::vector<std::string>{"a", "", "ccc"}, "Words");
+  }
+
+ protected:
+  CallbackReturn on_configure() override {
+    if (!get_parameter<bool>("configure_fails")) return CallbackReturn::success;
+    set_failure_reason("told to fail");
+    return CallbackReturn::failure;
+  }
+
+ private:
+  std::shared_ptr<Subscription<srfs_msgs::msg::TaskFlags>> flags_ =
+      create_subscription(topics::task_flags, [](const srfs_msgs::msg::TaskFlags&) {});
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return run_node<ConformanceNode>(argc, argv);
+}

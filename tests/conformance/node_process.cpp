@@ -1,0 +1,82 @@
+#include "tests/conformance/node_process.hpp"
+
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "ros/instance.hpp"
+
+namespace srfs::conformance {
+
+int test_domain() {
+  static const ros::DomainLock lock = [] {
+    auto allocated = ros::DomainLock::allocate(std::nullopt, 60).value();
+    allocated.downgrade();  // the node shares it
+    return allocated;
+  }();
+  return lock.domain();
+}
+
+NodeProcess::NodeProcess(std::string name, const std::string& dds) : name_(std::move(name)) {
+  std::string pattern = (std::filesystem::temp_directory_path() / "srfs_conformance_XXXXXX").string();
+  if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
+  folder_ = pattern;
+  std::filesystem::create_directories(folder_ / "state" / name_);
+  std::ofstream(folder_ / "state" / name_ / "desired_state") << "unconfigured\n";
+  std::ofstream(folder_ / "d.yaml") << "deployment: conformance\ndds: " << dds << "\nnodes: [{name: " << name_
+                                    << ", executable: conformance_node}]\n";
+  std::vector<std::string> arguments{CONFORMANCE_NODE, "--name",           name_,
+                                     "--deployment",   folder_ / "d.yaml", "--var",
+                                     folder_,          "--domain",         std::to_string(test_domain())};
+  std::vector<char*> argv;
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  if (posix_spawn(&pid_, CONFORMANCE_NODE, nullptr, nullptr, argv.data(), environ) != 0)
+    throw std::runtime_error("cannot start " CONFORMANCE_NODE);
+}
+
+NodeProcess::~NodeProcess() {
+  kill(pid_, SIGTERM);
+  int status = 0;
+  const bool ended = wait_for([&] { return waitpid(pid_, &status, WNOHANG) == pid_; });
+  if (!ended) {
+    kill(pid_, SIGKILL);
+    waitpid(pid_, &status, 0);
+  }
+  EXPECT_TRUE(ended && WIFEXITED(status) && WEXITSTATUS(status) == 0) << name_ << ": status " << status;
+  std::filesystem::remove_all(folder_);
+}
+
+Octets NodeProcess::user_data() const {
+  const std::string text = "enclave=/;srfs=conformance/" + name_ + "/1;";
+  Octets octets(text.begin(), text.end());
+  octets.push_back(0);
+  return octets;
+}
+
+std::unique_ptr<NodeProcess> ConformanceTest::node_;
+std::unique_ptr<Ros2Peer> ConformanceTest::shared_peer_;
+
+SeenParticipant ConformanceTest::find(const NodeProcess& node) {
+  SeenParticipant found;
+  EXPECT_TRUE(wait_for([&] {
+    for (const SeenParticipant& seen : peer_.participants()) {
+      if (seen.user_data != node.user_data()) continue;
+      found = seen;
+      return true;
+    }
+    return false;
+  })) << "no participant of "
+      << node.name();
+  return found;
+}
+
+}  // namespace srfs::conformance

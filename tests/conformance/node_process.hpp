@@ -1,0 +1,60 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "tests/conformance/ros2_peer.hpp"
+
+namespace srfs::conformance {
+
+/// The DDS domain of this test program alone.
+[[nodiscard]] int test_domain();
+
+/// A running conformance_node, in a folder of its own; ended when dropped.
+class NodeProcess {
+ public:
+  /// Starts it in state unconfigured. @param dds the deployment's `dds` section without the domain
+  NodeProcess(std::string name, const std::string& dds);
+  ~NodeProcess();
+  NodeProcess(const NodeProcess&) = delete;
+  NodeProcess& operator=(const NodeProcess&) = delete;
+
+  [[nodiscard]] const std::string& name() const { return name_; }
+  /// USER_DATA its participant must have.
+  [[nodiscard]] Octets user_data() const;
+
+ private:
+  std::string name_;
+  std::filesystem::path folder_;
+  pid_t pid_ = -1;
+};
+
+/// One node and one ROS 2 peer for all tests of a suite. (Not a peer for each test: Fast DDS 2.9 gives every
+/// participant that a process makes the next participant id, and the 33rd is beyond the ports that are
+/// announced to.)
+class ConformanceTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    node_ = std::make_unique<NodeProcess>("probe", "{ros_graph: humble}");
+    shared_peer_ = std::make_unique<Ros2Peer>(test_domain());
+  }
+  static void TearDownTestSuite() {
+    node_.reset();
+    shared_peer_.reset();
+  }
+
+  /// The participant of the node, once it is discovered.
+  [[nodiscard]] SeenParticipant participant() { return find(*node_); }
+  [[nodiscard]] SeenParticipant find(const NodeProcess& node);
+
+  static std::unique_ptr<NodeProcess> node_;
+  static std::unique_ptr<Ros2Peer> shared_peer_;
+  Ros2Peer& peer_ = *shared_peer_;
+};
+
+}  // namespace srfs::conformance

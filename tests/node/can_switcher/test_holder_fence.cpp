@@ -1,0 +1,146 @@
+// HolderFence against real processes.
+
+#include <sys/epoll.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "nodes/can_switcher/holder_fence.hpp"
+
+namespace srfs {
+namespace {
+
+using testing::HasSubstr;
+
+/// A child that waits for its end; ended and reaped with the object.
+class Holder {
+ public:
+  Holder() : pid_(fork()) {
+    if (pid_ == 0) {
+      for (;;) pause();
+    }
+  }
+  ~Holder() {
+    if (!reaped_) kill(pid_, SIGKILL);
+    reap();
+  }
+  Holder(const Holder&) = delete;
+  Holder& operator=(const Holder&) = delete;
+  [[nodiscard]] pid_t pid() const { return pid_; }
+  /// Signal that ended it.
+  int reap() {
+    if (!reaped_) waitpid(pid_, &status_, 0);
+    reaped_ = true;
+    return WIFSIGNALED(status_) ? WTERMSIG(status_) : 0;
+  }
+  /// As the instance lock tells it: nobody once the process has ended, reaped or not.
+  [[nodiscard]] std::optional<pid_t> lock_owner() const {
+    siginfo_t info{};
+    const bool ended =
+        reaped_ || (waitid(P_PID, static_cast<id_t>(pid_), &info, WEXITED | WNOHANG | WNOWAIT) == 0 &&
+                    info.si_pid == pid_);
+    return ended ? std::nullopt : std::optional(pid_);
+  }
+
+ private:
+  pid_t pid_;
+  int status_ = 0;
+  bool reaped_ = false;
+};
+
+class HolderFenceTest : public testing::Test {
+ protected:
+  HolderFence::Hooks hooks() {
+    HolderFence::Hooks h;
+    h.find = [this](const std::string&) { return find_(); };
+    h.watch = [this](int fd, std::function<void()> readable) {
+      return executor_.add_fd(fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); });
+    };
+    h.after = [this](nanoseconds delay, std::function<void()> due) {
+      return executor_.add_timer(monotonic_now() + delay, nanoseconds(0), std::move(due));
+    };
+    return h;
+  }
+  void fence(HolderFence& fence) {
+    fence.fence("payload_eps", {.gone = [this] { ++gone_; },
+                                .unproven = [this](const std::string& why) { unproven_.push_back(why); }});
+  }
+  bool wait(const std::function<bool()>& condition) {
+    return executor_.spin_until(condition, monotonic_now() + seconds(20));
+  }
+
+  ros::Executor executor_;
+  std::function<std::optional<pid_t>()> find_ = [] { return std::nullopt; };
+  int gone_ = 0;
+  std::vector<std::string> unproven_;
+};
+
+TEST_F(HolderFenceTest, SaysGoneAtOnceWhenNoSuchProcessRuns) {
+  HolderFence holder_fence(hooks(), seconds(10));
+  fence(holder_fence);
+  EXPECT_EQ(gone_, 1);
+  EXPECT_FALSE(holder_fence.busy());
+}
+
+TEST_F(HolderFenceTest, KillsTheHolderAndSaysGoneWhenItHasEnded) {
+  Holder holder;
+  find_ = [&] { return holder.lock_owner(); };
+  HolderFence holder_fence(hooks(), seconds(10));
+  fence(holder_fence);
+  ASSERT_TRUE(wait([&] { return gone_ == 1; }));
+  EXPECT_FALSE(holder.lock_owner().has_value());
+  EXPECT_EQ(holder.reap(), SIGKILL);
+  EXPECT_TRUE(unproven_.empty());
+}
+
+TEST_F(HolderFenceTest, SaysGoneOnlyWhenTheHolderThatCouldNotBeKilledIsGone) {
+  Holder holder;
+  find_ = [&] { return holder.lock_owner(); };
+  HolderFence::Hooks refused = hooks();
+  bool may_kill = false;
+  refused.kill = [&](int pidfd) { return may_kill ? HolderFence::send_sigkill(pidfd) : EPERM; };
+  HolderFence holder_fence(std::move(refused), milliseconds(5));
+
+  fence(holder_fence);
+  ASSERT_TRUE(wait([&] { return unproven_.size() >= 3; }));
+  EXPECT_EQ(gone_, 0) << "it lives and may write";
+  EXPECT_THAT(unproven_.back(), HasSubstr("cannot kill"));
+
+  may_kill = true;
+  ASSERT_TRUE(wait([&] { return gone_ == 1; }));
+  EXPECT_EQ(holder.reap(), SIGKILL);
+}
+
+TEST_F(HolderFenceTest, SeesAHolderThatEndsByItselfAfterTheKillFailed) {
+  Holder holder;
+  find_ = [&] { return holder.lock_owner(); };
+  HolderFence::Hooks refused = hooks();
+  refused.kill = [](int) { return EPERM; };
+  HolderFence holder_fence(std::move(refused), seconds(30));
+  fence(holder_fence);
+  EXPECT_EQ(gone_, 0);
+
+  kill(holder.pid(), SIGTERM);
+  ASSERT_TRUE(wait([&] { return gone_ == 1; }));
+}
+
+TEST_F(HolderFenceTest, NeverKillsAStrangerThatGotTheNumber) {
+  Holder stranger;
+  int asked = 0;
+  // The holder ends between the two questions; its number now belongs to somebody else.
+  find_ = [&]() -> std::optional<pid_t> {
+    return asked++ == 0 ? std::optional(stranger.pid()) : std::nullopt;
+  };
+  HolderFence holder_fence(hooks(), seconds(10));
+  fence(holder_fence);
+  EXPECT_EQ(gone_, 1);
+  EXPECT_TRUE(stranger.lock_owner().has_value());
+}
+
+}  // namespace
+}  // namespace srfs

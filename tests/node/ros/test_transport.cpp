@@ -1,0 +1,134 @@
+// The work-thread transport between two processes: within one, Fast DDS hands samples over without any
+// transport.
+
+#include <csignal>
+#include <thread>
+
+#include <gtest/gtest.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "ros/client.hpp"
+#include "ros/publisher.hpp"
+#include "ros/service.hpp"
+#include "srfs_msgs/msg/task_flags.hpp"
+#include "srfs_msgs/srv/check_alive.hpp"
+#include "tests/dds_domain.hpp"
+
+namespace srfs::ros {
+namespace {
+
+using srfs_msgs::msg::TaskFlags;
+using srfs_msgs::srv::CheckAlive;
+
+const Topic<TaskFlags> there_topic{"/test/there", {.depth = 64}, Priority::time};
+const Topic<TaskFlags> back_topic{"/test/back", {.depth = 64}, Priority::time};
+
+/// Sends back what comes, and answers a service.
+[[noreturn]] void echo(int domain, bool own_threads) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  Executor executor;
+  const auto participant =
+      Participant::create({domain, {"127.0.0.1"}, own_threads ? nullptr : &executor}).value();
+  Publisher<TaskFlags> back(*participant, back_topic);
+  const Subscription<TaskFlags> there(executor, *participant, there_topic,
+                                      [&](const TaskFlags& m, const MessageInfo&) { back.publish(m); });
+  const Service<CheckAlive> service(
+      executor, *participant, "/test/echo", Qos{}, Priority::liveness,
+      [](const CheckAlive::Request& q, CheckAlive::Response& r) { r.nonce = q.nonce + 1; });
+  executor.spin();
+  _exit(0);
+}
+
+/// The peer with Fast DDS' own receive threads (any other DDS program), then with our transport.
+class TransportTest : public testing::TestWithParam<bool> {
+ protected:
+  void SetUp() override {
+    const std::string domain = std::to_string(domain_);
+    peer_ = fork();
+    // Another program, not a copy of this one: the threads of Fast DDS do not come along into a copy.
+    if (peer_ == 0) {
+      execl("/proc/self/exe", "echo", "--echo", domain.c_str(), GetParam() ? "own" : "work", nullptr);
+      _exit(127);
+    }
+  }
+  void TearDown() override {
+    kill(peer_, SIGKILL);
+    waitpid(peer_, nullptr, 0);
+  }
+  bool wait(const std::function<bool()>& condition) {
+    return executor_.spin_until(condition, monotonic_now() + seconds(20));
+  }
+  const int domain_ = testing_support::own_domain();
+  pid_t peer_ = -1;
+  Executor executor_;
+};
+
+TEST_P(TransportTest, SamplesLargeAndSmallComeBackWholeInOrderAndOnTheWorkThread) {
+  const auto participant = Participant::create({domain_, {"127.0.0.1"}, &executor_}).value();
+  Publisher<TaskFlags> there(*participant, there_topic);
+  std::vector<TaskFlags> got;
+  const auto work_thread = std::this_thread::get_id();
+  bool elsewhere = false;
+  const Subscription<TaskFlags> back(executor_, *participant, back_topic,
+                                     [&](const TaskFlags& m, const MessageInfo& info) {
+                                       elsewhere = elsewhere || std::this_thread::get_id() != work_thread;
+                                       EXPECT_LE(info.received, monotonic_now());
+                                       got.push_back(m);
+                                     });
+  ASSERT_TRUE(wait([&] { return there.subscription_count() == 1 && back.publisher_count() == 1; }));
+  for (std::uint64_t i = 0; i < 200; ++i) {
+    TaskFlags m;
+    m.cycle = i;
+    m.holder = std::string(i % 32, 'x');
+    m.flags.assign(i % 8, true);
+    ASSERT_TRUE(there.publish(m));
+    ASSERT_TRUE(wait([&] { return got.size() == i + 1; })) << i;
+    EXPECT_EQ(got.back(), m);
+  }
+  EXPECT_FALSE(elsewhere);
+  EXPECT_GE(participant->transport_stats().datagrams, 200U);
+  EXPECT_EQ(participant->transport_stats().overflowed, 0U);
+}
+
+TEST_P(TransportTest, AServiceIsCalledAcrossProcesses) {
+  const auto participant = Participant::create({domain_, {"127.0.0.1"}, &executor_}).value();
+  Client<CheckAlive> client(executor_, *participant, "/test/echo", Qos{}, Priority::liveness);
+  for (std::uint64_t i = 0; i < 50; ++i) {
+    std::optional<std::uint64_t> answer;
+    CheckAlive::Request request;
+    request.nonce = i;
+    client.call(request, seconds(15), 1, [&](const Result<CheckAlive::Response, CallError>& r) {
+      answer = r.has_value() ? r->nonce : 0;
+    });
+    ASSERT_TRUE(wait([&] { return answer.has_value(); }));
+    EXPECT_EQ(*answer, i + 1);
+  }
+}
+
+TEST_P(TransportTest, ManyParticipantsOfOneMachineFindPortsOfTheirOwn) {
+  std::vector<std::unique_ptr<Participant>> crowd;
+  for (int i = 0; i < 6; ++i)
+    crowd.push_back(Participant::create({domain_, {"127.0.0.1"}, &executor_}).value());
+  Client<CheckAlive> client(executor_, *crowd.back(), "/test/echo", Qos{}, Priority::liveness);
+  std::optional<std::uint64_t> answer;
+  client.call({}, seconds(15), 1, [&](const Result<CheckAlive::Response, CallError>& r) {
+    answer = r.has_value() ? r->nonce : 0;
+  });
+  ASSERT_TRUE(wait([&] { return answer.has_value(); }));
+  EXPECT_EQ(*answer, 1U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Peer, TransportTest, testing::Bool(),
+                         [](const auto& with) { return with.param ? "FastDdsThreads" : "WorkThread"; });
+
+}  // namespace
+}  // namespace srfs::ros
+
+int main(int argc, char** argv) {
+  if (argc == 4 && std::string(argv[1]) == "--echo")
+    srfs::ros::echo(std::atoi(argv[2]), std::string(argv[3]) == "own");
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}

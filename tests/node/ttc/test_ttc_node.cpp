@@ -1,0 +1,220 @@
+// TtcNode between a pty, as the RS422 line, and the other nodes' topics over real DDS.
+
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/epoll.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <mission/structures.hpp>
+
+#include "base/file.hpp"
+#include "ground/downlink.hpp"
+#include "nodes/ttc/ttc_node.hpp"
+#include "tests/dds_domain.hpp"
+#include "wire/tc_uplink.hpp"
+
+namespace srfs {
+namespace {
+
+using srfs_msgs::msg::PayloadTelemetry;
+using srfs_msgs::msg::Telecommand;
+using srfs_msgs::msg::TelecommandReport;
+using testing::HasSubstr;
+
+constexpr std::uint8_t open_vc = 1;
+const std::string open_channel = "{ vc: 1, security: none }";
+
+/// ttc in one participant, everybody else in another, the ground at the far end of a pty; one work thread.
+class TtcNodeTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_ttc_XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+    open_line();
+    here_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+    there_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+  }
+  void TearDown() override {
+    line_watch_.reset();
+    if (node_) {
+      node_->go_to(ros::State::unconfigured);
+      node_->go_to(ros::State::finalized);
+    }
+    node_.reset();
+    std::filesystem::remove_all(folder_);
+  }
+
+  void open_line() {
+    line_ = Fd(::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK));
+    ASSERT_EQ(::grantpt(line_.get()), 0);
+    ASSERT_EQ(::unlockpt(line_.get()), 0);
+    std::array<char, 64> name{};
+    ASSERT_EQ(::ptsname_r(line_.get(), name.data(), name.size()), 0);
+    std::filesystem::create_symlink(name.data(), folder_ / "line");
+  }
+  void make_node(const std::string& channels) {
+    const std::string yaml =
+        "deployment: t\n"
+        "devices: { rs422: \"serial:line\" }\n"
+        "link: { spacecraft_id: 0xAB, tc_channels: [" +
+        channels +
+        "] }\n"
+        "nodes: [{ name: ttc, executable: ttc_node,\n"
+        "          parameters: { initial_mode: nominal, housekeeping_period_ms: 100 } }]\n";
+    ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", yaml));
+    deployment_ = std::make_unique<ros::Deployment>(ros::Deployment::load(folder_ / "d.yaml"));
+    context_ = std::make_unique<ros::NodeContext>(
+        ros::NodeContext{"ttc", *deployment_, ros::VarPaths{folder_}, 1, executor_, *here_});
+    node_ = std::make_unique<TtcNode>(*context_);
+  }
+  void activate() {
+    make_node(open_channel);
+    ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
+    downlink_ = std::make_unique<ground::Downlink>(deployment_->link);
+    line_watch_ = executor_.add_fd(line_.get(), EPOLLIN, [this](std::uint32_t) { read_line(); });
+  }
+  void read_line() {
+    std::array<std::uint8_t, 4096> octets{};
+    const ssize_t n = ::read(line_.get(), octets.data(), octets.size());
+    if (n <= 0) return;
+    for (auto& received : downlink_->push(OctetView(octets.data(), static_cast<std::size_t>(n))))
+      packets_.push_back(std::move(received.packet));
+  }
+  /// @return its request id, as the reports carry it
+  Octets send(std::uint16_t apid, std::uint8_t service, std::uint8_t subtype, Octets data = {}) {
+    wire::TcPacket packet;
+    packet.apid = apid;
+    packet.sequence_count = ++sequence_;
+    packet.ack_flags = wire::ack::all;
+    packet.service = service;
+    packet.subtype = subtype;
+    packet.application = std::move(data);
+    const Octets octets = wire::make_tc_packet(packet);
+    const Octets cltu = wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = open_vc}, wire::TcFrameType::bd,
+                                               0, nullptr, octets)
+                            .value();
+    EXPECT_EQ(::write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
+    return {octets.begin(), octets.begin() + 4};
+  }
+  bool wait(const std::function<bool()>& condition) {
+    return executor_.spin_until(condition, monotonic_now() + seconds(20));
+  }
+  /// A packet that fits has come, or comes.
+  bool comes(
+      std::uint8_t service, std::uint8_t subtype,
+      const std::function<bool(const wire::TmPacket&)>& fits = [](const wire::TmPacket&) { return true; }) {
+    return wait([&] {
+      return std::any_of(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+        return p.service == service && p.subtype == subtype && fits(p);
+      });
+    });
+  }
+  bool verified(std::uint8_t subtype, const Octets& request) {
+    return comes(1, subtype, [&](const wire::TmPacket& p) { return p.source == request; });
+  }
+
+  ros::Executor executor_;
+  std::unique_ptr<ros::Participant> here_;
+  std::unique_ptr<ros::Participant> there_;
+  std::filesystem::path folder_;
+  Fd line_;
+  std::unique_ptr<ros::Deployment> deployment_;
+  std::unique_ptr<ros::NodeContext> context_;
+  std::unique_ptr<TtcNode> node_;
+  std::unique_ptr<ground::Downlink> downlink_;
+  ros::Executor::Handle line_watch_;
+  std::vector<wire::TmPacket> packets_;
+  std::uint16_t sequence_ = 0;
+};
+
+TEST_F(TtcNodeTest, AnswersAPingFromTheLine) {
+  activate();
+  const Octets request = send(mission::apid::ttc, 17, 1);
+  EXPECT_TRUE(verified(1, request));
+  EXPECT_TRUE(comes(17, 2));
+  EXPECT_TRUE(verified(7, request));
+}
+
+TEST_F(TtcNodeTest, PublishesATelecommandUntilItsNodeHasItAndSendsDownWhatTheNodeReports) {
+  activate();
+  std::map<std::uint64_t, std::vector<Telecommand>> published;
+  ros::Subscription<Telecommand> telecommands(
+      executor_, *there_, ros::topics::telecommand,
+      [&](const Telecommand& m, const ros::MessageInfo&) { published[m.id].push_back(m); });
+  ros::Publisher<TelecommandReport> reports(*there_, ros::topics::telecommand_report);
+  ASSERT_TRUE(wait([&] { return telecommands.publisher_count() == 1 && reports.subscription_count() == 1; }));
+
+  const Octets request = send(mission::apid::payload_eps, 8, 1, {0, 1, 2, 1});
+  EXPECT_TRUE(verified(1, request));
+  ASSERT_TRUE(wait([&] { return !published.empty() && published.begin()->second.size() >= 2; }))
+      << "again, because nobody has said that it has it";
+  const Telecommand telecommand = published.begin()->second.front();
+  EXPECT_EQ(telecommand.target, "payload_eps");
+  EXPECT_EQ(telecommand.function_id, mission::EpsSwitchLoad::function_id);
+  EXPECT_EQ(telecommand.arguments, (Octets{2, 1}));
+  EXPECT_EQ(telecommand, published.begin()->second.back());
+
+  for (const std::uint8_t stage :
+       {TelecommandReport::ACCEPTED, TelecommandReport::STARTED, TelecommandReport::COMPLETED}) {
+    TelecommandReport report;
+    report.id = telecommand.id;
+    report.node = "payload_eps";
+    report.stage = stage;
+    report.success = true;
+    reports.publish(report);
+  }
+  EXPECT_TRUE(verified(3, request));
+  EXPECT_TRUE(verified(7, request));
+  EXPECT_EQ(published.size(), 1U);
+}
+
+TEST_F(TtcNodeTest, SendsDownTheTelemetryOfANodeAndCountsWhatClaimsToBeIt) {
+  activate();
+  ros::Publisher<PayloadTelemetry> telemetry(*there_, ros::topics::telemetry("payload_eps"));
+  ASSERT_TRUE(wait([&] { return telemetry.subscription_count() == 1; }));
+  PayloadTelemetry sample;
+  sample.source = "payload_eps";
+  sample.apid = mission::apid::payload_adcs;
+  sample.structure_id = mission::structure::payload_eps;
+  telemetry.publish(sample);
+  const auto foreign = [](const wire::TmPacket& p) {
+    if (p.source.size() < 2 || p.source[0] != 0 || p.source[1] != mission::structure::ttc) return false;
+    const auto h = mission::TtcHousekeeping::decode(OctetView(p.source).subspan(2));
+    return h && h->dds_foreign == 1;
+  };
+  EXPECT_TRUE(comes(3, 25, foreign));
+
+  mission::PayloadEpsHousekeeping hk;
+  hk.cycle = 77;
+  sample.apid = mission::apid::payload_eps;
+  sample.data = hk.encoded();
+  telemetry.publish(sample);
+  EXPECT_TRUE(comes(3, 25, [&](const wire::TmPacket& p) {
+    return p.apid == mission::apid::payload_eps &&
+           Octets(p.source.begin() + 2, p.source.end()) == sample.data;
+  }));
+}
+
+TEST_F(TtcNodeTest, DoesNotConfigureWithOneKeyInTwoFilesAndNamesThem) {
+  std::filesystem::create_directories(folder_ / "keys");
+  for (const char* file : {"keys/a.key", "keys/b.key"}) {
+    ASSERT_TRUE(write_file_atomically(folder_ / file, std::string(64, '7') + "\n"));
+    ASSERT_EQ(::chmod((folder_ / file).c_str(), 0600), 0);
+  }
+  make_node(
+      "{ vc: 0, security: sdls, spi: 1, key_file: keys/a.key },"
+      "{ vc: 0, security: sdls, spi: 2, key_file: keys/b.key }");
+  EXPECT_FALSE(node_->go_to(ros::State::inactive));
+  EXPECT_THAT(node_->failure_reason(), HasSubstr("d.yaml"));
+  EXPECT_THAT(node_->failure_reason(),
+              HasSubstr("the same one in keys/a.key (SPI 1) and keys/b.key (SPI 2)"));
+}
+
+}  // namespace
+}  // namespace srfs

@@ -1,0 +1,60 @@
+"""The judgement of the CAN record: pure, against made-up slots."""
+
+import pathlib
+import sys
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "tools" / "demo"))
+
+import can_frames  # noqa: E402
+
+MS = 1_000_000
+EPS = "payload_eps"
+SLOTS = [{"published": start * MS, "lease_end": (start + 120) * MS} for start in (1000, 1300, 1600)]
+TELECOMMANDS = {0x1_0000_002A: {"target": EPS, "at": 1105 * MS}}
+
+
+def record(at_ms, number=0x2A):
+    return [
+        "(1.001000) can0 18DA1201#0401057E9BCCCCCC",  # a wake-up
+        f"({at_ms // 1000}.{at_ms % 1000:03}000) can0 18DA1201#100B0207{number:08X}",
+        "(1.999000) can0 18DA0112#3000",
+        "(2.0000",  # being written
+    ]
+
+
+def judge(sent_ms, frame_ms, **record_of):
+    frames = can_frames.command_frames(record(frame_ms, **record_of))
+    return can_frames.next_slot_fact(sent_ms * MS, EPS, TELECOMMANDS, SLOTS, frames)
+
+
+class CanFramesTest(unittest.TestCase):
+    def test_the_first_frame_of_a_command_names_its_telecommand(self):
+        self.assertEqual(can_frames.command_frames(record(1310)), {(EPS, 0x2A): [1310 * MS]})
+        self.assertEqual(can_frames.last_time(record(1310)), 1999 * MS)
+
+    def test_a_frame_in_the_slot_after_the_octets_is_in_time(self):
+        fact = judge(sent_ms=1100, frame_ms=1310)
+        self.assertTrue(fact["in_next_slot"])
+        self.assertEqual(fact["frame_after_ms"], 210)
+
+    def test_a_frame_one_slot_later_is_late(self):
+        fact = judge(sent_ms=1100, frame_ms=1610)
+        self.assertFalse(fact["in_next_slot"])
+        self.assertEqual(fact["why"], "1 slots late")
+
+    def test_a_slot_that_begins_while_the_telecommand_is_being_accepted_need_not_carry_it(self):
+        near = {0x2A: {"target": EPS, "at": 1299 * MS}}
+        frames = can_frames.command_frames(record(1610))
+        self.assertTrue(can_frames.next_slot_fact(1290 * MS, EPS, near, SLOTS, frames)["in_next_slot"])
+
+    def test_a_frame_outside_every_slot_is_not_in_time(self):
+        self.assertIn("outside", judge(sent_ms=1100, frame_ms=1500)["why"])
+
+    def test_a_telecommand_without_frame_or_publication_is_not_in_time(self):
+        self.assertIn("no frame", judge(sent_ms=1100, frame_ms=1310, number=0x2B)["why"])
+        self.assertIn("never published", judge(sent_ms=1200, frame_ms=1310)["why"])
+
+
+if __name__ == "__main__":
+    unittest.main()
