@@ -87,21 +87,17 @@ bool Executor::run(CallbackRecord& record, Callback&& callback) {
   } catch (const std::exception& e) {
     ++record.failed;
     if (!failure_) throw;
-    report_failure(record, e.what());
+    failure_(record, e.what());
   } catch (...) {
     ++record.failed;
     if (!failure_) throw;
-    report_failure(record, "not a std::exception");
+    failure_(record, "not a std::exception");
   }
   now_ = monotonic_now();
   if (!worked) return false;
   const nanoseconds took = now_ - begun;
   if (statistics_.add(record, took, now_) && over_budget_) over_budget_(record, took);
   return true;
-}
-
-void Executor::report_failure(const CallbackRecord& record, const std::string& what) {
-  failure_(record, what);
 }
 
 void Executor::name_source(const std::shared_ptr<Source>& source, CallbackKind kind, std::string_view name) {

@@ -116,7 +116,6 @@ class Executor {
 
   template <class Callback>
   bool run(CallbackRecord& record, Callback&& callback);
-  void report_failure(const CallbackRecord& record, const std::string& what);
   void arm_timer_fd();
   bool run_due_timers();
   bool run_one_source();

@@ -82,12 +82,12 @@ NodeIntrospection::NodeIntrospection(LifecycleNode& node)
   auto stored = text ? read_stored(*text) : Err(text.error().message);
   if (!stored) {
     std::filesystem::rename(path(parameter_file), path(damaged_file), ec);
-    set_aside_.push_back(cut(fmt::format("all: {}", stored.error()), longest_told));
+    note_unused(parameter_file, stored.error());
     log::error("{} is damaged and set aside as {}: {}", path(parameter_file), damaged_file, stored.error());
     return;
   }
   for (const std::string& what : stored->damaged) {
-    if (set_aside_.size() < most_set_aside_told) set_aside_.push_back(cut(what, longest_told));
+    note_unused(parameter_file, what);
     log::warn("{}: {}", path(parameter_file), what);
   }
   node_.parameters().set_stored(std::move(stored->parameters));
@@ -173,8 +173,7 @@ void NodeIntrospection::keep_set_aside() {
   std::vector<StoredParameter> moved;
   for (const SetAside& entry : unused) {
     log::warn("stored parameter '{}' is not used: {}", entry.parameter.name, entry.reason);
-    if (set_aside_.size() < most_set_aside_told)
-      set_aside_.push_back(cut(fmt::format("{}: {}", entry.parameter.name, entry.reason), longest_told));
+    note_unused(entry.parameter.name, entry.reason);
     moved.push_back(entry.parameter);
   }
   // First where they go, then where they come from: a crash in between loses nothing.
@@ -185,11 +184,14 @@ void NodeIntrospection::keep_set_aside() {
   if (!written) log::error("{}", written.error().message);
 }
 
+void NodeIntrospection::note_unused(std::string what, std::string reason) {
+  if (not_used_.size() < most_set_aside_told) not_used_.push_back({std::move(what), std::move(reason)});
+}
+
 void NodeIntrospection::raise_set_aside() {
-  const auto& unused = node_.parameters().set_aside();
-  for (std::size_t i = 0; i < std::min(unused.size(), most_set_aside_events); ++i) {
-    const mission::NodeParameterSetAsideEvent event{.parameter = unused[i].parameter.name,
-                                                    .reason = unused[i].reason};
+  for (std::size_t i = 0; i < std::min(not_used_.size(), most_set_aside_events); ++i) {
+    const mission::NodeParameterSetAsideEvent event{.parameter = not_used_[i].what,
+                                                    .reason = not_used_[i].reason};
     node_.raise(event);
   }
 }
@@ -212,7 +214,8 @@ void NodeIntrospection::fill(srfs_msgs::srv::GetNodeStatus_Response& r) const {
   r.log_held_back = losses.held_back;
   r.log_lost = losses.lost;
   r.events_suppressed = node_.suppressed_events();
-  r.parameters_set_aside = set_aside_;
+  for (const NotUsed& n : not_used_)
+    r.parameters_set_aside.push_back(cut(fmt::format("{}: {}", n.what, n.reason), longest_told));
 }
 
 void NodeIntrospection::fill(srfs_msgs::srv::GetExecutorStatistics_Response& r) const {

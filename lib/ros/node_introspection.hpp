@@ -52,7 +52,13 @@ class NodeIntrospection {
   MonotonicTime last_work_;
   nanoseconds busy_before_reset_{0};
   nanoseconds busy_at_last_work_{0};
-  std::vector<std::string> set_aside_;  ///< with reasons, for people; at most 32
+  /// A stored value, or a part of the file, that is not used.
+  struct NotUsed {
+    std::string what;
+    std::string reason;
+  };
+  void note_unused(std::string what, std::string reason);
+  std::vector<NotUsed> not_used_;  ///< at most 32
   std::shared_ptr<Service<srfs_msgs::srv::GetNodeStatus>> status_;
   std::shared_ptr<Service<srfs_msgs::srv::GetExecutorStatistics>> statistics_;
   std::shared_ptr<Service<SaveParameters>> save_;

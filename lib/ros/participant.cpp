@@ -1,6 +1,7 @@
 #include "ros/participant.hpp"
 
 #include <algorithm>
+#include <set>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
@@ -23,9 +24,28 @@ eprosima::fastrtps::Duration_t duration(double s) {
   return {s};
 }
 
-dds::DomainParticipantQos participant_qos(const ParticipantOptions& options,
+/// Numbers of this process' participants, from which their ports follow. Left to itself Fast DDS 2.9 counts
+/// up and never uses a number twice, while announcements go to the ports of the first 32 only.
+std::mutex numbers_mutex;
+std::set<int> numbers_in_use;
+
+int take_number() {
+  const std::lock_guard lock(numbers_mutex);
+  int number = 0;
+  while (numbers_in_use.contains(number)) ++number;
+  numbers_in_use.insert(number);
+  return number;
+}
+
+void give_number_back(int number) {
+  const std::lock_guard lock(numbers_mutex);
+  numbers_in_use.erase(number);
+}
+
+dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int number,
                                           const std::shared_ptr<TransportState>& state) {
   dds::DomainParticipantQos qos;
+  qos.wire_protocol().participant_id = number;
   qos.name("/");
   qos.user_data().setValue(participant_user_data(options.identity));
 
@@ -116,6 +136,7 @@ class Participant::Discovery : public dds::DomainParticipantListener {
 
 Participant::Participant(const ParticipantOptions& options)
     : known_(options.identity),
+      number_(take_number()),
       drop_foreign_(options.drop_foreign),
       discovery_(std::make_unique<Discovery>(known_)) {}
 
@@ -127,7 +148,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   std::unique_ptr<Participant> self(new Participant(options));
   // Discovery is told outside the mask; everything else goes to the endpoints' own listeners.
   self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain),
-                                                   participant_qos(options, self->transport_),
+                                                   participant_qos(options, self->number_, self->transport_),
                                                    self->discovery_.get(), dds::StatusMask::none());
   if (self->participant_ == nullptr) {
     return Err(fmt::format(
@@ -138,14 +159,20 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   self->subscriber_ = self->participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT);
   if (self->publisher_ == nullptr || self->subscriber_ == nullptr)
     return Err(std::string("no DDS publisher or subscriber"));
-  self->graph_.set_participant(to_gid(self->participant_->guid()));
+  const auto& guid = self->participant_->guid();
+  self->graph_.set_participant(to_gid(guid));
+  GuidPrefix own{};  // nobody discovers itself, and a node may hear what it says
+  std::copy_n(guid.guidPrefix.value, own.size(), own.begin());
+  self->known_.discovered(own, participant_user_data(options.identity), "/", "this process");
   return self;
 }
 
 Participant::~Participant() {
-  if (participant_ == nullptr) return;
-  participant_->delete_contained_entities();
-  dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+  if (participant_ != nullptr) {
+    participant_->delete_contained_entities();
+    dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
+  }
+  give_number_back(number_);
 }
 
 ParticipantGraph Participant::graph() const {

@@ -80,6 +80,7 @@ class Participant {
   void change_graph(const std::function<bool(ParticipantGraph&)>& change);
 
   KnownParticipants known_;
+  const int number_;  // in this process
   const bool drop_foreign_;
   std::unique_ptr<Discovery> discovery_;  // outlives the DDS participant
   mutable std::mutex graph_mutex_;

@@ -277,7 +277,7 @@ void TtcNode::say_how_the_link_is_secured() const {
 
 ros::CallbackReturn TtcNode::on_activate() {
   line_watch_ = watch_fd(
-      line_->fd(), EPOLLIN, 
+      line_->fd(), EPOLLIN,
       [this](std::uint32_t) {
         read_line();
         settle();

@@ -1,6 +1,8 @@
-// The node under test: the layer with a parameter of every type and one input, nothing else.
+// The node under test: the layer with a parameter of every type, one input and one client, nothing else.
 
 #include "ros/run_node.hpp"
+
+#include <lifecycle_msgs/srv/get_state.hpp>
 
 #include "ros/node.hpp"
 
@@ -27,8 +29,21 @@ class ConformanceNode : public LifecycleNode {
     set_failure_reason("told to fail");
     return CallbackReturn::failure;
   }
+  /// Asks the peer for its state and logs what it heard.
+  CallbackReturn on_activate() override {
+    peer_->call({}, std::chrono::seconds(5), 1, [](const auto& answer) {
+      if (answer) {
+        srfs::log::info("the peer is {} '{}'", answer->current_state.id, answer->current_state.label);
+      } else {
+        srfs::log::info("the peer did not answer: {}", to_text(answer.error()));
+      }
+    });
+    return CallbackReturn::success;
+  }
 
  private:
+  std::shared_ptr<Client<lifecycle_msgs::srv::GetState>> peer_ =
+      create_client<lifecycle_msgs::srv::GetState>("/ros2_peer/get_state");
   std::shared_ptr<Subscription<srfs_msgs::msg::TaskFlags>> flags_ =
       create_subscription(topics::task_flags, [](const srfs_msgs::msg::TaskFlags&) {});
 };

@@ -74,6 +74,7 @@ SeenEndpoint describe(const ProxyData& data, bool is_reader) {
   if (qos.m_lifespan.duration != infinite)
     seen.lifespan_s = static_cast<double>(qos.m_lifespan.duration.to_ns()) / 1e9;
   seen.keyed = data.topicKind() == rtps::WITH_KEY;
+  seen.with_type_description = data.has_type() || data.has_type_id() || data.has_type_information();
   return seen;
 }
 

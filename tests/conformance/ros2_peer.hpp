@@ -46,6 +46,7 @@ struct SeenEndpoint {
   bool shared_ownership = false;
   double lifespan_s = 0;  ///< 0: infinite, or a reader
   bool keyed = false;
+  bool with_type_description = false;  ///< TypeObject, TypeIdentifier or TypeInformation
 };
 
 /// 16 octets: GUID prefix, entity id.

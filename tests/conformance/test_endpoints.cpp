@@ -82,6 +82,7 @@ TEST_F(Endpoints, WhatRos2LeavesAtItsDefaultIsAtItsDefault) {
     EXPECT_TRUE(endpoint.infinite_deadline);
     EXPECT_TRUE(endpoint.shared_ownership);
     EXPECT_FALSE(endpoint.keyed) << "ROS 2 topics have no keys";
+    EXPECT_FALSE(endpoint.with_type_description) << "rmw_fastrtps sends none";
   }
 }
 

@@ -68,7 +68,7 @@ TEST_F(Topics, AWorkstationThatPublishesOnAFlightTopicIsReported) {
   std::string text;
   const auto event = events.next([&](const ReceivedSample& s) {
     CdrView view(s.payload);
-    if (view.str() != "probe" || view.u16() != 10) return false;
+    if (view.str() != "probe" || view.u16() != 11) return false;
     text.assign(s.payload.begin(), s.payload.end());
     return true;
   });

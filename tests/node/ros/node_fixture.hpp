@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -57,9 +58,16 @@ class ScriptedNode : public LifecycleNode {
 /// both, so callbacks never overlap.
 class ScriptedNodeTest : public testing::Test {
  protected:
+  /// One pair for all tests of the program: Fast DDS numbers the participants of a process without end, and
+  /// discovery reaches the first 32 numbers only.
+  static Participant* shared_participant(std::size_t side) {
+    static const auto make = [] {
+      return Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value().release();
+    };
+    static const std::array<Participant*, 2> both{make(), make()};
+    return both.at(side);
+  }
   void SetUp() override {
-    here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
-    there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     std::string pattern = (std::filesystem::temp_directory_path() / "srfs_node_XXXXXX").string();
     folder_ = mkdtemp(pattern.data());
     ASSERT_TRUE(write_file_atomically(
@@ -100,8 +108,8 @@ class ScriptedNodeTest : public testing::Test {
   }
 
   Executor executor_;
-  std::unique_ptr<Participant> here_;
-  std::unique_ptr<Participant> there_;
+  Participant* here_ = shared_participant(0);
+  Participant* there_ = shared_participant(1);
   std::filesystem::path folder_;
   std::unique_ptr<Deployment> deployment_;
   std::uint32_t incarnation_ = 0;

@@ -273,7 +273,7 @@ TEST_F(ScriptedNodeTest, ALateReaderGetsTheLinesOnRosoutWithTheirPlace) {
   EXPECT_EQ(found()->level, 20);
   EXPECT_EQ(found()->file, "test_node_introspection.cpp");
   EXPECT_GT(found()->line, 0U);
-  EXPECT_THAT(found()->function, HasSubstr("TestBody"));
+  EXPECT_THAT(found()->function, HasSubstr("ALateReader"));
 }
 
 }  // namespace

@@ -1,0 +1,62 @@
+// A node that does what its parameters say: for tests of what happens to a node from outside.
+
+#include <chrono>
+#include <stdexcept>
+#include <thread>
+
+#include "ros/node.hpp"
+#include "ros/run_node.hpp"
+
+namespace srfs {
+namespace {
+
+class FaultyNode : public ros::LifecycleNode {
+ public:
+  explicit FaultyNode(ros::NodeContext& context) : LifecycleNode(context) {
+    declare_parameter("configure_ms", std::int64_t{0}, ros::ParameterRange{0, 60000, 10},
+                      "How long configuring takes");
+    declare_parameter("fault", std::string("none"),
+                      std::vector<std::string>{"none", "throw", "raise", "fail_activation", "slow"},
+                      "What the working node does wrong");
+    declare_parameter("window", std::vector<std::int64_t>{1, 2}, ros::ParameterRange{0, 100},
+                      "Only for the next start", true);
+  }
+
+ protected:
+  ros::CallbackReturn on_configure() override {
+    // The very thing that no node should do.
+    std::this_thread::sleep_for(milliseconds(get_parameter<std::int64_t>("configure_ms")));
+    work_ = create_timer(
+        milliseconds(20), [this] { work(); }, "work");
+    return ros::CallbackReturn::success;
+  }
+  ros::CallbackReturn on_activate() override {
+    if (get_parameter<std::string>("fault") != "fail_activation") return ros::CallbackReturn::success;
+    set_failure_reason("the fault that was asked for");
+    return ros::CallbackReturn::failure;
+  }
+  ros::CallbackReturn on_cleanup() override {
+    work_.reset();
+    return ros::CallbackReturn::success;
+  }
+  ros::CallbackReturn on_error() override { return on_cleanup(); }
+
+ private:
+  void work() {
+    const auto fault = get_parameter<std::string>("fault");
+    if (fault == "slow") std::this_thread::sleep_for(milliseconds(30));
+    if (!is_active() || (fault != "throw" && fault != "raise")) return;
+    // Once: the node that comes up again shall work.
+    (void)parameters().set_atomically({{"fault", std::string("none")}});
+    if (fault == "throw") throw std::runtime_error("the fault that was asked for");
+    raise_error("the fault that was asked for");
+  }
+  ros::Timer work_;
+};
+
+}  // namespace
+}  // namespace srfs
+
+int main(int argc, char** argv) {
+  return srfs::ros::run_node<srfs::FaultyNode>(argc, argv);
+}
