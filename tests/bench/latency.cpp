@@ -129,7 +129,7 @@ class Ours {
   }
   void topic(std::uint32_t n, Samples& samples) {
     there_.publish(probe(n));
-    if (executor_.spin_until([&] { return echo_.number == n; }, monotonic_now() + seconds(1)))
+    if (spin_while([&] { return echo_.number != n; }))
       samples.add(echo_, arrived_);
     else
       ++samples.lost;
@@ -140,13 +140,25 @@ class Ours {
     const auto id = client_.call(probe(n), seconds(1), 1, [&](const Result<Probe, ros::CallError>& reply) {
       if (reply) answered = monotonic_now();
     });
-    executor_.spin_until([&] { return answered.has_value(); }, sent + seconds(1));
+    spin_while([&] { return !answered; });
     client_.forget(id);
     if (answered) round_trips.push_back(static_cast<double>((*answered - sent).count()) / 1e3);
   }
 
  private:
+  /// As a node waits: until there is something to do. @return whether it ended within a second
+  template <class Waiting>
+  bool spin_while(Waiting waiting) {
+    const MonotonicTime give_up = monotonic_now() + seconds(1);
+    while (waiting()) {
+      if (monotonic_now() > give_up) return false;
+      executor_.spin_once(nanoseconds::max());
+    }
+    return true;
+  }
+
   ros::Executor executor_;
+  ros::Timer look_again_ = executor_.add_timer(monotonic_now(), milliseconds(500), [] {});
   std::unique_ptr<ros::Participant> participant_;
   ros::Publisher<Probe> there_;
   ros::Subscription<Probe> back_;
