@@ -328,6 +328,7 @@ class Cycles {
             {"leaked_files", leaked},
             {"descriptors_more", descriptors},
             {"own_memory_growth_kb_in_1000", growth(private_kb_)},
+            {"raw_own_memory_growth_kb_in_1000", growth({raw_kb_})[0]},
             {"pss_growth_kb_in_1000", growth(pss_kb_)},
             {"fresh_client",
              {{"srfs", summary(fresh_ms_)},
@@ -397,6 +398,7 @@ class Cycles {
     return all;
   }
   void weigh(int cycle) {
+    raw_kb_.emplace_back(cycle, memory_of(raw_server_.pid()).private_dirty_kb);
     pss_kb_.resize(survivors_.size());
     private_kb_.resize(survivors_.size());
     for (std::size_t i = 0; i < survivors_.size(); ++i) {
@@ -433,6 +435,7 @@ class Cycles {
   std::vector<double> linked_ms_;
   Weights pss_kb_;
   Weights private_kb_;
+  std::vector<std::pair<int, double>> raw_kb_;
 };
 
 }  // namespace
