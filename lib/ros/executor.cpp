@@ -42,6 +42,14 @@ struct Executor::Watch : Registration {
 namespace {
 
 constexpr std::size_t most_posts = 1024;
+constexpr nanoseconds forever = nanoseconds::max();
+
+/// Without a limit the kernel needs no timer of its own, whose setting and ending lie in the path of every
+/// wake-up.
+int wait_ms(nanoseconds longest) {
+  if (longest == forever) return -1;
+  return static_cast<int>(std::clamp<std::int64_t>((longest.count() + 999'999) / 1'000'000, 0, 60'000));
+}
 
 // The executor whose loop this thread is in: what it notifies itself is seen without being woken.
 thread_local const Executor* in_loop_of = nullptr;
@@ -173,7 +181,7 @@ void Executor::stop() {
 }
 
 void Executor::spin() {
-  while (spin_once(seconds(1))) {
+  while (spin_once(forever)) {
   }
 }
 
@@ -196,12 +204,16 @@ void Executor::take_incoming() {
 }
 
 bool Executor::run_posts() {
+  {
+    // The usual turn has none, and making an empty deque takes memory.
+    const std::lock_guard lock(mutex_);
+    if (posts_.empty()) return false;
+  }
   std::deque<Post> due;
   {
     const std::lock_guard lock(mutex_);
     due.swap(posts_);
   }
-  if (due.empty()) return false;
   now_ = monotonic_now();
   for (const Post& post : due) {
     run(post.record != nullptr ? *post.record : statistics_.record(CallbackKind::posted, "posted"),
@@ -254,14 +266,14 @@ void Executor::arm_timer_fd() {
   while (!timers_.empty() && timers_.begin()->second->cancelled) timers_.erase(timers_.begin());
   std::optional<MonotonicTime> next;
   if (!timers_.empty()) next = timers_.begin()->first;
-  if (next == armed_) return;
+  // An alarm that is earlier than needed (a call that was answered before its deadline) costs one idle turn
+  // later instead of two system calls now.
+  if (!next || (armed_ && *armed_ <= *next)) return;
   armed_ = next;
+  const std::int64_t ns = std::max<std::int64_t>(next->ns(), 1);
   itimerspec spec{};
-  if (next) {
-    const std::int64_t ns = std::max<std::int64_t>(next->ns(), 1);
-    spec.it_value.tv_sec = ns / 1'000'000'000;
-    spec.it_value.tv_nsec = ns % 1'000'000'000;
-  }
+  spec.it_value.tv_sec = ns / 1'000'000'000;
+  spec.it_value.tv_nsec = ns % 1'000'000'000;
   timerfd_settime(timer_fd_.get(), TFD_TIMER_ABSTIME, &spec, nullptr);
 }
 
@@ -279,10 +291,8 @@ bool Executor::spin_once(nanoseconds longest) {
   arm_timer_fd();
 
   std::array<epoll_event, 16> events{};
-  const std::int64_t wait_ms =
-      busy ? 0 : std::clamp<std::int64_t>((longest.count() + 999'999) / 1'000'000, 0, 60'000);
   const int count =
-      epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), static_cast<int>(wait_ms));
+      epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), busy ? 0 : wait_ms(longest));
   for (int i = 0; i < count; ++i) {
     const epoll_event& event = events[static_cast<std::size_t>(i)];
     if (event.data.fd == wake_.get()) {

@@ -183,7 +183,7 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
       "signals");
   {
     const NodeRunner runner(executor, *node, desired_state(var, arguments.name));
-    while (!stopping && executor.spin_once(seconds(1))) {
+    while (!stopping && executor.spin_once(nanoseconds::max())) {
     }
   }
   if (node->is_active()) node->go_to(State::inactive);

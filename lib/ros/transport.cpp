@@ -28,6 +28,7 @@ using eprosima::fastrtps::rtps::Locator_t;
 constexpr int receive_buffer_octets = 4 << 20;
 constexpr int most_datagrams_a_turn = 16;
 constexpr int most_datagrams_waiting = 64;
+constexpr int datagrams_a_call = 2;
 
 /// Ports of a participant (RTPS 2.2, 9.6.1.1): discovery has even ones, user traffic odd ones, whatever its
 /// number.
@@ -70,32 +71,50 @@ class Channel {
   [[nodiscard]] std::uint32_t port() const { return IPLocator::getPhysicalPort(locator_); }
 
   void read(int most) {
-    for (int i = 0; i < most && read_one(); ++i) {
+    for (int i = 0; i < most && read_some(); i += datagrams_a_call) {
     }
   }
 
  private:
-  bool read_one() {
+  struct Incoming {
     sockaddr_in from{};
-    iovec part{buffer_.data(), buffer_.size()};
+    iovec part{};
     alignas(cmsghdr) std::array<std::uint8_t, 128> control{};
-    msghdr message{};
-    message.msg_name = &from;
-    message.msg_namelen = sizeof from;
-    message.msg_iov = &part;
-    message.msg_iovlen = 1;
-    message.msg_control = control.data();
-    message.msg_controllen = control.size();
-    const ssize_t length = recvmsg(fd_.get(), &message, 0);
+  };
+
+  /// Reads what is there, at most datagrams_a_call. Asking for two tells in the same system call that there
+  /// is no second one, which is the rule. @return whether there may be more
+  bool read_some() {
+    std::array<Incoming, datagrams_a_call> incoming;
+    std::array<mmsghdr, datagrams_a_call> messages{};
+    const std::size_t size = buffer_.size() / datagrams_a_call;
+    for (std::size_t i = 0; i < messages.size(); ++i) {
+      incoming[i].part = {buffer_.data() + i * size, size};
+      msghdr& message = messages[i].msg_hdr;
+      message.msg_name = &incoming[i].from;
+      message.msg_namelen = sizeof incoming[i].from;
+      message.msg_iov = &incoming[i].part;
+      message.msg_iovlen = 1;
+      message.msg_control = incoming[i].control.data();
+      message.msg_controllen = incoming[i].control.size();
+    }
+    const int count = recvmmsg(fd_.get(), messages.data(), messages.size(), 0, nullptr);
     // A pending ICMP error (a peer that was killed) is reported once and is nothing to us.
-    if (length < 0) return errno == ECONNREFUSED || errno == EINTR;
-    note(message);
+    if (count < 0) return errno == ECONNREFUSED || errno == EINTR;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+      note(messages[i].msg_hdr);
+      hand_over(incoming[i], messages[i].msg_len);
+    }
+    return count == datagrams_a_call;
+  }
+
+  void hand_over(const Incoming& incoming, std::uint32_t length) {
     Locator_t remote;
     remote.kind = LOCATOR_KIND_UDPv4;
-    IPLocator::setIPv4(remote, reinterpret_cast<const std::uint8_t*>(&from.sin_addr));
-    IPLocator::setPhysicalPort(remote, ntohs(from.sin_port));
-    receiver_.OnDataReceived(buffer_.data(), static_cast<std::uint32_t>(length), locator_, remote);
-    return true;
+    IPLocator::setIPv4(remote, reinterpret_cast<const std::uint8_t*>(&incoming.from.sin_addr));
+    IPLocator::setPhysicalPort(remote, ntohs(incoming.from.sin_port));
+    receiver_.OnDataReceived(static_cast<const std::uint8_t*>(incoming.part.iov_base), length, locator_,
+                             remote);
   }
 
   void note(msghdr& message) {
@@ -146,7 +165,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   explicit WorkThreadTransport(const Descriptor& descriptor)
       : ChainingTransport(descriptor),
         descriptor_(descriptor),
-        buffer_(std::make_unique_for_overwrite<std::uint8_t[]>(descriptor.max_message_size())) {
+        buffer_(std::make_unique_for_overwrite<std::uint8_t[]>(buffer_octets())) {
     descriptor_.state->receive_waiting = [this] {
       for (const auto& channel : channels_) channel->read(most_datagrams_waiting);
     };
@@ -179,8 +198,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
       Fd fd = bind_socket(address, static_cast<std::uint16_t>(IPLocator::getPhysicalPort(locator)));
       if (!fd) return false;  // taken: Fast DDS tries the next port
       made.push_back(std::make_unique<Channel>(std::move(fd), locator, *receiver, descriptor_.executor,
-                                               descriptor_.state,
-                                               std::span(buffer_.get(), descriptor_.max_message_size())));
+                                               descriptor_.state, std::span(buffer_.get(), buffer_octets())));
     }
     const std::lock_guard lock(mutex_);
     for (auto& channel : made) channels_.push_back(std::move(channel));
@@ -211,6 +229,10 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   void shutdown() override { low_level_transport_->shutdown(); }
 
  private:
+  [[nodiscard]] std::size_t buffer_octets() const {
+    return std::size_t{datagrams_a_call} * descriptor_.max_message_size();
+  }
+
   Descriptor descriptor_;
   // One for all channels: they are read one after another. Untouched pages of it cost no memory.
   std::unique_ptr<std::uint8_t[]> buffer_;

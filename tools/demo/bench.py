@@ -3,24 +3,13 @@
 import argparse
 import json
 import pathlib
-import subprocess
 import sys
 import tempfile
 
 import demo
 import mission
-from display import Display, table
-
-
-def ros(bin_dir):
-    """Latency of lib/ros beside raw Fast DDS and UDP, threads free and pinned to one CPU a process."""
-    results = {}
-    for name, options in (("free", []), ("pinned", ["--pinned"])):
-        run = subprocess.run([str(bin_dir / "bench_ros"), *options], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300)
-        if run.returncode != 0:
-            raise mission.MissionError(f"bench_ros: {run.stderr.strip()}")
-        results[name] = json.loads(run.stdout)
-    return results
+import ros_measures
+from display import Display
 
 
 def flight(bin_dir, duration_s):
@@ -28,16 +17,6 @@ def flight(bin_dir, duration_s):
     with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder:
         options = demo.parse(["--var", f"{folder}/var", "--bin", str(bin_dir), "--duration", str(duration_s)])
         return demo.fly(options, Display(quiet=True), mission.StopSignals())
-
-
-def show_ros(results):
-    rows = [["us, round trip", "p50", "p99", "max"]]
-    for name, result in results.items():
-        for path in ("srfs_topic", "raw_topic", "srfs_service", "raw_service", "udp"):
-            rows.append([f"{path}, {name}", *(round(result[path][q], 1) for q in ("p50_us", "p99_us", "max_us"))])
-        rows.append([f"ratio topic to raw, {name}", *(round(result["ratio_topic_to_raw"][q], 3) for q in ("p50", "p99")), ""])
-        rows.append([f"ratio service to raw, {name}", *(round(result["ratio_service_to_raw"][q], 3) for q in ("p50", "p99")), ""])
-    print(*table(rows), sep="\n")
 
 
 def show_flight(summary):
@@ -57,20 +36,24 @@ def main():
     parser.add_argument("--duration", type=float, default=110, metavar="S", help="of the flight; 110 s have more than 1000 ticks")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
+    ros_measures.add_options(parser)
     options = parser.parse_args()
     wanted = options.what or ["ros", "mission"]
     results = {}
     if "ros" in wanted:
-        results["ros"] = ros(options.bin)
+        results["ros"] = ros_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
         if not options.json:
-            show_ros(results["ros"])
+            ros_measures.show(results["ros"])
+        if options.out and (problem := ros_measures.write(results["ros"], options.out)):
+            print(f"bench: {problem}", file=sys.stderr)
     if "mission" in wanted:
         results["mission"] = flight(options.bin, options.duration)
         if not options.json:
             show_flight(results["mission"])
     if options.json:
         print(json.dumps(results))
-    return 0 if results.get("mission", {"ok": True})["ok"] else 1
+    sound = "ros" not in results or ros_measures.is_sound(results["ros"])
+    return 0 if sound and results.get("mission", {"ok": True})["ok"] else 1
 
 
 if __name__ == "__main__":

@@ -1,0 +1,449 @@
+#include <csignal>
+#include <fstream>
+#include <map>
+#include <numeric>
+#include <stdexcept>
+#include <thread>
+
+#include <fmt/format.h>
+#include <lifecycle_msgs/srv/get_state.hpp>
+
+#include "ros/client.hpp"
+#include "ros/instance.hpp"
+#include "ros/publisher.hpp"
+#include "tests/bench/measures.hpp"
+#include "tests/bench/raw_dds.hpp"
+
+namespace srfs::bench {
+namespace {
+
+namespace fs = std::filesystem;
+using lifecycle_msgs::srv::GetState;
+
+constexpr milliseconds patience_for_an_answer{
+    100};  // then the request is repeated, as clients of the suite do
+constexpr seconds longest_wait{20};
+
+double ms(nanoseconds t) {
+  return static_cast<double>(t.count()) / 1e6;
+}
+
+/// A DDS domain that the nodes started here share with the driver.
+ros::DomainLock shared_domain() {
+  auto lock = ros::DomainLock::allocate(std::nullopt, 60);
+  if (!lock) throw std::runtime_error(lock.error());
+  lock->downgrade();
+  return std::move(*lock);
+}
+
+/// Processes on one domain with one folder: nodes of lib/ros and raw participants.
+class Suite {
+ public:
+  /// @param beat_period_ms 0: idle nodes
+  Suite(fs::path bin, int most_nodes, int beat_period_ms) : bin_(std::move(bin)), domain_(shared_domain()) {
+    std::ofstream out(deployment());
+    out << "deployment: bench\nnodes:\n";
+    for (int i = 0; i < most_nodes; ++i)
+      out << fmt::format("  - {{name: {}, executable: bench_node, parameters: {{beat_period_ms: {}}}}}\n",
+                         name(i), beat_period_ms);
+  }
+  [[nodiscard]] static std::string name(int i) { return fmt::format("bench_{}", i); }
+  [[nodiscard]] int domain() const { return domain_.domain(); }
+  [[nodiscard]] const fs::path& folder() const { return folder_.path(); }
+  [[nodiscard]] Child start_node(int i) const {
+    return Child({bin_ / "bench_node", "--name", name(i), "--deployment", deployment(), "--var", folder(),
+                  "--domain", std::to_string(domain())},
+                 folder() / "bench.log");
+  }
+  [[nodiscard]] Child start_raw(int i, int writers, int readers) const {
+    return Child({bin_ / "bench_ros", "raw-node", "--domain", std::to_string(domain()), "--name", name(i),
+                  "--writers", std::to_string(writers), "--readers", std::to_string(readers)},
+                 folder() / "bench.log");
+  }
+
+ private:
+  [[nodiscard]] fs::path deployment() const { return folder_.path() / "bench.yaml"; }
+  fs::path bin_;
+  Folder folder_;
+  ros::DomainLock domain_;
+};
+
+/// Asks one node for its state, from a participant of its own.
+class StateClient {
+ public:
+  StateClient(int domain, const std::string& node)
+      : participant_(ros::Participant::create({.domain = domain, .executor = &executor_}).value()),
+        client_(executor_, *participant_, "/" + node + "/get_state", {}, ros::Priority::normal) {}
+
+  /// Asks until an answer comes. @return when; nullopt after longest_wait
+  std::optional<MonotonicTime> ask() {
+    const MonotonicTime give_up = monotonic_now() + longest_wait;
+    bool answered = false;
+    while (!answered && monotonic_now() < give_up) {
+      bool ended = false;
+      client_.call(GetState::Request{}, patience_for_an_answer, 1,
+                   [&](const Result<GetState::Response, ros::CallError>& reply) {
+                     ended = true;
+                     answered = reply.has_value();
+                   });
+      executor_.spin_until([&] { return ended; }, give_up);
+    }
+    if (!answered) return std::nullopt;
+    return monotonic_now();
+  }
+  [[nodiscard]] bool is_ready() const { return client_.is_ready(); }
+  bool wait_until_gone() {
+    return executor_.spin_until([this] { return !client_.is_ready(); }, monotonic_now() + longest_wait);
+  }
+
+ private:
+  ros::Executor executor_;
+  std::unique_ptr<ros::Participant> participant_;
+  ros::Client<GetState> client_;
+};
+
+/// The same for a raw node.
+class RawStateClient {
+ public:
+  RawStateClient(int domain, const std::string& node)
+      : participant_(raw_participant(domain)), client_(*participant_, "bench_raw/" + node) {}
+  std::optional<MonotonicTime> ask() {
+    const MonotonicTime give_up = monotonic_now() + longest_wait;
+    while (monotonic_now() < give_up) {
+      if (client_.is_ready()) {
+        if (const auto answered = client_.call(1, patience_for_an_answer)) return answered;
+      } else {
+        std::this_thread::sleep_for(microseconds(200));
+      }
+    }
+    return std::nullopt;
+  }
+  void wait_until_gone() {
+    const MonotonicTime give_up = monotonic_now() + longest_wait;
+    while (client_.is_ready() && monotonic_now() < give_up) std::this_thread::sleep_for(milliseconds(1));
+  }
+
+ private:
+  std::unique_ptr<ros::Participant> participant_;
+  RawClient client_;
+};
+
+struct Endpoints {
+  int writers = 0;
+  int readers = 0;
+};
+
+/// How many endpoints a node has, from what it tells the ROS graph, plus the writer it tells it with.
+Endpoints endpoints_of(int domain, const std::string& node) {
+  ros::Executor executor;
+  const auto participant = ros::Participant::create({.domain = domain, .executor = &executor}).value();
+  Endpoints found;
+  const auto graph = ros::TypedReader<ros::HumbleGraphMessage>::create(
+      executor, *participant, "ros_discovery_info", {.depth = 64, .transient_local = true},
+      ros::Priority::normal, [&](const ros::HumbleGraphMessage& m, const ros::MessageInfo&) {
+        for (const auto& entry : m.node_entities_info_seq) {
+          if (entry.node_name == node)
+            found = {static_cast<int>(entry.writer_gid_seq.size()) + 1,
+                     static_cast<int>(entry.reader_gid_seq.size())};
+        }
+      });
+  StateClient client(domain, node);
+  if (!client.ask()) throw std::runtime_error(node + " does not answer");
+  executor.spin_until([&] { return found.readers > 0; }, monotonic_now() + longest_wait);
+  graph->close();
+  if (found.readers == 0) throw std::runtime_error(node + " is not in the ROS graph");
+  return found;
+}
+
+std::vector<Child> start_nodes(const Suite& suite, int first, int count) {
+  std::vector<Child> nodes;
+  for (int i = first; i < first + count; ++i) nodes.push_back(suite.start_node(i));
+  for (int i = first; i < first + count; ++i) {
+    if (!StateClient(suite.domain(), Suite::name(i)).ask())
+      throw std::runtime_error(Suite::name(i) + " did not come up");
+  }
+  return nodes;
+}
+
+Json spread(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return {{"min", values.front()}, {"median", values[values.size() / 2]}, {"max", values.back()}};
+}
+
+}  // namespace
+
+Json measure_start(const fs::path& bin, int rounds, int others) {
+  const Suite suite(bin, others + 1, 0);
+  const std::vector<Child> nodes = start_nodes(suite, 1, others);
+  const Endpoints endpoints = endpoints_of(suite.domain(), Suite::name(1));
+  StateClient client(suite.domain(), Suite::name(0));
+  RawStateClient raw_client(suite.domain(), Suite::name(0));
+  std::vector<double> ours;
+  std::vector<double> raw;
+  int unanswered = 0;
+  for (int i = 0; i < rounds; ++i) {
+    Child node = suite.start_node(0);
+    if (const auto answered = client.ask())
+      ours.push_back(ms(*answered - node.started()));
+    else
+      ++unanswered;
+    node.end(SIGTERM);
+    client.wait_until_gone();
+    Child peer = suite.start_raw(0, endpoints.writers, endpoints.readers);
+    if (const auto answered = raw_client.ask()) raw.push_back(ms(*answered - peer.started()));
+    peer.end(SIGTERM);
+    raw_client.wait_until_gone();
+  }
+  return {{"unit", "ms"},
+          {"others", others},
+          {"endpoints", endpoints.writers + endpoints.readers},
+          {"unanswered", unanswered},
+          {"srfs", summary(ours)},
+          {"raw", summary(raw)},
+          {"ratio", ratio(ours, raw)},
+          {"series", {{"srfs", ours}, {"raw", raw}}}};
+}
+
+Json measure_idle(const fs::path& bin, int nodes, seconds duration) {
+  // Two domains: nine of each kind know nine, not eighteen.
+  const Suite ours(bin, nodes, 0);
+  const Suite peers(bin, nodes, 0);
+  const std::vector<Child> our_nodes = start_nodes(ours, 0, nodes);
+  const Endpoints endpoints = endpoints_of(ours.domain(), Suite::name(0));
+  std::vector<Child> raw_nodes;
+  for (int i = 0; i < nodes; ++i)
+    raw_nodes.push_back(peers.start_raw(i, endpoints.writers, endpoints.readers));
+  for (int i = 0; i < nodes; ++i) RawStateClient(peers.domain(), Suite::name(i)).ask();
+  std::this_thread::sleep_for(seconds(5));  // the clients' leases and the first announcements are over
+  const auto cpu = [](const std::vector<Child>& processes) {
+    std::vector<nanoseconds> times;
+    for (const Child& p : processes) times.push_back(cpu_time_of(p.pid()));
+    return times;
+  };
+  const auto before = cpu(our_nodes);
+  const auto raw_before = cpu(raw_nodes);
+  const MonotonicTime begun = monotonic_now();
+  std::this_thread::sleep_for(duration);
+  const double elapsed_ms = ms(monotonic_now() - begun);
+  const auto after = cpu(our_nodes);
+  const auto raw_after = cpu(raw_nodes);
+  const auto json = [&](const std::vector<Child>& processes, const auto& from, const auto& to) {
+    std::vector<double> pss;
+    std::vector<double> own;
+    std::vector<double> percent;
+    for (std::size_t i = 0; i < processes.size(); ++i) {
+      const Memory memory = memory_of(processes[i].pid());
+      pss.push_back(memory.pss_kb / 1024);
+      own.push_back(memory.private_dirty_kb / 1024);
+      percent.push_back(100 * ms(to[i] - from[i]) / elapsed_ms);
+    }
+    return Json{{"pss_mib", spread(pss)},
+                {"private_dirty_mib", spread(own)},
+                {"cpu_percent", spread(percent)},
+                {"cpu_percent_together", std::accumulate(percent.begin(), percent.end(), 0.0)},
+                {"threads", threads_of(processes[0].pid())}};
+  };
+  const Json a = json(our_nodes, before, after);
+  const Json b = json(raw_nodes, raw_before, raw_after);
+  const auto together = [](const Json& j) { return j["cpu_percent_together"].get<double>(); };
+  return {{"nodes", nodes},
+          {"duration_s", duration.count()},
+          {"writers", endpoints.writers},
+          {"readers", endpoints.readers},
+          {"srfs", a},
+          {"raw", b},
+          {"ratio_cpu", together(a) / together(b)},
+          {"ratio_pss", a["pss_mib"]["median"].get<double>() / b["pss_mib"]["median"].get<double>()}};
+}
+
+namespace {
+
+/// Least squares over (cycle, value), as growth in 1000 cycles.
+double growth_in_1000(const std::vector<std::pair<int, double>>& points) {
+  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
+  for (const auto& [cycle, value] : points) {
+    n += 1;
+    x += cycle;
+    y += value;
+    xx += static_cast<double>(cycle) * cycle;
+    xy += cycle * value;
+  }
+  const double divisor = n * xx - x * x;
+  return divisor == 0 ? 0 : 1000 * (n * xy - x * y) / divisor;
+}
+
+/// One node that is killed and started again beside survivors; all are linked with each other by one topic,
+/// and tell there whom they hear.
+class Cycles {
+ public:
+  Cycles(const fs::path& bin, int survivors)
+      : suite_(bin, survivors + 1, 100),
+        participant_(ros::Participant::create({.domain = suite_.domain(), .executor = &executor_}).value()),
+        beats_(executor_, *participant_, beat_topic,
+               [this](const Beat& beat, const ros::MessageInfo&) { last_[beat.source.name] = beat; }),
+        survivors_(start_nodes(suite_, 1, survivors)),
+        raw_server_(suite_.start_raw(0, 1, 1)),
+        victim_(suite_.start_node(0)) {
+    if (!RawStateClient(suite_.domain(), Suite::name(0)).ask())
+      throw std::runtime_error("the raw server is not up");
+    if (!wait_until_linked(0)) throw std::runtime_error("the nodes did not find each other");
+    files_before_ = files();
+    for (const Child& node : survivors_) descriptors_before_.push_back(descriptors_of(node.pid()));
+  }
+
+  void run(int cycles) {
+    const int every = std::max(1, cycles / 50);
+    for (int cycle = 0; cycle < cycles; ++cycle) {
+      const std::uint32_t before = last_[Suite::name(0)].source.incarnation;
+      victim_.end(SIGKILL);
+      ask_survivor(1 + cycle % static_cast<int>(survivors_.size()));
+      ask_raw_server();
+      victim_ = suite_.start_node(0);
+      if (wait_until_linked(before))
+        linked_ms_.push_back(ms(monotonic_now() - victim_.started()));
+      else
+        ++lost_links_;
+      if (cycle % every == 0 || cycle + 1 == cycles) weigh(cycle);
+    }
+    done_ = cycles;
+  }
+
+  Json judge() {
+    const bool settled =
+        executor_.spin_until([this] { return counts_are_right(); }, monotonic_now() + longest_wait);
+    Json descriptors = Json::array();
+    for (std::size_t i = 0; i < survivors_.size(); ++i) {
+      const auto now = static_cast<int>(descriptors_of(survivors_[i].pid()));
+      descriptors.push_back(now - static_cast<int>(descriptors_before_[i]));
+    }
+    std::vector<std::string> leaked;
+    const auto now = files();
+    std::set_difference(now.begin(), now.end(), files_before_.begin(), files_before_.end(),
+                        std::back_inserter(leaked));
+    return {{"unit", "ms"},
+            {"cycles", done_},
+            {"survivors", survivors_.size()},
+            {"lost_links", lost_links_},
+            {"matched_counts_right_after_the_last", settled},
+            {"leaked_files", leaked},
+            {"descriptors_more", descriptors},
+            {"own_memory_growth_kb_in_1000", growth(private_kb_)},
+            {"raw_own_memory_growth_kb_in_1000", growth({raw_kb_})[0]},
+            {"pss_growth_kb_in_1000", growth(pss_kb_)},
+            {"fresh_client",
+             {{"srfs", summary(fresh_ms_)},
+              {"raw", summary(fresh_raw_ms_)},
+              {"ratio", ratio(fresh_ms_, fresh_raw_ms_)},
+              {"unanswered", unanswered_}}},
+            {"exec_to_linked", summary(linked_ms_)},
+            {"series", {{"fresh_client", fresh_ms_}, {"own_memory_kb", private_kb_}}}};
+  }
+
+ private:
+  using Weights = std::vector<std::vector<std::pair<int, double>>>;
+
+  /// A process that comes now is answered by one that has seen all the kills.
+  void ask_survivor(int i) {
+    const MonotonicTime begun = monotonic_now();
+    StateClient client(suite_.domain(), Suite::name(i));
+    if (const auto answered = client.ask())
+      fresh_ms_.push_back(ms(*answered - begun));
+    else
+      ++unanswered_;
+  }
+  void ask_raw_server() {
+    const MonotonicTime begun = monotonic_now();
+    RawStateClient client(suite_.domain(), Suite::name(0));
+    if (const auto answered = client.ask()) fresh_raw_ms_.push_back(ms(*answered - begun));
+  }
+
+  static std::uint32_t heard(const Beat& beat, const std::string& name) {
+    for (const Heard& h : beat.heard) {
+      if (h.name == name) return h.incarnation;
+    }
+    return 0;
+  }
+  /// The victim's new incarnation hears every survivor and every survivor hears it.
+  bool wait_until_linked(std::uint32_t before) {
+    return executor_.spin_until(
+        [&] {
+          const Beat& victim = last_[Suite::name(0)];
+          if (victim.source.incarnation <= before) return false;
+          for (std::size_t i = 1; i <= survivors_.size(); ++i) {
+            const std::string name = Suite::name(static_cast<int>(i));
+            if (heard(last_[name], Suite::name(0)) != victim.source.incarnation || heard(victim, name) == 0)
+              return false;
+          }
+          return true;
+        },
+        monotonic_now() + longest_wait);
+  }
+  /// Nobody is matched with the dead any more: each node has the publishers of all nodes, itself among them,
+  /// and their subscribers and this process.
+  bool counts_are_right() {
+    const std::size_t all = survivors_.size() + 1;
+    return std::all_of(last_.begin(), last_.end(), [&](const auto& entry) {
+      return entry.second.publishers == all && entry.second.subscribers == all + 1;
+    });
+  }
+  /// The suite's folder, and what a middleware could leave behind elsewhere.
+  [[nodiscard]] std::vector<std::string> files() const {
+    std::vector<std::string> all = files_below(suite_.folder(), true);
+    for (const char* shared : {"/dev/shm", "/tmp"}) {
+      for (const std::string& file : files_below(shared, false)) {
+        if (file.find("fast") != std::string::npos) all.push_back(file);
+      }
+    }
+    std::sort(all.begin(), all.end());
+    return all;
+  }
+  void weigh(int cycle) {
+    raw_kb_.emplace_back(cycle, memory_of(raw_server_.pid()).private_dirty_kb);
+    pss_kb_.resize(survivors_.size());
+    private_kb_.resize(survivors_.size());
+    for (std::size_t i = 0; i < survivors_.size(); ++i) {
+      const Memory memory = memory_of(survivors_[i].pid());
+      pss_kb_[i].emplace_back(cycle, memory.pss_kb);
+      private_kb_[i].emplace_back(cycle, memory.private_dirty_kb);
+    }
+  }
+  /// Of every survivor, after the first quarter, in which pools grow to their size.
+  static Json growth(const Weights& weights) {
+    Json out = Json::array();
+    for (auto points : weights) {
+      points.erase(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(points.size() / 4));
+      out.push_back(growth_in_1000(points));
+    }
+    return out;
+  }
+
+  Suite suite_;
+  ros::Executor executor_;
+  std::unique_ptr<ros::Participant> participant_;
+  std::map<std::string, Beat> last_;
+  ros::Subscription<Beat> beats_;
+  std::vector<Child> survivors_;
+  Child raw_server_;
+  Child victim_;
+  std::vector<std::string> files_before_;
+  std::vector<std::size_t> descriptors_before_;
+  int done_ = 0;
+  int lost_links_ = 0;
+  int unanswered_ = 0;
+  std::vector<double> fresh_ms_;
+  std::vector<double> fresh_raw_ms_;
+  std::vector<double> linked_ms_;
+  Weights pss_kb_;
+  Weights private_kb_;
+  std::vector<std::pair<int, double>> raw_kb_;
+};
+
+}  // namespace
+
+Json measure_cycles(const fs::path& bin, int cycles, int survivors) {
+  Cycles measurement(bin, survivors);
+  measurement.run(cycles);
+  return measurement.judge();
+}
+
+}  // namespace srfs::bench

@@ -1,0 +1,69 @@
+#include "tests/bench/raw_dds.hpp"
+
+#include <csignal>
+
+#include <fmt/format.h>
+#include <malloc.h>
+
+namespace srfs::bench {
+
+RawService::RawService(ros::Participant& participant, const std::string& name)
+    : replies_(participant, name + "Reply", {}),
+      requests_(participant, name + "Request", {},
+                [this](const Probe& request, const ros::dds::SampleInfo& info) {
+                  SampleIdentity id;
+                  id.writer_guid(info.related_sample_identity.writer_guid());
+                  id.sequence_number(info.sample_identity.sequence_number());
+                  WriteParams params;
+                  params.related_sample_identity(id);
+                  replies_.write(request, params);
+                }) {}
+
+RawClient::RawClient(ros::Participant& participant, const std::string& name)
+    : replies_(participant, name + "Reply", {},
+               [this](const Probe&, const ros::dds::SampleInfo& info) {
+                 if (info.related_sample_identity.writer_guid() != replies_.guid()) return;
+                 const std::lock_guard lock(mutex_);
+                 answered_at_ = monotonic_now();
+                 answered_ = info.related_sample_identity;
+                 changed_.notify_one();
+               }),
+      requests_(participant, name + "Request", {}) {}
+
+std::optional<MonotonicTime> RawClient::call(std::uint32_t number, nanoseconds longest) {
+  Probe request;
+  request.number = number;
+  WriteParams params;
+  params.related_sample_identity().writer_guid(replies_.guid());
+  if (!requests_.write(request, params)) return std::nullopt;
+  const auto sequence = params.sample_identity().sequence_number();
+  std::unique_lock lock(mutex_);
+  if (!changed_.wait_for(lock, longest, [&] { return answered_.sequence_number() == sequence; }))
+    return std::nullopt;
+  return answered_at_;
+}
+
+int run_raw_node(int domain, const std::string& name, int writers, int readers) {
+  sigset_t ends;
+  sigemptyset(&ends);
+  sigaddset(&ends, SIGTERM);
+  sigprocmask(SIG_BLOCK, &ends, nullptr);
+  mallopt(M_ARENA_MAX, 1);  // as run_node does
+  const auto participant = raw_participant(domain);
+  const RawService service(*participant, "bench_raw/" + name);
+  std::vector<std::unique_ptr<RawWriter<Probe>>> out;
+  std::vector<std::unique_ptr<RawReader<Probe>>> in;
+  for (int i = 1; i < writers; ++i)
+    out.push_back(std::make_unique<RawWriter<Probe>>(*participant, fmt::format("bench_raw/{}/w{}", name, i),
+                                                     ros::Qos{}));
+  for (int i = 1; i < readers; ++i)
+    in.push_back(std::make_unique<RawReader<Probe>>(*participant, fmt::format("bench_raw/{}/r{}", name, i),
+                                                    ros::Qos{},
+                                                    [](const Probe&, const ros::dds::SampleInfo&) {}));
+  malloc_trim(0);
+  int signal = 0;
+  sigwait(&ends, &signal);
+  return 0;
+}
+
+}  // namespace srfs::bench

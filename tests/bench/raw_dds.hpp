@@ -1,0 +1,113 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+
+#include <fastdds/dds/publisher/DataWriterListener.hpp>
+#include <fastdds/dds/subscriber/DataReaderListener.hpp>
+
+#include "ros/participant.hpp"
+#include "ros/type_support.hpp"
+#include "tests/bench/messages.hpp"
+
+/// The peer of every measure: Fast DDS used directly, with the same transport, QoS and serialisation as
+/// lib/ros, and Fast DDS' own receive threads and listener callbacks: the least that a user of Fast DDS can
+/// do.
+namespace srfs::bench {
+
+using eprosima::fastrtps::rtps::SampleIdentity;
+using eprosima::fastrtps::rtps::WriteParams;
+
+/// A participant as lib/ros makes it, but read by Fast DDS' threads.
+[[nodiscard]] inline std::unique_ptr<ros::Participant> raw_participant(int domain) {
+  return ros::Participant::create({.domain = domain}).value();
+}
+
+template <class M>
+class RawReader final : public ros::dds::DataReaderListener {
+ public:
+  using Callback = std::function<void(const M&, const ros::dds::SampleInfo&)>;
+  /// @param callback on Fast DDS' receive thread
+  RawReader(ros::Participant& participant, const std::string& topic, ros::Qos qos, Callback callback)
+      : participant_(participant), callback_(std::move(callback)) {
+    reader_ = participant.create_reader(topic, ros::dds::TypeSupport(new ros::TypeSupport<M>), qos, this);
+  }
+  ~RawReader() override { participant_.destroy(reader_); }
+  [[nodiscard]] bool is_matched() const { return matched_ > 0; }
+  [[nodiscard]] auto guid() const { return reader_->guid(); }
+
+  void on_data_available(ros::dds::DataReader* reader) override {
+    ros::dds::SampleInfo info;
+    while (reader->take_next_sample(&sample_, &info) == ReturnCode_t::RETCODE_OK) {
+      if (info.valid_data && sample_.well_formed) callback_(sample_.message, info);
+    }
+  }
+  void on_subscription_matched(ros::dds::DataReader*, const ros::dds::SubscriptionMatchedStatus& s) override {
+    matched_ = s.current_count;
+  }
+
+ private:
+  ros::Participant& participant_;
+  Callback callback_;
+  ros::Sample<M> sample_;
+  std::atomic<int> matched_{0};
+  ros::dds::DataReader* reader_ = nullptr;
+};
+
+template <class M>
+class RawWriter final : public ros::dds::DataWriterListener {
+ public:
+  RawWriter(ros::Participant& participant, const std::string& topic, ros::Qos qos)
+      : participant_(participant) {
+    writer_ = participant.create_writer(topic, ros::dds::TypeSupport(new ros::TypeSupport<M>), qos, this);
+  }
+  ~RawWriter() override { participant_.destroy(writer_); }
+  [[nodiscard]] bool is_matched() const { return matched_ > 0; }
+  bool write(const M& message) { return writer_->write(const_cast<M*>(&message)); }
+  bool write(const M& message, WriteParams& params) {
+    return writer_->write(const_cast<M*>(&message), params);
+  }
+  void on_publication_matched(ros::dds::DataWriter*, const ros::dds::PublicationMatchedStatus& s) override {
+    matched_ = s.current_count;
+  }
+
+ private:
+  ros::Participant& participant_;
+  std::atomic<int> matched_{0};
+  ros::dds::DataWriter* writer_ = nullptr;
+};
+
+/// Answers each request with its own content, addressed as rmw_fastrtps does: {reader of the client's
+/// replies, sequence number of the request}.
+class RawService {
+ public:
+  RawService(ros::Participant& participant, const std::string& name);
+
+ private:
+  RawWriter<Probe> replies_;
+  RawReader<Probe> requests_;
+};
+
+/// A client of a RawService; one request at a time.
+class RawClient {
+ public:
+  RawClient(ros::Participant& participant, const std::string& name);
+  [[nodiscard]] bool is_ready() const { return requests_.is_matched() && replies_.is_matched(); }
+  /// Blocks until the reply came. @return when, on the receive thread; nullopt after @p longest
+  std::optional<MonotonicTime> call(std::uint32_t number, nanoseconds longest);
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  SampleIdentity answered_;
+  MonotonicTime answered_at_;
+  RawReader<Probe> replies_;
+  RawWriter<Probe> requests_;
+};
+
+/// What stands for a node: a participant with as many endpoints, and one service. Runs until SIGTERM.
+int run_raw_node(int domain, const std::string& name, int writers, int readers);
+
+}  // namespace srfs::bench

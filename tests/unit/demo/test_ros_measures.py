@@ -1,0 +1,61 @@
+"""The judgement of the measures of lib/ros: pure, against made-up figures."""
+
+import pathlib
+import sys
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "tools" / "demo"))
+
+import ros_measures  # noqa: E402
+
+
+def quantiles(p50, p99, top=None):
+    return {"p50": p50, "p90": p99, "p99": p99, "max": top or p99, "samples": 100}
+
+
+def latency(topic, service, raw=(100, 200)):
+    return {"topic": {"srfs": {"one_way": quantiles(*topic)}, "raw": {"one_way": quantiles(*raw)}},
+            "service": {"srfs": quantiles(*service), "raw": quantiles(*raw)}}
+
+
+def cycles(**changes):
+    return {"cycles": 1000, "lost_links": 0, "matched_counts_right_after_the_last": True, "leaked_files": [], "descriptors_more": [0, 0],
+            "own_memory_growth_kb_in_1000": [3.0, -2.0], "fresh_client": {"srfs": quantiles(80, 200), "raw": quantiles(80, 200), "unanswered": 0},
+            **changes}
+
+
+def missed(name, result):
+    return [line["what"] for line in ros_measures.verdicts({name: result}) if not line["met"]]
+
+
+class JudgementTest(unittest.TestCase):
+    def test_a_ratio_at_its_goal_is_met(self):
+        self.assertEqual(missed("latency", latency((115, 260), (115, 260))), [])
+
+    def test_a_slow_quantile_is_missed_alone(self):
+        self.assertEqual(missed("latency", latency((120, 200), (100, 300))), ["topic, one way, p50, us", "service round trip, p99, us"])
+
+    def test_under_load_the_goal_is_a_time(self):
+        self.assertEqual(missed("latency_under_load", latency((900, 900, 6000), (1, 1))), ["topic, one way, max, us"])
+
+    def test_what_was_skipped_is_not_judged(self):
+        self.assertEqual(ros_measures.verdicts({"latency_under_load": {"skipped": "stress-ng is missing"}}), [])
+
+    def test_cycles_without_a_trace_are_met(self):
+        self.assertEqual(missed("cycles", cycles()), [])
+
+    def test_one_leaked_file_makes_the_run_unsound(self):
+        result = cycles(leaked_files=["/dev/shm/fastrtps_x"])
+        self.assertFalse(ros_measures.is_sound({"verdicts": ros_measures.verdicts({"cycles": result})}))
+
+    def test_a_late_client_is_missed_and_leaves_the_run_sound(self):
+        result = cycles(fresh_client={"srfs": quantiles(80, 400), "raw": quantiles(80, 200), "unanswered": 0})
+        self.assertEqual(missed("cycles", result), ["fresh client answered, p99, ms"])
+        self.assertTrue(ros_measures.is_sound({"verdicts": ros_measures.verdicts({"cycles": result})}))
+
+    def test_a_survivor_that_grows_is_missed(self):
+        self.assertEqual(missed("cycles", cycles(own_memory_growth_kb_in_1000=[0, 500])), ["own memory of a survivor, kB more in 1000"])
+
+
+if __name__ == "__main__":
+    unittest.main()
