@@ -34,6 +34,8 @@ class CallTable {
   [[nodiscard]] std::optional<std::uint64_t> finish(std::int64_t sequence);
   /// Ends a call without telling anybody; unknown ones are ignored.
   void forget(std::uint64_t call) { calls_.erase(call); }
+  /// Ends all calls without telling anybody.
+  void clear() { calls_.clear(); }
   /// Sends what waited for a server. Work thread.
   void server_changed();
   [[nodiscard]] std::size_t waiting() const { return calls_.size(); }
@@ -101,6 +103,7 @@ class Client {
 
   ~Client() {
     reader_->close();
+    table_->clear();  // a loop over it, whose callback drops this client, ends
     // Captured callbacks of other threads hold the table only weakly.
   }
   Client(const Client&) = delete;

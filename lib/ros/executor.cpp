@@ -13,15 +13,19 @@
 
 namespace srfs::ros {
 
-struct Executor::Timer : Registration {
+struct Executor::Timer : Registration, std::enable_shared_from_this<Timer> {
   Executor* executor = nullptr;
   MonotonicTime due;
   nanoseconds period{0};
   TimerCallback callback;
   CallbackRecord* record = nullptr;
-  bool cancelled = false;
+  std::optional<std::multimap<MonotonicTime, std::shared_ptr<Timer>>::iterator> place;  // in timers_
 
-  void cancel() override { cancelled = true; }
+  void enter() { place = executor->timers_.emplace(due, shared_from_this()); }
+  /// What the callback holds goes with the timer, at once, unless it is just running.
+  void cancel() override {
+    if (place) executor->timers_.erase(*std::exchange(place, std::nullopt));
+  }
 };
 
 struct Executor::Watch : Registration {
@@ -78,7 +82,9 @@ Executor::Executor()
   }
 }
 
-Executor::~Executor() = default;
+Executor::~Executor() {
+  for (const auto& [due, timer] : timers_) timer->place.reset();  // whoever still holds one cancels nothing
+}
 
 /// Runs a callback whose beginning is now_, counts it unless it says that it had nothing to do, and catches
 /// what it throws. @return whether it was counted
@@ -128,7 +134,7 @@ Executor::Handle Executor::add_timer(MonotonicTime first, nanoseconds period, Ti
   timer->period = period;
   timer->callback = std::move(callback);
   timer->record = &statistics_.record(CallbackKind::timer, name);
-  timers_.emplace(first, timer);
+  timer->enter();
   return owner_handle(std::move(timer));
 }
 
@@ -230,14 +236,14 @@ bool Executor::run_due_timers() {
   while (!timers_.empty() && timers_.begin()->first <= round) {
     const std::shared_ptr<Timer> timer = timers_.begin()->second;
     timers_.erase(timers_.begin());
-    if (timer->cancelled) continue;
+    timer->place.reset();
     if (timer->period > nanoseconds(0)) {
       // The next deadline lies on the timer's own grid, whatever this wake-up was late by.
       const std::int64_t missed = (now_ - timer->due) / timer->period;
       missed_timer_periods_ += static_cast<std::uint64_t>(missed);
       timer->record->missed_periods += static_cast<std::uint64_t>(missed);
       timer->due += timer->period * (missed + 1);
-      timers_.emplace(timer->due, timer);
+      timer->enter();
     }
     run(*timer->record, timer->callback);
     ran = true;
@@ -262,8 +268,12 @@ bool Executor::run_one_source() {
   return false;
 }
 
+bool Executor::has_incoming() {
+  const std::lock_guard lock(mutex_);
+  return !incoming_.empty() || !posts_.empty();
+}
+
 void Executor::arm_timer_fd() {
-  while (!timers_.empty() && timers_.begin()->second->cancelled) timers_.erase(timers_.begin());
   std::optional<MonotonicTime> next;
   if (!timers_.empty()) next = timers_.begin()->first;
   // An alarm that is earlier than needed (a call that was answered before its deadline) costs one idle turn
@@ -289,6 +299,8 @@ bool Executor::spin_once(nanoseconds longest) {
   busy = run_posts() || busy;
   busy = run_one_source() || busy;
   arm_timer_fd();
+  // What this thread enqueued behind the looks above was not woken for.
+  busy = busy || has_incoming();
 
   std::array<epoll_event, 16> events{};
   const int count =

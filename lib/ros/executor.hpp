@@ -122,6 +122,7 @@ class Executor {
   bool run_posts();
   void wake();
   void take_incoming();
+  [[nodiscard]] bool has_incoming();
 
   Fd epoll_;
   Fd wake_;

@@ -488,8 +488,8 @@ bool LifecycleNode::go_to(State target) {
     } else {
       return false;
     }
-    const State before = state_;
-    if (!request_transition(0, request) || state_ == before) return false;
+    const auto result = request_transition(0, request);
+    if (!result || !result->succeeded) break;  // not again at once: the caller decides when
   }
   return state_ == target;
 }
@@ -554,6 +554,12 @@ void LifecycleNode::report_bad_input() {
     }
     report_bad_input(*input, *reader);
     ++input;
+  }
+  if (const std::uint64_t dropped = context_.participant.transport_stats().overflowed;
+      dropped > overflow_reported_) {
+    overflow_reported_ = dropped;
+    log::warn("{} datagrams dropped by the kernel so far: this node reads too slowly (srfs stats {})",
+              dropped, name());
   }
   if (suppressed_events_ > suppressed_reported_) {
     const mission::NodeEventsSuppressedEvent event{

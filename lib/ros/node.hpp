@@ -271,6 +271,7 @@ class LifecycleNode {
   std::uint32_t events_in_window_ = 0;
   std::uint64_t suppressed_events_ = 0;
   std::uint64_t suppressed_reported_ = 0;
+  std::uint64_t overflow_reported_ = 0;
   std::uint16_t last_suppressed_event_ = 0;
   std::vector<Input> inputs_;
   Timer input_check_;

@@ -147,23 +147,28 @@ std::string NodeIntrospection::begin_save(const SaveParameters::Request& request
 
   if (!disk_) disk_ = std::make_unique<Worker>(node_.context().executor, "parameters", 1);
   auto written = std::make_shared<Result<void, FileError>>();
-  saving_ = disk_->post([file = path(parameter_file), text = std::move(text),
-                         written] { *written = write_file_atomically(file, text); },
-                        [this, written, stored = std::move(*stored), answer = std::move(answer)] {
-                          saving_ = false;
-                          SaveParameters::Response response;
-                          response.success = written->has_value();
-                          if (response.success) {
-                            node_.parameters().set_stored_now(stored);
-                            log::info("{} parameters stored for the next start", stored.size());
-                          } else {
-                            response.reason = cut(written->error().message, longest_told);
-                            log::error("parameters not saved: {}", written->error().message);
-                          }
-                          for (const StoredParameter& p : node_.parameters().stored())
-                            response.stored.push_back(p.name);
-                          answer(response);
-                        });
+  saving_ = disk_->post(
+      [file = path(parameter_file), text = std::move(text), written] {
+        try {
+          *written = write_file_atomically(file, text);
+        } catch (const std::exception& e) {
+          *written = Err(FileError{e.what()});
+        }
+      },
+      [this, written, stored = std::move(*stored), answer = std::move(answer)] {
+        saving_ = false;
+        SaveParameters::Response response;
+        response.success = written->has_value();
+        if (response.success) {
+          node_.parameters().set_stored_now(stored);
+          log::info("{} parameters stored for the next start", stored.size());
+        } else {
+          response.reason = cut(written->error().message, longest_told);
+          log::error("parameters not saved: {}", written->error().message);
+        }
+        for (const StoredParameter& p : node_.parameters().stored()) response.stored.push_back(p.name);
+        answer(response);
+      });
   return saving_ ? "" : "another save is under way";
 }
 

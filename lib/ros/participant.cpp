@@ -24,8 +24,10 @@ eprosima::fastrtps::Duration_t duration(double s) {
   return {s};
 }
 
-/// Numbers of this process' participants, from which their ports follow. Left to itself Fast DDS 2.9 counts
-/// up and never uses a number twice, while announcements go to the ports of the first 32 only.
+/// Numbers of this process' participants, from which the ports follow where they are announced to. Left to
+/// itself Fast DDS 2.9 counts up and never uses a number twice, while announcements go to the first 32 only.
+/// Only the port takes the number: Fast DDS' own participant id goes into the GUID, which must not come
+/// twice.
 std::mutex numbers_mutex;
 std::set<int> numbers_in_use;
 
@@ -42,10 +44,14 @@ void give_number_back(int number) {
   numbers_in_use.erase(number);
 }
 
+/// RTPS 2.2, 9.6.1.1. Fast DDS goes on to the next number's port where this one is taken by another process.
+std::uint16_t discovery_port(int domain, int number) {
+  return static_cast<std::uint16_t>(7400 + 250 * domain + 10 + 2 * number);
+}
+
 dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int number,
                                           const std::shared_ptr<TransportState>& state) {
   dds::DomainParticipantQos qos;
-  qos.wire_protocol().participant_id = number;
   qos.name("/");
   qos.user_data().setValue(participant_user_data(options.identity));
 
@@ -74,6 +80,7 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
     Locator_t locator;
     IPLocator::setIPv4(locator, address);
     wire.builtin.initialPeersList.push_back(locator);
+    IPLocator::setPhysicalPort(locator, discovery_port(options.domain, number));
     wire.builtin.metatrafficUnicastLocatorList.push_back(locator);
   }
   return qos;
@@ -240,8 +247,12 @@ dds::DataReader* Participant::create_reader(const std::string& name, dds::TypeSu
 }
 
 MonotonicTime Participant::received_at(const dds::SampleInfo& info, MonotonicTime now) const {
-  const UtcTime arrived =
-      transport_->arrivals.arrival_of(UtcTime(nanoseconds(info.reception_timestamp.to_ns())));
+  const UtcTime looked_at(nanoseconds(info.reception_timestamp.to_ns()));
+  // Samples of this process come by no datagram. Vendor, host and process are the first 8 octets of a prefix.
+  const auto& ours = participant_->guid().guidPrefix.value;
+  const auto& writer = info.sample_identity.writer_guid().guidPrefix.value;
+  const bool from_here = std::equal(ours, ours + 8, writer);
+  const UtcTime arrived = from_here ? looked_at : transport_->arrivals.arrival_of(looked_at);
   return now - std::clamp<nanoseconds>(system_utc_now() - arrived, nanoseconds(0), seconds(1));
 }
 

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/log.hpp"
+
 namespace srfs::ros {
 namespace {
 
@@ -57,7 +59,7 @@ void ReplyQueue::flush() {
   const MonotonicTime now = monotonic_now();
   std::erase_if(waiting_, [&](const Waiting& reply) {
     if (can_reach(reply.request.writer_guid())) {
-      transmit(reply.request, reply.response.get());
+      if (!transmit(reply.request, reply.response.get())) ++dropped_;
       return true;
     }
     if (now < reply.give_up) return false;
@@ -71,6 +73,7 @@ void ReplyQueue::flush() {
 ServiceCore::ServiceCore(Executor& executor, Participant& participant, const std::string& dds_topic,
                          dds::TypeSupport response_type, const Qos& qos)
     : executor_(executor),
+      topic_(dds_topic),
       writer_(participant, dds_topic, std::move(response_type), qos),
       replies_(executor, writer_) {
   writer_.on_match_change([this, &executor, alive = std::weak_ptr<bool>(alive_)] {
@@ -102,7 +105,10 @@ std::optional<Ticket> ServiceCore::begin(const MessageInfo& info) {
 
 bool ServiceCore::reply(Ticket ticket, std::shared_ptr<const void> response) {
   const auto request = book_.answer(ticket, response, executor_.now());
-  return !request || replies_.send(*request, std::move(response));
+  if (!request || replies_.send(*request, std::move(response))) return true;
+  ++refused_replies_;
+  log::error("a reply on {} breaks a bound of its type and is not sent: the client will time out", topic_);
+  return false;
 }
 
 }  // namespace srfs::ros

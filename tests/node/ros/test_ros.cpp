@@ -144,6 +144,7 @@ TEST(Participants, MadeAndForgottenAllDayLongAreStillFound) {
   Executor executor;
   const auto here = Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor}).value();
   const Publisher<TaskFlags> publisher(*here, flags_topic);
+  std::set<GUID_t> guids;
   for (int i = 0; i < 40; ++i) {
     const auto there = Participant::create({testing_support::own_domain(), {"127.0.0.1"}, &executor}).value();
     const Subscription<TaskFlags> subscription(executor, *there, flags_topic,
@@ -151,6 +152,7 @@ TEST(Participants, MadeAndForgottenAllDayLongAreStillFound) {
     ASSERT_TRUE(executor.spin_until([&] { return subscription.publisher_count() == 1; },
                                     monotonic_now() + seconds(20)))
         << "number " << i;
+    EXPECT_TRUE(guids.insert(subscription.guid()).second) << "a GUID names one reader for ever";
   }
 }
 
@@ -323,6 +325,44 @@ TEST(Executor, RunsTimersOnTheirGridAndCountsMissedPeriods) {
   const auto timer = executor.add_timer(start - milliseconds(35), milliseconds(10), [&] { ++runs; });
   EXPECT_TRUE(executor.spin_until([&] { return runs == 2; }, start + seconds(10)));
   EXPECT_GE(executor.missed_timer_periods(), 3U) << "three deadlines had passed before the first wake-up";
+}
+
+TEST(Executor, WhatATimerHoldsGoesWithItsHandle) {
+  Executor executor;
+  auto held = std::make_shared<int>(1);
+  const std::weak_ptr<int> watched = held;
+  auto timer = executor.add_timer(monotonic_now() + seconds(60), nanoseconds(0), [held] {});
+  held.reset();
+  EXPECT_FALSE(watched.expired());
+  timer.reset();
+  EXPECT_TRUE(watched.expired());
+}
+
+TEST(Executor, APeriodicTimerMayEndItself) {
+  Executor executor;
+  int runs = 0;
+  Timer timer;
+  timer = executor.add_timer(monotonic_now(), milliseconds(1), [&] {
+    ++runs;
+    timer.reset();
+  });
+  bool later = false;
+  const auto end =
+      executor.add_timer(monotonic_now() + milliseconds(10), nanoseconds(0), [&] { later = true; });
+  EXPECT_TRUE(executor.spin_until([&] { return later; }, monotonic_now() + seconds(10)));
+  EXPECT_EQ(runs, 1);
+}
+
+TEST(Executor, WhatTheWorkThreadPostsItselfIsRunWithoutWaitingForAnotherWakeUp) {
+  Executor executor;
+  int chain = 0;
+  std::function<void()> next = [&] {
+    if (++chain < 100) executor.post(next);
+  };
+  const auto start = executor.add_timer(monotonic_now(), nanoseconds(0), next);
+  // Turns, not time: each may wait for a minute when it is not told of the post.
+  for (int turn = 0; turn < 110 && chain < 100; ++turn) executor.spin_once(seconds(60));
+  EXPECT_EQ(chain, 100);
 }
 
 TEST(Executor, ADroppedTimerNeverRunsAndADroppedWatchNeverFires) {

@@ -29,7 +29,7 @@ CheckAlive::Request nonce(std::uint64_t n) {
 
 class ServicesTest : public testing::Test {
  protected:
-  // Fast DDS gives a process' participants ascending ports and announces to 32 of them: tests share two.
+  // Making a participant takes longer than a test: all share two.
   static void SetUpTestSuite() {
     here_ = participant();
     there_ = participant();
