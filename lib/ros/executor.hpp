@@ -79,7 +79,8 @@ class Executor {
 
   /// Runs until stop().
   void spin();
-  /// Runs what is due, waits for at most @p longest when nothing is. @return false after stop()
+  /// Runs what is due, waits for at most @p longest when nothing is (nanoseconds::max(): without limit).
+  /// @return false after stop()
   bool spin_once(nanoseconds longest);
   /// Runs until @p condition holds or the deadline passes. @return the condition
   bool spin_until(const std::function<bool()>& condition, MonotonicTime deadline);
