@@ -70,7 +70,8 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
   qos.transport().send_socket_buffer_size = socket_buffer_octets;
   qos.transport().listen_socket_buffer_size = socket_buffer_octets;
 
-  // Else eight of 64 KiB are taken and zeroed at the start; a node hardly ever sends from two threads at once.
+  // Else eight of 64 KiB are taken and zeroed at the start; a node hardly ever sends from two threads at
+  // once.
   qos.allocation().send_buffers.preallocated_number = 1;
   qos.allocation().send_buffers.dynamic = true;
 
