@@ -22,6 +22,8 @@ template <class... T>
 struct Overloaded : T... {
   using T::operator()...;
 };
+template <class... T>
+Overloaded(T...) -> Overloaded<T...>;
 
 }  // namespace
 
@@ -108,13 +110,13 @@ void Peripheral::on_request(OctetView message, MonotonicTime now) {
           },
           [&](const wire::ResetRequest&) -> decltype(response.body) { return wire::ResetResponse{status}; }},
       request->body);
-  answer(std::move(response), now);
+  answer(response, now);
   // The answer goes out before the processor restarts; 5 ms cover its time on the bus.
   if (std::holds_alternative<wire::ResetRequest>(request->body))
     restart_at_ = now + settings_.answer_delay + milliseconds(5);
 }
 
-void Peripheral::answer(wire::PeripheralResponse response, MonotonicTime now) {
+void Peripheral::answer(const wire::PeripheralResponse& response, MonotonicTime now) {
   Octets octets = wire::encode(response);
   MonotonicTime at = now + settings_.answer_delay;
   switch (fault_) {

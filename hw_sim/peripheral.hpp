@@ -93,7 +93,7 @@ class Peripheral {
     Octets octets;
   };
   void start(MonotonicTime now);
-  void answer(wire::PeripheralResponse response, MonotonicTime now);
+  void answer(const wire::PeripheralResponse& response, MonotonicTime now);
   [[nodiscard]] wire::PeripheralResult on_command(const wire::CommandRequest& command, bool ready);
   [[nodiscard]] bool known(std::uint32_t telecommand_id) const;
 

@@ -20,7 +20,7 @@ milliseconds duration_ms(const ConfigSection& section, const char* key, std::int
 }
 
 std::string device(const ConfigSection& section, const char* key, const std::vector<std::string>& schemes) {
-  const std::string uri = section.text(key);
+  std::string uri = section.text(key);
   if (const auto parsed = hw::parse_device_uri(uri, schemes); !parsed)
     throw section.bad(key, "a device of the simulation (" + parsed.error().message + ")");
   return uri;

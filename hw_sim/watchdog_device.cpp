@@ -19,6 +19,7 @@ namespace {
 /// Starts @p command in a new session with default signals and /dev/null as input. @return errno
 int spawn_detached(const std::vector<std::string>& command, pid_t& child) {
   std::vector<char*> arguments;
+  arguments.reserve(command.size() + 1);
   for (const std::string& argument : command) arguments.push_back(const_cast<char*>(argument.c_str()));
   arguments.push_back(nullptr);
   posix_spawnattr_t attributes;

@@ -29,8 +29,8 @@ std::string found(const YAML::Node& node) {
 
 }  // namespace
 
-ConfigSection::ConfigSection(YAML::Node node, std::string file, std::string path)
-    : node_(std::move(node)), file_(std::move(file)), path_(std::move(path)) {}
+ConfigSection::ConfigSection(const YAML::Node& node, std::string file, std::string path)
+    : node_(node), file_(std::move(file)), path_(std::move(path)) {}
 
 ConfigSection ConfigSection::load(const std::filesystem::path& file) {
   const auto content = read_file(file);
@@ -165,7 +165,8 @@ std::vector<ConfigSection> ConfigSection::sections(std::string_view key) const {
   if (!has(key)) return all;
   const YAML::Node node = get(key);
   if (!node.IsSequence()) throw bad(key, "a list of mappings");
-  for (const auto& item : node) {
+  for (std::size_t i = 0; i < node.size(); ++i) {
+    const YAML::Node item = node[i];
     if (!item.IsMap()) throw bad(key, "a list of mappings");
     all.push_back(ConfigSection(item, file_,
                                 fmt::format("{}{}{}[{}]", path_, path_.empty() ? "" : ".", key, all.size())));

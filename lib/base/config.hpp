@@ -65,7 +65,7 @@ class ConfigSection {
   [[nodiscard]] const std::string& file() const { return file_; }
 
  private:
-  ConfigSection(YAML::Node node, std::string file, std::string path);
+  ConfigSection(const YAML::Node& node, std::string file, std::string path);
   [[nodiscard]] YAML::Node get(std::string_view key) const;
   [[nodiscard]] YAML::Node need(std::string_view key, std::string_view expected) const;
 

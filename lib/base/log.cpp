@@ -114,11 +114,11 @@ void put_held_back(State& s, Severity severity, const std::source_location& wher
   put(s, {severity, {text.data(), static_cast<std::size_t>(end - text.data())}, where});
 }
 
+}  // namespace
+
 std::string_view base_name(std::string_view file) {
   return file.substr(file.find_last_of('/') + 1);
 }
-
-}  // namespace
 
 std::string_view to_text(Severity severity) {
   switch (severity) {

@@ -29,6 +29,8 @@ struct Record {
   std::string_view text;
   std::source_location where;
 };
+/// A source file's name without its folders.
+[[nodiscard]] std::string_view base_name(std::string_view file);
 
 /// Name that stands in every line ("timing", "hw_sim"). Set once in main, before threads.
 void set_name(std::string name);

@@ -12,8 +12,6 @@
 
 namespace srfs::ros {
 
-inline constexpr Qos action_status_qos{.depth = 1, .transient_local = true};
-
 /// A random UUID, version 4 (RFC 9562, 5.4).
 [[nodiscard]] GoalId make_goal_id();
 

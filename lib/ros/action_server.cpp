@@ -5,8 +5,6 @@
 namespace srfs::ros {
 namespace {
 
-constexpr Qos status_qos{.depth = 1, .transient_local = true};
-
 GoalClient goal_client(const GUID_t& guid) {
   GoalClient client;
   std::copy_n(guid.guidPrefix.value, 12, client.begin());
@@ -69,7 +67,7 @@ ActionServerCore::ActionServerCore(Typed& typed, Executor& executor, Participant
       book_(options.limits),
       mailbox_(std::make_shared<GoalMailbox>(executor, options.priority,
                                              [this](const GoalMailbox::Item& item) { on_item(item); })),
-      status_(participant, {action + "/_action/status", status_qos}),
+      status_(participant, {action + "/_action/status", action_status_qos}),
       cancel_goal_(executor, participant, action + "/_action/cancel_goal", Qos{}, options.priority,
                    [this](const CancelGoal::Request& request, CancelGoal::Response& response) {
                      on_cancel(request, response);
@@ -160,7 +158,7 @@ void ActionServerCore::on_item(const GoalMailbox::Item& item) {
   }
 }
 
-void ActionServerCore::finish(const GoalId& id, GoalEvent how, std::shared_ptr<const void> result) {
+void ActionServerCore::finish(const GoalId& id, GoalEvent how, const std::shared_ptr<const void>& result) {
   if (book_.state(id) == GoalState::accepted) book_.apply(id, GoalEvent::execute, executor_.now());
   if (how == GoalEvent::canceled && book_.state(id) != GoalState::canceling) {
     log::warn("the work of a goal says it was canceled, which nobody granted: aborted");

@@ -217,7 +217,7 @@ class ActionServerCore {
   void on_cancel(const CancelGoal::Request& request, CancelGoal::Response& response);
   bool cancel(const GoalId& id);
   void begin(const GoalId& id);
-  void finish(const GoalId& id, GoalEvent how, std::shared_ptr<const void> result);
+  void finish(const GoalId& id, GoalEvent how, const std::shared_ptr<const void>& result);
   void publish_status();
   void expire();
   void arm_expiry();

@@ -99,6 +99,12 @@ void ReaderEndpoint::on_data_available(dds::DataReader*) {
   if (const auto self = weak_from_this().lock()) executor_.notify(self, priority_);
 }
 
+InputStats ReaderEndpoint::stats() const {
+  InputStats stats = stats_;
+  if (fill_ && reader_ != nullptr) fill_(stats);
+  return stats;
+}
+
 std::size_t ReaderEndpoint::matched_count() const {
   const std::lock_guard lock(mutex_);
   return writers_.size();

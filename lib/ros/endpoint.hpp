@@ -32,6 +32,11 @@ struct InputStats {
       0;  ///< gaps in writers' sequence numbers: overwritten before they were taken, or never arrived
   std::uint64_t foreign =
       0;  ///< from participants outside the suite, on a guarded reader; part of the others
+  // Of a service:
+  std::uint64_t repeats = 0;  ///< requests that came again: answered again, not executed again
+  std::uint64_t refused = 0;  ///< requests dropped because too many were waiting
+  std::uint64_t unanswered =
+      0;  ///< the client vanished, its reader never matched, or the reply broke a bound
 };
 
 /// What a callback may know of the sample beside its content.
@@ -86,7 +91,10 @@ class ReaderEndpoint : public Source,
   void close();
   /// What the kernel holds already reaches this reader's history now.
   void receive_waiting() const { participant_->receive_waiting(); }
-  [[nodiscard]] InputStats stats() const { return stats_; }
+  [[nodiscard]] InputStats stats() const;
+  /// Who knows more than the reader (a service) fills that in at every stats(). It must outlive the DDS
+  /// reader.
+  void add_to_stats(std::function<void(InputStats&)> fill) { fill_ = std::move(fill); }
   [[nodiscard]] std::size_t matched_count() const;
   /// The writers matched now.
   [[nodiscard]] std::set<GUID_t> matched_writers() const;
@@ -116,6 +124,7 @@ class ReaderEndpoint : public Source,
 
  private:
   bool guarded_ = false;
+  std::function<void(InputStats&)> fill_;
   std::optional<GuidPrefix> last_foreign_;
   mutable std::mutex mutex_;
   std::set<GUID_t> writers_;

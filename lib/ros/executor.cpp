@@ -210,18 +210,21 @@ void Executor::take_incoming() {
 }
 
 bool Executor::run_posts() {
-  {
-    // The usual turn has none, and making an empty deque takes memory.
-    const std::lock_guard lock(mutex_);
-    if (posts_.empty()) return false;
-  }
-  std::deque<Post> due;
+  // Only what was there when the round began; one at a time, so that what a callback throws loses no other.
+  std::size_t due = 0;
   {
     const std::lock_guard lock(mutex_);
-    due.swap(posts_);
+    due = posts_.size();
   }
+  if (due == 0) return false;
   now_ = monotonic_now();
-  for (const Post& post : due) {
+  for (; due > 0; --due) {
+    Post post;
+    {
+      const std::lock_guard lock(mutex_);
+      post = std::move(posts_.front());
+      posts_.pop_front();
+    }
     run(post.record != nullptr ? *post.record : statistics_.record(CallbackKind::posted, "posted"),
         post.callback);
   }

@@ -323,7 +323,7 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
     record.last_cause = request.cause;
   }
   write_start_record(request.var, node.name, record);
-  const auto pid = spawn(*prepared, node);
+  auto pid = spawn(*prepared, node);
   if (pid) wait_for_instance(request.var, node.name, *pid);
   return pid;
 }

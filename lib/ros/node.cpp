@@ -48,10 +48,6 @@ lc::msg::TransitionDescription describe(const LifecycleRow& row) {
   return d;
 }
 
-std::string_view base_name(std::string_view file) {
-  return file.substr(file.find_last_of('/') + 1);
-}
-
 }  // namespace
 
 /// The endpoints every node has.
@@ -88,7 +84,7 @@ struct LifecycleNode::Interfaces {
       m.level = static_cast<std::uint8_t>(record.severity);
       m.name = name;
       m.msg = std::string(record.text);
-      m.file = std::string(base_name(record.where.file_name()));
+      m.file = std::string(log::base_name(record.where.file_name()));
       m.function = std::string(std::string_view(record.where.function_name()).substr(0, longest_function));
       m.line = record.where.line();
       out->publish(m);
@@ -519,9 +515,9 @@ void LifecycleNode::report_first_activation() {
 
 std::uint64_t LifecycleNode::malformed_samples() const {
   std::uint64_t count = 0;
-  for (const Input& input : inputs_) {
-    if (const auto reader = input.reader.lock()) count += reader->stats().malformed;
-  }
+  context_.executor.for_each_source([&](const CallbackRecord&, const Source& source) {
+    if (const auto* reader = dynamic_cast<const ReaderEndpoint*>(&source)) count += reader->stats().malformed;
+  });
   return count;
 }
 

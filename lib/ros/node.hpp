@@ -223,7 +223,7 @@ class LifecycleNode {
     raise_event(Event::event_id, static_cast<std::uint8_t>(Event::severity), event.encoded());
   }
   [[nodiscard]] std::uint64_t suppressed_events() const { return suppressed_events_; }
-  /// Malformed samples on the subscriptions that exist now.
+  /// Malformed samples at all readers that exist now: topics, services, clients.
   [[nodiscard]] std::uint64_t malformed_samples() const;
 
   /// Publishes one of this node's own housekeeping structures on /<node>/telemetry.

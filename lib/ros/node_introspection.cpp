@@ -181,6 +181,17 @@ void NodeIntrospection::keep_set_aside() {
     note_unused(entry.parameter.name, entry.reason);
     moved.push_back(entry.parameter);
   }
+  // What was set aside at earlier starts stays behind them, the newest value of each name, while there is
+  // room.
+  if (const auto text = read_file(path(set_aside_file), largest_parameter_file)) {
+    if (const auto before = read_stored(*text)) {
+      for (const StoredParameter& old : before->parameters) {
+        const bool newer =
+            std::any_of(moved.begin(), moved.end(), [&](const auto& m) { return m.name == old.name; });
+        if (!newer && moved.size() < most_stored_parameters) moved.push_back(old);
+      }
+    }
+  }
   // First where they go, then where they come from: a crash in between loses nothing.
   auto written = write_file_atomically(path(set_aside_file), write_stored(node_.name(), moved));
   if (written)
@@ -242,6 +253,10 @@ void NodeIntrospection::fill(srfs_msgs::srv::GetExecutorStatistics_Response& r) 
     input.received = stats.received;
     input.malformed = stats.malformed;
     input.lost = stats.lost;
+    input.foreign = stats.foreign;
+    input.repeats = stats.repeats;
+    input.refused = stats.refused;
+    input.unanswered = stats.unanswered;
     input.matched = as_u32(reader->matched_count());
     r.inputs.push_back(std::move(input));
   });

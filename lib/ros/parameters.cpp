@@ -189,6 +189,7 @@ std::vector<std::string> ParameterSet::set_atomically(
   }
   if (applied_ && !changes.empty()) {
     std::vector<std::string> names;
+    names.reserve(changes.size());
     for (const auto& change : changes) names.push_back(change.first);
     applied_(names);
   }
@@ -239,6 +240,7 @@ const ParameterDeclaration* ParameterSet::declaration(const std::string& name) c
 
 std::vector<std::string> ParameterSet::names() const {
   std::vector<std::string> all;
+  all.reserve(entries_.size());
   for (const auto& entry : entries_) all.push_back(entry.first);
   return all;
 }

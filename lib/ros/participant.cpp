@@ -21,7 +21,7 @@ constexpr std::uint32_t socket_buffer_octets =
 constexpr std::uint32_t most_participants = 32;  // unicast announcements go to this many ports of a domain
 
 eprosima::fastrtps::Duration_t duration(double s) {
-  return {s};
+  return {static_cast<long double>(s)};
 }
 
 /// Numbers of this process' participants, from which the ports follow where they are announced to. Left to
@@ -78,7 +78,7 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
   auto& wire = qos.wire_protocol();
   auto& discovery = wire.builtin.discovery_config;
   discovery.leaseDuration = duration(2.0);
-  discovery.leaseDuration_announcementperiod = duration(0.2);
+  discovery.leaseDuration_announcementperiod = duration(0.5);
   discovery.initial_announcements.count = 10;
   discovery.initial_announcements.period = duration(0.05);
   for (const std::string& address : options.interfaces) {

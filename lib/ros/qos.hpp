@@ -13,4 +13,8 @@ struct Qos {
   std::chrono::milliseconds lifespan{0};  ///< a sample is dropped this long after it was written; 0: never
 };
 
+/// Of an action's status topic, as rcl_action has it: the latest state of all goals, also for who comes
+/// later.
+inline constexpr Qos action_status_qos{.depth = 1, .transient_local = true};
+
 }  // namespace srfs::ros

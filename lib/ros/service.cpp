@@ -103,6 +103,12 @@ std::optional<Ticket> ServiceCore::begin(const MessageInfo& info) {
   return judgement.ticket;
 }
 
+void ServiceCore::add_to(InputStats& stats) const {
+  stats.repeats = counters().repeats;
+  stats.refused = counters().refused;
+  stats.unanswered = counters().dropped + dropped_replies();
+}
+
 bool ServiceCore::reply(Ticket ticket, std::shared_ptr<const void> response) {
   const auto request = book_.answer(ticket, response, executor_.now());
   if (!request || replies_.send(*request, std::move(response))) return true;

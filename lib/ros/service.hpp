@@ -61,6 +61,7 @@ class ServiceCore {
   /// Replies that were not sent: the client's reader never matched, or the reply broke a bound of its type.
   [[nodiscard]] std::uint64_t dropped_replies() const { return replies_.dropped() + refused_replies_; }
   [[nodiscard]] std::size_t pending() const { return book_.pending(); }
+  void add_to(InputStats& stats) const;
   [[nodiscard]] GUID_t writer_guid() const { return writer_.guid(); }
 
  private:
@@ -110,7 +111,9 @@ class Service {
         core_(executor, participant, reply_dds_name(name), dds::TypeSupport(new TypeSupport<Response>), qos),
         reader_(TypedReader<Request>::create(
             executor, participant, request_dds_name(name), qos, priority,
-            [this](const Request& request, const MessageInfo& info) { serve(request, info); })) {}
+            [this](const Request& request, const MessageInfo& info) { serve(request, info); })) {
+    reader_->add_to_stats([this](InputStats& stats) { core_.add_to(stats); });
+  }
 
   ~Service() { reader_->close(); }
   Service(const Service&) = delete;

@@ -100,7 +100,8 @@ class Channel {
     const int count = recvmmsg(fd_.get(), messages.data(), messages.size(), 0, nullptr);
     // A pending ICMP error (a peer that was killed) is reported once and is nothing to us.
     if (count < 0) return errno == ECONNREFUSED || errno == EINTR;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    const auto received = static_cast<std::size_t>(count);
+    for (std::size_t i = 0; i < received; ++i) {
       note(messages[i].msg_hdr);
       hand_over(incoming[i], messages[i].msg_len);
     }

@@ -4,7 +4,7 @@
 
 namespace srfs::ros {
 
-Worker::Worker(Executor& executor, std::string name, std::size_t capacity)
+Worker::Worker(Executor& executor, const std::string& name, std::size_t capacity)
     : executor_(executor),
       capacity_(capacity),
       record_(&executor.statistics().record(CallbackKind::posted, "worker " + name)) {

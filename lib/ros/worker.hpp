@@ -31,7 +31,7 @@ class Worker {
  public:
   /// @param name at most 15 characters (the thread's name); @param capacity jobs waiting at most; further
   /// ones are refused
-  Worker(Executor& executor, std::string name, std::size_t capacity);
+  Worker(Executor& executor, const std::string& name, std::size_t capacity);
   ~Worker();
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;

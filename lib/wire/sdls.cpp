@@ -15,6 +15,16 @@ using Aad = std::array<std::uint8_t, aad_octets>;
 using Iv = std::array<std::uint8_t, sdls_iv_octets>;
 using Cipher = std::unique_ptr<EVP_CIPHER_CTX, decltype(&EVP_CIPHER_CTX_free)>;
 
+/// The algorithm, looked up once. No configuration file is read: a damaged openssl.cnf must not close the
+/// uplink. Error texts are not loaded, they would be half a megabyte for nobody to read.
+const EVP_CIPHER* aes_256_gcm() {
+  static const EVP_CIPHER* const cipher = [] {
+    OPENSSL_init_crypto(OPENSSL_INIT_NO_LOAD_CONFIG | OPENSSL_INIT_NO_LOAD_CRYPTO_STRINGS, nullptr);
+    return EVP_CIPHER_fetch(nullptr, "AES-256-GCM", nullptr);
+  }();
+  return cipher;
+}
+
 Aad make_aad(std::uint8_t vc, std::uint8_t segment_header, std::uint16_t spi) {
   Aad aad{};
   aad[2] = static_cast<std::uint8_t>(vc << 2);
@@ -35,7 +45,7 @@ bool encrypt(const SdlsKey& key, const Iv& iv, const Aad& aad, OctetView packet,
   const Cipher cipher(EVP_CIPHER_CTX_new(), &EVP_CIPHER_CTX_free);
   int written = 0;
   // With GCM the final call writes no octet.
-  return cipher && EVP_EncryptInit_ex(cipher.get(), EVP_aes_256_gcm(), nullptr, nullptr, nullptr) == 1 &&
+  return cipher && EVP_EncryptInit_ex(cipher.get(), aes_256_gcm(), nullptr, nullptr, nullptr) == 1 &&
          EVP_CIPHER_CTX_ctrl(cipher.get(), EVP_CTRL_GCM_SET_IVLEN, sdls_iv_octets, nullptr) == 1 &&
          EVP_EncryptInit_ex(cipher.get(), nullptr, nullptr, key.octets().data(), iv.data()) == 1 &&
          EVP_EncryptUpdate(cipher.get(), nullptr, &written, aad.data(), static_cast<int>(aad.size())) == 1 &&
@@ -53,7 +63,7 @@ Result<Octets, SdlsError> decrypt(const SdlsKey& key, const Iv& iv, const Aad& a
   std::copy(mac.begin(), mac.end(), expected.begin());
   int written = 0;
   const bool ready =
-      cipher && EVP_DecryptInit_ex(cipher.get(), EVP_aes_256_gcm(), nullptr, nullptr, nullptr) == 1 &&
+      cipher && EVP_DecryptInit_ex(cipher.get(), aes_256_gcm(), nullptr, nullptr, nullptr) == 1 &&
       EVP_CIPHER_CTX_ctrl(cipher.get(), EVP_CTRL_GCM_SET_IVLEN, sdls_iv_octets, nullptr) == 1 &&
       EVP_DecryptInit_ex(cipher.get(), nullptr, nullptr, key.octets().data(), iv.data()) == 1 &&
       EVP_DecryptUpdate(cipher.get(), nullptr, &written, aad.data(), static_cast<int>(aad.size())) == 1 &&

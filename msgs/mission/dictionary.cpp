@@ -458,6 +458,7 @@ Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
     const std::string key = argument.substr(0, equals);
     if (find(command->arguments, [&](const auto& f) { return f.name == key; }) == nullptr) {
       std::vector<std::string> known;
+      known.reserve(command->arguments.size());
       for (const auto& field : command->arguments) known.push_back(field.name);
       return Err(
           CommandError{fmt::format("{}: has no argument '{}', it has {}", name, key,

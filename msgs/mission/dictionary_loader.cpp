@@ -308,6 +308,7 @@ class DictionaryLoader {
         fields.push_back(std::move(field));
       }
     }
+    fields.shrink_to_fit();  // they stay for the life of the process
     return fields;
   }
 
@@ -398,7 +399,7 @@ std::filesystem::path Dictionary::default_folder() {
     return folder;
   std::error_code error;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const auto installed = program.parent_path().parent_path() / "share/srfs/mission";
+  auto installed = program.parent_path().parent_path() / "share/srfs/mission";
   if (!error && std::filesystem::exists(installed, error)) return installed;
   return SRFS_MISSION_SOURCE_DIR;
 }

@@ -21,6 +21,7 @@ std::uint32_t as_us(nanoseconds d) {
 
 std::vector<Slot> plan_of(const ros::Deployment& deployment) {
   std::vector<Slot> slots;
+  slots.reserve(deployment.slots.size());
   for (const ros::Slot& slot : deployment.slots)
     slots.push_back({slot.payload, slot.allotted, slot.overrun, slot.reset});
   return slots;

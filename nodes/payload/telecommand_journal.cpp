@@ -9,7 +9,7 @@ namespace srfs {
 namespace {
 
 constexpr std::uint32_t magic = 0x53544A31;  // "STJ1"
-constexpr std::size_t longest_arguments = 512;
+[[maybe_unused]] constexpr std::size_t longest_arguments = 512;
 
 void encode_report(OctetWriter& out, const StageReport& report) {
   out.u64(report.id);

@@ -230,7 +230,8 @@ class Udp {
   static Fd open_socket() {
     Fd fd(socket(AF_INET, SOCK_DGRAM, 0));
     const sockaddr_in me = loopback(0);
-    bind(fd.get(), reinterpret_cast<const sockaddr*>(&me), sizeof me);
+    if (bind(fd.get(), reinterpret_cast<const sockaddr*>(&me), sizeof me) != 0)
+      throw std::runtime_error("bind: " + errno_text(errno));
     const timeval limit{1, 0};
     setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
     return fd;

@@ -173,10 +173,12 @@ void print_statistics(const std::string& node, const GetExecutorStatistics::Resp
                ros::to_text(static_cast<ros::CallbackKind>(s.kind)), s.name, s.count, s.p50_us, s.p99_us,
                s.max_us, s.budget_us, s.over_budget, s.failed);
   }
-  fmt::print("{:<47}{:>10}{:>9}{:>9}{:>9}\n", "INPUT", "RECEIVED", "LOST", "BAD", "WRITERS");
+  fmt::print("{:<47}{:>10}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>9}\n", "INPUT", "RECEIVED", "LOST", "BAD",
+             "FOREIGN", "REPEATS", "REFUSED", "UNANSWERED", "WRITERS");
   for (const auto& i : all.inputs) {
     if (i.received + i.lost + i.malformed == 0) continue;
-    fmt::print("{:<47}{:>10}{:>9}{:>9}{:>9}\n", i.name, i.received, i.lost, i.malformed, i.matched);
+    fmt::print("{:<47}{:>10}{:>9}{:>9}{:>9}{:>9}{:>9}{:>11}{:>9}\n", i.name, i.received, i.lost, i.malformed,
+               i.foreign, i.repeats, i.refused, i.unanswered, i.matched);
   }
 }
 
@@ -246,6 +248,10 @@ int show_statistics(const Target& target, const std::string& node, bool reset, b
                       {"received", i.received},
                       {"lost", i.lost},
                       {"malformed", i.malformed},
+                      {"foreign", i.foreign},
+                      {"repeats", i.repeats},
+                      {"refused", i.refused},
+                      {"unanswered", i.unanswered},
                       {"matched", i.matched}});
   }
   print({{"ok", true},

@@ -155,6 +155,7 @@ TEST_F(Forwarding, HasAtMostEightUnacknowledgedAndThirtyTwoQueuedPerNode) {
 
 TEST_F(Forwarding, AnAcceptedCommandMakesRoomForTheNextQueuedOne) {
   std::vector<std::uint64_t> ids;
+  ids.reserve(9);
   for (int i = 0; i < 9; ++i) ids.push_back(submit("payload_eps", 0));
   (void)forwarder_.take_publications();
 

@@ -172,7 +172,7 @@ TEST_F(PacketStoreOnDisk, SkipsAFlippedBitInTheMiddleAndLosesNothingElse) {
 
 TEST_F(PacketStoreOnDisk, DropsTheOldestSegmentToKeepItsQuota) {
   PacketStoreConfig small = config();
-  small.quota_octets = 5 * 4096;
+  small.quota_octets = std::size_t{5} * 4096;
   PacketStore store(small);
   ASSERT_TRUE(store.open());
 

@@ -45,6 +45,7 @@ class Router : public testing::Test {
   std::vector<std::string> taken() {
     reports_ = outbox_.take();
     std::vector<std::string> names;
+    names.reserve(reports_.size());
     for (const Report& report : reports_)
       names.push_back(std::to_string(report.service) + "," + std::to_string(report.subtype));
     return names;
@@ -116,12 +117,11 @@ TEST_F(Router, RefusesMoreGroupsThanARequestMayCarry) {
     data.resize(2 + count * octets_each);
     return data;
   };
-  for (const auto& [service, subtype] : {std::pair{3, 5}, {3, 6}, {5, 5}, {5, 6}}) {
-    const auto request = [&](std::uint8_t count) {
-      return send(1, static_cast<std::uint8_t>(service), static_cast<std::uint8_t>(subtype),
-                  groups(count, 2));
-    };
-    EXPECT_EQ(request(17), Names{"1,2"}) << service << ',' << subtype;
+  for (const auto& which : {std::pair{3, 5}, {3, 6}, {5, 5}, {5, 6}}) {
+    const auto service = static_cast<std::uint8_t>(which.first);
+    const auto subtype = static_cast<std::uint8_t>(which.second);
+    const auto request = [&](std::uint8_t count) { return send(1, service, subtype, groups(count, 2)); };
+    EXPECT_EQ(request(17), Names{"1,2"}) << which.first << ',' << which.second;
     EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
     EXPECT_EQ(request(0), Names{"1,2"});
   }

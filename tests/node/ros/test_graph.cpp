@@ -59,7 +59,7 @@ TEST_F(GraphPublisherTest, ANodeThatEndsBeforeItsParticipantIsTakenOut) {
   EXPECT_EQ(next().node_entities_info_seq.size(), 1U);
   const auto endpoint = make(0);
   EXPECT_EQ(next().node_entities_info_seq.size(), 1U);
-  here_->set_node(std::nullopt);
+  graph.reset();
   EXPECT_EQ(next().node_entities_info_seq.size(), 0U);
 }
 

@@ -211,6 +211,14 @@ TEST_F(StoredParameters, ThatCannotBeUsedAreMovedAsideAndTheOthersHold) {
   start_node();
   EXPECT_THAT(call<GetNodeStatus>("/probe/get_status", {}).parameters_set_aside, SizeIs(0)) << "told once";
   EXPECT_EQ(node_->get_parameter<std::int64_t>("callback_budget_ms"), 30);
+
+  ASSERT_TRUE(write_file_atomically(
+      file(),
+      "format: 1\nparameters:\n  - { name: gone, type: integer, value: 17, trial: false, saved: x }\n"));
+  start_node();
+  const std::string aside = read_file(folder_ / "state/probe/parameters_set_aside.yaml").value();
+  EXPECT_THAT(aside, HasSubstr("17"));
+  EXPECT_THAT(aside, HasSubstr("5000")) << "what was set aside before is kept";
 }
 
 TEST_F(StoredParameters, InADamagedFileAreSetAsideWholeAndTheNodeStarts) {

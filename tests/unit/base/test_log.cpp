@@ -21,7 +21,6 @@ namespace {
 using testing::ElementsAre;
 using testing::EndsWith;
 using testing::HasSubstr;
-using testing::StartsWith;
 
 constexpr Site here{"a.cpp", 1};
 constexpr Site there{"b.cpp", 2};

@@ -175,11 +175,11 @@ TEST(Settings, RefuseAKeyThatIsUnknown) {
   const SimulationSettings plain = read_settings(ConfigSection::parse(devices, "x.yaml"));
   EXPECT_EQ(plain.baud, 921'600U);
   EXPECT_EQ(plain.world.time_acceleration, 60);
-  EXPECT_THROW(read_settings(ConfigSection::parse(devices + "simulation: {sed: 1}\n", "x.yaml")),
+  EXPECT_THROW((void)read_settings(ConfigSection::parse(devices + "simulation: {sed: 1}\n", "x.yaml")),
                ConfigError);
-  EXPECT_THROW(
-      read_settings(ConfigSection::parse(devices + "simulation: {gps: {pulse_period_ms: 300}}\n", "x.yaml")),
-      ConfigError);
+  EXPECT_THROW((void)read_settings(
+                   ConfigSection::parse(devices + "simulation: {gps: {pulse_period_ms: 300}}\n", "x.yaml")),
+               ConfigError);
 }
 
 TEST(Settings, AreGoodInTheDeploymentsThatShip) {

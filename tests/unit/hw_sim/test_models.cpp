@@ -245,7 +245,8 @@ TEST(Power, ShedsItsLoadsWhenNearlyEmpty) {
 }
 
 TEST(Power, HasARisingOpenCircuitVoltage) {
-  for (double charge = 0; charge < 1; charge += 0.01) {
+  for (int percent = 0; percent < 100; ++percent) {
+    const double charge = percent / 100.0;
     EXPECT_LT(open_circuit_voltage_v(charge), open_circuit_voltage_v(charge + 0.01));
   }
 }
