@@ -64,6 +64,7 @@ std::string desired(const Target& target, const std::string& node) {
 
 std::vector<std::string> names(const ros::Deployment& deployment) {
   std::vector<std::string> all;
+  all.reserve(deployment.nodes.size());
   for (const auto& node : deployment.nodes) all.push_back(node.name);
   return all;
 }

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <limits>
 
 #include <gtest/gtest.h>
 
@@ -164,7 +165,7 @@ TEST(Attitude, DoesNothingWithoutPowerForItsActuators) {
 TEST(Attitude, RefusesATargetWithoutLengthAndAWheelBeyondItsLimit) {
   AttitudeModel model({}, {});
   EXPECT_FALSE(model.set_target(Eigen::Quaterniond(0, 0, 0, 0)));
-  EXPECT_FALSE(model.set_target(Eigen::Quaterniond(NAN, 0, 0, 1)));
+  EXPECT_FALSE(model.set_target(Eigen::Quaterniond(std::numeric_limits<double>::quiet_NaN(), 0, 0, 1)));
   EXPECT_FALSE(model.set_wheel_speed(0, 700));
   EXPECT_FALSE(model.set_wheel_speed(3, 1));
   EXPECT_FALSE(model.set_wheel_speed(0, NAN));
