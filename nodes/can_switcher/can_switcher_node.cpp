@@ -34,22 +34,38 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
                     "Payloads that are passed over in the rotation");
   declare_parameter("fence_wait_ms", std::int64_t{500}, ros::ParameterRange{10, 10000},
                     "Wait for the exit of a killed holder before it is killed again and reported", true);
+  declare_parameter(
+      "rotation_order", std::vector<std::string>{},
+      "Payloads in the order of their turns, without those left out; empty: the deployment's slots");
+  declare_parameter(
+      "early_handover", false,
+      "A slot that its payload gives back without a frame goes to the next at once, not at the next "
+      "tick");
   on_parameter_check([this](const std::string& parameter,
                             const ros::ParameterValue& value) -> Result<void, std::string> {
-    if (parameter != "disabled_payloads") return {};
-    for (const std::string& payload : std::get<std::vector<std::string>>(value)) {
+    if (parameter != "disabled_payloads" && parameter != "rotation_order") return {};
+    const auto& payloads = std::get<std::vector<std::string>>(value);
+    for (const std::string& payload : payloads) {
       const auto& slots = deployment().slots;
       const bool known =
           std::any_of(slots.begin(), slots.end(), [&](const ros::Slot& s) { return s.payload == payload; });
-      if (!known) return Err("disabled_payloads: '" + payload + "' has no slot in the deployment");
+      if (!known) return Err(fmt::format("{}: '{}' has no slot in the deployment", parameter, payload));
+      if (parameter == "rotation_order" && std::count(payloads.begin(), payloads.end(), payload) > 1)
+        return Err(fmt::format("rotation_order: '{}' stands twice", payload));
     }
     return {};
   });
-  on_parameter_change([this](const std::string&) { apply_disabled(); });
+  on_parameter_change([this](const std::string&) { apply_parameters(); });
 }
 
-void CanSwitcherNode::apply_disabled() {
+void CanSwitcherNode::apply_parameters() {
   if (!rotation_) return;
+  rotation_->set_early_handover(get_parameter<bool>("early_handover"));
+  auto order = get_parameter<std::vector<std::string>>("rotation_order");
+  if (order.empty()) {
+    for (const Slot& slot : rotation_->slots()) order.push_back(slot.payload);
+  }
+  if (!rotation_->set_order(order)) log::error("rotation_order is no order of the payloads: unchanged");
   const auto disabled = get_parameter<std::vector<std::string>>("disabled_payloads");
   for (const Slot& slot : rotation_->slots()) {
     rotation_->set_enabled(slot.payload,
@@ -71,7 +87,7 @@ CallbackReturn CanSwitcherNode::on_configure() {
     rotation_->suspend();
     failure_reported_.resize(count);
   }
-  apply_disabled();
+  apply_parameters();
   if (!fence_) {
     HolderFence::Hooks hooks;
     hooks.find = [this](const std::string& payload) -> std::optional<pid_t> {
@@ -184,9 +200,12 @@ void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
   const BusReport report{.kind = static_cast<Kind>(status.status),
                          .grant = {status.switcher_incarnation, status.grant_counter},
                          .payload = status.payload,
-                         .payload_incarnation = status.payload_incarnation};
+                         .payload_incarnation = status.payload_incarnation,
+                         .unused = status.frames_sent == 0};
   const ReportVerdict verdict = rotation_->on_bus_status(report);
   if (verdict == ReportVerdict::applied && report.kind == Kind::failed) report_failed_slot(status);
+  const Decision decision = is_active() ? rotation_->on_early_release(monotonic_now()) : Decision(Nothing{});
+  if (const Grant* grant = std::get_if<Grant>(&decision)) publish_flag(*grant, grant->granted);
   arm_deadline();
 }
 
@@ -270,6 +289,7 @@ void CanSwitcherNode::publish_housekeeping() {
       hk.releases[i] = slot.released;
       hk.failures[i] = slot.failed;
       hk.not_taken[i] = slot.not_taken;
+      hk.unused[i] = slot.unused;
     }
     hk.overruns += slot.overruns;
     hk.fences += slot.fences;
@@ -279,6 +299,7 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.waiting_ticks = counters.waiting_ticks;
   hk.idle_ticks = counters.idle_ticks;
   hk.blocked_ticks = counters.blocked_ticks;
+  hk.early_grants = counters.early_grants;
   hk.fences_unproven = counters.unproven_fences;
   hk.peripheral_resets = resets_sent_;
   hk.flag_latency_p50_us = as_us(flag_latency_.quantile(0.5));

@@ -26,7 +26,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   ros::CallbackReturn on_error() override;
 
  private:
-  void apply_disabled();
+  void apply_parameters();
   void on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received);
   void on_bus_status(const srfs_msgs::msg::BusStatus& status);
   void on_deadline();

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cassert>
+#include <numeric>
+#include <utility>
 
 namespace srfs {
 namespace {
@@ -17,11 +19,14 @@ nanoseconds longest_lease(const std::vector<Slot>& slots) {
 TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now)
     : slots_(std::move(slots)),
       enabled_(slots_.size(), true),
+      order_(slots_.size()),
       known_process_(slots_.size()),
       slot_counters_(slots_.size()),
       incarnation_(incarnation),
+      had_this_tick_(slots_.size(), false),
       not_before_(now + longest_lease(slots_)) {
   assert(!slots_.empty());
+  std::iota(order_.begin(), order_.end(), std::size_t{0});
 }
 
 Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
@@ -58,16 +63,32 @@ bool TaskFlagRotation::follows(MissionCycle cycle) {
 }
 
 Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
-  assert(phase_ == Phase::free);
   const bool from_before = resumed_ && received < *resumed_;
-  const auto slot = suspended_ || from_before ? std::nullopt : next_enabled();
-  if (!slot) {
+  const auto place = suspended_ || from_before ? std::nullopt : next_enabled();
+  if (!place) {
     ++counters_.idle_ticks;
     return Nothing{};
   }
-  const Slot& plan = slots_[*slot];
+  had_this_tick_.assign(slots_.size(), false);
+  return grant(*place, now, cycle);
+}
+
+Decision TaskFlagRotation::on_early_release(MonotonicTime now) {
+  const bool unused = std::exchange(slot_left_unused_, false);
+  if (!unused || !early_handover_ || suspended_ || phase_ != Phase::free || now < not_before_)
+    return Nothing{};
+  const auto place = next_enabled();
+  if (!place || had_this_tick_[order_[*place]]) return Nothing{};
+  ++counters_.early_grants;
+  return grant(*place, now, *last_cycle_);
+}
+
+Grant TaskFlagRotation::grant(std::size_t place, MonotonicTime now, MissionCycle cycle) {
+  assert(phase_ == Phase::free);
+  const std::size_t slot = order_[place];
+  const Slot& plan = slots_[slot];
   Grant grant{.id = {incarnation_, next_counter_++},
-              .slot = *slot,
+              .slot = slot,
               .payload = plan.payload,
               .cycle = cycle,
               .granted = now,
@@ -77,17 +98,37 @@ Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, Mon
   current_ = grant;
   holder_process_.reset();
   phase_ = Phase::granted;
-  next_slot_ = (*slot + 1) % slots_.size();
-  ++slot_counters_[*slot].granted;
+  slot_left_unused_ = false;
+  had_this_tick_[slot] = true;
+  next_place_ = (place + 1) % order_.size();
+  ++slot_counters_[slot].granted;
   return grant;
 }
 
 std::optional<std::size_t> TaskFlagRotation::next_enabled() const {
-  for (std::size_t i = 0; i < slots_.size(); ++i) {
-    const std::size_t slot = (next_slot_ + i) % slots_.size();
-    if (enabled_[slot]) return slot;
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    const std::size_t place = (next_place_ + i) % order_.size();
+    if (enabled_[order_[place]]) return place;
   }
   return std::nullopt;
+}
+
+bool TaskFlagRotation::set_order(const std::vector<std::string>& payloads) {
+  std::vector<std::size_t> order;
+  order.reserve(payloads.size());
+  for (const std::string& payload : payloads) {
+    const auto slot = slot_of(payload);
+    if (!slot || std::find(order.begin(), order.end(), *slot) != order.end()) return false;
+    order.push_back(*slot);
+  }
+  if (order.empty()) return false;
+  if (order == order_) return true;
+  order_ = std::move(order);
+  // It goes on behind who had the bus last.
+  const auto last = current_ ? std::find(order_.begin(), order_.end(), current_->slot) : order_.end();
+  next_place_ =
+      last == order_.end() ? 0 : static_cast<std::size_t>(last - order_.begin() + 1) % order_.size();
+  return true;
 }
 
 std::optional<std::size_t> TaskFlagRotation::slot_of(const std::string& payload) const {
@@ -194,6 +235,9 @@ ReportVerdict TaskFlagRotation::on_current_report(const BusReport& report) {
   // RELEASED may overtake TAKEN on its way; it says everything TAKEN would have said.
   SlotCounters& counters = slot_counters_[current_->slot];
   ++(report.kind == BusReport::Kind::released ? counters.released : counters.failed);
+  // Whoever took the bus may have written, whatever it says now.
+  slot_left_unused_ = report.unused && report.kind == BusReport::Kind::released && phase_ == Phase::granted;
+  if (slot_left_unused_) ++counters.unused;
   free_bus();
   return ReportVerdict::applied;
 }

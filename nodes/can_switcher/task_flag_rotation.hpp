@@ -31,7 +31,7 @@ struct Grant {
   std::size_t slot = 0;  ///< index in the configured order
   std::string payload;
   MissionCycle cycle = 0;
-  MonotonicTime granted;    ///< the tick's receipt
+  MonotonicTime granted;    ///< the tick's receipt; of an early grant, that of the release before
   MonotonicTime lease_end;  ///< never renewed
   nanoseconds allotted{0};
 };
@@ -67,6 +67,7 @@ struct BusReport {
   GrantId grant;
   std::string payload;
   std::uint32_t payload_incarnation = 0;
+  bool unused = false;  ///< released without a single frame: the payload had nothing to say
 };
 
 enum class ReportVerdict : std::uint8_t {
@@ -96,6 +97,9 @@ class TaskFlagRotation {
   /// time.
   [[nodiscard]] Decision on_deadline(MonotonicTime now);
   ReportVerdict on_bus_status(const BusReport& report);
+  /// The next grant where the last report left a slot unused and early hand-over is on, else Nothing: the
+  /// rest of the round until the next tick, every payload at most once a tick. To call after each report.
+  [[nodiscard]] Decision on_early_release(MonotonicTime now);
   /// The answer to Fence: the process is gone. Until then the bus stays blocked, however long that takes: a
   /// process that lives may write.
   void on_fenced(GrantId id, MonotonicTime now);
@@ -108,6 +112,12 @@ class TaskFlagRotation {
   /// A disabled payload is passed over from the next grant on; a running slot is finished. @return false: no
   /// such payload
   bool set_enabled(const std::string& payload, bool enabled);
+  /// A slot that was not used is given on at once, not at the next tick. Off at first.
+  void set_early_handover(bool on) { early_handover_ = on; }
+  /// The rotation goes through these payloads in this order from the next grant on; who is left out gets no
+  /// slot. The flags keep their positions.
+  /// @return false: not a list of different payloads of the plan, or an empty one; nothing was changed
+  bool set_order(const std::vector<std::string>& payloads);
   /// Grants nothing until resume(); a running slot is finished or fenced as ever.
   void suspend() { suspended_ = true; }
   /// @param now  ticks received before grant nothing: their slot is partly over, its flag would come late
@@ -126,6 +136,7 @@ class TaskFlagRotation {
     std::uint32_t not_taken = 0;  ///< lease ended without a word
     std::uint32_t overruns = 0;   ///< PeripheralReset ordered
     std::uint32_t fences = 0;
+    std::uint32_t unused = 0;  ///< released without a frame; part of released
   };
   struct Counters {
     std::uint32_t ticks = 0;
@@ -137,6 +148,7 @@ class TaskFlagRotation {
     std::uint32_t duplicate_reports = 0;
     std::uint32_t old_reports = 0;
     std::uint32_t foreign_reports = 0;
+    std::uint32_t early_grants = 0;     ///< given on before the next tick
     std::uint32_t unproven_fences = 0;  ///< waits for the end of a fenced holder that ended without it
   };
   [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
@@ -155,6 +167,8 @@ class TaskFlagRotation {
   bool follows(MissionCycle cycle);
   static constexpr MissionCycle longest_gap = 1'000'000;
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
+  Grant grant(std::size_t place, MonotonicTime now, MissionCycle cycle);
+  /// Place in the order of who is next; nullopt: nobody is enabled.
   [[nodiscard]] std::optional<std::size_t> next_enabled() const;
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
   ReportVerdict on_current_report(const BusReport& report);
@@ -164,13 +178,17 @@ class TaskFlagRotation {
 
   std::vector<Slot> slots_;
   std::vector<bool> enabled_;
+  std::vector<std::size_t> order_;  ///< indices of slots_
   /// The process of each payload that has spoken: it is up and matched, so its silence is a failure, not a
   /// start.
   std::vector<std::optional<std::uint32_t>> known_process_;
   std::vector<SlotCounters> slot_counters_;
   std::uint32_t incarnation_;
   std::uint32_t next_counter_ = 1;
-  std::size_t next_slot_ = 0;
+  std::size_t next_place_ = 0;  ///< in order_
+  bool early_handover_ = false;
+  bool slot_left_unused_ = false;    ///< by the last report
+  std::vector<bool> had_this_tick_;  ///< by slot
   Phase phase_ = Phase::free;
   bool suspended_ = false;
   std::optional<MonotonicTime> resumed_;

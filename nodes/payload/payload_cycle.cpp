@@ -107,6 +107,8 @@ PayloadActions PayloadCycle::on_flag(const PayloadFlag& flag, MonotonicTime now)
   } else if (!time_for_request(now)) {
     ++counters_.stale_flags;
     decline(PublishStatus::Kind::failed, "the flag came late", now);
+  } else if (has_nothing_to_say(now)) {
+    hand_back("nothing to say", now);
   } else {
     begin_slot(now);
   }
@@ -115,6 +117,11 @@ PayloadActions PayloadCycle::on_flag(const PayloadFlag& flag, MonotonicTime now)
 
 bool PayloadCycle::is_starting(MonotonicTime now) const {
   return starting_since_ && now - *starting_since_ < settings_.start_time;
+}
+
+bool PayloadCycle::has_nothing_to_say(MonotonicTime now) {
+  return measured_ && flag_.granted - *measured_ < settings_.measurement_period && silent_in_a_row_ == 0 &&
+         journal_.next(now) == nullptr;
 }
 
 void PayloadCycle::hand_back(const std::string& detail, MonotonicTime now) {
@@ -206,6 +213,7 @@ void PayloadCycle::on_woken(const wire::WakeUpResponse& answer, MonotonicTime no
     return;
   }
   block_ = answer.measurement;
+  measured_ = flag_.granted;
   run_next_command(now);
 }
 

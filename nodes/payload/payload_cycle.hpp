@@ -25,6 +25,7 @@ struct PayloadSettings {
   nanoseconds power_off_time = milliseconds(200);       ///< of a power cycle that no telecommand ordered
   nanoseconds power_retry = milliseconds(500);          ///< until the next try when the switch did not obey
   std::uint32_t silent_slots_to_power_cycle = 20;       ///< in a row; 0: never
+  nanoseconds measurement_period{0};  ///< slots before its end without a telecommand are given back; 0: never
   nanoseconds start_time =
       seconds(2);  ///< after activation, until the first slot: see PayloadCycle::is_starting
 };
@@ -205,6 +206,8 @@ class PayloadCycle {
   /// peripheral's power, says nothing about a slot. Bounded by start_time, so that a node that is late for
   /// ever is reported.
   [[nodiscard]] bool is_starting(MonotonicTime now) const;
+  /// No measurement is due and no telecommand waits.
+  [[nodiscard]] bool has_nothing_to_say(MonotonicTime now);
   void decline(PublishStatus::Kind kind, const std::string& detail, MonotonicTime now);
   [[nodiscard]] bool next_command_acts_on_peripheral(MonotonicTime now);
   void wake_up(MonotonicTime now);
@@ -245,6 +248,7 @@ class PayloadCycle {
   std::optional<MonotonicTime> deadline_;
   std::optional<std::string> failure_;  ///< of this slot
   std::optional<Octets> block_;
+  std::optional<MonotonicTime> measured_;  ///< grant of the slot with the last measurement
   bool stuck_counted_ = false;
   bool reset_ordered_ = false;  ///< the running reset was ordered by the switcher, else by telecommand
   std::string reset_reason_;

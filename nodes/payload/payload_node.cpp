@@ -81,6 +81,9 @@ void PayloadNode::declare_parameters() {
                     "Time without power when the node switches its peripheral off and on by itself");
   declare_parameter("silent_slots_to_power_cycle", std::int64_t{20}, ros::ParameterRange{0, 100000},
                     "Silent slots in a row after which the peripheral is switched off and on; 0: never");
+  declare_parameter(
+      "measurement_period_ms", std::int64_t{0}, ros::ParameterRange{0, 3600000},
+      "A slot earlier after the last measurement, without a telecommand, is given back unused; 0: never");
   declare_parameter("processing_time_ms", std::int64_t{0}, ros::ParameterRange{0, 60000},
                     "Artificial time added to the processing of a measurement, for experiments");
   on_parameter_change([this](const std::string&) {
@@ -93,6 +96,7 @@ PayloadSettings PayloadNode::settings() const {
   s.answer_timeout = milliseconds(get_parameter<std::int64_t>("answer_timeout_ms"));
   s.command_time = milliseconds(get_parameter<std::int64_t>("command_time_ms"));
   s.power_off_time = milliseconds(get_parameter<std::int64_t>("power_off_ms"));
+  s.measurement_period = milliseconds(get_parameter<std::int64_t>("measurement_period_ms"));
   s.silent_slots_to_power_cycle =
       static_cast<std::uint32_t>(get_parameter<std::int64_t>("silent_slots_to_power_cycle"));
   return s;

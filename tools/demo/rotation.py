@@ -52,7 +52,7 @@ class Rotation:
             return
         key = (m["switcher"], m["grant"])
         # A payload that is not active, or not up yet, hands the slot back at once.
-        status = "not used" if m["detail"] in ("inactive", "starting") else m["status"]
+        status = "not used" if m["detail"] in ("inactive", "starting", "nothing to say") else m["status"]
         end = {"status": status, "released": m["said_ns"], "used_us": m["used_us"]}
         if key not in self.grants:
             self._early_ends[key] = end

@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "nodes/can_switcher/task_flag_rotation.hpp"
@@ -45,7 +47,7 @@ class World {
         noise();
         break;
       default:
-        rotation_.set_enabled(slots()[random_() % 3].payload, random_() % 4 != 0);
+        change_plan();
         break;
     }
   }
@@ -69,6 +71,24 @@ class World {
     MonotonicTime arrives;
     BusReport report;
   };
+
+  void change_plan() {
+    switch (random_() % 3) {
+      case 0:
+        rotation_.set_enabled(slots()[random_() % 3].payload, random_() % 4 != 0);
+        break;
+      case 1:
+        rotation_.set_early_handover(random_() % 2 == 0);
+        break;
+      default: {
+        std::vector<std::string> order{"a", "b", "c"};
+        std::shuffle(order.begin(), order.end(), random_);
+        order.resize(random_() % 4);
+        rotation_.set_order(order);
+        break;
+      }
+    }
+  }
 
   void decide(const Decision& decision) {
     if (const auto* grant = std::get_if<Grant>(&decision)) on_grant(*grant);
@@ -100,6 +120,11 @@ class World {
     const std::size_t who = current_.slot;
     if (waiting_holder_ && now_ < current_.lease_end) {
       waiting_holder_ = false;
+      if (random_() % 5 == 0) {  // nothing to say
+        send(BusReport::Kind::released, current_, random_() % 20 != 0 || !known_[who], true);
+        known_[who] = true;
+        return;
+      }
       writers_[who] = current_.id;  // TAKEN is on its way before the first frame
       send(BusReport::Kind::taken, current_, random_() % 20 != 0 || !known_[who]);
       known_[who] = true;
@@ -112,9 +137,9 @@ class World {
          random_() % 20 != 0);
   }
 
-  void send(BusReport::Kind kind, const Grant& grant, bool arrives) {
+  void send(BusReport::Kind kind, const Grant& grant, bool arrives, bool unused = false) {
     if (!arrives) return;
-    const BusReport report{kind, grant.id, grant.payload, 1};
+    const BusReport report{kind, grant.id, grant.payload, 1, unused};
     // The first TAKEN of a process must not be lost or late past the lease: a payload that cannot reach the
     // switcher takes nothing.
     const bool first = kind == BusReport::Kind::taken && !known_[grant.slot];
@@ -128,8 +153,10 @@ class World {
   void deliver_due() {
     for (std::size_t i = sent_.size(); i-- > 0;) {
       if (sent_[i].arrives > now_) continue;
-      rotation_.on_bus_status(sent_[i].report);
+      const BusReport report = sent_[i].report;
       sent_.erase(sent_.begin() + static_cast<std::ptrdiff_t>(i));
+      rotation_.on_bus_status(report);
+      decide(rotation_.on_early_release(now_));
     }
   }
 

@@ -228,5 +228,116 @@ TEST_F(TaskFlagRotationTest, GrantsNothingOnATickThatWaitedForItsActivation) {
   EXPECT_EQ(must_grant().payload, "adcs");
 }
 
+TEST_F(TaskFlagRotationTest, GoesThroughTheOrderOfTheParameterBehindWhoHadTheBusLast) {
+  release(must_grant());  // adcs
+  EXPECT_TRUE(rotation.set_order({"thermal", "adcs", "eps"}));
+  for (const char* expected : {"eps", "thermal", "adcs", "eps"}) {
+    const Grant grant = must_grant();
+    EXPECT_EQ(grant.payload, expected);
+    EXPECT_EQ(rotation.slots()[grant.slot].payload, expected) << "the flags keep their positions";
+    release(grant);
+  }
+}
+
+TEST_F(TaskFlagRotationTest, LeavesOutWhoIsNotInTheOrderAndTakesItInAgain) {
+  EXPECT_TRUE(rotation.set_order({"thermal"}));
+  for (int i = 0; i < 3; ++i) {
+    const Grant grant = must_grant();
+    EXPECT_EQ(grant.payload, "thermal");
+    release(grant);
+  }
+  EXPECT_TRUE(rotation.set_order({"adcs", "eps", "thermal"}));
+  EXPECT_EQ(must_grant().payload, "adcs");
+}
+
+TEST_F(TaskFlagRotationTest, RefusesAnOrderThatIsNone) {
+  EXPECT_FALSE(rotation.set_order({}));
+  EXPECT_FALSE(rotation.set_order({"adcs", "adcs"}));
+  EXPECT_FALSE(rotation.set_order({"adcs", "nobody"}));
+  for (const char* expected : {"adcs", "eps", "thermal"}) {
+    const Grant grant = must_grant();
+    EXPECT_EQ(grant.payload, expected) << "nothing was changed";
+    release(grant);
+  }
+}
+
+TEST_F(TaskFlagRotationTest, AChangeOfTheOrderLeavesTheRunningSlotAlone) {
+  const Grant grant = must_grant();
+  take(grant);
+  EXPECT_TRUE(rotation.set_order({"thermal"}));
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+  EXPECT_EQ(release(grant), ReportVerdict::applied);
+  EXPECT_EQ(must_grant().payload, "thermal");
+}
+
+struct EarlyHandover : Rotation {
+  EarlyHandover() { rotation.set_early_handover(true); }
+  Decision give_back(const Grant& grant) {
+    EXPECT_EQ(rotation.on_bus_status({.kind = BusReport::Kind::released,
+                                      .grant = grant.id,
+                                      .payload = grant.payload,
+                                      .payload_incarnation = 5,
+                                      .unused = true}),
+              ReportVerdict::applied);
+    return rotation.on_early_release(now);
+  }
+  Grant must_be_given_on(const Grant& grant) {
+    const Decision decision = give_back(grant);
+    EXPECT_TRUE(std::holds_alternative<Grant>(decision)) << decision.index();
+    return std::holds_alternative<Grant>(decision) ? std::get<Grant>(decision) : Grant{};
+  }
+};
+
+TEST_F(EarlyHandover, GivesAnUnusedSlotOnAtOnceWithANewGrantOfTheSameCycle) {
+  const Grant first = must_grant();
+  now += milliseconds(1);
+  const Grant second = must_be_given_on(first);
+  EXPECT_EQ(second.payload, "eps");
+  EXPECT_EQ(second.cycle, first.cycle);
+  EXPECT_GT(second.id, first.id);
+  EXPECT_EQ(second.lease_end, now + milliseconds(120));
+  EXPECT_EQ(rotation.counters().early_grants, 1U);
+  EXPECT_EQ(rotation.slot_counters(0).unused, 1U);
+}
+
+TEST_F(EarlyHandover, GivesEveryPayloadOneSlotATickAtMost) {
+  const Grant third = must_be_given_on(must_be_given_on(must_grant()));
+  EXPECT_EQ(third.payload, "thermal");
+  EXPECT_TRUE(std::holds_alternative<Nothing>(give_back(third)))
+      << "nobody has anything to say: wait for the tick";
+  EXPECT_EQ(must_grant().payload, "adcs");
+}
+
+TEST_F(EarlyHandover, DoesNotHurryAfterASlotThatWasUsedOrFailed) {
+  Grant grant = must_grant();
+  take(grant);
+  release(grant);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_early_release(now)));
+  grant = must_grant();
+  report(BusReport::Kind::failed, grant);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_early_release(now)));
+  grant = must_grant();
+  take(grant);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(give_back(grant)))
+      << "it took the bus: the count of its frames is late";
+}
+
+TEST_F(EarlyHandover, IsOffUnlessAskedForAndWhileSuspended) {
+  rotation.set_early_handover(false);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(give_back(must_grant())));
+  rotation.set_early_handover(true);
+  const Grant grant = must_grant();
+  rotation.suspend();
+  EXPECT_TRUE(std::holds_alternative<Nothing>(give_back(grant)));
+}
+
+TEST_F(EarlyHandover, ARepeatedReportGivesNothingOnTwice) {
+  const Grant first = must_grant();
+  const Grant second = must_be_given_on(first);
+  EXPECT_EQ(report(BusReport::Kind::released, first), ReportVerdict::old_grant);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_early_release(now)));
+  EXPECT_EQ(rotation.current()->id, second.id);
+}
+
 }  // namespace
 }  // namespace srfs

@@ -250,6 +250,49 @@ TEST_F(PayloadCycleTest, GivesTheBusOnAtOnceWhileInactive) {
   EXPECT_EQ(find<OpenBus>(actions), nullptr);
 }
 
+TEST_F(PayloadCycleTest, GivesASlotBackWhenNoMeasurementIsDueAndNoTelecommandWaits) {
+  PayloadSettings settings;
+  settings.measurement_period = milliseconds(1000);
+  cycle.change_settings(settings);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant())) << "the first measurement is always due";
+  wake();
+  quiet();
+  cycle.on_processed(now);
+
+  now = flag.granted + milliseconds(300);
+  const PayloadActions actions = grant();
+  ASSERT_NE(find<PublishStatus>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions)->kind, Kind::released);
+  EXPECT_EQ(find<PublishStatus>(actions)->detail, "nothing to say");
+  EXPECT_EQ(find<OpenBus>(actions), nullptr) << "not a frame";
+  EXPECT_EQ(cycle.statistics().slots_handed_back, 1U);
+
+  now += milliseconds(300);
+  store(7);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant())) << "a telecommand is something to say";
+  wake();
+  command_answer(7);
+  quiet();
+  cycle.on_processed(now);
+  now = flag.granted + milliseconds(1000);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant())) << "the next measurement is due";
+}
+
+TEST_F(PayloadCycleTest, UsesEverySlotWhileItsPeripheralIsSilent) {
+  PayloadSettings settings;
+  settings.measurement_period = milliseconds(1000);
+  cycle.change_settings(settings);
+  grant();
+  wake();
+  quiet();
+  now = flag.granted + milliseconds(1000);
+  grant();
+  pass(milliseconds(25));
+  quiet();
+  now = flag.granted + milliseconds(100);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
+}
+
 TEST_F(PayloadCycleTest, ReleasesCleanlyWhenDeactivatedInMidSlot) {
   grant();
   const PayloadActions actions = cycle.deactivate(now);
