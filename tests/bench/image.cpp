@@ -11,6 +11,7 @@
 #include "tests/bench/measures.hpp"
 #include "tests/bench/raw_dds.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/signal_child.hpp"
 
 namespace srfs::bench {
 namespace {
@@ -130,7 +131,7 @@ Json measure_images(const ImageOptions& options) {
     }
     wait_until(monotonic_now() + seconds(1));  // the last ones
   }
-  kill(receiver, SIGKILL);
+  testing_support::signal_child(receiver, SIGKILL);
   waitpid(receiver, nullptr, 0);
   if (!ready) throw std::runtime_error("the receiving process was not found");
   return {{"unit", "us"},

@@ -19,6 +19,7 @@
 #include "tests/bench/measures.hpp"
 #include "tests/bench/raw_dds.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/signal_child.hpp"
 
 namespace srfs::bench {
 namespace {
@@ -290,7 +291,7 @@ Json measure_latency(const LatencyOptions& options) {
     for (int i = 0; ready && i < 2000 && !raw.is_ready(); ++i) std::this_thread::sleep_for(milliseconds(10));
     if (ready) run_rounds(options, ours, raw, udp, results);
   }
-  kill(echo, SIGKILL);
+  testing_support::signal_child(echo, SIGKILL);
   waitpid(echo, nullptr, 0);
   if (!ready) throw std::runtime_error("the echoing process was not found");
   return {{"unit", "us"},

@@ -1,4 +1,5 @@
 #include "tests/bench/process.hpp"
+#include "tests/signal_child.hpp"
 
 #include <algorithm>
 #include <cerrno>
@@ -100,11 +101,11 @@ Child::~Child() {
 
 void Child::end(int signal, milliseconds patience) {
   if (pid_ <= 0) return;
-  kill(pid_, signal);
+  testing_support::signal_child(pid_, signal);
   const MonotonicTime kill_at = monotonic_now() + patience;
   int status = 0;
   while (waitpid(pid_, &status, WNOHANG) == 0) {
-    if (monotonic_now() > kill_at) kill(pid_, SIGKILL);
+    if (monotonic_now() > kill_at) testing_support::signal_child(pid_, SIGKILL);
     const timespec pause{0, 1'000'000};
     nanosleep(&pause, nullptr);
   }

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "ros/instance.hpp"
+#include "tests/signal_child.hpp"
 
 namespace srfs::conformance {
 
@@ -44,11 +45,11 @@ NodeProcess::NodeProcess(std::string name, const std::string& dds) : name_(std::
 }
 
 NodeProcess::~NodeProcess() {
-  kill(pid_, SIGTERM);
+  testing_support::signal_child(pid_, SIGTERM);
   int status = 0;
   const bool ended = wait_for([&] { return waitpid(pid_, &status, WNOHANG) == pid_; });
   if (!ended) {
-    kill(pid_, SIGKILL);
+    testing_support::signal_child(pid_, SIGKILL);
     waitpid(pid_, &status, 0);
   }
   EXPECT_TRUE(ended && WIFEXITED(status) && WEXITSTATUS(status) == 0) << name_ << ": status " << status;

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "nodes/can_switcher/holder_fence.hpp"
+#include "tests/signal_child.hpp"
 
 namespace srfs {
 namespace {
@@ -26,7 +27,7 @@ class Holder {
     }
   }
   ~Holder() {
-    if (!reaped_) kill(pid_, SIGKILL);
+    if (!reaped_) testing_support::signal_child(pid_, SIGKILL);
     reap();
   }
   Holder(const Holder&) = delete;
@@ -125,7 +126,7 @@ TEST_F(HolderFenceTest, SeesAHolderThatEndsByItselfAfterTheKillFailed) {
   fence(holder_fence);
   EXPECT_EQ(gone_, 0);
 
-  kill(holder.pid(), SIGTERM);
+  testing_support::signal_child(holder.pid(), SIGTERM);
   ASSERT_TRUE(wait([&] { return gone_ == 1; }));
 }
 

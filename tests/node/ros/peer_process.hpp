@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "tests/dds_domain.hpp"
+#include "tests/signal_child.hpp"
 
 namespace srfs::testing_support {
 
@@ -32,7 +33,7 @@ class PeerProcess {
   /// kill -9; returns when the process is gone.
   void kill_now() {
     if (pid_ <= 0) return;
-    kill(pid_, SIGKILL);
+    signal_child(pid_, SIGKILL);
     waitpid(pid_, nullptr, 0);
     pid_ = 0;
   }

@@ -22,6 +22,7 @@
 #include "base/file.hpp"
 #include "base/time.hpp"
 #include "ros/launcher.hpp"
+#include "tests/signal_child.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -112,7 +113,7 @@ class Launching : public testing::Test {
   void end(const std::string& node) const {
     const auto instance = find_instance(var(), node);
     if (!instance) return;
-    kill(instance->pid, SIGTERM);
+    testing_support::signal_child(instance->pid, SIGTERM);
     const MonotonicTime deadline = monotonic_now() + seconds(20);
     while (find_instance(var(), node) && monotonic_now() < deadline) poll(nullptr, 0, 2);
   }
@@ -143,7 +144,7 @@ class Launching : public testing::Test {
     EXPECT_TRUE(pid) << pid.error();
     const pid_t by = running(starter);
     EXPECT_TRUE(write_file_atomically(var().run() / "start_next", node));
-    kill(by, SIGUSR1);
+    testing_support::signal_child(by, SIGUSR1);
     const Setting s = setting_of(running(node));
     end(node);
     end(starter);

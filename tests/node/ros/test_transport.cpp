@@ -15,6 +15,7 @@
 #include "srfs_msgs/msg/task_flags.hpp"
 #include "srfs_msgs/srv/check_alive.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/signal_child.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -54,7 +55,7 @@ class TransportTest : public testing::TestWithParam<bool> {
     }
   }
   void TearDown() override {
-    kill(peer_, SIGKILL);
+    testing_support::signal_child(peer_, SIGKILL);
     waitpid(peer_, nullptr, 0);
   }
   bool wait(const std::function<bool()>& condition) {
