@@ -105,7 +105,7 @@ class ClientGoal : public std::enable_shared_from_this<ClientGoal<A>> {
 
 /// Sends goals of action A to one server, several at once (at most 16). Everything on the work thread;
 /// nothing blocks. Every goal ends: by its result, or by a GoalError at its deadline or when its server is
-/// gone.
+/// gone. Goals of a client that was dropped call nothing more.
 template <class A>
 class ActionClient {
  public:
