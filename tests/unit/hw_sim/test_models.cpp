@@ -168,7 +168,7 @@ TEST(Attitude, RefusesATargetWithoutLengthAndAWheelBeyondItsLimit) {
   EXPECT_FALSE(model.set_target(Eigen::Quaterniond(std::numeric_limits<double>::quiet_NaN(), 0, 0, 1)));
   EXPECT_FALSE(model.set_wheel_speed(0, 700));
   EXPECT_FALSE(model.set_wheel_speed(3, 1));
-  EXPECT_FALSE(model.set_wheel_speed(0, NAN));
+  EXPECT_FALSE(model.set_wheel_speed(0, std::numeric_limits<double>::quiet_NaN()));
 }
 
 PowerInput sunlit() {
@@ -224,7 +224,7 @@ TEST(Power, StopsChargingAtTheLimit) {
   EXPECT_LE(power.state().charge, 0.761);
   EXPECT_NEAR(power.state().battery_a, 0, 0.05);
   EXPECT_FALSE(power.set_charge_limit(1.2));
-  EXPECT_FALSE(power.set_charge_limit(NAN));
+  EXPECT_FALSE(power.set_charge_limit(std::numeric_limits<double>::quiet_NaN()));
 }
 
 TEST(Power, DoesNotChargeAFrozenBattery) {
@@ -302,7 +302,7 @@ TEST(Thermal, AThermostatHoldsItsSetpoint) {
 TEST(Thermal, RefusesSetpointsOutsideItsRangeAndOtherHeaters) {
   ThermalModel thermal({});
   EXPECT_FALSE(thermal.set_setpoint(0, 249));
-  EXPECT_FALSE(thermal.set_setpoint(0, NAN));
+  EXPECT_FALSE(thermal.set_setpoint(0, std::numeric_limits<double>::quiet_NaN()));
   EXPECT_FALSE(thermal.set_setpoint(2, 290));
   EXPECT_FALSE(thermal.set_heater(2, HeaterMode::on));
 }
