@@ -78,7 +78,7 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
   auto& wire = qos.wire_protocol();
   auto& discovery = wire.builtin.discovery_config;
   discovery.leaseDuration = duration(2.0);
-  discovery.leaseDuration_announcementperiod = duration(0.5);
+  discovery.leaseDuration_announcementperiod = duration(0.2);
   discovery.initial_announcements.count = 10;
   discovery.initial_announcements.period = duration(0.05);
   for (const std::string& address : options.interfaces) {
