@@ -294,8 +294,8 @@ void NodeIntrospection::publish_work() {
     const auto* reader = dynamic_cast<const ReaderEndpoint*>(&source);
     if (reader == nullptr) return;
     work.samples_lost += as_u32(reader->stats().lost);
-    work.samples_malformed += as_u32(reader->stats().malformed);
   });
+  work.samples_malformed = as_u32(node_.malformed_samples());
   work.failed_transitions = node_.failed_transitions();
   work.log_held_back = as_u32(losses.held_back);
   work.log_lost = as_u32(losses.lost);

@@ -13,6 +13,7 @@ import select
 import signal
 import struct
 import subprocess
+import sys
 import threading
 import time
 
@@ -31,6 +32,15 @@ class MissionError(Exception):
     def __init__(self, message, code=1):
         super().__init__(message)
         self.code = code
+
+
+def run_program(name, main):
+    """Ends this process with what main() returns; a MissionError is one readable line and its own exit code."""
+    try:
+        sys.exit(main())
+    except MissionError as error:
+        print(f"{name}: {error}", file=sys.stderr)
+        sys.exit(error.code)
 
 
 def find_deployment(name):

@@ -63,8 +63,4 @@ def main():
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except mission.MissionError as error:
-        print(f"sim: {error}", file=sys.stderr)
-        sys.exit(error.code)
+    mission.run_program("sim", main)

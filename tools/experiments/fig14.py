@@ -6,6 +6,7 @@ import time
 import can_frames
 import mission
 import timeline
+from rotation import percentile
 from timeline import MS
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")  # the paper's payload1, 2, 3
@@ -84,15 +85,15 @@ class Experiment:
                                      self.frames)  # fmt: skip
         else:
             checks = getattr(timeline, self.name)(intervals, beats, PAYLOADS, self.end)
-        delays = sorted((slot.begin - beat) / MS for slot, beat, _ in timeline.switched_at(intervals, beats) if beat)
+        delays = [(slot.begin - beat) / MS for slot, beat, _ in timeline.switched_at(intervals, beats) if beat]
         return {
             "experiment": self.name,
             "title": TITLES[self.name],
             "deployment": self.flight.deployment.stem,
             "recorded_s": round((self.end - self.begin) / 1e9, 3),
             "heartbeats": len(beats),
-            "heartbeat_ms": round(timeline.median([b - a for a, b in zip(beats, beats[1:])]) / MS, 1),
-            "heartbeat_to_bus_p50_ms": round(timeline.median(delays), 3),
+            "heartbeat_ms": round(timeline.heartbeat_period(beats) / MS, 1),
+            "heartbeat_to_bus_p50_ms": round(percentile(delays, 0.5) or 0, 3),
             **timeline.use_of_the_bus(intervals, beats, self.begin, self.end),
             "checks": checks,
             "ok": all(c["ok"] for c in checks),

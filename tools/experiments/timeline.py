@@ -5,8 +5,12 @@ All times are CLOCK_MONOTONIC in ns. A state lasts from its message to the next 
 
 import dataclasses
 
+from rotation import percentile  # tools/demo
+
 OFF, OCCUPYING, PROCESSING, ASYNC = "off", "occupying_can", "data_processing", "other_async_command"
 STATES = (OFF, OCCUPYING, PROCESSING, ASYNC)  # as the paper lists them, lowest in the drawing first
+
+COMPLETED = 7  # srfs_msgs/TelecommandReport.COMPLETED
 
 MS = 1_000_000
 SWITCH_BOUND_NS = 50 * MS  # heartbeat -> flag -> the payload has the bus; generous: the shape is judged, not the latency
@@ -61,9 +65,6 @@ class Timeline:
 
     def heartbeats(self, begin, end):
         return sorted(t for t in list(self.ticks.values()) if begin <= t < end)
-
-
-COMPLETED = 7  # srfs_msgs/TelecommandReport.COMPLETED
 
 
 # --- what the paper says ---------------------------------------------------------------------------------------------
@@ -220,12 +221,17 @@ def fig14d(intervals, heartbeats, payloads, end, target, telecommands, completed
 # --- figures ---------------------------------------------------------------------------------------------------------
 
 
+def heartbeat_period(heartbeats):
+    """Median distance of heartbeats, 0 with fewer than two."""
+    return percentile([b - a for a, b in zip(heartbeats, heartbeats[1:])], 0.5) or 0
+
+
 def use_of_the_bus(intervals, heartbeats, begin, end):
     """Bus utilisation as it was, and as it would be if a payload kept the bus until its data were processed."""
     slots = of_state(intervals, OCCUPYING)
     processing = of_state(intervals, PROCESSING)
     busy = sum(s.end - s.begin for s in slots)
-    period = median([b - a for a, b in zip(heartbeats, heartbeats[1:])])
+    period = heartbeat_period(heartbeats)
     work = busy + sum(p.end - p.begin for p in processing)
     slots_long = -(-work // (period * len(slots))) if slots and period else 0  # heartbeats a slot, rounded up
     return {
@@ -234,7 +240,3 @@ def use_of_the_bus(intervals, heartbeats, begin, end):
         "bus_utilisation_sequential": round(busy / (len(slots) * slots_long * period), 4) if slots_long else None,
         "processing_beside_the_bus_ms": round(sum(p.overlap(s) for p in processing for s in slots) / MS, 1),
     }
-
-
-def median(values):
-    return sorted(values)[len(values) // 2] if values else 0

@@ -4,7 +4,8 @@ import pathlib
 import sys
 import unittest
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "tools" / "experiments"))
+TOOLS = pathlib.Path(__file__).resolve().parents[3] / "tools"
+sys.path[:0] = [str(TOOLS / "experiments"), str(TOOLS / "demo")]
 
 import timeline  # noqa: E402
 from timeline import ASYNC, MS, OCCUPYING, OFF, PROCESSING  # noqa: E402
