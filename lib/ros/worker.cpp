@@ -93,21 +93,21 @@ void Worker::run() {
       done = [error = std::current_exception()] { std::rethrow_exception(error); };
     }
     lock.lock();
-    if (done) finished_.push_back(done);
-    lock.unlock();
-    // A refused post is no loss: the next one, or drain(), hands over everything that has finished.
-    if (done) {
-      executor_.post(
-          [this, alive = alive_] {
-            if (*alive) run_finished();
-          },
-          record_);
-    }
-    lock.lock();
+    // Counted before anybody can see that the job has ended.
     progress_.busy = false;
     progress_.failed += failed ? 1 : 0;
     ++progress_.finished;
+    if (done) finished_.push_back(done);
     changed_.notify_all();
+    if (!done) continue;
+    lock.unlock();
+    // A refused post is no loss: the next one, or drain(), hands over everything that has finished.
+    executor_.post(
+        [this, alive = alive_] {
+          if (*alive) run_finished();
+        },
+        record_);
+    lock.lock();
   }
 }
 

@@ -100,10 +100,14 @@ TEST(SerialLine, WritesOnlyWhatFits) {
   const Octets much(1 << 20);
   const auto first = port->write(much);
   ASSERT_TRUE(first);
-  EXPECT_LT(*first, much.size());
-  for (int i = 0; i < 1000 && port->write(much).value() > 0; ++i) {
+  // The kernel moves what it took on to the other end in its own time: room may come back after a refusal.
+  std::size_t taken = *first;
+  for (int refusals = 0; refusals < 100 && taken < much.size();) {
+    const std::size_t more = port->write(much).value();
+    taken += more;
+    refusals += more == 0 ? 1 : 0;
   }
-  EXPECT_EQ(port->write(much), 0U);
+  EXPECT_LT(taken, much.size()) << "nobody reads";
 }
 
 TEST(SerialLine, IsHeldByOneProcessHandleAtATime) {
