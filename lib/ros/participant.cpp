@@ -78,7 +78,7 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
   auto& wire = qos.wire_protocol();
   auto& discovery = wire.builtin.discovery_config;
   discovery.leaseDuration = duration(2.0);
-  discovery.leaseDuration_announcementperiod = duration(0.2);
+  discovery.leaseDuration_announcementperiod = duration(0.5);
   discovery.initial_announcements.count = 10;
   discovery.initial_announcements.period = duration(0.05);
   for (const std::string& address : options.interfaces) {
@@ -162,6 +162,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain),
                                                    participant_qos(options, self->number_, self->transport_),
                                                    self->discovery_.get(), dds::StatusMask::none());
+  self->transport_->gate.open();
   if (self->participant_ == nullptr) {
     return Err(fmt::format(
         "no DDS participant on domain {}: are the interfaces up and {} participants not exceeded?",
@@ -245,6 +246,8 @@ dds::DataReader* Participant::create_reader(const std::string& name, dds::TypeSu
   if (dds_topic == nullptr) return nullptr;
   dds::DataReaderQos qos = dds::DATAREADER_QOS_DEFAULT;
   set_common(qos, ours);
+  // A request that came before its reader knew the writer is asked for again at once, not after 70 ms.
+  qos.reliable_reader_qos().times.initialAcknackDelay = duration(0.001);
   auto* reader = subscriber_->create_datareader(dds_topic, qos, listener);
   if (reader != nullptr && belongs_to_a_node(name))
     change_graph([&](ParticipantGraph& graph) { return graph.add_reader(to_gid(reader->guid())); });

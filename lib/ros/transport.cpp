@@ -146,6 +146,22 @@ class Channel {
   Executor::Handle watch_;
 };
 
+/// What discovery's socket hands its datagrams to: they wait at the gate, the others in the socket.
+class GatedReceiver final : public rtps::TransportReceiverInterface {
+ public:
+  GatedReceiver(rtps::TransportReceiverInterface& receiver, std::shared_ptr<TransportState> state)
+      : receiver_(receiver), state_(std::move(state)) {}
+  void OnDataReceived(const eprosima::fastrtps::rtps::octet* data, std::uint32_t size, const Locator_t& local,
+                      const Locator_t& remote) override {
+    state_->gate.pass();
+    receiver_.OnDataReceived(data, size, local, remote);
+  }
+
+ private:
+  rtps::TransportReceiverInterface& receiver_;
+  std::shared_ptr<TransportState> state_;
+};
+
 struct Descriptor : rtps::ChainingTransportDescriptor {
   Descriptor(std::shared_ptr<rtps::TransportDescriptorInterface> udp, Executor& work_thread,
              std::vector<std::string> on_addresses, std::shared_ptr<TransportState> shared_state)
@@ -172,6 +188,8 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   }
   ~WorkThreadTransport() override {
     descriptor_.state->receive_waiting = [] {};
+    descriptor_.state->gate.open();
+    low_level_transport_.reset();  // its threads use the gated receivers
   }
   WorkThreadTransport(const WorkThreadTransport&) = delete;
   WorkThreadTransport& operator=(const WorkThreadTransport&) = delete;
@@ -187,8 +205,11 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
 
   bool OpenInputChannel(const Locator_t& locator, rtps::TransportReceiverInterface* receiver,
                         std::uint32_t max_message_octets) override {
-    if (!is_user_unicast(locator))
-      return low_level_transport_->OpenInputChannel(locator, receiver, max_message_octets);
+    if (!is_user_unicast(locator)) {
+      const std::lock_guard lock(mutex_);
+      gated_.push_back(std::make_unique<GatedReceiver>(*receiver, descriptor_.state));
+      return low_level_transport_->OpenInputChannel(locator, gated_.back().get(), max_message_octets);
+    }
     if (IsInputChannelOpen(locator)) return true;
     std::vector<std::unique_ptr<Channel>> made;
     const std::vector<std::string> any{"0.0.0.0"};
@@ -206,7 +227,10 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   }
 
   bool CloseInputChannel(const Locator_t& locator) override {
-    if (!is_user_unicast(locator)) return low_level_transport_->CloseInputChannel(locator);
+    if (!is_user_unicast(locator)) {
+      descriptor_.state->gate.open();  // the receive thread may wait there
+      return low_level_transport_->CloseInputChannel(locator);
+    }
     const std::lock_guard lock(mutex_);
     std::erase_if(channels_, [&](const auto& c) { return c->port() == IPLocator::getPhysicalPort(locator); });
     return true;
@@ -238,6 +262,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   std::unique_ptr<std::uint8_t[]> buffer_;
   mutable std::mutex mutex_;
   std::vector<std::unique_ptr<Channel>> channels_;
+  std::vector<std::unique_ptr<GatedReceiver>> gated_;
 };
 
 rtps::TransportInterface* Descriptor::create_transport() const {
@@ -245,6 +270,19 @@ rtps::TransportInterface* Descriptor::create_transport() const {
 }
 
 }  // namespace
+
+void DiscoveryGate::open() {
+  {
+    const std::lock_guard lock(mutex_);
+    open_ = true;
+  }
+  changed_.notify_all();
+}
+
+void DiscoveryGate::pass() {
+  std::unique_lock lock(mutex_);
+  changed_.wait_for(lock, seconds(1), [this] { return open_; });
+}
 
 void ArrivalLog::add(UtcTime read, UtcTime arrived) {
   entries_[next_++ % entries_.size()] = {read, arrived};

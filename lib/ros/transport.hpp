@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -41,8 +42,24 @@ struct TransportStats {
   std::uint64_t overflowed = 0;  ///< dropped by the kernel because the socket's buffer was full
 };
 
+/// Keeps discovery's input in the socket until the participant is ready for it. Fast DDS 2.9 announces a new
+/// participant before its receivers know whom to hand a datagram to: answers that come in between, which on
+/// one host they do, are dropped, and the next announcement is a period away. Any thread.
+class DiscoveryGate {
+ public:
+  void open();
+  /// Returns when it is open, but after 1 s in any case.
+  void pass();
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool open_ = false;
+};
+
 /// Shared by a participant and its transport, which Fast DDS owns.
 struct TransportState {
+  DiscoveryGate gate;  ///< opened by the participant when it has been made
   ArrivalLog arrivals;
   TransportStats stats;
   /// Hands what the kernel holds already to Fast DDS, at most 4096 datagrams a socket. On the work thread.

@@ -4,10 +4,16 @@
 #include <csignal>
 #include <thread>
 
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+#include <fastrtps/utils/IPLocator.h>
 #include <gtest/gtest.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
 
 #include "ros/client.hpp"
 #include "ros/publisher.hpp"
@@ -119,6 +125,58 @@ TEST_P(TransportTest, ManyParticipantsOfOneMachineFindPortsOfTheirOwn) {
   });
   ASSERT_TRUE(wait([&] { return answer.has_value(); }));
   EXPECT_EQ(*answer, 1U);
+}
+
+/// A DDS program that answers who comes, and says nothing by itself for longer than any test waits.
+class QuietPeer {
+ public:
+  explicit QuietPeer(int domain) {
+    dds::DomainParticipantQos qos;
+    auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
+    udp->interfaceWhiteList = {"127.0.0.1"};
+    qos.transport().use_builtin_transports = false;
+    qos.transport().user_transports.push_back(udp);
+    auto& discovery = qos.wire_protocol().builtin.discovery_config;
+    discovery.leaseDuration = {600, 0};
+    discovery.leaseDuration_announcementperiod = {300, 0};
+    discovery.initial_announcements.count = 0;
+    eprosima::fastrtps::rtps::Locator_t here;
+    eprosima::fastrtps::rtps::IPLocator::setIPv4(here, 127, 0, 0, 1);
+    qos.wire_protocol().builtin.metatrafficUnicastLocatorList.push_back(here);
+    participant_ = factory().create_participant(static_cast<std::uint32_t>(domain), qos);
+    dds::TypeSupport type(new TypeSupport<TaskFlags>);
+    type.register_type(participant_);
+    reader_ = participant_->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT)
+                  ->create_datareader(participant_->create_topic("rt/test/there", type.get_type_name(),
+                                                                 dds::TOPIC_QOS_DEFAULT),
+                                      dds::DATAREADER_QOS_DEFAULT);
+  }
+  ~QuietPeer() {
+    participant_->delete_contained_entities();
+    factory().delete_participant(participant_);
+  }
+  QuietPeer(const QuietPeer&) = delete;
+  QuietPeer& operator=(const QuietPeer&) = delete;
+  [[nodiscard]] bool is_ready() const { return reader_ != nullptr; }
+
+ private:
+  static dds::DomainParticipantFactory& factory() { return *dds::DomainParticipantFactory::get_instance(); }
+  dds::DomainParticipant* participant_ = nullptr;
+  dds::DataReader* reader_ = nullptr;
+};
+
+TEST(Discovery, HearsAnAnswerThatComesWhileTheParticipantIsStillBeingMade) {
+  const int domain = testing_support::own_domain();
+  const QuietPeer peer(domain);
+  ASSERT_TRUE(peer.is_ready());
+  Executor executor;
+  for (int i = 0; i < 12; ++i) {  // one in three was lost without the gate
+    const auto participant = Participant::create({domain, {"127.0.0.1"}, &executor}).value();
+    const Publisher<TaskFlags> there(*participant, there_topic);
+    ASSERT_TRUE(
+        executor.spin_until([&] { return there.subscription_count() == 1; }, monotonic_now() + seconds(20)))
+        << i;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Peer, TransportTest, testing::Bool(),
