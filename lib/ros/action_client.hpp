@@ -84,6 +84,7 @@ class ClientGoal : public std::enable_shared_from_this<ClientGoal<A>> {
   void on_feedback(const typename A::Feedback& feedback);
   void on_server_change();
   void request_result();
+  void take_waiting_feedback();
   void request_cancel();
   void perform(const GoalTracker::Step& step, const typename A::Result* result = nullptr);
   void end(const GoalOutcome<A>& outcome);

@@ -136,9 +136,20 @@ void ClientGoal<A>::request_result() {
   const CallId call =
       links->get_result.call(request, deadline, 1, [this](const auto& response, const GUID_t&) {
         const auto alive = this->shared_from_this();
+        take_waiting_feedback();
         if (response) perform(tracker_.on_result(goal_state(response->status)), &response->result);
       });
   result_calls_[result_call_count_++] = call;
+}
+
+// What was sent before the result is told before it, whichever the executor turns to first.
+template <class A>
+void ClientGoal<A>::take_waiting_feedback() {
+  const auto links = links_.lock();
+  if (!links) return;
+  for (std::size_t most = Qos{}.depth; most > 0 && links->feedback->dispatch_one(links->executor.now());
+       --most) {
+  }
 }
 
 template <class A>

@@ -270,6 +270,8 @@ class ActionServer final : private ActionServerCore::Typed {
   [[nodiscard]] std::size_t results_awaited() const { return get_result_.pending(); }
   /// Goals whose client vanished while they ran.
   [[nodiscard]] std::uint64_t orphans() const { return core_.orphans(); }
+  /// Clients that hear feedback sent now. A client that finds the server ready may not be among them yet.
+  [[nodiscard]] std::size_t feedback_readers() const { return feedback_.subscription_count(); }
   [[nodiscard]] std::uint64_t dropped_feedback() const { return core_.mailbox()->dropped_feedback(); }
 
  private:

@@ -50,9 +50,10 @@ class RequestBook {
     std::uint64_t dropped = 0;  ///< pending requests whose client vanished
   };
   static constexpr std::size_t most_pending = 64;
-  static constexpr std::size_t most_answered = 32;      ///< responses kept for repeats; the oldest makes room
-  static constexpr seconds longest_memory{10};          ///< a response older than this is not kept
-  static constexpr milliseconds longest_to_match{100};  ///< for a client's reader to appear (ROS2_WIRE)
+  static constexpr std::size_t most_answered = 32;  ///< responses kept for repeats; the oldest makes room
+  static constexpr seconds longest_memory{10};      ///< a response older than this is not kept
+  static constexpr seconds longest_to_match{
+      3};  ///< for a client's reader to appear: lost discovery comes again after 1 s
 
   /// @param request identity the answer will carry: client and sequence number of this sample
   /// @param first_sequence of the first attempt, when this one says that it is a repeat

@@ -15,7 +15,7 @@ namespace srfs::ros {
 [[nodiscard]] std::optional<std::int64_t> first_attempt(const MessageInfo& info);
 
 /// Sends replies. A reply whose client reader has not been matched yet would be lost, so it waits (bounded:
-/// 32 replies, 100 ms each) until the match; it never blocks the work thread.
+/// 32 replies, 3 s each) until the match; it never blocks the work thread.
 class ReplyQueue {
  public:
   ReplyQueue(Executor& executor, WriterEndpoint& writer) : executor_(executor), writer_(writer) {}

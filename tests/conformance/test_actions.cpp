@@ -244,8 +244,10 @@ struct RawService {
   RawService(Ros2Peer& peer, const std::string& name, const std::string& type)
       : requests(peer, "rq" + name + "Request", type + "_Request_"),
         replies(peer, "rr" + name + "Reply", type + "_Response_") {}
-  /// Names the request as a ROS 2 server does.
+  /// Names the request as a ROS 2 server does, when the client's reader is known, which rmw_fastrtps waits
+  /// for too.
   void answer(const ReceivedSample& request, const Octets& response) {
+    ASSERT_TRUE(wait_for([&] { return replies.matched() > 0; }));
     rtps::SampleIdentity to = request.identity;
     to.writer_guid(request.related.writer_guid());
     replies.write(response, to);

@@ -27,8 +27,8 @@ int main(int argc, char** argv) {
   const ros::VarPaths paths{var};
   auto lock = ros::InstanceLock::take(paths, name);
   if (!lock) return 3;
-  lock->publish(1, "probe");  // from now on the test may signal
   const ros::Deployment plan = ros::Deployment::load(deployment);
+  lock->publish(1, "probe");  // from now on the test may signal, and look at what is open
   while (true) {
     int signal = 0;
     sigwait(&set, &signal);

@@ -52,6 +52,10 @@ class ActionTest : public testing::Test {
     server_ =
         std::make_unique<ActionServer<Fibonacci>>(executor_, *here_, action_, std::move(handlers), options);
   }
+  /// Feedback sent before the server knows the client's reader is nobody's.
+  void expect_feedback_will_be_heard() {
+    ASSERT_TRUE(wait([&] { return server_->feedback_readers() == 1; }));
+  }
   struct Sent {
     std::shared_ptr<ClientGoal<Fibonacci>> goal;
     std::vector<std::int32_t> feedback;
@@ -109,6 +113,7 @@ TEST_F(ActionTest, WorkOnAWorkerThreadSendsFeedbackAndAResult) {
       return GoalEnd<Fibonacci>::succeeded(result);
     });
   }});
+  expect_feedback_will_be_heard();
   Sent sent;
   send(sent, 4);
   expect_end(sent, GoalState::succeeded);
@@ -121,6 +126,7 @@ TEST_F(ActionTest, WorkOnAWorkerThreadSendsFeedbackAndAResult) {
 
 TEST_F(ActionTest, SeveralGoalsAtOnceGetTheirOwnFeedbackAndResults) {
   serve();
+  expect_feedback_will_be_heard();
   std::array<Sent, 5> sent;
   for (int i = 0; i < 5; ++i) send(sent.at(static_cast<std::size_t>(i)), i);
   ASSERT_TRUE(wait([&] { return running_.size() == 5; }));
@@ -259,6 +265,7 @@ TEST_F(ActionTest, AGoalWhoseWorkIsDroppedFailsOrFindsNoRoomIsAborted) {
   }
   server_.reset();
   ASSERT_TRUE(wait([&] { return !client_->is_ready(); }));
+  ASSERT_TRUE(wait([&] { return !worker.progress().busy; })) << "a goal ends a little before its job";
   std::mutex gate;
   gate.lock();
   const auto blocked = [&] { const std::lock_guard hold(gate); };

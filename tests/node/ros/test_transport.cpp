@@ -1,5 +1,4 @@
-// The work-thread transport between two processes: within one, Fast DDS hands samples over without any
-// transport.
+// The work-thread transport between two processes, the peer with the receive threads of Fast DDS or ours.
 
 #include <csignal>
 #include <thread>
