@@ -96,6 +96,7 @@ function(srfs_add_fuzzer name)
     add_test(NAME fuzz.${name} COMMAND fuzz_${name} -runs=200000 -seed=1 -max_total_time=60
       ${PROJECT_SOURCE_DIR}/tests/fuzz/corpus/${name})
     set_tests_properties(fuzz.${name} PROPERTIES LABELS fuzz TIMEOUT 180)
+    set_property(GLOBAL APPEND PROPERTY SRFS_FUZZERS fuzz_${name})
   elseif(SRFS_BUILD_TESTS)
     add_executable(fuzz_${name} ${ARG_SOURCE} ${PROJECT_SOURCE_DIR}/tests/fuzz/replay_main.cpp)
     add_test(NAME unit.fuzz_${name} COMMAND fuzz_${name} ${PROJECT_SOURCE_DIR}/tests/fuzz/corpus/${name})
@@ -109,10 +110,15 @@ function(srfs_add_fuzzer name)
   set_target_properties(fuzz_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
 endfunction()
 
-# srfs_add_group_targets(): called once at the end. `programs`: all that is installed; `unit_tests`: the programs of the label unit.
+# srfs_add_group_targets(): called once at the end. `programs`: all that is installed; `unit_tests`: the programs of the label unit;
+# `fuzzers`: those of the label fuzz.
 function(srfs_add_group_targets)
   get_property(programs GLOBAL PROPERTY SRFS_PROGRAMS)
   add_custom_target(programs DEPENDS ${programs})
   get_property(unit_tests GLOBAL PROPERTY SRFS_UNIT_TESTS)
   add_custom_target(unit_tests DEPENDS ${unit_tests})
+  get_property(fuzzers GLOBAL PROPERTY SRFS_FUZZERS)
+  if(fuzzers)
+    add_custom_target(fuzzers DEPENDS ${fuzzers})
+  endif()
 endfunction()

@@ -275,8 +275,19 @@ MonotonicTime Participant::received_at(const dds::SampleInfo& info, MonotonicTim
   return now - std::clamp<nanoseconds>(system_utc_now() - arrived, nanoseconds(0), seconds(1));
 }
 
+void Participant::let_last_words_be_heard(dds::DataWriter& writer) {
+  constexpr milliseconds longest_linger{50};
+  if (monotonic_now() - linger_began_ > seconds(1)) linger_began_ = monotonic_now();
+  const eprosima::fastrtps::Duration_t step{0, 1'000'000};
+  do {
+    receive_waiting();  // acknowledgements come by the socket that this thread reads
+    if (writer.wait_for_acknowledgments(step) == ReturnCode_t::RETCODE_OK) return;
+  } while (monotonic_now() - linger_began_ < longest_linger);
+}
+
 void Participant::destroy(dds::DataWriter* writer) {
   if (writer == nullptr) return;
+  let_last_words_be_heard(*writer);
   const Gid gid = to_gid(writer->guid());
   change_graph([&](ParticipantGraph& graph) { return graph.remove_writer(gid); });
   writer->set_listener(nullptr);

@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include <lifecycle_msgs/srv/change_state.hpp>
+#include <lifecycle_msgs/srv/get_state.hpp>
 
 #include "base/file.hpp"
 #include "ros/node.hpp"
@@ -100,6 +101,14 @@ class ScriptedNodeTest : public testing::Test {
     });
     EXPECT_TRUE(wait([&] { return answer.has_value(); })) << name;
     return answer.value_or(typename S::Response{});
+  }
+  /// What the node publishes from now on is heard. The reader's match is not yet the writer's; but discovery
+  /// tells of endpoints in order, so a node that answers a client made later knows the reader.
+  template <class S>
+  bool is_heard(const S& subscription) {
+    if (!wait([&] { return subscription.publisher_count() == 1; })) return false;
+    call<lifecycle_msgs::srv::GetState>("/probe/get_state", {});
+    return !HasFailure();
   }
   bool change(const std::string& label) {
     lifecycle_msgs::srv::ChangeState_Request request;

@@ -24,7 +24,7 @@ class NodeErrors : public ScriptedNodeTest {
     events_ = std::make_unique<Subscription<srfs_msgs::msg::Event>>(
         executor_, *there_, topics::event,
         [this](const srfs_msgs::msg::Event& e, const MessageInfo&) { heard_.push_back(e); });
-    ASSERT_TRUE(wait([&] { return events_->publisher_count() == 1; }));
+    ASSERT_TRUE(is_heard(*events_));
   }
   void TearDown() override {
     events_.reset();

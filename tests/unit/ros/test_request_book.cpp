@@ -128,8 +128,9 @@ TEST(RequestBook, AClientHasTimeToAppear) {
   RequestBook book;
   (void)book.judge(request(1, 1), std::nullopt, false, at(seconds(0)));
   const auto nobody = [](const GUID_t&) { return false; };
-  EXPECT_THAT(book.drop_vanished(nobody, at(milliseconds(99))), testing::IsEmpty());
-  EXPECT_EQ(book.drop_vanished(nobody, at(milliseconds(100))).size(), 1U);
+  EXPECT_THAT(book.drop_vanished(nobody, at(RequestBook::longest_to_match - milliseconds(1))),
+              testing::IsEmpty());
+  EXPECT_EQ(book.drop_vanished(nobody, at(RequestBook::longest_to_match)).size(), 1U);
 }
 
 }  // namespace
