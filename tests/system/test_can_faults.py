@@ -93,7 +93,7 @@ class FloodTest(CanFaultTest):
 
             flight.control({"can": {"babble": {"id": 0}}})
             flooded = self.wait_for_event(ground, "can_switcher.bus_flooded")
-            self.assertEqual(flooded["fields"]["identifier"], 0)
+            self.assertEqual(flooded["fields"]["identifier"], "0x00000000")
             self.wait_for_all(recorder, "failed", 3)
             fields = self.bus(ground, lambda f: f["flooded"])
             self.assertGreater(fields["foreign_frames"], 1000)
@@ -140,7 +140,7 @@ class BabblingPeripheralTest(CanFaultTest):
                 self.assertEqual(refused.get("name"), "peripheral_off", refused)
                 self.assertEqual(self.frames_of_eps(flight), [], "nothing of it on the bus")
                 packet = ground.housekeeping("payload_eps_counters", DEADLINE_S, matches=lambda f: f["kept_off"])
-                self.assertGreaterEqual(packet["fields"]["babble_cuts"], 5)
+                self.assertGreaterEqual(packet["fields"]["babble_cuts"], 4)
 
             with self.subTest("commanded"):
                 flight.control({"peripheral": "eps", "fault": "none"})
