@@ -15,6 +15,8 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "hw/sim/can_hub_requests.hpp"
+
 namespace srfs::sim {
 namespace {
 
@@ -107,10 +109,6 @@ can_frame to_raw(const ControllerReport& report) {
   }
   return raw;
 }
-
-// What a client asks of its controller; the second is answered with the number of frames it has on the wire.
-constexpr canid_t restart_request = CAN_ERR_FLAG | CAN_ERR_RESTARTED;
-constexpr canid_t withdraw_request = CAN_ERR_FLAG | CAN_ERR_TX_TIMEOUT;
 
 bool is_of_this_process(int socket) {
   ucred peer{};
@@ -209,7 +207,7 @@ void CanHub::read_client(int fd, MonotonicTime now) {
       return;
     }
     if (n == static_cast<ssize_t>(sizeof raw) &&
-        (raw.can_id == restart_request || raw.can_id == withdraw_request)) {
+        (raw.can_id == hw::can_hub_restart || raw.can_id == hw::can_hub_withdraw)) {
       on_request(client->second, raw, now);
       continue;
     }
@@ -283,7 +281,7 @@ void CanHub::greet(Client& client) {
 
 void CanHub::on_request(Client& client, const can_frame& raw, MonotonicTime now) {
   const BusStation station = arbiter_.station_of(client.bus);
-  if (raw.can_id == withdraw_request) {
+  if (raw.can_id == hw::can_hub_withdraw) {
     can_frame answer = raw;
     answer.len = CAN_ERR_DLC;
     answer.data[0] = static_cast<std::uint8_t>(arbiter_.withdraw(client.bus));

@@ -208,15 +208,17 @@ class SocketCan : public RawCanBus {
 
   void try_restart(int /*device*/) override {
     const auto link = query_can_link(found_.index);
-    if (!link || !link->state) return;  // it says nothing of its controller: error frames alone tell
-    if (*link->state != CanBusState::bus_off) {
-      on_report({.restarted = true,  // by whomever; the error frame that tells it was lost
-                 .state = link->state,
-                 .transmit_errors = link->transmit_errors,
-                 .receive_errors = link->receive_errors});
+    const CanLink known = link ? *link : CanLink{};
+    if (known.state != CanBusState::bus_off) {
+      // Restarted by whomever, and the error frame that tells it was lost. An interface that says nothing of
+      // its controller is believed to work again: that shows with the next frame, waiting shows nothing.
+      on_report({.restarted = true,
+                 .state = known.state,
+                 .transmit_errors = known.transmit_errors,
+                 .receive_errors = known.receive_errors});
       return;
     }
-    if (link->restart_ms.value_or(0) > 0) return;  // the kernel does it
+    if (known.restart_ms.value_or(0) > 0) return;  // the kernel does it
     const auto restarted = restart_can_controller(found_.index);
     if (restarted || restarted.error() == EBUSY) return;  // EBUSY: another process was first
     if (std::exchange(said_what_to_set_, true)) return;

@@ -1,11 +1,11 @@
 #include <cerrno>
 #include <utility>
 
-#include <linux/can/error.h>
 #include <sys/socket.h>
 
 #include "hw/backends.hpp"
 #include "hw/raw_can_bus.hpp"
+#include "hw/sim/can_hub_requests.hpp"
 #include "hw/sim/seqpacket.hpp"
 
 namespace srfs::hw {
@@ -16,10 +16,6 @@ constexpr std::size_t transmit_queue =
 constexpr int datagrams_per_call = 64;
 
 constexpr std::uint32_t bit_rate = 500'000;  // docs/icd_can.md, section 1
-// What a handle asks of the hub, an error frame without data; of the same class is the answer to the second.
-constexpr canid_t restart_request = CAN_ERR_FLAG | CAN_ERR_RESTARTED;
-constexpr canid_t withdraw_request = CAN_ERR_FLAG | CAN_ERR_TX_TIMEOUT;
-
 /// The hub of hw_sim (docs/icd_can.md): each datagram is one struct can_frame, __res0 = 1 marks an echo.
 class SimCan : public RawCanBus {
  public:
@@ -67,7 +63,7 @@ class SimCan : public RawCanBus {
       }
       if (n != static_cast<ssize_t>(sizeof raw) || raw.len > CAN_MAX_DLEN) {
         ++counters_.malformed;
-      } else if (raw.can_id == withdraw_request) {
+      } else if (raw.can_id == can_hub_withdraw) {
         on_withdrawn(raw.data[0]);
       } else if (is_error_frame(raw)) {
         on_report(decode_error_frame(raw));
@@ -82,13 +78,13 @@ class SimCan : public RawCanBus {
 
   bool withdraw() override {
     const int device = socket();
-    if (device < 0 || !ask(device, withdraw_request)) return false;
+    if (device < 0 || !ask(device, can_hub_withdraw)) return false;
     ++counters_.withdrawals;
     return true;
   }
 
  private:
-  void try_restart(int device) override { (void)ask(device, restart_request); }
+  void try_restart(int device) override { (void)ask(device, can_hub_restart); }
 
   /// A hub that does not take it now is asked again by the next call, or hangs up.
   static bool ask(int device, canid_t request) {
