@@ -8,11 +8,14 @@
 
 #include <fmt/format.h>
 #include <linux/can.h>
+#include <linux/can/error.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <sys/timerfd.h>
 #include <sys/un.h>
 #include <unistd.h>
+
+#include "hw/sim/can_hub_requests.hpp"
 
 namespace srfs::sim {
 namespace {
@@ -71,6 +74,48 @@ can_frame to_raw(const BusFrame& frame, bool echo) {
   return raw;
 }
 
+can_frame to_raw(const ControllerReport& report) {
+  using Kind = ControllerReport::Kind;
+  can_frame raw{};
+  raw.can_id = CAN_ERR_FLAG;
+  raw.len = CAN_ERR_DLC;
+  const auto side = [](unsigned errors, std::uint8_t passive, std::uint8_t warning) -> std::uint8_t {
+    if (errors >= FaultConfinement::passive_from) return passive;
+    return errors >= FaultConfinement::warning_from ? warning : 0;
+  };
+  switch (report.kind) {
+    case Kind::error:
+      raw.can_id |= CAN_ERR_PROT | CAN_ERR_BUSERROR;
+      raw.data[2] = report.was_transmitting ? CAN_ERR_PROT_BIT | CAN_ERR_PROT_TX : CAN_ERR_PROT_STUFF;
+      break;
+    case Kind::state:
+      raw.can_id |= CAN_ERR_CRTL;
+      raw.data[1] = static_cast<std::uint8_t>(
+          side(report.transmit_errors, CAN_ERR_CRTL_TX_PASSIVE, CAN_ERR_CRTL_TX_WARNING) |
+          side(report.receive_errors, CAN_ERR_CRTL_RX_PASSIVE, CAN_ERR_CRTL_RX_WARNING));
+      if (raw.data[1] == 0) raw.data[1] = CAN_ERR_CRTL_ACTIVE;
+      break;
+    case Kind::bus_off:
+      raw.can_id |= CAN_ERR_BUSOFF;
+      break;
+    case Kind::restarted:
+      raw.can_id |= CAN_ERR_RESTARTED;
+      break;
+  }
+  if (report.state != ErrorState::bus_off && report.kind != Kind::restarted) {
+    raw.can_id |= CAN_ERR_CNT;
+    raw.data[6] = static_cast<std::uint8_t>(report.transmit_errors);
+    raw.data[7] = static_cast<std::uint8_t>(report.receive_errors);
+  }
+  return raw;
+}
+
+bool is_of_this_process(int socket) {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  return ::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && peer.pid == ::getpid();
+}
+
 }  // namespace
 
 CanHub::CanHub(std::filesystem::path socket_path, BusArbiter arbiter)
@@ -78,7 +123,8 @@ CanHub::CanHub(std::filesystem::path socket_path, BusArbiter arbiter)
       arbiter_(std::move(arbiter)),
       epoll_(::epoll_create1(EPOLL_CLOEXEC)),
       listener_(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)),
-      timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)) {}
+      timer_(::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
+      computer_(arbiter_.add_station()) {}
 
 CanHub::~CanHub() {
   if (!socket_path_.empty()) ::unlink(socket_path_.c_str());
@@ -123,9 +169,11 @@ void CanHub::on_readable(MonotonicTime now) {
 
 void CanHub::advance(MonotonicTime now) {
   while (const auto delivery = arbiter_.advance(now)) {
+    send_reports();
     deliver(*delivery);
     if (tap_) tap_(*delivery);
   }
+  send_reports();
   arm_timer();
 }
 
@@ -140,7 +188,10 @@ void CanHub::accept_clients() {
     const int fd = socket.get();
     if (!watch(epoll_.get(), fd)) continue;
     ++counters_.connected;
-    clients_.emplace(fd, Client{.socket = std::move(socket), .bus = arbiter_.add_client()});
+    const BusClient bus = is_of_this_process(fd) ? arbiter_.add_client() : arbiter_.add_client(computer_);
+    const auto client = clients_.emplace(
+        fd, Client{.socket = std::move(socket), .bus = bus, .address = {}, .overrun = false});
+    greet(client.first->second);
   }
 }
 
@@ -155,11 +206,18 @@ void CanHub::read_client(int fd, MonotonicTime now) {
       drop_client(fd);
       return;
     }
+    if (n == static_cast<ssize_t>(sizeof raw) &&
+        (raw.can_id == hw::can_hub_restart || raw.can_id == hw::can_hub_withdraw)) {
+      on_request(client->second, raw, now);
+      continue;
+    }
     const auto frame = n == static_cast<ssize_t>(sizeof raw) ? to_bus_frame(raw) : std::nullopt;
     if (!frame) {
       ++counters_.malformed;
       continue;
     }
+    if (!client->second.address && frame->extended)
+      client->second.address = static_cast<std::uint8_t>(frame->id);
     (void)arbiter_.submit(client->second.bus, *frame, now);  // refusals are counted by the arbiter
   }
 }
@@ -176,13 +234,90 @@ void CanHub::deliver(const BusDelivery& delivery) {
   for (auto& [fd, client] : clients_) {
     const bool echo = client.bus == delivery.sender;
     if (!echo && delivery.lost) continue;
-    const can_frame raw = to_raw(echo ? delivery.original : delivery.frame, echo);
+    if (arbiter_.controller(arbiter_.station_of(client.bus)).state() == ErrorState::bus_off) continue;
+    send_to(client, to_raw(echo ? delivery.original : delivery.frame, echo));
+  }
+}
+
+void CanHub::send_to(Client& client, const can_frame& raw) {
+  const auto sent = [&client](const can_frame& frame) {
     // A client that went away shows as a hang-up at its descriptor; it is dropped there.
-    if (::send(fd, &raw, sizeof raw, MSG_NOSIGNAL | MSG_DONTWAIT) < 0 &&
-        (errno == EAGAIN || errno == ENOBUFS)) {
-      ++counters_.receive_overruns;
+    return ::send(client.socket.get(), &frame, sizeof frame, MSG_NOSIGNAL | MSG_DONTWAIT) >= 0 ||
+           (errno != EAGAIN && errno != ENOBUFS);
+  };
+  if (client.overrun) {
+    can_frame overflow{};
+    overflow.can_id = CAN_ERR_FLAG | CAN_ERR_CRTL;
+    overflow.len = CAN_ERR_DLC;
+    overflow.data[1] = CAN_ERR_CRTL_RX_OVERFLOW;
+    client.overrun = !sent(overflow);
+  }
+  if (client.overrun || !sent(raw)) {
+    client.overrun = true;
+    ++counters_.receive_overruns;
+  }
+}
+
+void CanHub::send_reports() {
+  for (const ControllerReport& report : arbiter_.take_reports()) {
+    for (auto& [fd, client] : clients_) {
+      if (arbiter_.station_of(client.bus) == report.station) send_to(client, to_raw(report));
     }
   }
+}
+
+void CanHub::greet(Client& client) {
+  const BusStation station = arbiter_.station_of(client.bus);
+  const FaultConfinement& errors = arbiter_.controller(station);
+  if (errors.state() == ErrorState::active) return;
+  send_to(client, to_raw({.station = station,
+                          .kind = errors.state() == ErrorState::bus_off ? ControllerReport::Kind::bus_off
+                                                                        : ControllerReport::Kind::state,
+                          .state = errors.state(),
+                          .transmit_errors = errors.transmit_errors(),
+                          .receive_errors = errors.receive_errors(),
+                          .was_transmitting = false}));
+}
+
+void CanHub::on_request(Client& client, const can_frame& raw, MonotonicTime now) {
+  const BusStation station = arbiter_.station_of(client.bus);
+  if (raw.can_id == hw::can_hub_withdraw) {
+    can_frame answer = raw;
+    answer.len = CAN_ERR_DLC;
+    answer.data[0] = static_cast<std::uint8_t>(arbiter_.withdraw(client.bus));
+    send_to(client, answer);
+  } else if (arbiter_.controller(station).state() == ErrorState::bus_off) {
+    arbiter_.request_restart(station, now);
+  } else {
+    // It missed what it was told.
+    send_to(client, to_raw({.station = station,
+                            .kind = ControllerReport::Kind::restarted,
+                            .state = ErrorState::active,
+                            .transmit_errors = 0,
+                            .receive_errors = 0,
+                            .was_transmitting = false}));
+  }
+}
+
+bool CanHub::force_bus_off(std::uint8_t address, MonotonicTime now) {
+  constexpr std::uint8_t computer_address = 0x01;
+  advance(now);
+  bool found = address == computer_address;
+  if (found) arbiter_.force_bus_off(computer_, now);
+  for (const auto& [fd, client] : clients_) {
+    if (client.address != address) continue;
+    arbiter_.force_bus_off(arbiter_.station_of(client.bus), now);
+    found = true;
+  }
+  send_reports();
+  arm_timer();
+  return found;
+}
+
+void CanHub::set_babble(std::optional<Babble> babble, MonotonicTime now) {
+  advance(now);
+  arbiter_.set_babble(std::move(babble), now);
+  arm_timer();
 }
 
 void CanHub::arm_timer() {

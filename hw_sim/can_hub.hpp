@@ -1,5 +1,7 @@
 #pragma once
 
+#include <linux/can.h>
+
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -19,8 +21,8 @@ namespace srfs::sim {
 struct CanHubCounters {
   std::uint64_t connected = 0;  ///< clients ever
   std::uint64_t disconnected = 0;
-  std::uint64_t refused_clients = 0;   ///< above the limit of 16
-  std::uint64_t malformed = 0;         ///< datagrams that are not one classic struct can_frame
+  std::uint64_t refused_clients = 0;  ///< above the limit of 16
+  std::uint64_t malformed = 0;        ///< datagrams that are neither a classic struct can_frame nor a request
   std::uint64_t receive_overruns = 0;  ///< deliveries a client was too slow to take: lost for that client
 };
 
@@ -52,6 +54,13 @@ class CanHub {
 
   void set_tap(Tap tap) { tap_ = std::move(tap); }
   void set_faults(BusFaults faults) { arbiter_.set_faults(std::move(faults)); }
+  /// The controller of a station goes bus-off: all the computer's handles share one.
+  /// @param address  of docs/icd_can.md; of a peripheral: known once it has sent a frame
+  /// @return false: no such station
+  bool force_bus_off(std::uint8_t address, MonotonicTime now);
+  void set_automatic_restart(std::optional<nanoseconds> after) { arbiter_.set_automatic_restart(after); }
+  void set_babble(std::optional<Babble> babble, MonotonicTime now);
+  [[nodiscard]] const FaultConfinement& computer() const { return arbiter_.controller(computer_); }
   [[nodiscard]] const BusFaults& faults() const { return arbiter_.faults(); }
   [[nodiscard]] const BusCounters& bus_counters() const { return arbiter_.counters(); }
   [[nodiscard]] const CanHubCounters& counters() const { return counters_; }
@@ -61,12 +70,19 @@ class CanHub {
   struct Client {
     Fd socket;
     BusClient bus = 0;
+    std::optional<std::uint8_t> address;  ///< the source of the frames it sends
+    bool overrun = false;                 ///< it lost something and was not told yet
   };
   CanHub(std::filesystem::path socket_path, BusArbiter arbiter);
   void accept_clients();
   void read_client(int fd, MonotonicTime now);
   void drop_client(int fd);
   void deliver(const BusDelivery& delivery);
+  /// Counts and remembers what the client is too slow to take.
+  void send_to(Client& client, const can_frame& raw);
+  void send_reports();
+  void greet(Client& client);
+  void on_request(Client& client, const can_frame& raw, MonotonicTime now);
   void arm_timer();
 
   std::filesystem::path socket_path_;
@@ -78,6 +94,7 @@ class CanHub {
   Fd timer_;
   std::optional<MonotonicTime> armed_;
   std::map<int, Client> clients_;
+  BusStation computer_;  ///< every client of another process: handles of one controller
 };
 
 }  // namespace srfs::sim

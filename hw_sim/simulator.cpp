@@ -15,6 +15,7 @@ namespace {
 
 constexpr nanoseconds world_step = milliseconds(20);
 constexpr nanoseconds longest_step = seconds(1);
+constexpr std::int64_t default_restart_ms = 100;  // of a controller that goes bus-off
 constexpr std::array<const char*, GpioBank::switch_count> peripheral_names{"adcs", "eps", "thermal"};
 constexpr std::array<std::uint8_t, GpioBank::switch_count> peripheral_addresses{0x11, 0x12, 0x13};
 
@@ -61,6 +62,25 @@ std::int64_t integer(const nlohmann::json& section, const char* key, std::int64_
     throw std::invalid_argument(fmt::format("'{}': expected an integer from {} to {}", key, lowest, highest));
   }
   return value.get<std::int64_t>();
+}
+
+void only_keys(const nlohmann::json& section, std::initializer_list<const char*> known);
+
+/// {"id": 0, "extended": false, "pause_us": 0}: eight octets of zero, by default with the highest priority of
+/// all.
+std::optional<Babble> babble_of(const nlohmann::json& faults) {
+  if (!faults.contains("babble")) return std::nullopt;
+  const nlohmann::json& section = faults.at("babble");
+  only_keys(section, {"id", "extended", "pause_us"});
+  if (section.contains("extended") && !section.at("extended").is_boolean())
+    throw std::invalid_argument("'extended': expected true or false");
+  Babble babble;
+  babble.frame.extended = section.value("extended", false);
+  babble.frame.id =
+      static_cast<std::uint32_t>(integer(section, "id", 0, babble.frame.extended ? 0x1FFFFFFF : 0x7FF, 0));
+  babble.frame.size = 8;
+  babble.pause = microseconds(integer(section, "pause_us", 0, 1'000'000, 0));
+  return babble;
 }
 
 void only_keys(const nlohmann::json& section, std::initializer_list<const char*> known) {
@@ -126,6 +146,7 @@ Result<void, std::string> Simulator::open_can(const SimulationSettings& settings
         CanHub::create(hw::below_var(uri->rest, var), BusArbiter(500'000, 64, settings.world.seed + 3));
     if (!hub) return Err(hub.error());
     hub_ = std::move(*hub);
+    hub_->set_automatic_restart(milliseconds(default_restart_ms));
     loop_.watch(hub_->fd(), EPOLLIN, [this](std::uint32_t, MonotonicTime t) { hub_->on_readable(t); });
     if (settings.can_log) {
       can_log_ = std::make_unique<CanLog>(hw::below_var(*settings.can_log, var), settings.can_log_limit);
@@ -239,8 +260,9 @@ void Simulator::set_peripheral_fault(const nlohmann::json& request, MonotonicTim
   on_bus_.at(i)->service(now);
 }
 
-void Simulator::set_bus_faults(const nlohmann::json& faults) {
-  only_keys(faults, {"loss", "bit_error", "corruption", "extra_delay_us", "muted"});
+void Simulator::set_bus_faults(const nlohmann::json& faults, MonotonicTime now) {
+  only_keys(faults, {"loss", "bit_error", "corruption", "extra_delay_us", "muted", "babble", "bus_off",
+                     "restart_ms"});
   if (!hub_)
     throw std::invalid_argument("'can': the bus is a real interface; faults are for the simulated one");
   BusFaults all;  // what is not named is off
@@ -254,7 +276,23 @@ void Simulator::set_bus_faults(const nlohmann::json& faults) {
     }
     all.muted.insert(address.get<std::uint8_t>());
   }
+  const std::optional<Babble> babble = babble_of(faults);
+  const milliseconds restart(integer(faults, "restart_ms", 0, 60'000, default_restart_ms));
   hub_->set_faults(std::move(all));
+  hub_->set_babble(babble, now);
+  hub_->set_automatic_restart(restart > milliseconds(0) ? std::optional<nanoseconds>(restart) : std::nullopt);
+  if (faults.contains("bus_off")) force_bus_off(faults.at("bus_off").get<std::string>(), now);
+}
+
+void Simulator::force_bus_off(const std::string& station, MonotonicTime now) {
+  std::optional<std::uint8_t> address;
+  if (station == "computer") address = CanPeripheral::computer_address;
+  for (std::size_t i = 0; i < peripheral_names.size(); ++i) {
+    if (station == peripheral_names.at(i)) address = peripheral_addresses.at(i);
+  }
+  if (!address) throw std::invalid_argument("'bus_off': expected one of computer, adcs, eps, thermal");
+  if (!hub_->force_bus_off(*address, now))
+    throw std::invalid_argument(fmt::format("'bus_off': {} has not sent a frame yet", station));
 }
 
 void Simulator::set_line_faults(const nlohmann::json& faults) {
@@ -305,6 +343,14 @@ nlohmann::json Simulator::counters() const {
                   {"corrupted", b.corrupted},
                   {"error_frames", b.error_frames},
                   {"discarded", b.discarded},
+                  {"refused_bus_off", b.refused_bus_off},
+                  {"lost_in_bus_off", b.lost_in_bus_off},
+                  {"withdrawn", b.withdrawn},
+                  {"bus_off", b.bus_off},
+                  {"restarts", b.restarts},
+                  {"babbled", b.babbled},
+                  {"computer_tec", hub_->computer().transmit_errors()},
+                  {"computer_rec", hub_->computer().receive_errors()},
                   {"busy_us", b.busy.count() / 1000},
                   {"clients", hub_->clients()},
                   {"malformed", h.malformed},
@@ -360,7 +406,7 @@ nlohmann::json Simulator::apply(const nlohmann::json& request, MonotonicTime now
     gps_->receiver().set_fault(*fault);
   }
   if (request.contains("rs422")) set_line_faults(request.at("rs422"));
-  if (request.contains("can")) set_bus_faults(request.at("can"));
+  if (request.contains("can")) set_bus_faults(request.at("can"), now);
   if (request.contains("gpio")) set_gpio_inputs(request.at("gpio"));
   if (request.contains("query")) reply = query(request.at("query").get<std::string>());
   reply["ok"] = true;

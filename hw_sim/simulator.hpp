@@ -50,7 +50,8 @@ class Simulator {
 
   // Control requests, one per key. Each throws std::invalid_argument with what was expected.
   void set_peripheral_fault(const nlohmann::json& request, MonotonicTime now);
-  void set_bus_faults(const nlohmann::json& faults);
+  void set_bus_faults(const nlohmann::json& faults, MonotonicTime now);
+  void force_bus_off(const std::string& station, MonotonicTime now);
   void set_line_faults(const nlohmann::json& faults);
   void set_gpio_inputs(const nlohmann::json& bank);
   [[nodiscard]] nlohmann::json query(const std::string& what) const;

@@ -12,10 +12,11 @@
 
 namespace srfs::hw {
 
-/// One classic CAN data frame.
+/// One classic CAN frame.
 struct CanFrame {
   std::uint32_t id = 0;  ///< 29 bits if extended, else 11
   bool extended = true;
+  bool remote = false;    ///< without data; received only without filters
   std::uint8_t size = 0;  ///< 0-8
   std::array<std::uint8_t, 8> data{};
   bool is_echo = false;       ///< received: an own frame that has left on the bus (transmit confirmation)
@@ -27,27 +28,39 @@ struct CanFrame {
 enum class CanError : std::uint8_t {
   queue_full,     ///< the transmit queue has no room now; try again after an echo
   invalid_frame,  ///< identifier or size out of range
-  bus_off,  ///< the controller has taken itself off the bus; it comes back by the interface's restart setting
-  down,     ///< the interface is down
-  gone,     ///< no device or no hub at present; it is opened again by later calls
-  not_granted,  ///< LeasedCanBus: no lease, past its end, or an old grant
+  bus_off,        ///< the controller has taken itself off the bus; it comes back by a restart
+  down,           ///< the interface is down
+  gone,           ///< no device or no hub at present; it is opened again by later calls
+  not_granted,    ///< LeasedCanBus: no lease, past its end, or an old grant
 };
 [[nodiscard]] const char* to_string(CanError error);
 
 enum class CanBusState : std::uint8_t { active, warning, passive, bus_off, down, gone };
 [[nodiscard]] const char* to_string(CanBusState state);
 
+/// The controller as it was last reported: error counters are told with changes of state, not with each
+/// error.
+struct CanController {
+  CanBusState state = CanBusState::active;
+  std::optional<std::uint16_t> transmit_errors;  ///< TEC of ISO 11898-1
+  std::optional<std::uint16_t> receive_errors;   ///< REC
+  std::optional<std::uint32_t> bit_rate;         ///< bit/s
+  friend bool operator==(const CanController&, const CanController&) = default;
+};
+
 struct CanCounters {
   std::uint64_t sent = 0;              ///< accepted by the driver
   std::uint64_t echoed = 0;            ///< left on the bus
   std::uint64_t received = 0;          ///< of others
   std::uint64_t refused_full = 0;      ///< send() with queue_full
-  std::uint64_t lost_in_queue = 0;     ///< frames that were queued when the device vanished or went down
+  std::uint64_t lost_in_queue = 0;     ///< own frames that never left: device vanished, bus-off, withdrawn
   std::uint64_t receive_overruns = 0;  ///< frames the driver or controller dropped before we read them
-  std::uint64_t malformed = 0;         ///< datagrams that are no classic data frame
+  std::uint64_t malformed = 0;         ///< no classic frame, or a remote frame that nobody asked for
   std::uint64_t bus_errors = 0;        ///< error frames: bit, form, stuff, CRC, acknowledgement
   std::uint64_t arbitration_lost = 0;
-  std::uint64_t bus_off = 0;  ///< times the controller went bus-off
+  std::uint64_t bus_off = 0;   ///< times the controller went bus-off
+  std::uint64_t restarts = 0;  ///< times it came back, by whomever
+  std::uint64_t withdrawals = 0;
   std::uint64_t reopened = 0;
 };
 
@@ -68,7 +81,12 @@ class CanBus {
   [[nodiscard]] virtual std::optional<CanFrame> receive() = 0;
   /// Frames accepted by send() whose echo has not been received.
   [[nodiscard]] virtual std::size_t unconfirmed() const = 0;
-  [[nodiscard]] virtual CanBusState state() const = 0;
+  /// Takes back own frames that wait for a bus they do not get; what is on the wire already is completed.
+  /// unconfirmed() falls with the device's answer, at once or in a later receive().
+  /// @return false: the device cannot, or this process may not
+  virtual bool withdraw() = 0;
+  [[nodiscard]] CanBusState state() const { return controller().state; }
+  [[nodiscard]] virtual CanController controller() const = 0;
   /// Why state() is `gone` or `down`, for a person; empty otherwise.
   [[nodiscard]] virtual std::string reason() const = 0;
   [[nodiscard]] virtual const CanCounters& counters() const = 0;

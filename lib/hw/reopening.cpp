@@ -1,5 +1,6 @@
 #include "hw/reopening.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <utility>
 
@@ -66,6 +67,12 @@ void Reopening::lost(std::string reason) {
   reason_ = std::move(reason);
   log::warn("{}: {}", name_, reason_);
   retry_later();
+}
+
+void Reopening::wake_at(std::optional<MonotonicTime> at) {
+  if (!device_) return;
+  const nanoseconds soonest(1);  // zero would disarm
+  arm(timer_.get(), at ? std::max<nanoseconds>(*at - monotonic_now(), soonest) : nanoseconds(0));
 }
 
 void Reopening::retry_later() {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "base/fd.hpp"
@@ -28,6 +29,9 @@ class Reopening {
   [[nodiscard]] bool present() const { return static_cast<bool>(device_); }
   /// Closes the device; it is tried again after retry_interval. Logs the first time only.
   void lost(std::string reason);
+  /// Makes fd() readable at @p at too, once and while the device is there, until it is set anew; nullopt: no
+  /// longer.
+  void wake_at(std::optional<MonotonicTime> at);
   [[nodiscard]] const std::string& reason() const { return reason_; }
   /// Times the device came back after it had been there.
   [[nodiscard]] std::uint64_t reopened() const { return reopened_; }

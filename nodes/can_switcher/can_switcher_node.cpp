@@ -86,6 +86,7 @@ CallbackReturn CanSwitcherNode::on_configure() {
     rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now());
     rotation_->suspend();
     failure_reported_.resize(count);
+    slot_use_.resize(count);
   }
   apply_parameters();
   if (!fence_) {
@@ -113,6 +114,11 @@ CallbackReturn CanSwitcherNode::on_configure() {
                                [this](const srfs_msgs::msg::TimeTick& tick, const ros::MessageInfo& info) {
                                  on_tick(tick, info.received);
                                });
+  if (deployment().devices.contains("can")) listener_ = BusListener::open(device("can"), var().root);
+  if (listener_) {
+    listen_timer_ = create_timer(
+        BusListener::period, [this] { listener_->listen(); }, "can");
+  }
   housekeeping_timer_ = create_timer(
       housekeeping_period, [this] { publish_housekeeping(); }, "housekeeping");
   return CallbackReturn::success;
@@ -137,6 +143,8 @@ CallbackReturn CanSwitcherNode::on_deactivate() {
 
 void CanSwitcherNode::close() {
   housekeeping_timer_.reset();
+  listen_timer_.reset();
+  listener_.reset();
   deadline_timer_.reset();
   armed_.reset();
   ticks_.reset();
@@ -203,10 +211,21 @@ void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
                          .payload_incarnation = status.payload_incarnation,
                          .unused = status.frames_sent == 0};
   const ReportVerdict verdict = rotation_->on_bus_status(report);
+  if (verdict == ReportVerdict::applied && report.kind != Kind::taken) note_slot_use(status);
   if (verdict == ReportVerdict::applied && report.kind == Kind::failed) report_failed_slot(status);
   const Decision decision = is_active() ? rotation_->on_early_release(monotonic_now()) : Decision(Nothing{});
   if (const Grant* grant = std::get_if<Grant>(&decision)) publish_flag(*grant, grant->granted);
   arm_deadline();
+}
+
+void CanSwitcherNode::note_slot_use(const srfs_msgs::msg::BusStatus& status) {
+  const Grant& grant = *rotation_->current();
+  SlotUse& use = slot_use_[grant.slot];
+  const nanoseconds used = microseconds(status.used_us);
+  use.used += used;
+  use.allotted += grant.allotted;
+  use.longest = std::max(use.longest, used);
+  if (used > grant.allotted) ++use.late;
 }
 
 void CanSwitcherNode::report_failed_slot(const srfs_msgs::msg::BusStatus& status) {
@@ -279,6 +298,7 @@ void CanSwitcherNode::fence(const Fence& f) {
 // ---------------------------------------------------------------- housekeeping
 
 void CanSwitcherNode::publish_housekeeping() {
+  if (listener_) publish_bus_statistics();
   const TaskFlagRotation::Counters& counters = rotation_->counters();
   mission::CanSwitcherHousekeeping hk;
   hk.cycle = time_.cycle();
@@ -313,6 +333,64 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.dds_malformed = static_cast<std::uint32_t>(malformed_samples());
   hk.events_suppressed = static_cast<std::uint32_t>(suppressed_events());
   publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+}
+
+void CanSwitcherNode::publish_bus_statistics() {
+  const BusMeter::Flood flood = listener_->end_window();
+  report_flood(flood);
+  const BusMeter& meter = listener_->meter();
+  const hw::CanController controller = listener_->bus().controller();
+  const hw::CanCounters& can = listener_->bus().counters();
+  const auto percent = [](double share) { return static_cast<float>(100 * share); };
+  const auto as_u32 = [](std::uint64_t n) {
+    return static_cast<std::uint32_t>(std::min<std::uint64_t>(n, UINT32_MAX));
+  };
+  constexpr std::uint16_t unknown = 0xFFFF;
+  mission::CanBusHousekeeping hk;
+  hk.cycle = time_.cycle();
+  hk.load = percent(meter.last().load);
+  hk.load_peak = percent(meter.peak());
+  hk.flooded = meter.flooded();
+  hk.floods = meter.counters().floods;
+  hk.most_frequent = meter.last().most_frequent;
+  hk.frames = meter.counters().frames;
+  hk.foreign_frames = meter.counters().foreign_frames;
+  hk.receive_overruns = as_u32(can.receive_overruns);
+  hk.controller = static_cast<mission::CanControllerState>(controller.state);
+  hk.transmit_errors = controller.transmit_errors.value_or(unknown);
+  hk.receive_errors = controller.receive_errors.value_or(unknown);
+  hk.bus_errors = as_u32(can.bus_errors);
+  hk.arbitration_lost = as_u32(can.arbitration_lost);
+  hk.bus_off = as_u32(can.bus_off);
+  hk.controller_restarts = as_u32(can.restarts);
+  for (std::size_t i = 0; i < slot_use_.size(); ++i) {
+    SlotUse& use = slot_use_[i];
+    if (i < hk.slot_use.size()) {
+      const double allotted = std::chrono::duration<double>(use.allotted).count();
+      const double used = std::chrono::duration<double>(use.used).count();
+      hk.slot_use[i] = allotted > 0 ? percent(used / allotted) : 0;
+      hk.longest_used_us[i] = as_us(use.longest);
+      hk.late_releases[i] = use.late;
+      hk.overruns[i] = rotation_->slot_counters(i).overruns;
+      hk.fences[i] = rotation_->slot_counters(i).fences;
+    }
+    use.used = use.allotted = nanoseconds(0);
+  }
+  publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
+}
+
+void CanSwitcherNode::report_flood(BusMeter::Flood flood) {
+  const BusMeter& meter = listener_->meter();
+  if (flood == BusMeter::Flood::began) {
+    const double load = std::min(100.0, 100 * meter.last().load);
+    log::error("the CAN bus is flooded: load {:.0f} %, identifier {:X}", load, meter.last().most_frequent);
+    raise(mission::CanSwitcherBusFloodedEvent{.load = static_cast<std::uint8_t>(load),
+                                              .identifier = meter.last().most_frequent});
+  } else if (flood == BusMeter::Flood::ended) {
+    log::info("the CAN bus is no longer flooded");
+    raise(mission::CanSwitcherBusFloodOverEvent{
+        .lasted_s = static_cast<std::uint32_t>(meter.flood_lasted() / seconds(1))});
+  }
 }
 
 }  // namespace srfs

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/latency_histogram.hpp"
+#include "nodes/can_switcher/bus_listener.hpp"
 #include "nodes/can_switcher/holder_fence.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 #include "ros/mission_time.hpp"
@@ -35,7 +36,10 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void order_reset(const OrderReset& order);
   void fence(const Fence& fence);
   void report_failed_slot(const srfs_msgs::msg::BusStatus& status);
+  void note_slot_use(const srfs_msgs::msg::BusStatus& status);
   void publish_housekeeping();
+  void publish_bus_statistics();
+  void report_flood(BusMeter::Flood flood);
   void close();
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::TaskFlags>> flags_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PeripheralReset>> resets_;
@@ -44,6 +48,16 @@ class CanSwitcherNode : public ros::LifecycleNode {
   ros::Timer deadline_timer_;
   std::optional<MonotonicTime> armed_;
   ros::Timer housekeeping_timer_;
+  std::unique_ptr<BusListener> listener_;
+  ros::Timer listen_timer_;
+
+  struct SlotUse {
+    nanoseconds used{0};      ///< in this window
+    nanoseconds allotted{0};  ///< in this window
+    nanoseconds longest{0};
+    std::uint32_t late = 0;  ///< released after the allotted time
+  };
+  std::vector<SlotUse> slot_use_;
 
   /// Lives as long as the process: its grant counter must never start again.
   std::optional<TaskFlagRotation> rotation_;

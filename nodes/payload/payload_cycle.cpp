@@ -28,7 +28,14 @@ FailureCode failure_of(wire::PeripheralResult result) {
 }  // namespace
 
 PayloadCycle::PayloadCycle(PayloadSettings settings, CommandDecoder decode, TelecommandJournal journal)
-    : settings_(settings), decode_(std::move(decode)), journal_(std::move(journal)) {}
+    : settings_(settings), decode_(std::move(decode)), journal_(std::move(journal)) {
+  babble_.change_settings(settings_.babble);
+}
+
+void PayloadCycle::change_settings(const PayloadSettings& settings) {
+  settings_ = settings;
+  babble_.change_settings(settings_.babble);
+}
 
 // ---------------------------------------------------------------- state of the node
 
@@ -36,12 +43,13 @@ PayloadActions PayloadCycle::activate(MonotonicTime now) {
   active_ = true;
   starting_since_ = now;
   if (power_by_command_ && power_ != Power::on) journal_.finish(FailureCode::interrupted);
-  // A predecessor may have died in the middle of a power cycle.
-  power_ = Power::switching_on;
   power_by_command_ = false;
   power_reason_.clear();
   power_deadline_.reset();
-  act(SwitchPower{true});
+  // A predecessor may have died in the middle of a power cycle.
+  power_ = kept_off_ ? Power::switching_off : Power::switching_on;
+  keep_off_wanted_ = kept_off_;
+  act(SwitchPower{!kept_off_});
   return finish();
 }
 
@@ -94,12 +102,15 @@ PayloadActions PayloadCycle::on_flag(const PayloadFlag& flag, MonotonicTime now)
   }
   flag_ = flag;
   ++statistics_.slots_granted;
+  statistics_.granted_total += flag.allotted_end - flag.granted;
   if (!flag.switcher_reachable) {
     ++counters_.unreachable_flags;
   } else if (now >= flag.lease_end) {
     ++counters_.stale_flags;
   } else if (!active_) {
     hand_back("inactive", now);
+  } else if (kept_off_ && power_ == Power::off && time_for_request(now)) {
+    serve_kept_off(now);
   } else if (is_starting(now) && (power_ != Power::on || !time_for_request(now))) {
     hand_back("starting", now);
   } else if (power_ != Power::on) {
@@ -129,6 +140,18 @@ void PayloadCycle::hand_back(const std::string& detail, MonotonicTime now) {
   decline(PublishStatus::Kind::released, detail, now);
 }
 
+void PayloadCycle::serve_kept_off(MonotonicTime now) {
+  while (const StoredTelecommand* telecommand = journal_.next(now)) {
+    const auto command = decode_(telecommand->function, telecommand->arguments);
+    if (command && std::holds_alternative<PowerCyclePeripheral>(*command)) {
+      begin_slot(now);
+      return;
+    }
+    end_command(command ? FailureCode::peripheral_off : command.error());
+  }
+  hand_back("the peripheral is kept off", now);
+}
+
 void PayloadCycle::decline(PublishStatus::Kind kind, const std::string& detail, MonotonicTime now) {
   if (kind == PublishStatus::Kind::failed) ++statistics_.slots_failed;
   last_status_ = PublishStatus{kind, flag_.grant, now - flag_.granted, detail};
@@ -151,6 +174,7 @@ void PayloadCycle::begin_slot(MonotonicTime now) {
   failure_.reset();
   block_.reset();
   stuck_counted_ = false;
+  withdrawn_ = false;
   power_needed_ = false;
   power_command_.reset();
   last_status_ = PublishStatus{PublishStatus::Kind::taken, flag_.grant, nanoseconds(0), {}};
@@ -381,13 +405,19 @@ void PayloadCycle::fail_slot(const std::string& detail, MonotonicTime now) {
 
 // ---------------------------------------------------------------- release
 
-void PayloadCycle::drain(MonotonicTime /*now*/) {
+MonotonicTime PayloadCycle::drain_deadline(MonotonicTime now) const {
+  if (withdrawn_) return flag_.lease_end;
+  return std::min(std::max(flag_.allotted_end, now + settings_.drain_time),
+                  flag_.lease_end - settings_.lease_margin);
+}
+
+void PayloadCycle::drain(MonotonicTime now) {
   // A command that did not come to run keeps its place; whatever is recorded as begun must have been sent.
   if (step_ != Step::draining && !power_command_) journal_.unmark_started();
   step_ = Step::draining;
   // A peripheral that did not even answer its reset is off before the next payload gets the bus.
   await_power_off_ = power_ == Power::switching_off;
-  deadline_ = await_power_off_ ? flag_.lease_end - settings_.lease_margin : flag_.lease_end;
+  deadline_ = await_power_off_ ? flag_.lease_end - settings_.lease_margin : drain_deadline(now);
   if (!await_power_off_) act(AwaitQuiet{});
 }
 
@@ -396,10 +426,10 @@ PayloadActions PayloadCycle::on_bus_quiet(MonotonicTime now) {
   return finish();
 }
 
-void PayloadCycle::stop_awaiting_power_off() {
+void PayloadCycle::stop_awaiting_power_off(MonotonicTime now) {
   if (step_ != Step::draining || !await_power_off_) return;
   await_power_off_ = false;
-  deadline_ = flag_.lease_end;
+  deadline_ = drain_deadline(now);
   act(AwaitQuiet{});
 }
 
@@ -409,6 +439,8 @@ void PayloadCycle::release(MonotonicTime now) {
   act(CloseBus{});
   const nanoseconds used = now - flag_.granted;
   statistics_.last_used = used;
+  statistics_.used_total += used;
+  statistics_.longest_used = std::max(statistics_.longest_used, used);
   ++(failure_ ? statistics_.slots_failed : statistics_.slots_used);
   last_status_ = PublishStatus{failure_ ? PublishStatus::Kind::failed : PublishStatus::Kind::released,
                                flag_.grant, used, failure_.value_or("")};
@@ -421,7 +453,7 @@ void PayloadCycle::release(MonotonicTime now) {
   if (power_command_) {
     start_power_cycle("by telecommand", *power_command_, true);
     power_command_.reset();
-  } else if (power_needed_) {
+  } else if (power_needed_ && power_ == Power::on) {
     start_power_cycle(reset_reason_, settings_.power_off_time, false);
     power_needed_ = false;
   }
@@ -463,7 +495,15 @@ PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
       break;
     case Step::draining:
       if (await_power_off_) {
-        stop_awaiting_power_off();
+        stop_awaiting_power_off(now);
+        break;
+      }
+      if (!withdrawn_) {
+        withdrawn_ = true;
+        ++counters_.withdrawals;
+        if (!failure_) failure_ = "own frames did not get the bus";
+        deadline_ = drain_deadline(now);
+        act(WithdrawFrames{});
         break;
       }
       // Only the fence can tell now that the frames are gone; a late echo still releases.
@@ -483,6 +523,10 @@ void PayloadCycle::start_power_cycle(const std::string& reason, nanoseconds off_
   power_reason_ = reason;
   power_off_time_ = off_time;
   power_by_command_ = by_command;
+  if (by_command) {
+    babble_.forgive();
+    keep_off(false);
+  }
   power_ = Power::switching_off;
   act(SwitchPower{false});
 }
@@ -497,14 +541,43 @@ PayloadActions PayloadCycle::on_power_switched(bool on, bool ok, MonotonicTime n
   if (on) {
     on_switched_on(ok, now);
   } else if (power_ == Power::switching_off) {
-    if (ok) {
-      power_ = Power::off;
-      power_deadline_ = now + power_off_time_;
-    } else {
-      end_power_cycle(FailureCode::power_switch_failed);
-    }
-    stop_awaiting_power_off();
+    on_switched_off(ok, now);
+    stop_awaiting_power_off(now);
   }
+  return finish();
+}
+
+void PayloadCycle::on_switched_off(bool ok, MonotonicTime now) {
+  const bool stays = std::exchange(keep_off_wanted_, false) || kept_off_;
+  if (!ok) {
+    end_power_cycle(FailureCode::power_switch_failed);
+    return;
+  }
+  power_ = Power::off;
+  power_deadline_.reset();  // of a switch-on that did not obey
+  if (!stays) {
+    power_deadline_ = now + power_off_time_;
+  } else if (!kept_off_) {
+    keep_off(true);
+    act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_kept_off, .number = babble_.in_a_row()});
+  }
+}
+
+void PayloadCycle::keep_off(bool off) {
+  if (kept_off_ == off) return;
+  kept_off_ = off;
+  act(RememberKeptOff{off});
+}
+
+PayloadActions PayloadCycle::on_unsolicited_frame(MonotonicTime now) {
+  // What is being switched off already, or after the release, needs no judgement.
+  if (power_ != Power::on || power_command_) return {};
+  const BabbleMonitor::Verdict verdict = babble_.on_unsolicited_frame(now);
+  if (verdict == BabbleMonitor::Verdict::tolerable) return {};
+  ++counters_.babble_cuts;
+  keep_off_wanted_ = verdict == BabbleMonitor::Verdict::keep_off;
+  act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_babbles, .number = babble_.in_a_row()});
+  start_power_cycle("it babbles", settings_.power_off_time, false);
   return finish();
 }
 
@@ -512,6 +585,7 @@ void PayloadCycle::on_switched_on(bool ok, MonotonicTime now) {
   // A switch that does not obey is tried again; meanwhile the slots go on and show whether the peripheral
   // lives.
   if (!ok) power_deadline_ = now + settings_.power_retry;
+  if (ok) babble_.on_switched_on(now);
   if (power_ != Power::switching_on) return;
   if (ok && !power_reason_.empty()) {
     act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_power_cycled, .text = power_reason_});

@@ -11,6 +11,7 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
+#include "nodes/payload/babble_monitor.hpp"
 #include "nodes/payload/telecommand_journal.hpp"
 #include "wire/peripheral_protocol.hpp"
 
@@ -22,9 +23,12 @@ struct PayloadSettings {
       milliseconds(12);  ///< a request is begun only with so much of the allotted time left
   nanoseconds reset_answer_timeout = milliseconds(10);  ///< then the power switch is used
   nanoseconds lease_margin = milliseconds(3);           ///< nothing is awaited in the last part of the lease
-  nanoseconds power_off_time = milliseconds(200);       ///< of a power cycle that no telecommand ordered
-  nanoseconds power_retry = milliseconds(500);          ///< until the next try when the switch did not obey
-  std::uint32_t silent_slots_to_power_cycle = 20;       ///< in a row; 0: never
+  nanoseconds drain_time =
+      milliseconds(5);  ///< for the last own frames after the allotted time; then they are taken back
+  nanoseconds power_off_time = milliseconds(200);  ///< of a power cycle that no telecommand ordered
+  nanoseconds power_retry = milliseconds(500);     ///< until the next try when the switch did not obey
+  std::uint32_t silent_slots_to_power_cycle = 20;  ///< in a row; 0: never
+  BabbleMonitor::Settings babble{};
   nanoseconds measurement_period{0};  ///< slots before its end without a telecommand are given back; 0: never
   nanoseconds start_time =
       seconds(2);  ///< after activation, until the first slot: see PayloadCycle::is_starting
@@ -60,6 +64,9 @@ struct SlotStatistics {
   std::uint32_t peripheral_timeouts = 0;
   nanoseconds last_used{0};
   std::uint32_t telecommands_executed = 0;
+  nanoseconds used_total{0};     ///< grant to release, all slots that were begun
+  nanoseconds granted_total{0};  ///< allotted time of all flags
+  nanoseconds longest_used{0};
 };
 
 /// Values of srfs_msgs/PayloadActivity: the paper's four states (section VI.B).
@@ -93,6 +100,8 @@ struct SendRequest {
 struct AbortRequest {};
 /// Call on_bus_quiet() as soon as every own frame has left, at once if that is so now.
 struct AwaitQuiet {};
+/// Take back own frames that did not get the bus; what the CAN handle cannot do is left to the fence.
+struct WithdrawFrames {};
 struct ProcessMeasurement {
   MissionCycle cycle = 0;
   Octets block;
@@ -109,6 +118,10 @@ struct WriteJournal {
 struct SwitchPower {
   bool on = true;
 };
+/// Whether the peripheral is kept off is remembered across a restart.
+struct RememberKeptOff {
+  bool kept_off = false;
+};
 struct PayloadEvent {
   enum class Kind : std::uint8_t {
     peripheral_silent,        ///< number: slots in a row
@@ -116,6 +129,8 @@ struct PayloadEvent {
     peripheral_back,          ///< number: silent slots before
     peripheral_reset,         ///< text
     peripheral_power_cycled,  ///< text
+    peripheral_babbles,       ///< number: power cycles in a row that did not help
+    peripheral_kept_off,      ///< number: the same
     telecommand_failed,       ///< id, code
   };
   Kind kind = Kind::peripheral_silent;
@@ -125,9 +140,9 @@ struct PayloadEvent {
   FailureCode code = FailureCode::none;
 };
 
-using PayloadAction =
-    std::variant<PublishStatus, OpenBus, CloseBus, SendRequest, AbortRequest, AwaitQuiet, ProcessMeasurement,
-                 CommandDone, WriteJournal, SwitchPower, PayloadEvent, StageReport, Activity>;
+using PayloadAction = std::variant<PublishStatus, OpenBus, CloseBus, SendRequest, AbortRequest, AwaitQuiet,
+                                   ProcessMeasurement, CommandDone, WriteJournal, SwitchPower, WithdrawFrames,
+                                   RememberKeptOff, PayloadEvent, StageReport, Activity>;
 using PayloadActions = std::vector<PayloadAction>;
 
 /// Why a request got no usable answer.
@@ -136,14 +151,18 @@ enum class RequestFailure : std::uint8_t { silent, garbage, not_sent };
 /// One payload's work in its slots (paper Figs. 5 and 7, DESIGN section 5): take the flag, wake the
 /// peripheral, take its answer, execute stored telecommands, let the last own frame leave, release, process.
 /// Whatever goes wrong ends in a release before the lease does, except when own frames are stuck in the
-/// controller: then only the switcher's fence can tell that they are gone. Pure: time and all input come by
-/// the calls, what to do goes out as actions. One thread.
+/// controller and cannot be taken back: then only the switcher's fence can tell that they are gone. A
+/// peripheral that babbles is switched off and on, and in the end kept off until a telecommand power-cycles
+/// it. Pure: time and all input come by the calls, what to do goes out as actions. One thread.
 class PayloadCycle {
  public:
   using CommandDecoder =
       std::function<Result<PayloadCommand, FailureCode>(std::uint16_t function, OctetView arguments)>;
 
   PayloadCycle(PayloadSettings settings, CommandDecoder decode, TelecommandJournal journal);
+
+  /// An earlier process of this node kept the peripheral off. Before activate().
+  void restore_kept_off() { kept_off_ = true; }
 
   PayloadActions activate(MonotonicTime now);
   /// Ends a running slot: nothing more is sent, the bus is released as soon as the last own frame has left.
@@ -156,6 +175,9 @@ class PayloadCycle {
   PayloadActions on_answer(const wire::PeripheralResponse& answer, MonotonicTime now);
   PayloadActions on_request_failed(RequestFailure why, const std::string& detail, MonotonicTime now);
   PayloadActions on_bus_quiet(MonotonicTime now);
+  /// A frame of the peripheral while it is asked nothing (expects_frames() is false).
+  PayloadActions on_unsolicited_frame(MonotonicTime now);
+  [[nodiscard]] bool expects_frames() const { return step_ != Step::idle && step_ != Step::draining; }
   PayloadActions on_processed(MonotonicTime now);
   PayloadActions on_telecommand(StoredTelecommand telecommand, MonotonicTime now);
   PayloadActions on_journal_written(std::uint64_t revision, bool ok, MonotonicTime now);
@@ -163,7 +185,8 @@ class PayloadCycle {
   PayloadActions on_deadline(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
 
-  void change_settings(const PayloadSettings& settings) { settings_ = settings; }
+  void change_settings(const PayloadSettings& settings);
+  [[nodiscard]] bool peripheral_kept_off() const { return kept_off_; }
   [[nodiscard]] bool holds_bus() const { return step_ != Step::idle; }
   [[nodiscard]] const SlotStatistics& statistics() const { return statistics_; }
   [[nodiscard]] const TelecommandJournal& journal() const { return journal_; }
@@ -180,6 +203,8 @@ class PayloadCycle {
     std::uint32_t power_cycles = 0;
     std::uint32_t stuck_frames = 0;  ///< leases that ended with own frames unconfirmed
     std::uint32_t lost_grants = 0;   ///< slots ended by another payload's flag
+    std::uint32_t withdrawals = 0;   ///< slots whose last own frames had to be taken back
+    std::uint32_t babble_cuts = 0;   ///< times the peripheral was switched off because it babbled
   };
   [[nodiscard]] const Counters& counters() const { return counters_; }
 
@@ -202,6 +227,9 @@ class PayloadCycle {
 
   void begin_slot(MonotonicTime now);
   void hand_back(const std::string& detail, MonotonicTime now);
+  /// A slot of a peripheral that is kept off: telecommands to it fail, but a power cycle gives it another
+  /// chance.
+  void serve_kept_off(MonotonicTime now);
   /// Activated just now and no slot begun since: a flag that waited for the node to come up, or for the
   /// peripheral's power, says nothing about a slot. Bounded by start_time, so that a node that is late for
   /// ever is reported.
@@ -230,7 +258,11 @@ class PayloadCycle {
   void on_power_deadline();
   void on_switched_on(bool ok, MonotonicTime now);
   void end_power_cycle(FailureCode outcome);
-  void stop_awaiting_power_off();
+  void stop_awaiting_power_off(MonotonicTime now);
+  void on_switched_off(bool ok, MonotonicTime now);
+  void keep_off(bool off);
+  /// When the own frames must have left, or are taken back.
+  [[nodiscard]] MonotonicTime drain_deadline(MonotonicTime now) const;
   [[nodiscard]] MonotonicTime answer_deadline(MonotonicTime now) const;
   [[nodiscard]] bool time_for_request(MonotonicTime now) const;
 
@@ -250,6 +282,7 @@ class PayloadCycle {
   std::optional<Octets> block_;
   std::optional<MonotonicTime> measured_;  ///< grant of the slot with the last measurement
   bool stuck_counted_ = false;
+  bool withdrawn_ = false;      ///< in this slot
   bool reset_ordered_ = false;  ///< the running reset was ordered by the switcher, else by telecommand
   std::string reset_reason_;
   std::optional<nanoseconds> power_command_;  ///< power cycle by telecommand after the release
@@ -259,6 +292,9 @@ class PayloadCycle {
 
   Power power_ = Power::on;
   bool power_by_command_ = false;
+  BabbleMonitor babble_;
+  bool keep_off_wanted_ = false;  ///< being switched off to stay so
+  bool kept_off_ = false;
   nanoseconds power_off_time_{0};
   std::string power_reason_;
   std::optional<MonotonicTime> power_deadline_;

@@ -7,6 +7,7 @@
 
 #include "base/file.hpp"
 #include "hw/open.hpp"
+#include "wire/can_bits.hpp"
 
 namespace srfs {
 namespace {
@@ -15,6 +16,8 @@ using ros::CallbackReturn;
 
 constexpr std::size_t longest_detail = 120;  // bound of BusStatus.detail
 constexpr nanoseconds counters_period = seconds(5);
+constexpr int frames_per_turn = 128;               // the rest of a flood waits for other input
+constexpr std::uint32_t usual_bit_rate = 500'000;  // docs/icd_can.md, where the interface does not say
 
 std::uint64_t pack(GrantId grant) {
   return std::uint64_t{grant.incarnation} << 32U | grant.counter;
@@ -58,6 +61,14 @@ mission::SlotStatistics to_mission(const SlotStatistics& s) {
           .telecommands_executed = s.telecommands_executed};
 }
 
+unsigned bits_of(const hw::CanFrame& frame) {
+  return wire::can_bits_on_wire({.id = frame.id,
+                                 .extended = frame.extended,
+                                 .remote = frame.remote,
+                                 .size = frame.size,
+                                 .data = frame.view()});
+}
+
 OctetView octets_of(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
@@ -81,6 +92,8 @@ void PayloadNode::declare_parameters() {
                     "Time without power when the node switches its peripheral off and on by itself");
   declare_parameter("silent_slots_to_power_cycle", std::int64_t{20}, ros::ParameterRange{0, 100000},
                     "Silent slots in a row after which the peripheral is switched off and on; 0: never");
+  declare_parameter("babble_power_cycles", std::int64_t{3}, ros::ParameterRange{0, 100},
+                    "Power cycles of a peripheral that babbles before it is kept off until commanded");
   declare_parameter(
       "measurement_period_ms", std::int64_t{0}, ros::ParameterRange{0, 3600000},
       "A slot earlier after the last measurement, without a telecommand, is given back unused; 0: never");
@@ -97,6 +110,7 @@ PayloadSettings PayloadNode::settings() const {
   s.command_time = milliseconds(get_parameter<std::int64_t>("command_time_ms"));
   s.power_off_time = milliseconds(get_parameter<std::int64_t>("power_off_ms"));
   s.measurement_period = milliseconds(get_parameter<std::int64_t>("measurement_period_ms"));
+  s.babble.power_cycles = static_cast<std::uint32_t>(get_parameter<std::int64_t>("babble_power_cycles"));
   s.silent_slots_to_power_cycle =
       static_cast<std::uint32_t>(get_parameter<std::int64_t>("silent_slots_to_power_cycle"));
   return s;
@@ -107,6 +121,8 @@ PayloadSettings PayloadNode::settings() const {
 CallbackReturn PayloadNode::on_configure() {
   if (!open_devices()) return CallbackReturn::failure;
   restore();
+  reported_ = Reported{monotonic_now(), bits_, nanoseconds(0), nanoseconds(0)};
+  bus_offs_seen_ = 0;
   open_topics();
   can_watch_ = watch_fd(
       can_->fd(), EPOLLIN, [this](std::uint32_t) { on_can_input(); }, "can");
@@ -120,7 +136,12 @@ CallbackReturn PayloadNode::on_configure() {
 bool PayloadNode::open_devices() {
   const std::uint32_t from_peripheral =
       wire::normal_fixed_id({.target = PeripheralLink::computer_address, .source = profile_->can_address()});
-  auto can = hw::open_can(device("can"), var().root, {{.match = from_peripheral, .mask = 0x1FFFFFFFU}});
+  const std::uint32_t to_peripheral =
+      wire::normal_fixed_id({.target = profile_->can_address(), .source = PeripheralLink::computer_address});
+  constexpr std::uint32_t whole_id = 0x1FFFFFFFU;
+  auto can = hw::open_can(
+      device("can"), var().root,
+      {{.match = from_peripheral, .mask = whole_id, .echo_match = to_peripheral, .echo_mask = whole_id}});
   auto gpio = hw::open_gpio(device("gpio"), var().root);
   if (!can || !gpio) {
     set_failure_reason(!can ? can.error().message : gpio.error().message);
@@ -154,6 +175,7 @@ void PayloadNode::restore() {
         return profile->decode_command(function, arguments);
       },
       std::move(journal));
+  if (std::filesystem::exists(kept_off_mark())) cycle_->restore_kept_off();
 }
 
 void PayloadNode::open_topics() {
@@ -175,6 +197,10 @@ void PayloadNode::open_topics() {
   });
   telecommands_ = create_subscription(ros::topics::telecommand,
                                       [this](const srfs_msgs::msg::Telecommand& m) { on_telecommand(m); });
+}
+
+std::filesystem::path PayloadNode::kept_off_mark() const {
+  return state_dir() / "peripheral_kept_off";
 }
 
 CallbackReturn PayloadNode::on_activate() {
@@ -308,7 +334,18 @@ void PayloadNode::on_telecommand(const srfs_msgs::msg::Telecommand& m) {
 }
 
 void PayloadNode::on_can_input() {
-  while (const auto frame = can_->receive()) on_can_frame(*frame);
+  for (int i = 0; i < frames_per_turn; ++i) {
+    const auto frame = can_->receive();
+    if (!frame) break;
+    on_can_frame(*frame);
+  }
+  if (can_->counters().bus_off != bus_offs_seen_) {
+    // The request left no trace on the bus: that is no silence of the peripheral.
+    bus_offs_seen_ = can_->counters().bus_off;
+    link_->abort();
+    run(cycle_->on_request_failed(RequestFailure::not_sent, hw::to_string(hw::CanError::bus_off),
+                                  monotonic_now()));
+  }
   pump();
   check_quiet();
   arm_timer();
@@ -317,14 +354,18 @@ void PayloadNode::on_can_input() {
 void PayloadNode::on_can_frame(const hw::CanFrame& frame) {
   if (!frame.extended) return;
   const MonotonicTime t = monotonic_now();
+  bits_ += bits_of(frame);
   if (frame.is_echo) {
     link_->on_transmit_confirm(to_isotp(frame), t);
-  } else if (cycle_->holds_bus()) {
+    return;
+  }
+  if (cycle_->holds_bus()) {
     ++frames_received_;
     link_->on_frame(to_isotp(frame), t);
   } else {
     ++frames_outside_slot_;
   }
+  if (!cycle_->expects_frames()) run(cycle_->on_unsolicited_frame(t));
 }
 
 /// Puts what the channel has to say on the bus, under the lease, and hands the outcome of the request to the
@@ -512,8 +553,40 @@ void PayloadNode::publish_counters() {
   c.reports_dropped = as_u32(unheard_.dropped());
   c.dds_malformed = as_u32(malformed_samples());
   c.events_suppressed = as_u32(suppressed_events());
+  add_bus_statistics(c);
   EncodedStructure structure = profile_->counters(time_.cycle(), c);
   publish_structure(structure.id, std::move(structure.data), time_.cycle(), monotonic_now());
+}
+
+void PayloadNode::add_bus_statistics(mission::PayloadCounters& c) {
+  const hw::CanController controller = can_->controller();
+  const hw::CanCounters& can = can_->counters();
+  const SlotStatistics& slots = cycle_->statistics();
+  const Reported before =
+      std::exchange(reported_, Reported{monotonic_now(), bits_, slots.used_total, slots.granted_total});
+  const auto percent = [](double part, double whole) {
+    return whole > 0 ? static_cast<float>(100 * part / whole) : 0.0F;
+  };
+  const double period_s = std::chrono::duration<double>(reported_.at - before.at).count();
+  c.bus_load = percent(static_cast<double>(bits_ - before.bits),
+                       period_s * controller.bit_rate.value_or(usual_bit_rate));
+  c.slot_use = percent(static_cast<double>((slots.used_total - before.used).count()),
+                       static_cast<double>((slots.granted_total - before.granted).count()));
+  c.longest_used_us = as_us(slots.longest_used);
+  c.controller = static_cast<mission::CanControllerState>(controller.state);
+  constexpr std::uint16_t unknown = 0xFFFF;
+  c.transmit_errors = controller.transmit_errors.value_or(unknown);
+  c.receive_errors = controller.receive_errors.value_or(unknown);
+  c.frames_sent = can.sent;
+  c.frames_received = can.received;
+  c.frames_lost = as_u32(can.lost_in_queue);
+  c.queue_full = as_u32(can.refused_full);
+  c.arbitration_lost = as_u32(can.arbitration_lost);
+  c.bus_off = as_u32(can.bus_off);
+  c.controller_restarts = as_u32(can.restarts);
+  c.withdrawals = cycle_->counters().withdrawals;
+  c.babble_cuts = cycle_->counters().babble_cuts;
+  c.kept_off = cycle_->peripheral_kept_off();
 }
 
 void PayloadNode::publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured) {
@@ -568,6 +641,28 @@ void PayloadNode::carry_out(const SwitchPower& action) {
   if (!taken) run(cycle_->on_power_switched(action.on, false, monotonic_now()));
 }
 
+void PayloadNode::carry_out(const WithdrawFrames& /*action*/) {
+  const std::size_t waiting = can_->unconfirmed();
+  if (can_->withdraw()) {
+    log::warn("{} own frames did not get the bus: taken back", waiting);
+  } else {
+    log::error("{} own frames do not get the bus and cannot be taken back", waiting);
+  }
+  check_quiet();
+}
+
+void PayloadNode::carry_out(const RememberKeptOff& action) {
+  (void)store_worker_->post([file = kept_off_mark(), kept_off = action.kept_off] {
+    std::error_code ec;
+    if (!kept_off) {
+      std::filesystem::remove(file, ec);
+      return;
+    }
+    const auto written = write_file_atomically(file, "kept off: it babbles\n");
+    if (!written) log::error("{}", written.error().message);
+  });
+}
+
 void PayloadNode::carry_out(const PayloadEvent& action) {
   using Kind = PayloadEvent::Kind;
   switch (action.kind) {
@@ -589,6 +684,15 @@ void PayloadNode::carry_out(const PayloadEvent& action) {
     case Kind::peripheral_power_cycled:
       log::warn("peripheral switched off and on: {}", action.text);
       raise(mission::PayloadPeripheralPowerCycledEvent{.reason = action.text});
+      break;
+    case Kind::peripheral_babbles:
+      log::error("the peripheral sends frames nobody asked for: its power is cut");
+      raise(mission::PayloadPeripheralBabblesEvent{.cycles = action.number});
+      break;
+    case Kind::peripheral_kept_off:
+      log::error("the peripheral babbled again after {} power cycles: it stays off until commanded",
+                 action.number);
+      raise(mission::PayloadPeripheralKeptOffEvent{.cycles = action.number});
       break;
     case Kind::telecommand_failed:
       log::warn("telecommand {} failed: {}", action.id,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -36,6 +37,8 @@ class PayloadNode : public ros::LifecycleNode {
   bool open_devices();
   void open_topics();
   void restore();
+  /// A file that is there while the peripheral is kept off.
+  [[nodiscard]] std::filesystem::path kept_off_mark() const;
   void close();
 
   // Input
@@ -63,12 +66,16 @@ class PayloadNode : public ros::LifecycleNode {
   void carry_out(const CommandDone& action);
   void carry_out(const WriteJournal& action);
   void carry_out(const SwitchPower& action);
+  void carry_out(const WithdrawFrames& action);
+  void carry_out(const RememberKeptOff& action);
   void carry_out(const PayloadEvent& action);
   void carry_out(const StageReport& action);
   void carry_out(const Activity& action);
   void write_journal();
   void publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured);
   void publish_counters();
+  /// Load, slot use and the controller, since the packet before.
+  void add_bus_statistics(mission::PayloadCounters& c);
   void publish_structure(std::uint16_t structure_id, Octets data, MissionCycle cycle, MonotonicTime at);
   void flush_reports();
   void say_goodbye();
@@ -101,6 +108,16 @@ class PayloadNode : public ros::LifecycleNode {
   std::uint32_t frames_sent_ = 0;      ///< in this slot
   std::uint32_t frames_received_ = 0;  ///< in this slot
   std::uint32_t frames_outside_slot_ = 0;
+  std::uint64_t bits_ = 0;           ///< on the bus, of our exchange with the peripheral
+  std::uint64_t bus_offs_seen_ = 0;  ///< a running request was told of
+
+  struct Reported {
+    MonotonicTime at;
+    std::uint64_t bits = 0;
+    nanoseconds used{0};
+    nanoseconds granted{0};
+  };
+  Reported reported_;  ///< with the last packet of counters
 
   std::uint64_t implausible_flags_ = 0;
   std::uint32_t believed_switcher_ = 0;

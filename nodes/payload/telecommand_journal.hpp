@@ -37,6 +37,7 @@ enum class FailureCode : std::uint16_t {
   bus_lost = 35,
   interrupted = 36,
   power_switch_failed = 37,
+  peripheral_off = 41,
 };
 
 /// A telecommand as it arrived.

@@ -14,7 +14,8 @@ PYTHON = "/usr/bin/python3"
 DEMO = ROOT / "tools" / "demo"
 sys.path.insert(0, str(DEMO))
 
-import mission  # noqa: E402  (found through the path above)
+import can_frames  # noqa: E402, F401  (found through the path above)
+import mission  # noqa: E402
 from mission import wait_until  # noqa: E402, F401
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")

@@ -3,6 +3,7 @@
 #include <deque>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "hw/can_bus.hpp"
@@ -37,7 +38,15 @@ class FakeCanBus : public CanBus {
     return frame;
   }
   [[nodiscard]] std::size_t unconfirmed() const override { return unconfirmed_; }
-  [[nodiscard]] CanBusState state() const override { return bus_state; }
+  bool withdraw() override {
+    if (!can_withdraw) return false;
+    ++counters_.withdrawals;
+    counters_.lost_in_queue += std::exchange(unconfirmed_, 0);
+    return true;
+  }
+  [[nodiscard]] CanController controller() const override {
+    return {.state = bus_state, .transmit_errors = {}, .receive_errors = {}, .bit_rate = {}};
+  }
   [[nodiscard]] std::string reason() const override {
     return bus_state == CanBusState::gone || bus_state == CanBusState::down ? "fake" : "";
   }
@@ -59,6 +68,7 @@ class FakeCanBus : public CanBus {
   std::vector<CanFrame> sent;
   bool auto_echo = true;                ///< each frame is on the bus at once
   std::optional<CanError> refuse_with;  ///< what send() answers instead
+  bool can_withdraw = true;
   CanBusState bus_state = CanBusState::active;
 
  private:

@@ -13,6 +13,7 @@
 
 #include "base/log.hpp"
 #include "hw/backends.hpp"
+#include "hw/linux/can_link.hpp"
 #include "hw/linux/clock_offset.hpp"
 #include "hw/raw_can_bus.hpp"
 
@@ -43,10 +44,16 @@ bool set_filters(int socket, const std::vector<CanFilter>& filters) {
                       static_cast<socklen_t>(raw.size() * sizeof(can_filter))) == 0;
 }
 
-/// A bound raw socket. The error is for a person; @p down tells whether the interface exists but is down.
+/// What opening finds of the interface, also when it fails.
+struct Interface {
+  bool down = false;  ///< it exists, but is down
+  int index = 0;
+};
+
+/// A bound raw socket. The error is for a person.
 Result<Fd, std::string> open_raw(const std::string& interface, const std::vector<CanFilter>& filters,
-                                 bool& down) {
-  down = false;
+                                 Interface& found) {
+  found = {};
   Fd socket(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW));
   if (!socket) {
     const bool no_can = errno == EAFNOSUPPORT || errno == EPROTONOSUPPORT;
@@ -57,12 +64,14 @@ Result<Fd, std::string> open_raw(const std::string& interface, const std::vector
   if (::ioctl(socket.get(), SIOCGIFFLAGS, &request) != 0) {
     return Err(fmt::format("interface {}: {}", interface, errno_text(errno)));
   }
-  if ((request.ifr_flags & IFF_UP) == 0) {
-    down = true;
-    return Err(fmt::format("interface {} is down (ip link set {} up)", interface, interface));
-  }
+  const bool up = (request.ifr_flags & IFF_UP) != 0;
   if (::ioctl(socket.get(), SIOCGIFINDEX, &request) != 0) {
     return Err(fmt::format("interface {}: {}", interface, errno_text(errno)));
+  }
+  found.index = request.ifr_ifindex;
+  if (!up) {
+    found.down = true;
+    return Err(fmt::format("interface {} is down (ip link set {} up)", interface, interface));
   }
   const can_err_mask_t errors = CAN_ERR_MASK;
   // Options before bind: no frame shall arrive under other rules.
@@ -81,10 +90,6 @@ Result<Fd, std::string> open_raw(const std::string& interface, const std::vector
     return Err(fmt::format("bind to {}: {}", interface, errno_text(errno)));
   }
   return socket;
-}
-
-bool is_remote(const can_frame& raw) {
-  return (raw.can_id & CAN_RTR_FLAG) != 0 && (raw.can_id & CAN_ERR_FLAG) == 0;
 }
 
 /// What recvmsg says beside the frame.
@@ -125,24 +130,26 @@ Received receive_one(int socket) {
   return r;
 }
 
+CanController to_controller(const CanLink& link) {
+  return {.state = link.state.value_or(CanBusState::active),
+          .transmit_errors = link.transmit_errors,
+          .receive_errors = link.receive_errors,
+          .bit_rate = link.bit_rate};
+}
+
 class SocketCan : public RawCanBus {
  public:
   SocketCan(const std::string& uri, std::string interface, std::vector<CanFilter> filters)
-      : RawCanBus(std::move(filters)), uri_(uri), interface_(std::move(interface)) {
-    start(uri, [this] { return open(); });
-  }
-
-  [[nodiscard]] CanBusState state() const override {
-    if (!present()) return down_ ? CanBusState::down : CanBusState::gone;
-    return controller_;
+      : RawCanBus(uri, std::move(filters)), interface_(std::move(interface)) {
+    start([this] { return open(); });
   }
 
   [[nodiscard]] Result<void, CanError> send(const CanFrame& frame) override {
     const auto raw = to_raw(frame);
     if (!raw) return Err(raw.error());
     const int device = socket();
-    if (device < 0) return Err(down_ ? CanError::down : CanError::gone);
-    if (controller_ == CanBusState::bus_off) return Err(CanError::bus_off);
+    if (device < 0) return Err(found_.down ? CanError::down : CanError::gone);
+    if (state() == CanBusState::bus_off) return Err(CanError::bus_off);
     if (::write(device, &*raw, sizeof *raw) != static_cast<ssize_t>(sizeof *raw)) return write_failed(errno);
     note_sent();
     return {};
@@ -158,10 +165,12 @@ class SocketCan : public RawCanBus {
         return std::nullopt;
       }
       note_drops(r);
-      if (r.size != static_cast<ssize_t>(sizeof(can_frame)) || r.raw.len > CAN_MAX_DLEN || is_remote(r.raw)) {
+      if (r.size != static_cast<ssize_t>(sizeof(can_frame)) || r.raw.len > CAN_MAX_DLEN) {
         ++counters_.malformed;
-      } else if ((r.raw.can_id & CAN_ERR_FLAG) != 0) {
-        on_error_frame(r.raw);
+      } else if (is_error_frame(r.raw)) {
+        on_report(decode_error_frame(r.raw));
+      } else if (is_unwanted_remote(r.raw)) {
+        ++counters_.malformed;
       } else if (auto frame = accept(r.raw, r.is_echo, r.at)) {
         return frame;
       }
@@ -169,11 +178,54 @@ class SocketCan : public RawCanBus {
     return std::nullopt;
   }
 
+  bool withdraw() override {
+    if (socket() < 0) return false;
+    if (const auto down = set_can_link_down(found_.index); !down) return false;
+    taken_down_ = !set_can_link_up(found_.index);
+    ++counters_.withdrawals;
+    on_withdrawn(0);
+    return true;
+  }
+
  private:
   Result<Fd, std::string> open() {
-    controller_ = CanBusState::active;
     dropped_ = 0;
-    return open_raw(interface_, filters_, down_);
+    auto socket = open_raw(interface_, filters_, found_);
+    if (!socket && found_.down && taken_down_ && set_can_link_up(found_.index)) {
+      socket = open_raw(interface_, filters_, found_);
+    }
+    if (!socket) return socket;
+    taken_down_ = false;
+    // Error frames tell changes only: a controller that went bus-off before would look well.
+    const auto link = query_can_link(found_.index);
+    opened_with(link ? to_controller(*link) : CanController{});
+    return socket;
+  }
+
+  [[nodiscard]] CanBusState absent_state() const override {
+    return found_.down ? CanBusState::down : CanBusState::gone;
+  }
+
+  void try_restart(int /*device*/) override {
+    const auto link = query_can_link(found_.index);
+    const CanLink known = link ? *link : CanLink{};
+    if (known.state != CanBusState::bus_off) {
+      // Restarted by whomever, and the error frame that tells it was lost. An interface that says nothing of
+      // its controller is believed to work again: that shows with the next frame, waiting shows nothing.
+      on_report({.restarted = true,
+                 .state = known.state,
+                 .transmit_errors = known.transmit_errors,
+                 .receive_errors = known.receive_errors});
+      return;
+    }
+    if (known.restart_ms.value_or(0) > 0) return;  // the kernel does it
+    const auto restarted = restart_can_controller(found_.index);
+    if (restarted || restarted.error() == EBUSY) return;  // EBUSY: another process was first
+    if (std::exchange(said_what_to_set_, true)) return;
+    log::error(
+        "{}: bus-off, and this process cannot restart the controller ({}): ip link set {} type can "
+        "restart-ms 100",
+        uri_, errno_text(restarted.error()), interface_);
   }
 
   Result<void, CanError> write_failed(int error) {
@@ -187,14 +239,14 @@ class SocketCan : public RawCanBus {
         return Err(CanError::invalid_frame);
       default:
         interface_lost(error);
-        return Err(down_ ? CanError::down : CanError::gone);
+        return Err(found_.down ? CanError::down : CanError::gone);
     }
   }
 
   // Down or unplugged. A socket bound to an interface that went away never comes back to life: a new one is
   // opened.
   void interface_lost(int error) {
-    down_ = error == ENETDOWN;
+    found_.down = error == ENETDOWN;
     lost(errno_text(error));
   }
 
@@ -204,42 +256,10 @@ class SocketCan : public RawCanBus {
     dropped_ = *r.dropped_so_far;
   }
 
-  // Classes and octets as in linux/can/error.h.
-  void on_error_frame(const can_frame& raw) {
-    const canid_t id = raw.can_id;
-    if ((id & (CAN_ERR_PROT | CAN_ERR_ACK | CAN_ERR_BUSERROR | CAN_ERR_TRX)) != 0) ++counters_.bus_errors;
-    if ((id & CAN_ERR_LOSTARB) != 0) ++counters_.arbitration_lost;
-    if ((id & CAN_ERR_CRTL) != 0) on_controller_status(raw.data[1]);
-    if ((id & CAN_ERR_BUSOFF) != 0) {
-      ++counters_.bus_off;
-      change(CanBusState::bus_off);
-      drop_unconfirmed();  // the driver flushes its echo buffers when it takes itself off
-    }
-    if ((id & CAN_ERR_RESTARTED) != 0) change(CanBusState::active);
-  }
-
-  void on_controller_status(std::uint8_t status) {
-    if ((status & CAN_ERR_CRTL_RX_OVERFLOW) != 0) ++counters_.receive_overruns;
-    if (controller_ == CanBusState::bus_off) return;  // left only by a restart
-    if ((status & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0) {
-      change(CanBusState::passive);
-    } else if ((status & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) != 0) {
-      change(CanBusState::warning);
-    } else if ((status & CAN_ERR_CRTL_ACTIVE) != 0) {
-      change(CanBusState::active);
-    }
-  }
-
-  void change(CanBusState to) {
-    if (controller_ == to) return;
-    log::warn("{}: controller {} -> {}", uri_, to_string(controller_), to_string(to));
-    controller_ = to;
-  }
-
-  std::string uri_;
   std::string interface_;
-  bool down_ = false;
-  CanBusState controller_ = CanBusState::active;
+  Interface found_;
+  bool taken_down_ = false;  // by withdraw(), and not up again
+  bool said_what_to_set_ = false;
   std::uint32_t dropped_ = 0;
 };
 

@@ -5,6 +5,7 @@
 
 #include "hw/backends.hpp"
 #include "hw/raw_can_bus.hpp"
+#include "hw/sim/can_hub_requests.hpp"
 #include "hw/sim/seqpacket.hpp"
 
 namespace srfs::hw {
@@ -14,16 +15,20 @@ constexpr std::size_t transmit_queue =
     64;  // the hub's bound per client: what it would refuse is refused here
 constexpr int datagrams_per_call = 64;
 
+constexpr std::uint32_t bit_rate = 500'000;  // docs/icd_can.md, section 1
 /// The hub of hw_sim (docs/icd_can.md): each datagram is one struct can_frame, __res0 = 1 marks an echo.
 class SimCan : public RawCanBus {
  public:
   SimCan(const std::string& uri, const path& hub, std::vector<CanFilter> filters)
-      : RawCanBus(std::move(filters)) {
-    start(uri, [hub] { return connect_seqpacket(hub); });
-  }
-
-  [[nodiscard]] CanBusState state() const override {
-    return present() ? CanBusState::active : CanBusState::gone;
+      : RawCanBus(uri, std::move(filters)) {
+    start([this, hub] {
+      // The hub tells a controller that is not error-active with the first frame.
+      opened_with({.state = CanBusState::active,
+                   .transmit_errors = std::uint16_t{0},
+                   .receive_errors = std::uint16_t{0},
+                   .bit_rate = bit_rate});
+      return connect_seqpacket(hub);
+    });
   }
 
   [[nodiscard]] Result<void, CanError> send(const CanFrame& frame) override {
@@ -31,6 +36,7 @@ class SimCan : public RawCanBus {
     if (!raw) return Err(raw.error());
     const int device = socket();
     if (device < 0) return Err(CanError::gone);
+    if (state() == CanBusState::bus_off) return Err(CanError::bus_off);
     if (unconfirmed() == transmit_queue) return refuse_full();
     if (::send(device, &*raw, sizeof *raw, MSG_NOSIGNAL) != static_cast<ssize_t>(sizeof *raw)) {
       if (errno == EAGAIN || errno == ENOBUFS) return refuse_full();
@@ -55,14 +61,36 @@ class SimCan : public RawCanBus {
         lost("the hub closed the connection");
         return std::nullopt;
       }
-      if (n != static_cast<ssize_t>(sizeof raw) || raw.len > CAN_MAX_DLEN ||
-          (raw.can_id & (CAN_RTR_FLAG | CAN_ERR_FLAG)) != 0) {
+      if (n != static_cast<ssize_t>(sizeof raw) || raw.len > CAN_MAX_DLEN) {
         ++counters_.malformed;
-        continue;
+      } else if (raw.can_id == can_hub_withdraw) {
+        on_withdrawn(raw.data[0]);
+      } else if (is_error_frame(raw)) {
+        on_report(decode_error_frame(raw));
+      } else if (is_unwanted_remote(raw)) {
+        ++counters_.malformed;
+      } else if (auto frame = accept(raw, raw.__res0 == 1, monotonic_now())) {
+        return frame;
       }
-      if (auto frame = accept(raw, raw.__res0 == 1, monotonic_now())) return frame;
     }
     return std::nullopt;
+  }
+
+  bool withdraw() override {
+    const int device = socket();
+    if (device < 0 || !ask(device, can_hub_withdraw)) return false;
+    ++counters_.withdrawals;
+    return true;
+  }
+
+ private:
+  void try_restart(int device) override { (void)ask(device, can_hub_restart); }
+
+  /// A hub that does not take it now is asked again by the next call, or hangs up.
+  static bool ask(int device, canid_t request) {
+    can_frame raw{};
+    raw.can_id = request;
+    return ::send(device, &raw, sizeof raw, MSG_NOSIGNAL) == static_cast<ssize_t>(sizeof raw);
   }
 };
 

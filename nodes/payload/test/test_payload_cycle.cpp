@@ -301,10 +301,32 @@ TEST_F(PayloadCycleTest, ReleasesCleanlyWhenDeactivatedInMidSlot) {
   EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::failed);
 }
 
+TEST_F(PayloadCycleTest, TakesBackOwnFramesThatDidNotGetTheBusInTheAllottedTimeAndReleases) {
+  grant();
+  cycle.on_request_failed(RequestFailure::not_sent, "no echo", now += milliseconds(25));
+  EXPECT_EQ(find<WithdrawFrames>(pass(milliseconds(34))), nullptr);
+  const PayloadActions actions = pass(milliseconds(1));
+  EXPECT_NE(find<WithdrawFrames>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions), nullptr) << "not before they are gone";
+  EXPECT_EQ(find<PublishStatus>(quiet())->detail, "no echo");
+  EXPECT_EQ(cycle.counters().withdrawals, 1U);
+  EXPECT_EQ(cycle.counters().stuck_frames, 0U);
+}
+
+TEST_F(PayloadCycleTest, GivesLastFramesOfALateSlotAMomentBeforeItTakesThemBack) {
+  grant();
+  now = flag.allotted_end - milliseconds(1);
+  wake();
+  ASSERT_TRUE(cycle.next_deadline());
+  EXPECT_GE(*cycle.next_deadline() - now, PayloadSettings{}.drain_time);
+  EXPECT_LT(*cycle.next_deadline(), flag.lease_end);
+}
+
 TEST_F(PayloadCycleTest, NeverReleasesWhileOwnFramesAreStuck) {
   grant();
   pass(milliseconds(25));
-  PayloadActions actions = pass(milliseconds(95));
+  pass(milliseconds(60));
+  PayloadActions actions = pass(milliseconds(35));
   EXPECT_EQ(find<PublishStatus>(actions), nullptr);
   EXPECT_TRUE(cycle.holds_bus());
   EXPECT_EQ(cycle.counters().stuck_frames, 1U);
@@ -482,6 +504,108 @@ TEST_F(PayloadCycleTest, ReportsAPowerSwitchThatDoesNotObey) {
   cycle.on_power_switched(false, false, now);
   EXPECT_EQ(find<StageReport>(written())->failure, FailureCode::power_switch_failed);
   EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
+}
+
+/// What a flood of the peripheral outside of its slot leads to.
+struct Flood : Cycle {
+  void SetUp() override {
+    Cycle::SetUp();
+    grant();
+    wake();
+    quiet();
+  }
+  PayloadActions flood() {
+    for (int i = 0; i < 1000; ++i) {
+      now += microseconds(300);
+      if (PayloadActions actions = cycle.on_unsolicited_frame(now); !actions.empty()) return actions;
+    }
+    return {};
+  }
+  void switched_off_and_on() {
+    cycle.on_power_switched(false, true, now);
+    EXPECT_TRUE(find<SwitchPower>(pass(milliseconds(200)))->on);
+    cycle.on_power_switched(true, true, now);
+  }
+  /// @return what came of the last one
+  PayloadActions flood_until_kept_off() {
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_NE(find<SwitchPower>(flood()), nullptr);
+      switched_off_and_on();
+    }
+    flood();
+    return cycle.on_power_switched(false, true, now);
+  }
+};
+using PayloadCycleFlood = Flood;
+
+TEST_F(PayloadCycleFlood, CutsThePowerAndRestoresItByTheNormalPowerCycle) {
+  const PayloadActions cut = flood();
+  ASSERT_NE(find<SwitchPower>(cut), nullptr);
+  EXPECT_FALSE(find<SwitchPower>(cut)->on);
+  EXPECT_EQ(find<PayloadEvent>(cut)->kind, PayloadEvent::Kind::peripheral_babbles);
+  EXPECT_TRUE(flood().empty()) << "it is being switched off already";
+  EXPECT_EQ(find<PublishStatus>(grant())->detail, "the peripheral is switched off");
+  switched_off_and_on();
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
+  EXPECT_EQ(cycle.counters().babble_cuts, 1U);
+}
+
+TEST_F(PayloadCycleFlood, InTheEndKeepsItOffRemembersAndGivesItsSlotsBack) {
+  const PayloadActions off = flood_until_kept_off();
+  ASSERT_NE(find<RememberKeptOff>(off), nullptr);
+  EXPECT_TRUE(find<RememberKeptOff>(off)->kept_off);
+  EXPECT_EQ(find<PayloadEvent>(off)->kind, PayloadEvent::Kind::peripheral_kept_off);
+  EXPECT_FALSE(cycle.next_deadline()) << "nothing switches it on";
+  const PayloadActions slot = grant();
+  EXPECT_EQ(find<OpenBus>(slot), nullptr);
+  EXPECT_EQ(find<PublishStatus>(slot)->kind, Kind::released);
+}
+
+TEST_F(PayloadCycleFlood, WhileKeptOffFailsTelecommandsToItAndObeysThePowerCycleBehindThem) {
+  flood_until_kept_off();
+  store(1);
+  store(2, power_function, RepeatClass::at_most_once);
+  EXPECT_EQ(find<PublishStatus>(grant())->kind, Kind::taken);
+  EXPECT_EQ(find<StageReport>(written())->failure, FailureCode::peripheral_off);
+  const PayloadActions released = quiet();
+  ASSERT_NE(find<SwitchPower>(released), nullptr);
+  EXPECT_FALSE(cycle.peripheral_kept_off());
+  EXPECT_FALSE(find<RememberKeptOff>(released)->kept_off);
+  cycle.on_power_switched(false, true, now);
+  EXPECT_TRUE(find<SwitchPower>(pass(milliseconds(100)))->on);
+  cycle.on_power_switched(true, true, now);
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
+}
+
+TEST_F(PayloadCycleFlood, StaysOffAcrossARestartOfTheNode) {
+  PayloadCycle next{PayloadSettings{}, decode, TelecommandJournal{"boot"}};
+  next.restore_kept_off();
+  const PayloadActions start = next.activate(now);
+  ASSERT_NE(find<SwitchPower>(start), nullptr);
+  EXPECT_FALSE(find<SwitchPower>(start)->on);
+  const PayloadActions off = next.on_power_switched(false, true, now);
+  EXPECT_EQ(find<PayloadEvent>(off), nullptr) << "said before the restart";
+  EXPECT_FALSE(next.next_deadline());
+  EXPECT_TRUE(next.peripheral_kept_off());
+}
+
+TEST_F(PayloadCycleFlood, IsCutOffInTheSlotToOnceNothingIsAskedOfIt) {
+  grant();
+  EXPECT_TRUE(cycle.expects_frames());
+  cycle.on_request_failed(RequestFailure::garbage, "CRC", now);
+  EXPECT_FALSE(cycle.expects_frames());
+  EXPECT_NE(find<SwitchPower>(flood()), nullptr);
+  EXPECT_EQ(find<PublishStatus>(quiet())->kind, Kind::failed);
+  switched_off_and_on();
+  EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
+}
+
+TEST_F(PayloadCycleFlood, IsCutOffAgainWhenThePowerSwitchDidNotObey) {
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_NE(find<SwitchPower>(flood()), nullptr) << i;
+    cycle.on_power_switched(false, false, now);
+    EXPECT_FALSE(cycle.peripheral_kept_off());
+  }
 }
 
 TEST_F(PayloadCycleTest, RefusesUnknownFunctionsAndExpiredTelecommandsAtArrival) {

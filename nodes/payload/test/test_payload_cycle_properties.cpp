@@ -48,6 +48,9 @@ class World {
       case 7:
         if (chance(20)) take(cycle_.on_peripheral_reset({1, counter_}, "overrun", now_));
         if (chance(60)) take(cycle_.on_foreign_flag({1, ++counter_}, now_));
+        if (chance(10) && !cycle_.expects_frames()) {
+          for (int i = 0; i < 70; ++i) take(cycle_.on_unsolicited_frame(now_));
+        }
         if (processing_ > 0) {
           --processing_;
           take(cycle_.on_processed(now_));
@@ -65,6 +68,7 @@ class World {
   std::uint32_t slots = 0;
   std::uint32_t completed = 0;
   std::uint32_t interrupted = 0;
+  std::uint32_t kept_off_changes = 0;
 
  private:
   static Result<PayloadCommand, FailureCode> decode(std::uint16_t function, OctetView /*arguments*/) {
@@ -179,10 +183,21 @@ class World {
   }
   void check(const AbortRequest& /*abort*/) { request_.reset(); }
   void check(const AwaitQuiet& /*await*/) { awaiting_quiet_ = true; }
+  void check(const WithdrawFrames& /*withdraw*/) {
+    ASSERT_TRUE(awaiting_quiet_) << "frames were taken back that still had a purpose";
+  }
+  void check(const RememberKeptOff& remember) {
+    ASSERT_NE(remember.kept_off, kept_off_) << "no change";
+    kept_off_ = remember.kept_off;
+    ++kept_off_changes;
+  }
   void check(const ProcessMeasurement& /*process*/) { ++processing_; }
   void check(const CommandDone& /*done*/) {}
   void check(const WriteJournal& write) { journal_wanted_ = write.revision; }
-  void check(const SwitchPower& power) { switching_.push_back(power.on); }
+  void check(const SwitchPower& power) {
+    ASSERT_FALSE(power.on && kept_off_) << "a peripheral that is kept off was switched on";
+    switching_.push_back(power.on);
+  }
   void check(const PayloadEvent& /*event*/) {}
   void check(const StageReport& report) {
     if (report.stage == TelecommandStage::accepted) return;
@@ -210,6 +225,7 @@ class World {
   GrantId last_opened_;
   bool open_ = false;
   bool awaiting_quiet_ = false;
+  bool kept_off_ = false;
   std::optional<decltype(SendRequest::body)> request_;
   std::uint32_t processing_ = 0;
   std::optional<std::uint64_t> writing_;
@@ -226,6 +242,7 @@ TEST(PayloadCycle, NeverSendsWithoutTheBusNorRepeatsAnAtMostOnceCommandInRandomS
   std::uint32_t slots = 0;
   std::uint32_t completed = 0;
   std::uint32_t interrupted = 0;
+  std::uint32_t kept_off_changes = 0;
   for (std::uint64_t seed = 0; seed < 30; ++seed) {
     World world(seed);
     for (int i = 0; i < 10'000; ++i) {
@@ -235,10 +252,12 @@ TEST(PayloadCycle, NeverSendsWithoutTheBusNorRepeatsAnAtMostOnceCommandInRandomS
     slots += world.slots;
     completed += world.completed;
     interrupted += world.interrupted;
+    kept_off_changes += world.kept_off_changes;
   }
   EXPECT_GT(slots, 1'000U);
   EXPECT_GT(completed, 500U);
   EXPECT_GT(interrupted, 10U);
+  EXPECT_GT(kept_off_changes, 10U);
 }
 
 }  // namespace

@@ -1,11 +1,15 @@
 #include <algorithm>
 #include <atomic>
+#include <functional>
+#include <future>
 #include <memory>
+#include <mutex>
 #include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
 #include <sys/eventfd.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/fd.hpp"
@@ -21,7 +25,9 @@ namespace {
 class RunningHub {
  public:
   explicit RunningHub(const std::filesystem::path& socket, sim::BusFaults faults = {})
-      : hub_(sim::CanHub::create(socket, sim::BusArbiter()).value()), stop_(::eventfd(0, EFD_CLOEXEC)) {
+      : hub_(sim::CanHub::create(socket, sim::BusArbiter()).value()),
+        stop_(::eventfd(0, EFD_CLOEXEC)),
+        wake_(::eventfd(0, EFD_CLOEXEC)) {
     hub_->set_faults(std::move(faults));
     hub_->set_tap([this](const sim::BusDelivery& d) {
       if (first_start_ == MonotonicTime{}) first_start_ = d.start;
@@ -39,6 +45,20 @@ class RunningHub {
     EXPECT_EQ(::write(stop_.get(), &one, sizeof one), 8);
     thread_.join();
   }
+  /// Runs @p change on the hub's thread and waits for its end.
+  void change(const std::function<void(sim::CanHub&)>& change) {
+    std::promise<void> done;
+    {
+      const std::lock_guard lock(mutex_);
+      change_ = [&] {
+        change(*hub_);
+        done.set_value();
+      };
+    }
+    const std::uint64_t one = 1;
+    EXPECT_EQ(::write(wake_.get(), &one, sizeof one), 8);
+    done.get_future().wait();
+  }
   /// After stop() only.
   [[nodiscard]] const sim::CanHub& hub() const { return *hub_; }
   [[nodiscard]] nanoseconds span() const { return last_end_ - first_start_; }
@@ -46,14 +66,24 @@ class RunningHub {
  private:
   void run() {
     while (true) {
-      std::array<pollfd, 2> fds{{{hub_->fd(), POLLIN, 0}, {stop_.get(), POLLIN, 0}}};
+      std::array<pollfd, 3> fds{
+          {{hub_->fd(), POLLIN, 0}, {stop_.get(), POLLIN, 0}, {wake_.get(), POLLIN, 0}}};
       ::poll(fds.data(), fds.size(), -1);
       if (fds[1].revents != 0) return;
+      if (fds[2].revents != 0) {
+        std::uint64_t times = 0;
+        EXPECT_EQ(::read(wake_.get(), &times, sizeof times), 8);
+        const std::lock_guard lock(mutex_);
+        change_();
+      }
       hub_->on_readable(monotonic_now());
     }
   }
   std::unique_ptr<sim::CanHub> hub_;
   Fd stop_;
+  Fd wake_;
+  std::mutex mutex_;
+  std::function<void()> change_;
   MonotonicTime first_start_;
   MonotonicTime last_end_;
   std::thread thread_;
@@ -144,6 +174,139 @@ TEST_F(SimCan, OutlivesARestartOfTheHub) {
   EXPECT_EQ(a->counters().reopened, 1U);
   EXPECT_TRUE(a->send(frame(1)));
   EXPECT_TRUE(await_frame(*a)->is_echo);
+}
+
+/// Receives until @p bus is in this state.
+bool await_state(CanBus& bus, CanBusState state) {
+  return poll_until(bus.fd(), [&] {
+    while (bus.receive()) {
+    }
+    return bus.state() == state;
+  });
+}
+
+/// The hub knows a station of this process by what it sent.
+void introduce(CanBus& bus) {
+  ASSERT_TRUE(bus.send(frame(0x18DA1101)));
+  ASSERT_TRUE(poll_until(bus.fd(), [&] { return bus.receive().has_value(); }));
+}
+
+TEST_F(SimCan, SeesBusOffAsSocketCanShowsItAndIsBackAfterTheRestartTime) {
+  RunningHub hub(folder_.path() / "hub.sock");
+  hub.change([](sim::CanHub& h) { h.set_automatic_restart(milliseconds(20)); });
+  const auto a = connect();
+  introduce(*a);
+  // Nothing leaves: what is sent now is lost with the bus-off.
+  hub.change([](sim::CanHub& h) { h.set_faults({.extra_delay = seconds(10)}); });
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(a->send(frame(0x18DA1101)));
+  hub.change([now = monotonic_now()](sim::CanHub& h) {
+    h.on_readable(now);
+    EXPECT_TRUE(h.force_bus_off(0x01, monotonic_now()));
+  });
+  // The restart may come before we look: the counters tell.
+  EXPECT_TRUE(poll_until(a->fd(), [&] {
+    (void)a->receive();
+    return a->counters().bus_off == 1;
+  }));
+  EXPECT_EQ(a->unconfirmed(), 0U);
+  EXPECT_EQ(a->counters().lost_in_queue, 3U);
+  EXPECT_TRUE(await_state(*a, CanBusState::active));
+  EXPECT_EQ(a->counters().restarts, 1U);
+  EXPECT_EQ(a->controller().transmit_errors, 0);
+
+  hub.change([](sim::CanHub& h) { h.set_faults({}); });
+  ASSERT_TRUE(a->send(frame(0x18DA1101)));
+  hub.stop();
+}
+
+TEST_F(SimCan, WithoutAutomaticRestartTheDriverRestartsTheControllerItself) {
+  RunningHub hub(folder_.path() / "hub.sock");
+  const auto a = connect();
+  introduce(*a);
+  hub.change([](sim::CanHub& h) { EXPECT_TRUE(h.force_bus_off(0x01, monotonic_now())); });
+  EXPECT_TRUE(await_state(*a, CanBusState::bus_off));
+  EXPECT_EQ(a->send(frame(1)).error(), CanError::bus_off);
+  EXPECT_EQ(a->unconfirmed(), 0U);
+  EXPECT_TRUE(await_state(*a, CanBusState::active)) << "nothing but its own descriptor woke the owner";
+  ASSERT_TRUE(a->send(frame(0x18DA1101)));
+  EXPECT_TRUE(await_frame(*a)->is_echo);
+  EXPECT_EQ(a->counters().restarts, 1U);
+}
+
+TEST_F(SimCan, GoesBusOffByBitErrorsAndHearsOfEach) {
+  RunningHub hub(folder_.path() / "hub.sock");
+  const auto a = connect();
+  introduce(*a);
+  hub.change([](sim::CanHub& h) { h.set_faults({.bit_error_probability = 1}); });
+  ASSERT_TRUE(a->send(frame(0x18DA1101)));
+  EXPECT_TRUE(await_state(*a, CanBusState::bus_off));
+  EXPECT_EQ(a->counters().bus_errors, 32U);
+  EXPECT_EQ(a->controller().transmit_errors, 248) << "as told with the last error before";
+}
+
+/// Handles of another process are the computer's: the hub tells them from its own by their pid.
+TEST_F(SimCan, EveryHandleOfTheComputerSharesItsControllerAndANewOneIsToldItsState) {
+  const pid_t child = ::fork();  // before there is a second thread
+  if (child == 0) {
+    const auto first = connect();
+    if (!await_state(*first, CanBusState::bus_off)) ::_exit(1);
+    const auto second = connect();
+    if (!await_state(*second, CanBusState::bus_off)) ::_exit(2);
+    if (!await_state(*first, CanBusState::active)) ::_exit(3);
+    ::_exit(await_state(*second, CanBusState::active) ? 0 : 4);
+  }
+  RunningHub hub(folder_.path() / "hub.sock");
+  hub.change([](sim::CanHub& h) { EXPECT_TRUE(h.force_bus_off(0x01, monotonic_now())); });
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
+  hub.stop();
+  EXPECT_EQ(hub.hub().bus_counters().restarts, 1U) << "one controller";
+}
+
+TEST_F(SimCan, TakesBackFramesThatDoNotGetTheBus) {
+  RunningHub hub(folder_.path() / "hub.sock");
+  const auto a = connect();
+  hub.change([](sim::CanHub& h) {
+    h.set_babble(sim::Babble{.frame = {.id = 0, .extended = false, .size = 8}}, monotonic_now());
+  });
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(a->send(frame(0x18DA1101)));
+  EXPECT_TRUE(poll_until(a->fd(), [&] {  // somebody else has the bus
+    const auto f = a->receive();
+    return f && f->id == 0;
+  }));
+  EXPECT_TRUE(a->withdraw());
+  EXPECT_TRUE(poll_until(a->fd(), [&] {
+    while (a->receive()) {
+    }
+    return a->unconfirmed() == 0;
+  }));
+  hub.stop();
+  EXPECT_EQ(a->counters().lost_in_queue + a->counters().echoed, 3U);
+}
+
+TEST_F(SimCan, SaysThatItWasTooSlowToHearEverything) {
+  RunningHub hub(folder_.path() / "hub.sock");
+  const auto listener = connect();
+  hub.change([](sim::CanHub& h) {
+    h.set_babble(sim::Babble{.frame = {.id = 0, .extended = false, .size = 8}}, monotonic_now());
+  });
+  // Not reading is what is tested: until the hub could not give it more.
+  const MonotonicTime limit = monotonic_now() + seconds(20);
+  std::uint64_t lost = 0;
+  while (lost == 0 && monotonic_now() < limit) {
+    hub.change([&lost](sim::CanHub& h) { lost = h.counters().receive_overruns; });
+    std::this_thread::yield();
+  }
+  ASSERT_GT(lost, 0U);
+  EXPECT_TRUE(poll_until(
+      listener->fd(),
+      [&] {
+        while (listener->receive()) {
+        }
+        return listener->counters().receive_overruns > 0;
+      },
+      seconds(20)));
 }
 
 TEST_F(SimCan, LosesItsQueuedFramesWhenItsProcessEnds) {

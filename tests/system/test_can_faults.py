@@ -1,0 +1,161 @@
+"""Faults of the CAN bus itself: bus-off, a flood, a peripheral that babbles. The rotation goes on, nobody is killed."""
+
+import unittest
+
+from support import DEADLINE_S, PAYLOADS, SystemTest, can_frames, slots, wait_for_slots, wait_until
+
+HEALTHY = ("payload_adcs", "payload_thermal")
+
+
+class CanFaultTest(SystemTest):
+    def wait_for_all(self, recorder, status, count):
+        """Every payload ends so many slots in this way from now on."""
+        since = recorder.position()
+        for payload in PAYLOADS:
+            wait_for_slots(recorder, payload, status, count, since)
+
+    def wait_for_event(self, ground, name, since=0):
+        event = ground.wait_for(lambda m: m["type"] == "event" and m.get("event") == name, DEADLINE_S, since)
+        self.assertIsNotNone(event, f"event {name}")
+        return event
+
+    def bus(self, ground, matches):
+        """The fields of a packet about the bus that match."""
+        packet = ground.housekeeping("can_bus", DEADLINE_S, matches=matches)
+        self.assertIsNotNone(packet, "no such can_bus packet; the last: %s" % ground.fresh("can_bus"))
+        return packet["fields"]
+
+    def assert_nobody_was_restarted(self, flight):
+        self.assertEqual([node["restarts"] for node in flight.status()], [0] * 6)
+        self.assertEqual([node["state"] for node in flight.status()], ["active"] * 6)
+
+
+class BusOffTest(CanFaultTest):
+    def test_the_computer_comes_back_by_the_restart_time_of_its_interface(self):
+        self.fall_off_and_come_back({"bus_off": "computer", "restart_ms": 150})
+
+    def test_the_driver_restarts_a_controller_whose_interface_does_not(self):
+        self.fall_off_and_come_back({"bus_off": "computer", "restart_ms": 0})
+
+    def fall_off_and_come_back(self, fault):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_all(recorder, "released", 2)
+            since = recorder.position()
+            flight.control({"can": fault})
+            # Longer than a tick: at least one payload is granted a bus that it cannot write to.
+            wait_until(lambda: self.off_the_bus(recorder, since), DEADLINE_S, "a slot failed because of the bus-off")
+            self.wait_for_all(recorder, "released", 3)
+
+            fields = self.bus(ground, lambda f: f["bus_off"] >= 1 and f["controller_restarts"] >= 1)
+            self.assertEqual(fields["controller"], "active")
+            counters = flight.control({"query": "counters"})["can"]
+            self.assertEqual(counters["bus_off"], 1)
+            self.assertEqual(counters["restarts"], 1)
+            self.assert_nobody_was_restarted(flight)
+
+    def test_a_bus_off_in_the_middle_of_a_slot_ends_it_as_no_silence_of_the_peripheral(self):
+        payload = "executable: payload_eps_node\n    scheduling: { policy: other, priority: 0, cpus: [] }"
+        deployment = self.deployment((payload, payload + "\n    parameters: { answer_timeout_ms: 1000, silent_slots_to_power_cycle: 0 }"))
+        with self.flight(deployment) as flight:
+            recorder = flight.recorder()
+            self.wait_for_all(recorder, "released", 2)
+            # Its slots last as long as they may: time to hit one after its request has left.
+            flight.control({"peripheral": "eps", "fault": "silent"})
+            since = recorder.position()
+
+            def hit():
+                taken = recorder.wait_for(lambda m: self.is_eps(m, "taken"), DEADLINE_S, recorder.position())
+                self.assertIsNotNone(taken)
+                flight.control({"can": {"bus_off": "computer"}})
+                after = recorder.position()
+                wait_for_slots(recorder, "payload_eps", "failed", 1, after)
+                return [m for m in slots(recorder, "payload_eps", "failed", since) if m["detail"] == "bus off" and m["sent"] > 0]
+
+            wait_until(hit, DEADLINE_S, "a slot ended by a bus-off after its request was sent")
+            flight.control({"peripheral": "eps", "fault": "none"})
+            self.wait_for_all(recorder, "released", 3)
+            self.assert_nobody_was_restarted(flight)
+
+    def is_eps(self, message, status):
+        return message["type"] == "bus" and message["payload"] == "payload_eps" and message["status"] == status
+
+    def off_the_bus(self, recorder, since):
+        return any(m["detail"] == "bus off" for payload in PAYLOADS for m in slots(recorder, payload, "failed", since))
+
+
+class FloodTest(CanFaultTest):
+    def test_a_node_that_floods_the_bus_with_the_highest_priority_stops_slots_and_no_process(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_all(recorder, "released", 2)
+            memory = flight.memory_kib()
+
+            flight.control({"can": {"babble": {"id": 0}}})
+            flooded = self.wait_for_event(ground, "can_switcher.bus_flooded")
+            self.assertEqual(flooded["fields"]["identifier"], "0x00000000")
+            self.wait_for_all(recorder, "failed", 3)
+            fields = self.bus(ground, lambda f: f["flooded"])
+            self.assertGreater(fields["foreign_frames"], 1000)
+            since = recorder.position()
+
+            flight.control({"can": {}})
+            for payload in PAYLOADS:
+                wait_for_slots(recorder, payload, "released", 3, since)
+            self.wait_for_event(ground, "can_switcher.bus_flood_over")
+            self.assertGreater(flight.control({"query": "counters"})["can"]["withdrawn"], 0)
+            self.assert_nobody_was_restarted(flight)
+            for name, before in memory.items():
+                self.assertLess(flight.memory_kib()[name] - before, 16 * 1024, f"{name} grew")
+
+    def test_foreign_traffic_of_low_priority_at_full_load_does_not_stop_the_payloads(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_all(recorder, "released", 2)
+            flight.control({"can": {"babble": {"id": 0x1FFFFFFF, "extended": True}}})
+            self.wait_for_event(ground, "can_switcher.bus_flooded")
+            self.wait_for_all(recorder, "released", 5)
+            self.assert_nobody_was_restarted(flight)
+
+
+class BabblingPeripheralTest(CanFaultTest):
+    def test_it_is_cut_off_comes_back_and_in_the_end_stays_off_until_it_is_commanded(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_all(recorder, "released", 2)
+
+            with self.subTest("a power cycle helps"):
+                flight.control({"peripheral": "eps", "fault": "babble", "cured_by": "power_cycle"})
+                self.wait_for_event(ground, "payload.peripheral_babbles")
+                self.wait_for_all(recorder, "released", 3)
+
+            with self.subTest("no power cycle helps"):
+                flight.control({"peripheral": "eps", "fault": "babble"})
+                self.wait_for_event(ground, "payload.peripheral_kept_off")
+                self.assertFalse(flight.control({"query": "counters"})["peripherals"]["eps"]["powered"])
+                since = recorder.position()
+                for payload in HEALTHY:
+                    wait_for_slots(recorder, payload, "released", 5, since)
+                refused = ground.command("tc eps.switch_load load=2 state=on", DEADLINE_S)
+                self.assertEqual(refused.get("name"), "peripheral_off", refused)
+                self.assertEqual(self.frames_of_eps(flight), [], "nothing of it on the bus")
+                packet = ground.housekeeping("payload_eps_counters", DEADLINE_S, matches=lambda f: f["kept_off"])
+                self.assertGreaterEqual(packet["fields"]["babble_cuts"], 4)
+
+            with self.subTest("commanded"):
+                flight.control({"peripheral": "eps", "fault": "none"})
+                since = recorder.position()
+                commanded = ground.command("tc eps.power_cycle_peripheral off_ms=100", DEADLINE_S)
+                self.assertEqual(commanded.get("stage"), "completed", commanded)
+                wait_for_slots(recorder, "payload_eps", "released", 10, since)
+            self.assert_nobody_was_restarted(flight)
+
+    def frames_of_eps(self, flight):
+        """What the EPS sent in two seconds, by the bus' own record."""
+        begin = can_frames.last_time(flight.can_log()[-100:])
+        lines = flight.can_log(until_ns=begin + 2_000_000_000, deadline_s=DEADLINE_S)
+        return [line for line in lines if "18DA0112#" in line and can_frames.last_time([line]) > begin]
+
+
+if __name__ == "__main__":
+    unittest.main()
