@@ -118,9 +118,8 @@ CallbackReturn PayloadNode::on_configure() {
 }
 
 bool PayloadNode::open_devices() {
-  const std::uint32_t from_peripheral =
-      wire::normal_fixed_id({.target = PeripheralLink::computer_address, .source = profile_->can_address()});
-  auto can = hw::open_can(device("can"), var().root, {{.match = from_peripheral, .mask = 0x1FFFFFFFU}});
+  auto can = hw::open_can(device("can"), var().root,
+                          {hw::isotp_between(PeripheralLink::computer_address, profile_->can_address())});
   auto gpio = hw::open_gpio(device("gpio"), var().root);
   if (!can || !gpio) {
     set_failure_reason(!can ? can.error().message : gpio.error().message);

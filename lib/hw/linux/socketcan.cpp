@@ -3,6 +3,7 @@
 #include <cstring>
 #include <utility>
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <linux/can/error.h>
 #include <linux/can/raw.h>
@@ -10,6 +11,7 @@
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/uio.h>
+#include <unistd.h>
 
 #include "base/log.hpp"
 #include "hw/backends.hpp"
@@ -20,6 +22,7 @@ namespace srfs::hw {
 namespace {
 
 constexpr int frames_per_call = 64;
+constexpr milliseconds restart_report_time(1000);  // after it a restart that was not reported is looked for
 constexpr canid_t whole_kind =
     CAN_EFF_FLAG | CAN_RTR_FLAG;  // filters say extended data frames by comparing these
 
@@ -83,6 +86,13 @@ Result<Fd, std::string> open_raw(const std::string& interface, const std::vector
   return socket;
 }
 
+/// false when it cannot be told, too.
+bool has_carrier(const std::string& interface) {
+  const Fd file(::open(("/sys/class/net/" + interface + "/carrier").c_str(), O_RDONLY | O_CLOEXEC));
+  char digit = '0';
+  return file && ::read(file.get(), &digit, 1) == 1 && digit == '1';
+}
+
 bool is_remote(const can_frame& raw) {
   return (raw.can_id & CAN_RTR_FLAG) != 0 && (raw.can_id & CAN_ERR_FLAG) == 0;
 }
@@ -142,7 +152,7 @@ class SocketCan : public RawCanBus {
     if (!raw) return Err(raw.error());
     const int device = socket();
     if (device < 0) return Err(down_ ? CanError::down : CanError::gone);
-    if (controller_ == CanBusState::bus_off) return Err(CanError::bus_off);
+    if (controller_ == CanBusState::bus_off && !restarted_unnoticed()) return Err(CanError::bus_off);
     if (::write(device, &*raw, sizeof *raw) != static_cast<ssize_t>(sizeof *raw)) return write_failed(errno);
     note_sent();
     return {};
@@ -212,10 +222,22 @@ class SocketCan : public RawCanBus {
     if ((id & CAN_ERR_CRTL) != 0) on_controller_status(raw.data[1]);
     if ((id & CAN_ERR_BUSOFF) != 0) {
       ++counters_.bus_off;
+      look_for_carrier_at_ = monotonic_now() + restart_report_time;
       change(CanBusState::bus_off);
       drop_unconfirmed();  // the driver flushes its echo buffers when it takes itself off
     }
     if ((id & CAN_ERR_RESTARTED) != 0) change(CanBusState::active);
+  }
+
+  // The report of the restart may have been dropped with other frames that nobody read in time; without it
+  // the bus would stay closed for ever. A controller that is off the bus has no carrier.
+  bool restarted_unnoticed() {
+    const MonotonicTime now = monotonic_now();
+    if (now < look_for_carrier_at_) return false;
+    look_for_carrier_at_ = now + restart_report_time;
+    if (!has_carrier(interface_)) return false;
+    change(CanBusState::active);
+    return true;
   }
 
   void on_controller_status(std::uint8_t status) {
@@ -240,6 +262,7 @@ class SocketCan : public RawCanBus {
   std::string interface_;
   bool down_ = false;
   CanBusState controller_ = CanBusState::active;
+  MonotonicTime look_for_carrier_at_;  // while bus-off
   std::uint32_t dropped_ = 0;
 };
 
