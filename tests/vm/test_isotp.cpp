@@ -305,7 +305,7 @@ TEST(IsoTpAndCanUtils, IsotpdumpReadsEveryFrameOfATransfer) {
   OurEnd here(can);
   LinuxEnd there(can, {.block_size = 8});
   EXPECT_TRUE(here.send(message_of(100)));
-  const std::string last = "SN: E";  // 6 octets in the first frame, 7 in each of the fourteen behind it
+  const std::string last = "sn: E";  // 6 octets in the first frame, 7 in each of the fourteen behind it
   const std::string text =
       dump.output([&](const std::string& said) { return said.find(last) != std::string::npos; });
   EXPECT_THAT(text, HasSubstr("[FF] ln: 100"));

@@ -15,10 +15,11 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
 
+from support import BIN, DEADLINE_S, PAYLOADS, ROOT, wait_until  # noqa: E402  (found through the path above)
+
 import can_frames  # noqa: E402  (found through support)
 import mission  # noqa: E402
 from rotation import Rotation  # noqa: E402
-from support import BIN, DEADLINE_S, PAYLOADS, ROOT, wait_until  # noqa: E402
 
 FULL = os.environ.get("SRFS_VM_FULL") == "1"
 PATIENCE_S = DEADLINE_S * mission.PATIENCE
@@ -80,7 +81,7 @@ class Flight:
     def disturb(self):
         """Foreign frames at about full load of a 500 kbit/s bus: any standard and extended identifier, any length, remote frames too."""
         kinds = (["-I", "r"], ["-e", "-I", "r"], ["-e", "-R", "-I", "r"])
-        generators = [start(["cangen", self.interface, "-i", "-g", "1", "-L", "r", "-D", "r", *kind]) for kind in kinds]
+        generators = [start(["cangen", self.interface, "-i", "-g", "0.5", "-L", "r", "-D", "r", *kind]) for kind in kinds]
         self.programs += generators
         return generators
 

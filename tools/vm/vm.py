@@ -321,10 +321,10 @@ def run(command, options, say):
 # --- command line ----------------------------------------------------------------------------------------------------
 
 
-def add_options(parser):
+def add_options(parser, deadline="300"):
     parser.add_argument("--cpus", type=int, default=2, metavar="N", help="of the guest (default: %(default)s)")
     parser.add_argument("--memory-mib", type=int, default=3072, metavar="N", help="of the guest; 60 %% of it may hold files (default: %(default)s)")
-    parser.add_argument("--deadline", type=float, default=300, metavar="S", help="the guest is ended after S seconds (default: %(default)s)")
+    parser.add_argument("--deadline", type=float, default=300, metavar="S", help=f"the guest is ended after S seconds (default: {deadline})")
     parser.add_argument("--keep", action="store_true", help="keep the folder with console, output and exit code")
 
 

@@ -40,7 +40,7 @@ def parse():
     parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN and ISO-TP, or the mission, alone")
     parser.add_argument("--vm", action="store_true", help="in the virtual machine even if this kernel has CAN")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-release", help=argparse.SUPPRESS)
-    vm.add_options(parser)
+    vm.add_options(parser, f"{DEADLINE_S}, with --full {FULL_DEADLINE_S}")
     parser.set_defaults(deadline=None)
     options = parser.parse_args()
     options.deadline = options.deadline or (FULL_DEADLINE_S if options.full else DEADLINE_S)
