@@ -1,7 +1,7 @@
 """The tests that need a kernel with CAN (tests/vm): the suite and its SocketCAN driver against Linux' own CAN stack and can-utils.
 
 Where this kernel can make a vcan interface (as root), they run directly, on interfaces of their own that are removed afterwards. Elsewhere
-a virtual machine is booted with Debian's kernel, about 5 s; the first time its package is fetched (70 MB). About 90 s then, --full 10 minutes.
+a virtual machine is booted with Debian's kernel, about 5 s; the first time its package is fetched (70 MB). About a minute then, --full 6.
 
 Exit codes: 0 all passed, 1 some failed, 2 cannot be done here, 124 the virtual machine hung, 125 it reset itself.
 """
