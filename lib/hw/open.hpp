@@ -41,6 +41,14 @@ struct CanFilter {
           .echo_match = 0x18DA0000U | own_address,
           .echo_mask = 0x1FFF00FFU};
 }
+/// As isotp_to(), from and to one peer only.
+[[nodiscard]] constexpr CanFilter isotp_between(std::uint8_t own_address, std::uint8_t peer) {
+  CanFilter filter = isotp_to(own_address);
+  filter.match |= peer;
+  filter.echo_match |= std::uint32_t{peer} << 8U;
+  filter.mask = filter.echo_mask = 0x1FFFFFFFU;
+  return filter;
+}
 
 /// "socketcan:can0" (a network interface) or "sim:run/can_hub.sock" (the hub of hw_sim).
 /// @param filters  frames that receive() gives; none = all

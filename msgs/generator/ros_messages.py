@@ -181,18 +181,25 @@ def write(path, text):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--out', type=pathlib.Path, required=True)
+    parser.add_argument('--list', action='store_true', help='print the headers, separated by semicolons; write nothing')
     parser.add_argument('packages', type=pathlib.Path, nargs='+')
     options = parser.parse_args()
+    headers = []
     for folder in options.packages:
         package = folder.name
         for kind, reader in (('msg', message), ('srv', service), ('action', action)):
             for path in sorted((folder / kind).glob('*.' + kind)):
+                headers.append(options.out / package / kind / f'{snake(path.stem)}.hpp')
+                if options.list:
+                    continue
                 try:
                     structs, extra = reader(path, package)
                     text = emit_file(f'{package}/{kind}/{path.name}', package, kind, structs, extra)
                 except Exception as error:  # one line that names the file, whatever the parser raised
                     sys.exit(f'{path}: {error}')
-                write(options.out / package / kind / f'{snake(path.stem)}.hpp', text)
+                write(headers[-1], text)
+    if options.list:
+        print(';'.join(map(str, headers)), end='')
 
 
 if __name__ == '__main__':

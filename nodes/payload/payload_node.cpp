@@ -134,14 +134,8 @@ CallbackReturn PayloadNode::on_configure() {
 }
 
 bool PayloadNode::open_devices() {
-  const std::uint32_t from_peripheral =
-      wire::normal_fixed_id({.target = PeripheralLink::computer_address, .source = profile_->can_address()});
-  const std::uint32_t to_peripheral =
-      wire::normal_fixed_id({.target = profile_->can_address(), .source = PeripheralLink::computer_address});
-  constexpr std::uint32_t whole_id = 0x1FFFFFFFU;
-  auto can = hw::open_can(
-      device("can"), var().root,
-      {{.match = from_peripheral, .mask = whole_id, .echo_match = to_peripheral, .echo_mask = whole_id}});
+  auto can = hw::open_can(device("can"), var().root,
+                          {hw::isotp_between(PeripheralLink::computer_address, profile_->can_address())});
   auto gpio = hw::open_gpio(device("gpio"), var().root);
   if (!can || !gpio) {
     set_failure_reason(!can ? can.error().message : gpio.error().message);

@@ -14,6 +14,8 @@ ACCEPTANCE_NS = 20_000_000
 PAYLOAD_OF_ADDRESS = {"11": "payload_adcs", "12": "payload_eps", "13": "payload_thermal"}
 # computer 01 -> peripheral: first frame "1LLL", opcode 02, sequence, id (4 octets)
 COMMAND_FRAME = re.compile(r"^\((\d+)\.(\d{6})\) \S+ 18DA(11|12|13)01#1[0-9A-F]{3}02[0-9A-F]{2}([0-9A-F]{8})$")
+# computer 01 -> peripheral: any frame
+COMPUTER_FRAME = re.compile(r"^\((\d+)\.(\d{6})\) \S+ 18DA(11|12|13)01#")
 ANY_FRAME = re.compile(r"^\((\d+)\.(\d{6})\) ")
 
 
@@ -29,6 +31,37 @@ def command_frames(lines):
         if match:
             frames.setdefault((PAYLOAD_OF_ADDRESS[match[3]], int(match[4], 16)), []).append(_ns(match))
     return frames
+
+
+def computer_frames(lines):
+    """[(time in ns, payload)] of all frames that payload nodes sent, in order."""
+    matches = filter(None, map(COMPUTER_FRAME.match, lines))
+    return [(_ns(match), PAYLOAD_OF_ADDRESS[match[3]]) for match in matches]
+
+
+def judge_slots(frames, slots, clock_error_ns=0):
+    """Whose slot each of the computer's frames was in: (frames in the sender's own slot, [what is wrong]).
+
+    frames  as computer_frames gives them, on the clock of the slots
+    slots   in order: [{holder, published, lease_end, released or None}]; frames before the first or behind the last are not judged
+
+    A slot is over with its release; without one, at the end of its lease. A holder of None is a time nobody recorded: not judged.
+    """
+    starts = [slot["published"] for slot in slots]
+    good, wrong = 0, []
+    for at, payload in frames:
+        place = bisect.bisect_right(starts, at + clock_error_ns) - 1
+        if place < 0 or place + 1 == len(slots) or slots[place]["holder"] is None:
+            continue
+        slot = slots[place]
+        end = slot["lease_end"] if slot["released"] is None else slot["released"]
+        if slot["holder"] != payload:
+            wrong.append(f"a frame of {payload} at {at} ns in the slot of {slot['holder']}")
+        elif at > end + clock_error_ns:
+            wrong.append(f"a frame of {payload} at {at} ns, {(at - end) / 1e6:.3f} ms behind the end of its slot")
+        else:
+            good += 1
+    return good, wrong
 
 
 def last_time(lines):

@@ -21,9 +21,12 @@ import can_frames
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
-READY_DEADLINE_S = 10
-UP_DEADLINE_S = 20
-STOP_PATIENCE_S = 5
+# SRFS_PATIENCE: this machine (an emulated one) is so many times slower than a usual one, and so much longer is waited.
+PATIENCE = int(os.environ.get("SRFS_PATIENCE", "1"))
+READY_DEADLINE_S = 10 * PATIENCE
+UP_DEADLINE_S = 20 * PATIENCE
+ANSWER_DEADLINE_S = 10 * PATIENCE
+STOP_PATIENCE_S = 5 * PATIENCE
 
 
 class MissionError(Exception):
@@ -237,18 +240,18 @@ class GroundSession(Lines):
             lambda m: m.get("line") == line and (m["type"] == "error" or m["type"] == "tc_stage" and m["final"]), deadline_s
         )
 
-    def command(self, text, deadline_s=15):
+    def command(self, text, deadline_s=15 * PATIENCE):
         """Sends a line and waits for its outcome."""
         return self.outcome(self.send(text), deadline_s)
 
-    def housekeeping(self, structure, deadline_s=5, since=None, matches=lambda fields: True):
+    def housekeeping(self, structure, deadline_s=5 * PATIENCE, since=None, matches=lambda fields: True):
         """The next live packet of a structure whose fields match; None after deadline_s."""
         since = self.position() if since is None else since
         return self.wait_for(
             lambda m: m.get("structure") == structure and m.get("vc") == 0 and matches(m["fields"]), deadline_s, since
         )
 
-    def fresh(self, structure, deadline_s=5):
+    def fresh(self, structure, deadline_s=5 * PATIENCE):
         """Asks for a structure now and returns its fields; None when it did not come."""
         since = self.position()
         self.send(f"tc housekeeping.one_shot structure={structure}")
@@ -399,7 +402,7 @@ class Mission:
     def domain(self):
         return self.up_report["domain"]
 
-    def srfs(self, *arguments, timeout_s=30):
+    def srfs(self, *arguments, timeout_s=3 * ANSWER_DEADLINE_S):
         """One run of `srfs` with --json for this deployment and VAR."""
         return subprocess.run(
             [self.program("srfs"), *arguments, "--json", "--deployment", str(self.deployment), "--var", str(self.var)],
@@ -417,7 +420,7 @@ class Mission:
         """One request to hw_sim (faults, truth, counters); returns its reply."""
         result = subprocess.run(
             [self.program("hw_sim"), "--var", str(self.var), "--control", json.dumps(request)],
-            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=10,
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=ANSWER_DEADLINE_S,
         )  # fmt: skip
         if result.returncode != 0:
             raise MissionError(f"hw_sim --control {json.dumps(request)}: {result.stdout or result.stderr}")
@@ -446,7 +449,7 @@ class Mission:
         command = [self.program("srfs"), "record", "--deployment", str(self.deployment), "--var", str(self.var)]
         recorder = Lines(command, self.var / "log" / "record.log")
         self._lines.append(recorder)
-        if not recorder.wait_for(lambda m: m["type"] == "recording", 10):
+        if not recorder.wait_for(lambda m: m["type"] == "recording", ANSWER_DEADLINE_S):
             raise MissionError(f"srfs record does not listen: see {recorder.log_path}")
         return recorder
 

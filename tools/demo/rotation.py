@@ -114,6 +114,18 @@ class Rotation:
         """Gaps in the recorded cycle numbers."""
         return max(self.ticks) - min(self.ticks) + 1 - len(self.ticks) if self.ticks else 0
 
+    def recorded_slots(self):
+        """All slots in order; behind one whose successor was not recorded, a time with holder None."""
+        slots, before = [], None
+        for key, grant in sorted(list(self.grants.items()), key=lambda item: item[0]):
+            if before and key != (before[0], before[1] + 1):
+                last = slots[-1]
+                over = last["lease_end"] if last["released"] is None else last["released"]
+                slots.append({"holder": None, "published": over + 1})
+            slots.append(grant)
+            before = key
+        return slots
+
     def slots_of(self, payload):
         """Its slots in order: [{published, lease_end, ...}]."""
         return [grant for grant in self._ordered() if grant["holder"] == payload]

@@ -171,9 +171,11 @@ Result<CanLink, int> decode_link(OctetView answer, std::uint32_t sequence) {
   const auto body = content(answer, sequence, RTM_NEWLINK);
   if (!body) return Err(body.error());
   if (body->size() < sizeof(ifinfomsg)) return Err(EBADMSG);
-  const OctetView info = find(body->subspan(sizeof(ifinfomsg)), IFLA_LINKINFO);
+  const OctetView attributes = body->subspan(sizeof(ifinfomsg));
+  const OctetView info = find(attributes, IFLA_LINKINFO);
   const OctetView kind = find(info, IFLA_INFO_KIND);
   CanLink link;
+  if (const auto carrier = take<std::uint8_t>(find(attributes, IFLA_CARRIER))) link.carrier = *carrier != 0;
   // Other kinds number their attributes otherwise. The kernel's strings end with NUL.
   if (std::string_view(reinterpret_cast<const char*>(kind.data()), kind.size()).substr(0, 4) !=
       std::string_view("can", 4))

@@ -13,6 +13,7 @@ namespace srfs::hw {
 /// where there is none: vcan.
 struct CanLink {
   std::optional<CanBusState> state;  ///< of the controller; stopped or sleeping: down
+  std::optional<bool> carrier;       ///< of the interface, of any kind; a controller that is bus-off has none
   std::optional<std::uint32_t> restart_ms;
   std::optional<std::uint32_t> bit_rate;
   std::optional<std::uint16_t> transmit_errors;

@@ -209,7 +209,8 @@ class SocketCan : public RawCanBus {
   void try_restart(int /*device*/) override {
     const auto link = query_can_link(found_.index);
     const CanLink known = link ? *link : CanLink{};
-    if (known.state != CanBusState::bus_off) {
+    const bool off = known.state ? known.state == CanBusState::bus_off : !known.carrier.value_or(true);
+    if (!off) {
       // Restarted by whomever, and the error frame that tells it was lost. An interface that says nothing of
       // its controller is believed to work again: that shows with the next frame, waiting shows nothing.
       on_report({.restarted = true,
@@ -218,6 +219,7 @@ class SocketCan : public RawCanBus {
                  .receive_errors = known.receive_errors});
       return;
     }
+    if (!known.state) return;                      // no controller of its own that could be restarted
     if (known.restart_ms.value_or(0) > 0) return;  // the kernel does it
     const auto restarted = restart_can_controller(found_.index);
     if (restarted || restarted.error() == EBUSY) return;  // EBUSY: another process was first

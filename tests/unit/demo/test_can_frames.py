@@ -28,6 +28,34 @@ def judge(sent_ms, frame_ms, **record_of):
     return can_frames.next_slot_fact(sent_ms * MS, EPS, TELECOMMANDS, SLOTS, frames)
 
 
+def slot(holder, published, released, lease_end=1000):
+    return {"holder": holder, "published": published, "released": released, "lease_end": lease_end}
+
+
+class JudgeSlotsTest(unittest.TestCase):
+    SLOTS = [slot("a", 100, 150), slot("b", 200, None, 280), {"holder": None, "published": 281}, slot("c", 400, 450), slot("a", 500, 550)]
+
+    def test_every_frame_in_its_senders_slot_is_good(self):
+        frames = [(100, "a"), (150, "a"), (201, "b"), (280, "b"), (400, "c")]
+        self.assertEqual(can_frames.judge_slots(frames, self.SLOTS), (5, []))
+
+    def test_a_frame_of_another_payload_in_a_slot_is_wrong(self):
+        good, wrong = can_frames.judge_slots([(110, "a"), (120, "b"), (130, "a")], self.SLOTS)
+        self.assertEqual(good, 2)
+        self.assertEqual(wrong, ["a frame of b at 120 ns in the slot of a"])
+
+    def test_a_frame_behind_the_release_or_the_lease_is_wrong(self):
+        self.assertEqual(len(can_frames.judge_slots([(151, "a"), (451, "c")], self.SLOTS)[1]), 2)
+        self.assertEqual(can_frames.judge_slots([(151, "a")], self.SLOTS, clock_error_ns=1), (1, []))
+
+    def test_what_nobody_recorded_is_not_judged(self):
+        self.assertEqual(can_frames.judge_slots([(99, "b"), (300, "b"), (501, "b")], self.SLOTS), (0, []))
+
+    def test_only_frames_of_the_computer_count(self):
+        lines = ["(1.000001) vcan0 18DA1101#04", "(1.000002) vcan0 18DA0111#30", "(1.000003) vcan0 18DA1301#R", "(1.0"]
+        self.assertEqual(can_frames.computer_frames(lines), [(1_000_001_000, "payload_adcs"), (1_000_003_000, "payload_thermal")])
+
+
 class CanFramesTest(unittest.TestCase):
     def test_the_first_frame_of_a_command_names_its_telecommand(self):
         self.assertEqual(can_frames.command_frames(record(1310)), {(EPS, 0x2A): [1310 * MS]})

@@ -76,13 +76,22 @@ TEST(CanLinkMessage, TellsStateRestartTimeBitRateAndErrorCounters) {
 }
 
 TEST(CanLinkMessage, OfAVirtualInterfaceTellsNothingOfAController) {
-  Octets raw{60,  0,   0,   0,   16, 0, 0, 0, 4,  3, 2, 1, 0,  0, 0,  0, 0, 0, 24, 1,
-             7,   0,   0,   0,   1,  0, 1, 0, 0,  0, 0, 0, 28, 0, 18, 0, 9, 0, 1,  0,
-             'v', 'c', 'a', 'n', 0,  0, 0, 0, 12, 0, 2, 0, 8,  0, 4,  0, 3, 0, 0,  0};
+  const Octets raw{60,  0,   0,   0,   16, 0, 0, 0, 4,  3, 2, 1, 0,  0, 0,  0, 0, 0, 24, 1,
+                   7,   0,   0,   0,   1,  0, 1, 0, 0,  0, 0, 0, 28, 0, 18, 0, 9, 0, 1,  0,
+                   'v', 'c', 'a', 'n', 0,  0, 0, 0, 12, 0, 2, 0, 8,  0, 4,  0, 3, 0, 0,  0};
   const auto link = decode_link(raw, sequence);
   ASSERT_TRUE(link);
   EXPECT_FALSE(link->state);
   EXPECT_FALSE(link->restart_ms);
+  EXPECT_FALSE(link->carrier);
+
+  for (const std::uint8_t carrier : {std::uint8_t{0}, std::uint8_t{1}}) {
+    Octets with = raw;
+    with[0] = 68;
+    const Octets attribute{5, 0, 33, 0, carrier, 0, 0, 0};  // IFLA_CARRIER
+    with.insert(with.begin() + 32, attribute.begin(), attribute.end());
+    EXPECT_EQ(decode_link(with, sequence).value().carrier, carrier == 1);
+  }
 }
 
 TEST(CanLinkMessage, GivesTheKernelsErrorNumber) {

@@ -183,7 +183,7 @@ TEST(Settings, RefuseAKeyThatIsUnknown) {
 }
 
 TEST(Settings, AreGoodInTheDeploymentsThatShip) {
-  for (const char* name : {"sim", "sim_open"}) {
+  for (const char* name : {"sim", "sim_open", "vcan"}) {
     const auto file =
         std::filesystem::path(SRFS_SOURCE_DIR) / "launch_config" / (std::string(name) + ".yaml");
     EXPECT_EQ(read_settings(ConfigSection::load(file)).key_files,

@@ -1,0 +1,74 @@
+"""Runs the tests that need root and a kernel with CAN, on the kernel that runs. ./run vm-test starts it, in a virtual machine if need be.
+
+The last line is "N passed, M failed"; exit code 0 when nothing failed.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf")
+CAN_DEADLINE_S = 1200
+
+
+def load_modules():
+    # echo=1: an own frame comes back when it leaves the interface, as with a real controller.
+    for words in (["vcan", "echo=1"], *([module] for module in MODULES)):
+        subprocess.run(["modprobe", *words], check=False)  # what is built in, or missing, shows in the tests
+
+
+def can_tests(program, full):
+    """(passed, failed) of the GoogleTest program."""
+    with tempfile.TemporaryDirectory(prefix="srfs-vm-") as folder:
+        report = pathlib.Path(folder, "report.json")
+        repeat = ["--gtest_repeat=5", "--gtest_shuffle"] if full else []
+        try:
+            code = subprocess.run([program, "--gtest_brief=0", f"--gtest_output=json:{report}", *repeat], stdin=subprocess.DEVNULL,
+                                  timeout=CAN_DEADLINE_S, check=False).returncode  # fmt: skip
+        except subprocess.TimeoutExpired:
+            print(f"{program}: not done within {CAN_DEADLINE_S} s")
+            code = -1
+        try:
+            told = json.loads(report.read_text())
+        except (OSError, ValueError):
+            return 0, 1
+    failed = max(told["failures"] + told.get("errors", 0), int(code != 0))  # with repetitions the report is that of the last
+    return told["tests"] - told.get("disabled", 0) - failed, failed
+
+
+def mission_tests():
+    sys.path.insert(0, str(HERE))
+    suite = unittest.defaultTestLoader.loadTestsFromName("test_mission")
+    result = unittest.TextTestRunner(stream=sys.stdout, verbosity=2).run(suite)
+    failed = len(result.failures) + len(result.errors)
+    return max(result.testsRun - failed, 0), failed
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--build", type=pathlib.Path, default=HERE.parents[1] / "build-release", metavar="DIR", help="default: %(default)s")
+    parser.add_argument("--full", action="store_true", help="everything several times, in random order")
+    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN and ISO-TP, or the mission, alone")
+    options = parser.parse_args()
+    os.environ["SRFS_BIN"] = str(options.build / "bin")
+    os.environ["SRFS_VM_FULL"] = str(int(options.full))
+    sys.stdout.reconfigure(line_buffering=True)
+    load_modules()
+    counts = []
+    if options.only != "mission":
+        counts.append(can_tests(str(options.build / "tests" / "vm_test_can"), options.full))
+    if options.only != "can":
+        counts.append(mission_tests())
+    passed, failed = (sum(column) for column in zip(*counts))
+    print(f"{passed} passed, {failed} failed")
+    return int(failed != 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,209 @@
+"""A short mission on a virtual CAN interface: the whole suite and the simulated peripherals, candump as recorder, cangen as disturbance.
+
+Needs root and a kernel with CAN: run by ./run vm-test. The processor may be an emulated one, so nothing here is about how long things
+take; SRFS_PATIENCE stretches the deadlines. SRFS_VM_FULL=1: longer.
+"""
+
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
+
+from support import BIN, DEADLINE_S, PAYLOADS, ROOT, wait_until  # noqa: E402  (found through the path above)
+
+import can_frames  # noqa: E402  (found through support)
+import mission  # noqa: E402
+from rotation import Rotation  # noqa: E402
+
+FULL = os.environ.get("SRFS_VM_FULL") == "1"
+PATIENCE_S = DEADLINE_S * mission.PATIENCE
+SLOTS = 100 if FULL else 4  # of each payload, wherever the rotation is watched
+CLOCK_ERROR_NS = 2_000_000  # between the two clocks, should the host's be slewed meanwhile
+
+
+def ip(*words):
+    subprocess.run(["ip", "link", *words], check=True)
+
+
+def start(command, output=subprocess.DEVNULL):
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.DEVNULL)
+
+
+class Flight:
+    """What all tests share: interface, recorder, disturbance, spacecraft and ground."""
+
+    def __init__(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="srfs-vm-mission-"))
+        self.interface = f"sv{os.getpid()}"
+        self.programs = []
+        self.mission = None
+
+    def start(self):
+        ip("add", self.interface, "type", "vcan")
+        ip("set", self.interface, "up")
+        text = (ROOT / "launch_config" / "vcan.yaml").read_text()
+        deployment = self.folder / "vcan.yaml"
+        deployment.write_text(text.replace("socketcan:vcan0", f"socketcan:{self.interface}"))
+        # Only frames of ISO-TP: the disturbance is counted by the interface. -D: the interface will go down.
+        with open(self.folder / "candump.log", "wb") as log:
+            self.candump = start(["candump", "-D", "-L", "-r", "4000000", f"{self.interface},18DA0000:1FFF0000"], log)
+        self.programs.append(self.candump)
+        self.mission = mission.Mission(self.folder / "var", deployment, BIN, print)
+        self.mission.start()
+        self.ground = self.mission.ground()
+        self.recorder = self.mission.recorder()
+        self.rotation = Rotation()
+        self.recorder.on_message(self.rotation.on_message)
+
+    def stop(self):
+        """What was left behind."""
+        left = self.mission.stop() if self.mission and self.mission.up_report else []
+        for program in self.programs:
+            program.kill()
+            program.wait()
+        if pathlib.Path("/sys/class/net", self.interface).exists():
+            ip("del", self.interface)
+        return left
+
+    def show_logs(self):
+        for log in sorted(self.folder.glob("var/log/*.log")):
+            print(f"--- {log.name}", *log.read_text(errors="replace").splitlines()[-15:], sep="\n", file=sys.stderr)
+
+    def frames_on_the_bus(self):
+        return int(pathlib.Path("/sys/class/net", self.interface, "statistics", "tx_packets").read_text())
+
+    def disturb(self):
+        """Foreign frames at about full load of a 500 kbit/s bus: any standard and extended identifier, any length, remote frames too."""
+        kinds = (["-I", "r"], ["-e", "-I", "r"], ["-e", "-R", "-I", "r"])
+        generators = [start(["cangen", self.interface, "-i", "-g", "0.5", "-L", "r", "-D", "r", *kind]) for kind in kinds]
+        self.programs += generators
+        return generators
+
+    def candump_lines(self):
+        return (self.folder / "candump.log").read_text(errors="replace").splitlines()
+
+    def wait_for_slots(self, count, why):
+        """Until each payload has used `count` more slots."""
+        before = {payload: self._used(payload) for payload in PAYLOADS}
+        wait_until(lambda: all(self._used(p) - before[p] >= count for p in PAYLOADS), PATIENCE_S + 3 * count, f"{count} more slots of each payload, {why}")
+
+    def _used(self, payload):
+        return self.rotation.slots().get(payload, {}).get("used", 0)
+
+    def check_processes(self):
+        news, _ = self.mission.news_of_processes()
+        return news
+
+
+flight = None
+
+
+def setUpModule():
+    global flight
+    flight = Flight()
+    try:
+        flight.start()
+    except BaseException:
+        tearDownModule()
+        raise
+
+
+def tearDownModule():
+    left = flight.stop()
+    if left:
+        flight.show_logs()
+    shutil.rmtree(flight.folder, ignore_errors=True)
+    if left:
+        raise AssertionError("left behind: " + ", ".join(left))
+
+
+class MissionOnVcan(unittest.TestCase):
+    """One flight; each test asks something of it and holds in any order."""
+
+    def tearDown(self):
+        self.assertEqual(flight.check_processes(), [], "no node may end or be restarted")
+        if not self._outcome.success:
+            flight.show_logs()
+
+    def test_telemetry_of_every_payload_arrives_at_the_ground(self):
+        for payload in PAYLOADS:
+            self.assertIsNotNone(flight.ground.housekeeping(payload, PATIENCE_S, 0), payload)
+
+    def test_the_kernel_hands_a_payload_only_the_frames_of_its_own_transfers(self):
+        lists = {name: pathlib.Path("/proc/net/can", name).read_text().splitlines() for name in ("rcvlist_eff", "rcvlist_all", "rcvlist_fil")}
+        of_raw_sockets = {name: [line.split() for line in lines if flight.interface in line and line.endswith("raw")] for name, lines in lists.items()}
+        for address in (0x11, 0x12, 0x13):
+            for identifier in (0x98DA0100 | address, 0x98DA0001 | address << 8):
+                self.assertIn(f"{identifier:08x}", [words[1] for words in of_raw_sockets["rcvlist_eff"]])
+        self.assertEqual(of_raw_sockets["rcvlist_all"], [])
+        # The peripherals' two each (to them, their echoes) and candump's.
+        self.assertEqual(len(of_raw_sockets["rcvlist_fil"]), 7)
+
+    def test_the_rotation_goes_on_under_foreign_traffic(self):
+        generators = flight.disturb()
+        frames, began = flight.frames_on_the_bus(), time.monotonic()
+        flight.wait_for_slots(SLOTS, "with foreign traffic")
+        rate = (flight.frames_on_the_bus() - frames) / (time.monotonic() - began)
+        self.assertTrue(all(generator.poll() is None for generator in generators), "cangen ended")
+        for generator in generators:
+            generator.kill()
+            generator.wait()
+        print(f"{rate:.0f} frames a second meanwhile; 500 kbit/s carry about 3800", flush=True)
+
+    def test_a_telecommand_is_executed_in_the_payloads_slot(self):
+        generators = flight.disturb()
+        since = flight.ground.position()
+        outcome = flight.ground.command("tc thermal.set_setpoint heater=1 setpoint_k=291.5", PATIENCE_S)
+        self.assertIsNotNone(outcome, "no outcome")
+        self.assertEqual(outcome.get("stage"), "completed", outcome)
+        for generator in generators:
+            generator.kill()
+            generator.wait()
+        told = flight.ground.housekeeping("payload_thermal", PATIENCE_S, since, lambda fields: fields["setpoint_k[1]"] == 291.5)
+        self.assertIsNotNone(told, "the telemetry does not say so")
+        commands = {key: times for key, times in can_frames.command_frames(flight.candump_lines()).items() if key[0] == "payload_thermal"}
+        self.assertEqual(len(commands), 1, "one telecommand on the bus")
+        self.judge([(at, "payload_thermal") for times in commands.values() for at in times], at_least=1)
+
+    def test_the_suite_survives_that_the_interface_goes_down_and_up(self):
+        for _ in range(10 if FULL else 1):
+            since = flight.recorder.position()
+            ip("set", flight.interface, "down")
+            failed = flight.recorder.wait_for(lambda m: m["type"] == "bus" and m["status"] == "failed", PATIENCE_S, since)
+            self.assertIsNotNone(failed, "a payload says that its slot failed")
+            ip("set", flight.interface, "up")
+            flight.wait_for_slots(2, "after the interface came back")
+
+    def test_no_two_payloads_ever_shared_a_slot(self):
+        flight.wait_for_slots(1, "to judge")
+        frames = can_frames.computer_frames(flight.candump_lines())
+        self.assertEqual(flight.rotation.overlaps(), 0)
+        self.judge(frames, at_least=3)
+
+    def judge(self, frames, at_least):
+        """The frames, as candump recorded them, against the slots as the topics told them."""
+        to_monotonic = time.clock_gettime_ns(time.CLOCK_MONOTONIC) - time.clock_gettime_ns(time.CLOCK_REALTIME)
+        # A slot under way is no slot yet: wait for the ones that are to be judged.
+        wait_until(lambda: flight.rotation.recorded_slots()[-1]["published"] > max(frames)[0] + to_monotonic, PATIENCE_S, "the next slot")
+        good, wrong = can_frames.judge_slots([(at + to_monotonic, payload) for at, payload in frames], flight.rotation.recorded_slots(), CLOCK_ERROR_NS)
+        self.assertEqual(wrong, [])
+        self.assertGreaterEqual(good, at_least)
+        print(f"{good} of {len(frames)} frames of the computer were in their sender's recorded slot, none in another", flush=True)
+
+
+def load_tests(loader, tests, pattern):
+    """In the order of a flight: what judges the whole comes last."""
+    story = ("telemetry_of_every_payload_arrives_at_the_ground", "the_kernel_hands_a_payload_only_the_frames_of_its_own_transfers",
+             "the_rotation_goes_on_under_foreign_traffic", "a_telecommand_is_executed_in_the_payloads_slot",
+             "the_suite_survives_that_the_interface_goes_down_and_up", "no_two_payloads_ever_shared_a_slot")  # fmt: skip
+    return unittest.TestSuite(MissionOnVcan(f"test_{name}") for name in story)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
