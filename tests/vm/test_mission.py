@@ -110,6 +110,7 @@ def setUpModule():
     try:
         flight.start()
     except BaseException:
+        flight.show_logs()
         tearDownModule()
         raise
 
@@ -141,7 +142,7 @@ class MissionOnVcan(unittest.TestCase):
         for address in (0x11, 0x12, 0x13):
             for identifier in (0x98DA0100 | address, 0x98DA0001 | address << 8):
                 self.assertIn(f"{identifier:08x}", [words[1] for words in of_raw_sockets["rcvlist_eff"]])
-        self.assertEqual(of_raw_sockets["rcvlist_all"], [])
+        self.assertEqual(len(of_raw_sockets["rcvlist_all"]), 1, "can_switcher's, which measures the load")
         # The peripherals' two each (to them, their echoes) and candump's.
         self.assertEqual(len(of_raw_sockets["rcvlist_fil"]), 7)
 

@@ -141,9 +141,10 @@ TEST(SocketCanOnVcan, IsNotWokenByFramesOutsideItsFilters) {
   EXPECT_EQ(computer->counters().malformed, 0U);
 }
 
-TEST(SocketCanOnVcan, CountsRemoteFramesAndNeverSeesFlexibleDataRate) {
+TEST(SocketCanOnVcan, HearsRemoteFramesOnlyWhereItHearsEverythingAndNeverFlexibleDataRate) {
   const VirtualCan can;
   const auto bus = open(can.name());
+  const auto computer = open_can(can.uri(), "/", {isotp_to(0x01)}).value();
   OtherStation other(can.name());
   canfd_frame flexible{};
   flexible.can_id = to_computer;
@@ -152,9 +153,11 @@ TEST(SocketCanOnVcan, CountsRemoteFramesAndNeverSeesFlexibleDataRate) {
   ASSERT_TRUE(other.write(to_computer | CAN_RTR_FLAG, 8));
   ASSERT_TRUE(other.write(0x7FF | CAN_RTR_FLAG, 0));
   ASSERT_TRUE(other.write(to_computer, 8, 0x77));
-  EXPECT_EQ(await_frame(*bus)->data[0], 0x77);
-  EXPECT_EQ(bus->counters().malformed, 2U);
-  EXPECT_EQ(bus->counters().received, 1U);
+  for (const bool remote : {true, true, false}) EXPECT_EQ(await_frame(*bus)->remote, remote);
+  EXPECT_EQ(bus->counters().malformed, 0U);
+  EXPECT_EQ(bus->counters().received, 3U);
+  EXPECT_EQ(await_frame(*computer)->data[0], 0x77);
+  EXPECT_EQ(computer->counters().received, 1U);
 }
 
 TEST(SocketCanOnVcan, StampsAFrameWhenItCameNotWhenItIsRead) {

@@ -128,10 +128,15 @@ struct Process {
   void signal(int number) const { syscall(SYS_pidfd_send_signal, pidfd.get(), number, nullptr, 0); }
 };
 
+/// Empty: there is no such process any more.
+Fd open_process(pid_t pid) {
+  return Fd(static_cast<int>(syscall(SYS_pidfd_open, pid, 0)));
+}
+
 std::optional<Process> find_process(const Target& target, const std::string& node) {
   const auto instance = ros::find_instance(target.var, node);
   if (!instance) return std::nullopt;
-  Fd pidfd(static_cast<int>(syscall(SYS_pidfd_open, instance->pid, 0)));
+  Fd pidfd = open_process(instance->pid);
   const auto again =
       ros::find_instance(target.var, node);  // still the lock's holder: the descriptor names it
   if (!pidfd || !again || again->pid != instance->pid) return std::nullopt;
@@ -218,9 +223,11 @@ UpReport up(const Target& target, const UpOptions& options) {
 
   const MonotonicTime start = monotonic_now();
   const ros::LaunchRequest request{target.deployment, target.var, ros::own_bin_folder(), options.cause};
+  std::vector<Process> processes;
   for (const auto& node : target.deployment.nodes) {
-    if (const auto started = ros::launch(request, node); !started)
-      report.problems.push_back(fmt::format("{}: {}", node.name, started.error()));
+    const auto started = ros::launch(request, node);
+    if (!started) report.problems.push_back(fmt::format("{}: {}", node.name, started.error()));
+    processes.push_back({node.name, started ? open_process(*started) : Fd{}});
   }
   const auto reached = [&] {
     bool all = true;
@@ -238,8 +245,12 @@ UpReport up(const Target& target, const UpOptions& options) {
     if (reached()) return true;
     if (monotonic_now() < next_look) return false;
     next_look = monotonic_now() + milliseconds(100);
+    // One that has no instance lock yet may still be loading.
     const auto now = local_status(target);
-    ended = std::any_of(now.begin(), now.end(), [](const NodeStatus& n) { return !n.instance; });
+    for (std::size_t i = 0; i < now.size(); ++i) {
+      const Process& process = processes[i];
+      ended = ended || (!now[i].instance && (!process.pidfd || wait_for_exit(process, milliseconds(0))));
+    }
     return ended;
   };
   report.all_reached = bus.executor.spin_until(reached_or_ended, start + options.deadline) && !ended &&
