@@ -39,6 +39,24 @@ class NodeToolsTest(SystemTest):
         self.assertEqual(self.srfs("down").returncode, 0)
         self.assertEqual(self.srfs("up").returncode, 0)
 
+    def starts_as(self, text):
+        """From now on the node is started by a script with this text."""
+        script = self.folder / "start.sh"
+        script.write_text(f"#!/bin/sh\n{text}\n")
+        script.chmod(0o755)
+        self.file.write_text(DEPLOYMENT.replace("faulty_node", str(script)))
+
+    def test_up_waits_for_a_node_that_loads_slowly_but_not_for_one_that_has_ended(self):
+        self.assertEqual(self.srfs("down").returncode, 0)
+        self.starts_as(f'sleep 3\nexec {BIN.resolve()}/faulty_node "$@"')  # longer than the launcher waits for its instance lock
+        result = self.srfs("up", "--deadline", "40")
+        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+        self.assertEqual(self.srfs("down").returncode, 0)
+        self.starts_as("exit 1")
+        result = self.srfs("up", "--deadline", "600")  # longer than this test waits for it
+        self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
+        self.assertIn("faulty is not running instead of active", result.stderr)
+
     def test_a_transition_that_takes_longer_than_the_deadline_is_still_running_not_failed(self):
         self.assertEqual(self.srfs("lifecycle", "faulty", "deactivate").returncode, 0)
         self.assertEqual(self.srfs("lifecycle", "faulty", "cleanup").returncode, 0)
