@@ -6,6 +6,7 @@ import pathlib
 import sys
 import tempfile
 
+import can_measures
 import demo
 import mission
 import ros_measures
@@ -32,13 +33,14 @@ def show_flight(summary):
 
 def main():
     parser = argparse.ArgumentParser(prog="./run bench")
-    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission"], metavar="ros|mission", help="default: everything")
+    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can"], metavar="ros|mission|can", help="default: everything")
     parser.add_argument("--duration", type=float, default=110, metavar="S", help="of the flight; 110 s have more than 1000 ticks")
+    parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="of bench can, at each tick period")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
     ros_measures.add_options(parser)
     options = parser.parse_args()
-    wanted = options.what or ["ros", "mission"]
+    wanted = options.what or ["ros", "mission", "can"]
     results = {}
     if "ros" in wanted:
         results["ros"] = ros_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
@@ -50,9 +52,13 @@ def main():
         results["mission"] = flight(options.bin, options.duration)
         if not options.json:
             show_flight(results["mission"])
+    if "can" in wanted:
+        results["can"] = can_measures.measure(options.bin, options.slots_for, lambda text: print(text, file=sys.stderr, flush=True))
+        if not options.json:
+            can_measures.show(results["can"])
     if options.json:
         print(json.dumps(results))
-    sound = "ros" not in results or ros_measures.is_sound(results["ros"])
+    sound = ("ros" not in results or ros_measures.is_sound(results["ros"])) and ("can" not in results or can_measures.is_sound(results["can"]))
     return 0 if sound and results.get("mission", {"ok": True})["ok"] else 1
 
 

@@ -110,6 +110,10 @@ class Rotation:
             without += not held
         return with_cause, without
 
+    def published_ticks(self):
+        """{cycle: time published}."""
+        return dict(list(self._tick_published.items()))
+
     def missed_ticks(self):
         """Gaps in the recorded cycle numbers."""
         return max(self.ticks) - min(self.ticks) + 1 - len(self.ticks) if self.ticks else 0
