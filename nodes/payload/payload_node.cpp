@@ -280,6 +280,10 @@ void PayloadNode::on_flags(const srfs_msgs::msg::TaskFlags& flags, const ros::Me
     return;
   }
   const GrantId grant{flags.switcher_incarnation, flags.grant_counter};
+  if (flags.holder.empty()) {
+    run(cycle_->on_recall(grant, monotonic_now()));
+    return;
+  }
   if (flags.holder != name()) {
     run(cycle_->on_foreign_flag(grant, monotonic_now()));
     return;
@@ -557,14 +561,21 @@ void PayloadNode::write_journal() {
 }
 
 void PayloadNode::carry_out(const SwitchPower& action) {
-  auto ok = std::make_shared<bool>(false);
+  struct Outcome {
+    bool ok = false;
+    bool was_on = true;
+  };
+  auto outcome = std::make_shared<Outcome>();
   const bool taken = gpio_worker_->post(
-      [this, on = action.on, ok] {
+      [this, on = action.on, outcome] {
+        outcome->was_on = gpio_->read_line(profile_->power_line()).value_or(true);
         const auto set = gpio_->set_line(profile_->power_line(), on);
         if (!set) log::warn("power switch of the peripheral: {}", hw::to_string(set.error()));
-        *ok = set.has_value();
+        outcome->ok = set.has_value();
       },
-      [this, on = action.on, ok] { run(cycle_->on_power_switched(on, *ok, monotonic_now())); });
+      [this, on = action.on, outcome] {
+        run(cycle_->on_power_switched(on, outcome->ok, monotonic_now(), outcome->was_on));
+      });
   if (!taken) run(cycle_->on_power_switched(action.on, false, monotonic_now()));
 }
 
