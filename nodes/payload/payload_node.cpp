@@ -86,6 +86,10 @@ void PayloadNode::declare_parameters() {
       "A slot earlier after the last measurement, without a telecommand, is given back unused; 0: never");
   declare_parameter("processing_time_ms", std::int64_t{0}, ros::ParameterRange{0, 60000},
                     "Artificial time added to the processing of a measurement, for experiments");
+  declare_parameter("sensor_inputs", std::vector<std::int64_t>{},
+                    "GPIO lines (8-11) of the on-board sensor inputs that this node reads and reports", true);
+  declare_parameter("sensor_input_period_ms", std::int64_t{500}, ros::ParameterRange{20, 60000},
+                    "How often they are read", true);
   on_parameter_change([this](const std::string&) {
     if (cycle_) cycle_->change_settings(settings());
   });
@@ -105,7 +109,7 @@ PayloadSettings PayloadNode::settings() const {
 // ---------------------------------------------------------------- lifecycle
 
 CallbackReturn PayloadNode::on_configure() {
-  if (!open_devices()) return CallbackReturn::failure;
+  if (!assign_inputs() || !open_devices()) return CallbackReturn::failure;
   restore();
   open_topics();
   can_watch_ = watch_fd(
@@ -114,6 +118,11 @@ CallbackReturn PayloadNode::on_configure() {
       milliseconds(200), [this] { flush_reports(); }, "reports");
   counter_timer_ = create_timer(
       counters_period, [this] { publish_counters(); }, "counters");
+  if (!input_lines_.empty()) {
+    input_timer_ = create_timer(
+        milliseconds(get_parameter<std::int64_t>("sensor_input_period_ms")), [this] { read_inputs(); },
+        "inputs");
+  }
   return CallbackReturn::success;
 }
 
@@ -205,6 +214,7 @@ void PayloadNode::close() {
   armed_.reset();
   report_timer_.reset();
   counter_timer_.reset();
+  input_timer_.reset();
   if (process_worker_) process_worker_->drain();
   if (store_worker_) store_worker_->drain();
   if (gpio_worker_) gpio_worker_->drain();
@@ -212,6 +222,7 @@ void PayloadNode::close() {
   store_worker_.reset();
   gpio_worker_.reset();
   journal_writing_ = false;
+  reading_inputs_ = false;
   telecommands_.reset();
   resets_.reset();
   flags_.reset();
@@ -516,8 +527,52 @@ void PayloadNode::publish_counters() {
   c.reports_dropped = as_u32(unheard_.dropped());
   c.dds_malformed = as_u32(malformed_samples());
   c.events_suppressed = as_u32(suppressed_events());
-  EncodedStructure structure = profile_->counters(time_.cycle(), c);
+  EncodedStructure structure = profile_->counters(time_.cycle(), c,
+                                                  {.sensor_levels = inputs_->levels(),
+                                                   .sensor_valid = inputs_->valid(),
+                                                   .sensor_changes = inputs_->changes(),
+                                                   .sensor_failures = inputs_->failures()});
   publish_structure(structure.id, std::move(structure.data), time_.cycle(), monotonic_now());
+}
+
+bool PayloadNode::assign_inputs() {
+  input_lines_.clear();
+  unsigned assigned = 0;
+  for (const std::int64_t line : get_parameter<std::vector<std::int64_t>>("sensor_inputs")) {
+    constexpr int last = hw::gpio_first_input + hw::gpio_input_count - 1;
+    if (line < hw::gpio_first_input || line > last) {
+      set_failure_reason(fmt::format("parameter 'sensor_inputs': expected lines from {} to {}, found {}",
+                                     hw::gpio_first_input, last, line));
+      return false;
+    }
+    input_lines_.push_back(static_cast<std::uint8_t>(line));
+    assigned |= 1U << (line - hw::gpio_first_input);
+  }
+  inputs_.emplace(static_cast<std::uint8_t>(assigned));
+  return true;
+}
+
+/// Line by line: on the board a line has one owner, and the others of the bank are other nodes'.
+void PayloadNode::read_inputs() {
+  if (reading_inputs_) return;  // a question to the device takes at most 20 ms
+  auto reading = std::make_shared<SensorInputs::Reading>();
+  reading_inputs_ = gpio_worker_->post(
+      [this, reading] {
+        for (const std::uint8_t line : input_lines_) {
+          const auto level = gpio_->read_line(line);
+          if (!level) continue;
+          const unsigned bit = 1U << (line - hw::gpio_first_input);
+          reading->read = static_cast<std::uint8_t>(reading->read | bit);
+          if (*level) reading->levels = static_cast<std::uint8_t>(reading->levels | bit);
+        }
+      },
+      [this, reading] {
+        reading_inputs_ = false;
+        const auto change = inputs_->on_reading(*reading, monotonic_now());
+        if (!change) return;
+        log::info("on-board sensor inputs {:#04x} -> {:#04x}", change->before, change->after);
+        raise(mission::PayloadSensorInputsChangedEvent{.before = change->before, .after = change->after});
+      });
 }
 
 void PayloadNode::publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured) {

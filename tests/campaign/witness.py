@@ -128,15 +128,21 @@ def grants_rise(grants):
 
 
 def one_holder(messages, grants):
-    """Nobody is granted before the holder gave the bus back or its lease ended."""
-    ended = {}
+    """Nobody is granted before the holder gave the bus back or its lease ended. A slot of which the observer heard nothing (the holder
+    was just started and knew the switcher already, not the observer) says nothing here; the frames do."""
+    ended, heard = {}, set()
     for m in messages:
-        if m["type"] == "bus" and m["status"] in ("released", "failed"):
-            ended.setdefault((m["switcher"], m["grant"]), m["said_ns"])
+        if m["type"] != "bus":
+            continue
+        key = (m["switcher"], m["grant"])
+        heard.add(key)
+        if m["status"] in ("released", "failed"):
+            ended.setdefault(key, m["said_ns"])
     wrong = []
     for a, b in zip(grants, grants[1:]):
-        if a.lease_end and b.published < min(a.lease_end, ended.get(a.id, a.lease_end)):
-            wrong.append(f"{b.id} for {b.holder} at {at(b.published)}, {a.holder} had the bus until {at(min(a.lease_end, ended.get(a.id, a.lease_end)))}")
+        until = min(a.lease_end, ended.get(a.id, a.lease_end))
+        if a.id in heard and b.published < until:
+            wrong.append(f"{b.id} for {b.holder} at {at(b.published)}, {a.holder} had the bus until {at(until)}")
     return check(wrong, "nobody is granted before the holder gave the bus back or its lease was over")
 
 
@@ -284,8 +290,9 @@ def distribution(values):
 
 
 def judge(lines, messages, executed, faults, bound_ns):
-    frames = computer_frames(lines)
     grants = grants_of(messages)
+    begin = grants[0].published if grants else 0  # the bus was in use before somebody listened to the flags
+    frames = [frame for frame in computer_frames(lines) if frame.at >= begin]
     telecommands = telecommands_of(messages)
     found = recoveries(faults, used_slots(messages, grants))
     orders = [m for m in messages if m["type"] == "peripheral_reset"]

@@ -751,8 +751,9 @@ class World {
                 .report = static_cast<BusReport::Kind>(status.kind),
                 .reporter = p.incarnation,
                 .yes = status.kind == PublishStatus::Kind::released && p.grant != status.grant};
-    // DDS is reliable towards a matched reader: the first word of a process reaches the switcher, the lease
-    // is far longer.
+    // On the loopback interface what a process has sent waits in the switcher's socket at once, and the
+    // switcher reads that before it accuses (take_waiting). The first word of a process goes to a matched
+    // reader: it is not lost.
     const bool first = p.heard_by != switcher_.incarnation;
     p.heard_by = switcher_.incarnation;
     const int copies = !faults_on_ || first ? 1 : chance(200) ? 0 : chance(100) ? 2 : 1;
