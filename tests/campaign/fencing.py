@@ -68,6 +68,7 @@ class Campaign:
         self._n = 0
         self._quit = threading.Event()
         self._restarts = 0
+        self._ends = {}  # line of the ground's session -> whether its last stage was the final one
         self._under_way = {payload: {} for payload in PAYLOADS}
 
     # --- watching ---------------------------------------------------------------------------------------------------
@@ -83,6 +84,9 @@ class Campaign:
                 self._flag.notify_all()
 
     def on_downlink(self, message):
+        if message["type"] == "tc_stage":
+            self.messages.append({"at_ns": time.monotonic_ns(), **message})
+            self._ends[message["line"]] = message["final"]
         if message["type"] == "error" or (message["type"] == "tc_stage" and message["final"]):
             for under_way in self._under_way.values():
                 under_way.pop(message.get("line"), None)
@@ -159,9 +163,14 @@ class Campaign:
         """The holder of the next flag, at a random point of its slot; None: no flag came."""
         with self._flag:
             self._holder = None
-            if not self._flag.wait_for(lambda: self._holder, timeout=3):
+        deadline = time.monotonic() + 3
+        while not self._holder:
+            if time.monotonic() > deadline:
                 return None
-            holder = self._holder
+            self._go_on()  # without a switcher that runs there is no flag
+            with self._flag:
+                self._flag.wait_for(lambda: self._holder, timeout=0.005)
+        holder = self._holder
         self._sleep(self.random.uniform(0, 0.02) if self.random.random() < 0.8 else self.random.uniform(0, 0.07))
         return holder
 
@@ -262,8 +271,7 @@ class Campaign:
             self._go_on()
             up = all(self.flight.node_pid(node) for node in (SWITCHER, *PAYLOADS))
             used = {slot[2] for slot in witness.used_slots(recent, witness.grants_of(recent))} if (recent := self.messages[settled:]) else set()
-            ended = all(t.ended for t in witness.telecommands_of(self.messages).values() if t.accepted)
-            return self.signals.asked or (up and used == set(PAYLOADS) and ended)
+            return self.signals.asked or (up and used == set(PAYLOADS) and all(self._ends.copy().values()))
 
         settled = len(self.messages)
         with contextlib.suppress(mission.MissionError):  # the judge says what is missing

@@ -114,7 +114,19 @@ class WitnessTest(unittest.TestCase):
         self.assert_broken("what the peripheral did", messages=self.DONE, executed={EPS: [], ADCS: [7]})
 
     def test_an_accepted_telecommand_without_an_end_is_found(self):
-        self.assert_broken("executed once", messages=self.DONE[:2], executed={EPS: [7]})
+        self.assert_broken("executed once", messages=self.DONE[:2], executed={EPS: []})
+        self.assertEqual(self.broken(messages=self.DONE[:2], executed={EPS: [7]}), [], "only the observer did not hear it")
+
+    def stage(self, stage, final, code=None):
+        return {"type": "tc_stage", "at_ns": 0, "line": 3, "command": "eps.switch_load", "stage": stage, "final": final, "success": code is None,
+                **({} if code is None else {"code": code})}  # fmt: skip
+
+    def test_what_the_ground_is_not_told_is_found(self):
+        accepted = self.stage("accepted", False)
+        self.assertEqual(self.broken(messages=[accepted, self.stage("completed", True)]), [])
+        self.assertEqual(self.broken(messages=[accepted, self.stage("completion_failed", True, 36)]), [])
+        self.assert_broken("the ground is told", messages=[accepted])
+        self.assert_broken("the ground is told", messages=[accepted, self.stage("completion_failed", True, 21)])
 
     def test_an_accepted_telecommand_that_was_given_up_is_found(self):
         self.assert_broken("executed once", messages=[*self.DONE[:2], report(0x1_0000_0007, 7, False, 35)])
