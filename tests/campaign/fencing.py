@@ -313,10 +313,10 @@ def draw(folder, found):
     figure, axes = pyplot.subplots(1, 2, figsize=(12, 5), sharey=True)
     parts = (("bus_gap", "fault to the end of the next used slot"), ("victim_gap", "victim runs again to its next used slot"))
     for axis, (part, title) in zip(axes, parts):
-        for kind in sorted({r.fault.kind for r in found}):
+        for number, kind in enumerate(sorted({r.fault.kind for r in found})):
             gaps = sorted(getattr(r, part) / 1e6 for r in found if r.fault.kind == kind and getattr(r, part) is not None)
             if gaps:
-                axis.step(gaps, [(k + 1) / len(gaps) for k in range(len(gaps))], where="post", label=f"{kind} ({len(gaps)})")
+                axis.step(gaps, [(k + 1) / len(gaps) for k in range(len(gaps))], where="post", color=f"C{number}", label=f"{kind} ({len(gaps)})")
         axis.set_xscale("log")
         axis.set_xlabel("ms")
         axis.set_title(title, fontsize=10)
