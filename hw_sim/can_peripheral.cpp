@@ -61,8 +61,10 @@ void CanPeripheral::transmit(MonotonicTime now) {
     answers_.clear();
     return;
   }
-  // A new answer means that the computer has given up waiting for the one before.
+  // A new answer means that the computer has given up waiting for the one before. To go on waiting for its
+  // flow control would make every later answer late as well.
   while (answers_.size() > 1) answers_.pop_front();
+  if (!answers_.empty() && channel_.sending()) channel_.abort();
   if (!answers_.empty() && !channel_.sending() && channel_.send(answers_.front(), now)) answers_.pop_front();
   while (const auto frame = channel_.poll(now)) {
     if (!bus_->send({.id = frame->id, .extended = true, .size = frame->size, .data = frame->data})) {

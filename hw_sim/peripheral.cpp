@@ -8,6 +8,7 @@ namespace srfs::sim {
 namespace {
 
 constexpr std::size_t remembered_ids = 16;
+constexpr std::size_t history_length = 256;
 constexpr std::size_t most_waiting = 4;
 
 constexpr std::array<std::pair<PeripheralFault, const char*>, 6> fault_names{
@@ -79,6 +80,8 @@ wire::PeripheralResult Peripheral::on_command(const wire::CommandRequest& comman
   const wire::PeripheralResult result = application_.execute(command.function, command.arguments);
   if (result != wire::PeripheralResult::done) return result;  // a refused command may come again and succeed
   ++counters_.executed;
+  history_.push_back(command.telecommand_id);
+  if (history_.size() > history_length) history_.pop_front();
   executed_ids_.push_back(command.telecommand_id);
   if (executed_ids_.size() > remembered_ids) executed_ids_.pop_front();
   return result;

@@ -86,6 +86,8 @@ class Peripheral {
   /// Powered and past the silent part of its start: takes part in the bus at all.
   [[nodiscard]] bool listening(MonotonicTime now) const { return powered_ && now >= silent_until_; }
   [[nodiscard]] const PeripheralCounters& counters() const { return counters_; }
+  /// The last 256 telecommands it carried out, in order; for an observer, no part of the device.
+  [[nodiscard]] const std::deque<std::uint32_t>& history() const { return history_; }
 
  private:
   struct Waiting {
@@ -110,6 +112,7 @@ class Peripheral {
   std::optional<MonotonicTime> restart_at_;
   std::deque<Waiting> waiting_;
   std::deque<std::uint32_t> executed_ids_;
+  std::deque<std::uint32_t> history_;
 };
 
 }  // namespace srfs::sim

@@ -381,6 +381,15 @@ nlohmann::json Simulator::counters() const {
   return out;
 }
 
+nlohmann::json Simulator::executed() const {
+  nlohmann::json out;
+  for (std::size_t i = 0; i < peripherals_.size(); ++i) {
+    out["executed"][peripheral_names[i]] = {{"count", peripherals_[i]->counters().executed},
+                                            {"last", peripherals_[i]->history()}};
+  }
+  return out;
+}
+
 nlohmann::json Simulator::query(const std::string& what) const {
   if (what == "truth") {
     nlohmann::json truth = world_.truth();
@@ -388,7 +397,8 @@ nlohmann::json Simulator::query(const std::string& what) const {
     return truth;
   }
   if (what == "counters") return counters();
-  throw std::invalid_argument("'query': expected truth or counters");
+  if (what == "executed") return executed();
+  throw std::invalid_argument("'query': expected truth, counters or executed");
 }
 
 nlohmann::json Simulator::apply(const nlohmann::json& request, MonotonicTime now) {

@@ -56,6 +56,8 @@ class Simulator {
   void set_gpio_inputs(const nlohmann::json& bank);
   [[nodiscard]] nlohmann::json query(const std::string& what) const;
   [[nodiscard]] nlohmann::json counters() const;
+  /// Telecommands that the peripherals carried out: how many ever, and the last ids in order.
+  [[nodiscard]] nlohmann::json executed() const;
   [[nodiscard]] nlohmann::json apply(const nlohmann::json& request, MonotonicTime now);
 
   EventLoop& loop_;

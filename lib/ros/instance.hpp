@@ -30,6 +30,8 @@ struct VarPaths {
   [[nodiscard]] std::filesystem::path stopping_flag() const { return run() / "stopping"; }
   /// Environment variables of test tools that every node of the suite gets (environment_for_nodes).
   [[nodiscard]] std::filesystem::path environment_file() const { return run() / "environment"; }
+  /// Who may write to the CAN bus, kept by can_switcher for its successor.
+  [[nodiscard]] std::filesystem::path can_holder() const { return run() / "can_holder"; }
   [[nodiscard]] std::filesystem::path domain_file() const { return run() / "dds_domain"; }
 };
 

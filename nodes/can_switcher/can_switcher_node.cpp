@@ -35,6 +35,9 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
   declare_parameter("fence_wait_ms", std::int64_t{500}, ros::ParameterRange{10, 10000},
                     "Wait for the exit of a killed holder before it is killed again and reported", true);
   declare_parameter(
+      "recall_ms", std::int64_t{3000}, ros::ParameterRange{100, 60000},
+      "How long the holder that an earlier switcher left may take to answer before it is fenced", true);
+  declare_parameter(
       "rotation_order", std::vector<std::string>{},
       "Payloads in the order of their turns, without those left out; empty: the deployment's slots");
   declare_parameter(
@@ -83,7 +86,13 @@ CallbackReturn CanSwitcherNode::on_configure() {
     return CallbackReturn::failure;
   }
   if (!rotation_) {
-    rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now());
+    open_holder_record();
+    const auto inherited = inherited_grant();
+    if (inherited)
+      log::warn("{} was granted the bus by an earlier switcher and is asked to give it back",
+                inherited->payload);
+    rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now(), inherited);
+    rotation_->set_recall_time(milliseconds(get_parameter<std::int64_t>("recall_ms")));
     rotation_->suspend();
     failure_reported_.resize(count);
     slot_use_.resize(count);
@@ -93,8 +102,8 @@ CallbackReturn CanSwitcherNode::on_configure() {
     HolderFence::Hooks hooks;
     hooks.find = [this](const std::string& payload) -> std::optional<pid_t> {
       const auto instance = ros::find_instance(var(), payload);
-      const bool successor = instance && fenced_process_ && instance->incarnation > *fenced_process_;
-      return instance && !successor ? std::optional(instance->pid) : std::nullopt;
+      if (!instance || !is_holder(instance->incarnation, fenced_process_)) return std::nullopt;
+      return instance->pid;
     };
     hooks.watch = [this](int fd, std::function<void()> readable) {
       return watch_fd(
@@ -124,11 +133,39 @@ CallbackReturn CanSwitcherNode::on_configure() {
   return CallbackReturn::success;
 }
 
+void CanSwitcherNode::open_holder_record() {
+  auto record = HolderRecord::open(var().can_holder());
+  if (record) {
+    holder_record_ = std::move(*record);
+  } else {
+    log::error("{}; a switcher after this one will not know whom it granted", record.error());
+  }
+}
+
+std::optional<InheritedGrant> CanSwitcherNode::inherited_grant() {
+  const auto holder = holder_record_ ? holder_record_->read() : std::nullopt;
+  if (!holder || holder->slot >= deployment().slots.size()) return std::nullopt;
+  const std::string& payload = deployment().slots[holder->slot].payload;
+  const auto process = holder->process != 0 ? std::optional(holder->process) : std::nullopt;
+  const auto instance = ros::find_instance(var(), payload);
+  // One without a number has not come as far as to open the bus.
+  if (!instance || instance->incarnation == 0 || !is_holder(instance->incarnation, process))
+    return std::nullopt;
+  return InheritedGrant{payload, instance->incarnation};
+}
+
+void CanSwitcherNode::record_holder() {
+  if (!holder_record_) return;
+  const auto holder = rotation_->holder();
+  holder_record_->write(holder ? std::optional(HolderRecord::Holder{holder->slot, holder->process})
+                               : std::nullopt);
+}
+
 CallbackReturn CanSwitcherNode::on_activate() {
   rotation_->resume(monotonic_now());
   nanoseconds wait{0};
   for (const Slot& slot : rotation_->slots()) wait = std::max(wait, slot.lease());
-  if (!rotation_->current()) {
+  if (rotation_->counters().ticks == 0) {
     raise(mission::CanSwitcherWaitsOutLeaseEvent{.wait_ms =
                                                      static_cast<std::uint32_t>(wait / milliseconds(1))});
   }
@@ -177,10 +214,33 @@ void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTim
   on_deadline();
   const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle, received);
   if (const Grant* grant = std::get_if<Grant>(&decision)) {
-    publish_flag(*grant, received);
+    give(*grant, received);
     flag_latency_.add(monotonic_now() - received);
   }
+  if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall, received);
   arm_deadline();
+}
+
+void CanSwitcherNode::give(const Grant& grant, MonotonicTime received) {
+  // This process may have been stopped since the decision: the holder must not answer for that with its life.
+  if (monotonic_now() >= grant.granted + grant.allotted) {
+    rotation_->withdraw(grant.id);
+    return;
+  }
+  record_holder();
+  publish_flag(grant, received);
+}
+
+void CanSwitcherNode::publish_recall(const Recall& recall, MonotonicTime tick_received) {
+  srfs_msgs::msg::TaskFlags m;
+  m.cycle = time_.cycle();
+  m.switcher_incarnation = recall.id.incarnation;
+  m.grant_counter = recall.id.counter;
+  m.flags.assign(rotation_->slots().size(), false);
+  m.tick_received_ns = static_cast<std::uint64_t>(tick_received.ns());
+  m.published_ns = static_cast<std::uint64_t>(monotonic_now().ns());
+  m.lease_end_ns = m.published_ns;
+  flags_->publish(m);
 }
 
 void CanSwitcherNode::publish_flag(const Grant& grant, MonotonicTime tick_received) {
@@ -210,11 +270,12 @@ void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
                          .payload = status.payload,
                          .payload_incarnation = status.payload_incarnation,
                          .unused = status.frames_sent == 0};
-  const ReportVerdict verdict = rotation_->on_bus_status(report);
+  const ReportVerdict verdict = rotation_->on_bus_status(report, monotonic_now());
+  record_holder();
   if (verdict == ReportVerdict::applied && report.kind != Kind::taken) note_slot_use(status);
   if (verdict == ReportVerdict::applied && report.kind == Kind::failed) report_failed_slot(status);
   const Decision decision = is_active() ? rotation_->on_early_release(monotonic_now()) : Decision(Nothing{});
-  if (const Grant* grant = std::get_if<Grant>(&decision)) publish_flag(*grant, grant->granted);
+  if (const Grant* grant = std::get_if<Grant>(&decision)) give(*grant, grant->granted);
   arm_deadline();
 }
 
@@ -263,6 +324,7 @@ void CanSwitcherNode::on_deadline() {
   const Decision decision = rotation_->on_deadline(monotonic_now());
   if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
   if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f);
+  record_holder();
   arm_deadline();
 }
 
@@ -286,7 +348,11 @@ void CanSwitcherNode::fence(const Fence& f) {
   raise(mission::CanSwitcherHolderFencedEvent{.payload = f.payload, .grant = f.id.counter});
   fenced_process_ = f.process;
   fence_->fence(f.payload,
-                {.gone = [this, f] { rotation_->on_fenced(f.id, monotonic_now()); },
+                {.gone =
+                     [this, f] {
+                       rotation_->on_fenced(f.id, monotonic_now());
+                       record_holder();
+                     },
                  .unproven =
                      [this, f](const std::string& why) {
                        rotation_->on_fence_unproven();

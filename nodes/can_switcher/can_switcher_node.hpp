@@ -7,6 +7,7 @@
 #include "base/latency_histogram.hpp"
 #include "nodes/can_switcher/bus_listener.hpp"
 #include "nodes/can_switcher/holder_fence.hpp"
+#include "nodes/can_switcher/holder_record.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
@@ -32,7 +33,14 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void on_bus_status(const srfs_msgs::msg::BusStatus& status);
   void on_deadline();
   void arm_deadline();
+  void open_holder_record();
+  /// What the switcher before this one left; nothing when its holder's process is gone.
+  [[nodiscard]] std::optional<InheritedGrant> inherited_grant();
+  /// After each change of the rotation, and before a flag goes out.
+  void record_holder();
+  void give(const Grant& grant, MonotonicTime received);
   void publish_flag(const Grant& grant, MonotonicTime tick_received);
+  void publish_recall(const Recall& recall, MonotonicTime tick_received);
   void order_reset(const OrderReset& order);
   void fence(const Fence& fence);
   void report_failed_slot(const srfs_msgs::msg::BusStatus& status);
@@ -61,6 +69,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
 
   /// Lives as long as the process: its grant counter must never start again.
   std::optional<TaskFlagRotation> rotation_;
+  std::optional<HolderRecord> holder_record_;    ///< none: it could not be opened
   std::optional<std::uint32_t> fenced_process_;  ///< incarnation that is being fenced
   std::optional<HolderFence> fence_;
   ros::MissionTime time_;

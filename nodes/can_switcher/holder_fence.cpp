@@ -21,6 +21,12 @@ Fd open_pidfd(pid_t pid) {
 
 }  // namespace
 
+bool is_holder(std::uint32_t incarnation, const std::optional<std::uint32_t>& holder) {
+  if (!holder) return true;  // whoever it is
+  // A holder has made its number known long ago: who has none yet is a successor, too.
+  return incarnation != 0 && incarnation <= *holder;
+}
+
 int HolderFence::send_sigkill(int pidfd) {
   return ::syscall(SYS_pidfd_send_signal, pidfd, SIGKILL, nullptr, 0) == 0 ? 0 : errno;
 }

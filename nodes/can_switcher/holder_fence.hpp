@@ -2,6 +2,7 @@
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
@@ -11,6 +12,11 @@
 #include "ros/executor.hpp"
 
 namespace srfs {
+
+/// Whether the process that has a payload's instance lock now is the one that held the bus.
+/// @param incarnation  of that process; 0: it has not made it known yet
+/// @param holder       incarnation of the holder; nullopt: not known
+[[nodiscard]] bool is_holder(std::uint32_t incarnation, const std::optional<std::uint32_t>& holder);
 
 /// Ends a payload's process so surely that it can never write to the bus again, without blocking: SIGKILL by
 /// pidfd (a number that was reused meanwhile is never hit), then its exit is waited for. A process that

@@ -16,7 +16,8 @@ nanoseconds longest_lease(const std::vector<Slot>& slots) {
 
 }  // namespace
 
-TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now)
+TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
+                                   const std::optional<InheritedGrant>& inherited)
     : slots_(std::move(slots)),
       enabled_(slots_.size(), true),
       order_(slots_.size()),
@@ -27,6 +28,17 @@ TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarn
       not_before_(now + longest_lease(slots_)) {
   assert(!slots_.empty());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
+  const auto slot = inherited ? slot_of(inherited->payload) : std::nullopt;
+  if (!slot) return;
+  current_ = Grant{.id = {incarnation_, next_counter_++},
+                   .slot = *slot,
+                   .payload = inherited->payload,
+                   .cycle = 0,
+                   .granted = now,
+                   .lease_end = now,
+                   .allotted = nanoseconds(0)};
+  holder_process_ = inherited->process;
+  phase_ = Phase::recalling;
 }
 
 Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
@@ -39,6 +51,7 @@ Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, Monoto
   last_cycle_ = cycle;
   ++counters_.ticks;
 
+  if (phase_ == Phase::recalling) return suspended_ ? Decision(Nothing{}) : recall(now);
   if (phase_ != Phase::free) {
     ++counters_.blocked_ticks;
     return Blocked{current_->payload, now - current_->granted};
@@ -48,6 +61,12 @@ Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, Monoto
     return WaitingOut{not_before_};
   }
   return grant_next(now, cycle, received);
+}
+
+Recall TaskFlagRotation::recall(MonotonicTime now) {
+  ++counters_.waiting_ticks;
+  if (!std::exchange(recalled_, true)) current_->lease_end = now + recall_time_;
+  return {current_->id, current_->payload};
 }
 
 bool TaskFlagRotation::follows(MissionCycle cycle) {
@@ -154,14 +173,28 @@ std::optional<MonotonicTime> TaskFlagRotation::next_deadline() const {
     case Phase::granted:
     case Phase::reset_ordered:
       return current_->lease_end;
+    case Phase::recalling:
+      return recalled_ ? std::optional(current_->lease_end) : std::nullopt;
   }
   return std::nullopt;
+}
+
+std::optional<TaskFlagRotation::Holder> TaskFlagRotation::holder() const {
+  if (phase_ == Phase::free) return std::nullopt;
+  const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
+  return Holder{current_->slot, process.value_or(0)};
+}
+
+void TaskFlagRotation::withdraw(GrantId id) {
+  if (phase_ != Phase::granted || id != current_->id) return;
+  ++counters_.withdrawn;
+  free_bus();
 }
 
 Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
   const auto deadline = next_deadline();
   if (!deadline || now < *deadline) return Nothing{};
-  if (now >= current_->lease_end) return end_of_lease(now);
+  if (now >= current_->lease_end) return end_of_lease();
   // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
   assert(phase_ == Phase::taken);
   phase_ = Phase::reset_ordered;
@@ -169,7 +202,7 @@ Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
   return OrderReset{current_->id, current_->payload, now - current_->granted};
 }
 
-Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
+Decision TaskFlagRotation::end_of_lease() {
   SlotCounters& counters = slot_counters_[current_->slot];
   if (phase_ == Phase::granted) {
     ++counters.not_taken;
@@ -182,7 +215,6 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
   }
   phase_ = Phase::fencing;
   ++counters.fences;
-  not_before_ = now;
   return Fence{current_->id, current_->payload,
                holder_process_ ? holder_process_ : known_process_[current_->slot]};
 }
@@ -190,7 +222,7 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
 void TaskFlagRotation::on_fenced(GrantId id, MonotonicTime now) {
   if (phase_ != Phase::fencing || id != current_->id) return;
   known_process_[current_->slot].reset();
-  not_before_ = now + guard_time;
+  not_before_ = std::max(not_before_, now + guard_time);
   free_bus();
 }
 
@@ -201,7 +233,7 @@ ReportVerdict TaskFlagRotation::count(ReportVerdict verdict) {
   return verdict;
 }
 
-ReportVerdict TaskFlagRotation::on_bus_status(const BusReport& report) {
+ReportVerdict TaskFlagRotation::on_bus_status(const BusReport& report, MonotonicTime now) {
   const auto slot = slot_of(report.payload);
   if (!slot) return count(ReportVerdict::foreign);
   if (report.grant == GrantId{}) {
@@ -217,11 +249,27 @@ ReportVerdict TaskFlagRotation::on_bus_status(const BusReport& report) {
     return count(report.grant.incarnation < incarnation_ ? ReportVerdict::old_grant : ReportVerdict::foreign);
   }
   if (report.grant < current_->id) return count(ReportVerdict::old_grant);
+  if (phase_ == Phase::recalling && report.kind == BusReport::Kind::released &&
+      report.payload != current_->payload) {
+    known_process_[*slot] = report.payload_incarnation;  // everybody answers a recall
+    return ReportVerdict::greeting;
+  }
   if (report.payload != current_->payload) return count(ReportVerdict::foreign);
-  return count(on_current_report(report));
+  return count(on_current_report(report, now));
 }
 
-ReportVerdict TaskFlagRotation::on_current_report(const BusReport& report) {
+ReportVerdict TaskFlagRotation::on_recall_answer(const BusReport& report, MonotonicTime now) {
+  // A later process proves that the holder is gone.
+  if (report.kind != BusReport::Kind::released || report.payload_incarnation < *holder_process_)
+    return ReportVerdict::foreign;
+  known_process_[current_->slot] = report.payload_incarnation;
+  not_before_ = std::max(not_before_, now + guard_time);
+  free_bus();
+  return ReportVerdict::applied;
+}
+
+ReportVerdict TaskFlagRotation::on_current_report(const BusReport& report, MonotonicTime now) {
+  if (phase_ == Phase::recalling) return on_recall_answer(report, now);
   if (holder_process_ && *holder_process_ != report.payload_incarnation) return ReportVerdict::foreign;
   if (phase_ == Phase::free) return ReportVerdict::duplicate;
   if (phase_ == Phase::fencing) return ReportVerdict::old_grant;  // its lease is over; it is being killed

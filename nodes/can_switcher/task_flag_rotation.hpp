@@ -58,7 +58,22 @@ struct Fence {
   std::optional<std::uint32_t> process;  ///< incarnation of the holder where known: a later one is innocent
 };
 
-using Decision = std::variant<Nothing, Grant, Blocked, WaitingOut, OrderReset, Fence>;
+/// Publish a flag of nobody under this id: the payload gives up what an earlier switcher granted it, and says
+/// so with RELEASED of this id. Until then nobody is granted.
+struct Recall {
+  GrantId id;
+  std::string payload;
+};
+
+using Decision = std::variant<Nothing, Grant, Blocked, WaitingOut, OrderReset, Fence, Recall>;
+
+/// What an earlier switcher granted and did not see given back: it was killed meanwhile. Past its lease a
+/// holder refuses to write, but one that was stopped between that check and the write would still do it when
+/// it goes on.
+struct InheritedGrant {
+  std::string payload;
+  std::uint32_t process = 0;  ///< incarnation of the payload's process, which runs
+};
 
 /// What a payload says on /can/bus_status.
 struct BusReport {
@@ -87,19 +102,24 @@ class TaskFlagRotation {
   /// @param incarnation  of this switcher process, higher than any before it
   /// @param now          nothing is granted before now + the longest lease: an earlier switcher may have
   /// granted until now
-  TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now);
+  /// @param inherited  asked back first, from the first tick on; who does not answer in time is fenced
+  TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
+                   const std::optional<InheritedGrant>& inherited = {});
 
   /// @param received  when the tick arrived, before now if it had to wait
-  /// @return Grant, Blocked, WaitingOut, or Nothing (a cycle already seen, nobody enabled, suspended, a tick
-  /// from before resume())
+  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (a cycle already seen, nobody enabled, suspended,
+  /// a tick from before resume())
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
   /// time.
   [[nodiscard]] Decision on_deadline(MonotonicTime now);
-  ReportVerdict on_bus_status(const BusReport& report);
+  ReportVerdict on_bus_status(const BusReport& report, MonotonicTime now);
   /// The next grant where the last report left a slot unused and early hand-over is on, else Nothing: the
   /// rest of the round until the next tick, every payload at most once a tick. To call after each report.
   [[nodiscard]] Decision on_early_release(MonotonicTime now);
+  /// The flag of this grant was not published: this process came to it too late. Nobody can have taken the
+  /// bus.
+  void withdraw(GrantId id);
   /// The answer to Fence: the process is gone. Until then the bus stays blocked, however long that takes: a
   /// process that lives may write.
   void on_fenced(GrantId id, MonotonicTime now);
@@ -119,14 +139,26 @@ class TaskFlagRotation {
   /// @return false: not a list of different payloads of the plan, or an empty one; nothing was changed
   bool set_order(const std::vector<std::string>& payloads);
   /// Grants nothing until resume(); a running slot is finished or fenced as ever.
-  void suspend() { suspended_ = true; }
+  void suspend() {
+    suspended_ = true;
+    recalled_ = false;  // nobody is asked now, so nobody is late with an answer
+  }
   /// @param now  ticks received before grant nothing: their slot is partly over, its flag would come late
   void resume(MonotonicTime now) {
     suspended_ = false;
     resumed_ = now;
   }
 
+  /// How long a recalled payload may take to answer, from the first Recall on.
+  void set_recall_time(nanoseconds time) { recall_time_ = time; }
+
   [[nodiscard]] const std::optional<Grant>& current() const { return current_; }
+  /// Who may write now, as far as is known here; for a successor of this process.
+  struct Holder {
+    std::size_t slot = 0;
+    std::uint32_t process = 0;  ///< 0: not known
+  };
+  [[nodiscard]] std::optional<Holder> holder() const;
   [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
 
   struct SlotCounters {
@@ -150,16 +182,17 @@ class TaskFlagRotation {
     std::uint32_t foreign_reports = 0;
     std::uint32_t early_grants = 0;     ///< given on before the next tick
     std::uint32_t unproven_fences = 0;  ///< waits for the end of a fenced holder that ended without it
+    std::uint32_t withdrawn = 0;        ///< grants whose flag was not published
   };
   [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
   [[nodiscard]] const Counters& counters() const { return counters_; }
 
-  /// After a fence: frames the dead process had handed to the controller are gone by then (16 frames at 500
+  /// After a fence or a recall: frames that were handed to the controller are gone by then (16 frames at 500
   /// kbit/s).
   static constexpr nanoseconds guard_time = milliseconds(5);
 
  private:
-  enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing };
+  enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
 
   /// A tick of the timeline heard so far. A cycle far ahead or behind is doubted (a forged or misdelivered
   /// tick must not stop the rotation), and believed when the next one goes on from there (timing lost its
@@ -171,9 +204,11 @@ class TaskFlagRotation {
   /// Place in the order of who is next; nullopt: nobody is enabled.
   [[nodiscard]] std::optional<std::size_t> next_enabled() const;
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
-  ReportVerdict on_current_report(const BusReport& report);
+  ReportVerdict on_current_report(const BusReport& report, MonotonicTime now);
   ReportVerdict count(ReportVerdict verdict);
-  Decision end_of_lease(MonotonicTime now);
+  Decision end_of_lease();
+  Recall recall(MonotonicTime now);
+  ReportVerdict on_recall_answer(const BusReport& report, MonotonicTime now);
   void free_bus() { phase_ = Phase::free; }
 
   std::vector<Slot> slots_;
@@ -195,6 +230,8 @@ class TaskFlagRotation {
   std::optional<Grant> current_;  ///< the last grant, also after its release
   std::optional<std::uint32_t> holder_process_;
   MonotonicTime not_before_;
+  nanoseconds recall_time_ = seconds(3);
+  bool recalled_ = false;  ///< a Recall was given out: its time runs
   std::optional<MissionCycle> last_cycle_;
   std::optional<MissionCycle> doubted_cycle_;
   Counters counters_;

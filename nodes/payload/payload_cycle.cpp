@@ -94,12 +94,7 @@ PayloadActions PayloadCycle::on_flag(const PayloadFlag& flag, MonotonicTime now)
     if (last_status_ && last_status_->grant == flag.grant) act(*last_status_);
     return finish();
   }
-  newest_ = flag.grant;
-  if (step_ != Step::idle) {
-    ++counters_.lost_grants;
-    if (step_ != Step::draining) abandon_slot("a newer grant came", now);
-    release(now);
-  }
+  end_slot_of_another_grant(flag.grant, "a newer grant came", now);
   flag_ = flag;
   ++statistics_.slots_granted;
   statistics_.granted_total += flag.allotted_end - flag.granted;
@@ -159,14 +154,22 @@ void PayloadCycle::decline(PublishStatus::Kind kind, const std::string& detail, 
 }
 
 PayloadActions PayloadCycle::on_foreign_flag(GrantId grant, MonotonicTime now) {
-  if (grant <= newest_) return finish();
-  newest_ = grant;
-  if (step_ != Step::idle) {
-    ++counters_.lost_grants;
-    if (step_ != Step::draining) abandon_slot("another payload was granted", now);
-    release(now);
-  }
+  if (grant > newest_) end_slot_of_another_grant(grant, "another payload was granted", now);
   return finish();
+}
+
+PayloadActions PayloadCycle::on_recall(GrantId id, MonotonicTime now) {
+  if (id > newest_) end_slot_of_another_grant(id, "the bus was recalled", now);
+  if (id == newest_) act(PublishStatus{PublishStatus::Kind::released, id, nanoseconds(0), "recalled"});
+  return finish();
+}
+
+void PayloadCycle::end_slot_of_another_grant(GrantId grant, const std::string& why, MonotonicTime now) {
+  newest_ = grant;
+  if (step_ == Step::idle) return;
+  ++counters_.lost_grants;
+  if (step_ != Step::draining) abandon_slot(why, now);
+  release(now);
 }
 
 void PayloadCycle::begin_slot(MonotonicTime now) {
@@ -520,6 +523,7 @@ PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
 
 void PayloadCycle::start_power_cycle(const std::string& reason, nanoseconds off_time, bool by_command) {
   ++counters_.power_cycles;
+  if (!by_command) journal_.on_ids_lost();
   power_reason_ = reason;
   power_off_time_ = off_time;
   power_by_command_ = by_command;
@@ -537,8 +541,10 @@ void PayloadCycle::on_power_deadline() {
   act(SwitchPower{true});
 }
 
-PayloadActions PayloadCycle::on_power_switched(bool on, bool ok, MonotonicTime now) {
+PayloadActions PayloadCycle::on_power_switched(bool on, bool ok, MonotonicTime now, bool was_on) {
   if (on) {
+    // Off by a process that died before it could write down what that means.
+    if (!was_on && power_reason_.empty() && power_ == Power::switching_on) journal_.on_ids_lost();
     on_switched_on(ok, now);
   } else if (power_ == Power::switching_off) {
     on_switched_off(ok, now);

@@ -171,6 +171,9 @@ class PayloadCycle {
   PayloadActions on_flag(const PayloadFlag& flag, MonotonicTime now);
   /// Another payload's flag: ours is over, whatever we believe.
   PayloadActions on_foreign_flag(GrantId grant, MonotonicTime now);
+  /// A switcher asks for what an earlier one granted: a running slot ends, nothing is written until the next
+  /// own flag, and it is told so, each time it asks.
+  PayloadActions on_recall(GrantId id, MonotonicTime now);
   PayloadActions on_peripheral_reset(GrantId grant, const std::string& reason, MonotonicTime now);
   PayloadActions on_answer(const wire::PeripheralResponse& answer, MonotonicTime now);
   PayloadActions on_request_failed(RequestFailure why, const std::string& detail, MonotonicTime now);
@@ -181,7 +184,8 @@ class PayloadCycle {
   PayloadActions on_processed(MonotonicTime now);
   PayloadActions on_telecommand(StoredTelecommand telecommand, MonotonicTime now);
   PayloadActions on_journal_written(std::uint64_t revision, bool ok, MonotonicTime now);
-  PayloadActions on_power_switched(bool on, bool ok, MonotonicTime now);
+  /// @param was_on  before, where that could be read
+  PayloadActions on_power_switched(bool on, bool ok, MonotonicTime now, bool was_on = true);
   PayloadActions on_deadline(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
 
@@ -219,6 +223,7 @@ class PayloadCycle {
   };
   enum class Power : std::uint8_t { on, switching_off, off, switching_on };
 
+  void end_slot_of_another_grant(GrantId grant, const std::string& why, MonotonicTime now);
   template <class A>
   void act(A action) {
     actions_.emplace_back(std::move(action));

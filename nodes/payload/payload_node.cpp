@@ -99,6 +99,10 @@ void PayloadNode::declare_parameters() {
       "A slot earlier after the last measurement, without a telecommand, is given back unused; 0: never");
   declare_parameter("processing_time_ms", std::int64_t{0}, ros::ParameterRange{0, 60000},
                     "Artificial time added to the processing of a measurement, for experiments");
+  declare_parameter("sensor_inputs", std::vector<std::int64_t>{},
+                    "GPIO lines (8-11) of the on-board sensor inputs that this node reads and reports", true);
+  declare_parameter("sensor_input_period_ms", std::int64_t{500}, ros::ParameterRange{20, 60000},
+                    "How often they are read", true);
   on_parameter_change([this](const std::string&) {
     if (cycle_) cycle_->change_settings(settings());
   });
@@ -119,7 +123,7 @@ PayloadSettings PayloadNode::settings() const {
 // ---------------------------------------------------------------- lifecycle
 
 CallbackReturn PayloadNode::on_configure() {
-  if (!open_devices()) return CallbackReturn::failure;
+  if (!assign_inputs() || !open_devices()) return CallbackReturn::failure;
   restore();
   reported_ = Reported{monotonic_now(), bits_, nanoseconds(0), nanoseconds(0)};
   bus_offs_seen_ = 0;
@@ -130,6 +134,11 @@ CallbackReturn PayloadNode::on_configure() {
       milliseconds(200), [this] { flush_reports(); }, "reports");
   counter_timer_ = create_timer(
       counters_period, [this] { publish_counters(); }, "counters");
+  if (!input_lines_.empty()) {
+    input_timer_ = create_timer(
+        milliseconds(get_parameter<std::int64_t>("sensor_input_period_ms")), [this] { read_inputs(); },
+        "inputs");
+  }
   return CallbackReturn::success;
 }
 
@@ -225,6 +234,7 @@ void PayloadNode::close() {
   armed_.reset();
   report_timer_.reset();
   counter_timer_.reset();
+  input_timer_.reset();
   if (process_worker_) process_worker_->drain();
   if (store_worker_) store_worker_->drain();
   if (gpio_worker_) gpio_worker_->drain();
@@ -232,6 +242,7 @@ void PayloadNode::close() {
   store_worker_.reset();
   gpio_worker_.reset();
   journal_writing_ = false;
+  reading_inputs_ = false;
   telecommands_.reset();
   resets_.reset();
   flags_.reset();
@@ -300,6 +311,10 @@ void PayloadNode::on_flags(const srfs_msgs::msg::TaskFlags& flags, const ros::Me
     return;
   }
   const GrantId grant{flags.switcher_incarnation, flags.grant_counter};
+  if (flags.holder.empty()) {
+    run(cycle_->on_recall(grant, monotonic_now()));
+    return;
+  }
   if (flags.holder != name()) {
     run(cycle_->on_foreign_flag(grant, monotonic_now()));
     return;
@@ -548,7 +563,11 @@ void PayloadNode::publish_counters() {
   c.dds_malformed = as_u32(malformed_samples());
   c.events_suppressed = as_u32(suppressed_events());
   add_bus_statistics(c);
-  EncodedStructure structure = profile_->counters(time_.cycle(), c);
+  EncodedStructure structure = profile_->counters(time_.cycle(), c,
+                                                  {.sensor_levels = inputs_->levels(),
+                                                   .sensor_valid = inputs_->valid(),
+                                                   .sensor_changes = inputs_->changes(),
+                                                   .sensor_failures = inputs_->failures()});
   publish_structure(structure.id, std::move(structure.data), time_.cycle(), monotonic_now());
 }
 
@@ -581,6 +600,46 @@ void PayloadNode::add_bus_statistics(mission::PayloadCounters& c) {
   c.withdrawals = cycle_->counters().withdrawals;
   c.babble_cuts = cycle_->counters().babble_cuts;
   c.kept_off = cycle_->peripheral_kept_off();
+}
+
+bool PayloadNode::assign_inputs() {
+  input_lines_.clear();
+  unsigned assigned = 0;
+  for (const std::int64_t line : get_parameter<std::vector<std::int64_t>>("sensor_inputs")) {
+    constexpr int last = hw::gpio_first_input + hw::gpio_input_count - 1;
+    if (line < hw::gpio_first_input || line > last) {
+      set_failure_reason(fmt::format("parameter 'sensor_inputs': expected lines from {} to {}, found {}",
+                                     hw::gpio_first_input, last, line));
+      return false;
+    }
+    input_lines_.push_back(static_cast<std::uint8_t>(line));
+    assigned |= 1U << (line - hw::gpio_first_input);
+  }
+  inputs_.emplace(static_cast<std::uint8_t>(assigned));
+  return true;
+}
+
+/// Line by line: on the board a line has one owner, and the others of the bank are other nodes'.
+void PayloadNode::read_inputs() {
+  if (reading_inputs_) return;  // a question to the device takes at most 20 ms
+  auto reading = std::make_shared<SensorInputs::Reading>();
+  reading_inputs_ = gpio_worker_->post(
+      [this, reading] {
+        for (const std::uint8_t line : input_lines_) {
+          const auto level = gpio_->read_line(line);
+          if (!level) continue;
+          const unsigned bit = 1U << (line - hw::gpio_first_input);
+          reading->read = static_cast<std::uint8_t>(reading->read | bit);
+          if (*level) reading->levels = static_cast<std::uint8_t>(reading->levels | bit);
+        }
+      },
+      [this, reading] {
+        reading_inputs_ = false;
+        const auto change = inputs_->on_reading(*reading, monotonic_now());
+        if (!change) return;
+        log::info("on-board sensor inputs {:#04x} -> {:#04x}", change->before, change->after);
+        raise(mission::PayloadSensorInputsChangedEvent{.before = change->before, .after = change->after});
+      });
 }
 
 void PayloadNode::publish_processed(const Processed& processed, MissionCycle cycle, MonotonicTime measured) {
@@ -624,14 +683,21 @@ void PayloadNode::write_journal() {
 }
 
 void PayloadNode::carry_out(const SwitchPower& action) {
-  auto ok = std::make_shared<bool>(false);
+  struct Outcome {
+    bool ok = false;
+    bool was_on = true;
+  };
+  auto outcome = std::make_shared<Outcome>();
   const bool taken = gpio_worker_->post(
-      [this, on = action.on, ok] {
+      [this, on = action.on, outcome] {
+        outcome->was_on = gpio_->read_line(profile_->power_line()).value_or(true);
         const auto set = gpio_->set_line(profile_->power_line(), on);
         if (!set) log::warn("power switch of the peripheral: {}", hw::to_string(set.error()));
-        *ok = set.has_value();
+        outcome->ok = set.has_value();
       },
-      [this, on = action.on, ok] { run(cycle_->on_power_switched(on, *ok, monotonic_now())); });
+      [this, on = action.on, outcome] {
+        run(cycle_->on_power_switched(on, outcome->ok, monotonic_now(), outcome->was_on));
+      });
   if (!taken) run(cycle_->on_power_switched(action.on, false, monotonic_now()));
 }
 

@@ -11,6 +11,7 @@
 #include "nodes/payload/payload_cycle.hpp"
 #include "nodes/payload/payload_profile.hpp"
 #include "nodes/payload/peripheral_link.hpp"
+#include "nodes/payload/sensor_inputs.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
 
@@ -34,6 +35,8 @@ class PayloadNode : public ros::LifecycleNode {
  private:
   void declare_parameters();
   [[nodiscard]] PayloadSettings settings() const;
+  /// @return false: the parameter names a line that is no input
+  bool assign_inputs();
   bool open_devices();
   void open_topics();
   void restore();
@@ -76,6 +79,7 @@ class PayloadNode : public ros::LifecycleNode {
   void publish_counters();
   /// Load, slot use and the controller, since the packet before.
   void add_bus_statistics(mission::PayloadCounters& c);
+  void read_inputs();
   void publish_structure(std::uint16_t structure_id, Octets data, MissionCycle cycle, MonotonicTime at);
   void flush_reports();
   void say_goodbye();
@@ -128,6 +132,10 @@ class PayloadNode : public ros::LifecycleNode {
   BoundedQueue<srfs_msgs::msg::TelecommandReport> unheard_{64, Overflow::drop_oldest};
   ros::Timer report_timer_;
   ros::Timer counter_timer_;
+  std::vector<std::uint8_t> input_lines_;
+  std::optional<SensorInputs> inputs_;
+  bool reading_inputs_ = false;
+  ros::Timer input_timer_;
   std::uint32_t measurements_dropped_ = 0;
 };
 

@@ -29,12 +29,14 @@ struct EncodedStructure {
   std::uint16_t id = 0;
   Octets data;
 };
-/// The counters as the payload's own structure: its cycle and the group that all payloads share.
+/// The counters as the payload's own structure: its cycle and the groups that all payloads share.
 template <class Housekeeping>
-[[nodiscard]] EncodedStructure encode_counters(MissionCycle cycle, const mission::PayloadCounters& counters) {
+[[nodiscard]] EncodedStructure encode_counters(MissionCycle cycle, const mission::PayloadCounters& counters,
+                                               const mission::SensorInputs& inputs) {
   Housekeeping hk;
   hk.cycle = cycle;
   hk.counters = counters;
+  hk.inputs = inputs;
   return {Housekeeping::structure_id, hk.encoded()};
 }
 
@@ -56,7 +58,8 @@ class PayloadProfile {
   [[nodiscard]] virtual std::uint16_t structure_id() const = 0;
 
   [[nodiscard]] virtual EncodedStructure counters(MissionCycle cycle,
-                                                  const mission::PayloadCounters& counters) const = 0;
+                                                  const mission::PayloadCounters& counters,
+                                                  const mission::SensorInputs& inputs) const = 0;
 
   /// What a telecommand asks for, every argument checked against the dictionary. Any thread.
   [[nodiscard]] virtual Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,

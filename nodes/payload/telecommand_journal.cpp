@@ -11,20 +11,26 @@ namespace {
 constexpr std::uint32_t magic = 0x53544A31;  // "STJ1"
 [[maybe_unused]] constexpr std::size_t longest_arguments = 512;
 
-void encode_report(OctetWriter& out, const StageReport& report) {
+// Flags of an ended telecommand.
+constexpr std::uint8_t succeeded = 1;
+constexpr std::uint8_t reported = 2;
+
+void encode_report(OctetWriter& out, const StageReport& report, bool was_reported) {
   out.u64(report.id);
   out.u8(static_cast<std::uint8_t>(report.stage));
-  out.u8(report.success ? 1 : 0);
+  out.u8(static_cast<std::uint8_t>((report.success ? succeeded : 0) | (was_reported ? reported : 0)));
   out.u16(static_cast<std::uint16_t>(report.failure));
 }
 
-StageReport decode_report(OctetReader& in) {
+/// @return and whether it was reported
+std::pair<StageReport, bool> decode_report(OctetReader& in) {
   StageReport report;
   report.id = in.u64();
   report.stage = static_cast<TelecommandStage>(in.u8());
-  report.success = in.u8() != 0;
+  const std::uint8_t flags = in.u8();
+  report.success = (flags & succeeded) != 0;
   report.failure = static_cast<FailureCode>(in.u16());
-  return report;
+  return {report, (flags & reported) != 0};
 }
 
 bool expired(const StoredTelecommand& telecommand, MonotonicTime now) {
@@ -49,7 +55,7 @@ Octets TelecommandJournal::encode() const {
     out.bytes(p.telecommand.arguments);
   }
   out.u8(static_cast<std::uint8_t>(known_.size()));
-  for (const StageReport& report : known_) encode_report(out, report);
+  for (const StageReport& report : known_) encode_report(out, report, !waits_for_disk(report.id));
   out.u16(wire::crc16(out.view()));
   assert(out.ok());
   return out.take();
@@ -73,15 +79,23 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
     const OctetView arguments = in.bytes(in.u16());
     p.telecommand.arguments.assign(arguments.begin(), arguments.end());
     p.accepted = true;
+    p.restored = true;
     pending.push_back(std::move(p));
   }
   std::deque<StageReport> known;
-  for (std::size_t n = in.u8(); n > 0 && in.ok(); --n) known.push_back(decode_report(in));
+  std::vector<StageReport> unreported;
+  for (std::size_t n = in.u8(); n > 0 && in.ok(); --n) {
+    const auto [report, was_reported] = decode_report(in);
+    known.push_back(report);
+    if (!was_reported) unreported.push_back(report);
+  }
   if (!in.ok() || in.remaining() != 2 || pending.size() > capacity || known.size() > known_capacity) {
     return Err(JournalError::damaged);
   }
 
   known_ = std::move(known);
+  // The process may have ended between the record of an end and its report.
+  ready_ = std::move(unreported);
   pending_.clear();
   ++revision_;
   for (Pending& p : pending) {
@@ -106,9 +120,7 @@ bool TelecommandJournal::repeat_reports(std::uint64_t id) {
   }
   for (const StageReport& report : known_) {
     if (report.id != id) continue;
-    const bool waits =
-        std::any_of(waiting_.begin(), waiting_.end(), [id](const Waiting& w) { return w.report.id == id; });
-    if (!waits) {
+    if (!waits_for_disk(id)) {
       // Whoever asks again has missed the acceptance too.
       ready_.push_back({.id = id});
       ready_.push_back(report);
@@ -117,6 +129,10 @@ bool TelecommandJournal::repeat_reports(std::uint64_t id) {
     return true;
   }
   return false;
+}
+
+bool TelecommandJournal::waits_for_disk(std::uint64_t id) const {
+  return std::any_of(waiting_.begin(), waiting_.end(), [id](const Waiting& w) { return w.report.id == id; });
 }
 
 TelecommandJournal::Arrival TelecommandJournal::add(StoredTelecommand telecommand) {
@@ -187,6 +203,12 @@ bool TelecommandJournal::attempt_failed(FailureCode why) {
   if (front.attempts < attempts_allowed) return true;
   finish(why);
   return false;
+}
+
+void TelecommandJournal::on_ids_lost() {
+  if (pending_.empty() || pending_.front().telecommand.repeat != RepeatClass::by_id) return;
+  // Those behind the first have never been sent.
+  if (pending_.front().attempts > 0 || pending_.front().restored) finish(FailureCode::interrupted);
 }
 
 void TelecommandJournal::finish(FailureCode outcome) {

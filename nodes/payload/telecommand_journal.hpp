@@ -74,7 +74,7 @@ class TelecommandJournal {
 
   /// Takes over what an earlier process of this node left. Begun at-most-once commands end as interrupted;
   /// with another boot id all others end as expired, since their expiry can no longer be judged. Known ids
-  /// are kept in any case.
+  /// are kept in any case. Ends that may not have been reported are reported again.
   Result<void, JournalError> restore(OctetView content);
   [[nodiscard]] Octets encode() const;
 
@@ -100,6 +100,9 @@ class TelecommandJournal {
   /// most three);
   ///         else it ended with @p why (at-most-once: interrupted)
   bool attempt_failed(FailureCode why);
+  /// The peripheral lost the ids it knew (its power was cut): a by_id command that it may have executed is
+  /// not repeated, and ends as interrupted.
+  void on_ids_lost();
   /// The next one ended.
   void finish(FailureCode outcome);
 
@@ -133,6 +136,7 @@ class TelecommandJournal {
     StoredTelecommand telecommand;
     std::uint64_t stored_with = 0;   ///< revision that holds it
     bool accepted = false;           ///< that revision is on disk
+    bool restored = false;           ///< by an earlier process, which may have sent it
     bool started = false;            ///< at-most-once: recorded as begun
     std::uint64_t started_with = 0;  ///< revision that records it
     bool start_reported = false;
@@ -146,6 +150,8 @@ class TelecommandJournal {
   void end_front(const StageReport& report);
   void remember(const StageReport& report);
   void drop_unaccepted();
+  /// It ended, and its end is not on disk yet: not reported.
+  [[nodiscard]] bool waits_for_disk(std::uint64_t id) const;
 
   std::string boot_id_;
   std::deque<Pending> pending_;

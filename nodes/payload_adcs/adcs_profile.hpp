@@ -20,9 +20,9 @@ class AdcsProfile : public PayloadProfile {
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_adcs; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_adcs; }
 
-  [[nodiscard]] EncodedStructure counters(MissionCycle cycle,
-                                          const mission::PayloadCounters& counters) const override {
-    return encode_counters<mission::PayloadAdcsCountersHousekeeping>(cycle, counters);
+  [[nodiscard]] EncodedStructure counters(MissionCycle cycle, const mission::PayloadCounters& counters,
+                                          const mission::SensorInputs& inputs) const override {
+    return encode_counters<mission::PayloadAdcsCountersHousekeeping>(cycle, counters, inputs);
   }
 
   [[nodiscard]] Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,

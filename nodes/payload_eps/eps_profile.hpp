@@ -17,9 +17,9 @@ class EpsProfile : public PayloadProfile {
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_eps; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_eps; }
 
-  [[nodiscard]] EncodedStructure counters(MissionCycle cycle,
-                                          const mission::PayloadCounters& counters) const override {
-    return encode_counters<mission::PayloadEpsCountersHousekeeping>(cycle, counters);
+  [[nodiscard]] EncodedStructure counters(MissionCycle cycle, const mission::PayloadCounters& counters,
+                                          const mission::SensorInputs& inputs) const override {
+    return encode_counters<mission::PayloadEpsCountersHousekeeping>(cycle, counters, inputs);
   }
 
   [[nodiscard]] Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,

@@ -18,9 +18,9 @@ class ThermalProfile : public PayloadProfile {
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_thermal; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_thermal; }
 
-  [[nodiscard]] EncodedStructure counters(MissionCycle cycle,
-                                          const mission::PayloadCounters& counters) const override {
-    return encode_counters<mission::PayloadThermalCountersHousekeeping>(cycle, counters);
+  [[nodiscard]] EncodedStructure counters(MissionCycle cycle, const mission::PayloadCounters& counters,
+                                          const mission::SensorInputs& inputs) const override {
+    return encode_counters<mission::PayloadThermalCountersHousekeeping>(cycle, counters, inputs);
   }
 
   [[nodiscard]] Result<PayloadCommand, FailureCode> decode_command(std::uint16_t function,

@@ -45,8 +45,7 @@ class SwitchingTest(SystemTest):
         deployment = self.deployment(
             ("executable: can_switcher_node\n    scheduling: { policy: other, priority: 0, cpus: [] }",
              "executable: can_switcher_node\n    scheduling: { policy: other, priority: 0, cpus: [] }\n    parameters: { early_handover: true }"),
-            ("executable: payload_eps_node\n    scheduling: { policy: other, priority: 0, cpus: [] }",
-             "executable: payload_eps_node\n    scheduling: { policy: other, priority: 0, cpus: [] }\n    parameters: { measurement_period_ms: 60000 }"),
+            ("parameters: { sensor_inputs: [11] }", "parameters: { sensor_inputs: [11], measurement_period_ms: 60000 }"),
         )  # fmt: skip
         with self.flight(deployment) as flight:
             recorder = flight.recorder()

@@ -26,7 +26,7 @@ struct Rotation : ::testing::Test {
     return std::holds_alternative<Grant>(decision) ? std::get<Grant>(decision) : Grant{};
   }
   ReportVerdict report(BusReport::Kind kind, const Grant& grant, std::uint32_t process = 5) {
-    return rotation.on_bus_status({kind, grant.id, grant.payload, process});
+    return rotation.on_bus_status({kind, grant.id, grant.payload, process}, now);
   }
   ReportVerdict take(const Grant& grant) { return report(BusReport::Kind::taken, grant); }
   ReportVerdict release(const Grant& grant) { return report(BusReport::Kind::released, grant); }
@@ -106,7 +106,7 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
 
 TEST_F(TaskFlagRotationTest, FencesAPayloadThatSpokeBeforeButNeverTakesItsFlag) {
   Grant grant = must_grant();
-  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5});
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5}, now);
   now = grant.lease_end;
   EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now)));
 }
@@ -121,8 +121,8 @@ TEST_F(TaskFlagRotationTest, PassesOverAPayloadThatNeverSpokeWithoutKillingAnybo
 }
 
 TEST_F(TaskFlagRotationTest, DoesNotKillAPayloadThatSaidItLeaves) {
-  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5});
-  rotation.on_bus_status({BusReport::Kind::failed, {}, "adcs", 5});
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5}, now);
+  rotation.on_bus_status({BusReport::Kind::failed, {}, "adcs", 5}, now);
   const Grant grant = must_grant();
   now = grant.lease_end;
   EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));
@@ -150,13 +150,13 @@ TEST_F(TaskFlagRotationTest, IgnoresOldDuplicateAndForeignReports) {
   const Grant second = must_grant();
 
   EXPECT_EQ(release(first), ReportVerdict::old_grant);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "adcs", 5}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "adcs", 5}, now),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "intruder", 5}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, second.id, "intruder", 5}, now),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation, 77}, "eps", 5}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation, 77}, "eps", 5}, now),
             ReportVerdict::foreign);
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation - 1, 77}, "eps", 5}),
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {incarnation - 1, 77}, "eps", 5}, now),
             ReportVerdict::old_grant);
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
   EXPECT_EQ(rotation.counters().foreign_reports, 3U);
@@ -270,6 +270,114 @@ TEST_F(TaskFlagRotationTest, AChangeOfTheOrderLeavesTheRunningSlotAlone) {
   EXPECT_EQ(must_grant().payload, "thermal");
 }
 
+TEST_F(TaskFlagRotationTest, TakesBackAGrantWhoseFlagWasNotPublishedAndAccusesNobody) {
+  rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5}, now);
+  const Grant grant = must_grant();
+  now += milliseconds(500);  // stopped between the decision and its flag
+  rotation.withdraw(grant.id);
+
+  EXPECT_EQ(rotation.next_deadline(), std::nullopt);
+  EXPECT_EQ(must_grant().payload, "eps");
+  EXPECT_EQ(rotation.counters().withdrawn, 1U);
+  EXPECT_EQ(rotation.slot_counters(0).fences, 0U);
+}
+
+TEST_F(TaskFlagRotationTest, TakesBackNothingThatWasTaken) {
+  const Grant grant = must_grant();
+  take(grant);
+  rotation.withdraw(grant.id);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+}
+
+TEST_F(TaskFlagRotationTest, TellsItsSuccessorWhoMayWrite) {
+  EXPECT_FALSE(rotation.holder());
+  const Grant grant = must_grant();
+  ASSERT_TRUE(rotation.holder());
+  EXPECT_EQ(rotation.holder()->process, 0U) << "it has not spoken yet";
+  take(grant);
+  EXPECT_EQ(rotation.holder()->slot, 0U);
+  EXPECT_EQ(rotation.holder()->process, 5U);
+  release(grant);
+  EXPECT_FALSE(rotation.holder());
+}
+
+/// A switcher that starts after one that was killed while "eps" (process 5) had the bus.
+struct Successor : ::testing::Test {
+  TaskFlagRotation rotation{plan(), incarnation, boot, InheritedGrant{"eps", 5}};
+  MonotonicTime now = boot;
+  MissionCycle cycle = 0;
+
+  void SetUp() override { rotation.set_recall_time(milliseconds(500)); }
+  Decision tick(milliseconds later = milliseconds(100)) {
+    now += later;
+    return rotation.on_tick(now, ++cycle, now);
+  }
+  GrantId must_recall() {
+    const Decision decision = tick();
+    EXPECT_TRUE(std::holds_alternative<Recall>(decision)) << decision.index();
+    return std::holds_alternative<Recall>(decision) ? std::get<Recall>(decision).id : GrantId{};
+  }
+  ReportVerdict answer(GrantId id, const char* payload = "eps", std::uint32_t process = 5) {
+    return rotation.on_bus_status({BusReport::Kind::released, id, payload, process}, now);
+  }
+};
+
+TEST_F(Successor, GrantsNobodyUntilTheHolderItInheritedHasAnswered) {
+  const GrantId id = must_recall();
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(must_recall(), id);
+  EXPECT_EQ(answer(id, "adcs"), ReportVerdict::greeting) << "everybody answers; that of the holder counts";
+  EXPECT_EQ(answer({incarnation - 1, 77}), ReportVerdict::old_grant);
+  EXPECT_EQ(must_recall(), id);
+
+  EXPECT_EQ(answer(id), ReportVerdict::applied);
+  EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick(milliseconds(4))))
+      << "its last frames may be on their way";
+  const Decision decision = tick();
+  ASSERT_TRUE(std::holds_alternative<Grant>(decision));
+  EXPECT_GT(std::get<Grant>(decision).id, id);
+}
+
+TEST_F(Successor, WaitsOutTheLongestLeaseAllTheSame) {
+  const Decision first = tick(milliseconds(1));
+  ASSERT_TRUE(std::holds_alternative<Recall>(first));
+  answer(std::get<Recall>(first).id);
+  EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick()));
+  EXPECT_TRUE(std::holds_alternative<Grant>(tick()));
+}
+
+TEST_F(Successor, FencesTheHolderThatDoesNotAnswerInTime) {
+  EXPECT_EQ(rotation.next_deadline(), std::nullopt) << "nobody is late before he was asked";
+  const GrantId id = must_recall();
+  const MonotonicTime asked = now;
+  ASSERT_EQ(rotation.next_deadline(), asked + milliseconds(500));
+  must_recall();
+  now = asked + milliseconds(500);
+  const Decision decision = rotation.on_deadline(now);
+  ASSERT_TRUE(std::holds_alternative<Fence>(decision));
+  EXPECT_EQ(std::get<Fence>(decision).payload, "eps");
+  EXPECT_EQ(std::get<Fence>(decision).process, 5U);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+  rotation.on_fenced(id, now);
+  EXPECT_TRUE(std::holds_alternative<Grant>(tick()));
+}
+
+TEST_F(Successor, TakesTheAnswerOfALaterProcessOfTheHolderAndNoneOfAnEarlierOne) {
+  const GrantId id = must_recall();
+  EXPECT_EQ(answer(id, "eps", 4), ReportVerdict::foreign);
+  EXPECT_EQ(answer(id, "eps", 6), ReportVerdict::applied);
+}
+
+TEST_F(Successor, AccusesNobodyWhileItIsNotActive) {
+  must_recall();
+  rotation.suspend();
+  EXPECT_EQ(rotation.next_deadline(), std::nullopt);
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now + seconds(60))));
+  EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
+  rotation.resume(now);
+  must_recall();
+  EXPECT_EQ(rotation.next_deadline(), now + milliseconds(500));
+}
+
 struct EarlyHandover : Rotation {
   EarlyHandover() { rotation.set_early_handover(true); }
   Decision give_back(const Grant& grant) {
@@ -277,7 +385,8 @@ struct EarlyHandover : Rotation {
                                       .grant = grant.id,
                                       .payload = grant.payload,
                                       .payload_incarnation = 5,
-                                      .unused = true}),
+                                      .unused = true},
+                                     now),
               ReportVerdict::applied);
     return rotation.on_early_release(now);
   }

@@ -341,6 +341,62 @@ TEST_F(PayloadCycleTest, StopsWhenAnotherPayloadIsGranted) {
   EXPECT_EQ(cycle.counters().lost_grants, 1U);
 }
 
+TEST_F(PayloadCycleTest, EndsItsSlotWhenTheBusIsRecalledAndAnswersEachTime) {
+  grant();
+  PayloadActions actions = cycle.on_recall({2, 1}, now);
+  EXPECT_NE(find<CloseBus>(actions), nullptr);
+  EXPECT_EQ(count<PublishStatus>(actions), 2U) << "the end of its slot, and the answer";
+  const auto answered = [](const PayloadActions& a) {
+    const auto* status = a.empty() ? nullptr : std::get_if<PublishStatus>(&a.back());
+    return status != nullptr && status->kind == Kind::released && status->grant == GrantId{2, 1};
+  };
+  actions.erase(std::remove_if(actions.begin(), actions.end(),
+                               [](const auto& a) { return !std::holds_alternative<PublishStatus>(a); }),
+                actions.end());
+  EXPECT_TRUE(answered(actions));
+  EXPECT_FALSE(cycle.holds_bus());
+  EXPECT_TRUE(answered(cycle.on_recall({2, 1}, now))) << "the first answer may be lost";
+
+  EXPECT_TRUE(grant().empty()) << "what the earlier switcher granted is void";
+  cycle.on_foreign_flag({2, 2}, now);
+  EXPECT_TRUE(cycle.on_recall({2, 1}, now).empty()) << "an old question";
+}
+
+TEST_F(PayloadCycleTest, AnswersARecallWhileInactive) {
+  cycle.deactivate(now);
+  EXPECT_NE(find<PublishStatus>(cycle.on_recall({2, 1}, now)), nullptr);
+}
+
+TEST_F(PayloadCycleTest, DoesNotRepeatAByIdCommandThatItsPeripheralForgotWithItsPower) {
+  store(7);
+  grant();
+  wake();  // sends the command; its answer never comes
+  pass(milliseconds(10));
+  cycle.on_peripheral_reset(flag.grant, "overrun", now);
+  const PayloadActions actions = pass(milliseconds(10));  // nor does that to the reset: the power is cut
+  ASSERT_NE(find<SwitchPower>(actions), nullptr);
+
+  const PayloadActions reported = written();
+  ASSERT_NE(find<StageReport>(reported), nullptr);
+  EXPECT_EQ(find<StageReport>(reported)->failure, FailureCode::interrupted);
+  EXPECT_EQ(cycle.journal().pending(), 0U);
+}
+
+TEST(PayloadCycleStart, DoesNotRepeatAByIdCommandWhenThePowerWasOffAtTheStart) {
+  TelecommandJournal before("boot");
+  before.add({7, 1, RepeatClass::by_id, {}, {}});
+  before.add({8, 1, RepeatClass::by_id, {}, {}});
+  before.on_written(before.revision(), true);
+  for (const bool was_on : {true, false}) {
+    TelecommandJournal journal("boot");
+    ASSERT_TRUE(journal.restore(before.encode()));
+    PayloadCycle cycle(PayloadSettings{}, decode, std::move(journal));
+    cycle.activate(MonotonicTime(seconds(20)));
+    cycle.on_power_switched(true, true, MonotonicTime(seconds(20)), was_on);
+    EXPECT_EQ(cycle.journal().pending(), was_on ? 2U : 1U) << "only the first one can have been sent";
+  }
+}
+
 TEST_F(PayloadCycleTest, ResetsItsPeripheralWhenOrderedAndReleases) {
   grant();
   now += milliseconds(20);

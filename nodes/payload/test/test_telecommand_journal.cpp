@@ -145,6 +145,37 @@ TEST_F(TelecommandJournalTest, ContinuesAfterARestartAndEndsBegunAtMostOnceComma
   EXPECT_EQ(restarted.add(command(1)), TelecommandJournal::Arrival::known);
 }
 
+TEST_F(TelecommandJournalTest, ReportsAnEndAgainWhenTheProcessDiedBetweenItsRecordAndItsReport) {
+  for (const std::uint64_t id : {1U, 2U}) {
+    store(command(id));
+    journal.begin();
+    journal.finish(FailureCode::none);
+  }
+  const Octets on_disk = journal.encode();  // and nobody was told
+  TelecommandJournal restarted("boot-a");
+  ASSERT_TRUE(restarted.restore(on_disk).has_value());
+  // The first one's report went out when the second was stored.
+  EXPECT_THAT(restarted.take_reports(), ElementsAre(completed(2)));
+}
+
+TEST_F(TelecommandJournalTest, EndsOnlyAByIdCommandThatMayHaveBeenSentWhenItsPeripheralForgotTheIds) {
+  store(command(1, RepeatClass::by_id));
+  journal.on_ids_lost();
+  EXPECT_EQ(journal.pending(), 1U) << "not sent yet";
+  journal.begin();
+  journal.attempt_failed(FailureCode::peripheral_silent);
+  journal.on_ids_lost();
+  EXPECT_EQ(journal.pending(), 0U);
+  write();
+  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), failed(1, FailureCode::interrupted)));
+
+  store(command(2, RepeatClass::idempotent));
+  journal.begin();
+  journal.attempt_failed(FailureCode::peripheral_silent);
+  journal.on_ids_lost();
+  EXPECT_EQ(journal.pending(), 1U) << "may be done twice";
+}
+
 TEST_F(TelecommandJournalTest, ExpiresWhatWaitedAcrossAReboot) {
   store(command(2));
   TelecommandJournal rebooted("boot-b");

@@ -6,11 +6,13 @@
 
 #include <cerrno>
 #include <csignal>
+#include <filesystem>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "nodes/can_switcher/holder_fence.hpp"
+#include "nodes/can_switcher/holder_record.hpp"
 #include "tests/signal_child.hpp"
 
 namespace srfs {
@@ -141,6 +143,50 @@ TEST_F(HolderFenceTest, NeverKillsAStrangerThatGotTheNumber) {
   fence(holder_fence);
   EXPECT_EQ(gone_, 1);
   EXPECT_TRUE(stranger.lock_owner().has_value());
+}
+
+TEST(HolderIdentity, ASuccessorIsInnocentEvenBeforeItHasSaidItsNumber) {
+  EXPECT_TRUE(is_holder(7, 7));
+  EXPECT_TRUE(is_holder(6, 7));
+  EXPECT_FALSE(is_holder(8, 7));
+  EXPECT_FALSE(is_holder(0, 7));
+  EXPECT_TRUE(is_holder(7, std::nullopt));
+  EXPECT_TRUE(is_holder(0, std::nullopt));
+}
+
+class HolderRecordTest : public testing::Test {
+ protected:
+  void TearDown() override { std::filesystem::remove(file_); }
+  std::filesystem::path file_ =
+      std::filesystem::temp_directory_path() / ("srfs-holder-" + std::to_string(getpid()));
+};
+
+TEST_F(HolderRecordTest, OutlivesTheProcessThatWasKilled) {
+  const pid_t writer = fork();
+  if (writer == 0) {
+    auto record = HolderRecord::open(file_);
+    if (record) record->write(HolderRecord::Holder{2, 0xFFFFFFFF});
+    raise(SIGKILL);
+  }
+  int status = 0;
+  waitpid(writer, &status, 0);
+  ASSERT_TRUE(WIFSIGNALED(status));
+
+  auto record = HolderRecord::open(file_);
+  ASSERT_TRUE(record) << record.error();
+  EXPECT_EQ(record->read(), (HolderRecord::Holder{2, 0xFFFFFFFF}));
+  record->write(std::nullopt);
+  EXPECT_EQ(HolderRecord::open(file_)->read(), std::nullopt);
+}
+
+TEST_F(HolderRecordTest, ANewOneSaysThatTheBusIsFree) {
+  EXPECT_EQ(HolderRecord::open(file_)->read(), std::nullopt);
+}
+
+TEST_F(HolderRecordTest, SaysWhyItCannotBeOpened) {
+  const auto record = HolderRecord::open(file_ / "missing" / "file");
+  ASSERT_FALSE(record);
+  EXPECT_THAT(record.error(), HasSubstr("missing"));
 }
 
 }  // namespace

@@ -1,7 +1,11 @@
 #include "hw_sim/peripheral.hpp"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
+#include "hw/fake/fake_can_bus.hpp"
+#include "hw_sim/can_peripheral.hpp"
 #include "hw_sim/peripheral_applications.hpp"
 
 namespace srfs::sim {
@@ -213,6 +217,32 @@ TEST_F(ApplicationTest, TheThermalControllersLossOfPowerStopsTheHeaters) {
   EXPECT_GT(world.power().state().load_a[1], 0.25);
   thermal.set_power(false);
   EXPECT_EQ(world.power().state().load_a[1], 0);
+}
+
+TEST_F(PeripheralTest, AnswersANewRequestAtOnceThoughNobodyTookTheAnswerBefore) {
+  EventLoop loop;
+  auto bus = std::make_unique<hw::FakeCanBus>();
+  hw::FakeCanBus& wire = *bus;
+  CanPeripheral on_bus(loop, "eps", 0x12, std::move(bus), peripheral, now);
+  const auto request_and_answer = [&](std::uint8_t sequence) {
+    const Octets message = wire::encode(wire::PeripheralRequest{sequence, wire::WakeUpRequest{}});
+    hw::CanFrame frame{
+        .id = wire::normal_fixed_id({.target = 0x12, .source = 0x01}), .extended = true, .size = 8};
+    frame.data[0] = static_cast<std::uint8_t>(message.size());
+    std::copy(message.begin(), message.end(), frame.data.begin() + 1);
+    wire.deliver(frame);
+    on_bus.service(now);
+    now += milliseconds(2);
+    on_bus.service(now);
+    on_bus.service(now);
+  };
+  request_and_answer(5);
+  ASSERT_EQ(wire.sent.size(), 1U) << "the first frame of the answer; flow control never comes";
+  now += milliseconds(60);  // less than the peripheral waits for it
+  request_and_answer(6);
+  ASSERT_EQ(wire.sent.size(), 2U);
+  EXPECT_EQ(wire.sent[1].data[0] & 0xF0U, 0x10U);
+  EXPECT_EQ(wire.sent[1].data[3], 6) << "the answer to the second request";
 }
 
 }  // namespace

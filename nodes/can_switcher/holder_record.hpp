@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/result.hpp"
+
+namespace srfs {
+
+/// Who may write to the bus, for the switcher that starts after this one was killed: one word of a mapped
+/// file. What is stored there survives the process at any instant (not the computer: then the holder is gone
+/// too), costs a store and is never torn.
+class HolderRecord {
+ public:
+  struct Holder {
+    std::size_t slot = 0;       ///< index in the plan
+    std::uint32_t process = 0;  ///< incarnation of the payload's process; 0: not known
+    friend bool operator==(const Holder&, const Holder&) = default;
+  };
+
+  /// Creates the file when it is missing. Error: ready to print. Blocks as long as the file system does.
+  [[nodiscard]] static Result<HolderRecord, std::string> open(const std::filesystem::path& file);
+
+  /// Nothing: the bus is free.
+  void write(const std::optional<Holder>& holder);
+  [[nodiscard]] std::optional<Holder> read() const;
+
+ private:
+  struct Unmap {
+    void operator()(std::uint64_t* word) const;
+  };
+  explicit HolderRecord(std::uint64_t* word) : word_(word) {}
+  std::unique_ptr<std::uint64_t, Unmap> word_;
+};
+
+}  // namespace srfs

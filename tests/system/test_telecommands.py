@@ -1,0 +1,127 @@
+"""Telecommands that wait while their payload is killed, or for too long; and what a payload node must leave alone when it starts again."""
+
+import os
+import signal
+
+import unittest
+
+from support import DEADLINE_S, SystemTest, slots, wait_for_slots, wait_until
+
+ACCEPTED, STARTED, COMPLETED = 1, 3, 7
+EXPIRED = 20
+
+
+def reports(recorder, number=None, since=0):
+    return recorder.select(lambda m: m["type"] == "report" and number in (None, m["id"]), since)
+
+
+class WaitingTelecommandsTest(SystemTest):
+    """The switcher is inactive while they arrive: nobody has a slot to execute anything in."""
+
+    def switcher(self, flight, transition):
+        result = flight.srfs("lifecycle", "can_switcher", transition)
+        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+
+    def executed(self, flight, payload):
+        return flight.control({"query": "executed"})["executed"][payload]["last"]
+
+    def send(self, ground, recorder, text):
+        """Sends a telecommand and waits until its payload has accepted it; returns its line and id."""
+        since = recorder.position()
+        line = ground.send(f"tc {text}")
+        accepted = recorder.wait_for(lambda m: m["type"] == "report" and m["stage"] == ACCEPTED, DEADLINE_S, since)
+        self.assertTrue(accepted and accepted["success"], accepted)
+        return line, accepted["id"]
+
+    def kill(self, flight, node):
+        pid = flight.node_pid(node)
+        os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: flight.node_pid(node) is None, DEADLINE_S, f"{node} is gone")
+        up = flight.srfs("up", "--deadline", str(DEADLINE_S), timeout_s=2 * DEADLINE_S)
+        self.assertEqual(up.returncode, 0, up.stdout + up.stderr)
+        self.assertNotIn(flight.node_pid(node), (None, pid))
+
+    def test_what_was_accepted_before_a_kill_is_executed_once_in_order_after_the_restart(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            wait_for_slots(recorder, "payload_eps", "released", 2, 0)
+            self.switcher(flight, "deactivate")
+            sent = [self.send(ground, recorder, text) for text in (
+                "eps.set_charge_limit limit=0.8", "eps.switch_load load=2 state=on", "eps.reset_peripheral", "eps.set_charge_limit limit=0.9")]  # fmt: skip
+            self.assertEqual(self.executed(flight, "eps"), [])
+            resets = flight.control({"query": "counters"})["peripherals"]["eps"]["resets"]
+
+            self.kill(flight, "payload_eps")
+            self.assertEqual(self.executed(flight, "eps"), [], "nothing without a slot")
+            self.switcher(flight, "activate")
+            for line, _ in sent:
+                outcome = ground.outcome(line, DEADLINE_S)
+                self.assertEqual(outcome and outcome.get("stage"), "completed", outcome)
+
+            by_id = [number & 0xFFFFFFFF for k, (_, number) in enumerate(sent) if k != 2]
+            self.assertEqual(self.executed(flight, "eps"), by_id, "each once, in the order in which they came")
+            wait_until(lambda: flight.control({"query": "counters"})["peripherals"]["eps"]["resets"] == resets + 1, DEADLINE_S, "one reset")
+
+    def test_an_expired_telecommand_is_reported_as_such_and_not_executed(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            wait_for_slots(recorder, "payload_eps", "released", 2, 0)
+            self.switcher(flight, "deactivate")
+            _, first = self.send(ground, recorder, "eps.switch_load load=2 state=on")
+            _, slow = self.send(ground, recorder, "eps.reset_peripheral")  # its timeout is longer
+            # 10 s, the dictionary's default. ttc's clock is the payload's: it takes the command for lost no earlier than it expires.
+            expired_at = recorder.wait_for(lambda m: m["type"] == "tick" and m["at_ns"] > reports(recorder, first)[0]["at_ns"] + 10_500_000_000,
+                                           DEADLINE_S + 15)  # fmt: skip
+            self.assertIsNotNone(expired_at)
+            self.switcher(flight, "activate")
+
+            end = recorder.wait_for(lambda m: m["type"] == "report" and m["id"] == first and not m["success"], DEADLINE_S)
+            self.assertEqual((end["stage"], end["failure_code"]), (STARTED, EXPIRED))
+            self.assertIsNotNone(recorder.wait_for(lambda m: m["type"] == "report" and m["id"] == slow and m["stage"] == COMPLETED, DEADLINE_S))
+            self.assertEqual(self.executed(flight, "eps"), [])
+
+
+class PayloadRestartTest(SystemTest):
+    def test_a_restart_of_the_node_does_not_touch_the_power_of_its_peripheral(self):
+        with self.flight() as flight:
+            recorder = flight.recorder()
+            wait_for_slots(recorder, "payload_eps", "released", 2, 0)
+            before = flight.control({"query": "counters"})["peripherals"]["eps"]
+            os.kill(flight.node_pid("payload_eps"), signal.SIGKILL)
+            wait_until(lambda: flight.node_pid("payload_eps") is None, DEADLINE_S, "payload_eps is gone")
+            self.assertTrue(flight.control({"query": "counters"})["peripherals"]["eps"]["powered"], "a dead node leaves the switch as it is")
+            self.assertEqual(flight.srfs("up", timeout_s=60).returncode, 0)
+            since = recorder.position()
+            wait_for_slots(recorder, "payload_eps", "released", 3, since)
+
+            after = flight.control({"query": "counters"})["peripherals"]["eps"]
+            self.assertEqual((after["powered"], after["power_cycles"], after["resets"]), (True, before["power_cycles"], before["resets"]))
+            self.assertEqual(slots(recorder, "payload_adcs", "failed"), [])
+
+
+class SensorInputsTest(SystemTest):
+    def test_every_input_is_reported_by_the_payload_it_belongs_to(self):
+        with self.flight() as flight:
+            flight.control({"gpio": {"inputs": 0}})
+            ground = flight.ground()
+
+            def inputs(payload, expected):
+                def matches(fields):
+                    return int(str(fields["sensor_levels"]), 0) == expected
+                return ground.housekeeping(f"{payload}_counters", DEADLINE_S, matches=matches)
+
+            self.assertIsNotNone(inputs("payload_adcs", 0))
+            for bank, payload, valid in ((0b0010, "payload_adcs", 0b0011), (0b0100, "payload_thermal", 0b0100), (0b1000, "payload_eps", 0b1000)):
+                with self.subTest(payload):
+                    since = ground.position()
+                    flight.control({"gpio": {"inputs": bank}})
+                    packet = inputs(payload, bank)
+                    self.assertIsNotNone(packet)
+                    self.assertEqual(int(str(packet["fields"]["sensor_valid"]), 0), valid)
+                    event = ground.wait_for(lambda m: m["type"] == "event" and m["source"] == payload and "sensor inputs" in m.get("text", ""),
+                                            DEADLINE_S, since)  # fmt: skip
+                    self.assertIsNotNone(event)
+
+
+if __name__ == "__main__":
+    unittest.main()
