@@ -322,7 +322,7 @@ def draw(folder, found):
         axis.set_title(title, fontsize=10)
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("share of the faults")
-    axes[0].legend(fontsize=8, loc="lower right")
+    axes[0].legend(fontsize=8, loc="upper left")
     figure.suptitle("Fencing campaign: recovery after processes were stopped and killed")
     figure.tight_layout()
     for kind in ("svg", "png"):
