@@ -74,6 +74,7 @@ IsoTpChannel::IsoTpChannel(IsoTpAddress outgoing, IsoTpSettings settings)
       transmit_id_(normal_fixed_id(outgoing)),
       receive_id_(normal_fixed_id({.target = outgoing.source, .source = outgoing.target})) {
   assert(settings_.receive_queue >= 1 && settings_.receive_queue <= 4);
+  assert(settings_.frames_ahead >= 1 && settings_.frames_ahead <= isotp_most_ahead);
   assert(settings_.separation >= microseconds(0) && settings_.separation <= milliseconds(127));
   outgoing_.octets.resize(isotp_max_message);
   messages_.resize(settings_.receive_queue + 1);  // one more: the message that is being received
@@ -88,18 +89,19 @@ void IsoTpChannel::advance(MonotonicTime now) {
 }
 
 void IsoTpChannel::expire() {
-  if (in_flight_ != InFlight::none && !settings_.await_confirmation && !hand_out_again_) frame_left();
+  if (!settings_.await_confirmation && !hand_out_again_) {
+    while (in_flight_ > 0) frame_left(0);
+  }
 
-  if (in_flight_ != InFlight::none && now_ >= confirm_deadline_) {
+  while (in_flight_ > 0 && now_ >= flying_[0].confirm_deadline) {
     ++counters_.timeouts_as;
-    const InFlight what = in_flight_;
-    in_flight_ = InFlight::none;
-    hand_out_again_.reset();
-    if (what == InFlight::message_frame) {
+    if (flying_[0].kind == FrameKind::message_frame) {
+      forget_message_frames();
       finish_send(Err(IsoTpError::timeout_as));
-    } else if (receive_state_ == ReceiveState::clear_to_send_flies ||
-               receive_state_ == ReceiveState::wait_flies) {
-      fail_reception(IsoTpError::timeout_as);
+    } else {
+      drop_flying(0);
+      if (receive_state_ == ReceiveState::clear_to_send_flies || receive_state_ == ReceiveState::wait_flies)
+        fail_reception(IsoTpError::timeout_as);
     }
   }
 
@@ -119,13 +121,15 @@ std::optional<MonotonicTime> IsoTpChannel::next_deadline() const {
   const auto consider = [&earliest](MonotonicTime t) {
     if (!earliest || t < *earliest) earliest = t;
   };
-  if (in_flight_ != InFlight::none) {
-    consider(confirm_deadline_);
-    if (hand_out_again_) consider(*hand_out_again_);
+  if (in_flight_ > 0) {
+    consider(flying_[0].confirm_deadline);
     if (!settings_.await_confirmation && !hand_out_again_) consider(now_);
+  }
+  if (hand_out_again_) {
+    consider(*hand_out_again_);
   } else {
-    if (flow_status_) consider(now_);
-    if (send_state_ == SendState::first || send_state_ == SendState::consecutive) consider(next_frame_at_);
+    if (flow_status_ && flying(FrameKind::flow_control) == 0) consider(now_);
+    if (room_for_message_frame()) consider(next_frame_at_);
   }
   if (send_state_ == SendState::await_flow_control) consider(flow_control_deadline_);
   if (receive_state_ == ReceiveState::await_consecutive || receive_state_ == ReceiveState::await_room) {
@@ -156,12 +160,15 @@ std::optional<Result<void, IsoTpError>> IsoTpChannel::take_send_result() {
 
 void IsoTpChannel::finish_send(Result<void, IsoTpError> result) {
   send_state_ = SendState::idle;
+  last_handed_out_ = false;
   if (result) ++counters_.messages_sent;
   send_result_ = result;
 }
 
-bool IsoTpChannel::message_frame_due() const {
-  return (send_state_ == SendState::first || send_state_ == SendState::consecutive) && now_ >= next_frame_at_;
+bool IsoTpChannel::room_for_message_frame() const {
+  if (send_state_ != SendState::first && send_state_ != SendState::consecutive) return false;
+  const std::size_t most = peer_separation_ == microseconds(0) ? settings_.frames_ahead : 1;
+  return !last_handed_out_ && flying(FrameKind::message_frame) < most;
 }
 
 IsoTpFrame IsoTpChannel::padded() const {
@@ -191,52 +198,72 @@ IsoTpFrame IsoTpChannel::next_message_frame() {
   std::copy_n(outgoing_.octets.begin() + static_cast<std::ptrdiff_t>(sent_), n,
               frame.data.begin() + static_cast<std::ptrdiff_t>(header));
   sent_ += n;
+  const bool ends_block = send_state_ == SendState::consecutive && !block_unlimited_ && --block_left_ == 0;
+  last_handed_out_ = send_state_ == SendState::first || ends_block || sent_ == outgoing_.size;
   return frame;
 }
 
 void IsoTpChannel::message_frame_left() {
-  if (send_state_ == SendState::idle) return;
-  if (sent_ == outgoing_.size) {
+  if (flying(FrameKind::message_frame) > 0) return;
+  if (!last_handed_out_) {
+    next_frame_at_ = now_ + peer_separation_;
+  } else if (sent_ == outgoing_.size) {
     finish_send({});
-    return;
-  }
-  const bool block_done = send_state_ == SendState::consecutive && !block_unlimited_ && --block_left_ == 0;
-  if (send_state_ == SendState::first || block_done) {
+  } else {
+    last_handed_out_ = false;
     send_state_ = SendState::await_flow_control;
     waits_received_ = 0;
     flow_control_deadline_ = now_ + settings_.n_bs;
-  } else {
-    next_frame_at_ = now_ + peer_separation_;
   }
 }
 
 // --- frames out
 
+std::size_t IsoTpChannel::flying(FrameKind kind) const {
+  const auto end = flying_.begin() + static_cast<std::ptrdiff_t>(in_flight_);
+  return static_cast<std::size_t>(
+      std::count_if(flying_.begin(), end, [kind](const Flying& f) { return f.kind == kind; }));
+}
+
+void IsoTpChannel::drop_flying(std::size_t index) {
+  assert(index < in_flight_);
+  if (index + 1 == in_flight_) hand_out_again_.reset();
+  const auto at = flying_.begin() + static_cast<std::ptrdiff_t>(index);
+  std::move(at + 1, flying_.begin() + static_cast<std::ptrdiff_t>(in_flight_), at);
+  --in_flight_;
+}
+
+void IsoTpChannel::forget_message_frames() {
+  for (std::size_t i = in_flight_; i-- > 0;) {
+    if (flying_[i].kind == FrameKind::message_frame) drop_flying(i);
+  }
+}
+
+IsoTpFrame IsoTpChannel::hand_out(const IsoTpFrame& frame, FrameKind kind) {
+  assert(in_flight_ < flying_.size());
+  flying_[in_flight_++] = {.frame = frame, .kind = kind, .confirm_deadline = now_ + settings_.n_as};
+  ++counters_.frames_sent;
+  return frame;
+}
+
 std::optional<IsoTpFrame> IsoTpChannel::poll(MonotonicTime now) {
   advance(now);
-  if (in_flight_ != InFlight::none) {
-    if (!hand_out_again_ || now_ < *hand_out_again_) return std::nullopt;
+  if (hand_out_again_) {
+    if (now < *hand_out_again_) return std::nullopt;
     hand_out_again_.reset();
     ++counters_.frames_sent;
-    return flying_;
+    return flying_[in_flight_ - 1].frame;
   }
-  if (flow_status_) {
-    flying_ = next_flow_control_frame();
-    in_flight_ = InFlight::flow_control;
-  } else if (message_frame_due()) {
-    flying_ = next_message_frame();
-    in_flight_ = InFlight::message_frame;
-  } else {
-    return std::nullopt;
-  }
-  confirm_deadline_ = now_ + settings_.n_as;
-  ++counters_.frames_sent;
-  return flying_;
+  if (flow_status_ && flying(FrameKind::flow_control) == 0)
+    return hand_out(next_flow_control_frame(), FrameKind::flow_control);
+  if (room_for_message_frame() && now_ >= next_frame_at_)
+    return hand_out(next_message_frame(), FrameKind::message_frame);
+  return std::nullopt;
 }
 
 void IsoTpChannel::on_transmit_refused(MonotonicTime now) {
   now_ = std::max(now_, now);
-  if (in_flight_ == InFlight::none || hand_out_again_) return;
+  if (in_flight_ == 0 || hand_out_again_) return;
   --counters_.frames_sent;
   hand_out_again_ = now_ + refused_retry;
   expire();
@@ -245,17 +272,21 @@ void IsoTpChannel::on_transmit_refused(MonotonicTime now) {
 void IsoTpChannel::on_transmit_confirm(const IsoTpFrame& frame, MonotonicTime now) {
   if (frame.id != transmit_id_) return;
   advance(now);
-  if (in_flight_ == InFlight::none || hand_out_again_ || frame != flying_) {
-    ++counters_.stray_confirmations;
+  const std::size_t handed_out = in_flight_ - (hand_out_again_ ? 1 : 0);
+  for (std::size_t i = 0; i < handed_out; ++i) {
+    if (flying_[i].frame != frame) continue;
+    if (hand_out_again_) hand_out_again_ = now_;  // the driver has room again
+    frame_left(i);
     return;
   }
-  frame_left();
+  ++counters_.stray_confirmations;
 }
 
-void IsoTpChannel::frame_left() {
-  const InFlight what = std::exchange(in_flight_, InFlight::none);
-  if (what == InFlight::message_frame) message_frame_left();
-  if (what == InFlight::flow_control) flow_control_left();
+void IsoTpChannel::frame_left(std::size_t index) {
+  const FrameKind kind = flying_[index].kind;
+  drop_flying(index);
+  if (kind == FrameKind::message_frame) message_frame_left();
+  if (kind == FrameKind::flow_control) flow_control_left();
 }
 
 // --- receiving
@@ -428,10 +459,10 @@ void IsoTpChannel::complete_reception() {
   ++counters_.messages_received;
 }
 
-bool IsoTpChannel::waits_for_flow_control_after(InFlight frame) const {
-  if (frame != InFlight::message_frame || hand_out_again_ || sent_ == outgoing_.size) return false;
-  return send_state_ == SendState::first ||
-         (send_state_ == SendState::consecutive && !block_unlimited_ && block_left_ == 1);
+// All that the peer waits for to answer by flow control is in the hands of the driver.
+bool IsoTpChannel::may_be_answered() const {
+  if (!last_handed_out_ || sent_ == outgoing_.size) return false;
+  return !hand_out_again_ || flying_[in_flight_ - 1].kind != FrameKind::message_frame;
 }
 
 void IsoTpChannel::on_flow_control(OctetView frame) {
@@ -440,7 +471,10 @@ void IsoTpChannel::on_flow_control(OctetView frame) {
     return;
   }
   // The peer may answer the first frame or the end of a block before we are told that it has left.
-  if (waits_for_flow_control_after(in_flight_)) frame_left();
+  if (may_be_answered()) {
+    forget_message_frames();
+    message_frame_left();
+  }
   if (send_state_ != SendState::await_flow_control) {
     ++counters_.ignored_pdus;
     return;
@@ -497,7 +531,7 @@ void IsoTpChannel::abort() {
     ++counters_.aborts;
     fail_reception(IsoTpError::aborted);
   }
-  in_flight_ = InFlight::none;
+  in_flight_ = 0;
   hand_out_again_.reset();
   flow_status_.reset();
 }

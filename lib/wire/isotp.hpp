@@ -15,6 +15,9 @@ namespace srfs::wire {
 /// Longest message of ISO 15765-2 with a 12-bit length, octets.
 inline constexpr std::size_t isotp_max_message = 4095;
 
+/// Bound of IsoTpSettings::frames_ahead: below 16, so that no two consecutive frames in flight look the same.
+inline constexpr std::size_t isotp_most_ahead = 15;
+
 /// The two ends of a 29-bit normal fixed identifier (ISO 15765-2:2016, 10.3.3.2, physical addressing).
 struct IsoTpAddress {
   std::uint8_t target = 0;  ///< who shall receive
@@ -61,9 +64,13 @@ struct IsoTpSettings {
   milliseconds wait_interval{20};          ///< between those (N_Br); shorter than the peer's N_Bs
   std::uint8_t padding = 0xCC;
   std::size_t receive_queue = 2;  ///< complete messages kept until taken, 1-4
-  /// true: the next frame is handed out only after on_transmit_confirm() of the one before. false: a frame
-  /// counts as sent when poll() returns it (buses without echo).
+  /// true: a frame has left when on_transmit_confirm() says so. false: a frame counts as sent when poll()
+  /// returns it (buses without echo).
   bool await_confirmation = true;
+  /// Frames of a message handed out and not yet confirmed, 1-isotp_most_ahead. They bridge the time from an
+  /// echo to the next frame, so that the bus need not wait for this process; each has its own N_As. Where the
+  /// peer asks for a separation time it counts from the end of a frame: then it is one.
+  std::size_t frames_ahead = 8;
 };
 
 enum class IsoTpError : std::uint8_t {
@@ -128,8 +135,8 @@ class IsoTpChannel {
   void on_frame(const IsoTpFrame& frame, MonotonicTime now);
   /// The echo of an own frame: it has left on the bus.
   void on_transmit_confirm(const IsoTpFrame& frame, MonotonicTime now);
-  /// The driver refused the frame that poll() gave last (queue full): poll() gives it again 1 ms later,
-  /// within N_As.
+  /// The driver refused the frame that poll() gave last (queue full): poll() gives it again 1 ms later or
+  /// after the next confirmation, within N_As, and none before it.
   void on_transmit_refused(MonotonicTime now);
   /// Runs the time-outs, then gives the next frame to put on the bus, if one is due. Flow control goes first.
   [[nodiscard]] std::optional<IsoTpFrame> poll(MonotonicTime now);
@@ -162,7 +169,12 @@ class IsoTpChannel {
     await_room,
     await_consecutive,
   };
-  enum class InFlight : std::uint8_t { none, message_frame, flow_control };
+  enum class FrameKind : std::uint8_t { message_frame, flow_control };
+  struct Flying {
+    IsoTpFrame frame;
+    FrameKind kind = FrameKind::message_frame;
+    MonotonicTime confirm_deadline;
+  };
   struct Message {
     std::size_t size = 0;
     std::vector<std::uint8_t> octets;  // isotp_max_message long from the start
@@ -179,9 +191,13 @@ class IsoTpChannel {
   void fail_reception(IsoTpError error);
   void message_frame_left();
   void flow_control_left();
-  [[nodiscard]] bool waits_for_flow_control_after(InFlight frame) const;
-  void frame_left();
-  [[nodiscard]] bool message_frame_due() const;
+  void frame_left(std::size_t index);
+  [[nodiscard]] bool may_be_answered() const;
+  [[nodiscard]] std::size_t flying(FrameKind kind) const;
+  void forget_message_frames();
+  void drop_flying(std::size_t index);
+  IsoTpFrame hand_out(const IsoTpFrame& frame, FrameKind kind);
+  [[nodiscard]] bool room_for_message_frame() const;
   [[nodiscard]] IsoTpFrame next_message_frame();
   [[nodiscard]] IsoTpFrame next_flow_control_frame();
   [[nodiscard]] IsoTpFrame padded() const;
@@ -195,16 +211,17 @@ class IsoTpChannel {
   MonotonicTime now_;
   IsoTpCounters counters_;
 
-  InFlight in_flight_ = InFlight::none;
-  IsoTpFrame flying_;
-  std::optional<MonotonicTime> hand_out_again_;  // flying_ was refused by the driver
-  MonotonicTime confirm_deadline_;
+  // Handed out and not confirmed, oldest first: frames_ahead of the message, one flow control.
+  std::array<Flying, isotp_most_ahead + 1> flying_;
+  std::size_t in_flight_ = 0;
+  std::optional<MonotonicTime> hand_out_again_;  // the newest was refused by the driver
 
   SendState send_state_ = SendState::idle;
   Message outgoing_;
   std::size_t sent_ = 0;
   std::uint8_t send_sequence_ = 0;
-  std::uint8_t block_left_ = 0;  // frames until the next flow control; 0 with block_unlimited_
+  std::uint8_t block_left_ = 0;   // frames to hand out until the next flow control; 0 with block_unlimited_
+  bool last_handed_out_ = false;  // of the message, or before the next flow control
   bool block_unlimited_ = false;
   microseconds peer_separation_{0};
   std::uint8_t waits_received_ = 0;

@@ -17,6 +17,7 @@
 
 #include "base/octets.hpp"
 #include "hw/open.hpp"
+#include "tests/isotp_over_can.hpp"
 #include "tests/vm/tool.hpp"
 #include "tests/vm/virtual_can.hpp"
 #include "wire/isotp.hpp"
@@ -56,7 +57,7 @@ class OurEnd {
     const MonotonicTime end = monotonic_now() + patience;
     while (!done()) {
       if (monotonic_now() > end) return false;
-      move();
+      testing_support::move_frames(*bus_, channel_);
       pollfd p{.fd = bus_->fd(), .events = POLLIN, .revents = 0};
       ::poll(&p, 1, channel_.next_deadline() ? 1 : 10);
     }
@@ -78,23 +79,6 @@ class OurEnd {
   IsoTpChannel& channel() { return channel_; }
 
  private:
-  void move() {
-    while (const auto f = bus_->receive()) {
-      const IsoTpFrame frame{.id = f->id, .size = f->size, .data = f->data};
-      if (f->is_echo) {
-        channel_.on_transmit_confirm(frame, f->timestamp);
-      } else {
-        channel_.on_frame(frame, f->timestamp);
-      }
-    }
-    while (const auto out = channel_.poll(monotonic_now())) {
-      if (!bus_->send({.id = out->id, .size = out->size, .data = out->data})) {
-        channel_.on_transmit_refused(monotonic_now());
-        break;
-      }
-    }
-  }
-
   std::unique_ptr<hw::CanBus> bus_;
   IsoTpChannel channel_;
 };

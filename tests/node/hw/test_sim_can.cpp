@@ -15,6 +15,7 @@
 #include "base/fd.hpp"
 #include "hw/open.hpp"
 #include "hw_sim/can_hub.hpp"
+#include "tests/isotp_over_can.hpp"
 #include "tests/node/hw/poll_until.hpp"
 #include "wire/isotp.hpp"
 
@@ -358,18 +359,7 @@ TEST_F(SimCan, SaturatedCarriesMoreThan95PercentOfTheBitTime) {
 bool serve(CanBus& bus, wire::IsoTpChannel& channel, const std::function<bool()>& done, milliseconds limit) {
   const MonotonicTime end = monotonic_now() + limit;
   while (!done() && monotonic_now() < end) {
-    while (const auto f = bus.receive()) {
-      const wire::IsoTpFrame raw{.id = f->id, .size = f->size, .data = f->data};
-      if (f->is_echo) {
-        channel.on_transmit_confirm(raw, f->timestamp);
-      } else {
-        channel.on_frame(raw, f->timestamp);
-      }
-    }
-    while (const auto out = channel.poll(monotonic_now())) {
-      if (!bus.send({.id = out->id, .size = out->size, .data = out->data}))
-        channel.on_transmit_refused(monotonic_now());
-    }
+    testing_support::move_frames(bus, channel);
     pollfd p{.fd = bus.fd(), .events = POLLIN, .revents = 0};
     ::poll(&p, 1, 1);
   }

@@ -261,6 +261,155 @@ TEST(IsoTpSender, GivesARefusedFrameAgainAMillisecondLater) {
   EXPECT_TRUE(channel.take_send_result().value().has_value());
 }
 
+constexpr IsoTpFrame go_on{.id = 0x18DA0111, .size = 8, .data = {0x30, 0, 0}};
+
+/// A sender whose first frame was answered by @p answer.
+IsoTpChannel sender_of(OctetView message, IsoTpSettings settings, const IsoTpFrame& answer = go_on) {
+  IsoTpChannel channel(to_adcs, settings);
+  EXPECT_TRUE(channel.send(message, start));
+  channel.on_transmit_confirm(channel.poll(start).value(), start);
+  channel.on_frame(answer, start);
+  return channel;
+}
+
+std::vector<IsoTpFrame> all_due(IsoTpChannel& channel, MonotonicTime now) {
+  std::vector<IsoTpFrame> frames;
+  while (const auto frame = channel.poll(now)) frames.push_back(*frame);
+  return frames;
+}
+
+TEST(IsoTpSender, KeepsAsManyFramesAheadOfTheirConfirmationAsItIsSet) {
+  IsoTpChannel channel = sender_of(counting(100), {.frames_ahead = 3});
+  const auto frames = all_due(channel, start);
+  ASSERT_EQ(frames.size(), 3U);
+  EXPECT_EQ(frames[2].data[0], 0x23);
+
+  channel.on_transmit_confirm(frames[0], start + microseconds(250));
+  EXPECT_EQ(channel.next_deadline(), start) << "the next frame is due since the flow control";
+  const auto next = all_due(channel, start + microseconds(250));
+  ASSERT_EQ(next.size(), 1U);
+  EXPECT_EQ(next[0].data[0], 0x24);
+}
+
+TEST(IsoTpSender, EndsWithTheConfirmationOfEveryFrame) {
+  IsoTpChannel channel = sender_of(counting(20), {});
+  const auto frames = all_due(channel, start);
+  ASSERT_EQ(frames.size(), 2U);
+  channel.on_transmit_confirm(frames[1], start);  // an echo may get lost, or come late
+  EXPECT_TRUE(channel.sending());
+  channel.on_transmit_confirm(frames[0], start);
+  EXPECT_TRUE(channel.take_send_result().value().has_value());
+  EXPECT_EQ(channel.counters().stray_confirmations, 0U);
+}
+
+TEST(IsoTpSender, GivesEachFrameAheadItsOwnTimeToBeConfirmed) {
+  IsoTpChannel channel = sender_of(counting(100), {.frames_ahead = 2});
+  const auto frames = all_due(channel, start);
+  channel.on_transmit_confirm(frames[0], start + milliseconds(10));
+  ASSERT_EQ(all_due(channel, start + milliseconds(10)).size(), 1U);
+  EXPECT_EQ(channel.next_deadline(), start + milliseconds(25)) << "of the second frame";
+
+  EXPECT_FALSE(channel.poll(start + milliseconds(25)));
+  EXPECT_EQ(channel.take_send_result().value().error(), IsoTpError::timeout_as);
+  EXPECT_EQ(channel.counters().timeouts_as, 1U);
+  EXPECT_FALSE(channel.next_deadline()) << "the third frame is forgotten with the message";
+}
+
+TEST(IsoTpSender, GetsNoFurtherAheadThanTheBlock) {
+  IsoTpFrame two_frames = go_on;
+  two_frames.data[1] = 2;
+  IsoTpChannel channel = sender_of(counting(100), {}, two_frames);
+  const auto block = all_due(channel, start);
+  ASSERT_EQ(block.size(), 2U);
+  channel.on_transmit_confirm(block[0], start);
+  EXPECT_FALSE(channel.poll(start));
+  channel.on_transmit_confirm(block[1], start + milliseconds(1));
+  EXPECT_FALSE(channel.poll(start + milliseconds(1)));
+  EXPECT_EQ(channel.next_deadline(), start + milliseconds(41)) << "N_Bs";
+
+  channel.on_frame(two_frames, start + milliseconds(2));
+  EXPECT_EQ(all_due(channel, start + milliseconds(2)).size(), 2U);
+}
+
+TEST(IsoTpSender, TakesTheFlowControlThatOvertookTheEchoesOfABlock) {
+  IsoTpFrame three_frames = go_on;
+  three_frames.data[1] = 3;
+  IsoTpChannel channel = sender_of(counting(100), {}, three_frames);
+  ASSERT_EQ(all_due(channel, start).size(), 3U);
+  channel.on_frame(three_frames, start + milliseconds(1));
+  const auto next = all_due(channel, start + milliseconds(1));
+  ASSERT_EQ(next.size(), 3U);
+  EXPECT_EQ(next[0].data[0], 0x24);
+  EXPECT_EQ(channel.counters().ignored_pdus, 0U);
+}
+
+TEST(IsoTpSender, IsNotAheadWhereThePeerAsksForASeparationTime) {
+  IsoTpFrame apart = go_on;
+  apart.data[2] = 5;
+  IsoTpChannel channel = sender_of(counting(100), {}, apart);
+  const auto frame = channel.poll(start);
+  ASSERT_TRUE(frame);
+  EXPECT_FALSE(channel.poll(start + milliseconds(20)));
+  channel.on_transmit_confirm(*frame, start + milliseconds(20));
+  EXPECT_FALSE(channel.poll(start + milliseconds(24)));
+  EXPECT_TRUE(channel.poll(start + milliseconds(25)));
+}
+
+TEST(IsoTpSender, GivesTheRefusedFrameAgainBeforeAnyOther) {
+  IsoTpChannel channel = sender_of(counting(100), {.frames_ahead = 4});
+  const auto first = channel.poll(start);
+  const auto refused = channel.poll(start);
+  channel.on_transmit_refused(start);
+  EXPECT_FALSE(channel.poll(start));
+  EXPECT_EQ(channel.next_deadline(), start + milliseconds(1));
+  channel.on_transmit_confirm(*refused, start);
+  EXPECT_EQ(channel.counters().stray_confirmations, 1U) << "it was never with the driver";
+
+  channel.on_transmit_confirm(*first, start + microseconds(250));
+  EXPECT_EQ(channel.poll(start + microseconds(250)), refused) << "an echo means room";
+  EXPECT_EQ(channel.poll(start + microseconds(250))->data[0], 0x23);
+}
+
+TEST(IsoTpSender, ForgetsARefusedFrameWithItsMessage) {
+  IsoTpChannel channel(to_adcs, {});
+  ASSERT_TRUE(channel.send(counting(3), start));
+  (void)channel.poll(start);
+  channel.on_transmit_refused(start + microseconds(24'500));
+  EXPECT_FALSE(channel.poll(start + milliseconds(25)));
+  EXPECT_EQ(channel.take_send_result().value().error(), IsoTpError::timeout_as);
+
+  ASSERT_TRUE(channel.send(counting(2), start + milliseconds(25)));
+  EXPECT_EQ(hex(channel.poll(start + milliseconds(25))), "020007cccccccccc");
+}
+
+TEST(IsoTpSender, TakesNoFlowControlForABlockWhoseLastFrameWasRefused) {
+  IsoTpFrame two_frames = go_on;
+  two_frames.data[1] = 2;
+  IsoTpChannel channel = sender_of(counting(100), {}, two_frames);
+  (void)channel.poll(start);
+  const auto refused = channel.poll(start);
+  channel.on_transmit_refused(start);
+  channel.on_frame(two_frames, start);
+  EXPECT_EQ(channel.counters().ignored_pdus, 1U);
+  EXPECT_EQ(channel.poll(start + milliseconds(1)), refused);
+}
+
+TEST(IsoTpChannel, AnswersAFirstFrameWhileItsOwnMessageIsAheadOfItsConfirmation) {
+  IsoTpChannel channel = sender_of(counting(100), {.frames_ahead = 2});
+  const auto ahead = all_due(channel, start);
+  ASSERT_EQ(ahead.size(), 2U);
+  channel.on_frame({.id = 0x18DA0111, .size = 8, .data = {0x10, 20}}, start);
+  const auto control = all_due(channel, start);
+  ASSERT_EQ(control.size(), 1U);
+  EXPECT_EQ(hex(control[0]), "300000cccccccccc");
+
+  channel.on_transmit_confirm(control[0], start);
+  EXPECT_TRUE(channel.receiving());
+  EXPECT_FALSE(channel.poll(start)) << "the message has no room ahead yet";
+  channel.on_transmit_confirm(ahead[0], start);
+  EXPECT_TRUE(channel.poll(start));
+}
+
 TEST(IsoTpSender, TakesTheFlowControlThatOvertookTheEchoOfItsFirstFrame) {
   IsoTpChannel channel(to_adcs, {});
   ASSERT_TRUE(channel.send(counting(13), start));
@@ -538,6 +687,7 @@ TEST(IsoTpChannel, SurvivesRandomFramesAndReturnsToIdle) {
     settings.block_size = static_cast<std::uint8_t>(random() % 3);
     settings.wait_frames_when_full = static_cast<std::uint8_t>(random() % 3);
     settings.await_confirmation = random() % 2 == 0;
+    settings.frames_ahead = 1 + random() % isotp_most_ahead;
     IsoTpChannel channel(to_computer, settings);
     MonotonicTime now = start;
     for (int i = 0; i < 500; ++i) {
@@ -548,7 +698,11 @@ TEST(IsoTpChannel, SurvivesRandomFramesAndReturnsToIdle) {
       if (random() % 4 == 0) (void)channel.send(counting(1 + random() % 300), now);
       channel.on_frame(frame, now);
       while (const auto out = channel.poll(now)) {
-        if (random() % 8 != 0) channel.on_transmit_confirm(*out, now);
+        if (random() % 8 == 0) {
+          channel.on_transmit_refused(now);
+        } else if (random() % 8 != 0) {
+          channel.on_transmit_confirm(*out, now);
+        }
       }
       if (random() % 8 == 0) channel.pop_message();
       (void)channel.take_send_result();

@@ -1,0 +1,36 @@
+#pragma once
+
+#include "base/time.hpp"
+#include "hw/can_bus.hpp"
+#include "wire/isotp.hpp"
+
+namespace srfs::testing_support {
+
+[[nodiscard]] inline wire::IsoTpFrame to_isotp(const hw::CanFrame& frame) {
+  return {.id = frame.id, .size = frame.size, .data = frame.data};
+}
+
+/// Moves all frames that are due between a handle and a channel, as a payload node does. @p on_frame sees
+/// each frame of the peer and the echo of each own one.
+template <class OnFrame>
+void move_frames(hw::CanBus& bus, wire::IsoTpChannel& channel, OnFrame on_frame) {
+  while (const auto frame = bus.receive()) {
+    on_frame(*frame);
+    if (frame->is_echo) {
+      channel.on_transmit_confirm(to_isotp(*frame), frame->timestamp);
+    } else {
+      channel.on_frame(to_isotp(*frame), frame->timestamp);
+    }
+  }
+  while (const auto out = channel.poll(monotonic_now())) {
+    if (!bus.send({.id = out->id, .size = out->size, .data = out->data})) {
+      channel.on_transmit_refused(monotonic_now());
+      break;
+    }
+  }
+}
+inline void move_frames(hw::CanBus& bus, wire::IsoTpChannel& channel) {
+  move_frames(bus, channel, [](const hw::CanFrame&) {});
+}
+
+}  // namespace srfs::testing_support
