@@ -26,6 +26,16 @@ bool write_all(int fd, std::string_view content) {
   return true;
 }
 
+std::filesystem::path folder_of(const std::filesystem::path& path) {
+  return path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+}
+
+Result<void, FileError> sync_folder_of(const std::filesystem::path& path) {
+  const Fd folder(open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder || fsync(folder.get()) != 0) return failure("sync the folder of", path, errno);
+  return {};
+}
+
 }  // namespace
 
 Result<std::string, FileError> read_file(const std::filesystem::path& path, std::size_t limit) {
@@ -45,9 +55,7 @@ Result<std::string, FileError> read_file(const std::filesystem::path& path, std:
 
 Result<void, FileError> write_file_atomically(const std::filesystem::path& path, std::string_view content) {
   std::error_code ec;
-  const std::filesystem::path folder =
-      path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
-  std::filesystem::create_directories(folder, ec);
+  std::filesystem::create_directories(folder_of(path), ec);
   // The pid keeps two writers from sharing a temporary file; the last rename wins whole.
   const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());
   {
@@ -64,9 +72,12 @@ Result<void, FileError> write_file_atomically(const std::filesystem::path& path,
     unlink(temporary.c_str());
     return failure("replace", path, error);
   }
-  const Fd folder_fd(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (!folder_fd || fsync(folder_fd.get()) != 0) return failure("sync the folder of", path, errno);
-  return {};
+  return sync_folder_of(path);
+}
+
+Result<void, FileError> remove_durably(const std::filesystem::path& path) {
+  if (unlink(path.c_str()) != 0 && errno != ENOENT) return failure("remove", path, errno);
+  return sync_folder_of(path);
 }
 
 }  // namespace srfs

@@ -25,4 +25,8 @@ struct FileError {
 [[nodiscard]] Result<void, FileError> write_file_atomically(const std::filesystem::path& path,
                                                             std::string_view content);
 
+/// Removes @p path for good: it does not come back with a power loss. No error when there is none. Blocks on
+/// the disk.
+[[nodiscard]] Result<void, FileError> remove_durably(const std::filesystem::path& path);
+
 }  // namespace srfs

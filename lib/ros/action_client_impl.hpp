@@ -2,6 +2,7 @@
 
 // Definitions of action_client.hpp's templates; include that.
 
+#include <exception>
 #include <utility>
 
 #include "ros/action_client.hpp"
@@ -136,8 +137,14 @@ void ClientGoal<A>::request_result() {
   const CallId call =
       links->get_result.call(request, deadline, 1, [this](const auto& response, const GUID_t&) {
         const auto alive = this->shared_from_this();
-        take_waiting_feedback();
+        std::exception_ptr thrown;  // by a callback of feedback: no reason to lose the result
+        try {
+          take_waiting_feedback();
+        } catch (...) {
+          thrown = std::current_exception();
+        }
         if (response) perform(tracker_.on_result(goal_state(response->status)), &response->result);
+        if (thrown) std::rethrow_exception(thrown);
       });
   result_calls_[result_call_count_++] = call;
 }

@@ -93,7 +93,7 @@ void IsoTpChannel::expire() {
     while (in_flight_ > 0) frame_left(0);
   }
 
-  while (in_flight_ > 0 && now_ >= flying_[0].confirm_deadline) {
+  while (in_flight_ > 0 && now_ >= confirm_deadline_) {
     ++counters_.timeouts_as;
     if (flying_[0].kind == FrameKind::message_frame) {
       forget_message_frames();
@@ -122,7 +122,7 @@ std::optional<MonotonicTime> IsoTpChannel::next_deadline() const {
     if (!earliest || t < *earliest) earliest = t;
   };
   if (in_flight_ > 0) {
-    consider(flying_[0].confirm_deadline);
+    consider(confirm_deadline_);
     if (!settings_.await_confirmation && !hand_out_again_) consider(now_);
   }
   if (hand_out_again_) {
@@ -231,6 +231,7 @@ void IsoTpChannel::drop_flying(std::size_t index) {
   const auto at = flying_.begin() + static_cast<std::ptrdiff_t>(index);
   std::move(at + 1, flying_.begin() + static_cast<std::ptrdiff_t>(in_flight_), at);
   --in_flight_;
+  if (index == 0) confirm_deadline_ = now_ + settings_.n_as;
 }
 
 void IsoTpChannel::forget_message_frames() {
@@ -241,7 +242,8 @@ void IsoTpChannel::forget_message_frames() {
 
 IsoTpFrame IsoTpChannel::hand_out(const IsoTpFrame& frame, FrameKind kind) {
   assert(in_flight_ < flying_.size());
-  flying_[in_flight_++] = {.frame = frame, .kind = kind, .confirm_deadline = now_ + settings_.n_as};
+  if (in_flight_ == 0) confirm_deadline_ = now_ + settings_.n_as;
+  flying_[in_flight_++] = {.frame = frame, .kind = kind};
   ++counters_.frames_sent;
   return frame;
 }

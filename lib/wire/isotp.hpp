@@ -15,8 +15,8 @@ namespace srfs::wire {
 /// Longest message of ISO 15765-2 with a 12-bit length, octets.
 inline constexpr std::size_t isotp_max_message = 4095;
 
-/// Bound of IsoTpSettings::frames_ahead: below 16, so that no two consecutive frames in flight look the same.
-inline constexpr std::size_t isotp_most_ahead = 15;
+/// Bound of IsoTpSettings::frames_ahead.
+inline constexpr std::size_t isotp_most_ahead = 32;
 
 /// The two ends of a 29-bit normal fixed identifier (ISO 15765-2:2016, 10.3.3.2, physical addressing).
 struct IsoTpAddress {
@@ -54,12 +54,13 @@ struct IsoTpFrame {
 /// Timing and flow control of one channel. The standard's own limit is 1000 ms for each time-out; these
 /// defaults are shorter, so that a silent peer is noticed within a bus slot.
 struct IsoTpSettings {
-  std::uint8_t block_size = 0;       ///< asked of the peer: consecutive frames per flow control, 0 = all
-  microseconds separation{0};        ///< STmin asked of the peer, 0-127 ms
-  milliseconds n_as{25};             ///< frame handed out -> transmit confirmation (N_As and N_Ar)
-  milliseconds n_bs{40};             ///< first frame or block sent -> flow control received
-  milliseconds n_cr{40};             ///< flow control sent or frame received -> next consecutive frame
-  std::uint8_t max_wait_frames = 8;  ///< FC.WAIT in a row accepted from the peer (N_WFTmax)
+  std::uint8_t block_size = 0;  ///< asked of the peer: consecutive frames per flow control, 0 = all
+  microseconds separation{0};   ///< STmin asked of the peer, 0-127 ms
+  /// Frame handed out, or the one before confirmed if that is later -> transmit confirmation (N_As and N_Ar).
+  milliseconds n_as{25};
+  milliseconds n_bs{40};                   ///< first frame or block sent -> flow control received
+  milliseconds n_cr{40};                   ///< flow control sent or frame received -> next consecutive frame
+  std::uint8_t max_wait_frames = 8;        ///< FC.WAIT in a row accepted from the peer (N_WFTmax)
   std::uint8_t wait_frames_when_full = 0;  ///< FC.WAIT sent while the receive queue is full, before FC.OVFLW
   milliseconds wait_interval{20};          ///< between those (N_Br); shorter than the peer's N_Bs
   std::uint8_t padding = 0xCC;
@@ -68,9 +69,10 @@ struct IsoTpSettings {
   /// returns it (buses without echo).
   bool await_confirmation = true;
   /// Frames of a message handed out and not yet confirmed, 1-isotp_most_ahead. They bridge the time from an
-  /// echo to the next frame, so that the bus need not wait for this process; each has its own N_As. Where the
-  /// peer asks for a separation time it counts from the end of a frame: then it is one.
-  std::size_t frames_ahead = 8;
+  /// echo to the next frame, so that the bus need not wait for this process. At 500 kbit/s the default takes
+  /// at most 4.8 ms, less than a payload at the end of its slot waits before it withdraws its frames. Where
+  /// the peer asks for a separation time, which counts from the end of a frame, it is one.
+  std::size_t frames_ahead = 15;
 };
 
 enum class IsoTpError : std::uint8_t {
@@ -173,7 +175,6 @@ class IsoTpChannel {
   struct Flying {
     IsoTpFrame frame;
     FrameKind kind = FrameKind::message_frame;
-    MonotonicTime confirm_deadline;
   };
   struct Message {
     std::size_t size = 0;
@@ -214,6 +215,7 @@ class IsoTpChannel {
   // Handed out and not confirmed, oldest first: frames_ahead of the message, one flow control.
   std::array<Flying, isotp_most_ahead + 1> flying_;
   std::size_t in_flight_ = 0;
+  MonotonicTime confirm_deadline_;               // of the oldest
   std::optional<MonotonicTime> hand_out_again_;  // the newest was refused by the driver
 
   SendState send_state_ = SendState::idle;

@@ -531,6 +531,7 @@ void PayloadCycle::start_power_cycle(const std::string& reason, nanoseconds off_
     babble_.forgive();
     keep_off(false);
   }
+  power_deadline_.reset();  // a switch-on that failed before is not tried again behind this
   power_ = Power::switching_off;
   act(SwitchPower{false});
 }

@@ -241,6 +241,8 @@ void PayloadNode::close() {
   process_worker_.reset();
   store_worker_.reset();
   gpio_worker_.reset();
+  timer_.reset();  // what the workers had finished may have set it again
+  armed_.reset();
   journal_writing_ = false;
   reading_inputs_ = false;
   telecommands_.reset();
@@ -713,12 +715,8 @@ void PayloadNode::carry_out(const WithdrawFrames& /*action*/) {
 
 void PayloadNode::carry_out(const RememberKeptOff& action) {
   (void)store_worker_->post([file = kept_off_mark(), kept_off = action.kept_off] {
-    std::error_code ec;
-    if (!kept_off) {
-      std::filesystem::remove(file, ec);
-      return;
-    }
-    const auto written = write_file_atomically(file, "kept off: it babbles\n");
+    const auto written =
+        kept_off ? write_file_atomically(file, "kept off: it babbles\n") : remove_durably(file);
     if (!written) log::error("{}", written.error().message);
   });
 }

@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include "tests/bench/can_measures.hpp"
+#include "wire/isotp.hpp"
 
 int main(int argc, char** argv) {
   using namespace srfs::bench;
@@ -32,6 +33,12 @@ int main(int argc, char** argv) {
   auto* c = app.add_subcommand("isotp", "ISO-TP one way through the simulator's bus, beside the ideal");
   add_options(c);
   c->add_option("--messages", options.messages)->check(CLI::Range(1, 100000))->capture_default_str();
+  c->add_option("--fifo", options.fifo_priority, "SCHED_FIFO of all three processes; 0: normal scheduling")
+      ->check(CLI::Range(0, 99))
+      ->capture_default_str();
+  c->add_option("--frames-ahead", options.frames_ahead, "Of the sender; 0: as in flight")
+      ->check(CLI::Range(0, static_cast<int>(srfs::wire::isotp_most_ahead)))
+      ->capture_default_str();
   c->callback([&] {
     options.timeout = srfs::milliseconds(timeout_ms);
     result = measure_isotp(bin, options);

@@ -13,6 +13,8 @@ struct IsoTpOptions {
   int octets = 4095;   ///< each; the first four are its number, the others random
   int block_size = 0;  ///< asked for by the receiver; 0: no flow control within a message
   std::uint64_t seed = 1;
+  int frames_ahead = 0;   ///< of the sender; 0: as in flight
+  int fifo_priority = 0;  ///< of all three processes; 0: normal scheduling
   /// N_As, N_Bs and N_Cr; 0: as in flight. A loaded machine that is not to fail a transfer needs more.
   milliseconds timeout{0};
 };

@@ -86,6 +86,7 @@ std::uint32_t number_of(OctetView message) {
 wire::IsoTpSettings settings_of(const IsoTpOptions& options) {
   wire::IsoTpSettings settings;
   settings.block_size = static_cast<std::uint8_t>(options.block_size);
+  if (options.frames_ahead > 0) settings.frames_ahead = static_cast<std::size_t>(options.frames_ahead);
   if (options.timeout > milliseconds(0)) settings.n_as = settings.n_bs = settings.n_cr = options.timeout;
   return settings;
 }
@@ -210,6 +211,7 @@ Json receive_isotp(const fs::path& var, const IsoTpOptions& options) {
 
 Json measure_isotp(const fs::path& bin, const IsoTpOptions& options) {
   const Folder folder;
+  const std::string refused = options.fifo_priority > 0 ? set_fifo(options.fifo_priority) : "";
   const fs::path& var = folder.path();
   const fs::path deployment_file = var / "deployment.yaml";
   write_file(deployment_file, deployment);
@@ -246,8 +248,10 @@ Json measure_isotp(const fs::path& bin, const IsoTpOptions& options) {
            {"failed", options.messages - received.at("right").get<int>()},
            {"octets", options.octets},
            {"block_size", options.block_size},
+           {"frames_ahead", settings_of(options).frames_ahead},
            {"frames_per_s", static_cast<double>(sent.bits.frames) / time},
            {"bus_busy_share", seconds_of(busy) / time},
+           {"fifo_priority", refused.empty() ? Json(options.fifo_priority) : Json(refused)},
            {"duration_s", time},
            {"message_ms", summary(sent.message_ms)},
            {"most_frames_waiting", sent.most_waiting},

@@ -212,6 +212,10 @@ UpReport up(const Target& target, const UpOptions& options) {
   const Fd suite_lock = lock_suite(target);
   std::error_code ec;
   std::filesystem::remove(target.var.stopping_flag(), ec);
+  // Nobody runs: what was granted before (a power loss left the record) is nobody's.
+  const auto before = local_status(target);
+  if (std::none_of(before.begin(), before.end(), [](const NodeStatus& s) { return s.instance.has_value(); }))
+    std::filesystem::remove(target.var.can_holder(), ec);
   const auto domain = take_domain(target, options);
   if (!domain) {
     report.problems.push_back(domain.error());

@@ -56,7 +56,9 @@ def cache_folder():
 def quietly(command, deadline_s, **options):
     """Runs a program without a terminal; its output in the error when it fails."""
     try:
-        result = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        # depmod and modprobe are in /sbin, which is not in everybody's PATH; apt's words are read below.
+        environment = {**os.environ, "PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin", "LC_ALL": "C"}
+        result = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                                 errors="replace", timeout=deadline_s, **options)  # fmt: skip
     except FileNotFoundError as error:
         raise CannotRun(f"{command[0]} is missing: install the packages of packages.txt (group vm)") from error

@@ -116,20 +116,30 @@ std::optional<CanBusState> state_of(std::uint32_t state) {
   }
 }
 
-/// One question, one answer. rtnetlink works within the call, so the answer is there when it returns.
-Result<Octets, int> ask(const Octets& message) {
-  const Fd socket(::socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, NETLINK_ROUTE));
+Result<Fd, int> say(const Octets& messages) {
+  Fd socket(::socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, NETLINK_ROUTE));
   if (!socket) return Err(errno);
   sockaddr_nl kernel{};
   kernel.nl_family = AF_NETLINK;
-  if (::sendto(socket.get(), message.data(), message.size(), 0, reinterpret_cast<const sockaddr*>(&kernel),
+  if (::sendto(socket.get(), messages.data(), messages.size(), 0, reinterpret_cast<const sockaddr*>(&kernel),
                sizeof kernel) < 0)
     return Err(errno);
+  return socket;
+}
+
+/// rtnetlink works within the call that says something, so the answer is there when that returns.
+Result<Octets, int> hear(const Fd& socket) {
   Octets answer(16384);
   const ssize_t n = ::recv(socket.get(), answer.data(), answer.size(), 0);
   if (n < 0) return Err(errno);
   answer.resize(static_cast<std::size_t>(n));
   return answer;
+}
+
+Result<Octets, int> ask(const Octets& message) {
+  const auto socket = say(message);
+  if (!socket) return Err(socket.error());
+  return hear(*socket);
 }
 
 Result<void, int> command(const Octets& message, std::uint32_t sequence) {
@@ -208,8 +218,19 @@ Result<void, int> restart_can_controller(int interface) {
   return command(encode_can_restart(interface, 1), 1);
 }
 
-Result<void, int> set_can_link_down(int interface) {
-  return command(encode_link_up(interface, false, 1), 1);
+LinkCycle cycle_can_link(int interface) {
+  Octets both = encode_link_up(interface, false, 1);
+  const Octets up = encode_link_up(interface, true, 2);
+  both.insert(both.end(), up.begin(), up.end());
+  const auto socket = say(both);
+  if (!socket) return {Err(socket.error()), Err(socket.error())};
+  const auto heard = [&](std::uint32_t sequence) -> Result<void, int> {
+    const auto answer = hear(*socket);
+    if (!answer) return Err(answer.error());
+    return decode_acknowledgement(*answer, sequence);
+  };
+  Result<void, int> down = heard(1);
+  return {std::move(down), heard(2)};
 }
 
 Result<void, int> set_can_link_up(int interface) {

@@ -38,9 +38,14 @@ struct CanLink {
 
 [[nodiscard]] Result<CanLink, int> query_can_link(int interface);
 [[nodiscard]] Result<void, int> restart_can_controller(int interface);
-/// Down and up again is the only way to take queued frames back from interface and controller. Every socket
-/// on the interface notices.
-[[nodiscard]] Result<void, int> set_can_link_down(int interface);
 [[nodiscard]] Result<void, int> set_can_link_up(int interface);
+/// Down and up again is the only way to take queued frames back from interface and controller. Every socket
+/// on the interface notices. Both go to the kernel in one system call: whoever is killed in between leaves no
+/// interface down.
+struct LinkCycle {
+  Result<void, int> down;
+  Result<void, int> up;
+};
+[[nodiscard]] LinkCycle cycle_can_link(int interface);
 
 }  // namespace srfs::hw

@@ -180,8 +180,9 @@ class SocketCan : public RawCanBus {
 
   bool withdraw() override {
     if (socket() < 0) return false;
-    if (const auto down = set_can_link_down(found_.index); !down) return false;
-    taken_down_ = !set_can_link_up(found_.index);
+    const LinkCycle cycle = cycle_can_link(found_.index);
+    if (!cycle.down) return false;
+    taken_down_ = !cycle.up;
     ++counters_.withdrawals;
     on_withdrawn(0);
     return true;

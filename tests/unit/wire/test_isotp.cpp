@@ -307,12 +307,21 @@ TEST(IsoTpSender, GivesEachFrameAheadItsOwnTimeToBeConfirmed) {
   const auto frames = all_due(channel, start);
   channel.on_transmit_confirm(frames[0], start + milliseconds(10));
   ASSERT_EQ(all_due(channel, start + milliseconds(10)).size(), 1U);
-  EXPECT_EQ(channel.next_deadline(), start + milliseconds(25)) << "of the second frame";
+  EXPECT_EQ(channel.next_deadline(), start + milliseconds(35)) << "the second frame could not leave before";
 
-  EXPECT_FALSE(channel.poll(start + milliseconds(25)));
+  EXPECT_FALSE(channel.poll(start + milliseconds(35)));
   EXPECT_EQ(channel.take_send_result().value().error(), IsoTpError::timeout_as);
   EXPECT_EQ(channel.counters().timeouts_as, 1U);
   EXPECT_FALSE(channel.next_deadline()) << "the third frame is forgotten with the message";
+}
+
+TEST(IsoTpSender, GivesUpWhenTheOldestFrameAheadIsNotConfirmedWhateverComesBehind) {
+  IsoTpChannel channel = sender_of(counting(100), {.frames_ahead = 3});
+  const auto frames = all_due(channel, start);
+  channel.on_transmit_confirm(frames[1], start + milliseconds(10));
+  ASSERT_EQ(all_due(channel, start + milliseconds(20)).size(), 1U);
+  EXPECT_FALSE(channel.poll(start + milliseconds(25)));
+  EXPECT_EQ(channel.take_send_result().value().error(), IsoTpError::timeout_as);
 }
 
 TEST(IsoTpSender, GetsNoFurtherAheadThanTheBlock) {
