@@ -93,8 +93,11 @@ function(srfs_add_fuzzer name)
   if(SRFS_BUILD_FUZZERS)
     add_executable(fuzz_${name} ${ARG_SOURCE})
     target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+    # libFuzzer writes what it finds into the first folder; the seeds stay as they are.
+    set(found ${CMAKE_BINARY_DIR}/corpus/${name})
+    file(MAKE_DIRECTORY ${found})
     add_test(NAME fuzz.${name} COMMAND fuzz_${name} -runs=200000 -seed=1 -max_total_time=60
-      ${PROJECT_SOURCE_DIR}/tests/fuzz/corpus/${name})
+      ${found} ${PROJECT_SOURCE_DIR}/tests/fuzz/corpus/${name})
     set_tests_properties(fuzz.${name} PROPERTIES LABELS fuzz TIMEOUT 180)
     set_property(GLOBAL APPEND PROPERTY SRFS_FUZZERS fuzz_${name})
   elseif(SRFS_BUILD_TESTS)
