@@ -82,12 +82,9 @@ std::vector<NodeStatus> local_status(const Target& target) {
   return all;
 }
 
-/// The domain of the suite that runs in VAR, or a fresh one held for it.
+/// The domain of the suite that runs in VAR, or a fresh one held for it. @param running one of its nodes does
 Result<std::shared_ptr<ros::DomainLock>, std::string> take_domain(const Target& target,
-                                                                  const UpOptions& options) {
-  const auto statuses = local_status(target);
-  const bool running = std::any_of(statuses.begin(), statuses.end(),
-                                   [](const NodeStatus& s) { return s.instance.has_value(); });
+                                                                  const UpOptions& options, bool running) {
   const auto old = running_domain(target);
   std::shared_ptr<ros::DomainLock> held = options.held_domain;
   if (!held) {
@@ -212,11 +209,12 @@ UpReport up(const Target& target, const UpOptions& options) {
   const Fd suite_lock = lock_suite(target);
   std::error_code ec;
   std::filesystem::remove(target.var.stopping_flag(), ec);
-  // Nobody runs: what was granted before (a power loss left the record) is nobody's.
   const auto before = local_status(target);
-  if (std::none_of(before.begin(), before.end(), [](const NodeStatus& s) { return s.instance.has_value(); }))
-    std::filesystem::remove(target.var.can_holder(), ec);
-  const auto domain = take_domain(target, options);
+  const bool running =
+      std::any_of(before.begin(), before.end(), [](const NodeStatus& s) { return s.instance.has_value(); });
+  // Nobody runs: what was granted before (a power loss left the record) is nobody's.
+  if (!running) std::filesystem::remove(target.var.can_holder(), ec);
+  const auto domain = take_domain(target, options, running);
   if (!domain) {
     report.problems.push_back(domain.error());
     return report;
