@@ -46,6 +46,46 @@ Slot read_slot(const ConfigSection& section) {
   return slot;
 }
 
+RingSettings read_ring(const ConfigSection& section) {
+  using std::chrono::milliseconds;
+  RingSettings ring;
+  ring.enabled = true;
+  const auto duration = [&](std::string_view key, std::int64_t lowest, milliseconds fallback) {
+    return milliseconds(section.integer(key, lowest, 3'600'000, fallback.count()));
+  };
+  ring.period = duration("period_ms", 10, ring.period);
+  ring.misses = static_cast<int>(section.integer("misses", 1, 100, ring.misses));
+  ring.members = section.texts("members");
+  ring.critical = section.texts("critical");
+  ring.start_deadline = duration("start_deadline_ms", 100, ring.start_deadline);
+  ring.work_deadline = duration("work_deadline_ms", 100, ring.work_deadline);
+  ring.deaf_interval = duration("deaf_interval_ms", 0, ring.deaf_interval);
+  ring.restarts = static_cast<int>(section.integer("restarts", 1, 1000, ring.restarts));
+  ring.window = duration("window_ms", 1000, ring.window);
+  ring.first_wait = duration("first_wait_ms", 10, ring.first_wait);
+  ring.longest_wait = duration("longest_wait_ms", 10, ring.longest_wait);
+  if (ring.longest_wait < ring.first_wait) throw section.bad("longest_wait_ms", "at least first_wait_ms");
+  ring.quarantine_deaths =
+      static_cast<int>(section.integer("quarantine_deaths", 1, 1000, ring.quarantine_deaths));
+  if (ring.quarantine_deaths < ring.restarts) throw section.bad("quarantine_deaths", "at least restarts");
+  section.finish();
+  return ring;
+}
+
+void check_ring(Deployment& d, const ConfigSection& section) {
+  if (d.ring.members.empty()) {
+    for (const NodeEntry& node : d.nodes) d.ring.members.push_back(node.name);
+  }
+  for (const auto& [key, list] :
+       {std::pair{"members", &d.ring.members}, std::pair{"critical", &d.ring.critical}}) {
+    for (const std::string& name : *list) {
+      if (d.find(name) == nullptr) throw section.bad(key, "nodes of this file, '" + name + "' is none");
+      if (std::count(list->begin(), list->end(), name) != 1)
+        throw section.bad(key, "different names, '" + name + "' stands twice");
+    }
+  }
+}
+
 void check_names(const Deployment& d, const ConfigSection& root) {
   for (const NodeEntry& node : d.nodes) {
     const auto same = [&](const NodeEntry& other) { return other.name == node.name; };
@@ -121,8 +161,10 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   for (const ConfigSection& node : root.sections("nodes")) d.nodes.push_back(read_node(node));
   if (d.nodes.empty()) throw root.bad("nodes", "at least one node");
   (void)root.has("simulation");  // hw_sim's
+  if (root.has("ring")) d.ring = read_ring(root.section("ring"));
   root.finish();
   check_names(d, root);
+  if (d.ring.enabled) check_ring(d, root.section("ring"));
   return d;
 }
 

@@ -62,6 +62,25 @@ struct LinkSettings {
 /// Layout of the ROS graph messages (lib/ros/graph.hpp): they differ between ROS 2 releases.
 enum class RosGraph : std::uint8_t { off, humble, iron };
 
+/// The liveness ring (DESIGN section 8): who watches whom, and how patiently.
+struct RingSettings {
+  bool enabled = false;                   ///< the file has the section
+  std::chrono::milliseconds period{100};  ///< of the checks
+  int misses = 3;                         ///< unanswered checks in a row that are death (the paper's count)
+  std::vector<std::string> members;   ///< in ring order, different nodes of this file; default: start order
+  std::vector<std::string> critical;  ///< starve the watchdog when they cannot be raised
+  std::chrono::milliseconds start_deadline{3000};  ///< from exec to the desired state
+  std::chrono::milliseconds work_deadline{2000};   ///< age of undone work that is due
+  std::chrono::milliseconds deaf_interval{10000};  ///< at most one kill for a communication fault in it
+  // A node that died `restarts` times within `window` waits, from `first_wait` doubling to `longest_wait`; at
+  // `quarantine_deaths` within the window it is quarantined: tried again each `longest_wait` only.
+  int restarts = 4;
+  std::chrono::milliseconds window{60000};
+  std::chrono::milliseconds first_wait{1000};
+  std::chrono::milliseconds longest_wait{60000};
+  int quarantine_deaths = 8;
+};
+
 /// One deployment file (launch_config/NAME.yaml), read strictly.
 struct Deployment {
   std::filesystem::path file;
@@ -73,6 +92,7 @@ struct Deployment {
   std::map<std::string, std::string> devices;
   LinkSettings link;
   std::vector<Slot> slots;
+  RingSettings ring;
   std::vector<NodeEntry> nodes;  ///< in start order
 
   /// Throws ConfigError that names file, line, key and what was expected.

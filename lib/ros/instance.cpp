@@ -46,6 +46,14 @@ std::optional<std::uint32_t> read_number(const std::filesystem::path& file) {
 
 }  // namespace
 
+std::filesystem::path VarPaths::memory() const {
+  // Below /dev/shm two deployments differ by the place of their folders.
+  std::uint64_t hash = 0xCBF29CE484222325;  // FNV-1a
+  for (const char c : (std::filesystem::absolute(root) / "").lexically_normal().string())
+    hash = (hash ^ static_cast<std::uint8_t>(c)) * 0x100000001B3;
+  return std::filesystem::path("/dev/shm") / fmt::format("srfs_{:016x}", hash);
+}
+
 Result<InstanceLock, std::string> InstanceLock::take(const VarPaths& var, const std::string& node) {
   std::error_code ec;
   std::filesystem::create_directories(var.run(), ec);

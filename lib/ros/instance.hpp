@@ -30,6 +30,9 @@ struct VarPaths {
   [[nodiscard]] std::filesystem::path stopping_flag() const { return run() / "stopping"; }
   /// Environment variables of test tools that every node of the suite gets (environment_for_nodes).
   [[nodiscard]] std::filesystem::path environment_file() const { return run() / "environment"; }
+  /// What processes map and share: on tmpfs, so that no store ever waits for a disk. It is empty after a
+  /// power loss, like the processes it tells of. Removed by `srfs down`.
+  [[nodiscard]] std::filesystem::path memory() const;
   /// Who may write to the CAN bus, kept by can_switcher for its successor.
   [[nodiscard]] std::filesystem::path can_holder() const { return run() / "can_holder"; }
   [[nodiscard]] std::filesystem::path domain_file() const { return run() / "dds_domain"; }

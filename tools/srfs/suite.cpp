@@ -302,6 +302,7 @@ DownReport down(const Target& target, milliseconds patience) {
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.environment_file(), ec);
     std::filesystem::remove(target.var.can_holder(), ec);
+    std::filesystem::remove_all(target.var.memory(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }
   return report;

@@ -65,6 +65,26 @@ TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
             std::string::npos);
 }
 
+TEST_F(DeploymentTest, TheRingIsTheStartOrderUnlessTheFileSaysOtherwiseAndOffWithoutTheSection) {
+  const auto load = [&](const std::string& ring) {
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + ring));
+    return Deployment::load(folder_ / "d.yaml").ring;
+  };
+  EXPECT_FALSE(load("").enabled);
+  const RingSettings ring = load("ring: {period_ms: 50}\n");
+  EXPECT_TRUE(ring.enabled);
+  EXPECT_EQ(ring.period, std::chrono::milliseconds(50));
+  EXPECT_EQ(ring.misses, 3);
+  EXPECT_EQ(ring.members, std::vector<std::string>{"timing"});
+  const std::string begin = "deployment: x\n" + node;
+  EXPECT_NE(error_of(begin + "ring: {members: [ghost]}\n").find("'ghost' is none"), std::string::npos);
+  EXPECT_NE(error_of(begin + "ring: {members: [timing, timing]}\n").find("'timing' stands twice"),
+            std::string::npos);
+  EXPECT_NE(
+      error_of(begin + "ring: {first_wait_ms: 100, longest_wait_ms: 50}\n").find("at least first_wait_ms"),
+      std::string::npos);
+}
+
 TEST_F(DeploymentTest, TheGraphsDialectAndTheRuleForForeignersAreTheDeployments) {
   const auto load = [&](const std::string& dds) {
     EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + "dds: " + dds + "\n"));
