@@ -60,7 +60,8 @@ Result<Membership, std::string> membership_from_text(std::string_view text) {
     return Err(std::string("wrong checksum"));
   std::string_view rest = text.substr(head.size(), sum_begin - head.size());
   const auto generation_line = take_line(rest);
-  if (!generation_line || !generation_line->starts_with(generation_key)) return Err(std::string("no generation"));
+  if (!generation_line || !generation_line->starts_with(generation_key))
+    return Err(std::string("no generation"));
   const auto generation = number(generation_line->substr(generation_key.size()), 10);
   if (!generation || *generation == 0) return Err(std::string("no generation"));
   Membership membership{*generation, {}};
@@ -100,7 +101,8 @@ MembershipReading read_membership(const VarPaths& var, const Deployment& deploym
   if (!text) return fall_back({text.error().message + "; the deployment's ring is used"});
   auto membership = membership_from_text(*text);
   if (!membership)
-    return fall_back({fmt::format("{}: {}; the deployment's ring is used", file.string(), membership.error())});
+    return fall_back(
+        {fmt::format("{}: {}; the deployment's ring is used", file.string(), membership.error())});
   MembershipReading reading;
   reading.membership = cleaned(std::move(*membership), deployment, reading.problems);
   for (std::string& problem : reading.problems) problem = fmt::format("{}: {}", file.string(), problem);

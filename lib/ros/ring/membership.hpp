@@ -13,8 +13,8 @@
 
 namespace srfs::ros {
 
-/// Who belongs to the liveness ring, in its order: each checks the next, the last one the first. An empty list
-/// or a single member: nobody is checked.
+/// Who belongs to the liveness ring, in its order: each checks the next, the last one the first. An empty
+/// list or a single member: nobody is checked.
 struct Membership {
   std::uint32_t generation = 1;
   std::vector<std::string> members;
@@ -46,8 +46,8 @@ struct MembershipReading {
   Membership membership;
   std::vector<std::string> problems;  ///< for people; empty: all is well
 };
-/// The file's membership; without a file, or with a damaged one, the deployment's ring as generation 1. A damaged
-/// file stays as it is. Blocks on the disk.
+/// The file's membership; without a file, or with a damaged one, the deployment's ring as generation 1. A
+/// damaged file stays as it is. Blocks on the disk.
 [[nodiscard]] MembershipReading read_membership(const VarPaths& var, const Deployment& deployment);
 /// Replaces the file. Blocks on the disk. @return what went wrong
 [[nodiscard]] Result<void, std::string> write_membership(const VarPaths& var, const Membership& membership);

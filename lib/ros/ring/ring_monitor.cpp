@@ -121,8 +121,8 @@ void RingMonitor::on_period(MonotonicTime now, nanoseconds late) {
     const auto& upstream = membership_.after(*here, membership_.members.size() - 1);
     if (const Subject* s = find(upstream)) report(*s, LivenessVerdict::not_asked, now);
   }
-  const bool doubt = std::any_of(subjects_.begin(), subjects_.end(),
-                                 [](const Subject& s) { return s.suspected != 0; });
+  const bool doubt =
+      std::any_of(subjects_.begin(), subjects_.end(), [](const Subject& s) { return s.suspected != 0; });
   ask(now, doubt);
 }
 
@@ -218,7 +218,8 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
   if (!observe(s, now)) return;
   const NodeReading reading = look_(s.name);
   const auto& page = reading.page;
-  // Ages count from the last time this node was itself held up: whoever was stopped with it needs a moment, too.
+  // Ages count from the last time this node was itself held up: whoever was stopped with it needs a moment,
+  // too.
   const auto age = [&](MonotonicTime t) { return now - std::max(t, last_void_); };
   const bool own_page = page && page->pid == s.pid;
   if (!own_page || page->turns == 0 || page->transition != 0) {
@@ -310,8 +311,7 @@ void RingMonitor::judge_fields(Subject& s, const CheckAnswer& answer, MonotonicT
     accuse(s, FaultClass::worker_frozen, now,
            fmt::format("worker '{}' busy for {} ms", answer.worker, answer.worker_busy.count()));
   } else if (s.not_working_in_row >= patience_.misses) {
-    accuse(s, FaultClass::not_working, now,
-           fmt::format("work undone for {} ms", answer.oldest_due.count()));
+    accuse(s, FaultClass::not_working, now, fmt::format("work undone for {} ms", answer.oldest_due.count()));
   }
 }
 
@@ -348,8 +348,9 @@ void RingMonitor::on_asked(std::string_view observer, std::uint32_t generation, 
 bool RingMonitor::observe(Subject& s, MonotonicTime now) {
   const NodeReading reading = look_(s.name);
   if (reading.pid != 0) {
-    const bool same = reading.pid == s.pid && !s.ended &&
-                      (s.incarnation == 0 || reading.incarnation == 0 || reading.incarnation == s.incarnation);
+    const bool same =
+        reading.pid == s.pid && !s.ended &&
+        (s.incarnation == 0 || reading.incarnation == 0 || reading.incarnation == s.incarnation);
     if (!same) {
       adopt(s, reading.pid, reading.incarnation, now);
       return false;
@@ -376,7 +377,8 @@ void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, Monoto
   s.heard = false;
   s.state = State::unknown;
   s.work_done.reset();
-  s.ask_from = s.downstream ? now : now + (restarted ? nanoseconds(settling) : patience_.misses * patience_.period);
+  s.ask_from =
+      s.downstream ? now : now + (restarted ? nanoseconds(settling) : patience_.misses * patience_.period);
   actions_.emplace_back(Follow{s.name, pid});
 }
 

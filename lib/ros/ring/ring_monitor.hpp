@@ -67,10 +67,10 @@ enum class LivenessVerdict : std::uint8_t {
   not_asked = 6,  ///< the subject, our upstream, has not checked us for long
 };
 
-/// One member's half of the liveness ring (DESIGN section 8): whom to ask when, and what an answer, silence or
-/// an exit means. Pure: no clock, no DDS, no file; time comes in as an argument, what can be seen of a node
-/// through the function given, decisions go out as actions. Deterministic and bounded: at most one request, one
-/// process and one accusation a member.
+/// One member's half of the liveness ring (DESIGN section 8): whom to ask when, and what an answer, silence
+/// or an exit means. Pure: no clock, no DDS, no file; time comes in as an argument, what can be seen of a
+/// node through the function given, decisions go out as actions. Deterministic and bounded: at most one
+/// request, one process and one accusation a member.
 class RingMonitor {
  public:
   // Actions. Their names live until the next membership.

@@ -29,9 +29,7 @@ class RingMembership : public testing::Test {
     deployment_ = std::make_unique<Deployment>(Deployment::load(file));
   }
   void TearDown() override { std::filesystem::remove_all(var_.root); }
-  void put(const std::string& text) const {
-    ASSERT_TRUE(write_file_atomically(membership_file(var_), text));
-  }
+  void put(const std::string& text) const { ASSERT_TRUE(write_file_atomically(membership_file(var_), text)); }
   [[nodiscard]] MembershipReading read() const { return read_membership(var_, *deployment_); }
 
   VarPaths var_;
@@ -102,7 +100,8 @@ TEST_F(RingMembership, MayHaveOneMemberOrNone) {
 
 TEST_F(RingMembership, IsBounded) {
   EXPECT_TRUE(membership_from_text(to_text({1, std::vector<std::string>(Membership::most_members, "a")})));
-  EXPECT_FALSE(membership_from_text(to_text({1, std::vector<std::string>(Membership::most_members + 1, "a")})));
+  EXPECT_FALSE(
+      membership_from_text(to_text({1, std::vector<std::string>(Membership::most_members + 1, "a")})));
 }
 
 TEST(CrcOfARingMembership, IsThatOfTheRfc) {
