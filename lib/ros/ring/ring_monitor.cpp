@@ -107,7 +107,7 @@ void RingMonitor::on_period(MonotonicTime now, nanoseconds late) {
   if (exiting_) return;
   for (Subject& s : subjects_) {
     if (s.accused && now - *s.accused > longest_restart) s.accused.reset();
-    const bool doubtful = s.pid == 0 || s.ended || !s.heard || s.suspected != 0 || s.misses > 0;
+    const bool doubtful = s.pid == 0 || s.recovery || s.ended || !s.heard || s.suspected != 0 || s.misses > 0;
     if (doubtful) observe(s, now);
   }
   if (membership_.members.size() > 1 && membership_.position_of(self_) &&
@@ -222,13 +222,13 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
   // too.
   const auto age = [&](MonotonicTime t) { return now - std::max(t, last_void_); };
   const bool own_page = page && page->pid == s.pid;
-  if (!own_page || page->turns == 0 || page->transition != 0) {
+  const bool in_transition = own_page && page->state >= static_cast<std::uint32_t>(State::configuring);
+  if (!own_page || page->turns == 0 || in_transition) {
     // Its work thread is busy with a start or a transition, which has its own deadline.
     const MonotonicTime since = own_page ? page->last_turn : s.first_seen;
     if (age(since) < patience_.start_deadline) return;
-    const auto where = own_page && page->transition != 0
-                           ? fmt::format("in {} ", label(static_cast<State>(page->transition)))
-                           : std::string();
+    const auto where =
+        in_transition ? fmt::format("in {} ", label(static_cast<State>(page->state))) : std::string();
     accuse(s, s.heard ? FaultClass::silent : FaultClass::start_overdue, now,
            fmt::format("{}for {} ms", where, in_ms(age(since)).count()));
     return;
@@ -356,6 +356,7 @@ bool RingMonitor::observe(Subject& s, MonotonicTime now) {
       return false;
     }
     if (s.incarnation == 0) s.incarnation = reading.incarnation;
+    note_recovery(s, reading, now);
     return true;
   }
   const bool never_seen = s.pid == 0;
@@ -364,6 +365,17 @@ bool RingMonitor::observe(Subject& s, MonotonicTime now) {
   if (now < s.expected_until && !s.ended) return false;
   accuse(s, s.ended ? FaultClass::exited : FaultClass::absent, now, {});
   return false;
+}
+
+void RingMonitor::note_recovery(Subject& s, const NodeReading& reading, MonotonicTime now) {
+  if (!s.recovery || !s.recovery->started) return;
+  const auto& page = reading.page;
+  const bool up =
+      page && page->pid == s.pid && page->turns > 0 && page->state != 0 && page->state == page->desired;
+  if (up) {
+    actions_.emplace_back(Recovered{s.name, s.incarnation, s.recovery->fault, now, now - s.recovery->since});
+  }
+  if (up || now >= s.recovery->give_up) s.recovery.reset();
 }
 
 void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, MonotonicTime now) {
@@ -427,6 +439,7 @@ void RingMonitor::accuse(Subject& s, FaultClass fault, MonotonicTime now, std::s
   accusation.first_evidence = s.first_evidence.value_or(now);
   accusation.decided = now;
   accusation.detail = detail;
+  s.recovery = Subject::Recovery{fault, accusation.first_evidence, false, {}};
   actions_.emplace_back(Accuse{std::move(accusation)});
   report(s, LivenessVerdict::accused, now, std::move(detail));
   std::get<Report>(actions_.back()).fault = fault;
@@ -445,6 +458,10 @@ void RingMonitor::on_outcome(std::string_view subject, const RestartOutcome& out
       s->not_before = now;
       s->expected_until = now + patience_.start_deadline;
       if (outcome.pid != 0) adopt(*s, outcome.pid, 0, now);
+      if (s->recovery) {
+        s->recovery->started = true;
+        s->recovery->give_up = now + patience_.start_deadline;
+      }
       break;
     case What::renewed:
       s->not_before = now;
@@ -472,6 +489,7 @@ void RingMonitor::on_outcome(std::string_view subject, const RestartOutcome& out
       s->not_before = std::max(outcome.not_before.value_or(now + retry_wait), now);
       break;
   }
+  if (outcome.what != What::restarted) s->recovery.reset();
   if (outcome.what == What::restarted || outcome.what == What::renewed || outcome.what == What::under_way)
     observe(*s, now);
   review_watch(now);
@@ -526,7 +544,9 @@ void RingMonitor::review_watch(MonotonicTime now) {
     wanted.push_back(upstream);
   }
   for (auto s = subjects_.begin(); s != subjects_.end();) {
-    const bool keep = s->accused || std::find(wanted.begin(), wanted.end(), s->name) != wanted.end();
+    const bool comes_up = s->recovery && s->recovery->started;
+    const bool keep =
+        s->accused || comes_up || std::find(wanted.begin(), wanted.end(), s->name) != wanted.end();
     if (!keep) actions_.emplace_back(Unwatch{s->name});
     s = keep ? s + 1 : subjects_.erase(s);
   }

@@ -106,11 +106,20 @@ class RingMonitor {
     nanoseconds round_trip{0};  ///< of this answer
     std::string detail{};
   };
+  /// A node whose restart this observer caused is in its desired state.
+  struct Recovered {
+    std::string_view subject;
+    std::uint32_t incarnation;
+    FaultClass fault;
+    MonotonicTime at;
+    nanoseconds took;  ///< since the first evidence
+  };
   /// Somebody knows another generation of the membership.
   struct ReadMembership {};
   /// This node cannot hear itself: it judges nobody and is to be restarted.
   struct ExitSelf {};
-  using Action = std::variant<Ask, AskSelf, Follow, Unwatch, Accuse, Report, ReadMembership, ExitSelf>;
+  using Action =
+      std::variant<Ask, AskSelf, Follow, Unwatch, Accuse, Report, Recovered, ReadMembership, ExitSelf>;
   using Look = std::function<NodeReading(std::string_view subject)>;
 
   /// Requests and answers that changed nothing.
@@ -192,6 +201,13 @@ class RingMonitor {
     std::optional<MonotonicTime> accused;  ///< when; until its outcome
     MonotonicTime not_before;              ///< accuse again
     MonotonicTime expected_until;          ///< somebody is starting it
+    struct Recovery {
+      FaultClass fault = FaultClass::none;
+      MonotonicTime since;
+      bool started = false;  ///< by us; now it has to come up
+      MonotonicTime give_up;
+    };
+    std::optional<Recovery> recovery;
   };
 
   [[nodiscard]] nanoseconds tolerance() const;
@@ -206,6 +222,7 @@ class RingMonitor {
   void judge_fields(Subject& s, const CheckAnswer& answer, MonotonicTime now);
   /// Reads who runs; accuses when nobody does. @return whether the process judged so far still runs
   bool observe(Subject& s, MonotonicTime now);
+  void note_recovery(Subject& s, const NodeReading& reading, MonotonicTime now);
   void adopt(Subject& s, pid_t pid, std::uint32_t incarnation, MonotonicTime now);
   static void clear_evidence(Subject& s);
   static void expect_another(Subject& s);

@@ -50,6 +50,7 @@ class RingMonitorTest : public testing::Test {
     other.reading.page->incarnation = incarnation;
     other.reading.page->turns = 1000;
     other.reading.page->last_turn = now_;
+    other.reading.page->state = other.reading.page->desired = static_cast<std::uint32_t>(State::active);
     other.answer.state = State::active;
     other.answer.desired = State::active;
     other.answer.generation = 1;
@@ -89,6 +90,8 @@ class RingMonitorTest : public testing::Test {
         ++exits_;
       } else if (std::holds_alternative<RingMonitor::ReadMembership>(*action)) {
         ++membership_reads_;
+      } else if (const auto* recovered = std::get_if<RingMonitor::Recovered>(&*action)) {
+        recoveries_.emplace_back(std::string(recovered->subject), recovered->fault, recovered->took);
       } else if (const auto* follow = std::get_if<RingMonitor::Follow>(&*action)) {
         followed_.emplace_back(std::string(follow->subject), follow->pid);
       }
@@ -134,11 +137,13 @@ class RingMonitorTest : public testing::Test {
     const std::uint32_t incarnation = ++last_incarnation_;
     start(name, pid, incarnation);
     others_[name].reading.page->turns = 0;
+    others_[name].reading.page->state = static_cast<std::uint32_t>(State::configuring);
     others_[name].answers = others_[name].turns = false;
     conclude(name, What::restarted, pid);
   }
   void come_up(const std::string& name) {
     others_[name].reading.page->turns = 1;
+    others_[name].reading.page->state = static_cast<std::uint32_t>(State::active);
     others_[name].answers = others_[name].turns = true;
   }
   [[nodiscard]] std::vector<std::string> accused() const {
@@ -168,6 +173,7 @@ class RingMonitorTest : public testing::Test {
   std::vector<RingMonitor::Report> reports_;
   std::vector<std::string> report_subjects_;
   std::vector<std::pair<std::string, pid_t>> followed_;
+  std::vector<std::tuple<std::string, FaultClass, nanoseconds>> recoveries_;
 };
 
 TEST_F(RingMonitorTest, ChecksItsDownstreamEachPeriodAndNobodyElse) {
@@ -477,6 +483,35 @@ TEST_F(RingMonitorTest, GivesUpWaitingForARestarterThatNeverAnswers) {
   EXPECT_EQ(std::count(all.begin(), all.end(), "b: exited"), 2);
 }
 
+TEST_F(RingMonitorTest, SaysHowLongItTookUntilTheRestartedNodeWasInItsDesiredState) {
+  round();
+  exit("b");
+  restart("b");
+  rounds(5);
+  EXPECT_THAT(recoveries_, IsEmpty());
+  come_up("b");
+  rounds(5);
+  EXPECT_THAT(recoveries_, ElementsAre(std::tuple("b", FaultClass::exited, milliseconds(599))));
+}
+
+TEST_F(RingMonitorTest, SeesTheRecoveryOfANodeItNoLongerChecks) {
+  round();
+  others_["c"].reading = {};
+  others_["c"].answers = false;
+  rounds(10);
+  exit("b");
+  ASSERT_THAT(accused(), ElementsAre("b: exited", "c: absent"));
+  restart("b");
+  restart("c");
+  come_up("b");
+  rounds(3);
+  come_up("c");
+  rounds(2);
+  ASSERT_THAT(recoveries_, SizeIs(2));
+  EXPECT_EQ(std::get<0>(recoveries_[1]), "c");
+  EXPECT_THAT(monitor_->watched(), ElementsAre("b"));
+}
+
 // ---- Starts
 
 TEST_F(RingMonitorTest, LeavesANodeThatStartsItsStartDeadline) {
@@ -493,7 +528,7 @@ TEST_F(RingMonitorTest, LeavesANodeThatStartsItsStartDeadline) {
 TEST_F(RingMonitorTest, LeavesATransitionTheStartDeadlineAndNoMore) {
   round();
   hang("b");
-  others_["b"].reading.page->transition = static_cast<std::uint32_t>(State::configuring);
+  others_["b"].reading.page->state = static_cast<std::uint32_t>(State::configuring);
   others_["b"].reading.page->last_turn = now_;
   rounds(29);
   EXPECT_THAT(accusations_, IsEmpty());
@@ -723,7 +758,8 @@ TEST_F(RingMonitorTest, KeepsAnAccusedNodeUntilItsOutcomeIsKnown) {
   rounds(2);
   EXPECT_THAT(monitor_->watched(), testing::Contains("c"));
   restart("c");
-  rounds(1);
+  come_up("c");
+  rounds(2);
   EXPECT_THAT(monitor_->watched(), ElementsAre("b"));
 }
 

@@ -154,11 +154,14 @@ class RingWorld {
     node.page.pid = node.pid;
     node.page.incarnation = node.incarnation;
     node.page.last_turn = now_;
+    node.page.state = static_cast<std::uint32_t>(State::configuring);
+    node.page.desired = static_cast<std::uint32_t>(State::active);
     const pid_t pid = node.pid;
     later(milliseconds(random(options_.shortest_start_ms, options_.longest_start_ms)), [this, i, pid] {
       if (nodes_[i].pid != pid || nodes_[i].health != Health::starting) return;
       nodes_[i].health = Health::well;
       nodes_[i].well_since = now_;
+      nodes_[i].page.state = nodes_[i].page.desired;
       nodes_[i].monitor = std::make_unique<RingMonitor>(
           name(i), RingPatience{}, membership_, [this](std::string_view n) { return look(n); },
           static_cast<std::uint64_t>(pid) * 7919, now_);
