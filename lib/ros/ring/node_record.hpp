@@ -1,0 +1,28 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "base/result.hpp"
+#include "ros/instance.hpp"
+#include "ros/ring/restart_policy.hpp"
+
+namespace srfs::ros {
+
+/// What the restarters of a suite share about one node: the deaths of this boot (on tmpfs) and the operator's
+/// hold (on disk, it outlives a boot). Written under the node's restart lock.
+
+/// A missing or damaged file is an empty history.
+[[nodiscard]] DeathHistory read_deaths(const VarPaths& var, const std::string& node);
+/// Waits for no disk. @return false: not stored; restarts go on without memory of it
+bool write_deaths(const VarPaths& var, const std::string& node, const DeathHistory& history);
+
+/// Why the operator holds the node: nobody restarts it, neither dead nor hung. nullopt: not held.
+[[nodiscard]] std::optional<std::string> held_because(const VarPaths& var, const std::string& node);
+[[nodiscard]] Result<void, std::string> hold(const VarPaths& var, const std::string& node,
+                                             const std::string& reason);
+/// Lifts hold, back-off and quarantine. Waits for a restart under way, @p patience at most.
+[[nodiscard]] Result<void, std::string> release(const VarPaths& var, const std::string& node,
+                                                milliseconds patience);
+
+}  // namespace srfs::ros
