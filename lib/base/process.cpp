@@ -1,6 +1,7 @@
 #include "base/process.hpp"
 
 #include <algorithm>
+#include <sstream>
 #include <string>
 
 #include <poll.h>
@@ -35,12 +36,29 @@ bool Process::wait_for_exit(nanoseconds patience) const {
   }
 }
 
-std::optional<char> process_state(pid_t pid) {
+namespace {
+
+/// /proc/PID/stat from its third field on; empty: there is no such process.
+std::string stat_fields(pid_t pid) {
   const auto stat = read_file("/proc/" + std::to_string(pid) + "/stat", 4096);
-  if (!stat) return std::nullopt;
+  if (!stat) return {};
   const std::size_t name_end = stat->rfind(") ");  // the name may hold anything, brackets and blanks too
-  if (name_end == std::string::npos || name_end + 2 >= stat->size()) return std::nullopt;
-  return (*stat)[name_end + 2];
+  return name_end == std::string::npos ? std::string() : stat->substr(name_end + 2);
+}
+
+}  // namespace
+
+std::optional<char> process_state(pid_t pid) {
+  const std::string fields = stat_fields(pid);
+  return fields.empty() ? std::nullopt : std::optional(fields[0]);
+}
+
+std::optional<std::uint64_t> process_start_ticks(pid_t pid) {
+  std::istringstream in(stat_fields(pid));
+  std::string skipped;
+  for (int field = 3; field < 22; ++field) in >> skipped;  // proc(5): starttime is the 22nd
+  std::uint64_t ticks = 0;
+  return in >> ticks ? std::optional(ticks) : std::nullopt;
 }
 
 }  // namespace srfs

@@ -2,6 +2,7 @@
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <optional>
 
 #include "base/fd.hpp"
@@ -32,5 +33,9 @@ class Process {
 /// What the kernel says of a process' first thread: the letter of proc(5), 'R', 'S', 'D', 'T' (stopped), 't'
 /// (held by a debugger), 'Z'...; nullopt: there is no such process.
 [[nodiscard]] std::optional<char> process_state(pid_t pid);
+
+/// When it was started, in clock ticks since boot: with its number a name that no other process of this boot
+/// has. nullopt: there is no such process.
+[[nodiscard]] std::optional<std::uint64_t> process_start_ticks(pid_t pid);
 
 }  // namespace srfs

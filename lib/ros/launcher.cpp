@@ -371,6 +371,7 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
   if (std::filesystem::exists(request.var.stopping_flag()))
     return Err(std::string("the suite is being stopped"));
   if (const auto running = find_instance(request.var, node.name)) return running->pid;
+  if (const auto starting = find_starting(request.var, node.name)) return starting->process.pid();
   auto pid = launch_locked(request, node, *lock);
   if (pid) count_start_on_disk(request, node);
   return pid;
@@ -386,6 +387,7 @@ Result<pid_t, std::string> launch_locked(const LaunchRequest& request, const Nod
   if (!prepared) return Err(prepared.error());
   auto process = spawn(*prepared, node);
   if (!process) return Err(process.error());
+  remember_starting(request.var, node.name, *process, monotonic_now());
   if (!wait_for_instance(request.var, node.name, *process))
     return Err(fmt::format("{} ended before it held its instance lock; see {}", node.name,
                            request.var.log(node.name).string()));

@@ -46,11 +46,12 @@ class RestartLock {
 /// of the caller. One starter at a time (restart lock); never a second instance (instance lock); never while
 /// the suite is stopping. Blocks until the program holds its instance lock or has ended: some 10 ms, 2 s at
 /// most.
-/// @return what went wrong, ready to print. A node that runs already is no error: its pid is returned.
+/// @return what went wrong, ready to print. A node that runs or starts already is no error: its pid is
+/// returned.
 [[nodiscard]] Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node);
 
-/// The start alone, for who holds the lock and has looked that nobody runs. Works on a full disk; waits for
-/// no fsync.
+/// The start alone, for who holds the lock and has looked that nobody runs or starts. Works on a full disk;
+/// waits for no fsync.
 [[nodiscard]] Result<pid_t, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
                                                        const RestartLock& held);
 /// The start record of a start that has happened. Blocks on the disk.

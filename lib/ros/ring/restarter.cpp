@@ -27,7 +27,7 @@ using What = RestartOutcome::What;
 
 constexpr std::size_t most_waiting_records = 32;
 constexpr milliseconds longest_flush{2000};
-constexpr milliseconds longest_wait_for_incarnation{1000};
+constexpr milliseconds longest_wait_for_incarnation{3000};
 constexpr milliseconds longest_wait_for_deaf_lock{50};
 
 /// Its work thread or another one hangs: a backtrace tells where.
@@ -283,7 +283,7 @@ std::optional<RestartOutcome> Restarter::look_again(Case& c) const {
   }
   c.last_page = HeartbeatPage::read(var_, a.subject);
   const auto running = find_instance(var_, a.subject);
-  if (!running) return std::nullopt;  // it is down, or goes down just now
+  if (!running) return look_for_starting(c);
   // A process that has not made its number known in its lock may have done so in its page.
   std::uint32_t incarnation = running->incarnation;
   if (incarnation == 0 && c.last_page && c.last_page->pid == running->pid)
@@ -313,6 +313,20 @@ std::optional<RestartOutcome> Restarter::look_again(Case& c) const {
   return std::nullopt;
 }
 
+/// Nobody holds the instance lock. Somebody may be on the way to it: a second one is started only when the
+/// first had its time, and then in its place.
+std::optional<RestartOutcome> Restarter::look_for_starting(Case& c) const {
+  auto starting = find_starting(var_, c.node->name);
+  if (!starting) return std::nullopt;  // it is down, or goes down just now
+  const pid_t pid = starting->process.pid();
+  const bool accused = c.accusation.pid == pid && c.accusation.fault == FaultClass::start_overdue;
+  if (!accused && monotonic_now() - starting->since < deployment_.ring.start_deadline)
+    return RestartOutcome{What::under_way, pid, {}, fmt::format("pid {} is starting", pid)};
+  c.kernel_state = process_state(pid).value_or('-');
+  c.process = std::move(starting->process);
+  return std::nullopt;
+}
+
 std::optional<RestartOutcome> Restarter::ask_policy(Case& c) const {
   const MonotonicTime now = *c.begun;
   DeathHistory history = read_deaths(var_, c.node->name);
@@ -320,7 +334,7 @@ std::optional<RestartOutcome> Restarter::ask_policy(Case& c) const {
   count_death(history, deployment_.ring, now);
   const RestartDecision decision = decide(history, deployment_.ring);
   const bool waits = decision.step != RestartDecision::Step::start && now < decision.not_before;
-  if (waits && c.process && !is_useless(c.accusation.fault))
+  if (waits && c.running && !is_useless(c.accusation.fault))
     return RestartOutcome{What::backing_off, c.process->pid(), decision.not_before,
                           fmt::format("{} deaths within {} s; it works on as it can", decision.deaths - 1,
                                       deployment_.ring.window.count() / 1000)};
@@ -342,9 +356,10 @@ std::optional<RestartOutcome> Restarter::kill_old(Case& c) const {
     c.log_end = remember_log_end(var_, c.node->name);
     return std::nullopt;
   }
+  // The instance lock ends with its holder; of one that never held it its end is the proof.
   const auto is_gone = [&] {
     const auto holder = find_instance(var_, c.node->name);
-    return !holder || holder->pid != c.process->pid();
+    return holder ? holder->pid != c.process->pid() : c.running || c.process->wait_for_exit(nanoseconds(0));
   };
   c.acted = true;
   // A stopped process must not run again, not even into its handler: a payload would write to the bus.

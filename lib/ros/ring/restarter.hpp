@@ -57,6 +57,7 @@ class Restarter {
   struct Case;
   [[nodiscard]] RestartOutcome decide_and_act(Case& c);
   [[nodiscard]] std::optional<RestartOutcome> look_again(Case& c) const;
+  [[nodiscard]] std::optional<RestartOutcome> look_for_starting(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> ask_policy(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> kill_old(Case& c) const;
   [[nodiscard]] RestartOutcome start_new(Case& c, const RestartLock& lock) const;

@@ -1,12 +1,13 @@
 // A process as the ring's restarter finds it: instance lock, incarnation, heartbeat page, crash handler, one
 // thread that turns. VAR/run/NAME.behaviour, read at the start, and signals make it misbehave:
-//   "exit N"   ends before it takes its lock          SIGUSR1  hangs: no turns, deaf to SIGTERM
-//   "stubborn" deaf to SIGTERM, turns on               SIGUSR2  writes through a null pointer
-//                                                      SIGHUP   throws what nobody catches
+//   "exit N"   ends before it takes its lock        SIGUSR1  hangs: no turns, deaf to SIGTERM
+//   "slow"     takes it when VAR/run/go exists       SIGUSR2  writes through a null pointer
+//   "stubborn" deaf to SIGTERM, turns on             SIGHUP   throws what nobody catches
 
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <stdexcept>
 
 #include <sys/prctl.h>
@@ -21,6 +22,7 @@
 namespace {
 
 [[noreturn]] void hang_in_a_callback() {
+  std::fputs("hangs\n", stderr);
   while (true) pause();
 }
 
@@ -44,6 +46,8 @@ int main(int argc, char** argv) {
   const ros::VarPaths paths{var};
   const std::string behaviour = read_file(paths.run() / (name + ".behaviour"), 64).value_or("");
   if (behaviour.starts_with("exit ")) return std::atoi(behaviour.c_str() + 5);
+  if (behaviour == "slow") std::fputs("slow\n", stderr);
+  while (behaviour == "slow" && !std::filesystem::exists(paths.run() / "go")) usleep(2000);
   auto lock = ros::InstanceLock::take(paths, name);
   if (!lock) return 3;
   const std::uint32_t incarnation = ros::next_incarnation(paths, name).number;

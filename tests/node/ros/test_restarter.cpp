@@ -58,6 +58,7 @@ class Restarting : public testing::Test {
   }
   void TearDown() override {
     for (const NodeEntry& node : plan_.nodes) {
+      if (const auto starting = find_starting(var_, node.name)) starting->process.signal(SIGKILL);
       while (const auto process = open_instance(var_, node.name)) {
         process->signal(SIGKILL);
         process->signal(SIGCONT);
@@ -115,6 +116,12 @@ class Restarting : public testing::Test {
   }
   static Accusation absent(const std::string& node = "one") {
     return accuse({0, 0, ""}, FaultClass::absent, node);
+  }
+
+  /// Waits for a line of the node's log.
+  [[nodiscard]] bool says(const std::string& node, const std::string& line) const {
+    return wait_until(
+        [&] { return read_file(var_.log(node)).value_or("").find(line + "\n") != std::string::npos; });
   }
 
   /// Asks until the answer is neither back-off nor quarantine.
@@ -193,11 +200,7 @@ TEST_F(Restarting, KillsAHungNodeOnlyAfterItSaidWhereItHangs) {
   if (sanitized) GTEST_SKIP() << "a sanitizer has handlers of its own";
   const auto old = start();
   signal_child(old.pid, SIGUSR1);
-  ASSERT_TRUE(wait_until([&] {
-    const auto first = HeartbeatPage::read(var_, "one")->turns;
-    poll(nullptr, 0, 50);
-    return HeartbeatPage::read(var_, "one")->turns == first;
-  }));
+  ASSERT_TRUE(says("one", "hangs"));
   Restarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(accuse(old, FaultClass::silent));
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
@@ -358,6 +361,34 @@ TEST_F(Restarting, WaitsForNobodyWhoHoldsTheRestartLock) {
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::under_way);
   close(lock);
   EXPECT_EQ(running().pid, old.pid);
+}
+
+TEST_F(Restarting, StartsNoSecondProcessWhileTheFirstIsOnTheWayToItsInstanceLock) {
+  plan_.ring.start_deadline = std::chrono::hours(1);
+  behave("one", "slow");
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto first = restarter.restart(absent());
+  ASSERT_EQ(first.what, What::restarted) << first.reason;
+  EXPECT_EQ(restarter.restart(absent()).what, What::under_way);
+  const auto pid = launch({plan_, var_, "/nowhere", "up"}, *plan_.find("one"));
+  EXPECT_TRUE(pid && *pid == first.pid) << "for `srfs up` it runs";
+  EXPECT_EQ(processes(), std::set<pid_t>{first.pid});
+  ASSERT_TRUE(write_file_atomically(var_.run() / "go", ""));
+  EXPECT_EQ(running().pid, first.pid);
+}
+
+TEST_F(Restarting, ReplacesAProcessThatHangsOnTheWayToItsInstanceLock) {
+  plan_.ring.start_deadline = milliseconds(1);  // over when the first call returns
+  behave("one", "slow");
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto first = restarter.restart(absent());
+  ASSERT_EQ(first.what, What::restarted) << first.reason;
+  ASSERT_TRUE(says("one", "slow"));
+  behave("one", "");
+  const auto second = restarter.restart(absent());
+  ASSERT_EQ(second.what, What::restarted) << second.reason;
+  EXPECT_NE(second.pid, first.pid);
+  EXPECT_EQ(processes(), std::set<pid_t>{running().pid});
 }
 
 TEST_F(Restarting, LeavesTheLockToNoProcessItStarted) {
