@@ -13,10 +13,12 @@
 
 #include "base/file.hpp"
 #include "base/signals.hpp"
+#include "ros/crash_report.hpp"
 #include "ros/node.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/liveness_ring.hpp"
-#include "ros/ring/plain_restart.hpp"
+#include "ros/ring/membership.hpp"
+#include "ros/ring/restarter.hpp"
 #include "srfs_version.hpp"
 
 namespace srfs::ros {
@@ -133,14 +135,22 @@ class NodeRunner {
 
 namespace {
 
-/// The node's half of the liveness ring; none where the deployment has no ring.
-std::unique_ptr<LivenessRing> join_ring(LifecycleNode& node, std::function<void()> exit) {
-  if (!node.deployment().ring.enabled) return nullptr;
-  const auto restart = [&node](const Accusation& accusation) {
-    return plain_restart(node.deployment(), node.var(), accusation);
-  };
-  return std::make_unique<LivenessRing>(node, LivenessRing::Hooks{restart, {}, std::move(exit)});
-}
+/// The node's half of the liveness ring, and the hand it restarts others with.
+struct RingPart {
+  RingPart(LifecycleNode& node, std::function<void()> exit)
+      : restarter(node.deployment(), node.var(), node.name()),
+        ring(node, {[this](const Accusation& accusation) { return restarter.restart(accusation); },
+                    [this](const std::string& subject, std::uint32_t incarnation, MonotonicTime at) {
+                      restarter.on_recovered(subject, incarnation, at);
+                    },
+                    std::move(exit)}) {
+    restarter.set_generation_source(
+        [&node] { return read_membership(node.var(), node.deployment()).membership.generation; });
+  }
+
+  Restarter restarter;
+  LivenessRing ring;
+};
 
 /// @param page this process' heartbeat page, once there is one
 int run(const Arguments& arguments, const NodeFactory& factory, std::optional<HeartbeatPage>& page) {
@@ -165,6 +175,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
   lock->publish(incarnation.number, version());
   if (auto created = HeartbeatPage::create(var, arguments.name, incarnation.number)) {
     page = std::move(*created);
+    install_crash_handler(*page);
   } else {
     log::error("no heartbeat page, so the ring takes silence for death: {}", created.error());
   }
@@ -205,10 +216,13 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
       },
       "signals");
   {
-    const auto ring = join_ring(*node, [&] {
-      exit_code = ExitCode::deaf;
-      stopping = true;
-    });
+    std::optional<RingPart> ring;
+    if (deployment.ring.enabled) {
+      ring.emplace(*node, [&] {
+        exit_code = ExitCode::deaf;
+        stopping = true;
+      });
+    }
     const NodeRunner runner(executor, *node, desired_state(var, arguments.name));
     while (!stopping && executor.spin_once(nanoseconds::max())) {
     }
