@@ -4,7 +4,7 @@ import os
 import signal
 import unittest
 
-from support import DEADLINE_S, PAYLOADS, SystemTest, slots, wait_for_slots, wait_until
+from support import DEADLINE_S, NODES, PAYLOADS, SystemTest, slots, wait_for_slots, wait_until
 
 HEALTHY = ("payload_adcs", "payload_thermal")
 STATES_UP = "all nodes are active"
@@ -30,7 +30,7 @@ class PeripheralFaultTest(SystemTest):
                     wait_for_slots(recorder, "payload_eps", "released", 3, since)
             for payload in HEALTHY:
                 self.assertEqual(slots(recorder, payload, "failed"), [], "the others never noticed")
-            self.assertEqual([node["restarts"] for node in flight.status()], [0] * 6)
+            self.assertEqual([node["restarts"] for node in flight.status()], [0] * len(NODES))
 
 
 class LifecycleTest(SystemTest):
@@ -79,7 +79,7 @@ class WatchdogTest(SystemTest):
             os.kill(before, signal.SIGSTOP)
 
             wait_until(lambda: flight.node_pid("timing") not in (None, before), DEADLINE_S, "timing is a new process")
-            wait_until(lambda: [node["state"] for node in flight.status()] == ["active"] * 6, DEADLINE_S, STATES_UP)
+            wait_until(lambda: [node["state"] for node in flight.status()] == ["active"] * len(NODES), DEADLINE_S, STATES_UP)
             counters = flight.control({"query": "counters"})["watchdog"]
             self.assertEqual(counters["restarts_started"], 1)
             self.assertEqual(counters["restarts_failed"], 0)
