@@ -205,7 +205,7 @@ Result<void, std::string> Simulator::open_others(const SimulationSettings& setti
   const WatchdogSettings& watchdog = settings.watchdog;
   watchdog_ = std::make_unique<WatchdogDevice>(
       loop_, watchdog.timeout, watchdog.restart_command.empty() ? restart_command : watchdog.restart_command,
-      watchdog.restart_limit);
+      watchdog.restart_limit, std::filesystem::path(*watchdog_path).replace_extension(".boot"));
   auto watchdog_socket = SeqpacketServer::create(
       loop_, *watchdog_path,
       [this](int, OctetView datagram, MonotonicTime now) { watchdog_->on_datagram(datagram, now); });

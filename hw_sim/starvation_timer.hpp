@@ -17,6 +17,8 @@ class StarvationTimer {
     ++feeds_;
     deadline_ = now + timeout_;
   }
+  /// Bites after another time-out unless fed: the computer did not come up.
+  void rearm(MonotonicTime now) { deadline_ = now + timeout_; }
   void disarm() { deadline_.reset(); }
   /// @return true once, when it has starved
   [[nodiscard]] bool bites(MonotonicTime now) {

@@ -11,6 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/file.hpp"
 #include "base/log.hpp"
 
 namespace srfs::sim {
@@ -43,18 +44,34 @@ int spawn_detached(const std::vector<std::string>& command, pid_t& child) {
 }  // namespace
 
 WatchdogDevice::WatchdogDevice(EventLoop& loop, milliseconds timeout,
-                               std::vector<std::string> restart_command, milliseconds restart_limit)
+                               std::vector<std::string> restart_command, milliseconds restart_limit,
+                               std::filesystem::path status)
     : loop_(loop),
       starvation_(timeout),
       command_(std::move(restart_command)),
       limit_(restart_limit),
+      status_(std::move(status)),
+      switched_on_(monotonic_now()),
       bite_timer_(loop.add_timer([this](MonotonicTime now) { on_timer(now); })),
-      limit_timer_(loop.add_timer([this](MonotonicTime) { kill_restart(); })) {}
+      limit_timer_(loop.add_timer([this](MonotonicTime) { kill_restart(); })) {
+  write_status();
+}
 
 WatchdogDevice::~WatchdogDevice() {
   if (child_fd_) loop_.unwatch(child_fd_.get());  // a restart under way goes on without us
   loop_.set_timer(bite_timer_, std::nullopt);
   loop_.set_timer(limit_timer_, std::nullopt);
+  std::error_code ec;
+  if (!status_.empty()) std::filesystem::remove(status_, ec);
+}
+
+void WatchdogDevice::write_status() const {
+  if (status_.empty()) return;
+  const auto bites = starvation_.bite_count();
+  const auto written = write_file_atomically(
+      status_, fmt::format("boot {}.{}\nwatchdog {}\ntimeout_ms {}\n", switched_on_.ns(), bites,
+                           bites > 0 ? 1 : 0, starvation_.timeout().count()));
+  if (!written) log::error("the watchdog's status: {}", written.error().message);
 }
 
 void WatchdogDevice::on_datagram(OctetView datagram, MonotonicTime now) {
@@ -72,6 +89,7 @@ void WatchdogDevice::on_datagram(OctetView datagram, MonotonicTime now) {
 void WatchdogDevice::on_timer(MonotonicTime now) {
   if (starvation_.bites(now)) {
     log::error("watchdog starved for {} ms: restarting the suite", starvation_.timeout().count());
+    write_status();  // before anything of the suite starts
     start_restart(now);
   }
   loop_.set_timer(bite_timer_, starvation_.deadline());
@@ -87,6 +105,7 @@ void WatchdogDevice::start_restart(MonotonicTime now) {
   const auto pidfd = error == 0 ? static_cast<int>(syscall(SYS_pidfd_open, child_, 0)) : -1;
   if (error != 0 || pidfd < 0) {
     ++counters_.restarts_failed;
+    starvation_.rearm(now);
     log::error("cannot run the restart command '{}': {}", fmt::join(command_, " "),
                errno_text(error != 0 ? error : errno));
     return;
@@ -108,6 +127,8 @@ void WatchdogDevice::on_exit() {
     log::info("restart command done");
   } else {
     ++counters_.restarts_failed;
+    if (!starvation_.deadline()) starvation_.rearm(monotonic_now());
+    loop_.set_timer(bite_timer_, starvation_.deadline());
     log::error("restart command failed: {} {}", WIFEXITED(status) ? "exit code" : "signal",
                WIFEXITED(status) ? WEXITSTATUS(status) : WTERMSIG(status));
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -21,11 +22,14 @@ struct WatchdogDeviceCounters {
 };
 
 /// The simulated hardware watchdog. When it bites it runs the restart command in a session of its own, as a
-/// power-on would start the computer; after that it waits for the first feed again.
+/// power-on would start the computer; after that it waits for the first feed again,
+/// and bites once more after another time-out when the command failed. Its status register is a file
+/// (lib/hw/sim/sim_watchdog.cpp).
 class WatchdogDevice {
  public:
+  /// @param status  file of the status register; empty: none
   WatchdogDevice(EventLoop& loop, milliseconds timeout, std::vector<std::string> restart_command,
-                 milliseconds restart_limit);
+                 milliseconds restart_limit, std::filesystem::path status);
   ~WatchdogDevice();
   WatchdogDevice(const WatchdogDevice&) = delete;
   WatchdogDevice& operator=(const WatchdogDevice&) = delete;
@@ -40,11 +44,14 @@ class WatchdogDevice {
   void start_restart(MonotonicTime now);
   void on_exit();
   void kill_restart();
+  void write_status() const;
 
   EventLoop& loop_;
   StarvationTimer starvation_;
   std::vector<std::string> command_;
   milliseconds limit_;
+  std::filesystem::path status_;
+  MonotonicTime switched_on_;
   EventLoop::Timer bite_timer_;
   EventLoop::Timer limit_timer_;
   WatchdogDeviceCounters counters_;

@@ -15,6 +15,14 @@ enum class WatchdogError : std::uint8_t {
 };
 [[nodiscard]] const char* to_string(WatchdogError error);
 
+/// What the device says of itself and of the last reset, read each time it is opened.
+struct WatchdogFacts {
+  std::string identity;                   ///< for people
+  std::optional<bool> nowayout;           ///< nobody can stop it once armed; nullopt: not known
+  std::optional<bool> reset_by_watchdog;  ///< the last reset was its doing; nullopt: it cannot tell
+  std::string boot;                       ///< names this boot where no kernel boots (simulated); else empty
+};
+
 struct WatchdogCounters {
   std::uint64_t fed = 0;
   std::uint64_t failed = 0;
@@ -28,8 +36,10 @@ class Watchdog {
   virtual ~Watchdog() = default;
 
   [[nodiscard]] virtual Result<void, WatchdogError> feed() = 0;
-  /// The time-out in force, as the device says; nullopt when it does not say (simulated, or gone).
+  /// The time-out in force, as the device says; nullopt when it does not say, or is gone.
   [[nodiscard]] virtual std::optional<seconds> timeout() const = 0;
+  /// Empty until it was there once.
+  [[nodiscard]] virtual const WatchdogFacts& facts() const = 0;
   /// Stops it. Only the simulated one can be stopped; in flight the answer is not_allowed.
   [[nodiscard]] virtual Result<void, WatchdogError> disarm() = 0;
   /// Why the device is gone, for a person; empty while it is there.

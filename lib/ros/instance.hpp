@@ -18,6 +18,8 @@ struct VarPaths {
   std::filesystem::path root;
   [[nodiscard]] std::filesystem::path run() const { return root / "run"; }
   [[nodiscard]] std::filesystem::path state(const std::string& node) const { return root / "state" / node; }
+  /// The boot record (boot_store.hpp).
+  [[nodiscard]] std::filesystem::path boot() const { return root / "state" / "boot"; }
   [[nodiscard]] std::filesystem::path log(const std::string& node) const {
     return root / "log" / (node + ".log");
   }

@@ -34,7 +34,8 @@ std::string read_boot_id() {
 
 }  // namespace
 
-TimingNode::TimingNode(ros::NodeContext& context) : LifecycleNode(context), store_(state_dir()) {
+TimingNode::TimingNode(ros::NodeContext& context)
+    : LifecycleNode(context), store_(state_dir()), boot_store_(var().boot()) {
   declare_parameters();
 }
 
@@ -54,6 +55,9 @@ void TimingNode::declare_parameters() {
                     "TAI minus UTC");
   declare_parameter("watchdog_timeout_s", std::int64_t{30}, ros::ParameterRange{1, 3600},
                     "Time-out asked of the hardware watchdog", true);
+  declare_parameter("healthy_after_s", std::int64_t{600}, ros::ParameterRange{1, 86400},
+                    "The watchdog was fed for so long without a gap: the boot record calls this boot healthy",
+                    true);
   on_parameter_check(
       [](const std::string& name, const ros::ParameterValue& value) -> Result<void, std::string> {
         if (name == "tick_period_ms" && !is_tick_period(milliseconds(std::get<std::int64_t>(value)))) {
@@ -80,8 +84,14 @@ void TimingNode::on_parameter_changed(const std::string& parameter) {
   // The tick that is due next stays; from there on the new period holds.
   skipped_before_ += ticks_->skipped_total();
   ticks_.emplace(tick_period(), ticks_->next_cycle(), ticks_->next_due());
+  start_feeding();
+}
+
+void TimingNode::start_feeding() {
   feeding_.emplace(tick_period(), milliseconds(get_parameter<std::int64_t>("late_tick_ms")));
   for (const WatchdogEvidence& evidence : evidence_) feeding_->add_evidence(evidence);
+  if (!critical_) return;
+  for (WatchdogEvidence& evidence : critical_->evidence()) feeding_->add_evidence(std::move(evidence));
 }
 
 void TimingNode::add_watchdog_evidence(WatchdogEvidence evidence) {
@@ -104,10 +114,15 @@ CallbackReturn TimingNode::on_configure() {
     set_failure_reason(error);
     return CallbackReturn::failure;
   }
+  if (const auto ready = prepare_critical_watch(); !ready) {
+    set_failure_reason(ready.error());
+    return CallbackReturn::failure;
+  }
   pulse_ = std::move(*pulse);
   serial_ = std::move(*serial);
 
   boot_id_ = read_boot_id();
+  if (!boot_) stored_boot_ = boot_store_.load();
   const TimingRecord record = store_.load();
   const CarriedTime start = carry_on(record, boot_id_, monotonic_now());
   clock_.emplace(clock_settings(), start.utc, monotonic_now(), start.valid);
@@ -135,6 +150,31 @@ CallbackReturn TimingNode::on_configure() {
   return CallbackReturn::success;
 }
 
+Result<void, std::string> TimingNode::prepare_critical_watch() {
+  const ros::RingSettings& ring = deployment().ring;
+  if (!ring.enabled) return {};
+  const WatchdogBudget budget = watchdog_budget(ring.period, ring.misses, ring.start_deadline);
+  const seconds timeout(get_parameter<std::int64_t>("watchdog_timeout_s"));
+  if (timeout <= budget.least_timeout) {
+    return Err(
+        fmt::format("{}: timing parameter 'watchdog_timeout_s': expected more than {:.1f} s, since the ring "
+                    "may take {:.1f} s "
+                    "to bring a node back, found {}",
+                    deployment().file.string(), std::chrono::duration<double>(budget.least_timeout).count(),
+                    std::chrono::duration<double>(budget.recovery).count(), timeout.count()));
+  }
+  std::vector<std::string> asked;
+  for (const std::string& node : ring.critical) {
+    if (node != name()) asked.push_back(node);
+  }
+  critical_ = std::make_unique<CriticalWatch>(
+      CriticalAnswers(std::move(asked), incarnation(), budget.evidence_lifetime), name(), var());
+  critical_->open([this](const std::string& service) {
+    return create_client<srfs_msgs::srv::CheckAlive>(service, {}, ros::Priority::liveness);
+  });
+  return {};
+}
+
 CallbackReturn TimingNode::on_activate() {
   auto watchdog = hw::open_watchdog(device("watchdog"), var().root,
                                     seconds(get_parameter<std::int64_t>("watchdog_timeout_s")));
@@ -143,8 +183,9 @@ CallbackReturn TimingNode::on_activate() {
     return CallbackReturn::failure;
   }
   watchdog_ = std::move(*watchdog);
-  feeding_.emplace(tick_period(), milliseconds(get_parameter<std::int64_t>("late_tick_ms")));
-  for (const WatchdogEvidence& evidence : evidence_) feeding_->add_evidence(evidence);
+  begin_boot();
+  start_feeding();
+  if (critical_) critical_->ask(monotonic_now(), worker_);
   ticks_.emplace(tick_period(), next_cycle_, monotonic_now() + milliseconds(1));
   arm_tick();
   feed_timer_ = create_timer(
@@ -161,6 +202,10 @@ CallbackReturn TimingNode::on_deactivate() {
   }
   ticks_.reset();
   watchdog_.reset();  // stays armed: a spacecraft without a tick is to be restarted
+  if (boot_) {
+    boot_->on_feeding_ended();
+    save_boot_record();
+  }
   return CallbackReturn::success;
 }
 
@@ -173,6 +218,8 @@ void TimingNode::close() {
   serial_.reset();
   if (worker_) worker_->drain();
   worker_.reset();
+  feeding_.reset();
+  critical_.reset();
   tick_publisher_.reset();
 }
 
@@ -183,12 +230,16 @@ CallbackReturn TimingNode::on_cleanup() {
 
 CallbackReturn TimingNode::on_shutdown() {
   on_deactivate();
+  if (boot_) boot_->on_end();
+  save_boot_record();
   close();
   return CallbackReturn::success;
 }
 
 CallbackReturn TimingNode::on_error() {
-  return on_shutdown();
+  on_deactivate();
+  close();
+  return CallbackReturn::success;
 }
 
 // ---------------------------------------------------------------- tick
@@ -317,8 +368,59 @@ void TimingNode::report_sync_change() {
 
 // ---------------------------------------------------------------- watchdog and housekeeping
 
+/// Whether this process is the first of a new boot, as soon as the watchdog could be asked.
+void TimingNode::begin_boot() {
+  const hw::WatchdogFacts& facts = watchdog_->facts();
+  const auto in_force = watchdog_->timeout();
+  if (critical_ && in_force) {
+    const ros::RingSettings& ring = deployment().ring;
+    const WatchdogBudget budget = watchdog_budget(ring.period, ring.misses, ring.start_deadline);
+    // It runs already, so it is fed none the less.
+    if (*in_force <= budget.least_timeout)
+      log::error("the watchdog's time-out is {} s: it may bite while the ring recovers a node",
+                 in_force->count());
+  }
+  if (boot_) return;
+  const std::string boot = facts.boot.empty() ? boot_id_ : boot_id_ + "/" + facts.boot;
+  boot_.emplace(
+      stored_boot_, BootFacts{boot, facts.reset_by_watchdog},
+      BootKeeper::Settings{.healthy_after = seconds(get_parameter<std::int64_t>("healthy_after_s")),
+                           .withheld_after = seconds(get_parameter<std::int64_t>("watchdog_timeout_s")) / 2});
+  if (boot_->is_new_boot()) {
+    const wire::BootRecord& record = boot_->record();
+    log::info("boot {}, reset cause {}", record.count, mission::to_text(boot_->cause()));
+    raise(mission::TimingBootEvent{.count = record.count, .cause = boot_->cause()});
+  }
+  save_boot_record();
+}
+
+void TimingNode::save_boot_record() {
+  if (!boot_) return;
+  const auto record = boot_->take_unwritten();
+  if (!record) return;
+  const auto write = [this](const wire::BootRecord& r) {
+    const auto written = boot_store_.save(r);
+    if (!written) log::error("the boot record is not durable: {}", written.error().message);
+    return written.has_value();
+  };
+  if (!worker_) {  // at the end
+    (void)write(*record);
+    return;
+  }
+  auto ok = std::make_shared<bool>(false);
+  const bool taken = worker_->post([write, r = *record, ok] { *ok = write(r); },
+                                   [this, ok] {
+                                     if (!*ok) boot_->on_write_failed();
+                                   });
+  if (!taken) boot_->on_write_failed();
+}
+
 void TimingNode::feed_watchdog() {
+  if (critical_) critical_->ask(monotonic_now(), worker_);
   const auto missing = feeding_->missing(monotonic_now());
+  const auto utc = clock_->time_valid() ? std::optional(clock_->utc_at(monotonic_now())) : std::nullopt;
+  boot_->on_feeding(!missing, monotonic_now(), utc);
+  save_boot_record();
   if (!missing) {
     if (watchdog_->feed()) ++watchdog_feeds_;
     last_missing_.clear();
@@ -358,6 +460,19 @@ void TimingNode::publish_housekeeping() {
   hk.time_jumps_refused = as_u32(clock.jumps_refused);
   hk.cycles_unreserved = as_u32(reservation_->unreserved());
   hk.reservation_failures = as_u32(reservation_->failed_writes());
+  const auto timeout = watchdog_ ? watchdog_->timeout() : std::nullopt;
+  hk.watchdog_timeout_s =
+      static_cast<std::uint16_t>(std::clamp<std::int64_t>(timeout ? timeout->count() : 0, 0, 0xFFFF));
+  if (critical_) {
+    const CriticalAnswers::Counters& critical = critical_->answers().counters();
+    hk.critical_asked = as_u32(critical.asked);
+    hk.critical_answered = as_u32(critical.answered);
+    hk.critical_refused = as_u32(critical.wrong_nonce + critical.wrong_state);
+  }
+  hk.boot_count = boot_ ? boot_->record().count : 0;
+  hk.reset_cause = boot_ ? boot_->cause() : mission::ResetCause::unknown;
+  hk.boot_healthy = boot_ && boot_->record().healthy;
+  hk.unhealthy_boots = boot_ ? boot_->record().unhealthy_boots : 0;
   hk.dds_malformed = as_u32(malformed_samples());
   hk.events_suppressed = as_u32(suppressed_events());
   publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, utc, hk.time_valid, at));

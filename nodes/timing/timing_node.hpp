@@ -6,11 +6,14 @@
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
 #include "hw/watchdog.hpp"
+#include "nodes/timing/boot_keeper.hpp"
+#include "nodes/timing/critical_watch.hpp"
 #include "nodes/timing/cycle_reservation.hpp"
 #include "nodes/timing/pulse_clock.hpp"
 #include "nodes/timing/tick_generator.hpp"
 #include "nodes/timing/timing_store.hpp"
 #include "nodes/timing/watchdog_feeding.hpp"
+#include "ros/boot_store.hpp"
 #include "ros/node.hpp"
 #include "wire/nmea.hpp"
 
@@ -49,6 +52,10 @@ class TimingNode : public ros::LifecycleNode {
   void on_serial_input();
   void take_time_of_day(const wire::NmeaTime& time);
   void report_sync_change();
+  [[nodiscard]] Result<void, std::string> prepare_critical_watch();
+  void start_feeding();
+  void begin_boot();
+  void save_boot_record();
   void feed_watchdog();
   void publish_housekeeping();
   void close();
@@ -68,8 +75,12 @@ class TimingNode : public ros::LifecycleNode {
   std::optional<PulseClock> clock_;
   std::optional<TickGenerator> ticks_;
   std::optional<CycleReservation> reservation_;
-  std::optional<WatchdogFeeding> feeding_;
+  std::unique_ptr<CriticalWatch> critical_;  ///< none: the deployment has no ring
   std::vector<WatchdogEvidence> evidence_;
+  std::optional<WatchdogFeeding> feeding_;  ///< refers to critical_
+  ros::BootStore boot_store_;
+  std::optional<wire::BootRecord> stored_boot_;  ///< found at the start
+  std::optional<BootKeeper> boot_;               ///< from the first activation on
   wire::NmeaReceiver nmea_;
   MissionCycle next_cycle_ = 0;
   std::string boot_id_;

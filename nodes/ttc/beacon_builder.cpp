@@ -78,6 +78,9 @@ void BeaconBuilder::on_telemetry(std::string_view node, std::uint16_t structure_
       temperature_min_k_ = Reading{thermal->temperature_min_k, now};
       temperature_max_k_ = Reading{thermal->temperature_max_k, now};
     }
+  } else if (structure_id == mission::TimingHousekeeping::structure_id) {
+    const auto timing = mission::TimingHousekeeping::decode(reader);
+    if (timing && timing->boot_count > 0) boot_ = BootTold{timing->boot_count, timing->reset_cause};
   } else if (structure_id == mission::CanSwitcherHousekeeping::structure_id) {
     if (const auto bus = mission::CanSwitcherHousekeeping::decode(reader)) {
       can_errors_ = bus->overruns;
@@ -113,8 +116,9 @@ float BeaconBuilder::fresh(const MaybeReading& reading, MonotonicTime now) {
 Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const {
   mission::Beacon beacon;
   beacon.cycle = inputs.cycle;
-  beacon.boot_count = inputs.boot_count;
-  beacon.reset_cause = mission::ResetCause::unknown;  // nothing on board can tell it yet
+  const BootTold boot = boot_.value_or(inputs.boot);
+  beacon.boot_count = boot.count;
+  beacon.reset_cause = boot.cause;
   beacon.mode = inputs.mode == Mode::nominal ? mission::MissionMode::nominal : mission::MissionMode::safe;
   beacon.mode_reason = inputs.mode_reason;
   beacon.time_valid = inputs.time_valid;

@@ -7,6 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/octets.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
@@ -22,10 +24,16 @@ struct NodeFacts {
   std::string version;  ///< "0.1.0"; empty: unknown
 };
 
+/// How often and why the computer started.
+struct BootTold {
+  std::uint32_t count = 0;
+  mission::ResetCause cause = mission::ResetCause::unknown;
+};
+
 /// What ttc itself knows at the moment of the beacon.
 struct BeaconInputs {
   std::uint64_t cycle = 0;
-  std::uint32_t boot_count = 0;
+  BootTold boot;  ///< used until timing has told it
   Mode mode = Mode::safe;
   std::string mode_reason;
   bool time_valid = false;
@@ -54,6 +62,8 @@ class BeaconBuilder {
   /// @param state id as in lifecycle_msgs/msg/State
   void on_lifecycle(std::string_view node, std::uint8_t state);
   void on_facts(std::string_view node, const NodeFacts& facts);
+  /// nullopt: timing has not told it yet.
+  [[nodiscard]] const std::optional<BootTold>& boot() const { return boot_; }
   /// Nodes that run and whose state nobody has told yet: worth asking.
   [[nodiscard]] std::vector<std::string> nodes_to_ask() const;
 
@@ -80,6 +90,7 @@ class BeaconBuilder {
   MaybeReading battery_temperature_k_;
   MaybeReading temperature_min_k_;
   MaybeReading temperature_max_k_;
+  std::optional<BootTold> boot_;
   std::uint32_t can_errors_ = UINT32_MAX;  ///< not heard yet
 };
 

@@ -155,7 +155,7 @@ void TtcNode::send(const Report& report, bool live, bool stored, bool urgent) {
       to_store_.push_back(StoreItem{.store = store,
                                     .stamp = {.tai = tai,
                                               .time_valid = link_->clock.valid(),
-                                              .boot_id = static_cast<std::uint16_t>(boot_count_),
+                                              .boot_id = static_cast<std::uint16_t>(boot_.count),
                                               .monotonic = at},
                                     .packet = packet});
     } else {
@@ -339,6 +339,7 @@ void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
   const auto report = link_->housekeeping.on_sample(message.apid, message.structure_id, message.data, now());
   if (!report) return;
   link_->beacon.on_telemetry(message.source, message.structure_id, message.data, now());
+  boot_ = link_->beacon.boot().value_or(boot_);
   send(report->report, report->live, true, false);
   pump_downlink();
 }
@@ -537,7 +538,7 @@ void TtcNode::send_own_housekeeping() {
 void TtcNode::send_beacon() {
   BeaconInputs in;
   in.cycle = cycle_;
-  in.boot_count = boot_count_;
+  in.boot = boot_;
   in.mode = link_->mode.mode();
   in.mode_reason = link_->mode.reason();
   in.time_valid = link_->clock.valid();

@@ -80,7 +80,7 @@ class TtcNode : public ros::LifecycleNode {
   [[nodiscard]] Result<wire::SdlsKey, std::string> read_key(const std::string& file) const;
   [[nodiscard]] Result<DownlinkConfig, std::string> read_downlink() const;
   [[nodiscard]] ModeKeeper load_mode(bool ran_before);
-  [[nodiscard]] std::uint32_t load_boot_count() const;
+  [[nodiscard]] BootTold load_boot() const;
   [[nodiscard]] bool ran_before() const;
   void fill_from_dictionary();
   void subscribe();
@@ -151,7 +151,7 @@ class TtcNode : public ros::LifecycleNode {
   bool stores_work_ = true;
   std::uint64_t foreign_samples_ = 0;      ///< ticks, telemetry and reports that cannot be what they say
   std::uint64_t next_telecommand_id_ = 0;  ///< after the last clean-up, 0: none yet
-  std::uint32_t boot_count_ = 1;
+  BootTold boot_{.count = 1, .cause = mission::ResetCause::unknown};
   std::uint64_t cycle_ = 0;
   std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event
 

@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 
 #include "nodes/ttc/ttc_node.hpp"
+#include "ros/boot_store.hpp"
 
 namespace srfs {
 namespace {
@@ -138,8 +139,7 @@ Result<DownlinkConfig, std::string> TtcNode::read_downlink() const {
 
 bool TtcNode::ran_before() const {
   std::error_code ec;
-  return std::filesystem::exists(state_dir() / "boot", ec) ||
-         std::filesystem::exists(state_dir() / "link_state", ec) ||
+  return std::filesystem::exists(state_dir() / "link_state", ec) ||
          std::filesystem::exists(state_dir() / "mode", ec);
 }
 
@@ -161,25 +161,15 @@ ModeKeeper TtcNode::load_mode(bool ran) {
   return keeper;
 }
 
-/// Counts kernel boots: the kernel makes a new boot id each time.
-std::uint32_t TtcNode::load_boot_count() const {
-  const auto boot_id = read_file("/proc/sys/kernel/random/boot_id", 64);
-  const std::string id = boot_id ? boot_id->substr(0, 36) : "unknown";
-  std::uint32_t count = 0;
-  std::string known;
-  if (const auto text = read_file(state_dir() / "boot", 256)) {
-    known = text->substr(0, text->find(' '));
-    const std::size_t at = text->find(' ');
-    if (at != std::string::npos)
-      count = static_cast<std::uint32_t>(std::strtoul(text->c_str() + at, nullptr, 10));
-  }
-  if (known == id && count > 0) return count;
-  ++count;
-  if (const auto written = write_file_atomically(state_dir() / "boot", fmt::format("{} {}\n", id, count));
-      !written) {
-    log::error("the boot count is not durable: {}", written.error().message);
-  }
-  return count;
+/// What the boot record says until timing tells more: it may write the record of this boot at this moment.
+BootTold TtcNode::load_boot() const {
+  const auto record = ros::BootStore(var().boot()).load();
+  if (!record) return {.count = 1, .cause = mission::ResetCause::unknown};
+  constexpr std::size_t id_octets = 36;
+  const auto kernel = read_file("/proc/sys/kernel/random/boot_id", 64);
+  const bool same = kernel && record->boot_id.substr(0, id_octets) == kernel->substr(0, id_octets);
+  if (!same) return {.count = record->count + 1, .cause = mission::ResetCause::unknown};
+  return {.count = record->count, .cause = static_cast<mission::ResetCause>(record->reset_cause)};
 }
 
 ros::CallbackReturn TtcNode::on_configure() {
@@ -209,7 +199,7 @@ ros::CallbackReturn TtcNode::on_configure() {
       std::make_unique<Link>(dictionary_, first_id, std::move(*channels), found.state, *downlink,
                              load_mode(ran), milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
                              SpacecraftClock(system_utc_now(), monotonic_now()), name());
-  boot_count_ = load_boot_count();
+  boot_ = load_boot();
   fill_from_dictionary();
   stores_ = std::make_shared<StoreRack>(dictionary_, var().root / "store");
   state_worker_ = create_worker("ttc_state", state_worker_capacity);

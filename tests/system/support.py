@@ -19,6 +19,7 @@ import mission  # noqa: E402
 from mission import wait_until  # noqa: E402, F401
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
+NODES = ("timing", "can_switcher", *PAYLOADS, "ttc", "image_acquisition", "image_processing", "maintenance")
 DEADLINE_S = 30  # for a condition; generous, the machine may be busy
 
 

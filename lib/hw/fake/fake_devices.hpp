@@ -101,7 +101,10 @@ class FakeWatchdog : public Watchdog {
   [[nodiscard]] std::string reason() const override { return gone ? "fake" : ""; }
   [[nodiscard]] const WatchdogCounters& counters() const override { return counters_; }
 
+  [[nodiscard]] const WatchdogFacts& facts() const override { return device_facts; }
+
   std::optional<seconds> device_timeout;
+  WatchdogFacts device_facts;
   bool may_disarm = false;
   bool disarmed = false;
   bool gone = false;

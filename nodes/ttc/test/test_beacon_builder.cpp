@@ -54,6 +54,19 @@ TEST_F(Beacon, CarriesWhatTheNodesReportedUntilItIsTooOld) {
   EXPECT_TRUE(std::isnan(built(MonotonicTime(seconds(61))).battery_voltage_v));
 }
 
+TEST_F(Beacon, TellsTheBootAsTimingDoesAndBeforeThatAsItWasFoundOnDisk) {
+  inputs_.boot = {.count = 4, .cause = mission::ResetCause::unknown};
+  mission::TimingHousekeeping timing;
+  builder_.on_telemetry("timing", mission::TimingHousekeeping::structure_id, timing.encoded(), {});
+  EXPECT_EQ(built().boot_count, 4U) << "timing does not know it yet";
+
+  timing.boot_count = 5;
+  timing.reset_cause = mission::ResetCause::watchdog;
+  builder_.on_telemetry("timing", mission::TimingHousekeeping::structure_id, timing.encoded(), {});
+  EXPECT_EQ(built().boot_count, 5U);
+  EXPECT_EQ(built().reset_cause, mission::ResetCause::watchdog);
+}
+
 TEST_F(Beacon, TellsTheNodesInApidOrder) {
   builder_.on_facts("payload_eps", {.running = true, .restarts = 2, .version = "1.2.3"});
   builder_.on_lifecycle("payload_eps", 3);

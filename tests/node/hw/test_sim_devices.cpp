@@ -1,5 +1,6 @@
 #include <array>
 #include <atomic>
+#include <fstream>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -110,6 +111,24 @@ TEST(SimWatchdog, IsFedAndDisarmed) {
   EXPECT_EQ(simulator.receive(), "F");
   ASSERT_TRUE(watchdog->disarm());
   EXPECT_EQ(simulator.receive(), "V");
+  EXPECT_FALSE(watchdog->timeout());
+  EXPECT_FALSE(watchdog->facts().reset_by_watchdog) << "it has no status register";
+}
+
+TEST(SimWatchdog, TellsTheBootAndTheCauseOfTheLastReset) {
+  const TemporaryFolder folder;
+  const Server simulator(folder.path() / "watchdog.sock");
+  const auto told = [&](const std::string& status) {
+    std::ofstream(folder.path() / "watchdog.boot") << status;
+    const auto watchdog = open_watchdog("sim:watchdog.sock", folder.path(), seconds(5)).value();
+    return std::pair(watchdog->facts(), watchdog->timeout());
+  };
+  const auto [fresh, timeout] = told("boot 12.0\nwatchdog 0\ntimeout_ms 10000\n");
+  EXPECT_EQ(fresh.boot, "12.0");
+  EXPECT_EQ(fresh.reset_by_watchdog, false);
+  EXPECT_EQ(timeout, seconds(10));
+  EXPECT_EQ(told("boot 12.1\nwatchdog 1\ntimeout_ms 10000\n").first.reset_by_watchdog, true);
+  EXPECT_FALSE(told("boot").first.reset_by_watchdog);
 }
 
 }  // namespace

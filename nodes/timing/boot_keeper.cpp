@@ -1,0 +1,81 @@
+#include "nodes/timing/boot_keeper.hpp"
+
+#include <utility>
+
+namespace srfs {
+
+using mission::ResetCause;
+
+BootKeeper::BootKeeper(const std::optional<wire::BootRecord>& before, const BootFacts& facts,
+                       Settings settings)
+    : settings_(settings),
+      record_(before.value_or(wire::BootRecord{})),
+      new_boot_(!before || before->boot_id != facts.boot_id) {
+  if (new_boot_) {
+    record_ = {.count = record_.count + 1,
+               .boot_id = facts.boot_id,
+               .reset_cause = static_cast<std::uint8_t>(cause_of(before, facts)),
+               .unhealthy_boots = before && !before->healthy ? record_.unhealthy_boots + 1 : 0,
+               .revision = record_.revision};
+    change();
+  } else if (record_.withheld || record_.ended) {
+    record_.withheld = record_.ended = false;
+    change();
+  }
+}
+
+ResetCause BootKeeper::cause_of(const std::optional<wire::BootRecord>& before, const BootFacts& facts) {
+  if (facts.reset_by_watchdog.value_or(false)) return ResetCause::watchdog;
+  if (!before) return ResetCause::power_on;
+  // Not every watchdog can tell. One that was not being fed is the likeliest cause.
+  if (!facts.reset_by_watchdog && before->withheld) return ResetCause::watchdog;
+  if (before->ended) return ResetCause::commanded;
+  return facts.reset_by_watchdog ? ResetCause::power_on : ResetCause::unknown;
+}
+
+void BootKeeper::on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc) {
+  if (!fed) {
+    fed_since_.reset();
+    if (!not_fed_since_) not_fed_since_ = now;
+    if (!record_.withheld && now - *not_fed_since_ >= settings_.withheld_after) on_feeding_ended();
+    return;
+  }
+  not_fed_since_.reset();
+  if (record_.withheld) {
+    record_.withheld = false;
+    change();
+  }
+  // A suite that was stopped and continued was not healthy meanwhile.
+  constexpr nanoseconds longest_gap = seconds(5);
+  if (!fed_since_ || now - last_fed_ > longest_gap) fed_since_ = now;
+  last_fed_ = now;
+  const nanoseconds fed_for = now - *fed_since_;
+  if (record_.healthy || fed_for < settings_.healthy_after) return;
+  record_.healthy = true;
+  if (utc) record_.healthy_since = *utc - fed_for;
+  change();
+}
+
+void BootKeeper::on_feeding_ended() {
+  if (record_.withheld) return;
+  record_.withheld = true;
+  change();
+}
+
+void BootKeeper::on_end() {
+  record_.ended = true;
+  record_.withheld = false;  // what happens to the watchdog from here on was asked for
+  change();
+}
+
+std::optional<wire::BootRecord> BootKeeper::take_unwritten() {
+  if (!std::exchange(unwritten_, false)) return std::nullopt;
+  return record_;
+}
+
+void BootKeeper::change() {
+  ++record_.revision;
+  unwritten_ = true;
+}
+
+}  // namespace srfs

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <mission/structures.hpp>
+
+#include "base/time.hpp"
+#include "wire/boot_record.hpp"
+
+namespace srfs {
+
+/// What tells this start of the computer from others.
+struct BootFacts {
+  std::string boot_id;                    ///< another one at each start
+  std::optional<bool> reset_by_watchdog;  ///< as the watchdog says; nullopt: it cannot tell
+};
+
+/// Keeps the boot record: whether this is a new boot and why, and when it became healthy. Pure; one thread.
+class BootKeeper {
+ public:
+  struct Settings {
+    nanoseconds healthy_after;   ///< the watchdog fed for so long without a gap: healthy
+    nanoseconds withheld_after;  ///< not fed for so long: the record says so, in case the watchdog bites
+  };
+
+  /// @param before  what stands on disk; nullopt: nothing
+  BootKeeper(const std::optional<wire::BootRecord>& before, const BootFacts& facts, Settings settings);
+
+  /// Another boot than the one of the record found.
+  [[nodiscard]] bool is_new_boot() const { return new_boot_; }
+  [[nodiscard]] const wire::BootRecord& record() const { return record_; }
+  [[nodiscard]] mission::ResetCause cause() const {
+    return static_cast<mission::ResetCause>(record_.reset_cause);
+  }
+
+  /// The watchdog was due. @param utc  now; nullopt while the time is not valid
+  void on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc);
+  /// Nobody feeds the watchdog from now on.
+  void on_feeding_ended();
+  /// The node ends because it was asked to.
+  void on_end();
+
+  /// The record, when it is not on disk as it is: to be written now. Once a change.
+  [[nodiscard]] std::optional<wire::BootRecord> take_unwritten();
+  /// The write did not work: take_unwritten gives the record again.
+  void on_write_failed() { unwritten_ = true; }
+
+ private:
+  void change();
+  [[nodiscard]] static mission::ResetCause cause_of(const std::optional<wire::BootRecord>& before,
+                                                    const BootFacts& facts);
+
+  Settings settings_;
+  wire::BootRecord record_;
+  bool new_boot_ = false;
+  bool unwritten_ = false;
+  std::optional<MonotonicTime> fed_since_;
+  MonotonicTime last_fed_;
+  std::optional<MonotonicTime> not_fed_since_;
+};
+
+}  // namespace srfs

@@ -1,0 +1,153 @@
+#include "nodes/timing/boot_keeper.hpp"
+
+#include <gtest/gtest.h>
+
+namespace srfs {
+namespace {
+
+using mission::ResetCause;
+
+constexpr BootKeeper::Settings settings{.healthy_after = seconds(60), .withheld_after = seconds(5)};
+
+BootKeeper boot(const std::optional<wire::BootRecord>& before, const std::string& id,
+                std::optional<bool> by_watchdog = std::nullopt) {
+  return {before, {id, by_watchdog}, settings};
+}
+
+wire::BootRecord running(std::uint32_t count = 3) {
+  return {.count = count, .boot_id = "a"};
+}
+
+/// Feeds each second from @p from for @p length.
+void feed(BootKeeper& keeper, seconds from, seconds length, std::optional<UtcTime> utc = std::nullopt) {
+  for (seconds t{0}; t <= length; ++t)
+    keeper.on_feeding(true, MonotonicTime(from + t), utc ? std::optional(*utc + t) : std::nullopt);
+}
+
+TEST(BootRecord, ReadsWhatItWrites) {
+  const wire::BootRecord record{.count = 7,
+                                .boot_id = "4f1c/12.1",
+                                .reset_cause = 1,
+                                .healthy = true,
+                                .healthy_since = UtcTime(seconds(1795248000)),
+                                .unhealthy_boots = 2,
+                                .withheld = true,
+                                .ended = true,
+                                .revision = 41};
+  const auto read = wire::decode_boot_record(wire::encode_boot_record(record));
+  ASSERT_TRUE(read.has_value());
+  EXPECT_EQ(*read, record);
+}
+
+TEST(BootRecord, NoticesAnyChangedOctet) {
+  const std::string good = wire::encode_boot_record(running());
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    std::string bad = good;
+    bad[i] = static_cast<char>(bad[i] ^ 0x04);
+    EXPECT_FALSE(wire::decode_boot_record(bad).has_value()) << i;
+    EXPECT_FALSE(wire::decode_boot_record(good.substr(0, i)).has_value()) << i;
+  }
+}
+
+TEST(BootKeeper, CountsBootsAndNotStartsOfTheNode) {
+  BootKeeper first = boot(std::nullopt, "a");
+  EXPECT_TRUE(first.is_new_boot());
+  EXPECT_EQ(first.record().count, 1U);
+  EXPECT_EQ(first.cause(), ResetCause::power_on);
+
+  BootKeeper restarted = boot(first.take_unwritten(), "a", true);
+  EXPECT_FALSE(restarted.is_new_boot());
+  EXPECT_EQ(restarted.record().count, 1U);
+  EXPECT_EQ(restarted.cause(), ResetCause::power_on)
+      << "the cause is that of the boot, not of the node's start";
+  EXPECT_FALSE(restarted.take_unwritten().has_value());
+
+  EXPECT_EQ(boot(restarted.record(), "b").record().count, 2U);
+}
+
+TEST(BootKeeper, FindsTheCauseInWhatTheWatchdogAndTheLastBootSay) {
+  wire::BootRecord withheld = running();
+  withheld.withheld = true;
+  wire::BootRecord ended = running();
+  ended.ended = true;
+  const std::optional<bool> cannot_tell;
+  const struct {
+    const char* why;
+    wire::BootRecord before;
+    std::optional<bool> by_watchdog;
+    ResetCause cause;
+  } cases[] = {
+      {"the watchdog says so", running(), true, ResetCause::watchdog},
+      {"the watchdog says so, whatever was asked for", ended, true, ResetCause::watchdog},
+      {"it was not fed and cannot tell", withheld, cannot_tell, ResetCause::watchdog},
+      {"it was not fed, and something else was faster", withheld, false, ResetCause::power_on},
+      {"ended in order", ended, cannot_tell, ResetCause::commanded},
+      {"ended in order, and not by the watchdog", ended, false, ResetCause::commanded},
+      {"out of the blue, and not by the watchdog", running(), false, ResetCause::power_on},
+      {"out of the blue, and nobody can tell", running(), cannot_tell, ResetCause::unknown},
+  };
+  for (const auto& c : cases) EXPECT_EQ(boot(c.before, "b", c.by_watchdog).cause(), c.cause) << c.why;
+}
+
+TEST(BootKeeper, CallsABootHealthyAfterItsTimeWithoutAGap) {
+  const UtcTime noon(seconds(1795248000));
+  BootKeeper keeper = boot(running(), "b", false);
+  ASSERT_TRUE(keeper.take_unwritten());
+  feed(keeper, seconds(100), seconds(59), noon);
+  EXPECT_FALSE(keeper.record().healthy);
+  keeper.on_feeding(false, MonotonicTime(seconds(160)), noon);
+  feed(keeper, seconds(161), seconds(59), noon + seconds(61));
+  EXPECT_FALSE(keeper.record().healthy) << "it begins anew after a gap";
+  EXPECT_FALSE(keeper.take_unwritten());
+
+  feed(keeper, seconds(221), seconds(0), noon + seconds(121));
+  EXPECT_TRUE(keeper.record().healthy);
+  EXPECT_EQ(keeper.record().healthy_since, noon + seconds(61));
+  EXPECT_TRUE(keeper.take_unwritten());
+}
+
+TEST(BootKeeper, DoesNotTakeTheTimeInWhichTheSuiteWasStoppedForHealthy) {
+  BootKeeper keeper = boot(running(), "b");
+  feed(keeper, seconds(100), seconds(1));
+  feed(keeper, seconds(5000), seconds(1));
+  EXPECT_FALSE(keeper.record().healthy);
+}
+
+TEST(BootKeeper, CountsBootsInARowThatNeverBecameHealthy) {
+  BootKeeper first = boot(std::nullopt, "a");
+  BootKeeper second = boot(first.record(), "b");
+  BootKeeper third = boot(second.record(), "c");
+  EXPECT_EQ(third.record().unhealthy_boots, 2U);
+  feed(third, seconds(100), seconds(60));
+  ASSERT_TRUE(third.record().healthy);
+  EXPECT_EQ(boot(third.record(), "d").record().unhealthy_boots, 0U);
+}
+
+TEST(BootKeeper, NotesThatTheWatchdogIsNotFedBeforeItBites) {
+  BootKeeper keeper = boot(running(), "b");
+  ASSERT_TRUE(keeper.take_unwritten());
+  keeper.on_feeding(false, MonotonicTime(seconds(10)), std::nullopt);
+  keeper.on_feeding(false, MonotonicTime(seconds(14)), std::nullopt);
+  EXPECT_FALSE(keeper.take_unwritten()) << "a start takes its time";
+  keeper.on_feeding(false, MonotonicTime(seconds(15)), std::nullopt);
+  ASSERT_TRUE(keeper.record().withheld);
+  EXPECT_TRUE(keeper.take_unwritten());
+  EXPECT_FALSE(keeper.take_unwritten());
+
+  keeper.on_write_failed();
+  EXPECT_TRUE(keeper.take_unwritten()) << "once more";
+  feed(keeper, seconds(16), seconds(0));
+  EXPECT_FALSE(keeper.record().withheld);
+}
+
+TEST(BootKeeper, ForgetsTheEndOfTheNodeWhenItIsBackInTheSameBoot) {
+  BootKeeper keeper = boot(running(), "b");
+  keeper.on_feeding_ended();
+  keeper.on_end();
+  const BootKeeper again = boot(keeper.record(), "b");
+  EXPECT_FALSE(again.record().ended);
+  EXPECT_FALSE(again.record().withheld);
+}
+
+}  // namespace
+}  // namespace srfs
