@@ -34,6 +34,7 @@ bool Worker::post(std::function<void()> job, std::function<void()> done) {
       ++progress_.refused;
       return false;
     }
+    if (jobs_.empty()) first_waits_since_ = monotonic_now();
     jobs_.push_back({std::move(job), std::move(done)});
   }
   changed_.notify_all();
@@ -44,6 +45,10 @@ WorkerProgress Worker::progress() const {
   const std::lock_guard lock(mutex_);
   WorkerProgress progress = progress_;
   progress.waiting = jobs_.size();
+  if (!progress.busy && !jobs_.empty()) {  // a thread that does not take it is as frozen as one inside a job
+    progress.busy = true;
+    progress.busy_since = first_waits_since_;
+  }
   return progress;
 }
 
@@ -99,6 +104,7 @@ void Worker::run() {
     lock.lock();
     // Counted before anybody can see that the job has ended.
     progress_.busy = false;
+    first_waits_since_ = monotonic_now();
     progress_.failed += failed ? 1 : 0;
     ++progress_.finished;
     if (done) finished_.push_back(done);

@@ -19,7 +19,7 @@ struct WorkerProgress {
   std::uint64_t refused = 0;  ///< jobs not taken because the queue was full
   std::uint64_t failed = 0;   ///< jobs that ended with an exception; their `done` is not called
   std::size_t waiting = 0;    ///< jobs not begun
-  bool busy = false;
+  bool busy = false;          ///< a job runs, or waits though none runs
   MonotonicTime busy_since;  ///< when busy
 };
 
@@ -69,6 +69,7 @@ class Worker {
   std::deque<Job> jobs_;
   std::deque<std::function<void()>> finished_;  // `done` of jobs that ended; bounded by the jobs
   WorkerProgress progress_;
+  MonotonicTime first_waits_since_;  // for the thread
   bool stop_ = false;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  // work thread's: no `done` after destruction
   std::thread thread_;

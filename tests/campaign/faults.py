@@ -73,6 +73,7 @@ CLASSES = (
     FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
     FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
 )
+WINDOW_S = 3  # of the ring's death history
 START_FAULT_S = 4  # how long the cause of a fault at start stays
 
 TELECOMMANDS = {
@@ -146,7 +147,7 @@ class Wrappers:
         for node in NODES:
             text = text.replace(f"executable: {node}_node\n", f"executable: {self.path(node)}\n")
         # A node dies here more often than any node should: patience is for deaths that follow upon each other.
-        text = text.replace("ring:", "ring:\n  window_ms: 5000", 1)
+        text = text.replace("ring:", f"ring:\n  window_ms: {round(WINDOW_S * 1000)}", 1)
         changed.write_text(text)
         return changed
 
@@ -270,6 +271,12 @@ class FaultCampaign:
         if self.signals.asked:
             raise mission.MissionError("interrupted", code=130)
 
+    def _wait_until_forgotten(self, victims):
+        """Steady, and the deaths of these nodes are out of the ring's window."""
+        last = max((self._processes[node][-1][0] for node in victims if len(self._processes[node]) > 1), default=0)
+        time.sleep(max(0, min(WINDOW_S + 0.5, last / 1e9 + WINDOW_S + 0.2 - time.monotonic())))
+        self.wait_until_steady()
+
     # --- the run ----------------------------------------------------------------------------------------------------
 
     def __enter__(self):
@@ -341,7 +348,7 @@ class FaultCampaign:
             self.wrappers.damage(node)
 
     def trial(self, fault, node):
-        self.wait_until_steady()
+        self._wait_until_forgotten([node])
         trial = Trial(fault.name, (node,), fault.expected)
         before = self._pids()
         begin = time.monotonic_ns()
@@ -412,7 +419,7 @@ class FaultCampaign:
 
     def subset(self, victims):
         """All victims at once, by SIGKILL."""
-        self.wait_until_steady()
+        self._wait_until_forgotten(victims)
         kind = FaultClass("subset" if len(victims) < len(NODES) else "everybody", "", "restart", bound_s=60)
         trial = Trial(kind.name, tuple(victims), "restart")
         before = self._pids()

@@ -127,12 +127,6 @@ def memory_folder(var):
     return pathlib.Path(f"/dev/shm/srfs_{value:016x}")
 
 
-def shared_memory_files():
-    with contextlib.suppress(OSError):
-        return {name for name in os.listdir("/dev/shm") if "fastrtps" in name or "fastdds" in name or "srfs" in name}
-    return set()
-
-
 def wait_until(condition, deadline_s, what, period_s=0.02):
     """Waits until condition() is true and returns its value; MissionError after deadline_s."""
     end = time.monotonic() + deadline_s
@@ -286,7 +280,6 @@ class Mission:
         self.up_report = None
         self._lock = None
         self._lines = []
-        self._shared_memory_before = set()
         self._watched = {}
 
     # --- starting ---------------------------------------------------------------------------------------------------
@@ -299,7 +292,6 @@ class Mission:
         self._take_lock()
         try:
             self._end_orphans()
-            self._shared_memory_before = shared_memory_files()
             self._start_hw_sim()
             self._start_suite()
         except BaseException:
@@ -539,7 +531,7 @@ class Mission:
         left += [f"file {path}" for path in self.run_dir.iterdir() if path.name != "mission.lock"]
         if (self.var / "rs422").is_symlink():
             left.append(f"link {self.var / 'rs422'}")
-        left += [f"shared memory /dev/shm/{name}" for name in sorted(shared_memory_files() - self._shared_memory_before)]
+        left += [f"shared memory {memory_folder(self.var)}"] if memory_folder(self.var).exists() else []
         return left
 
     def _end_quietly(self):
