@@ -207,6 +207,16 @@ CallbackReturn CanSwitcherNode::on_error() {
 
 // ---------------------------------------------------------------- rotation
 
+ros::WorkStatus CanSwitcherNode::work_status() const {
+  ros::WorkStatus work;
+  work.done = static_cast<std::uint32_t>(flag_latency_.count());
+  if (armed_ && *armed_ <= now()) {
+    work.due = 1;
+    work.oldest_due = armed_;
+  }
+  return work;
+}
+
 void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received) {
   time_.on_tick(tick);
   if (!is_active()) return;

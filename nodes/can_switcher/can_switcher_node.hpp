@@ -18,6 +18,8 @@ namespace srfs {
 class CanSwitcherNode : public ros::LifecycleNode {
  public:
   explicit CanSwitcherNode(ros::NodeContext& context);
+  /// The rotation's deadline that has passed.
+  [[nodiscard]] ros::WorkStatus work_status() const override;
 
  protected:
   ros::CallbackReturn on_configure() override;

@@ -410,6 +410,16 @@ void PayloadNode::check_quiet() {
   run(cycle_->on_bus_quiet(monotonic_now()));
 }
 
+ros::WorkStatus PayloadNode::work_status() const {
+  ros::WorkStatus work;
+  if (cycle_) work.done = cycle_->statistics().slots_granted;
+  if (armed_ && *armed_ <= now()) {
+    work.due = 1;
+    work.oldest_due = armed_;
+  }
+  return work;
+}
+
 void PayloadNode::on_timer() {
   armed_.reset();
   pump();

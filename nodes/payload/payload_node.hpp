@@ -23,6 +23,8 @@ class PayloadNode : public ros::LifecycleNode {
   PayloadNode(ros::NodeContext& context, std::unique_ptr<PayloadProfile> profile);
 
   [[nodiscard]] bool is_at_rest() const override { return !cycle_ || !cycle_->holds_bus(); }
+  /// The cycle's deadline that has passed: a slot to begin or to end, an answer to give up.
+  [[nodiscard]] ros::WorkStatus work_status() const override;
 
  protected:
   ros::CallbackReturn on_configure() override;

@@ -244,6 +244,16 @@ CallbackReturn TimingNode::on_error() {
 
 // ---------------------------------------------------------------- tick
 
+ros::WorkStatus TimingNode::work_status() const {
+  ros::WorkStatus work;
+  work.done = static_cast<std::uint32_t>(ticks_published_);
+  if (ticks_ && ticks_->next_due() <= now()) {
+    work.due = 1;
+    work.oldest_due = ticks_->next_due();
+  }
+  return work;
+}
+
 void TimingNode::arm_tick() {
   tick_timer_ = create_one_shot(
       ticks_->next_due(), [this] { on_tick_due(); }, "tick");

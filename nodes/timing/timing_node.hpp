@@ -26,6 +26,8 @@ class TimingNode : public ros::LifecycleNode {
 
   /// Another reason that must hold for the watchdog to be fed. Kept across deactivation.
   void add_watchdog_evidence(WatchdogEvidence evidence);
+  /// The tick that is due.
+  [[nodiscard]] ros::WorkStatus work_status() const override;
 
  protected:
   ros::CallbackReturn on_configure() override;

@@ -44,10 +44,9 @@ void CheckAliveService::answer(const srfs_msgs::srv::CheckAlive_Request& request
 }
 
 /// Whoever was stopped has old work, and is not to be blamed for it.
-std::uint32_t CheckAliveService::age_ms(Span& span, MonotonicTime since) {
-  const nanoseconds held_up = member_ != nullptr ? member_->held_up() : nanoseconds(0);
-  if (span.since != since) span = {since, held_up};
-  return as_ms(node_.now() - since - (held_up - span.held_up_before));
+std::uint32_t CheckAliveService::age_ms(MonotonicTime since) const {
+  const nanoseconds held_up = member_ != nullptr ? member_->held_up_since(since) : nanoseconds(0);
+  return as_ms(node_.now() - since - held_up);
 }
 
 void CheckAliveService::fill_work(srfs_msgs::srv::CheckAlive_Response& response) {
@@ -57,7 +56,7 @@ void CheckAliveService::fill_work(srfs_msgs::srv::CheckAlive_Response& response)
   response.work_done = static_cast<std::uint32_t>(backlog.handled) + own.done;
   std::optional<MonotonicTime> oldest = own.oldest_due;
   if (backlog.oldest && (!oldest || *backlog.oldest < *oldest)) oldest = backlog.oldest;
-  response.oldest_due_ms = oldest ? age_ms(oldest_due_, *oldest) : 0;
+  response.oldest_due_ms = oldest ? age_ms(*oldest) : 0;
 }
 
 void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& response) {
@@ -75,7 +74,7 @@ void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& respons
   }
   if (worst == nullptr) return;
   response.worker = worst->name();
-  response.worker_busy_ms = age_ms(busiest_, since);
+  response.worker_busy_ms = age_ms(since);
   response.worker_deadline_ms = as_ms(worst->deadline());
 }
 

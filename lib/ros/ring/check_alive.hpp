@@ -22,8 +22,8 @@ class CheckAliveService {
     virtual void on_asked(const std::string& observer, std::uint32_t generation) = 0;
     [[nodiscard]] virtual std::uint32_t generation() const = 0;
     [[nodiscard]] virtual nanoseconds last_check_age() const = 0;
-    /// Time this node was stopped or starved, in all so far.
-    [[nodiscard]] virtual nanoseconds held_up() const = 0;
+    /// Time this node was stopped or starved since then.
+    [[nodiscard]] virtual nanoseconds held_up_since(MonotonicTime since) const = 0;
   };
 
   explicit CheckAliveService(LifecycleNode& node);
@@ -31,21 +31,14 @@ class CheckAliveService {
   void set_member(RingMember* member) { member_ = member; }
 
  private:
-  /// Something that began at a time, and how much of the time since then does not count.
-  struct Span {
-    MonotonicTime since;
-    nanoseconds held_up_before{0};
-  };
   void answer(const srfs_msgs::srv::CheckAlive_Request& request,
               srfs_msgs::srv::CheckAlive_Response& response);
   void fill_work(srfs_msgs::srv::CheckAlive_Response& response);
   void fill_worker(srfs_msgs::srv::CheckAlive_Response& response);
-  [[nodiscard]] std::uint32_t age_ms(Span& span, MonotonicTime since);
+  [[nodiscard]] std::uint32_t age_ms(MonotonicTime since) const;
 
   LifecycleNode& node_;
   RingMember* member_ = nullptr;
-  Span oldest_due_;
-  Span busiest_;
   std::shared_ptr<Service<srfs_msgs::srv::CheckAlive>> service_;
 };
 

@@ -185,8 +185,8 @@ nanoseconds LivenessRing::last_check_age() const {
   return monitor_->last_check_age(executor_.now());
 }
 
-nanoseconds LivenessRing::held_up() const {
-  return monitor_->held_up();
+nanoseconds LivenessRing::held_up_since(MonotonicTime since) const {
+  return monitor_->held_up_since(since);
 }
 
 // ---- Input

@@ -55,7 +55,7 @@ class LivenessRing : private CheckAliveService::RingMember {
   void on_asked(const std::string& observer, std::uint32_t generation) override;
   [[nodiscard]] std::uint32_t generation() const override;
   [[nodiscard]] nanoseconds last_check_age() const override;
-  [[nodiscard]] nanoseconds held_up() const override;
+  [[nodiscard]] nanoseconds held_up_since(MonotonicTime since) const override;
 
   void on_period();
   void each_second();

@@ -19,6 +19,7 @@ constexpr milliseconds held_wait{5000};
 constexpr seconds longest_restart{30};
 constexpr int rounds_not_asked = 10;
 constexpr int large_readings = 2;
+constexpr std::size_t most_held_up = 64;
 
 milliseconds in_ms(nanoseconds d) {
   return std::chrono::duration_cast<milliseconds>(d);
@@ -92,6 +93,14 @@ nanoseconds RingMonitor::last_check_age(MonotonicTime now) const {
   return subjects_.empty() ? nanoseconds(0) : now - last_period_;
 }
 
+nanoseconds RingMonitor::held_up_since(MonotonicTime since) const {
+  nanoseconds total{0};
+  for (const HeldUp& time : held_up_) {
+    if (time.until > since) total += std::min(time.duration, time.until - since);
+  }
+  return total;
+}
+
 // ---- Rounds
 
 void RingMonitor::on_period(MonotonicTime now, nanoseconds late) {
@@ -100,7 +109,8 @@ void RingMonitor::on_period(MonotonicTime now, nanoseconds late) {
   if (on_time) {
     conclude_round(now);
   } else {
-    held_up_ += late;
+    held_up_.push_back({now, late});
+    if (held_up_.size() > most_held_up) held_up_.pop_front();
     void_round(now);
   }
   last_period_ = now;

@@ -158,8 +158,9 @@ class RingMonitor {
 
   /// Time since this node last checked somebody; zero when there is nobody to check.
   [[nodiscard]] nanoseconds last_check_age(MonotonicTime now) const;
-  /// How long this node was held up (stopped, starved) in all: its own ages do not count this time.
-  [[nodiscard]] nanoseconds held_up() const { return held_up_; }
+  /// How long this node was held up (stopped, starved) since then, as its late timers tell: ages of its own
+  /// work do not count this time. Remembers the last 64 times.
+  [[nodiscard]] nanoseconds held_up_since(MonotonicTime since) const;
   [[nodiscard]] const Membership& membership() const { return membership_; }
   [[nodiscard]] const Counters& counters() const { return counters_; }
   /// The downstream first, in ring order.
@@ -248,7 +249,11 @@ class RingMonitor {
   std::uint64_t self_nonce_ = 0;
   int self_failures_ = 0;
   bool exiting_ = false;
-  nanoseconds held_up_{0};
+  struct HeldUp {
+    MonotonicTime until;
+    nanoseconds duration;
+  };
+  std::deque<HeldUp> held_up_;
   Counters counters_;
 };
 

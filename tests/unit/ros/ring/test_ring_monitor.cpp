@@ -872,6 +872,18 @@ TEST_F(RingMonitorTest, ReadsTheMembershipAgainWhenItIsAskedWithAnotherGeneratio
   EXPECT_EQ(membership_reads_, 1);
 }
 
+TEST_F(RingMonitorTest, KnowsHowLongItWasHeldUpSinceSomethingBegan) {
+  const MonotonicTime early = now_;
+  round();
+  round(seconds(20));
+  const MonotonicTime stopped_in = now_ - seconds(5);
+  EXPECT_EQ(monitor_->held_up_since(early), seconds(20));
+  EXPECT_EQ(monitor_->held_up_since(stopped_in), seconds(5) - milliseconds(1));
+  EXPECT_EQ(monitor_->held_up_since(now_), nanoseconds(0));
+  round(milliseconds(50));
+  EXPECT_EQ(monitor_->held_up_since(early), seconds(20)) << "within the tolerance";
+}
+
 TEST_F(RingMonitorTest, KnowsHowLongAgoItCheckedLast) {
   round();
   EXPECT_EQ(monitor_->last_check_age(now_ + milliseconds(500)), milliseconds(501));
