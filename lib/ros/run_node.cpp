@@ -13,7 +13,9 @@
 
 #include "base/file.hpp"
 #include "base/signals.hpp"
+#include "ros/crash_report.hpp"
 #include "ros/node.hpp"
+#include "ros/ring/heartbeat_page.hpp"
 #include "srfs_version.hpp"
 
 namespace srfs::ros {
@@ -148,6 +150,12 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
     log::error("incarnation {} is not durable: {}", incarnation.number, incarnation.not_durable_because);
   }
   lock->publish(incarnation.number, version());
+  auto page = HeartbeatPage::create(var, arguments.name, incarnation.number);
+  if (page) {
+    install_crash_handler(*page);
+  } else {
+    log::error("no heartbeat page: {}", page.error());
+  }
   check_scheduling(*entry);
 
   const auto domain = domain_of(arguments, deployment, var);
@@ -191,6 +199,7 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
   executor.spin_until([&] { return node->is_at_rest(); }, monotonic_now() + longest_rest);
   node->go_to(State::unconfigured);
   node->go_to(State::finalized);
+  if (page) page->end(EndKind::exit, static_cast<std::uint32_t>(code(ExitCode::stopped)));
   return code(ExitCode::stopped);
 }
 
