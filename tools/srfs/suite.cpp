@@ -26,7 +26,7 @@ namespace {
 
 using lifecycle_msgs::srv::GetState;
 
-constexpr milliseconds ask_deadline{150};
+constexpr milliseconds ask_deadline{1000};  // an answer may take 200 ms on an emulated processor
 
 /// Asks nodes for their lifecycle state until told to stop.
 class StateQuestions {
