@@ -11,6 +11,8 @@
 #include <sys/timerfd.h>
 #include <unistd.h>
 
+#include "ros/ring/heartbeat_page.hpp"
+
 namespace srfs::ros {
 
 struct Executor::Timer : Registration, std::enable_shared_from_this<Timer> {
@@ -204,8 +206,10 @@ bool Executor::spin_until(const std::function<bool()>& condition, MonotonicTime 
 
 void Executor::take_incoming() {
   const std::lock_guard lock(mutex_);
-  for (Ready& ready : incoming_)
+  for (Ready& ready : incoming_) {
+    if (const auto source = ready.source.lock()) source->ready_since_ = now_;
     ready_[static_cast<std::size_t>(ready.priority)].push_back(std::move(ready.source));
+  }
   incoming_.clear();
 }
 
@@ -234,6 +238,7 @@ bool Executor::run_posts() {
 bool Executor::run_due_timers() {
   bool ran = false;
   now_ = monotonic_now();
+  if (heartbeat_ != nullptr) heartbeat_->beat(now_);
   // Only what was due when the round began: a timer that takes longer than its period starves nobody.
   const MonotonicTime round = now_;
   while (!timers_.empty() && timers_.begin()->first <= round) {
@@ -264,11 +269,28 @@ bool Executor::run_one_source() {
       source->queued_ = false;  // before taking: input that comes now queues it again
       if (source->record_ == nullptr) source->record_ = &statistics_.record(CallbackKind::other, "source");
       const bool more = run(*source->record_, [&] { return source->dispatch_one(now_); });
-      if (more && !source->queued_.exchange(true)) queue.push_back(source);
+      if (&queue != &ready_.front()) ++handled_;
+      if (more && !source->queued_.exchange(true)) {
+        source->ready_since_ = now_;
+        queue.push_back(source);
+      }
       return true;
     }
   }
   return false;
+}
+
+Executor::Backlog Executor::backlog() const {
+  Backlog backlog;
+  backlog.handled = handled_;
+  // A queue is in order of coming, so its front has waited longest.
+  for (const auto& queue : ready_) {
+    backlog.waiting += static_cast<std::uint32_t>(queue.size());
+    const auto first = queue.empty() ? nullptr : queue.front().lock();
+    if (first && (!backlog.oldest || first->ready_since_ < *backlog.oldest))
+      backlog.oldest = first->ready_since_;
+  }
+  return backlog;
 }
 
 bool Executor::has_incoming() {

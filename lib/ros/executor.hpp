@@ -20,6 +20,9 @@
 
 namespace srfs::ros {
 
+class HeartbeatPage;
+class Worker;
+
 /// Something with input for the work thread (a DDS reader, a worker's results). Lives as long as its
 /// registration.
 class Source {
@@ -35,6 +38,7 @@ class Source {
   friend class Executor;
   std::atomic<bool> queued_{false};
   CallbackRecord* record_ = nullptr;  ///< the executor's; nullptr: not counted by name
+  MonotonicTime ready_since_;         ///< while in a queue
 };
 
 /// One work thread on an epoll loop: DDS input, timers, descriptors and signals all arrive here, so callbacks
@@ -86,6 +90,21 @@ class Executor {
   bool spin_until(const std::function<bool()>& condition, MonotonicTime deadline);
   /// Any thread.
   void stop();
+
+  /// Input that came and is not handled.
+  struct Backlog {
+    std::uint32_t waiting = 0;  ///< sources with input
+    std::uint64_t handled = 0;  ///< items of all sources since the start, without the liveness checks
+    std::optional<MonotonicTime> oldest;
+  };
+  /// On the work thread.
+  [[nodiscard]] Backlog backlog() const;
+  /// The page that is told of every turn; nullptr: none. Outlives the executor's turns.
+  void set_heartbeat(HeartbeatPage* page) { heartbeat_ = page; }
+  /// The workers whose results come here, on the work thread; each enters and leaves by itself.
+  [[nodiscard]] const std::vector<const Worker*>& workers() const { return workers_; }
+  void add_worker(const Worker* worker) { workers_.push_back(worker); }
+  void remove_worker(const Worker* worker) { std::erase(workers_, worker); }
 
   /// Time of this wake-up: read once before each callback.
   [[nodiscard]] MonotonicTime now() const { return now_; }
@@ -143,6 +162,9 @@ class Executor {
   std::uint64_t missed_timer_periods_ = 0;
   CallbackStatistics statistics_;
   std::vector<std::weak_ptr<Source>> sources_;  // named ones
+  std::vector<const Worker*> workers_;
+  HeartbeatPage* heartbeat_ = nullptr;
+  std::uint64_t handled_ = 0;
   std::function<void(const CallbackRecord&, nanoseconds)> over_budget_;
   std::function<void(const CallbackRecord&, const std::string&)> failure_;
 };

@@ -28,12 +28,29 @@ struct flock whole_file(short type) {
 // opened again.
 struct OwnInstance {
   std::filesystem::path lock_file;
+  std::uint32_t predecessor = 0;
   std::uint32_t incarnation = 0;
   std::string version = "-";
 };
 OwnInstance& own_instance() {
   static OwnInstance instance;
   return instance;
+}
+
+/// What the holder of a lock file wrote into it, or an earlier holder.
+struct LockText {
+  pid_t writer = 0;
+  std::uint32_t incarnation = 0;
+  std::string version;
+};
+
+LockText read_text(int fd) {
+  char buffer[128] = {};
+  if (pread(fd, buffer, sizeof buffer - 1, 0) <= 0) return {};
+  std::istringstream in(buffer);
+  LockText text;
+  if (!(in >> text.writer >> text.incarnation >> text.version)) return {};
+  return text;
 }
 
 std::optional<std::uint32_t> read_number(const std::filesystem::path& file) {
@@ -62,12 +79,22 @@ Result<InstanceLock, std::string> InstanceLock::take(const VarPaths& var, const 
   if (!fd) return Err(fmt::format("{}: {}", path.string(), errno_text(errno)));
   struct flock lock = whole_file(F_WRLCK);
   if (fcntl(fd.get(), F_SETLK, &lock) == 0) {
-    own_instance() = {std::filesystem::absolute(path), 0, "-"};
+    own_instance() = {std::filesystem::absolute(path), read_text(fd.get()).incarnation, 0, "-"};
     return InstanceLock(std::move(fd));
   }
   fd.reset();
   const auto other = find_instance(var, node);
   return Err(fmt::format("{} runs already as pid {}", node, other ? other->pid : 0));
+}
+
+std::optional<Process> open_instance(const VarPaths& var, const std::string& node) {
+  const auto instance = find_instance(var, node);
+  if (!instance) return std::nullopt;
+  auto process = Process::open(instance->pid);
+  // Still the lock's holder: then the descriptor names it, and no later process of that number.
+  const auto again = find_instance(var, node);
+  if (!process || !again || again->pid != instance->pid) return std::nullopt;
+  return process;
 }
 
 std::optional<RunningInstance> find_instance(const VarPaths& var, const std::string& node) {
@@ -80,18 +107,10 @@ std::optional<RunningInstance> find_instance(const VarPaths& var, const std::str
   // F_GETLK names the holder.
   if (fcntl(fd.get(), F_GETLK, &lock) != 0 || lock.l_type == F_UNLCK) return std::nullopt;
   RunningInstance instance{lock.l_pid, 0, "-"};
-  char buffer[128] = {};
-  const ssize_t n = pread(fd.get(), buffer, sizeof buffer - 1, 0);
-  if (n > 0) {
-    std::istringstream text(buffer);
-    pid_t writer = 0;
-    std::uint32_t incarnation = 0;
-    std::string version;
-    // The text may still be the predecessor's: it counts only when it names the lock's holder.
-    if (text >> writer >> incarnation >> version && writer == lock.l_pid) {
-      instance.incarnation = incarnation;
-      instance.version = version;
-    }
+  // The text may still be the predecessor's: it counts only when it names the lock's holder.
+  if (const LockText text = read_text(fd.get()); text.writer == lock.l_pid) {
+    instance.incarnation = text.incarnation;
+    instance.version = text.version;
   }
   return instance;
 }
@@ -106,15 +125,21 @@ void InstanceLock::publish(std::uint32_t incarnation, const std::string& version
 Incarnation next_incarnation(const VarPaths& var, const std::string& node) {
   const auto file = var.state(node) / "incarnation";
   Incarnation next;
-  if (std::filesystem::exists(file)) {
+  std::error_code ec;
+  if (std::filesystem::exists(file, ec)) {
     const auto last = read_number(file);
     // Seconds since 2020 are above every honest count, so a lost count still goes up.
     next.number =
         last ? *last + 1 : static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000 - 1'577'836'800);
   }
+  // The predecessor wrote its number into the lock file in place, which a full disk does not prevent.
+  const bool own = own_instance().lock_file == std::filesystem::absolute(var.instance_lock(node));
+  const std::uint32_t predecessor = own ? own_instance().predecessor : 0;
+  next.number = std::max(next.number, predecessor + 1);
   if (const auto written = write_file_atomically(file, fmt::format("{}\n", next.number)); !written) {
-    // The next start reads the same old number: the seconds since boot keep the two apart.
-    next.number += static_cast<std::uint32_t>(monotonic_now().ns() / 1'000'000'000);
+    // The next start may read the same old number: without a predecessor's word the seconds since boot keep
+    // the two apart.
+    if (predecessor == 0) next.number += static_cast<std::uint32_t>(monotonic_now().ns() / 1'000'000'000);
     next.not_durable_because = written.error().message;
   }
   return next;

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/fd.hpp"
+#include "base/process.hpp"
 #include "base/result.hpp"
 
 namespace srfs::ros {
@@ -63,14 +64,17 @@ struct RunningInstance {
 /// The process that holds the node's instance lock now, asked from the kernel; nullopt when nobody does.
 [[nodiscard]] std::optional<RunningInstance> find_instance(const VarPaths& var, const std::string& node);
 
+/// The same process, to be signalled; nullopt also when it ends meanwhile.
+[[nodiscard]] std::optional<Process> open_instance(const VarPaths& var, const std::string& node);
+
 struct Incarnation {
   std::uint32_t number = 1;
   std::string not_durable_because;  ///< empty: it is on disk
 };
 
 /// The incarnation of this start: one more than the last, on disk before it is returned. A damaged file
-/// counts from the clock, a disk that cannot be written from the last number and the time since boot: it
-/// always goes up within a boot.
+/// counts from the clock, a disk that cannot be written from the last number and the time since boot, never
+/// below what the predecessor wrote into the lock file: it always goes up within a boot.
 [[nodiscard]] Incarnation next_incarnation(const VarPaths& var, const std::string& node);
 
 /// How often and why a node was started, kept by the launcher.

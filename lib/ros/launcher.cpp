@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 #include <grp.h>
 #include <linux/close_range.h>
+#include <poll.h>
 #include <pwd.h>
 #include <sched.h>
 #include <sys/file.h>
@@ -25,7 +26,9 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "base/process.hpp"
 #include "base/time.hpp"
+#include "ros/ring/node_record.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -38,6 +41,8 @@ constexpr rlim_t locked_octets = 64U << 20;
 constexpr unsigned long timer_slack_ns = 50'000;  // the kernel's own default
 constexpr rlim_t rt_time_us =
     500'000;  // a real-time node that never sleeps is stopped by the kernel, not by luck
+constexpr milliseconds longest_exec{1000};
+constexpr milliseconds longest_wait_for_instance{1000};
 
 /// Whom a process shall belong to.
 struct Owner {
@@ -107,7 +112,7 @@ Result<std::optional<Owner>, std::string> owner_of(const NodeEntry& node) {
 
 Result<Preparation, std::string> prepare(const LaunchRequest& request, const NodeEntry& node) {
   Preparation p;
-  const std::filesystem::path program = node.executable;
+  const std::filesystem::path program = node.executable;  // the active version; there is only one yet
   p.executable = (program.is_absolute() ? program : request.bin_folder / program).string();
   if (access(p.executable.c_str(), X_OK) != 0)
     return Err(fmt::format("{}: {}", p.executable, errno_text(errno)));
@@ -136,7 +141,8 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
     std::filesystem::rename(log, log.string() + ".1", ec);
   }
   p.log = Fd(open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
-  if (!p.log) return Err(fmt::format("{}: {}", log.string(), errno_text(errno)));
+  // A full or lost disk costs the log, not the node.
+  if (!p.log) p.log = Fd(open("/dev/null", O_WRONLY | O_CLOEXEC));
   p.null = Fd(open("/dev/null", O_RDONLY | O_CLOEXEC));
   return p;
 }
@@ -232,8 +238,48 @@ void write_oom_score(const std::string& value) {
   report_and_exit(pipe_fd, "exec");
 }
 
-/// @return pid of the node, or why it did not start
-Result<pid_t, std::string> spawn(const Preparation& p, const NodeEntry& node) {
+/// What the starter writes into the pipe: the pid (the middle process), and a Failure (the node's process) or
+/// the end of file (exec closed it). The order of the two is not fixed.
+struct StartReport {
+  char buffer[sizeof(pid_t) + sizeof(Failure)] = {};
+  std::size_t used = 0;
+  bool complete = false;
+
+  void read_until(MonotonicTime deadline, int fd) {
+    while (used < sizeof buffer) {
+      pollfd entry{fd, POLLIN, 0};
+      const auto left = std::chrono::ceil<milliseconds>(deadline - monotonic_now());
+      const int ready = poll(&entry, 1, static_cast<int>(std::max(left, milliseconds(0)).count()));
+      if (ready < 0 && errno == EINTR) continue;
+      if (ready <= 0) return;
+      const ssize_t n = read(fd, buffer + used, sizeof buffer - used);
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) break;
+      used += static_cast<std::size_t>(n);
+    }
+    complete = true;
+  }
+  [[nodiscard]] pid_t lone_pid() const {
+    pid_t pid = 0;
+    if (used == sizeof pid) std::memcpy(&pid, buffer, sizeof pid);
+    return pid;
+  }
+  [[nodiscard]] Failure failure() const {
+    Failure failure{};
+    // The failure is the part that is not a lone pid; both orders put its step text where it can be read.
+    for (const std::size_t offset : {std::size_t{0}, sizeof(pid_t)}) {
+      std::memcpy(&failure, buffer + offset, sizeof failure);
+      failure.step[sizeof failure.step - 1] = '\0';
+      if (std::strcmp(failure.step, "exec") == 0 || std::strcmp(failure.step, "chdir") == 0 ||
+          std::strcmp(failure.step, "dup2") == 0 || std::strcmp(failure.step, "user") == 0)
+        break;
+    }
+    return failure;
+  }
+};
+
+/// @return the node's process, or why it did not start
+Result<Process, std::string> spawn(const Preparation& p, const NodeEntry& node) {
   int pipe_ends[2];
   if (pipe2(pipe_ends, O_CLOEXEC) != 0) return Err("pipe: " + errno_text(errno));
   const Fd read_end(pipe_ends[0]);
@@ -250,41 +296,31 @@ Result<pid_t, std::string> spawn(const Preparation& p, const NodeEntry& node) {
   int status = 0;
   while (waitpid(middle, &status, 0) < 0 && errno == EINTR) {
   }
-  // The pipe carries the pid, then nothing more (exec closed it) or a Failure. Order of the two is not fixed.
-  char buffer[sizeof(pid_t) + sizeof(Failure)] = {};
-  std::size_t used = 0;
-  while (used < sizeof buffer) {
-    const ssize_t n = read(read_end.get(), buffer + used, sizeof buffer - used);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) break;
-    used += static_cast<std::size_t>(n);
+  StartReport report;
+  report.read_until(monotonic_now() + longest_exec, read_end.get());
+  if (!report.complete) {  // the disk under the program does not answer
+    if (const auto stuck = Process::open(report.lone_pid())) stuck->signal(SIGKILL);
+    return Err(fmt::format("{}: not executed within {} ms", p.executable, longest_exec.count()));
   }
-  if (used == sizeof(pid_t)) {
-    pid_t pid = 0;
-    std::memcpy(&pid, buffer, sizeof pid);
-    if (pid > 0) return pid;
-    return Err(std::string("fork failed in the starter"));
+  if (report.used == sizeof(pid_t)) {
+    if (report.lone_pid() <= 0) return Err(std::string("fork failed in the starter"));
+    auto process = Process::open(report.lone_pid());
+    if (process) return std::move(*process);
+    return Err(fmt::format("{} ended at once; see its log", p.executable));
   }
-  Failure failure{};
-  // The failure is the part that is not a lone pid; both orders put its step text where it can be read.
-  for (const std::size_t offset : {std::size_t{0}, sizeof(pid_t)}) {
-    std::memcpy(&failure, buffer + offset, sizeof failure);
-    failure.step[sizeof failure.step - 1] = '\0';
-    if (std::strcmp(failure.step, "exec") == 0 || std::strcmp(failure.step, "chdir") == 0 ||
-        std::strcmp(failure.step, "dup2") == 0 || std::strcmp(failure.step, "user") == 0)
-      break;
-  }
+  const Failure failure = report.failure();
   return Err(fmt::format("{}: {}: {}", p.executable, failure.step, errno_text(failure.error)));
 }
 
 /// The restart lock is kept until the new process can be found, so that nobody looks in between and sees no
-/// instance.
-void wait_for_instance(const VarPaths& var, const std::string& node, pid_t pid) {
-  const MonotonicTime give_up = monotonic_now() + seconds(2);
-  while (!find_instance(var, node) && kill(pid, 0) == 0 && monotonic_now() < give_up) {
-    const timespec pause{0, 1'000'000};
-    nanosleep(&pause, nullptr);
+/// instance. @return false: it ended before
+bool wait_for_instance(const VarPaths& var, const std::string& node, const Process& process) {
+  const MonotonicTime give_up = monotonic_now() + longest_wait_for_instance;
+  while (!find_instance(var, node)) {
+    if (process.wait_for_exit(milliseconds(1))) return false;
+    if (monotonic_now() >= give_up) return true;
   }
+  return true;
 }
 
 }  // namespace
@@ -302,20 +338,63 @@ std::filesystem::path own_bin_folder() {
   return std::filesystem::read_symlink("/proc/self/exe", ec).parent_path();
 }
 
-Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node) {
+Result<RestartLock, RestartLock::Refusal> RestartLock::take(const VarPaths& var, const std::string& node) {
   std::error_code ec;
-  std::filesystem::create_directories(request.var.run(), ec);
-  const Fd lock(open(request.var.restart_lock(node.name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-  if (!lock)
-    return Err(fmt::format("{}: {}", request.var.restart_lock(node.name).string(), errno_text(errno)));
-  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
-    return Err(fmt::format("{} is being started by somebody else", node.name));
+  std::filesystem::create_directories(var.run(), ec);
+  auto path = var.restart_lock(node);
+  while (true) {
+    Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    if (!fd) {
+      const auto in_memory = var.memory() / path.filename();
+      if (path == in_memory)
+        return Err(Refusal{false, fmt::format("{}: {}", path.string(), errno_text(errno))});
+      path = in_memory;  // a full or lost disk must not keep a node down
+      std::filesystem::create_directories(path.parent_path(), ec);
+      continue;
+    }
+    if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0)
+      return Err(Refusal{true, fmt::format("{} is being started by somebody else", node)});
+    struct stat status {};
+    if (fstat(fd.get(), &status) == 0 && status.st_nlink > 0) return RestartLock(std::move(fd));
+    // The end of the suite removed the file before we had the lock: that locks nothing.
+  }
+}
+
+RestartLock::~RestartLock() {
+  // Not by closing alone: a child that another thread forks at this moment has the descriptor too.
+  if (fd_) flock(fd_.get(), LOCK_UN);
+}
+
+Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node) {
+  const auto lock = RestartLock::take(request.var, node.name);
+  if (!lock) return Err(lock.error().text);
   if (std::filesystem::exists(request.var.stopping_flag()))
     return Err(std::string("the suite is being stopped"));
   if (const auto running = find_instance(request.var, node.name)) return running->pid;
+  if (const auto starting = find_starting(request.var, node.name)) return starting->process.pid();
+  auto pid = launch_locked(request, node, *lock);
+  if (pid) count_start_on_disk(request, node);
+  return pid;
+}
 
+Result<pid_t, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
+                                         const RestartLock& /*held*/) {
   auto prepared = prepare(request, node);
+  // Before the start: a starter that is killed right after it must not leave the next death uncounted.
+  DeathHistory history = read_deaths(request.var, node.name);
+  count_start(history, monotonic_now());
+  write_deaths(request.var, node.name, history);
   if (!prepared) return Err(prepared.error());
+  auto process = spawn(*prepared, node);
+  if (!process) return Err(process.error());
+  remember_starting(request.var, node.name, *process, monotonic_now());
+  if (!wait_for_instance(request.var, node.name, *process))
+    return Err(fmt::format("{} ended before it held its instance lock; see {}", node.name,
+                           request.var.log(node.name).string()));
+  return process->pid();
+}
+
+void count_start_on_disk(const LaunchRequest& request, const NodeEntry& node) {
   StartRecord record = read_start_record(request.var, node.name);
   ++record.starts;
   if (request.cause != "up") {
@@ -323,9 +402,6 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
     record.last_cause = request.cause;
   }
   write_start_record(request.var, node.name, record);
-  auto pid = spawn(*prepared, node);
-  if (pid) wait_for_instance(request.var, node.name, *pid);
-  return pid;
 }
 
 }  // namespace srfs::ros

@@ -18,6 +18,8 @@
 #include "base/file.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node_introspection.hpp"
+#include "ros/ring/check_alive.hpp"
+#include "ros/ring/heartbeat_page.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -216,6 +218,7 @@ LifecycleNode::LifecycleNode(NodeContext& context)
   });
   interfaces_ = std::make_unique<Interfaces>(*this);
   introspection_->open();
+  check_alive_ = std::make_unique<CheckAliveService>(*this);
   watch_executor();
   input_check_ = create_timer(
       input_check_period,
@@ -329,8 +332,9 @@ void LifecycleNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sa
   interfaces_->telemetry->publish(sample);
 }
 
-std::shared_ptr<Worker> LifecycleNode::create_worker(const std::string& worker_name, std::size_t capacity) {
-  return std::make_shared<Worker>(context_.executor, worker_name, capacity);
+std::shared_ptr<Worker> LifecycleNode::create_worker(const std::string& worker_name, std::size_t capacity,
+                                                     milliseconds deadline) {
+  return std::make_shared<Worker>(context_.executor, worker_name, capacity, deadline);
 }
 
 CallbackReturn LifecycleNode::run_callback(State transition_state) {
@@ -360,8 +364,20 @@ CallbackReturn LifecycleNode::run_callback(State transition_state) {
   return transition_state == State::configuring ? CallbackReturn::failure : CallbackReturn::error;
 }
 
+void LifecycleNode::set_desired(State desired) {
+  desired_ = desired;
+  show_lifecycle();
+}
+
+void LifecycleNode::show_lifecycle() {
+  if (context_.heartbeat == nullptr) return;
+  context_.heartbeat->lifecycle(static_cast<std::uint32_t>(state_), static_cast<std::uint32_t>(desired_),
+                                monotonic_now());
+}
+
 void LifecycleNode::enter(const LifecycleRow& row) {
   state_ = row.to;
+  show_lifecycle();
   lc::msg::TransitionEvent m;
   m.timestamp = static_cast<std::uint64_t>(system_utc_now().ns());  // ROS time, as the other stamps of ROS 2
   m.transition.id = row.transition_id;

@@ -33,6 +33,7 @@ struct NodeContext {
   std::uint32_t incarnation = 1;
   Executor& executor;
   Participant& participant;
+  HeartbeatPage* heartbeat = nullptr;  ///< this process' page in the liveness ring
 };
 
 /// Name of the timer with which run_node brings a node up again.
@@ -52,6 +53,13 @@ struct LastTransition {
   std::string reason;  ///< why it was refused or failed
   nanoseconds took{0};
   bool late = false;  ///< longer than the parameter transition_deadline_ms
+};
+
+/// Work of a node that is due by time or by what it knows, beside the input that waits for its work thread.
+struct WorkStatus {
+  std::uint32_t due = 0;   ///< undone now
+  std::uint32_t done = 0;  ///< since the start
+  std::optional<MonotonicTime> oldest_due;
 };
 
 /// A lifecycle node: rclcpp's words, one work thread. Everything here is called on the work thread, in the
@@ -80,9 +88,14 @@ class LifecycleNode {
   /// URI of a device of the deployment; throws ConfigError naming the key when it is missing.
   [[nodiscard]] std::string device(const std::string& key) const;
   [[nodiscard]] State state() const { return state_; }
+  /// Where run_node, or the operator, wants it to be.
+  [[nodiscard]] State desired_state() const { return desired_; }
   [[nodiscard]] bool is_active() const { return state_ == State::active; }
   /// Nothing that deactivation began is still under way (a bus to release, an answer to wait for).
   [[nodiscard]] virtual bool is_at_rest() const { return true; }
+  /// For the ring: a node whose due work grows old while nothing more gets done is restarted. What waits as
+  /// input is counted anyway.
+  [[nodiscard]] virtual WorkStatus work_status() const { return {}; }
   /// Time of this wake-up, read once before each callback.
   [[nodiscard]] MonotonicTime now() const { return context_.executor.now(); }
 
@@ -179,7 +192,9 @@ class LifecycleNode {
   /// Level-triggered epoll; dropping the handle unwatches. Drop it before closing the descriptor.
   [[nodiscard]] Executor::Handle watch_fd(int fd, std::uint32_t events, Executor::FdCallback callback,
                                           std::string_view fd_name = "descriptor");
-  [[nodiscard]] std::shared_ptr<Worker> create_worker(const std::string& worker_name, std::size_t capacity);
+  /// @param deadline of one job; one that runs for longer counts as frozen, and the ring restarts this node
+  [[nodiscard]] std::shared_ptr<Worker> create_worker(const std::string& worker_name, std::size_t capacity,
+                                                      milliseconds deadline = Worker::usual_deadline);
 
   /// Declares a parameter (constructor only) and returns its start value. The type of @p fallback is the
   /// parameter's.
@@ -234,6 +249,8 @@ class LifecycleNode {
  private:
   struct Interfaces;
   friend class NodeIntrospection;
+  friend class CheckAliveService;
+  friend class LivenessRing;
   /// A subscription, to report what should not have come in.
   struct Input {
     std::string topic;
@@ -251,6 +268,8 @@ class LifecycleNode {
   void apply_common_parameters();
   void publish_parameter_event(const std::vector<std::string>& changed);
   void enter(const LifecycleRow& row);
+  void set_desired(State desired);
+  void show_lifecycle();
   void persist_desired(State primary);
   void report_first_activation();
   void report_bad_input();
@@ -261,6 +280,7 @@ class LifecycleNode {
   ParameterSet parameters_;
   ParameterSet::Changed parameter_changed_;
   State state_ = State::unconfigured;
+  State desired_ = State::active;
   std::string failure_reason_;
   LastTransition last_transition_;
   std::uint32_t failed_transitions_ = 0;
@@ -279,6 +299,7 @@ class LifecycleNode {
   std::function<void(State)> on_commanded_;
   std::unique_ptr<Interfaces> interfaces_;
   std::unique_ptr<class NodeIntrospection> introspection_;
+  std::unique_ptr<class CheckAliveService> check_alive_;
   friend class NodeRunner;
 };
 

@@ -13,7 +13,12 @@
 
 #include "base/file.hpp"
 #include "base/signals.hpp"
+#include "ros/crash_report.hpp"
 #include "ros/node.hpp"
+#include "ros/ring/heartbeat_page.hpp"
+#include "ros/ring/liveness_ring.hpp"
+#include "ros/ring/membership.hpp"
+#include "ros/ring/restarter.hpp"
 #include "srfs_version.hpp"
 
 namespace srfs::ros {
@@ -67,9 +72,11 @@ class NodeRunner {
       : executor_(executor), node_(node), desired_(desired) {
     node_.on_commanded_ = [this](State commanded) {
       desired_ = commanded;  // the operator's word ends what was going on before
+      node_.set_desired(commanded);
       retry_.reset();
     };
     node_.on_error_processed_ = [this] { recover(); };
+    node_.set_desired(desired);
     attempt();
   }
   ~NodeRunner() {
@@ -128,7 +135,25 @@ class NodeRunner {
 
 namespace {
 
-int run(const Arguments& arguments, const NodeFactory& factory) {
+/// The node's half of the liveness ring, and the hand it restarts others with.
+struct RingPart {
+  RingPart(LifecycleNode& node, std::function<void()> exit)
+      : restarter(node.deployment(), node.var(), node.name()),
+        ring(node, {[this](const Accusation& accusation) { return restarter.restart(accusation); },
+                    [this](const std::string& subject, std::uint32_t incarnation, MonotonicTime at) {
+                      restarter.on_recovered(subject, incarnation, at);
+                    },
+                    std::move(exit)}) {
+    restarter.set_generation_source(
+        [&node] { return read_membership(node.var(), node.deployment()).membership.generation; });
+  }
+
+  Restarter restarter;
+  LivenessRing ring;
+};
+
+/// @param page this process' heartbeat page, once there is one
+int run(const Arguments& arguments, const NodeFactory& factory, std::optional<HeartbeatPage>& page) {
   const Fd signals = termination_signals();
   ignore_broken_pipes();
   const Deployment deployment = Deployment::load(arguments.deployment);
@@ -148,6 +173,12 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
     log::error("incarnation {} is not durable: {}", incarnation.number, incarnation.not_durable_because);
   }
   lock->publish(incarnation.number, version());
+  if (auto created = HeartbeatPage::create(var, arguments.name, incarnation.number)) {
+    page = std::move(*created);
+    install_crash_handler(*page);
+  } else {
+    log::error("no heartbeat page, so the ring takes silence for death: {}", created.error());
+  }
   check_scheduling(*entry);
 
   const auto domain = domain_of(arguments, deployment, var);
@@ -158,6 +189,7 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
   // Few threads, small heaps: one arena instead of one per thread saves about 1 MB a node.
   mallopt(M_ARENA_MAX, 1);
   Executor executor;
+  executor.set_heartbeat(page ? &*page : nullptr);
   auto participant = Participant::create({*domain, deployment.interfaces, &executor,
                                           SuiteIdentity{deployment.name, arguments.name, incarnation.number},
                                           deployment.drop_foreign});
@@ -165,13 +197,15 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
     log::error("{}", participant.error());
     return code(ExitCode::middleware);
   }
-  NodeContext context{arguments.name, deployment, var, incarnation.number, executor, **participant};
+  NodeContext context{arguments.name,         deployment, var, incarnation.number, executor, **participant,
+                      page ? &*page : nullptr};
   const std::unique_ptr<LifecycleNode> node = factory(context);
   node->finish_declarations();
   log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", context.incarnation, version(), getpid(),
             *domain);
 
   bool stopping = false;
+  ExitCode exit_code = ExitCode::stopped;
   const auto signal_watch = executor.add_fd(
       signals.get(), EPOLLIN,
       [&](std::uint32_t) {
@@ -182,6 +216,13 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
       },
       "signals");
   {
+    std::optional<RingPart> ring;
+    if (deployment.ring.enabled) {
+      ring.emplace(*node, [&] {
+        exit_code = ExitCode::deaf;
+        stopping = true;
+      });
+    }
     const NodeRunner runner(executor, *node, desired_state(var, arguments.name));
     while (!stopping && executor.spin_once(nanoseconds::max())) {
     }
@@ -191,7 +232,7 @@ int run(const Arguments& arguments, const NodeFactory& factory) {
   executor.spin_until([&] { return node->is_at_rest(); }, monotonic_now() + longest_rest);
   node->go_to(State::unconfigured);
   node->go_to(State::finalized);
-  return code(ExitCode::stopped);
+  return code(exit_code);
 }
 
 }  // namespace
@@ -214,15 +255,18 @@ int run_node(int argc, char** argv, const NodeFactory& factory) {
   app.set_version_flag("--version", version());
   CLI11_PARSE(app, argc, argv);
   log::set_name(arguments.name);
+  std::optional<HeartbeatPage> page;
+  int exit_code = code(ExitCode::bug);
   try {
-    return run(arguments, factory);
+    exit_code = run(arguments, factory, page);
   } catch (const ConfigError& e) {
     log::error("{}", e.what());
-    return code(ExitCode::configuration);
+    exit_code = code(ExitCode::configuration);
   } catch (const std::exception& e) {
     log::fatal("{}", e.what());
-    return code(ExitCode::bug);
   }
+  if (page) page->end(EndKind::exit, static_cast<std::uint32_t>(exit_code));
+  return exit_code;
 }
 
 }  // namespace srfs::ros

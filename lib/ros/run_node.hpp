@@ -20,6 +20,7 @@ enum class ExitCode : int {
   configuration = 2,    ///< arguments or deployment file
   already_running = 3,  ///< another instance holds the lock
   middleware = 4,       ///< no DDS participant
+  deaf = 5,             ///< its own liveness checks do not reach it; the ring starts it again
 };
 
 /// Everything a node's main does: arguments, signals (on a descriptor), configuration, instance lock,

@@ -4,15 +4,19 @@
 
 namespace srfs::ros {
 
-Worker::Worker(Executor& executor, const std::string& name, std::size_t capacity)
+Worker::Worker(Executor& executor, const std::string& name, std::size_t capacity, milliseconds deadline)
     : executor_(executor),
+      name_(name.substr(0, 15)),
+      deadline_(deadline),
       capacity_(capacity),
       record_(&executor.statistics().record(CallbackKind::posted, "worker " + name)) {
   thread_ = std::thread([this] { run(); });
-  pthread_setname_np(thread_.native_handle(), name.substr(0, 15).c_str());
+  pthread_setname_np(thread_.native_handle(), name_.c_str());
+  executor_.add_worker(this);
 }
 
 Worker::~Worker() {
+  executor_.remove_worker(this);
   *alive_ = false;
   {
     const std::lock_guard lock(mutex_);

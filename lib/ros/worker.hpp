@@ -29,9 +29,13 @@ struct WorkerProgress {
 /// where it counts as that of a callback.
 class Worker {
  public:
-  /// @param name at most 15 characters (the thread's name); @param capacity jobs waiting at most; further
-  /// ones are refused
-  Worker(Executor& executor, const std::string& name, std::size_t capacity);
+  /// A job that runs for longer is frozen: liveness answers say so, and the node is restarted.
+  static constexpr milliseconds usual_deadline{10'000};
+
+  /// On the work thread. @param name at most 15 characters (the thread's name); @param capacity jobs waiting
+  /// at most; further ones are refused; @param deadline of one job
+  Worker(Executor& executor, const std::string& name, std::size_t capacity,
+         milliseconds deadline = usual_deadline);
   ~Worker();
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
@@ -41,6 +45,8 @@ class Worker {
   /// @return false when the queue is full: the job is dropped and counted
   bool post(std::function<void()> job, std::function<void()> done = {});
   [[nodiscard]] WorkerProgress progress() const;
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] milliseconds deadline() const { return deadline_; }
   /// Runs all jobs and their `done` to the end, also those that a `done` posts; for shutting down without
   /// losing writes. On the work thread; blocks.
   void drain();
@@ -54,6 +60,8 @@ class Worker {
   void run_finished();
 
   Executor& executor_;
+  const std::string name_;
+  const milliseconds deadline_;
   std::size_t capacity_;
   CallbackRecord* record_;  // run time of `done`
   mutable std::mutex mutex_;

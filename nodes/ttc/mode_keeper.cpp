@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "nodes/ttc/crc32c.hpp"
+#include "base/crc32c.hpp"
 
 namespace srfs {
 namespace {

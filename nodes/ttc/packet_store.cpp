@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "nodes/ttc/crc32c.hpp"
+#include "base/crc32c.hpp"
 
 namespace srfs {
 namespace {

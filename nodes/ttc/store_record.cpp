@@ -2,7 +2,7 @@
 
 #include <cassert>
 
-#include "nodes/ttc/crc32c.hpp"
+#include "base/crc32c.hpp"
 
 namespace srfs {
 namespace {

@@ -8,6 +8,7 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "demo"))
 
+import faults  # noqa: E402
 import fencing  # noqa: E402
 import mission  # noqa: E402
 
@@ -15,17 +16,40 @@ import mission  # noqa: E402
 def parse():
     parser = argparse.ArgumentParser(prog="./run campaign", description="Long runs of the real processes under faults. "
                                      "Exit code 0 only if every invariant held.")  # fmt: skip
-    parser.add_argument("name", choices=("fencing",), help="fencing: processes are stopped and killed at random points of their CAN slots")
-    parser.add_argument("--slots", type=int, default=10_000, metavar="N", help="grants of the bus (default: %(default)s)")
+    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing"),
+                        help="faults (default): every class of failure in every node, healed by the ring; "
+                        "fencing: processes are stopped and killed at random points of their CAN slots")  # fmt: skip
     parser.add_argument("--seed", type=int, metavar="S", help="of the faults (default: a random one, which is printed)")
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="where the files go (default: var/campaign/NAME)")
     parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
-    parser.add_argument("--deployment", default="fencing", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: %(default)s)")
-    parser.add_argument("--json", action="store_true", help="print summary.json instead of lines")
+    parser.add_argument("--deployment", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: sim for faults, fencing for fencing)")
+    parser.add_argument("--json", action="store_true", help="print summary.json instead of a table")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
+    ring = parser.add_argument_group("faults")
+    ring.add_argument("--class", dest="classes", metavar="C[,C]", help=f"classes, 'none', or 'all' (default): {', '.join(c.name for c in faults.CLASSES)}")
+    ring.add_argument("--nodes", metavar="N[,N]", help="nodes that fail (default: all nine)")
+    ring.add_argument("--repeat", type=int, default=1, metavar="N", help="trials of each class and node (default: %(default)s)")
+    ring.add_argument("--subsets", metavar="all|N", help="all 510 subsets of the nine nodes, or N random ones, killed at once (default: 0)")
+    ring.add_argument("--stops", type=int, default=0, metavar="N", help="the whole suite stopped and continued so often (default: %(default)s)")
+    ring.add_argument("--everybody", type=int, default=0, metavar="N", help="all nine killed at once so often; the watchdog raises them (default: %(default)s)")
+    ring.add_argument("--soak", type=float, default=0, metavar="S", help="seconds without a fault under load: false restarts, memory, descriptors (default: %(default)s)")
+    slots = parser.add_argument_group("fencing")
+    slots.add_argument("--slots", type=int, default=10_000, metavar="N", help="grants of the bus (default: %(default)s)")
     options = parser.parse_args()
-    if options.slots < 1:
-        parser.error("--slots: expected at least 1")
+    known = {c.name: c for c in faults.CLASSES}
+    wanted = {None: list(known), "all": list(known), "none": []}.get(options.classes, (options.classes or "").split(","))
+    if unknown := [name for name in wanted if name not in known]:
+        parser.error(f"--class: there is no {', '.join(unknown)}; there are {', '.join(known)}")
+    options.classes = [known[name] for name in wanted]
+    options.nodes = options.nodes.split(",") if options.nodes else list(faults.NODES)
+    if unknown := [name for name in options.nodes if name not in faults.NODES]:
+        parser.error(f"--nodes: there is no {', '.join(unknown)}; there are {', '.join(faults.NODES)}")
+    try:
+        options.subsets = faults.SUBSETS if options.subsets == "all" else int(options.subsets or 0)
+    except ValueError:
+        parser.error("--subsets: expected 'all' or a number")
+    if min(options.slots, options.repeat) < 1 or not 0 <= options.subsets <= faults.SUBSETS or min(options.stops, options.everybody, options.soak) < 0:
+        parser.error("a number is out of its range")
     return options
 
 
@@ -44,6 +68,45 @@ def show(summary, out):
     print(f"  seed {summary['seed']}; files in {out}")
 
 
+def run_fencing(options, out, seed, signals, say):
+    say(f"{options.slots} slots, seed {seed}")
+    with mission.Mission(options.var or out / "var", options.deployment or "fencing", options.bin, say) as flight:
+        campaign = fencing.Campaign(flight, signals, options.slots, seed, say)
+        campaign.run()
+    verdict, found = campaign.judge()
+    campaign.write(out, found)
+    return verdict, lambda: fencing.draw(out, found)
+
+
+def run_faults(options, out, seed, signals, say):
+    injector = options.bin.absolute().parent / "lib" / "libsrfs_fault_injector.so"
+    if not injector.exists():
+        raise mission.MissionError(f"{injector} is missing: build first (./run build)", code=2)
+    wrappers = faults.Wrappers(out / "bin", options.bin.absolute(), injector)
+    deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml")
+    order = random.Random(seed)
+    trials = [(fault, node) for fault in options.classes for node in options.nodes for _ in range(options.repeat)]
+    order.shuffle(trials)
+    subsets = [[n for bit, n in enumerate(faults.NODES) if mask >> bit & 1] for mask in order.sample(range(1, faults.SUBSETS + 1), options.subsets)]
+    say(f"{len(trials)} faults, {len(subsets)} subsets, {options.stops} stops, {options.everybody} times everybody, seed {seed}")
+    with mission.Mission(options.var or out / "var", deployment, options.bin, say) as flight:
+        with faults.FaultCampaign(flight, wrappers, signals, seed, say) as campaign:
+            jobs = [lambda f=f, n=n: campaign.trial(f, n) for f, n in trials] + [lambda s=s: campaign.subset(s) for s in subsets]
+            jobs += [lambda: campaign.stop_everybody(order.choice((0.05, 0.2, 0.5, 1.0, 3.0)))] * options.stops
+            jobs += [lambda: campaign.subset(faults.NODES)] * options.everybody
+            for number, job in enumerate(jobs, start=1):
+                trial = job()
+                if trial:
+                    active = trial.seconds("active")
+                    say(f"{number} of {len(jobs)}: {trial.kind} {','.join(trial.victims)}: "
+                        + (f"Active again after {active:.3f} s" if active is not None else trial.note or "nobody restarted")
+                        + (f"; FALSE RESTARTS: {', '.join(trial.false_restarts)}" if trial.false_restarts else ""))  # fmt: skip
+            if options.soak:
+                campaign.soak(options.soak)
+        faults.write(out, campaign)
+    return faults.summarize(campaign), lambda: faults.draw(out, campaign)
+
+
 def main():
     options = parse()
     signals = mission.StopSignals()
@@ -54,22 +117,21 @@ def main():
     def say(text):
         print(f"[{options.name}] {text}", file=sys.stderr, flush=True)
 
-    say(f"{options.slots} slots, seed {seed}")
-    with mission.Mission(options.var or out / "var", options.deployment, options.bin, say) as flight:
-        campaign = fencing.Campaign(flight, signals, options.slots, seed, say)
-        campaign.run()
-    verdict, found = campaign.judge()
+    run = run_fencing if options.name == "fencing" else run_faults
+    verdict, draw = run(options, out, seed, signals, say)
     summary = {"campaign": options.name, "seed": seed, **verdict}
-    campaign.write(out, found)
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     try:
-        fencing.draw(out, found)
+        draw()
     except ImportError:
         say("python3-matplotlib is missing: no drawing")
     if options.json:
         print(json.dumps(summary))
-    else:
+    elif options.name == "fencing":
         show(summary, out)
+    else:
+        faults.show(summary)
+        print(f"  seed {seed}; files in {out}")
     return 0 if summary["ok"] else 1
 
 

@@ -10,6 +10,7 @@ import os
 import pathlib
 import queue
 import select
+import shutil
 import signal
 import struct
 import subprocess
@@ -116,6 +117,14 @@ def end_processes(pids, patience_s=STOP_PATIENCE_S):
             select.select([handle], [], [], 2)
         os.close(handle)
     return killed
+
+
+def memory_folder(var):
+    """Where the nodes of a VAR folder share memory (VarPaths::memory in lib/ros/instance.cpp)."""
+    value = 0xCBF29CE484222325  # FNV-1a
+    for octet in f"{os.path.normpath(os.path.abspath(var))}/".encode():
+        value = (value ^ octet) * 0x100000001B3 % 2**64
+    return pathlib.Path(f"/dev/shm/srfs_{value:016x}")
 
 
 def shared_memory_files():
@@ -353,9 +362,13 @@ class Mission:
             self.say(f"an earlier simulation in {self.var} was killed; ending what it left: {names}")
             for pid in end_processes(orphans):
                 self.say(f"{orphans[pid]} (pid {pid}) did not end in time and was killed")
+        self._remove_run_files()
+
+    def _remove_run_files(self):
         for path in self.run_dir.iterdir():
             if path.name != "mission.lock":
                 path.unlink(missing_ok=True)
+        shutil.rmtree(memory_folder(self.var), ignore_errors=True)
         with contextlib.suppress(OSError):
             (self.var / "rs422").unlink()
 
@@ -537,11 +550,7 @@ class Mission:
         end_processes(self._orphans())
         if self.hw_sim:
             self.hw_sim.wait()
-        for path in self.run_dir.iterdir():
-            if path.name != "mission.lock":
-                path.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):
-            (self.var / "rs422").unlink()
+        self._remove_run_files()
         self._release_lock()
 
     def _release_lock(self):

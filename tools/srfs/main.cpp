@@ -11,6 +11,7 @@
 #include "ros/run_node.hpp"
 #include "tools/srfs/node_commands.hpp"
 #include "tools/srfs/observer.hpp"
+#include "tools/srfs/ring_commands.hpp"
 #include "tools/srfs/suite.hpp"
 
 namespace srfs::tool {
@@ -51,20 +52,19 @@ void print_table(const std::vector<NodeStatus>& nodes) {
 int run_up(const Target& target, const UpOptions& options, bool json) {
   const UpReport report = up(target, options);
   if (json) {
-    std::cout << Json{{"ok", report.all_reached},
-                      {"took_ms", report.took.count()},
-                      {"domain", report.domain},
-                      {"problems", report.problems},
-                      {"nodes", to_json(report.nodes)}}
+    std::cout << Json{{"ok", report.all_reached}, {"took_ms", report.took.count()},
+                      {"domain", report.domain},  {"problems", report.problems},
+                      {"held", report.held},      {"nodes", to_json(report.nodes)}}
                      .dump()
               << "\n";
   } else {
+    for (const std::string& node : report.held) fmt::print(stderr, "srfs up: {}\n", node);
     for (const std::string& problem : report.problems) fmt::print(stderr, "srfs up: {}\n", problem);
     if (report.all_reached) {
       fmt::print(
           "{} nodes up in {} ms, DDS domain {} (export ROS_DOMAIN_ID={} ROS_LOCALHOST_ONLY=1 to look at them "
           "with ROS 2)\n",
-          report.nodes.size(), report.took.count(), report.domain, report.domain);
+          report.nodes.size() - report.held.size(), report.took.count(), report.domain, report.domain);
     }
   }
   return report.all_reached ? 0 : 1;
@@ -142,6 +142,38 @@ int run_parameters(const Target& target, const ParameterArguments& a, bool json)
   return clear_parameters(target, a.node, a.names, json);
 }
 
+/// What the command line of `srfs ring` and `srfs faults` says.
+struct RingArguments {
+  std::string node;
+  std::string reason = "by the operator";
+  std::string state;
+  std::string since;
+  CLI::App* ring = nullptr;
+  CLI::App* faults = nullptr;
+};
+
+void add_ring_commands(CLI::App& app, RingArguments& a) {
+  a.faults = app.add_subcommand("faults", "The fault ledger; works also when nothing runs");
+  a.faults->add_option("--since", a.since, "A time (2026-11-21T08:00:00Z) or how long ago (90s, 15m, 2h)");
+  a.faults->add_option("--node", a.node, "Only faults of this node");
+  a.ring = app.add_subcommand("ring", "What the ring does with a node that dies");
+  a.ring->require_subcommand(1);
+  a.ring->add_subcommand("status", "Deaths, back-off, quarantine and holds of every node");
+  CLI::App* hold = a.ring->add_subcommand("hold", "Nobody restarts the node until it is released");
+  hold->add_option("node", a.node, "Node name")->required();
+  hold->add_option("--reason", a.reason, "For the next operator")->capture_default_str();
+  CLI::App* release = a.ring->add_subcommand("release", "Lift hold, back-off and quarantine");
+  release->add_option("node", a.node, "Node name")->required();
+  release->add_option("--state", a.state, "Of its next start; default: as it was")
+      ->check(CLI::IsMember({"active", "inactive", "unconfigured"}));
+}
+
+int run_ring(const Target& target, const RingArguments& a, bool json) {
+  if (a.ring->got_subcommand("hold")) return hold_node(target, a.node, a.reason, json);
+  if (a.ring->got_subcommand("release")) return release_node(target, a.node, a.state, json);
+  return show_ring(target, json);
+}
+
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
@@ -197,6 +229,8 @@ int run(int argc, char** argv) {
   stats_command->add_flag("--reset", reset, "Start to count anew afterwards");
   ParameterArguments parameters;
   add_parameter_commands(app, parameters);
+  RingArguments ring;
+  add_ring_commands(app, ring);
   auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
   record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
       ->check(CLI::Range(0, 86400))
@@ -211,6 +245,8 @@ int run(int argc, char** argv) {
   if (*lifecycle_command) return change_state(target, node, label, milliseconds(transition_ms), json);
   if (*stats_command) return show_statistics(target, node, reset, json);
   if (*parameters.command) return run_parameters(target, parameters, json);
+  if (*ring.ring) return run_ring(target, ring, json);
+  if (*ring.faults) return show_faults(target, ring.since, ring.node, json);
   if (*record_command) return record(target, seconds(duration_s));
   if (*restart_command) {
     if (up_options.cause == "up") up_options.cause = "restart by command";

@@ -9,6 +9,7 @@
 #include "base/octets.hpp"
 #include "base/signals.hpp"
 #include "ros/publisher.hpp"
+#include "ros/ring/fault.hpp"
 #include "ros/topics.hpp"
 
 namespace srfs::tool {
@@ -101,6 +102,28 @@ Json describe(const m::Event& e, MonotonicTime at) {
   return j;
 }
 
+Json describe(const m::LivenessReport& r, MonotonicTime at) {
+  static constexpr const char* names[] = {"?", "alive", "miss", "void", "accused", "outcome", "not_asked"};
+  Json j = begin("liveness", at);
+  j.update({{"observer", r.observer},
+            {"subject", r.subject},
+            {"verdict", names[r.verdict < 7 ? r.verdict : 0]},
+            {"observer_incarnation", r.observer_incarnation},
+            {"subject_incarnation", r.subject_incarnation},
+            {"generation", r.generation},
+            {"lifecycle_state", r.lifecycle_state},
+            {"misses", r.misses},
+            {"age_ms", r.age_ms},
+            {"round_trip_us", r.round_trip_us},
+            {"said_ns", r.monotonic_ns}});
+  if (r.verdict == m::LivenessReport::ACCUSED)
+    j["fault"] = ros::to_text(static_cast<ros::FaultClass>(r.fault_class));
+  if (r.verdict == m::LivenessReport::OUTCOME)
+    j["outcome"] = ros::to_text(static_cast<ros::RestartOutcome::What>(r.outcome));
+  if (!r.detail.empty()) j["detail"] = r.detail;
+  return j;
+}
+
 Json describe(const m::PeripheralReset& r, MonotonicTime at) {
   Json j = begin("peripheral_reset", at);
   j.update({{"payload", r.payload}, {"grant", r.grant_counter}, {"reason", r.reason}});
@@ -137,6 +160,7 @@ int record(const Target& target, seconds duration) {
   listen(topics::telecommand);
   listen(topics::telecommand_report);
   listen(topics::event);
+  listen(topics::liveness);
   for (const auto& node : target.deployment.nodes) {
     if (node.name.starts_with("payload")) listen(topics::activity(node.name));
     using Transition = lifecycle_msgs::msg::TransitionEvent;

@@ -9,16 +9,17 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/file.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 #include <lifecycle_msgs/srv/get_state.hpp>
 #include <srfs_msgs/srv/get_node_status.hpp>
 
 #include "base/file.hpp"
+#include "base/process.hpp"
 #include "hw/open.hpp"
 #include "hw/watchdog.hpp"
 #include "ros/launcher.hpp"
 #include "ros/lifecycle.hpp"
+#include "ros/ring/node_record.hpp"
 #include "tools/srfs/bus.hpp"
 
 namespace srfs::tool {
@@ -118,32 +119,10 @@ Fd lock_suite(const Target& target) {
   return folder;
 }
 
-/// A process that cannot be mistaken for a later one with the same pid.
-struct Process {
+struct NodeProcess {
   std::string node;
-  Fd pidfd;
-  void signal(int number) const { syscall(SYS_pidfd_send_signal, pidfd.get(), number, nullptr, 0); }
+  std::optional<Process> process;  ///< nullopt: it is gone
 };
-
-/// Empty: there is no such process any more.
-Fd open_process(pid_t pid) {
-  return Fd(static_cast<int>(syscall(SYS_pidfd_open, pid, 0)));
-}
-
-std::optional<Process> find_process(const Target& target, const std::string& node) {
-  const auto instance = ros::find_instance(target.var, node);
-  if (!instance) return std::nullopt;
-  Fd pidfd = open_process(instance->pid);
-  const auto again =
-      ros::find_instance(target.var, node);  // still the lock's holder: the descriptor names it
-  if (!pidfd || !again || again->pid != instance->pid) return std::nullopt;
-  return Process{node, std::move(pidfd)};
-}
-
-bool wait_for_exit(const Process& process, milliseconds patience) {
-  pollfd entry{process.pidfd.get(), POLLIN, 0};
-  return poll(&entry, 1, static_cast<int>(patience.count())) == 1;
-}
 
 /// Why nodes are not as they should be, by themselves. Blocks for 0.5 s at most.
 void add_reasons(Bus& bus, std::vector<NodeStatus>& nodes) {
@@ -225,15 +204,24 @@ UpReport up(const Target& target, const UpOptions& options) {
 
   const MonotonicTime start = monotonic_now();
   const ros::LaunchRequest request{target.deployment, target.var, ros::own_bin_folder(), options.cause};
-  std::vector<Process> processes;
+  std::vector<NodeProcess> processes;
   for (const auto& node : target.deployment.nodes) {
+    if (const auto why = ros::held_because(target.var, node.name)) {
+      report.held.push_back(fmt::format("{} is held: {}", node.name, *why));
+      processes.push_back({node.name, std::nullopt});
+      continue;
+    }
     const auto started = ros::launch(request, node);
     if (!started) report.problems.push_back(fmt::format("{}: {}", node.name, started.error()));
-    processes.push_back({node.name, started ? open_process(*started) : Fd{}});
+    processes.push_back({node.name, started ? Process::open(*started) : std::nullopt});
   }
+  const auto is_held = [&](const std::string& node) {
+    return ros::held_because(target.var, node).has_value();
+  };
   const auto reached = [&] {
     bool all = true;
     for (const auto& node : target.deployment.nodes) {
+      if (is_held(node.name)) continue;
       if (questions.state(node.name) == desired(target, node.name)) continue;
       all = false;
       questions.ask(node.name);
@@ -250,8 +238,9 @@ UpReport up(const Target& target, const UpOptions& options) {
     // One that has no instance lock yet may still be loading.
     const auto now = local_status(target);
     for (std::size_t i = 0; i < now.size(); ++i) {
-      const Process& process = processes[i];
-      ended = ended || (!now[i].instance && (!process.pidfd || wait_for_exit(process, milliseconds(0))));
+      if (is_held(now[i].name)) continue;
+      const auto& process = processes[i].process;
+      ended = ended || (!now[i].instance && (!process || process->wait_for_exit(nanoseconds(0))));
     }
     return ended;
   };
@@ -262,7 +251,7 @@ UpReport up(const Target& target, const UpOptions& options) {
   for (NodeStatus& s : report.nodes) {
     const std::string state = questions.state(s.name);
     if (!state.empty() && s.instance) s.state = state;
-    if (s.state != desired(target, s.name)) {
+    if (s.state != desired(target, s.name) && !is_held(s.name)) {
       report.problems.push_back(fmt::format("{} is {} instead of {}; see {}", s.name, s.state,
                                             desired(target, s.name), target.var.log(s.name).string()));
     }
@@ -275,21 +264,25 @@ DownReport down(const Target& target, milliseconds patience) {
   const Fd suite_lock = lock_suite(target);
   set_stopping_flag(target);
   disarm_simulated_watchdog(target);
-  std::vector<Process> running;
+  std::vector<NodeProcess> running;
   for (auto node = target.deployment.nodes.rbegin(); node != target.deployment.nodes.rend(); ++node) {
-    auto process = find_process(target, node->name);
+    auto process = ros::open_instance(target.var, node->name);
+    if (!process) {
+      // One on the way to its instance lock would come up after all of this.
+      if (auto starting = ros::find_starting(target.var, node->name)) process = std::move(starting->process);
+    }
     if (!process) continue;
     process->signal(SIGTERM);
     process->signal(SIGCONT);  // a stopped process would sleep through its SIGTERM
-    running.push_back(std::move(*process));
+    running.push_back({node->name, std::move(process)});
   }
   const MonotonicTime deadline = monotonic_now() + patience;
-  for (const Process& process : running) {
-    const auto left = std::chrono::duration_cast<milliseconds>(deadline - monotonic_now());
-    if (wait_for_exit(process, std::max(left, milliseconds(1)))) continue;
-    process.signal(SIGKILL);
-    report.killed.push_back(process.node);
-    if (!wait_for_exit(process, milliseconds(2000))) report.left.push_back(process.node);
+  for (const NodeProcess& one : running) {
+    if (one.process->wait_for_exit(std::max<nanoseconds>(deadline - monotonic_now(), milliseconds(1))))
+      continue;
+    one.process->signal(SIGKILL);
+    report.killed.push_back(one.node);
+    if (!one.process->wait_for_exit(milliseconds(2000))) report.left.push_back(one.node);
   }
   std::error_code ec;
   if (report.left.empty()) {

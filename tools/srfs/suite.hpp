@@ -46,11 +46,13 @@ struct UpReport {
   milliseconds took{0};  ///< first exec to the last node in its desired state
   int domain = 0;
   std::vector<std::string> problems;
+  std::vector<std::string> held;  ///< nodes that were not started because the operator holds them, and why
   std::vector<NodeStatus> nodes;
 };
 
 /// Starts every node of the deployment in list order and waits until all are in their desired state. Nodes
-/// that run are left alone. Nothing of it stays behind. Blocks up to the deadline.
+/// that run and nodes that are held (`srfs ring hold`) are left alone. Nothing of it stays behind. Blocks up
+/// to the deadline.
 [[nodiscard]] UpReport up(const Target& target, const UpOptions& options);
 
 struct DownReport {

@@ -16,12 +16,13 @@
 namespace srfs::ros {
 
 struct HeartbeatPage::Layout {
-  static constexpr std::uint64_t magic_value = 0x31474E4952534653;  // "SFSRING1"
+  static constexpr std::uint64_t magic_value = 0x32474E4952534653;  // "SFSRING2"
   std::atomic<std::uint64_t> magic;
   std::atomic<std::uint64_t> process;  ///< pid, then incarnation in the upper half
   std::atomic<std::int64_t> last_turn_ns;
   std::atomic<std::uint64_t> turns;
-  std::atomic<std::uint64_t> end;  ///< EndKind, then the value in the upper half
+  std::atomic<std::uint64_t> lifecycle;  ///< state, then the desired one in the upper half
+  std::atomic<std::uint64_t> end;        ///< EndKind, then the value in the upper half
 };
 
 namespace {
@@ -58,6 +59,7 @@ Result<HeartbeatPage, std::string> HeartbeatPage::create(const VarPaths& var, co
   page->process = static_cast<std::uint32_t>(getpid()) | static_cast<std::uint64_t>(incarnation) << 32U;
   page->last_turn_ns = monotonic_now().ns();
   page->turns = 0;
+  page->lifecycle = 0;
   page->end = 0;
   page->magic = Layout::magic_value;
   return HeartbeatPage(page);
@@ -77,14 +79,21 @@ std::optional<HeartbeatPage::Reading> HeartbeatPage::read(const VarPaths& var, c
   reading.incarnation = static_cast<std::uint32_t>(words[1] >> 32U);
   reading.last_turn = MonotonicTime(nanoseconds(static_cast<std::int64_t>(words[2])));
   reading.turns = words[3];
-  reading.end = static_cast<EndKind>(words[4] & UINT32_MAX);
-  reading.end_value = static_cast<std::uint32_t>(words[4] >> 32U);
+  reading.state = static_cast<std::uint32_t>(words[4] & UINT32_MAX);
+  reading.desired = static_cast<std::uint32_t>(words[4] >> 32U);
+  reading.end = static_cast<EndKind>(words[5] & UINT32_MAX);
+  reading.end_value = static_cast<std::uint32_t>(words[5] >> 32U);
   return reading;
 }
 
 void HeartbeatPage::beat(MonotonicTime now) {
   page_->last_turn_ns.store(now.ns(), std::memory_order_relaxed);
   page_->turns.store(page_->turns.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+}
+
+void HeartbeatPage::lifecycle(std::uint32_t state, std::uint32_t desired, MonotonicTime now) {
+  page_->last_turn_ns.store(now.ns(), std::memory_order_relaxed);
+  page_->lifecycle.store(state | static_cast<std::uint64_t>(desired) << 32U);
 }
 
 void HeartbeatPage::end(EndKind kind, std::uint32_t value) {

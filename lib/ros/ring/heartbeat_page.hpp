@@ -32,6 +32,9 @@ class HeartbeatPage {
     std::uint32_t incarnation = 0;
     MonotonicTime last_turn;  ///< when the work thread began its last turn
     std::uint64_t turns = 0;
+    std::uint32_t state =
+        0;  ///< lifecycle state, also one of a transition that runs since that turn; 0: none yet
+    std::uint32_t desired = 0;  ///< lifecycle state
     EndKind end = EndKind::running;
     std::uint32_t end_value = 0;
   };
@@ -45,6 +48,8 @@ class HeartbeatPage {
 
   /// A turn of the work thread begins. Wait-free.
   void beat(MonotonicTime now);
+  /// The lifecycle state changes, or the desired one; a turn, too. Wait-free.
+  void lifecycle(std::uint32_t state, std::uint32_t desired, MonotonicTime now);
   /// The process ends. Async-signal-safe.
   void end(EndKind kind, std::uint32_t value);
 

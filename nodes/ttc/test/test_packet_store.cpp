@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-#include "nodes/ttc/crc32c.hpp"
+#include "base/crc32c.hpp"
 
 namespace srfs {
 namespace {

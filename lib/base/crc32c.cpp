@@ -1,4 +1,4 @@
-#include "nodes/ttc/crc32c.hpp"
+#include "base/crc32c.hpp"
 
 #include <array>
 

@@ -1,0 +1,64 @@
+#include "base/process.hpp"
+
+#include <algorithm>
+#include <sstream>
+#include <string>
+
+#include <poll.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+#include <cerrno>
+
+#include "base/file.hpp"
+
+namespace srfs {
+
+std::optional<Process> Process::open(pid_t pid) {
+  if (pid <= 0) return std::nullopt;
+  Fd fd(static_cast<int>(syscall(SYS_pidfd_open, pid, 0)));  // close-on-exec by itself
+  if (!fd) return std::nullopt;
+  return Process(pid, std::move(fd));
+}
+
+int Process::signal(int number) const {
+  return syscall(SYS_pidfd_send_signal, fd_.get(), number, nullptr, 0) == 0 ? 0 : errno;
+}
+
+bool Process::wait_for_exit(nanoseconds patience) const {
+  const MonotonicTime deadline = monotonic_now() + patience;
+  pollfd entry{fd_.get(), POLLIN, 0};
+  while (true) {
+    const nanoseconds left = std::max(deadline - monotonic_now(), nanoseconds(0));
+    const timespec wait{static_cast<time_t>(left.count() / 1'000'000'000),
+                        static_cast<long>(left.count() % 1'000'000'000)};
+    const int n = ppoll(&entry, 1, &wait, nullptr);
+    if (n >= 0 || errno != EINTR) return n == 1;
+  }
+}
+
+namespace {
+
+/// /proc/PID/stat from its third field on; empty: there is no such process.
+std::string stat_fields(pid_t pid) {
+  const auto stat = read_file("/proc/" + std::to_string(pid) + "/stat", 4096);
+  if (!stat) return {};
+  const std::size_t name_end = stat->rfind(") ");  // the name may hold anything, brackets and blanks too
+  return name_end == std::string::npos ? std::string() : stat->substr(name_end + 2);
+}
+
+}  // namespace
+
+std::optional<char> process_state(pid_t pid) {
+  const std::string fields = stat_fields(pid);
+  return fields.empty() ? std::nullopt : std::optional(fields[0]);
+}
+
+std::optional<std::uint64_t> process_start_ticks(pid_t pid) {
+  std::istringstream in(stat_fields(pid));
+  std::string skipped;
+  for (int field = 3; field < 22; ++field) in >> skipped;  // proc(5): starttime is the 22nd
+  std::uint64_t ticks = 0;
+  return in >> ticks ? std::optional(ticks) : std::nullopt;
+}
+
+}  // namespace srfs

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <optional>
+
+#include "base/fd.hpp"
+#include "base/time.hpp"
+
+namespace srfs {
+
+/// One process, by a pidfd: a later process that got the same number is never meant.
+class Process {
+ public:
+  /// nullopt: there is no such process (any more).
+  [[nodiscard]] static std::optional<Process> open(pid_t pid);
+
+  [[nodiscard]] pid_t pid() const { return pid_; }
+  /// Readable once the process has ended.
+  [[nodiscard]] int fd() const { return fd_.get(); }
+  /// @return 0 or errno
+  int signal(int number) const;
+  /// Blocks for at most @p patience. @return whether it has ended; a zombie has
+  [[nodiscard]] bool wait_for_exit(nanoseconds patience) const;
+
+ private:
+  Process(pid_t pid, Fd fd) : pid_(pid), fd_(std::move(fd)) {}
+  pid_t pid_;
+  Fd fd_;
+};
+
+/// What the kernel says of a process' first thread: the letter of proc(5), 'R', 'S', 'D', 'T' (stopped), 't'
+/// (held by a debugger), 'Z'...; nullopt: there is no such process.
+[[nodiscard]] std::optional<char> process_state(pid_t pid);
+
+/// When it was started, in clock ticks since boot: with its number a name that no other process of this boot
+/// has. nullopt: there is no such process.
+[[nodiscard]] std::optional<std::uint64_t> process_start_ticks(pid_t pid);
+
+}  // namespace srfs

@@ -1,0 +1,82 @@
+#include "ros/ring/check_alive.hpp"
+
+#include <algorithm>
+
+#include "ros/node.hpp"
+
+namespace srfs::ros {
+namespace {
+
+/// Of nine observers at most; a request that waited longer than its round is of no use.
+constexpr Qos check_qos{.depth = 16};
+
+std::uint32_t as_ms(nanoseconds d) {
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d / milliseconds(1), 0, UINT32_MAX));
+}
+
+}  // namespace
+
+std::string check_alive_name(std::string_view node) {
+  return "/" + std::string(node) + "/check_alive";
+}
+
+CheckAliveService::CheckAliveService(LifecycleNode& node) : node_(node) {
+  service_ = node.create_service<srfs_msgs::srv::CheckAlive>(
+      "~/check_alive", [this](const auto& request, auto& response) { answer(request, response); }, check_qos,
+      Priority::liveness);
+}
+
+void CheckAliveService::answer(const srfs_msgs::srv::CheckAlive_Request& request,
+                               srfs_msgs::srv::CheckAlive_Response& response) {
+  response.nonce = request.nonce;
+  response.incarnation = node_.incarnation();
+  response.lifecycle_state = static_cast<std::uint8_t>(node_.state());
+  response.desired_state = static_cast<std::uint8_t>(node_.desired_state());
+  fill_work(response);
+  fill_worker(response);
+  if (member_ == nullptr) {
+    response.own_last_check_age_ms = UINT32_MAX;
+    return;
+  }
+  response.ring_generation = member_->generation();
+  response.own_last_check_age_ms = as_ms(member_->last_check_age());
+  member_->on_asked(request.observer, request.ring_generation);
+}
+
+/// Whoever was stopped has old work, and is not to be blamed for it.
+std::uint32_t CheckAliveService::age_ms(Span& span, MonotonicTime since) {
+  const nanoseconds held_up = member_ != nullptr ? member_->held_up() : nanoseconds(0);
+  if (span.since != since) span = {since, held_up};
+  return as_ms(node_.now() - since - (held_up - span.held_up_before));
+}
+
+void CheckAliveService::fill_work(srfs_msgs::srv::CheckAlive_Response& response) {
+  const Executor::Backlog backlog = node_.context().executor.backlog();
+  const WorkStatus own = node_.work_status();
+  response.work_due = backlog.waiting + own.due;
+  response.work_done = static_cast<std::uint32_t>(backlog.handled) + own.done;
+  std::optional<MonotonicTime> oldest = own.oldest_due;
+  if (backlog.oldest && (!oldest || *backlog.oldest < *oldest)) oldest = backlog.oldest;
+  response.oldest_due_ms = oldest ? age_ms(oldest_due_, *oldest) : 0;
+}
+
+void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& response) {
+  const Worker* worst = nullptr;
+  MonotonicTime since;
+  nanoseconds least_left = nanoseconds::max();
+  for (const Worker* worker : node_.context().executor.workers()) {
+    const WorkerProgress progress = worker->progress();
+    if (!progress.busy) continue;
+    const nanoseconds left = worker->deadline() - (node_.now() - progress.busy_since);
+    if (left >= least_left) continue;
+    least_left = left;
+    worst = worker;
+    since = progress.busy_since;
+  }
+  if (worst == nullptr) return;
+  response.worker = worst->name();
+  response.worker_busy_ms = age_ms(busiest_, since);
+  response.worker_deadline_ms = as_ms(worst->deadline());
+}
+
+}  // namespace srfs::ros

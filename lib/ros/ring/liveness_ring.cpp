@@ -1,0 +1,461 @@
+#include "ros/ring/liveness_ring.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstring>
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/epoll.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <mission/structures.hpp>
+
+namespace srfs::ros {
+namespace {
+
+constexpr Qos check_qos{.depth = 8};
+constexpr seconds client_memory{60};  ///< an unused client is kept: its node may fall silent again
+constexpr std::size_t longest_detail = 128;
+constexpr std::size_t longest_event_detail = 80;
+/// Of the caps; a node at its cap fails in ways of its own.
+constexpr std::uint64_t cap_percent = 90;
+
+std::uint32_t as_ms(nanoseconds d) {
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d / milliseconds(1), 0, UINT32_MAX));
+}
+
+std::uint64_t random_seed() {
+  std::uint64_t seed = 0;
+  if (getrandom(&seed, sizeof seed, GRND_NONBLOCK) != sizeof seed)
+    seed = static_cast<std::uint64_t>(monotonic_now().ns()) * 6364136223846793005U +
+           static_cast<std::uint64_t>(getpid());
+  return seed;
+}
+
+/// The first part of a file of /proc; empty when there is none.
+std::string_view read_proc(pid_t pid, const char* file, std::array<char, 4096>& buffer) {
+  std::array<char, 64> path{};
+  fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/{}", pid, file);
+  const Fd fd(open(path.data(), O_RDONLY | O_CLOEXEC));
+  const ssize_t n = fd ? read(fd.get(), buffer.data(), buffer.size()) : 0;
+  return {buffer.data(), n > 0 ? static_cast<std::size_t>(n) : 0};
+}
+
+/// The first number behind @p key; 0: none (also "unlimited").
+std::uint64_t number_after(std::string_view text, std::string_view key) {
+  const auto at = text.find(key);
+  if (at == std::string_view::npos) return 0;
+  text.remove_prefix(at + key.size());
+  text.remove_prefix(std::min(text.find_first_not_of(" \t"), text.size()));
+  std::uint64_t value = 0;
+  std::from_chars(text.data(), text.data() + text.size(), value);
+  return value;
+}
+
+std::uint64_t count_descriptors(pid_t pid) {
+  std::array<char, 64> path{};
+  fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/fd", pid);
+  struct stat status {};
+  // Since Linux 6.2 the folder's size is their number.
+  if (stat(path.data(), &status) == 0 && status.st_size > 0)
+    return static_cast<std::uint64_t>(status.st_size);
+  DIR* folder = opendir(path.data());
+  if (folder == nullptr) return 0;  // another user's
+  std::uint64_t count = 0;
+  while (const dirent* entry = readdir(folder)) count += entry->d_name[0] != '.' ? 1 : 0;
+  closedir(folder);
+  return count;
+}
+
+Footprint read_footprint(pid_t pid, const NodeEntry* entry) {
+  std::array<char, 4096> buffer{};
+  Footprint footprint;
+  if (entry != nullptr && entry->memory_limit_mib > 0) {
+    const auto status = read_proc(pid, "status", buffer);
+    footprint.memory_octets = (number_after(status, "RssAnon:") + number_after(status, "VmSwap:")) * 1024;
+    footprint.memory_cap_octets =
+        (static_cast<std::uint64_t>(entry->memory_limit_mib) << 20U) / 100 * cap_percent;
+  }
+  footprint.descriptors = count_descriptors(pid);
+  footprint.descriptor_cap =
+      number_after(read_proc(pid, "limits", buffer), "Max open files") * cap_percent / 100;
+  return footprint;
+}
+
+}  // namespace
+
+/// Asks one node. Holds no calls: an answer is known by its nonce, a missing one by the next round.
+class LivenessRing::CheckClient {
+ public:
+  using Handler = std::function<void(const CheckAlive::Response&)>;
+  CheckClient(LivenessRing& ring, Participant& participant, const std::string& node, Handler handler)
+      : reader_(TypedReader<CheckAlive::Response>::create(
+            ring.executor_, participant, reply_dds_name(check_alive_name(node)), check_qos,
+            Priority::liveness,
+            [this, &ring, &participant, f = std::move(handler)](const auto& response,
+                                                                const MessageInfo& info) {
+              if (info.related.writer_guid() != reader_->guid()) return;  // another observer's
+              GuidPrefix prefix{};
+              std::memcpy(prefix.data(), info.identity.writer_guid().guidPrefix.value, prefix.size());
+              if (participant.known_participants().is_foreign(prefix)) {
+                ++ring.foreign_answers_;
+                return;
+              }
+              f(response);
+            })),
+        writer_(participant, request_dds_name(check_alive_name(node)),
+                dds::TypeSupport(new TypeSupport<CheckAlive::Request>), check_qos) {}
+  ~CheckClient() { reader_->close(); }
+  CheckClient(const CheckClient&) = delete;
+  CheckClient& operator=(const CheckClient&) = delete;
+
+  void ask(const CheckAlive::Request& request) {
+    WriteParams params;
+    params.related_sample_identity().writer_guid(reader_->guid());
+    writer_.write(&request, &params);
+  }
+  /// Handles what has come in.
+  void take_waiting() {
+    const auto reader = reader_;
+    while (reader->dispatch_one(monotonic_now())) {
+    }
+  }
+
+ private:
+  std::shared_ptr<TypedReader<CheckAlive::Response>> reader_;
+  WriterEndpoint writer_;
+};
+
+LivenessRing::LivenessRing(LifecycleNode& node, Hooks hooks)
+    : node_(node),
+      executor_(node.context().executor),
+      settings_(node.deployment().ring),
+      hooks_(std::move(hooks)) {
+  auto reading = read_membership(node.var(), node.deployment());
+  for (const std::string& problem : reading.problems) log::warn("ring: {}", problem);
+  membership_problems_ = std::move(reading.problems);
+  reports_ = node.create_publisher(topics::liveness);
+  report_.observer = node.name();
+  report_.observer_incarnation = node.incarnation();
+  worker_ = std::make_unique<Worker>(executor_, "ring", Membership::most_members);
+  const RingPatience patience{settings_.period, settings_.misses, settings_.start_deadline,
+                              settings_.work_deadline};
+  const MonotonicTime now = monotonic_now();
+  monitor_ = std::make_unique<RingMonitor>(
+      node.name(), patience, std::move(reading.membership),
+      [this](std::string_view subject) { return look(subject); }, random_seed(), now);
+  if (monitor_->membership().members.size() > 1) {
+    // The two clients that are surely needed; discovery takes its time.
+    self_ = std::make_unique<CheckClient>(*this, node.context().participant, node.name(),
+                                          [this](const auto& response) { on_self_answer(response); });
+    for (const std::string_view subject : monitor_->watched()) (void)client_of(std::string(subject));
+  }
+  node.check_alive_->set_member(this);
+  due_ = now + settings_.period;
+  next_second_ = now + seconds(1);
+  timer_ = executor_.add_timer(
+      due_, settings_.period, [this] { on_period(); }, "liveness ring");
+  act();
+}
+
+LivenessRing::~LivenessRing() {
+  timer_.reset();
+  node_.check_alive_->set_member(nullptr);
+  worker_.reset();
+}
+
+// ---- What the node's answers say of the ring
+
+void LivenessRing::on_asked(const std::string& observer, std::uint32_t generation) {
+  monitor_->on_asked(observer, generation, executor_.now());
+  act();
+}
+
+std::uint32_t LivenessRing::generation() const {
+  return monitor_->membership().generation;
+}
+
+nanoseconds LivenessRing::last_check_age() const {
+  return monitor_->last_check_age(executor_.now());
+}
+
+nanoseconds LivenessRing::held_up() const {
+  return monitor_->held_up();
+}
+
+// ---- Input
+
+void LivenessRing::on_period() {
+  // The executor's own grid: periods that were missed are skipped.
+  const MonotonicTime now = executor_.now();
+  const nanoseconds late = now - due_;
+  due_ += settings_.period * (late / settings_.period + 1);
+  monitor_->on_period(now, late);
+  act();
+  if (now >= next_second_) {
+    next_second_ = now + seconds(1);
+    each_second();
+  }
+}
+
+void LivenessRing::each_second() {
+  review_membership();
+  review_footprints();
+  drop_unused_clients();
+}
+
+void LivenessRing::on_answer(const std::string& subject, const CheckAlive::Response& r) {
+  CheckAnswer answer;
+  answer.nonce = r.nonce;
+  answer.incarnation = r.incarnation;
+  answer.state = static_cast<State>(r.lifecycle_state);
+  answer.desired = static_cast<State>(r.desired_state);
+  answer.generation = r.ring_generation;
+  answer.work_done = r.work_done;
+  answer.oldest_due = milliseconds(r.oldest_due_ms);
+  answer.worker = r.worker;
+  answer.worker_busy = milliseconds(r.worker_busy_ms);
+  answer.worker_deadline = milliseconds(r.worker_deadline_ms);
+  answer.own_last_check_age = milliseconds(r.own_last_check_age_ms);
+  monitor_->on_answer(subject, answer, monotonic_now());
+  act();
+}
+
+/// What came in before the answer of ourselves is handled before it: the socket keeps the order, the readers
+/// behind it do not.
+void LivenessRing::on_self_answer(const CheckAlive::Response& response) {
+  node_.context().participant.receive_waiting();
+  for (auto& [name, peer] : peers_) {
+    if (peer.client) peer.client->take_waiting();
+  }
+  monitor_->on_self_answer(response.nonce, monotonic_now());
+  act();
+}
+
+NodeReading LivenessRing::look(std::string_view subject) const {
+  const std::string name(subject);
+  NodeReading reading;
+  if (const auto instance = find_instance(node_.var(), name)) {
+    reading.pid = instance->pid;
+    reading.incarnation = instance->incarnation;
+    reading.page = HeartbeatPage::read(node_.var(), name);
+  }
+  return reading;
+}
+
+LivenessRing::CheckClient& LivenessRing::client_of(const std::string& subject) {
+  Peer& peer = peers_[subject];
+  if (!peer.client) {
+    peer.client = std::make_unique<CheckClient>(
+        *this, node_.context().participant, subject,
+        [this, subject](const auto& response) { on_answer(subject, response); });
+  }
+  peer.client_used = executor_.now();
+  return *peer.client;
+}
+
+// ---- Actions
+
+/// In order, also when carrying one out gives the monitor something new.
+void LivenessRing::act() {
+  if (acting_) return;
+  acting_ = true;
+  while (auto action = monitor_->next_action()) {
+    std::visit([this](auto& a) { carry_out(a); }, *action);
+  }
+  acting_ = false;
+}
+
+LivenessRing::CheckAlive::Request LivenessRing::request(std::uint64_t nonce) const {
+  CheckAlive::Request request;
+  request.nonce = nonce;
+  request.observer = node_.name();
+  request.ring_generation = monitor_->membership().generation;
+  return request;
+}
+
+void LivenessRing::carry_out(const RingMonitor::Ask& action) {
+  client_of(std::string(action.subject)).ask(request(action.nonce));
+}
+
+void LivenessRing::carry_out(const RingMonitor::AskSelf& action) {
+  if (self_) self_->ask(request(action.nonce));
+}
+
+void LivenessRing::carry_out(const RingMonitor::Follow& action) {
+  const std::string subject(action.subject);
+  Peer& peer = peers_[subject];
+  peer.exit_watch.reset();
+  peer.pid = action.pid;
+  peer.pidfd = Fd(static_cast<int>(syscall(SYS_pidfd_open, action.pid, 0)));  // close-on-exec by itself
+  if (!peer.pidfd) {
+    if (errno == ESRCH) monitor_->on_exit(subject, action.pid, monotonic_now());
+    return;  // without descriptors left, its silence tells
+  }
+  peer.exit_watch = executor_.add_fd(
+      peer.pidfd.get(), EPOLLIN,
+      [this, subject, pid = action.pid](std::uint32_t) {
+        Peer& ended = peers_[subject];
+        const auto watch = std::exchange(ended.exit_watch, nullptr);  // level-triggered: once is enough
+        monitor_->on_exit(subject, pid, monotonic_now());
+        act();
+      },
+      "exit of a watched process");
+}
+
+void LivenessRing::carry_out(const RingMonitor::Unwatch& action) {
+  const auto found = peers_.find(action.subject);
+  if (found == peers_.end()) return;
+  found->second.exit_watch.reset();
+  found->second.pidfd.reset();
+  found->second.pid = 0;
+}
+
+void LivenessRing::carry_out(RingMonitor::Accuse& action) {
+  Accusation& accusation = action.accusation;
+  std::error_code ec;
+  if (std::filesystem::exists(node_.var().stopping_flag(), ec)) {
+    conclude(accusation.subject, {RestartOutcome::What::stopping, 0, std::nullopt, {}});
+    return;
+  }
+  log::warn("ring: {} is {} after {} misses{}{}", accusation.subject, to_text(accusation.fault),
+            accusation.misses, accusation.detail.empty() ? "" : ": ", accusation.detail);
+  mission::RingNodeAccusedEvent event;
+  event.node = accusation.subject;
+  event.fault = static_cast<decltype(event.fault)>(accusation.fault);
+  event.misses = static_cast<std::uint8_t>(std::min<std::uint32_t>(accusation.misses, UINT8_MAX));
+  event.detail = accusation.detail.substr(0, longest_event_detail);
+  node_.raise(event);
+  // Who is dead is raised before anybody spends time on killing the others.
+  const auto is_gone = [](const Accusation& a) {
+    return a.fault == FaultClass::exited || a.fault == FaultClass::absent;
+  };
+  const auto place =
+      is_gone(accusation) ? std::find_if_not(waiting_.begin(), waiting_.end(), is_gone) : waiting_.end();
+  waiting_.insert(place, std::move(accusation));
+  restart_next();
+}
+
+void LivenessRing::restart_next() {
+  if (restarting_ || waiting_.empty()) return;
+  auto accusation = std::make_shared<const Accusation>(std::move(waiting_.front()));
+  waiting_.pop_front();
+  auto outcome = std::make_shared<RestartOutcome>();
+  restarting_ = worker_->post(
+      [this, accusation, outcome] {
+        try {
+          *outcome = hooks_.restart(*accusation);
+        } catch (const std::exception& e) {
+          *outcome = {RestartOutcome::What::cannot_start, 0, std::nullopt, e.what()};
+        }
+      },
+      [this, accusation, outcome] {
+        restarting_ = false;
+        conclude(accusation->subject, *outcome);
+        act();
+        restart_next();
+      });
+}
+
+void LivenessRing::conclude(const std::string& subject, const RestartOutcome& outcome) {
+  using What = RestartOutcome::What;
+  if (outcome.what != What::stopping) {
+    log::info("ring: {}: {}{}{}", subject, to_text(outcome.what), outcome.reason.empty() ? "" : ": ",
+              outcome.reason);
+  }
+  monitor_->on_outcome(subject, outcome, monotonic_now());
+}
+
+void LivenessRing::carry_out(const RingMonitor::Report& action) {
+  report_.subject = action.subject;
+  report_.subject_incarnation = action.incarnation;
+  report_.generation = monitor_->membership().generation;
+  report_.verdict = static_cast<std::uint8_t>(action.verdict);
+  report_.fault_class = static_cast<std::uint8_t>(action.fault);
+  report_.outcome = action.outcome ? static_cast<std::uint8_t>(*action.outcome) : std::uint8_t{0};
+  report_.lifecycle_state = static_cast<std::uint8_t>(action.state);
+  report_.misses = action.misses;
+  report_.age_ms = as_ms(action.answer_age);
+  report_.round_trip_us = static_cast<std::uint32_t>(
+      std::clamp<std::int64_t>(action.round_trip / microseconds(1), 0, UINT32_MAX));
+  report_.monotonic_ns = static_cast<std::uint64_t>(monotonic_now().ns());
+  report_.detail = std::string_view(action.detail).substr(0, longest_detail);
+  reports_->publish(report_);
+  if (action.verdict != LivenessVerdict::not_asked) return;
+  mission::RingNotAskedEvent event;
+  event.node = std::string(action.subject);
+  event.age_ms = as_ms(10 * settings_.period);
+  node_.raise(event);
+}
+
+void LivenessRing::carry_out(const RingMonitor::Recovered& action) {
+  mission::RingNodeRestartedEvent event;
+  event.node = std::string(action.subject);
+  event.fault = static_cast<decltype(event.fault)>(action.fault);
+  event.took_ms = as_ms(action.took);
+  node_.raise(event);
+  log::info("ring: {} is back after {} ms", action.subject, event.took_ms);
+  if (hooks_.recovered) hooks_.recovered(event.node, action.incarnation, action.at);
+}
+
+void LivenessRing::carry_out(const RingMonitor::ReadMembership&) {
+  // Somebody claims another generation: the file tells, and at most each second (each_second), since a
+  // claim is cheap.
+}
+
+void LivenessRing::carry_out(const RingMonitor::ExitSelf&) {
+  log::fatal("ring: this node does not hear its own checks; it ends, and its upstream starts it again");
+  hooks_.exit();
+}
+
+// ---- Each second
+
+void LivenessRing::review_membership() {
+  struct stat status {};
+  std::string stamp;
+  if (stat(membership_file(node_.var()).c_str(), &status) == 0) {
+    stamp = fmt::format("{}.{}.{}.{}", status.st_ino, status.st_mtim.tv_sec, status.st_mtim.tv_nsec,
+                        status.st_size);
+  }
+  if (stamp == membership_stamp_) return;
+  membership_stamp_ = stamp;
+  auto reading = read_membership(node_.var(), node_.deployment());
+  if (reading.problems != membership_problems_) {
+    for (const std::string& problem : reading.problems) log::warn("ring: {}", problem);
+    membership_problems_ = reading.problems;
+  }
+  if (reading.membership == monitor_->membership()) return;
+  log::info("ring: generation {}, {} members", reading.membership.generation,
+            reading.membership.members.size());
+  waiting_.clear();  // verdicts of the generation before
+  monitor_->on_membership(std::move(reading.membership), monotonic_now());
+  if (!self_ && monitor_->membership().members.size() > 1) {
+    self_ = std::make_unique<CheckClient>(*this, node_.context().participant, node_.name(),
+                                          [this](const auto& response) { on_self_answer(response); });
+  }
+  act();
+}
+
+void LivenessRing::review_footprints() {
+  for (const std::string_view subject : monitor_->watched()) {
+    const std::string name(subject);
+    const pid_t pid = monitor_->process_of(name);
+    if (pid != 0)
+      monitor_->on_footprint(name, pid, read_footprint(pid, node_.deployment().find(name)), monotonic_now());
+  }
+  act();
+}
+
+void LivenessRing::drop_unused_clients() {
+  for (auto& [name, peer] : peers_) {
+    if (peer.client && executor_.now() - peer.client_used > client_memory) peer.client.reset();
+  }
+}
+
+}  // namespace srfs::ros

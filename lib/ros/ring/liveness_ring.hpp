@@ -1,0 +1,106 @@
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <srfs_msgs/msg/liveness_report.hpp>
+#include <srfs_msgs/srv/check_alive.hpp>
+
+#include "base/fd.hpp"
+#include "ros/node.hpp"
+#include "ros/ring/check_alive.hpp"
+#include "ros/ring/ring_monitor.hpp"
+
+namespace srfs::ros {
+
+/// A node's half of the liveness ring: carries out what its RingMonitor decides. Asks over DDS, waits for
+/// exits on pidfds, looks at locks, pages and /proc, publishes /liveness, raises the ring's events. The
+/// restarts run on the worker "ring". On the work thread.
+class LivenessRing : private CheckAliveService::RingMember {
+ public:
+  struct Hooks {
+    /// Restarts the accused node or says why not. On the worker "ring"; may block for 2.5 s.
+    std::function<RestartOutcome(const Accusation&)> restart;
+    /// A node that was restarted so is in its desired state. On the work thread; may be empty.
+    std::function<void(const std::string& subject, std::uint32_t incarnation, MonotonicTime at)> recovered;
+    /// This node cannot hear itself: the process is to end. On the work thread.
+    std::function<void()> exit;
+  };
+
+  LivenessRing(LifecycleNode& node, Hooks hooks);
+  ~LivenessRing() override;  ///< waits for the restart that runs
+  LivenessRing(const LivenessRing&) = delete;
+  LivenessRing& operator=(const LivenessRing&) = delete;
+
+  [[nodiscard]] const RingMonitor& monitor() const { return *monitor_; }
+  /// Answers dropped because they came from outside the suite.
+  [[nodiscard]] std::uint64_t foreign_answers() const { return foreign_answers_; }
+
+ private:
+  using CheckAlive = srfs_msgs::srv::CheckAlive;
+  class CheckClient;
+  struct Peer {
+    std::unique_ptr<CheckClient> client;  ///< made with the first check
+    MonotonicTime client_used;
+    Fd pidfd;
+    Executor::Handle exit_watch;  ///< goes before its descriptor
+    pid_t pid = 0;
+  };
+
+  // Of the node's answers.
+  void on_asked(const std::string& observer, std::uint32_t generation) override;
+  [[nodiscard]] std::uint32_t generation() const override;
+  [[nodiscard]] nanoseconds last_check_age() const override;
+  [[nodiscard]] nanoseconds held_up() const override;
+
+  void on_period();
+  void each_second();
+  void on_answer(const std::string& subject, const CheckAlive::Response& response);
+  void on_self_answer(const CheckAlive::Response& response);
+  [[nodiscard]] NodeReading look(std::string_view subject) const;
+  [[nodiscard]] CheckClient& client_of(const std::string& subject);
+
+  void act();
+  void carry_out(const RingMonitor::Ask& action);
+  void carry_out(const RingMonitor::AskSelf& action);
+  void carry_out(const RingMonitor::Follow& action);
+  void carry_out(const RingMonitor::Unwatch& action);
+  void carry_out(RingMonitor::Accuse& action);
+  void carry_out(const RingMonitor::Report& action);
+  void carry_out(const RingMonitor::Recovered& action);
+  void carry_out(const RingMonitor::ReadMembership& action);
+  void carry_out(const RingMonitor::ExitSelf& action);
+
+  void restart_next();
+  void conclude(const std::string& subject, const RestartOutcome& outcome);
+  void review_membership();
+  void review_footprints();
+  void drop_unused_clients();
+  [[nodiscard]] CheckAlive::Request request(std::uint64_t nonce) const;
+
+  LifecycleNode& node_;
+  Executor& executor_;
+  const RingSettings& settings_;
+  Hooks hooks_;
+  std::unique_ptr<RingMonitor> monitor_;
+  std::map<std::string, Peer, std::less<>> peers_;
+  std::unique_ptr<CheckClient> self_;
+  std::shared_ptr<Publisher<srfs_msgs::msg::LivenessReport>> reports_;
+  srfs_msgs::msg::LivenessReport report_;  // reused: no allocation a round
+  std::deque<Accusation> waiting_;         // exits first; at most one a member
+  bool restarting_ = false;
+  MonotonicTime due_;
+  MonotonicTime next_second_;
+  std::string membership_stamp_;
+  std::vector<std::string> membership_problems_;
+  std::uint64_t foreign_answers_ = 0;
+  bool acting_ = false;
+  std::unique_ptr<Worker> worker_;
+  Timer timer_;
+};
+
+}  // namespace srfs::ros

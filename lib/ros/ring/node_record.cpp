@@ -1,0 +1,114 @@
+#include "ros/ring/node_record.hpp"
+
+#include <cstdio>
+#include <sstream>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include "base/file.hpp"
+#include "ros/launcher.hpp"
+
+namespace srfs::ros {
+namespace {
+
+std::filesystem::path deaths_file(const VarPaths& var, const std::string& node) {
+  return var.memory() / (node + ".deaths");
+}
+
+std::filesystem::path starting_file(const VarPaths& var, const std::string& node) {
+  return var.memory() / (node + ".starting");
+}
+
+/// Not write_file_atomically: there is nothing to sync on tmpfs, and one process at a time writes.
+bool replace_in_memory(const std::filesystem::path& file, const std::string& text) {
+  const std::string temporary = file.string() + ".tmp";
+  std::error_code ec;
+  std::filesystem::create_directories(file.parent_path(), ec);
+  {
+    const Fd fd(open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    if (!fd || write(fd.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) return false;
+  }
+  return rename(temporary.c_str(), file.c_str()) == 0;
+}
+
+std::filesystem::path hold_file(const VarPaths& var, const std::string& node) {
+  return var.state(node) / "hold";
+}
+
+}  // namespace
+
+DeathHistory read_deaths(const VarPaths& var, const std::string& node) {
+  constexpr std::size_t largest = 32768;
+  const auto text = read_file(deaths_file(var, node), largest);
+  if (!text) return {};
+  return decode_history(*text).value_or(DeathHistory{});
+}
+
+bool write_deaths(const VarPaths& var, const std::string& node, const DeathHistory& history) {
+  return replace_in_memory(deaths_file(var, node), encode(history));
+}
+
+void remember_starting(const VarPaths& var, const std::string& node, const Process& process,
+                       MonotonicTime now) {
+  const auto ticks = process_start_ticks(process.pid());
+  if (ticks)
+    replace_in_memory(starting_file(var, node), fmt::format("{} {} {}\n", process.pid(), *ticks, now.ns()));
+}
+
+std::optional<StartingProcess> find_starting(const VarPaths& var, const std::string& node) {
+  std::istringstream in(read_file(starting_file(var, node), 256).value_or(""));
+  pid_t pid = 0;
+  std::uint64_t ticks = 0;
+  std::int64_t since_ns = 0;
+  if (!(in >> pid >> ticks >> since_ns)) return std::nullopt;
+  auto process = Process::open(pid);
+  if (!process || process_start_ticks(pid) != ticks || process->wait_for_exit(nanoseconds(0)))
+    return std::nullopt;
+  return StartingProcess{std::move(*process), MonotonicTime(nanoseconds(since_ns))};
+}
+
+std::optional<std::string> held_because(const VarPaths& var, const std::string& node) {
+  const auto text = read_file(hold_file(var, node), 1024);
+  if (text) return text->substr(0, text->find('\n'));
+  std::error_code ec;
+  if (std::filesystem::exists(hold_file(var, node), ec)) return "unreadable";
+  return std::nullopt;
+}
+
+Result<void, std::string> hold(const VarPaths& var, const std::string& node, const std::string& reason) {
+  const std::string line = reason.substr(0, reason.find('\n')).substr(0, 200);
+  if (const auto written = write_file_atomically(hold_file(var, node), line + "\n"); !written)
+    return Err(written.error().message);
+  return {};
+}
+
+Result<void, std::string> set_desired_state(const VarPaths& var, const std::string& node, State state) {
+  const auto written =
+      write_file_atomically(var.state(node) / "desired_state", std::string(label(state)) + "\n");
+  if (!written) return Err(written.error().message);
+  return {};
+}
+
+Result<void, std::string> release(const VarPaths& var, const std::string& node, milliseconds patience) {
+  const MonotonicTime deadline = monotonic_now() + patience;
+  auto lock = RestartLock::take(var, node);
+  while (!lock && lock.error().held && monotonic_now() < deadline) {
+    poll(nullptr, 0, 5);
+    lock = RestartLock::take(var, node);
+  }
+  if (!lock) return Err(lock.error().text);
+  if (const auto removed = remove_durably(hold_file(var, node));
+      !removed && std::filesystem::exists(hold_file(var, node)))
+    return Err(removed.error().message);
+  DeathHistory history = read_deaths(var, node);
+  history.deaths.clear();
+  history.total = 0;
+  if (!write_deaths(var, node, history))
+    return Err("cannot write below " + var.memory().string() + ": quarantine is not lifted");
+  return {};
+}
+
+}  // namespace srfs::ros

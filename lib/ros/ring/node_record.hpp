@@ -1,0 +1,44 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "base/process.hpp"
+#include "base/result.hpp"
+#include "ros/instance.hpp"
+#include "ros/lifecycle.hpp"
+#include "ros/ring/restart_policy.hpp"
+
+namespace srfs::ros {
+
+/// What the restarters of a suite share about one node: the deaths of this boot (on tmpfs) and the operator's
+/// hold (on disk, it outlives a boot). Written under the node's restart lock.
+
+/// A missing or damaged file is an empty history.
+[[nodiscard]] DeathHistory read_deaths(const VarPaths& var, const std::string& node);
+/// Waits for no disk. @return false: not stored; restarts go on without memory of it
+bool write_deaths(const VarPaths& var, const std::string& node, const DeathHistory& history);
+
+/// A process that was started and does not hold its instance lock yet.
+struct StartingProcess {
+  Process process;
+  MonotonicTime since;
+};
+void remember_starting(const VarPaths& var, const std::string& node, const Process& process,
+                       MonotonicTime now);
+/// The process that was started last, while it lives. Only who looked for the instance before knows that it
+/// is still starting.
+[[nodiscard]] std::optional<StartingProcess> find_starting(const VarPaths& var, const std::string& node);
+
+/// Why the operator holds the node: nobody restarts it, neither dead nor hung. nullopt: not held.
+[[nodiscard]] std::optional<std::string> held_because(const VarPaths& var, const std::string& node);
+[[nodiscard]] Result<void, std::string> hold(const VarPaths& var, const std::string& node,
+                                             const std::string& reason);
+/// The state that the node's next start aims at (run_node), for a node that does not come up to be told.
+[[nodiscard]] Result<void, std::string> set_desired_state(const VarPaths& var, const std::string& node,
+                                                          State state);
+/// Lifts hold, back-off and quarantine. Waits for a restart under way, @p patience at most.
+[[nodiscard]] Result<void, std::string> release(const VarPaths& var, const std::string& node,
+                                                milliseconds patience);
+
+}  // namespace srfs::ros

@@ -1,0 +1,496 @@
+#include "ros/ring/restarter.hpp"
+
+#include <array>
+#include <cerrno>
+#include <condition_variable>
+#include <csignal>
+#include <deque>
+#include <mutex>
+#include <thread>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include "base/file.hpp"
+#include "base/log.hpp"
+#include "ros/crash_report.hpp"
+#include "ros/ring/heartbeat_page.hpp"
+#include "ros/ring/node_record.hpp"
+
+namespace srfs::ros {
+namespace {
+
+using What = RestartOutcome::What;
+
+constexpr std::size_t most_waiting_records = 32;
+constexpr milliseconds longest_flush{2000};
+constexpr milliseconds longest_wait_for_incarnation{3000};
+constexpr milliseconds longest_wait_for_deaf_lock{50};
+
+/// Its work thread or another one hangs: a backtrace tells where.
+bool is_hang(FaultClass fault) {
+  switch (fault) {
+    case FaultClass::silent:
+    case FaultClass::not_checking:
+    case FaultClass::not_working:
+    case FaultClass::worker_frozen:
+    case FaultClass::start_overdue:
+      return true;
+    default:
+      return false;
+  }
+}
+
+/// It does nothing useful any more, so it is better dead than alive while its restart has to wait.
+bool is_useless(FaultClass fault) {
+  return fault == FaultClass::silent || fault == FaultClass::wrong_answer ||
+         fault == FaultClass::start_overdue;
+}
+
+std::string boot_id() {
+  const auto text = read_file("/proc/sys/kernel/random/boot_id", 64);
+  return text ? text->substr(0, text->find('\n')) : "unknown";
+}
+
+std::string signal_text(std::uint32_t number) {
+  const char* name = sigabbrev_np(static_cast<int>(number));
+  return name == nullptr ? fmt::format("signal {}", number) : fmt::format("signal {} (SIG{})", number, name);
+}
+
+std::string end_text(const HeartbeatPage::Reading& reading) {
+  switch (reading.end) {
+    case EndKind::exit:
+      return fmt::format("exit code {}", reading.end_value);
+    case EndKind::signal:
+      return signal_text(reading.end_value);
+    case EndKind::running:
+      break;
+  }
+  return "killed without a word (SIGKILL?)";
+}
+
+std::string what_happened(const FaultRecord& record) {
+  return record.detail.empty() ? to_text(record.fault)
+                               : fmt::format("{}: {}", to_text(record.fault), record.detail);
+}
+
+}  // namespace
+
+/// One accusation on its way.
+struct Restarter::Case {
+  explicit Case(const Accusation& a) : accusation(a) {}
+
+  const Accusation& accusation;
+  const NodeEntry* node = nullptr;
+  std::optional<RunningInstance> running;           ///< the accused, seen under the lock
+  std::optional<Process> process;                   ///< the same
+  std::optional<HeartbeatPage::Reading> last_page;  ///< of the accused
+  LogEnd log_end;
+  char kernel_state = '-';
+  std::string killed_with;  ///< "SIGKILL"; empty: it was gone
+  std::optional<MonotonicTime> begun;
+  std::optional<MonotonicTime> gone;
+  std::optional<MonotonicTime> started;
+  bool acted = false;  ///< killed or started: worth a line in any case
+
+  [[nodiscard]] std::uint32_t old_incarnation() const {
+    if (running && running->incarnation != 0) return running->incarnation;
+    if (accusation.incarnation != 0) return accusation.incarnation;
+    return last_page ? last_page->incarnation : 0;
+  }
+};
+
+/// Writes what costs a disk's time, on a thread of its own that may hang without harm.
+class Restarter::Recorder {
+ public:
+  struct Job {
+    FaultRecord record;
+    std::optional<pid_t> new_pid;  ///< whose incarnation and start record belong to it
+    LogEnd log_end;
+    pid_t old_pid = 0;
+    bool report = false;
+  };
+
+  Recorder(const Deployment& deployment, const VarPaths& var, std::filesystem::path bin_folder)
+      : deployment_(deployment), var_(var), bin_folder_(std::move(bin_folder)), ledger_(var) {}
+
+  static void start(const std::shared_ptr<Recorder>& self) {
+    std::thread([self] {
+      pthread_setname_np(pthread_self(), "fault_ledger");
+      self->run();
+    }).detach();
+  }
+  void post(Job job) {
+    const std::lock_guard guard(mutex_);
+    if (jobs_.size() >= most_waiting_records) {
+      ++lost_;
+      return;
+    }
+    jobs_.push_back(std::move(job));
+    changed_.notify_all();
+  }
+  bool flush(milliseconds patience) {
+    std::unique_lock guard(mutex_);
+    return changed_.wait_for(guard, patience, [&] { return jobs_.empty() && !busy_; });
+  }
+  void stop() {
+    const std::lock_guard guard(mutex_);
+    stop_ = true;
+    changed_.notify_all();
+  }
+  [[nodiscard]] std::uint64_t lost() const {
+    const std::lock_guard guard(mutex_);
+    return lost_;
+  }
+  /// When the process of an incarnation held its instance lock, for the time from there to Active.
+  void remember_start(const std::string& node, MonotonicTime started) {
+    const std::lock_guard guard(mutex_);
+    started_[node] = started;
+  }
+  [[nodiscard]] std::optional<MonotonicTime> started(const std::string& node) const {
+    const std::lock_guard guard(mutex_);
+    const auto found = started_.find(node);
+    return found == started_.end() ? std::nullopt : std::optional(found->second);
+  }
+
+ private:
+  void run() {
+    std::unique_lock guard(mutex_);
+    while (true) {
+      changed_.wait(guard, [&] { return stop_ || !jobs_.empty(); });
+      if (jobs_.empty()) return;
+      Job job = std::move(jobs_.front());
+      jobs_.pop_front();
+      busy_ = true;
+      guard.unlock();
+      const bool written = write(job);
+      guard.lock();
+      busy_ = false;
+      if (!written) ++lost_;
+      changed_.notify_all();
+    }
+  }
+
+  bool write(Job& job) const {
+    FaultRecord& record = job.record;
+    if (job.new_pid) {
+      const MonotonicTime give_up = monotonic_now() + longest_wait_for_incarnation;
+      while (record.new_incarnation == 0 && monotonic_now() < give_up) {
+        const auto instance = find_instance(var_, record.subject);
+        if (!instance || instance->pid != *job.new_pid) break;
+        record.new_incarnation = instance->incarnation;
+        if (record.new_incarnation == 0) poll(nullptr, 0, 2);
+      }
+      if (const NodeEntry* node = deployment_.find(record.subject))
+        count_start_on_disk({deployment_, var_, bin_folder_, what_happened(record)}, *node);
+    }
+    const auto sequence = ledger_.append(record);
+    if (sequence) {
+      record.sequence = *sequence;
+    } else {
+      log::warn("the fault of {} is not in the ledger: {}", record.subject, sequence.error());
+    }
+    if (job.report) {
+      const std::string header = fmt::format(
+          "node {}, incarnation {}\n{} by {}: {}\nend: {}\noutcome: {} {}\nledger: {}", record.subject,
+          record.old_incarnation, to_iso8601(record.utc), record.observer, what_happened(record),
+          record.cause, to_text(record.outcome), record.reason, encode(record));
+      const auto report = write_crash_report(var_, {record.subject, record.old_incarnation, job.old_pid},
+                                             header, job.log_end);
+      if (!report) log::warn("no report of the end of {}: {}", record.subject, report.error());
+    }
+    return sequence.has_value();
+  }
+
+  const Deployment deployment_;  // a copy: this may outlive the node
+  const VarPaths var_;
+  const std::filesystem::path bin_folder_;
+  const FaultLedger ledger_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Job> jobs_;
+  std::map<std::string, MonotonicTime> started_;  ///< by node
+  bool busy_ = false;
+  bool stop_ = false;
+  std::uint64_t lost_ = 0;
+};
+
+Restarter::Restarter(const Deployment& deployment, VarPaths var, std::string observer,
+                     std::filesystem::path bin_folder)
+    : deployment_(deployment),
+      var_(std::move(var)),
+      observer_(std::move(observer)),
+      bin_folder_(std::move(bin_folder)),
+      send_([](const Process& process, int number) { return process.signal(number); }),
+      recorder_(std::make_shared<Recorder>(deployment_, var_, bin_folder_)) {
+  Recorder::start(recorder_);
+}
+
+Restarter::~Restarter() {
+  recorder_->stop();
+  (void)recorder_->flush(longest_flush);
+}
+
+std::uint64_t Restarter::records_lost() const {
+  return recorder_->lost();
+}
+
+bool Restarter::flush(milliseconds patience) {
+  return recorder_->flush(patience);
+}
+
+RestartOutcome Restarter::restart(const Accusation& accusation) {
+  Case c(accusation);
+  c.node = deployment_.find(accusation.subject);
+  if (c.node == nullptr) return {What::not_believed, 0, {}, "no node of this deployment"};
+  if (accusation.subject == observer_)
+    return {What::not_believed, 0, {}, "an observer does not restart itself"};
+  const RestartOutcome outcome = decide_and_act(c);
+  record(c, outcome);
+  return outcome;
+}
+
+RestartOutcome Restarter::decide_and_act(Case& c) {
+  const auto lock = RestartLock::take(var_, c.node->name);
+  if (!lock) return {lock.error().held ? What::under_way : What::cannot_start, 0, {}, lock.error().text};
+  std::error_code ec;
+  if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
+  if (const auto why = held_because(var_, c.node->name)) return {What::held, 0, {}, *why};
+  if (auto outcome = look_again(c)) return *outcome;
+  c.begun = monotonic_now();
+  if (auto outcome = ask_policy(c)) return *outcome;
+  if (c.accusation.fault == FaultClass::deaf && c.process && !take_deaf_turn())
+    return {
+        What::communication, c.process->pid(), {}, "another node was restarted for that a short time ago"};
+  if (auto outcome = kill_old(c)) return *outcome;
+  return start_new(c, *lock);
+}
+
+/// Is the accused still what runs, and still as it was accused?
+std::optional<RestartOutcome> Restarter::look_again(Case& c) const {
+  const Accusation& a = c.accusation;
+  if (generation_ && a.generation != 0) {
+    const auto now = generation_();
+    if (now && *now != a.generation)
+      return RestartOutcome{
+          What::not_believed,
+          0,
+          {},
+          fmt::format("judged in generation {} of the ring, now it is {}", a.generation, *now)};
+  }
+  c.last_page = HeartbeatPage::read(var_, a.subject);
+  const auto running = find_instance(var_, a.subject);
+  if (!running) return look_for_starting(c);
+  // A process that has not made its number known in its lock may have done so in its page.
+  std::uint32_t incarnation = running->incarnation;
+  if (incarnation == 0 && c.last_page && c.last_page->pid == running->pid)
+    incarnation = c.last_page->incarnation;
+  const bool other_pid = a.pid != running->pid;
+  const bool other_incarnation = a.incarnation != 0 && incarnation != a.incarnation;
+  if (other_pid || other_incarnation) {
+    const bool later = a.incarnation == 0 || incarnation == 0 || incarnation > a.incarnation;
+    return RestartOutcome{later ? What::renewed : What::not_believed,
+                          running->pid,
+                          {},
+                          fmt::format("pid {} incarnation {} was accused, pid {} incarnation {} runs", a.pid,
+                                      a.incarnation, running->pid, incarnation)};
+  }
+  if (a.fault == FaultClass::exited || a.fault == FaultClass::absent)
+    return RestartOutcome{What::not_believed, running->pid, {}, "it runs"};
+  if (c.last_page && c.last_page->pid != running->pid) c.last_page.reset();
+  if (a.fault == FaultClass::silent && c.last_page && c.last_page->last_turn > a.decided)
+    return RestartOutcome{What::not_believed, running->pid, {}, "its work thread turns again"};
+  c.process = open_instance(var_, a.subject);
+  if (!c.process || c.process->pid() != running->pid) {
+    c.process.reset();  // it has just ended by itself
+    return std::nullopt;
+  }
+  c.running = running;
+  c.kernel_state = process_state(running->pid).value_or('-');
+  return std::nullopt;
+}
+
+/// Nobody holds the instance lock. Somebody may be on the way to it: a second one is started only when the
+/// first had its time, and then in its place.
+std::optional<RestartOutcome> Restarter::look_for_starting(Case& c) const {
+  auto starting = find_starting(var_, c.node->name);
+  if (!starting) return std::nullopt;  // it is down, or goes down just now
+  const pid_t pid = starting->process.pid();
+  const bool accused = c.accusation.pid == pid && c.accusation.fault == FaultClass::start_overdue;
+  if (!accused && monotonic_now() - starting->since < deployment_.ring.start_deadline)
+    return RestartOutcome{What::under_way, pid, {}, fmt::format("pid {} is starting", pid)};
+  c.kernel_state = process_state(pid).value_or('-');
+  c.process = std::move(starting->process);
+  return std::nullopt;
+}
+
+std::optional<RestartOutcome> Restarter::ask_policy(Case& c) const {
+  const MonotonicTime now = *c.begun;
+  DeathHistory history = read_deaths(var_, c.node->name);
+  const bool counted = history.down;
+  count_death(history, deployment_.ring, now);
+  const RestartDecision decision = decide(history, deployment_.ring);
+  const bool waits = decision.step != RestartDecision::Step::start && now < decision.not_before;
+  if (waits && c.running && !is_useless(c.accusation.fault))
+    return RestartOutcome{What::backing_off, c.process->pid(), decision.not_before,
+                          fmt::format("{} deaths within {} s; it works on as it can", decision.deaths - 1,
+                                      deployment_.ring.window.count() / 1000)};
+  if (!waits) return std::nullopt;  // the death is written down together with the start
+  if (c.process) {
+    if (auto outcome = kill_old(c)) return outcome;
+  }
+  if (!counted) write_deaths(var_, c.node->name, history);
+  const bool quarantined = decision.step == RestartDecision::Step::quarantine;
+  return RestartOutcome{
+      quarantined ? What::quarantined : What::backing_off, 0, decision.not_before,
+      fmt::format("{} deaths within {} s", decision.deaths, deployment_.ring.window.count() / 1000)};
+}
+
+/// Signals until its instance lock is free. Nothing when it is gone.
+std::optional<RestartOutcome> Restarter::kill_old(Case& c) const {
+  if (!c.process) {
+    c.gone = monotonic_now();
+    c.log_end = remember_log_end(var_, c.node->name);
+    return std::nullopt;
+  }
+  // The instance lock ends with its holder; of one that never held it its end is the proof.
+  const auto is_gone = [&] {
+    const auto holder = find_instance(var_, c.node->name);
+    return holder ? holder->pid != c.process->pid() : c.running || c.process->wait_for_exit(nanoseconds(0));
+  };
+  c.acted = true;
+  // A stopped process must not run again, not even into its handler: a payload would write to the bus.
+  const bool stopped = c.kernel_state == 'T' || c.kernel_state == 't';
+  const bool hang = is_hang(c.accusation.fault);
+  if (!stopped) {
+    (void)send_(*c.process, hang ? SIGABRT : SIGTERM);
+    c.killed_with = hang ? "SIGABRT" : "SIGTERM";
+  }
+  if (stopped || !c.process->wait_for_exit(hang ? abort_patience : term_patience)) {
+    const int error = send_(*c.process, SIGKILL);
+    c.killed_with = "SIGKILL";
+    (void)c.process->wait_for_exit(kill_patience);
+    if (!is_gone()) {
+      const char state = process_state(c.process->pid()).value_or('?');
+      return RestartOutcome{
+          What::unkillable,
+          c.process->pid(),
+          {},
+          error != 0 ? "cannot be killed: " + errno_text(error)
+                     : fmt::format("survived SIGKILL for {} ms, state {}", kill_patience.count(), state)};
+    }
+  } else if (!is_gone()) {
+    return RestartOutcome{
+        What::unkillable, c.process->pid(), {}, "it ended and its instance lock is not free"};
+  }
+  c.gone = monotonic_now();
+  c.log_end = remember_log_end(var_, c.node->name);
+  if (const auto page = HeartbeatPage::read(var_, c.node->name); page && page->pid == c.process->pid())
+    c.last_page = page;
+  c.process.reset();
+  return std::nullopt;
+}
+
+RestartOutcome Restarter::start_new(Case& c, const RestartLock& lock) const {
+  DeathHistory history = read_deaths(var_, c.node->name);
+  count_death(history, deployment_.ring, *c.begun);
+  write_deaths(var_, c.node->name, history);
+  c.acted = true;
+  const auto pid = launch_locked({deployment_, var_, bin_folder_, ""}, *c.node, lock);
+  if (!pid) return {What::cannot_start, 0, {}, pid.error()};
+  c.started = monotonic_now();
+  return {What::restarted, *pid, {}, ""};
+}
+
+/// One kill for a communication fault in the suite per deaf_interval: when the network stack fails, all look
+/// deaf to each other.
+bool Restarter::take_deaf_turn() const {
+  std::error_code ec;
+  std::filesystem::create_directories(var_.memory(), ec);
+  const Fd file(open((var_.memory() / "last_deaf_kill").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (!file) return false;
+  const MonotonicTime give_up = monotonic_now() + longest_wait_for_deaf_lock;
+  while (flock(file.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (monotonic_now() >= give_up) return false;  // somebody is deciding just now
+    poll(nullptr, 0, 1);
+  }
+  const MonotonicTime now = monotonic_now();
+  std::int64_t last_ns = 0;
+  const bool stamped =
+      pread(file.get(), &last_ns, sizeof last_ns, 0) == sizeof last_ns && last_ns <= now.ns();
+  bool mine = !stamped || nanoseconds(now.ns() - last_ns) >= deployment_.ring.deaf_interval;
+  if (mine) {
+    const std::int64_t now_ns = now.ns();
+    mine = pwrite(file.get(), &now_ns, sizeof now_ns, 0) == sizeof now_ns;
+  }
+  flock(file.get(), LOCK_UN);
+  return mine;
+}
+
+void Restarter::record(const Case& c, const RestartOutcome& outcome) {
+  const Accusation& a = c.accusation;
+  const bool ours = c.acted || outcome.what == What::backing_off || outcome.what == What::quarantined ||
+                    outcome.what == What::communication || outcome.what == What::not_believed ||
+                    outcome.what == What::cannot_start;
+  if (!ours) return;
+  const auto last = last_recorded_.find(a.subject);
+  const bool repeated = last != last_recorded_.end() && last->second == outcome.what;
+  last_recorded_[a.subject] = outcome.what;
+  const bool ends_a_life = outcome.what == What::restarted || (c.acted && outcome.what != What::unkillable);
+  if (repeated && !ends_a_life) return;
+
+  Recorder::Job job;
+  FaultRecord& r = job.record;
+  r.utc = system_utc_now();
+  r.monotonic = monotonic_now();
+  r.boot = boot_id();
+  r.observer = observer_;
+  r.subject = a.subject;
+  r.fault = a.fault;
+  r.misses = a.misses;
+  r.detail = a.detail;
+  r.kernel_state = c.kernel_state;
+  r.old_incarnation = c.old_incarnation();
+  r.outcome = outcome.what;
+  r.reason = outcome.reason;
+  if (c.last_page && c.last_page->last_turn <= a.first_evidence)
+    r.last_turn_age = a.first_evidence - c.last_page->last_turn;
+  if (!c.killed_with.empty()) {
+    r.cause = fmt::format("{} by the observer", c.killed_with);
+    if (c.last_page && c.last_page->end != EndKind::running)
+      r.cause += ", ended with " + end_text(*c.last_page);
+  } else if (a.pid != 0 || a.fault == FaultClass::absent || a.fault == FaultClass::exited) {
+    r.cause = c.process ? "runs" : c.last_page ? end_text(*c.last_page) : "unknown, no heartbeat page";
+  }
+  if (a.decided >= a.first_evidence) r.judged = a.decided - a.first_evidence;
+  if (c.gone && *c.gone >= a.decided) r.killed = *c.gone - a.decided;
+  if (c.started && c.gone) r.started = *c.started - *c.gone;
+  if (c.started) {
+    job.new_pid = outcome.pid;
+    recorder_->remember_start(a.subject, *c.started);
+  }
+  job.old_pid = a.pid != 0 ? a.pid : c.last_page ? c.last_page->pid : 0;
+  job.report = c.acted && !c.process;  // a life has ended
+  job.log_end = {Fd(c.log_end.log ? fcntl(c.log_end.log.get(), F_DUPFD_CLOEXEC, 3) : -1), c.log_end.size};
+  recorder_->post(std::move(job));
+}
+
+void Restarter::on_recovered(const std::string& subject, std::uint32_t incarnation, MonotonicTime active) {
+  Recorder::Job job;
+  FaultRecord& r = job.record;
+  r.kind = FaultRecord::Kind::active;
+  r.utc = system_utc_now();
+  r.monotonic = active;
+  r.boot = boot_id();
+  r.observer = observer_;
+  r.subject = subject;
+  r.new_incarnation = incarnation;
+  if (const auto started = recorder_->started(subject); started && active >= *started)
+    r.active = active - *started;
+  recorder_->post(std::move(job));
+}
+
+}  // namespace srfs::ros

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "base/process.hpp"
+#include "ros/deployment.hpp"
+#include "ros/instance.hpp"
+#include "ros/launcher.hpp"
+#include "ros/ring/fault.hpp"
+#include "ros/ring/fault_ledger.hpp"
+
+namespace srfs::ros {
+
+/// Puts a node that an observer accuses back on its feet, exactly once however many observers accuse it
+/// (DESIGN section 8): under the node's restart lock the evidence is read again, the old process is killed,
+/// its instance lock proves that it is gone, and the active version is started, no child of this process.
+/// Needs no DDS, waits for no disk; the ledger and the report are written afterwards by a thread of its own.
+/// One thread at a time, of which on_recovered() may be another.
+class Restarter {
+ public:
+  static constexpr milliseconds abort_patience{150};  ///< for the backtrace of a hung process
+  static constexpr milliseconds term_patience{50};
+  static constexpr milliseconds kill_patience{500};  ///< after SIGKILL; then it is unkillable
+
+  /// @param observer  name of the node that this process is, or of the tool
+  Restarter(const Deployment& deployment, VarPaths var, std::string observer,
+            std::filesystem::path bin_folder = own_bin_folder());
+  ~Restarter();  ///< waits for the records that are being written, 2 s at most
+  Restarter(const Restarter&) = delete;
+  Restarter& operator=(const Restarter&) = delete;
+
+  /// Blocks for 2.5 s at most, mostly some 10 ms. Call it again while the node stays down: a refusal is no
+  /// promise that somebody will come.
+  RestartOutcome restart(const Accusation& accusation);
+  /// A node this process restarted is in its desired state again: the ledger's last figure. Never blocks.
+  void on_recovered(const std::string& subject, std::uint32_t incarnation, MonotonicTime active);
+
+  /// Asked under the lock: the generation of the ring's membership now. An accusation of another one is void.
+  /// Without it, or with generation 0 in the accusation, none is.
+  void set_generation_source(std::function<std::optional<std::uint32_t>()> generation) {
+    generation_ = std::move(generation);
+  }
+  /// How signals reach a process; a test has one here that does not obey.
+  void set_signaller(std::function<int(const Process&, int number)> send) { send_ = std::move(send); }
+  /// Records that were not written: too many at once, or the disk refused them.
+  [[nodiscard]] std::uint64_t records_lost() const;
+  /// Waits until all records so far are written. @return false: not within @p patience
+  bool flush(milliseconds patience);
+
+ private:
+  class Recorder;
+  struct Case;
+  [[nodiscard]] RestartOutcome decide_and_act(Case& c);
+  [[nodiscard]] std::optional<RestartOutcome> look_again(Case& c) const;
+  [[nodiscard]] std::optional<RestartOutcome> look_for_starting(Case& c) const;
+  [[nodiscard]] std::optional<RestartOutcome> ask_policy(Case& c) const;
+  [[nodiscard]] std::optional<RestartOutcome> kill_old(Case& c) const;
+  [[nodiscard]] RestartOutcome start_new(Case& c, const RestartLock& lock) const;
+  [[nodiscard]] bool take_deaf_turn() const;
+  void record(const Case& c, const RestartOutcome& outcome);
+
+  const Deployment& deployment_;
+  VarPaths var_;
+  std::string observer_;
+  std::filesystem::path bin_folder_;
+  std::function<std::optional<std::uint32_t>()> generation_;
+  std::function<int(const Process&, int number)> send_;
+  std::map<std::string, RestartOutcome::What> last_recorded_;  ///< a refusal that repeats is recorded once
+  std::shared_ptr<Recorder> recorder_;
+};
+
+}  // namespace srfs::ros

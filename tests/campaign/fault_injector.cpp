@@ -1,0 +1,305 @@
+// Preloaded into the nodes by the fault campaign (LD_PRELOAD): makes a process that carries no test code of
+// its own fail in the ways a process fails. A real-time signal, queued to one thread, says which; its handler
+// runs on that thread between any two instructions. Commands are in tests/campaign/faults.py, which must
+// agree.
+
+#include <arpa/inet.h>
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <pthread.h>
+#include <sys/epoll.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <ctime>
+#include <string_view>
+
+namespace {
+
+enum Command : std::uint32_t {
+  healthy = 0,      // whatever can be ended ends
+  do_abort = 1,     // SIGABRT
+  do_segfault = 2,  // a store to address 8
+  loop = 3,         // the thread never comes back, and burns a CPU
+  deadlock = 4,     // the thread never comes back, and waits
+  late = 5,         // every turn of the work thread comes so many ms later
+  deaf = 6,         // nothing is received from the network any more
+  stale_nonce = 7,  // answers of check_alive name another question
+  wrong_incarnation = 8,
+  wrong_state = 9,
+  grow = 10,             // so many MiB a second
+  use_descriptors = 11,  // until there are no more
+  clock_step = 12,       // CLOCK_REALTIME is so many minutes (signed) away
+};
+
+constexpr int signal_number_offset = 7;  // SIGRTMIN + 7
+
+std::atomic<std::uint32_t> wrong_answer{healthy};
+std::atomic<bool> is_deaf{false};
+std::atomic<int> late_ms{0};
+std::atomic<std::int64_t> clock_offset_ns{0};
+std::atomic<int> growth_mib_s{0};
+std::atomic<std::uint64_t> last_nonce{0};
+std::atomic<bool> have_nonce{false};
+
+template <class F>
+F* real(const char* name) {
+  return reinterpret_cast<F*>(dlsym(RTLD_NEXT, name));
+}
+
+void sleep_ms(int ms) {
+  timespec left{ms / 1000, ms % 1000 * 1'000'000L};
+  while (nanosleep(&left, &left) != 0 && errno == EINTR) {
+  }
+}
+
+void* grow_without_end(void*) {
+  while (true) {
+    const auto size = static_cast<std::size_t>(std::max(1, growth_mib_s.load() / 20)) << 20U;
+    if (void* memory = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+        memory != MAP_FAILED)
+      std::memset(memory, 1, size);
+    sleep_ms(50);
+  }
+}
+
+void on_command(int, siginfo_t* info, void*) {
+  const auto word = static_cast<std::uint64_t>(reinterpret_cast<std::uintptr_t>(info->si_value.sival_ptr));
+  const auto argument = static_cast<std::int32_t>(word >> 32U);
+  switch (static_cast<Command>(word & UINT32_MAX)) {
+    case healthy:
+      wrong_answer = healthy;
+      is_deaf = false;
+      late_ms = 0;
+      clock_offset_ns = 0;
+      break;
+    case do_abort:
+      std::abort();
+    case do_segfault:
+      *reinterpret_cast<volatile int*>(8) = 1;
+      break;
+    case loop:
+      while (true) (void)late_ms.load();
+    case deadlock:
+      while (true) pause();
+    case late:
+      late_ms = argument;
+      break;
+    case deaf:
+      is_deaf = true;
+      break;
+    case stale_nonce:
+    case wrong_incarnation:
+    case wrong_state:
+      wrong_answer = static_cast<std::uint32_t>(word & UINT32_MAX);
+      break;
+    case grow: {
+      growth_mib_s = argument;
+      pthread_t thread;  // not async-signal-safe; the process is to be ruined anyway
+      pthread_create(&thread, nullptr, grow_without_end, nullptr);
+      break;
+    }
+    case use_descriptors:
+      while (open("/dev/null", O_RDONLY | O_CLOEXEC) >= 0) {
+      }
+      break;
+    case clock_step:
+      clock_offset_ns = static_cast<std::int64_t>(argument) * 60'000'000'000;
+      break;
+  }
+}
+
+/// What SRFS_FAULT_AT_START asks of this process: "NODE:exit" ends it, "NODE:hang:MS" stops its work thread
+/// so many ms after its start.
+void fail_at_start() {
+  const char* wanted = std::getenv("SRFS_FAULT_AT_START");
+  if (wanted == nullptr) return;
+  std::array<char, 4096> line{};
+  const int fd = open("/proc/self/cmdline", O_RDONLY | O_CLOEXEC);
+  const ssize_t size = fd < 0 ? 0 : read(fd, line.data(), line.size() - 1);
+  if (fd >= 0) close(fd);
+  const std::string_view text(line.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
+  const std::string_view request(wanted);
+  const std::string_view node = request.substr(0, request.find(':'));
+  constexpr std::string_view option("--name\0", 7);
+  const auto at = text.find(option);
+  if (at == std::string_view::npos || std::string_view(text.data() + at + option.size()) != node) return;
+  const std::string_view fault = request.substr(node.size() + 1);
+  if (fault == "exit") _exit(1);
+  if (fault.substr(0, 5) != "hang:") return;
+  sigevent event{};
+  event.sigev_notify = SIGEV_THREAD_ID;
+  event.sigev_signo = SIGRTMIN + signal_number_offset;
+  event.sigev_value.sival_ptr = reinterpret_cast<void*>(static_cast<std::uintptr_t>(deadlock));
+  event._sigev_un._tid = getpid();  // the work thread is the first
+  timer_t timer{};
+  const int ms = std::atoi(fault.data() + 5);
+  const itimerspec once{{}, {ms / 1000, ms % 1000 * 1'000'000L}};
+  if (timer_create(CLOCK_MONOTONIC, &event, &timer) == 0) timer_settime(timer, 0, &once, nullptr);
+}
+
+__attribute__((constructor)) void prepare() {
+  struct sigaction action {};
+  action.sa_sigaction = on_command;
+  action.sa_flags = SA_SIGINFO | SA_RESTART | SA_NODEFER;
+  sigaction(SIGRTMIN + signal_number_offset, &action, nullptr);
+  fail_at_start();
+}
+
+bool is_network(int fd) {
+  sockaddr_storage address{};
+  socklen_t length = sizeof address;
+  return getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length) == 0 && address.ss_family == AF_INET;
+}
+
+// The request of check_alive as it is on the wire (CDR, little-endian): nonce u64 | length of the observer's
+// name and NUL u32 | name.
+constexpr std::array<std::string_view, 9> observers{
+    "timing", "can_switcher",      "payload_adcs",     "payload_eps", "payload_thermal",
+    "ttc",    "image_acquisition", "image_processing", "maintenance"};
+
+void look_for_question(const std::uint8_t* data, std::size_t size) {
+  if (wrong_answer == healthy) return;
+  for (const std::string_view observer : observers) {
+    std::array<std::uint8_t, 64> pattern{};
+    const auto length = static_cast<std::uint32_t>(observer.size() + 1);
+    std::memcpy(pattern.data(), &length, 4);
+    std::memcpy(pattern.data() + 4, observer.data(), observer.size());
+    const void* found = memmem(data, size, pattern.data(), 4 + length);
+    if (found == nullptr || static_cast<const std::uint8_t*>(found) - data < 8) continue;
+    std::uint64_t nonce = 0;
+    std::memcpy(&nonce, static_cast<const std::uint8_t*>(found) - 8, 8);
+    last_nonce = nonce;
+    have_nonce = true;
+    return;
+  }
+}
+
+/// @return the datagram to send in its place, or nothing
+std::size_t falsified(const msghdr& message, std::uint8_t* copy, std::size_t room) {
+  std::size_t size = 0;
+  for (std::size_t i = 0; i < message.msg_iovlen; ++i) {
+    if (size + message.msg_iov[i].iov_len > room) return 0;
+    std::memcpy(copy + size, message.msg_iov[i].iov_base, message.msg_iov[i].iov_len);
+    size += message.msg_iov[i].iov_len;
+  }
+  const std::uint64_t nonce = last_nonce;
+  auto* found = static_cast<std::uint8_t*>(memmem(copy, size, &nonce, sizeof nonce));
+  if (found == nullptr || static_cast<std::size_t>(found - copy) + 13 > size) return 0;
+  // The answer: nonce u64 | incarnation u32 | lifecycle state u8 | ...
+  switch (wrong_answer.load()) {
+    case stale_nonce:
+      found[0] ^= 0x55U;
+      break;
+    case wrong_incarnation:
+      found[9] ^= 0x55U;
+      break;
+    default:
+      found[12] = 99;
+      break;
+  }
+  return size;
+}
+
+}  // namespace
+
+extern "C" {
+
+int epoll_wait(int epoll, epoll_event* events, int most, int timeout) {
+  static auto* const next = real<int(int, epoll_event*, int, int)>("epoll_wait");
+  const int result = next(epoll, events, most, timeout);
+  const int saved = errno;
+  if (const int ms = late_ms; ms > 0 && syscall(SYS_gettid) == getpid()) sleep_ms(ms);
+  errno = saved;
+  return result;
+}
+
+ssize_t recvmsg(int fd, msghdr* message, int flags) {
+  static auto* const next = real<ssize_t(int, msghdr*, int)>("recvmsg");
+  const msghdr before = *message;
+  while (true) {
+    const ssize_t result = next(fd, message, flags);
+    if (result <= 0 || !is_deaf || !is_network(fd)) {
+      if (result > 0 && message->msg_iovlen > 0)
+        look_for_question(static_cast<const std::uint8_t*>(message->msg_iov[0].iov_base),
+                          static_cast<std::size_t>(result));
+      return result;
+    }
+    *message = before;
+  }
+}
+
+ssize_t recvfrom(int fd, void* buffer, std::size_t size, int flags, sockaddr* from, socklen_t* length) {
+  static auto* const next = real<ssize_t(int, void*, std::size_t, int, sockaddr*, socklen_t*)>("recvfrom");
+  while (true) {
+    const ssize_t result = next(fd, buffer, size, flags, from, length);
+    if (result <= 0 || !is_deaf || !is_network(fd)) return result;
+  }
+}
+
+int recvmmsg(int fd, mmsghdr* messages, unsigned count, int flags, timespec* timeout) {
+  static auto* const next = real<int(int, mmsghdr*, unsigned, int, timespec*)>("recvmmsg");
+  const int result = next(fd, messages, count, flags, timeout);
+  if (result > 0 && is_deaf && is_network(fd)) {
+    errno = EAGAIN;
+    return -1;
+  }
+  for (int i = 0; i < result; ++i) {
+    if (messages[i].msg_hdr.msg_iovlen > 0)
+      look_for_question(static_cast<const std::uint8_t*>(messages[i].msg_hdr.msg_iov[0].iov_base),
+                        messages[i].msg_len);
+  }
+  return result;
+}
+
+ssize_t sendmsg(int fd, const msghdr* message, int flags) {
+  static auto* const next = real<ssize_t(int, const msghdr*, int)>("sendmsg");
+  if (wrong_answer == healthy || !have_nonce) return next(fd, message, flags);
+  thread_local std::array<std::uint8_t, 65536> copy;
+  const std::size_t size = falsified(*message, copy.data(), copy.size());
+  if (size == 0) return next(fd, message, flags);
+  iovec part{copy.data(), size};
+  msghdr changed = *message;
+  changed.msg_iov = &part;
+  changed.msg_iovlen = 1;
+  return next(fd, &changed, flags);
+}
+
+ssize_t sendto(int fd, const void* data, std::size_t size, int flags, const sockaddr* to, socklen_t length) {
+  static auto* const next =
+      real<ssize_t(int, const void*, std::size_t, int, const sockaddr*, socklen_t)>("sendto");
+  if (wrong_answer == healthy || !have_nonce) return next(fd, data, size, flags, to, length);
+  thread_local std::array<std::uint8_t, 65536> copy;
+  iovec part{const_cast<void*>(data), size};
+  msghdr message{};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  const std::size_t changed = falsified(message, copy.data(), copy.size());
+  return changed == 0 ? next(fd, data, size, flags, to, length)
+                      : next(fd, copy.data(), changed, flags, to, length);
+}
+
+int clock_gettime(clockid_t clock, timespec* now) noexcept {
+  static auto* const next = real<int(clockid_t, timespec*)>("clock_gettime");
+  const int result = next(clock, now);
+  const std::int64_t offset = clock_offset_ns;
+  if (clock == CLOCK_REALTIME && offset != 0 && result == 0) {
+    const std::int64_t moved = now->tv_sec * 1'000'000'000 + now->tv_nsec + offset;
+    now->tv_sec = moved / 1'000'000'000;
+    now->tv_nsec = moved % 1'000'000'000;
+  }
+  return result;
+}
+}

@@ -1,0 +1,591 @@
+"""The fault campaign: every class of failure in every node of a running mission, under telecommands, and what the ring makes of it.
+
+Nothing here restarts a node: the suite does. The processes carry no test code; what a signal cannot do to them from outside is done by
+fault_injector.cpp, preloaded through a wrapper beside each program.
+"""
+
+import collections
+import contextlib
+import csv
+import ctypes
+import dataclasses
+import json
+import os
+import pathlib
+import platform
+import random
+import select
+import shutil
+import signal
+import socket
+import statistics
+import threading
+import time
+
+import mission  # tools/demo
+import witness
+
+NODES = ("timing", "can_switcher", "payload_adcs", "payload_eps", "payload_thermal", "ttc", "image_acquisition", "image_processing", "maintenance")
+PAYLOADS = tuple(witness.ADDRESS)
+KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # of what `srfs record` prints, beside liveness
+STEADY_DEADLINE_S = 60
+OBSERVE_S = 0.5  # after the recovery: who dies of it now is a false restart
+SETTLE_S = 60
+SUBSETS = 2 ** len(NODES) - 2  # of nine nodes, but nobody and all
+
+# Commands of fault_injector.cpp.
+ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP = range(1, 13)
+HEALTHY = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class FaultClass:
+    name: str
+    what: str
+    expected: str  # "restart": a new process is Active again; "none": nobody is restarted; "mended": Active again after the cause is gone
+    p50_s: float | None = None  # goals: fault to Active again
+    max_s: float | None = None
+    bound_s: float = 30  # later is a failure of the campaign whatever the goal
+
+
+EXIT, HANG = (0.3, 0.8), (0.7, 1.2)
+CLASSES = (
+    FaultClass("exit", "asked to end by somebody (SIGTERM)", "restart", *EXIT),
+    FaultClass("abort", "SIGABRT", "restart", *EXIT),
+    FaultClass("segfault", "SIGSEGV", "restart", *EXIT),
+    FaultClass("kill", "SIGKILL", "restart", *EXIT),
+    FaultClass("stop", "SIGSTOP", "restart", *HANG),
+    FaultClass("loop", "a callback that does not return, and burns a CPU", "restart", *HANG),
+    FaultClass("deadlock", "a callback that does not return, and waits", "restart", *HANG),
+    FaultClass("late", "every turn of the work thread 0.5 s late: answers late", "restart"),
+    FaultClass("deaf", "receives nothing from the network any more", "restart"),
+    FaultClass("stale_nonce", "its answers name another question", "restart"),
+    FaultClass("wrong_incarnation", "its answers name another incarnation", "restart"),
+    FaultClass("wrong_state", "its answers name a state that there is not", "restart"),
+    FaultClass("worker", "a worker thread that does not come back", "restart"),
+    FaultClass("memory", "grows by 64 MiB a second", "restart"),
+    FaultClass("descriptors", "uses all file descriptors", "restart"),
+    FaultClass("start_hang", "killed; its successors hang while they start, until the cause is gone", "mended", bound_s=120),
+    FaultClass("crash_loop", "killed; its successors end at once, until the cause is gone", "mended", bound_s=120),
+    FaultClass("no_binary", "killed; its program is missing, until it is put back", "mended", bound_s=120),
+    FaultClass("bad_binary", "killed; its program is damaged, until it is put back", "mended", bound_s=120),
+    FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
+    FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
+)
+START_FAULT_S = 4  # how long the cause of a fault at start stays
+
+TELECOMMANDS = {
+    "payload_adcs": ("adcs.set_target_quaternion x=0 y=0 z=0 w=1", "adcs.set_mode mode=point"),
+    "payload_eps": ("eps.set_charge_limit limit=0.9", "eps.switch_load load=2 state=on"),
+    "payload_thermal": ("thermal.set_setpoint heater=0 setpoint_k=291", "thermal.set_setpoint heater=1 setpoint_k=289"),
+}
+COMMAND_PERIOD_S = 0.25
+MOST_UNDER_WAY = 3
+FORGET_S = 20
+
+
+class _SigInfo(ctypes.Structure):
+    _fields_ = (("number", ctypes.c_int), ("errno", ctypes.c_int), ("code", ctypes.c_int), ("pad", ctypes.c_int), ("pid", ctypes.c_int),
+                ("uid", ctypes.c_uint), ("value", ctypes.c_uint64), ("rest", ctypes.c_char * 96))  # fmt: skip
+
+
+def queue_to_thread(pid, tid, command, argument=0):
+    """One command to the injector in one thread of a process."""
+    info = _SigInfo(number=signal.SIGRTMIN + 7, code=-1, pid=os.getpid(), uid=os.getuid(), value=command | (argument & 0xFFFFFFFF) << 32)
+    number = {"x86_64": 297, "aarch64": 240}[platform.machine()]  # rt_tgsigqueueinfo
+    if ctypes.CDLL(None, use_errno=True).syscall(number, pid, tid, info.number, ctypes.byref(info)) != 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+
+
+def threads(pid):
+    """{name: tid} of a process' threads, but the first."""
+    found = {}
+    for task in pathlib.Path(f"/proc/{pid}/task").iterdir():
+        with contextlib.suppress(OSError):
+            if task.name != str(pid):
+                found[(task / "comm").read_text().strip()] = int(task.name)
+    return found
+
+
+class Wrappers:
+    """Programs of the nodes as the campaign wants them: a wrapper that preloads the injector, and can be damaged and mended."""
+
+    def __init__(self, folder, bin_dir, injector):
+        self.folder = folder
+        self.bin_dir = bin_dir
+        self.injector = injector
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for node in NODES:
+            self.mend(node)
+
+    def path(self, node):
+        return self.folder / f"{node}_node"
+
+    def mend(self, node, at_start=""):
+        text = ("#!/bin/sh\n"
+                f"export LD_PRELOAD={self.injector} SRFS_FAULT_AT_START={at_start}\n"
+                f'exec {self.bin_dir / (node + "_node")} "$@"\n')  # fmt: skip
+        self._replace(node, text)
+
+    def damage(self, node):
+        self._replace(node, "\x7fELF\x02\x01 not any more\n")
+
+    def remove(self, node):
+        self.path(node).unlink()
+
+    def _replace(self, node, text):
+        new = self.folder / f"{node}.new"
+        new.write_text(text)
+        new.chmod(0o755)
+        new.rename(self.path(node))
+
+    def deployment(self, base, changed):
+        """A copy of a deployment whose nodes are started through the wrappers."""
+        text = base.read_text()
+        for node in NODES:
+            text = text.replace(f"executable: {node}_node\n", f"executable: {self.path(node)}\n")
+        changed.write_text(text)
+        return changed
+
+
+@dataclasses.dataclass
+class Trial:
+    """One fault and what became of it; times in ns of CLOCK_MONOTONIC, None: not seen."""
+
+    kind: str
+    victims: tuple
+    expected: str
+    begin: int = 0  # the fault; of "mended": when its cause was gone
+    accused: int | None = None  # the first accusation of a victim
+    process: int | None = None  # all victims have a new process
+    active: int | None = None  # all victims are Active again
+    false_restarts: tuple = ()
+    slots_lost: int = 0
+    telemetry_gap_s: float = 0.0
+    note: str = ""
+
+    def seconds(self, what):
+        value = getattr(self, what)
+        return None if value is None else (value - self.begin) / 1e9
+
+    @property
+    def ok(self):
+        return not self.note and not self.false_restarts and (self.expected == "none" or self.active is not None)
+
+
+class FaultCampaign:
+    def __init__(self, flight, wrappers, signals, seed, say):
+        self.flight = flight
+        self.wrappers = wrappers
+        self.signals = signals
+        self.random = random.Random(seed)
+        self.say = say
+        self.trials = []
+        self.messages = []
+        self.executed = {payload: [] for payload in PAYLOADS}
+        self._executed_counts = dict.fromkeys(PAYLOADS, 0)
+        self.unseen_executions = 0
+        self._lock = threading.Lock()
+        self._alive = {}  # node -> (incarnation, state, time of the report)
+        self._accusations = []  # (time, subject, observer, class)
+        self._processes = collections.defaultdict(list)  # node -> [(time first seen, pid)]
+        self._telemetry = collections.defaultdict(list)  # application -> times of packets on the ground
+        self._ends = {}
+        self._under_way = {payload: {} for payload in PAYLOADS}
+        self._quit = threading.Event()
+        self._threads = []
+        self.usage = []
+
+    # --- watching ---------------------------------------------------------------------------------------------------
+
+    def _on_record(self, message):
+        if message["type"] == "liveness":
+            with self._lock:
+                if message["verdict"] == "alive":
+                    self._alive[message["subject"]] = (message["subject_incarnation"], message["state"], message["at_ns"])
+                elif message["verdict"] == "accused":
+                    self._accusations.append((message["at_ns"], message["subject"], message["observer"], message["fault"]))
+        elif message["type"] in KEPT:
+            self.messages.append(message)
+
+    def _on_downlink(self, message):
+        if message["type"] == "tc_stage":
+            self.messages.append({"at_ns": time.monotonic_ns(), **message})
+            self._ends[message["line"]] = message["final"]
+        if message["type"] == "error" or (message["type"] == "tc_stage" and message["final"]):
+            for under_way in self._under_way.values():
+                under_way.pop(message.get("line"), None)
+        if message.get("structure") and message.get("vc") == 0:
+            self._telemetry[message["structure"]].append(time.monotonic())
+
+    def _watch_processes(self):
+        while not self._quit.wait(0.005):
+            for node in NODES:
+                pid = self.flight.node_pid(node)
+                seen = self._processes[node]
+                if pid and (not seen or seen[-1][1] != pid):
+                    seen.append((time.monotonic_ns(), pid))
+
+    def _command(self):
+        while not self._quit.wait(COMMAND_PERIOD_S):
+            now = time.monotonic()
+            for payload, under_way in self._under_way.items():
+                for line in [line for line, sent in list(under_way.items()) if now - sent > FORGET_S]:
+                    under_way.pop(line, None)
+                if len(under_way) < MOST_UNDER_WAY:
+                    with contextlib.suppress(mission.MissionError):
+                        under_way[self._ground.send(f"tc {self.random.choice(TELECOMMANDS[payload])}")] = now
+            with contextlib.suppress(OSError):
+                self.ask_peripherals()
+
+    def ask_peripherals(self):
+        names = {"payload_adcs": "adcs", "payload_eps": "eps", "payload_thermal": "thermal"}
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
+            control.settimeout(5)
+            control.connect(str(self.flight.run_dir / "sim_control.sock"))
+            control.send(b'{"query":"executed"}')
+            reply = json.loads(control.recv(1 << 18))["executed"]
+        for payload, name in names.items():
+            new = reply[name]["count"] - self._executed_counts[payload]
+            self.unseen_executions += max(0, new - len(reply[name]["last"]))
+            self.executed[payload] += reply[name]["last"][len(reply[name]["last"]) - min(new, len(reply[name]["last"])) :]
+            self._executed_counts[payload] = reply[name]["count"]
+
+    def _pids(self):
+        return {node: seen[-1][1] for node, seen in self._processes.items() if seen}
+
+    def _is_steady(self):
+        """Everybody has a process, and its last check was answered a moment ago in Active."""
+        now = time.monotonic_ns()
+        with self._lock:
+            alive = dict(self._alive)
+        return all(self.flight.node_pid(node) for node in NODES) and all(
+            node in alive and alive[node][1] == "active" and now - alive[node][2] < 400_000_000 for node in NODES)  # fmt: skip
+
+    def wait_until_steady(self, deadline_s=STEADY_DEADLINE_S):
+        mission.wait_until(lambda: self.signals.asked or self._is_steady(), deadline_s, "all nodes Active and answering", period_s=0.02)
+        if self.signals.asked:
+            raise mission.MissionError("interrupted", code=130)
+
+    # --- the run ----------------------------------------------------------------------------------------------------
+
+    def __enter__(self):
+        recorder = self.flight.recorder()
+        recorder.on_message(self._on_record)
+        self._ground = self.flight.ground()
+        self._ground.on_message(self._on_downlink)
+        for job in (self._watch_processes, self._command):
+            self._threads.append(threading.Thread(target=job, daemon=True))
+            self._threads[-1].start()
+        self.begin = time.monotonic()
+        self.wait_until_steady()
+        return self
+
+    def __exit__(self, kind, value, traceback):
+        if kind is None:
+            self._settle()
+        self._quit.set()
+        for thread in self._threads:
+            thread.join(10)
+        if kind is None:
+            self.ask_peripherals()
+
+    def _settle(self):
+        with contextlib.suppress(mission.MissionError):  # the judge says what is missing
+            mission.wait_until(lambda: self.signals.asked or all(self._ends.copy().values()), SETTLE_S, "every telecommand ended", period_s=0.2)
+
+    # --- faults -----------------------------------------------------------------------------------------------------
+
+    def _signal(self, pid, number):
+        with contextlib.suppress(ProcessLookupError):
+            handle = os.pidfd_open(pid)
+            with contextlib.suppress(ProcessLookupError):
+                signal.pidfd_send_signal(handle, number)
+            os.close(handle)
+
+    def _inject(self, kind, node, pid):
+        """@return what ends the fault, to be called; None where nothing does"""
+        signals = {"exit": signal.SIGTERM, "kill": signal.SIGKILL, "stop": signal.SIGSTOP}
+        commands = {"abort": ABORT, "segfault": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
+                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS}  # fmt: skip
+        if kind in signals:
+            self._signal(pid, signals[kind])
+        elif kind in commands:
+            queue_to_thread(pid, pid, commands[kind])
+        elif kind == "late":
+            queue_to_thread(pid, pid, LATE, 500)
+        elif kind == "memory":
+            queue_to_thread(pid, pid, GROW, 64)
+        elif kind == "worker":
+            found = threads(pid)
+            own = next((name for name in ("store", "ttc_store", "process", "ring", "disk") if name in found), None)
+            if own is None:
+                return "no worker"
+            queue_to_thread(pid, found[own], DEADLOCK)
+        elif kind.startswith("clock_"):
+            queue_to_thread(pid, pid, CLOCK_STEP, 180 if kind == "clock_forward" else -180)
+            return lambda: queue_to_thread(pid, pid, HEALTHY)
+        return None
+
+    def _break_start(self, kind, node):
+        if kind == "start_hang":
+            self.wrappers.mend(node, f"{node}:hang:{self.random.randrange(5, 80)}")
+        elif kind == "crash_loop":
+            self.wrappers.mend(node, f"{node}:exit")
+        elif kind == "no_binary":
+            self.wrappers.remove(node)
+        else:
+            self.wrappers.damage(node)
+
+    def trial(self, fault, node):
+        self.wait_until_steady()
+        trial = Trial(fault.name, (node,), fault.expected)
+        before = self._pids()
+        begin = time.monotonic_ns()
+        if fault.expected == "mended":
+            self._break_start(fault.name, node)
+            self._signal(before[node], signal.SIGKILL)
+            time.sleep(START_FAULT_S)  # what it does to the others in the meantime is seen below
+            self.wrappers.mend(node)
+            trial.begin = time.monotonic_ns()
+            broken = set(pid for _, pid in self._processes[node])
+            self._watch(trial, fault, {**before, node: before[node]}, ignored=broken if fault.name != "start_hang" else set())
+        else:
+            trial.begin = begin
+            end = self._inject(fault.name, node, before[node])
+            if end == "no worker":
+                return None
+            if fault.expected == "none":
+                time.sleep(1.5)
+                end()
+                time.sleep(1.5)
+                trial.false_restarts = self._changed(before)
+            else:
+                self._watch(trial, fault, before)
+        self._finish(trial, begin)
+        return trial
+
+    def _watch(self, trial, fault, before, ignored=frozenset()):
+        """Until all victims have a process of a later incarnation that is Active, and for a while after that."""
+        old = {node: self._incarnation(node) for node in trial.victims}
+        deadline = time.monotonic() + fault.bound_s
+        while time.monotonic() < deadline and not self.signals.asked:
+            if trial.process is None:
+                times = [next((at for at, pid in reversed(self._processes[node]) if pid != before[node] and pid not in ignored), None) for node in trial.victims]
+                if None not in times:
+                    trial.process = max(*times, trial.begin) if len(times) > 1 else max(times[0], trial.begin)
+            with self._lock:
+                alive = {node: self._alive.get(node) for node in trial.victims}
+            if all(a and a[0] > old[node] and a[1] == "active" and a[2] > trial.begin for node, a in alive.items()):
+                trial.active = max(a[2] for a in alive.values())
+                break
+            time.sleep(0.002)
+        else:
+            trial.note = f"not Active again within {fault.bound_s} s"
+        time.sleep(OBSERVE_S)
+        trial.false_restarts = self._changed(before, trial.victims)
+
+    def _incarnation(self, node):
+        with self._lock:
+            return self._alive[node][0] if node in self._alive else 0
+
+    def _changed(self, before, but=()):
+        return tuple(node for node, pid in self._pids().items() if node not in but and before.get(node) != pid)
+
+    def _finish(self, trial, begin):
+        with self._lock:
+            found = [a for a in self._accusations if a[0] >= begin and a[1] in trial.victims]
+        trial.accused = found[0][0] if found else None
+        trial.slots_lost = slots_lost(self.messages, begin, time.monotonic_ns(), trial.victims)
+        end = time.monotonic()
+        for structure, times in list(self._telemetry.items()):
+            if any(structure.startswith(victim) for victim in trial.victims):
+                continue
+            inside = [t for t in times if t > begin / 1e9 - 3]
+            gaps = [b - a for a, b in zip(inside, [*inside[1:], end])]
+            usual = statistics.median(b - a for a, b in zip(times, times[1:])) if len(times) > 4 else None
+            if usual and gaps:
+                trial.telemetry_gap_s = max(trial.telemetry_gap_s, round(max(gaps) - usual, 2))
+        self.trials.append(trial)
+
+    def subset(self, victims):
+        """All victims at once, by SIGKILL."""
+        self.wait_until_steady()
+        kind = FaultClass("subset" if len(victims) < len(NODES) else "everybody", "", "restart", bound_s=60)
+        trial = Trial(kind.name, tuple(victims), "restart")
+        before = self._pids()
+        handles = [os.pidfd_open(before[node]) for node in victims]
+        trial.begin = time.monotonic_ns()
+        for handle in handles:
+            with contextlib.suppress(ProcessLookupError):
+                signal.pidfd_send_signal(handle, signal.SIGKILL)
+        for handle in handles:
+            select.select([handle], [], [], 2)
+            os.close(handle)
+        self._watch(trial, kind, before)
+        self._finish(trial, trial.begin)
+        return trial
+
+    def stop_everybody(self, seconds):
+        """The whole suite stopped and continued at once: nobody may die of it."""
+        self.wait_until_steady()
+        trial = Trial("suite_stopped", NODES, "none")
+        before = self._pids()
+        trial.begin = time.monotonic_ns()
+        for pid in before.values():
+            self._signal(pid, signal.SIGSTOP)
+        time.sleep(seconds)
+        for pid in self.random.sample(list(before.values()), len(before)):
+            self._signal(pid, signal.SIGCONT)
+        time.sleep(1.0)
+        trial.false_restarts = self._changed(before)
+        trial.note = ""
+        self.trials.append(trial)
+        return trial
+
+    def soak(self, seconds):
+        """Nothing but load for so long: false restarts, and the slopes of memory and descriptors."""
+        self.wait_until_steady()
+        trial = Trial("soak", NODES, "none", begin=time.monotonic_ns())
+        before = self._pids()
+        self.usage = []  # (s, {node: (KiB, descriptors)})
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not self.signals.asked:
+            self.usage.append((time.monotonic(), {node: usage(pid) for node, pid in self._pids().items()}))
+            time.sleep(min(10, max(0.1, seconds / 20)))
+        trial.false_restarts = self._changed(before)
+        self.trials.append(trial)
+
+
+def usage(pid):
+    """(anonymous memory in KiB, open descriptors) of a process; None: it is gone."""
+    with contextlib.suppress(OSError, StopIteration):
+        lines = pathlib.Path(f"/proc/{pid}/status").read_text().splitlines()
+        return int(next(line for line in lines if line.startswith("RssAnon:")).split()[1]), len(os.listdir(f"/proc/{pid}/fd"))
+    return None
+
+
+def slots_lost(messages, begin, end, victims):
+    """Grants in a time that did not end in a release, but for those of the victims; and whole ticks that granted nothing, where no victim is
+    part of the bus."""
+    flags = [m for m in messages if m["type"] == "flags" and m["holder"] and begin <= m["published_ns"] <= end]
+    released = {(m["switcher"], m["grant"]) for m in messages if m["type"] == "bus" and m["status"] == "released"}
+    grants = {(m["switcher"], m["grant"]): m for m in flags}
+    last = max(grants, default=None)  # still running
+    lost = sum(1 for key, m in grants.items() if m["holder"] not in victims and key not in released and key != last)
+    if set(victims) & {"can_switcher", *PAYLOADS} or len(flags) < 3:
+        return lost
+    times = sorted(m["published_ns"] for m in flags)
+    gaps = [b - a for a, b in zip(times, times[1:])]
+    usual = statistics.median(gaps)
+    return lost + sum(max(0, round(gap / usual) - 1) for gap in gaps)
+
+
+# --- the verdict --------------------------------------------------------------------------------------------------------
+
+
+def figures(values):
+    values = sorted(v for v in values if v is not None)
+    if not values:
+        return {"count": 0}
+    at = lambda q: round(values[min(len(values) - 1, int(q * len(values)))], 3)  # noqa: E731
+    return {"count": len(values), "p50_s": at(0.5), "p90_s": at(0.9), "max_s": round(values[-1], 3)}
+
+
+def summarize(campaign):
+    by_name = {fault.name: fault for fault in CLASSES}
+    table = []
+    for name in dict.fromkeys(trial.kind for trial in campaign.trials):
+        trials = [t for t in campaign.trials if t.kind == name]
+        fault = by_name.get(name)
+        active = figures([t.seconds("active") for t in trials])
+        goal = {"p50_s": fault.p50_s, "max_s": fault.max_s} if fault and fault.max_s else {"max_s": 2.5} if name == "subset" else None
+        met = None if goal is None or not active["count"] else active["max_s"] <= goal["max_s"] and active["p50_s"] <= goal.get("p50_s", active["p50_s"])
+        table.append({
+            "class": name, "what": fault.what if fault else "", "trials": len(trials), "recovered": sum(t.ok for t in trials),
+            "expected": trials[0].expected,
+            "detected": figures([t.seconds("accused") for t in trials]), "restarted": figures([t.seconds("process") for t in trials]),
+            "active": active, "goal": goal, "goal_met": met,
+            "false_restarts": sum(len(t.false_restarts) for t in trials), "slots_lost": sum(t.slots_lost for t in trials),
+            "telemetry_gap_s": max((t.telemetry_gap_s for t in trials), default=0),
+        })  # fmt: skip
+    telecommands = witness.telecommands_of(campaign.messages)
+    checks = [
+        *witness.executed_once(telecommands, campaign.executed),
+        witness.told_to_the_ground([m for m in campaign.messages if m["type"] == "tc_stage"]),
+        witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
+                      "every victim recovers, and nobody else is restarted", len(campaign.trials)),
+        witness.check([f"{campaign.unseen_executions} executions"] if campaign.unseen_executions else [], "every execution was seen"),
+    ]  # fmt: skip
+    slopes = {}
+    if len(campaign.usage) > 1:
+        for node in NODES:
+            seen = [(at, used[node]) for at, used in campaign.usage if used.get(node)]
+            hours = (seen[-1][0] - seen[0][0]) / 3600
+            slopes[node] = {"memory_kib_per_hour": round((seen[-1][1][0] - seen[0][1][0]) / hours), "descriptors_per_hour": round((seen[-1][1][1] - seen[0][1][1]) / hours, 1)}
+    return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
+            "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
+                             "executed": sum(map(len, campaign.executed.values()))}}  # fmt: skip
+
+
+def show(summary):
+    print(f"  {'class':18} {'ok':>7}  {'detected p50/max':>17}  {'restarted p50/max':>17}  {'Active p50/p90/max':>22}  goal    false  slots  telemetry gap")
+    pair = lambda f: f"{f['p50_s']:.3f} / {f['max_s']:.3f}" if f["count"] else "-"  # noqa: E731
+    for row in summary["table"]:
+        a = row["active"]
+        active = f"{a['p50_s']:.3f} / {a['p90_s']:.3f} / {a['max_s']:.3f}" if a["count"] else "-"
+        goal = {True: "met", False: "MISSED", None: "-"}[row["goal_met"]]
+        print(f"  {row['class']:18} {row['recovered']:3}/{row['trials']:3}  {pair(row['detected']):>17}  {pair(row['restarted']):>17}  {active:>22}  {goal:6} "
+              f"{row['false_restarts']:6} {row['slots_lost']:6}  {row['telemetry_gap_s']:.2f} s")  # fmt: skip
+    for result in summary["checks"]:
+        count = f" ({result['of']})" if "of" in result else ""
+        print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}{count}")
+        for line in result["shown"]:
+            print(f"            {line}")
+    t = summary["telecommands"]
+    print(f"  {t['accepted']} of {t['sent']} telecommands accepted, {t['executed']} executed, in {summary['recorded_s']} s; times in s from the fault")
+
+
+def write(folder, campaign):
+    with open(folder / "trials.csv", "w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "note"])
+        for t in campaign.trials:
+            rows.writerow([t.kind, " ".join(t.victims), t.begin, *(t.seconds(what) for what in ("accused", "process", "active")),
+                           " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.note])  # fmt: skip
+    with open(folder / "record.jsonl", "w") as file:
+        for message in campaign.messages:
+            file.write(json.dumps({key: value for key, value in message.items() if key != "arrived"}) + "\n")
+    logs = folder / "log"
+    shutil.rmtree(logs, ignore_errors=True)
+    shutil.copytree(campaign.flight.var / "log", logs)
+
+
+def draw(folder, campaign):
+    """Fault to Active again, a line a class."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    names = [n for n in dict.fromkeys(t.kind for t in campaign.trials) if any(t.active for t in campaign.trials if t.kind == n)]
+    figure, axis = pyplot.subplots(figsize=(10, 1.2 + 0.38 * len(names)))
+    colors = {node: f"C{number}" for number, node in enumerate(NODES)}
+    for row, name in enumerate(names):
+        for t in campaign.trials:
+            if t.kind == name and t.active:
+                axis.plot(t.seconds("active"), row, "o", color=colors[t.victims[0]] if len(t.victims) == 1 else "0.4", markersize=5, alpha=0.7)
+    for node, color in colors.items():
+        axis.plot([], [], "o", color=color, label=node)
+    axis.plot([], [], "o", color="0.4", label="several")
+    axis.set_yticks(range(len(names)), names)
+    axis.invert_yaxis()
+    axis.set_xscale("log")
+    axis.set_xlabel("s from the fault (or the end of its cause) to Active again")
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=7, loc="center left", bbox_to_anchor=(1, 0.5))
+    axis.set_title("Fault campaign: recovery of every class in every node")
+    figure.tight_layout()
+    for kind in ("svg", "png"):
+        figure.savefig(folder / f"recovery.{kind}", dpi=120)
+    pyplot.close(figure)

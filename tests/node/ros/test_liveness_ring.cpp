@@ -1,0 +1,185 @@
+// Real processes in a ring: whoever dies or hangs comes back, and nobody else is touched.
+
+#include <array>
+#include <csignal>
+#include <cstdlib>
+#include <functional>
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "base/fd.hpp"
+#include "base/file.hpp"
+#include "ros/launcher.hpp"
+#include "ros/lifecycle.hpp"
+#include "ros/ring/heartbeat_page.hpp"
+#include "ros/ring/membership.hpp"
+#include "tests/dds_domain.hpp"
+
+namespace srfs::ros {
+namespace {
+
+constexpr seconds patience{60};
+const std::array<std::string, 3> names{"a", "b", "c"};
+
+class LivenessRingTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_ring_XXXXXX").string();
+    var_.root = mkdtemp(pattern.data());
+    std::string text = "deployment: ring_test\nring: {period_ms: 50}\nnodes:\n";
+    for (const auto& name : names)
+      text += fmt::format("  - {{name: {}, executable: {}/tests/ring_probe}}\n", name, SRFS_BINARY_DIR);
+    ASSERT_TRUE(write_file_atomically(var_.root / "d.yaml", text));
+    ASSERT_TRUE(
+        write_file_atomically(var_.domain_file(), fmt::format("{}\n", testing_support::own_domain())));
+    deployment_ = std::make_unique<Deployment>(Deployment::load(var_.root / "d.yaml"));
+    ASSERT_TRUE(write_file_atomically(var_.environment_file(), environment_for_nodes()));
+  }
+  void TearDown() override {
+    if (HasFailure()) {
+      for (const auto& name : names)
+        std::fprintf(stderr, "---- %s\n%s\n", name.c_str(), read_file(var_.log(name)).value_or("").c_str());
+    }
+    ASSERT_TRUE(write_file_atomically(var_.stopping_flag(), ""));
+    EXPECT_TRUE(wait([this] {
+      bool gone = true;
+      for (const auto& name : names) {
+        if (find_instance(var_, name)) {
+          gone = false;
+          signal(name, SIGKILL);
+        }
+      }
+      return gone;
+    }));
+    std::error_code ec;
+    std::filesystem::remove_all(var_.memory(), ec);
+    std::filesystem::remove_all(var_.root, ec);
+  }
+  static bool wait(const std::function<bool()>& condition) {
+    const MonotonicTime end = monotonic_now() + patience;
+    while (!condition()) {
+      if (monotonic_now() > end) return false;
+      usleep(5000);
+    }
+    return true;
+  }
+  void start(const std::string& name) {
+    ASSERT_TRUE(launch({*deployment_, var_, own_bin_folder(), "test"}, *deployment_->find(name)));
+  }
+  void start_all() {
+    for (const auto& name : names) start(name);
+    ASSERT_TRUE(wait([this] { return all_are_up(); }));
+  }
+  /// By pidfd, and only while the process holds its lock.
+  void signal(const std::string& name, int number) const {
+    const auto instance = find_instance(var_, name);
+    if (!instance) return;
+    const Fd process(static_cast<int>(syscall(SYS_pidfd_open, instance->pid, 0)));
+    const auto again = find_instance(var_, name);
+    if (process && again && again->pid == instance->pid)
+      syscall(SYS_pidfd_send_signal, process.get(), number, nullptr, 0);
+  }
+  [[nodiscard]] pid_t pid_of(const std::string& name) const {
+    const auto instance = find_instance(var_, name);
+    return instance ? instance->pid : 0;
+  }
+  [[nodiscard]] std::uint64_t turns_of(const std::string& name) const {
+    const auto page = HeartbeatPage::read(var_, name);
+    return page && page->pid == pid_of(name) ? page->turns : 0;
+  }
+  [[nodiscard]] bool is_up(const std::string& name) const {
+    const auto page = HeartbeatPage::read(var_, name);
+    return page && page->pid != 0 && page->pid == pid_of(name) && page->turns > 0 &&
+           page->state == static_cast<std::uint32_t>(State::active);
+  }
+  [[nodiscard]] bool all_are_up() const {
+    return std::all_of(names.begin(), names.end(), [this](const auto& name) { return is_up(name); });
+  }
+  [[nodiscard]] std::array<pid_t, 3> pids() const { return {pid_of("a"), pid_of("b"), pid_of("c")}; }
+  /// All have made that many turns from now on: several rounds of checks have passed.
+  bool all_turn(std::uint64_t turns) {
+    std::array<std::uint64_t, 3> begin{};
+    for (std::size_t i = 0; i < names.size(); ++i) begin[i] = turns_of(names[i]);
+    return wait([&] {
+      for (std::size_t i = 0; i < names.size(); ++i) {
+        if (turns_of(names[i]) < begin[i] + turns) return false;
+      }
+      return true;
+    });
+  }
+
+  VarPaths var_;
+  std::unique_ptr<Deployment> deployment_;
+};
+
+TEST_F(LivenessRingTest, RaisesAKilledNode) {
+  start_all();
+  const auto before = pids();
+  signal("b", SIGKILL);
+  ASSERT_TRUE(wait([&] { return is_up("b") && pid_of("b") != before[1]; }));
+  EXPECT_EQ(pid_of("a"), before[0]);
+  EXPECT_EQ(pid_of("c"), before[2]);
+}
+
+TEST_F(LivenessRingTest, RestartsAStoppedNodeAndALoopingOne) {
+  start_all();
+  ASSERT_TRUE(all_turn(50));
+  for (const int number : {SIGSTOP, SIGUSR1}) {
+    const pid_t before = pid_of("c");
+    signal("c", number);
+    ASSERT_TRUE(wait([&] { return is_up("c") && pid_of("c") != before; })) << number;
+    ASSERT_TRUE(all_turn(50));
+  }
+}
+
+TEST_F(LivenessRingTest, IsRaisedWholeByTheOneThatLives) {
+  start("c");
+  ASSERT_TRUE(wait([this] { return all_are_up(); }));
+}
+
+TEST_F(LivenessRingTest, DoesNotMindBeingStoppedWhole) {
+  start_all();
+  ASSERT_TRUE(all_turn(50));
+  const auto before = pids();
+  for (int i = 0; i < 5; ++i) {
+    for (const auto& name : names) signal(name, SIGSTOP);
+    usleep(300'000);  // longer than three misses; that it is no shorter is the kernel's promise
+    for (const auto& name : names) signal(name, SIGCONT);
+    ASSERT_TRUE(all_turn(20));
+  }
+  EXPECT_EQ(pids(), before);
+}
+
+TEST_F(LivenessRingTest, FollowsAMembershipThatIsReplaced) {
+  start_all();
+  const auto before = pids();
+  ASSERT_TRUE(write_membership(var_, {2, {"a", "c"}}));
+  ASSERT_TRUE(wait([this] {
+    return read_file(var_.log("a")).value_or("").find("generation 2, 2 members") != std::string::npos &&
+           read_file(var_.log("c")).value_or("").find("generation 2, 2 members") != std::string::npos;
+  }));
+  signal("b", SIGKILL);
+  signal("c", SIGKILL);
+  ASSERT_TRUE(wait([&] { return is_up("c") && pid_of("c") != before[2]; }));
+  EXPECT_EQ(pid_of("b"), 0) << "no member, nobody's to raise";
+}
+
+TEST_F(LivenessRingTest, SaysHowItEnded) {
+  ASSERT_TRUE(write_membership(var_, {1, {"b"}}));  // nobody raises it again
+  start("a");
+  ASSERT_TRUE(wait([this] { return is_up("a"); }));
+  signal("a", SIGTERM);
+  ASSERT_TRUE(wait([this] { return pid_of("a") == 0; }));
+  // The lock is free before the last word is said.
+  ASSERT_TRUE(wait([this] {
+    const auto page = HeartbeatPage::read(var_, "a");
+    return page && page->end == EndKind::exit && page->end_value == 0;
+  }));
+}
+
+}  // namespace
+}  // namespace srfs::ros

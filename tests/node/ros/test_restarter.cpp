@@ -1,0 +1,700 @@
+// Real processes die, hang and are stopped; the restarter raises them, exactly once.
+
+#include <atomic>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/file.h>
+#include <sys/mount.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/file.hpp"
+#include "ros/ring/heartbeat_page.hpp"
+#include "ros/ring/node_record.hpp"
+#include "ros/ring/restarter.hpp"
+#include "tests/signal_child.hpp"
+
+namespace srfs::ros {
+namespace {
+
+using What = RestartOutcome::What;
+using testing_support::signal_child;
+
+constexpr seconds patience{30};
+const std::string probe = SRFS_BINARY_DIR "/tests/restart_probe";
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool sanitized = true;
+#else
+constexpr bool sanitized = false;
+#endif
+
+bool wait_until(const std::function<bool()>& condition) {
+  const MonotonicTime deadline = monotonic_now() + patience;
+  while (!condition()) {
+    if (monotonic_now() > deadline) return false;
+    poll(nullptr, 0, 2);
+  }
+  return true;
+}
+
+class Restarting : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_restart_XXXXXX").string();
+    folder_ = mkdtemp(pattern.data());
+    var_.root = folder_ / "var";
+    std::filesystem::create_directories(var_.run());
+    use_programs(probe, probe);
+  }
+  void TearDown() override {
+    for (const NodeEntry& node : plan_.nodes) {
+      if (const auto starting = find_starting(var_, node.name)) starting->process.signal(SIGKILL);
+      while (const auto process = open_instance(var_, node.name)) {
+        process->signal(SIGKILL);
+        process->signal(SIGCONT);
+        if (!process->wait_for_exit(patience)) break;
+      }
+    }
+    EXPECT_TRUE(wait_until([&] { return processes().empty(); })) << "left behind";
+    std::filesystem::remove_all(var_.memory());
+    std::filesystem::remove_all(folder_);
+  }
+  void use_programs(const std::string& one, const std::string& other) {
+    ASSERT_TRUE(write_file_atomically(
+        folder_ / "d.yaml",
+        "deployment: t\nring: { restarts: 3, first_wait_ms: 100, longest_wait_ms: 400,\n"
+        "        window_ms: 3600000, quarantine_deaths: 5, deaf_interval_ms: 3600000 }\n"
+        "nodes:\n  - { name: one, executable: " +
+            one + " }\n  - { name: other, executable: " + other + " }\n"));
+    plan_ = Deployment::load(folder_ / "d.yaml");
+  }
+  void behave(const std::string& node, const std::string& how) const {
+    ASSERT_TRUE(write_file_atomically(var_.run() / (node + ".behaviour"), how));
+  }
+
+  /// The node's process once it says who it is.
+  RunningInstance running(const std::string& node = "one", std::uint32_t above = 0) const {
+    RunningInstance instance{0, 0, ""};
+    EXPECT_TRUE(wait_until([&] {
+      const auto now = find_instance(var_, node);
+      if (!now || now->incarnation <= above) return false;
+      instance = *now;
+      return true;
+    })) << node
+        << " does not run";
+    return instance;
+  }
+  RunningInstance start(const std::string& node = "one") {
+    const auto pid = launch({plan_, var_, "/nowhere", "up"}, *plan_.find(node));
+    EXPECT_TRUE(pid) << pid.error();
+    return running(node);
+  }
+  void end(pid_t pid, int signal_number) const {
+    const auto process = Process::open(pid);
+    signal_child(pid, signal_number);
+    ASSERT_TRUE(process && process->wait_for_exit(patience));
+  }
+  static Accusation accuse(const RunningInstance& who, FaultClass fault, const std::string& node = "one") {
+    Accusation a;
+    a.subject = node;
+    a.fault = fault;
+    a.pid = who.pid;
+    a.incarnation = who.incarnation;
+    a.misses = 3;
+    a.first_evidence = a.decided = monotonic_now();
+    return a;
+  }
+  static Accusation absent(const std::string& node = "one") {
+    return accuse({0, 0, ""}, FaultClass::absent, node);
+  }
+
+  /// Waits for a line of the node's log.
+  [[nodiscard]] bool says(const std::string& node, const std::string& line) const {
+    return wait_until(
+        [&] { return read_file(var_.log(node)).value_or("").find(line + "\n") != std::string::npos; });
+  }
+
+  /// Asks until the answer is neither back-off nor quarantine.
+  static RestartOutcome insist(Restarter& restarter, const Accusation& accusation) {
+    RestartOutcome outcome;
+    EXPECT_TRUE(wait_until([&] {
+      outcome = restarter.restart(accusation);
+      return outcome.what != What::backing_off && outcome.what != What::quarantined;
+    }));
+    return outcome;
+  }
+  /// The ledger once all of it is written.
+  std::vector<FaultRecord> ledger(Restarter& restarter) const {
+    EXPECT_TRUE(restarter.flush(std::chrono::duration_cast<milliseconds>(seconds(patience))));
+    return FaultLedger(var_).read().records;
+  }
+
+  /// Processes of the probe in this test's folder, zombies left out.
+  [[nodiscard]] std::set<pid_t> processes() const {
+    std::set<pid_t> found;
+    for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
+      const pid_t pid = std::atoi(entry.path().filename().c_str());
+      if (pid <= 0 || pid == getpid()) continue;
+      const auto command = read_file(entry.path() / "cmdline", 4096);
+      if (!command || command->find(folder_.string()) == std::string::npos) continue;
+      if (process_state(pid).value_or('Z') != 'Z') found.insert(pid);
+    }
+    return found;
+  }
+
+  std::filesystem::path folder_;
+  VarPaths var_;
+  Deployment plan_;
+};
+
+pid_t parent_of(pid_t pid) {
+  const std::string stat = read_file("/proc/" + std::to_string(pid) + "/stat", 4096).value_or("() ? -1");
+  std::istringstream in(stat.substr(stat.rfind(')') + 1));
+  char state = 0;
+  pid_t parent = 0;
+  in >> state >> parent;
+  return parent;
+}
+
+TEST_F(Restarting, StartsANodeThatWasKilledAsNobodysChildWithAHigherIncarnation) {
+  const auto old = start();
+  end(old.pid, SIGKILL);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(accuse(old, FaultClass::exited));
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  const auto renewed = running("one", old.incarnation);
+  EXPECT_EQ(renewed.pid, outcome.pid);
+  EXPECT_EQ(renewed.incarnation, old.incarnation + 1);
+  EXPECT_NE(parent_of(renewed.pid), getpid());
+
+  const auto records = ledger(restarter);
+  ASSERT_EQ(records.size(), 1U);
+  EXPECT_EQ(records[0].cause, "killed without a word (SIGKILL?)");
+  EXPECT_EQ(records[0].observer, "observer");
+  EXPECT_EQ(records[0].subject, "one");
+  EXPECT_EQ(records[0].fault, FaultClass::exited);
+  EXPECT_EQ(records[0].old_incarnation, old.incarnation);
+  EXPECT_EQ(records[0].new_incarnation, renewed.incarnation);
+  EXPECT_EQ(records[0].outcome, What::restarted);
+  EXPECT_TRUE(records[0].killed && records[0].started);
+  EXPECT_EQ(read_start_record(var_, "one").restarts, 1U);
+}
+
+TEST_F(Restarting, StartsANodeThatNobodySawEnd) {
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(absent()).what, What::restarted);
+  EXPECT_EQ(running().incarnation, 1U);
+}
+
+TEST_F(Restarting, KillsAHungNodeOnlyAfterItSaidWhereItHangs) {
+  if (sanitized) GTEST_SKIP() << "a sanitizer has handlers of its own";
+  const auto old = start();
+  signal_child(old.pid, SIGUSR1);
+  ASSERT_TRUE(says("one", "hangs"));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(accuse(old, FaultClass::silent));
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_FALSE(processes().contains(old.pid));
+  running("one", old.incarnation);
+
+  const auto records = ledger(restarter);
+  ASSERT_EQ(records.size(), 1U);
+  EXPECT_THAT(records[0].cause, testing::HasSubstr("by the observer"));
+  const auto report =
+      read_file(var_.state("one") / "reports" / (std::to_string(old.incarnation) + ".report"));
+  ASSERT_TRUE(report) << report.error().message;
+  EXPECT_THAT(*report, testing::HasSubstr("silent"));
+  EXPECT_THAT(*report, testing::HasSubstr("incarnation 1 turns"));
+  EXPECT_THAT(*report, testing::Not(testing::HasSubstr("incarnation 2 turns"))) << "the successor's log";
+  if (records[0].cause.find("ended with signal 6") == std::string::npos) return;  // too slow to speak: killed
+  EXPECT_THAT(*report, testing::HasSubstr("*** fatal signal 6 (SIGABRT) in thread restart_probe of pid " +
+                                          std::to_string(old.pid)));
+  EXPECT_THAT(*report, testing::HasSubstr("restart_probe("));
+}
+
+TEST_F(Restarting, SparesANodeWhoseWorkThreadTurnsAgain) {
+  const auto old = start();
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const Accusation accusation = accuse(old, FaultClass::silent);
+  const auto turns = HeartbeatPage::read(var_, "one")->turns;
+  ASSERT_TRUE(wait_until([&] { return HeartbeatPage::read(var_, "one")->turns > turns + 1; }));
+  EXPECT_EQ(restarter.restart(accusation).what, What::not_believed);
+  EXPECT_EQ(running().pid, old.pid);
+}
+
+TEST_F(Restarting, KillsAStoppedNodeWithoutLettingItRunAgain) {
+  const auto old = start();
+  signal_child(old.pid, SIGSTOP);
+  ASSERT_TRUE(wait_until([&] { return process_state(old.pid) == 'T'; }));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  std::vector<int> sent;
+  restarter.set_signaller([&](const Process& process, int number) {
+    sent.push_back(number);
+    return process.signal(number);
+  });
+  ASSERT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::restarted);
+  EXPECT_THAT(sent, testing::ElementsAre(SIGKILL));
+  const auto records = ledger(restarter);
+  ASSERT_EQ(records.size(), 1U);
+  EXPECT_EQ(records[0].kernel_state, 'T');
+}
+
+TEST_F(Restarting, GivesANodeThatCommunicationFailedTimeToEndInOrderAndKillsItWhenItDoesNot) {
+  behave("other", "stubborn");
+  const auto obedient = start("one");
+  const auto stubborn = start("other");
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  ASSERT_EQ(restarter.restart(accuse(obedient, FaultClass::too_large, "one")).what, What::restarted);
+  ASSERT_EQ(restarter.restart(accuse(stubborn, FaultClass::too_large, "other")).what, What::restarted);
+  const auto records = ledger(restarter);
+  ASSERT_EQ(records.size(), 2U);
+  // A machine under load may not let it end within 50 ms.
+  EXPECT_THAT(records[0].cause, testing::AnyOf("SIGTERM by the observer, ended with exit code 0",
+                                               testing::HasSubstr("SIGKILL")));
+  EXPECT_EQ(records[1].cause, "SIGKILL by the observer");
+}
+
+TEST_F(Restarting, IsDeafToAnAccusationOfAnEarlierIncarnation) {
+  const auto old = start();
+  end(old.pid, SIGKILL);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  ASSERT_EQ(restarter.restart(accuse(old, FaultClass::exited)).what, What::restarted);
+  const auto renewed = running("one", old.incarnation);
+  EXPECT_EQ(restarter.restart(accuse(old, FaultClass::exited)).what, What::renewed);
+  EXPECT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::renewed);
+  EXPECT_EQ(restarter.restart(absent()).what, What::renewed);
+  // The number of the process is the same, and it is another process.
+  EXPECT_EQ(restarter.restart(accuse({renewed.pid, old.incarnation, ""}, FaultClass::silent)).what,
+            What::renewed);
+  EXPECT_EQ(restarter.restart(accuse({renewed.pid, renewed.incarnation + 1, ""}, FaultClass::silent)).what,
+            What::not_believed);
+  EXPECT_EQ(restarter.restart(accuse(renewed, FaultClass::exited)).what, What::not_believed);
+  EXPECT_EQ(running().pid, renewed.pid);
+}
+
+TEST_F(Restarting, DoesNotTouchTheProcessThatGotTheNumberOfADeadOne) {
+  const pid_t stranger = fork();
+  if (stranger == 0) {
+    while (true) pause();
+  }
+  std::ofstream(var_.instance_lock("one")) << stranger << " 7 probe\n";  // what a dead node left behind
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(accuse({stranger, 7, ""}, FaultClass::silent));
+  EXPECT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_EQ(running().incarnation, 8U) << "above what stands in the lock file";
+  EXPECT_EQ(waitpid(stranger, nullptr, WNOHANG), 0) << "it lives";
+  signal_child(stranger, SIGKILL);
+  waitpid(stranger, nullptr, 0);
+}
+
+TEST_F(Restarting, OfManyRestartersOneStartsTheNode) {
+  for (int round = 0; round < 5; ++round) {
+    const auto old = round == 0 ? start() : running();
+    end(old.pid, SIGKILL);
+    constexpr int observers = 6;
+    std::vector<What> outcomes(observers);
+    std::vector<std::thread> threads;
+    std::atomic<int> waiting = 0;
+    ASSERT_TRUE(release(var_, "one", milliseconds(20000)));  // no back-off here
+    for (int i = 0; i < observers; ++i) {
+      threads.emplace_back([&, i] {
+        Restarter restarter(plan_, var_, "observer" + std::to_string(i), "/nowhere");
+        ++waiting;
+        while (waiting < observers) std::this_thread::yield();
+        outcomes[static_cast<std::size_t>(i)] =
+            restarter.restart(i % 2 == 0 ? accuse(old, FaultClass::exited) : absent()).what;
+      });
+    }
+    for (auto& thread : threads) thread.join();
+    running("one", old.incarnation);
+    EXPECT_EQ(std::count(outcomes.begin(), outcomes.end(), What::restarted), 1);
+    for (const What what : outcomes)
+      EXPECT_TRUE(what == What::restarted || what == What::renewed || what == What::under_way)
+          << to_text(what);
+    EXPECT_EQ(processes().size(), 1U);
+  }
+}
+
+TEST_F(Restarting, GoesOnFromWhateverARestarterThatWasKilledLeftBehind) {
+  auto old = start();
+  std::uint32_t random = 1;
+  for (int round = 0; round < 25; ++round) {
+    signal_child(old.pid, SIGUSR1);  // hung: the kill takes its time, too
+    const pid_t other = fork();
+    if (other == 0) {
+      Restarter restarter(plan_, var_, "first", "/nowhere");
+      (void)restarter.restart(accuse(old, FaultClass::start_overdue));
+      _exit(0);
+    }
+    random = random * 1664525U + 1013904223U;
+    const timespec pause{0, static_cast<long>((random >> 8) % 40'000'000)};
+    nanosleep(&pause, nullptr);  // the instant of its death is the input, not a wait
+    signal_child(other, SIGKILL);
+    waitpid(other, nullptr, 0);
+
+    Restarter restarter(plan_, var_, "second", "/nowhere");
+    ASSERT_TRUE(release(var_, "one", milliseconds(20000)));  // no back-off here
+    ASSERT_TRUE(wait_until([&] {
+      const auto what = restarter.restart(accuse(old, FaultClass::start_overdue)).what;
+      return what == What::restarted || what == What::renewed;
+    })) << round;
+    old = running("one", old.incarnation);
+    EXPECT_TRUE(wait_until([&] { return processes().size() == 1; })) << "one that came too late ends";
+  }
+}
+
+TEST_F(Restarting, WaitsForNobodyWhoHoldsTheRestartLock) {
+  const auto old = start();
+  const int lock = open(var_.restart_lock("one").c_str(), O_RDWR | O_CLOEXEC);
+  ASSERT_EQ(flock(lock, LOCK_EX | LOCK_NB), 0) << "the file that the starter left is no lock";
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::under_way);
+  close(lock);
+  EXPECT_EQ(running().pid, old.pid);
+}
+
+TEST_F(Restarting, StartsNoSecondProcessWhileTheFirstIsOnTheWayToItsInstanceLock) {
+  plan_.ring.start_deadline = std::chrono::hours(1);
+  behave("one", "slow");
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto first = restarter.restart(absent());
+  ASSERT_EQ(first.what, What::restarted) << first.reason;
+  EXPECT_EQ(restarter.restart(absent()).what, What::under_way);
+  const auto pid = launch({plan_, var_, "/nowhere", "up"}, *plan_.find("one"));
+  EXPECT_TRUE(pid && *pid == first.pid) << "for `srfs up` it runs";
+  EXPECT_EQ(processes(), std::set<pid_t>{first.pid});
+  ASSERT_TRUE(write_file_atomically(var_.run() / "go", ""));
+  EXPECT_EQ(running().pid, first.pid);
+}
+
+TEST_F(Restarting, ReplacesAProcessThatHangsOnTheWayToItsInstanceLock) {
+  plan_.ring.start_deadline = milliseconds(1);  // over when the first call returns
+  behave("one", "slow");
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto first = restarter.restart(absent());
+  ASSERT_EQ(first.what, What::restarted) << first.reason;
+  ASSERT_TRUE(says("one", "slow"));
+  behave("one", "");
+  const auto second = restarter.restart(absent());
+  ASSERT_EQ(second.what, What::restarted) << second.reason;
+  EXPECT_NE(second.pid, first.pid);
+  EXPECT_EQ(processes(), std::set<pid_t>{running().pid});
+}
+
+TEST_F(Restarting, LeavesTheLockToNoProcessItStarted) {
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  ASSERT_EQ(restarter.restart(absent()).what, What::restarted);
+  EXPECT_TRUE(RestartLock::take(var_, "one"));
+}
+
+TEST_F(Restarting, LeavesASuiteThatIsBeingStoppedAlone) {
+  ASSERT_TRUE(write_file_atomically(var_.stopping_flag(), "down\n"));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(absent()).what, What::stopping);
+  EXPECT_TRUE(processes().empty());
+}
+
+TEST_F(Restarting, LeavesANodeThatTheOperatorHoldsUntilItIsReleased) {
+  ASSERT_TRUE(hold(var_, "one", "by hand"));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(absent());
+  EXPECT_EQ(outcome.what, What::held);
+  EXPECT_EQ(outcome.reason, "by hand");
+  ASSERT_TRUE(release(var_, "one", milliseconds(1000)));
+  EXPECT_EQ(restarter.restart(absent()).what, What::restarted);
+}
+
+TEST_F(Restarting, BelievesNoVerdictOfAnotherGenerationOfTheRing) {
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  restarter.set_generation_source([] { return 8; });
+  Accusation accusation = absent();
+  accusation.generation = 7;
+  EXPECT_EQ(restarter.restart(accusation).what, What::not_believed);
+  accusation.generation = 8;
+  EXPECT_EQ(restarter.restart(accusation).what, What::restarted);
+}
+
+TEST_F(Restarting, BelievesNobodyAboutItselfOrAboutStrangers) {
+  Restarter restarter(plan_, var_, "one", "/nowhere");
+  EXPECT_EQ(restarter.restart(absent("one")).what, What::not_believed);
+  EXPECT_EQ(restarter.restart(absent("stranger")).what, What::not_believed);
+  EXPECT_TRUE(processes().empty());
+}
+
+TEST_F(Restarting, KillsOneNodeOfTheSuiteForACommunicationFaultPerInterval) {
+  const auto one = start("one");
+  const auto other = start("other");
+  Restarter first(plan_, var_, "first", "/nowhere");
+  Restarter second(plan_, var_, "second", "/nowhere");
+  EXPECT_EQ(first.restart(accuse(one, FaultClass::deaf, "one")).what, What::restarted);
+  EXPECT_EQ(second.restart(accuse(other, FaultClass::deaf, "other")).what, What::communication);
+  EXPECT_EQ(second.restart(accuse(running("one", one.incarnation), FaultClass::deaf, "one")).what,
+            What::communication);
+  EXPECT_EQ(running("other").pid, other.pid);
+}
+
+TEST_F(Restarting, LooksTwiceAtANodeThatDiesAtOnceAndEndsInQuarantineWithASlowRetry) {
+  behave("one", "exit 7");
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  // From before a start to after the next one at least the wait between them has passed.
+  constexpr std::array<milliseconds, 7> waits{milliseconds(0),   milliseconds(0),   milliseconds(0),
+                                              milliseconds(100), milliseconds(200), milliseconds(400),
+                                              milliseconds(400)};
+  std::set<What> refusals;
+  std::size_t attempts = 0;
+  MonotonicTime last_start;
+  ASSERT_TRUE(wait_until([&] {
+    const MonotonicTime before = monotonic_now();
+    const auto outcome = restarter.restart(absent());
+    if (outcome.what != What::cannot_start) {
+      refusals.insert(outcome.what);
+      return false;
+    }
+    ++attempts;
+    EXPECT_GE(monotonic_now() - last_start, attempts < waits.size() ? waits[attempts] : waits.back());
+    last_start = before;
+    return attempts >= 7 && refusals.contains(What::quarantined);
+  }));
+  behave("one", "");
+  ASSERT_EQ(insist(restarter, absent()).what, What::restarted) << "quarantine tries again by itself";
+  EXPECT_EQ(running().incarnation, 1U);
+}
+
+TEST_F(Restarting, TellsWhenTheNextStartIsAndAReleaseLiftsTheQuarantine) {
+  behave("one", "exit 7");
+  plan_.ring.first_wait = plan_.ring.longest_wait = std::chrono::hours(1);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  RestartOutcome outcome;
+  const MonotonicTime before = monotonic_now();
+  ASSERT_TRUE(wait_until([&] { return (outcome = restarter.restart(absent())).what == What::backing_off; }));
+  ASSERT_TRUE(outcome.not_before);
+  EXPECT_GT(*outcome.not_before, before + std::chrono::minutes(59));
+  behave("one", "");
+  EXPECT_EQ(restarter.restart(absent()).what, What::backing_off);
+  ASSERT_TRUE(release(var_, "one", milliseconds(1000)));
+  EXPECT_EQ(restarter.restart(absent()).what, What::restarted);
+}
+
+TEST_F(Restarting, InABackOffKillsWhatHangsAndLeavesWhatStillWorks) {
+  plan_.ring.restarts = plan_.ring.quarantine_deaths = 1;
+  plan_.ring.longest_wait = std::chrono::hours(1);
+  const auto one = start("one");
+  const auto other = start("other");
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(accuse(other, FaultClass::worker_frozen, "other")).what, What::backing_off);
+  EXPECT_EQ(running("other").pid, other.pid);
+  signal_child(one.pid, SIGUSR1);
+  EXPECT_EQ(restarter.restart(accuse(one, FaultClass::start_overdue, "one")).what, What::quarantined);
+  EXPECT_EQ(processes(), std::set<pid_t>{other.pid});
+}
+
+TEST_F(Restarting, RecordsARefusalThatRepeatsOnce) {
+  behave("one", "exit 7");
+  plan_.ring.restarts = plan_.ring.quarantine_deaths = 1;
+  plan_.ring.longest_wait = std::chrono::hours(1);
+  const auto first = launch({plan_, var_, "/nowhere", "up"}, *plan_.find("one"));
+  EXPECT_FALSE(first);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(restarter.restart(absent()).what, What::quarantined);
+  EXPECT_EQ(ledger(restarter).size(), 1U);
+}
+
+TEST_F(Restarting, SaysWhatIsWrongWithAProgramThatCannotRun) {
+  const auto program = (folder_ / "program").string();
+  const auto outcome_of = [&] {
+    EXPECT_TRUE(release(var_, "one", milliseconds(1000)));
+    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    const auto outcome = restarter.restart(absent());
+    EXPECT_EQ(outcome.what, What::cannot_start);
+    EXPECT_TRUE(processes().empty());
+    return outcome.reason;
+  };
+  use_programs(program, probe);
+  EXPECT_THAT(outcome_of(), testing::HasSubstr("ENOENT"));
+  std::filesystem::copy_file(probe, program);
+  std::filesystem::permissions(program, std::filesystem::perms::owner_read);
+  EXPECT_THAT(outcome_of(), testing::HasSubstr("EACCES"));
+  std::filesystem::remove(program);
+  std::ofstream(program) << "no program at all";
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  EXPECT_THAT(outcome_of(), testing::HasSubstr("ENOEXEC"));
+
+  // A library that is not there is found out after exec.
+  std::string image = *read_file(probe, 256U << 20);
+  const std::string library = "libsrfs_ros.so";
+  const std::size_t at = image.find(library);
+  ASSERT_NE(at, std::string::npos);
+  image.replace(at, library.size(), "libsrfs_rox.so");
+  std::ofstream(program, std::ios::trunc) << image;
+  EXPECT_THAT(outcome_of(), testing::HasSubstr("ended"));
+  EXPECT_THAT(*read_file(var_.log("one")), testing::HasSubstr("libsrfs_rox.so"));
+
+  // Cut off in the middle: the kernel or the dynamic linker ends it.
+  std::ofstream(program, std::ios::trunc) << image.substr(0, 3000);
+  (void)outcome_of();
+
+  std::filesystem::remove(program);
+  std::filesystem::copy_file(probe, program);
+  ASSERT_TRUE(release(var_, "one", milliseconds(1000)));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(absent()).what, What::restarted) << "once it is repaired";
+}
+
+TEST_F(Restarting, StartsNoSecondInstanceBesideOneThatCannotBeKilled) {
+  const auto old = start();
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  restarter.set_signaller([](const Process&, int) { return 0; });
+  const auto outcome = restarter.restart(accuse(old, FaultClass::start_overdue));
+  EXPECT_EQ(outcome.what, What::unkillable);
+  EXPECT_EQ(outcome.pid, old.pid);
+  EXPECT_THAT(outcome.reason, testing::HasSubstr("survived SIGKILL"));
+  EXPECT_EQ(processes(), std::set<pid_t>{old.pid});
+  restarter.set_signaller([](const Process& process, int number) { return process.signal(number); });
+  EXPECT_EQ(restarter.restart(accuse(old, FaultClass::start_overdue)).what, What::restarted);
+  const auto records = ledger(restarter);
+  ASSERT_EQ(records.size(), 2U);
+  EXPECT_EQ(records[0].outcome, What::unkillable);
+  EXPECT_EQ(records[1].outcome, What::restarted);
+}
+
+TEST_F(Restarting, CallsAProcessInAFrozenGroupUnkillableAndReplacesItOnceItIsGone) {
+  // The freezer of control groups version 1 holds a process in state D, SIGKILL or not.
+  const auto group = std::filesystem::path("/sys/fs/cgroup/freezer") / folder_.filename();
+  std::error_code ec;
+  if (!std::filesystem::create_directory(group, ec)) GTEST_SKIP() << "no freezer: " << ec.message();
+  const auto old = start();
+  std::ofstream(group / "cgroup.procs") << old.pid;
+  const auto set = [&](const std::string& state) {
+    return wait_until([&] {
+      std::ofstream(group / "freezer.state") << state;
+      return read_file(group / "freezer.state", 64).value_or("") == state + "\n";
+    });
+  };
+  const bool frozen = set("FROZEN");
+  {
+    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    if (frozen) {
+      const auto outcome = restarter.restart(accuse(old, FaultClass::silent));
+      EXPECT_EQ(outcome.what, What::unkillable) << outcome.reason;
+      EXPECT_EQ(processes(), std::set<pid_t>{old.pid});
+      EXPECT_THAT(outcome.reason, testing::HasSubstr("state D"));
+    }
+    EXPECT_TRUE(set("THAWED"));
+    if (frozen) {
+      EXPECT_TRUE(wait_until(
+          [&] { return restarter.restart(accuse(old, FaultClass::silent)).what == What::restarted; }));
+      running("one", old.incarnation);
+    }
+  }
+  EXPECT_TRUE(wait_until([&] { return std::filesystem::remove(group, ec) && !ec; }));
+  EXPECT_TRUE(frozen);
+}
+
+TEST_F(Restarting, StartsOnAFullDiskWithoutLogAndRecords) {
+  std::filesystem::create_directories(var_.root);
+  if (mount("none", var_.root.c_str(), "tmpfs", 0, "size=64k") != 0) GTEST_SKIP() << "may not mount";
+  const auto old = start();
+  {
+    std::ofstream filler(var_.root / "filler");
+    while (filler << std::string(4096, 'x') << std::flush) {
+    }
+  }
+  std::filesystem::remove(var_.restart_lock("one"));
+  end(old.pid, SIGKILL);
+  std::uint32_t last = old.incarnation;
+  {
+    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    for (int i = 0; i < 3; ++i) {
+      const auto outcome = insist(restarter, absent());
+      EXPECT_EQ(outcome.what, What::restarted) << outcome.reason;
+      const auto renewed = running("one", last);
+      EXPECT_GT(renewed.incarnation, last);
+      last = renewed.incarnation;
+      end(renewed.pid, SIGKILL);
+    }
+    EXPECT_TRUE(restarter.flush(milliseconds(20000)));
+    EXPECT_GT(restarter.records_lost(), 0U);
+  }
+  EXPECT_TRUE(wait_until([&] { return processes().empty(); }));
+  EXPECT_EQ(umount2(var_.root.c_str(), MNT_DETACH), 0);
+}
+
+TEST_F(Restarting, NeedsNoMemoryFolder) {
+  // Without it: no history, no turn for deaf nodes, no heartbeat pages.
+  std::filesystem::remove_all(var_.memory());
+  std::ofstream(var_.memory()) << "a file where a folder should be";
+  const auto old = start();
+  end(old.pid, SIGKILL);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(accuse(old, FaultClass::exited));
+  EXPECT_EQ(outcome.what, What::restarted) << outcome.reason;
+  const auto renewed = running("one", old.incarnation);
+  EXPECT_EQ(restarter.restart(accuse(renewed, FaultClass::deaf)).what, What::communication);
+}
+
+TEST_F(Restarting, AddsTheTimeToActiveToTheLedger) {
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  ASSERT_EQ(restarter.restart(absent()).what, What::restarted);
+  restarter.on_recovered("one", 1, monotonic_now());
+  const auto records = ledger(restarter);
+  ASSERT_EQ(records.size(), 2U);
+  EXPECT_EQ(records[1].kind, FaultRecord::Kind::active);
+  EXPECT_EQ(records[1].new_incarnation, records[0].new_incarnation);
+  EXPECT_TRUE(records[1].active);
+}
+
+TEST_F(Restarting, KeepsTheFiveNewestReports) {
+  plan_.ring.restarts = plan_.ring.quarantine_deaths = 1000;
+  auto now = start();
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  for (int i = 0; i < 7; ++i) {
+    end(now.pid, SIGKILL);
+    ASSERT_EQ(restarter.restart(accuse(now, FaultClass::exited)).what, What::restarted);
+    now = running("one", now.incarnation);
+    (void)ledger(restarter);
+  }
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(var_.state("one") / "reports"))
+    names.insert(entry.path().filename().string());
+  EXPECT_EQ(names, (std::set<std::string>{"3.report", "4.report", "5.report", "6.report", "7.report"}));
+}
+
+TEST_F(Restarting, TellsTheSignalThatEndedANode) {
+  if (sanitized) GTEST_SKIP() << "a sanitizer has handlers of its own";
+  struct Death {
+    int signal_sent;
+    std::string cause;
+    std::string in_report;
+  };
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  auto now = start();
+  for (const Death& death : {Death{SIGUSR2, "signal 11 (SIGSEGV)",
+                                   "*** fatal signal 11 (SIGSEGV) in thread restart_probe of pid "},
+                             Death{SIGHUP, "signal 6 (SIGABRT)", "nobody catches this"},
+                             Death{SIGTERM, "exit code 0", "--- backtrace\nnone\n"}}) {
+    ASSERT_TRUE(release(var_, "one", milliseconds(1000)));
+    end(now.pid, death.signal_sent);
+    ASSERT_EQ(restarter.restart(accuse(now, FaultClass::exited)).what, What::restarted);
+    const auto records = ledger(restarter);
+    ASSERT_FALSE(records.empty());
+    EXPECT_EQ(records.back().cause, death.cause);
+    const auto report =
+        read_file(var_.state("one") / "reports" / (std::to_string(now.incarnation) + ".report"));
+    ASSERT_TRUE(report);
+    EXPECT_THAT(*report, testing::HasSubstr(death.in_report));
+    now = running("one", now.incarnation);
+  }
+}
+
+}  // namespace
+}  // namespace srfs::ros
