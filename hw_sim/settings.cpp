@@ -32,7 +32,7 @@ DeviceUris read_devices(const ConfigSection& section) {
           device(section, "gps_pulse", {"sim"}),
           device(section, "gps_serial", {"serial"}),
           device(section, "gpio", {"sim"}),
-          device(section, "watchdog", {"sim"})};
+          device(section, "watchdog", {"sim", "dev"})};
 }
 
 void read_link(const ConfigSection& section, SimulationSettings& settings) {

@@ -200,6 +200,21 @@ Result<void, std::string> Simulator::open_others(const SimulationSettings& setti
   if (!gpio_socket) return Err(gpio_socket.error());
   gpio_socket_ = std::move(*gpio_socket);
 
+  if (auto watchdog = open_watchdog(settings, var, restart_command); !watchdog) return watchdog;
+
+  auto control = SeqpacketServer::create(
+      loop_, var / "run" / "sim_control.sock", [this](int client, OctetView request, MonotonicTime now) {
+        control_socket_->send(client, octets_of(on_control(text_of(request), now)));
+      });
+  if (!control) return Err(control.error());
+  control_socket_ = std::move(*control);
+  return {};
+}
+
+Result<void, std::string> Simulator::open_watchdog(const SimulationSettings& settings,
+                                                   const std::filesystem::path& var,
+                                                   const std::vector<std::string>& restart_command) {
+  if (!settings.devices.watchdog.starts_with("sim:")) return {};  // the computer has a real one
   const auto watchdog_path = served(settings.devices.watchdog, "sim", var);
   if (!watchdog_path) return Err(watchdog_path.error());
   const WatchdogSettings& watchdog = settings.watchdog;
@@ -211,13 +226,6 @@ Result<void, std::string> Simulator::open_others(const SimulationSettings& setti
       [this](int, OctetView datagram, MonotonicTime now) { watchdog_->on_datagram(datagram, now); });
   if (!watchdog_socket) return Err(watchdog_socket.error());
   watchdog_socket_ = std::move(*watchdog_socket);
-
-  auto control = SeqpacketServer::create(
-      loop_, var / "run" / "sim_control.sock", [this](int client, OctetView request, MonotonicTime now) {
-        control_socket_->send(client, octets_of(on_control(text_of(request), now)));
-      });
-  if (!control) return Err(control.error());
-  control_socket_ = std::move(*control);
   return {};
 }
 
@@ -368,14 +376,16 @@ nlohmann::json Simulator::counters() const {
                 {"sentences", g.sentences},
                 {"unread_sentences", g.unread_sentences},
                 {"fault", to_string(gps_->receiver().fault())}};
-  const WatchdogDeviceCounters& w = watchdog_->counters();
-  out["watchdog"] = {{"armed", watchdog_->timer().deadline().has_value()},
-                     {"feeds", watchdog_->timer().feeds()},
-                     {"bites", watchdog_->timer().bite_count()},
-                     {"disarmed", w.disarmed},
-                     {"restarts_started", w.restarts_started},
-                     {"restarts_failed", w.restarts_failed},
-                     {"restarts_killed", w.restarts_killed}};
+  if (watchdog_) {
+    const WatchdogDeviceCounters& w = watchdog_->counters();
+    out["watchdog"] = {{"armed", watchdog_->timer().deadline().has_value()},
+                       {"feeds", watchdog_->timer().feeds()},
+                       {"bites", watchdog_->timer().bite_count()},
+                       {"disarmed", w.disarmed},
+                       {"restarts_started", w.restarts_started},
+                       {"restarts_failed", w.restarts_failed},
+                       {"restarts_killed", w.restarts_killed}};
+  }
   out["gpio"] = {{"requests", gpio_.counters().requests}, {"refused", gpio_.counters().refused}};
   out["late_steps"] = late_steps_;
   return out;

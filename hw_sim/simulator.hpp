@@ -46,6 +46,9 @@ class Simulator {
   [[nodiscard]] Result<void, std::string> open_others(const SimulationSettings& settings,
                                                       const std::filesystem::path& var,
                                                       const std::vector<std::string>& restart_command);
+  [[nodiscard]] Result<void, std::string> open_watchdog(const SimulationSettings& settings,
+                                                        const std::filesystem::path& var,
+                                                        const std::vector<std::string>& restart_command);
   void step(MonotonicTime now);
 
   // Control requests, one per key. Each throws std::invalid_argument with what was expected.

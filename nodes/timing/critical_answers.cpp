@@ -30,23 +30,20 @@ std::uint64_t CriticalAnswers::ask(std::size_t node, MonotonicTime now) {
   return next_nonce_;
 }
 
-void CriticalAnswers::on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state) {
+void CriticalAnswers::on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state,
+                                std::uint8_t desired) {
   Node& asked = nodes_[node];
   if (nonce != asked.nonce) {
     ++counters_.wrong_nonce;
     return;
   }
   asked.nonce = 0;  // once
-  if (state != asked.desired) {
+  if (state != desired) {
     ++counters_.wrong_state;
     return;
   }
   ++counters_.answered;
   asked.proof = asked.asked;
-}
-
-void CriticalAnswers::on_desired(std::size_t node, std::uint8_t state) {
-  nodes_[node].desired = state;
 }
 
 bool CriticalAnswers::holds(std::size_t node, MonotonicTime now) const {

@@ -33,10 +33,8 @@ class CriticalAnswers {
 
   /// A question goes out. @return its nonce; older ones are void
   [[nodiscard]] std::uint64_t ask(std::size_t node, MonotonicTime now);
-  /// @param state  of lifecycle_msgs/msg/State
-  void on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state);
-  /// The state that the operator wants the node to be in; Active until told otherwise.
-  void on_desired(std::size_t node, std::uint8_t state);
+  /// @param state, desired  of lifecycle_msgs/msg/State: where the node is, and where its operator wants it
+  void on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state, std::uint8_t desired);
 
   /// Proof is not older than the lifetime, counted from the question: an answer that lay in a queue is as old
   /// as what it answers.
@@ -51,13 +49,10 @@ class CriticalAnswers {
   [[nodiscard]] const Counters& counters() const { return counters_; }
 
  private:
-  static constexpr std::uint8_t active = 3;
-
   struct Node {
     std::uint64_t nonce = 0;
     MonotonicTime asked;
     std::optional<MonotonicTime> proof;
-    std::uint8_t desired = active;
   };
 
   std::vector<std::string> names_;

@@ -9,8 +9,6 @@
 #include "nodes/timing/critical_answers.hpp"
 #include "nodes/timing/watchdog_feeding.hpp"
 #include "ros/client.hpp"
-#include "ros/instance.hpp"
-#include "ros/worker.hpp"
 
 namespace srfs {
 
@@ -21,25 +19,20 @@ class CriticalWatch {
   using Client = ros::Client<srfs_msgs::srv::CheckAlive>;
 
   /// @param observer  timing's own name
-  CriticalWatch(CriticalAnswers answers, std::string observer, ros::VarPaths var);
+  CriticalWatch(CriticalAnswers answers, std::string observer);
 
   /// @param make  a client of the service of this name
   void open(const std::function<std::shared_ptr<Client>(const std::string& service)>& make);
-  void close();
-  /// Sends the questions; reads the desired states on @p worker.
-  void ask(MonotonicTime now, const std::shared_ptr<ros::Worker>& worker);
+  /// Sends the questions.
+  void ask(MonotonicTime now);
   /// One per node. They refer to this object.
   [[nodiscard]] std::vector<WatchdogEvidence> evidence() const;
   [[nodiscard]] const CriticalAnswers& answers() const { return answers_; }
 
  private:
-  void read_desired_states(const std::shared_ptr<ros::Worker>& worker);
-
   CriticalAnswers answers_;
   std::string observer_;
-  ros::VarPaths var_;
   std::vector<std::shared_ptr<Client>> clients_;
-  bool reading_ = false;
 };
 
 }  // namespace srfs

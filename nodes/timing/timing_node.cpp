@@ -168,7 +168,7 @@ Result<void, std::string> TimingNode::prepare_critical_watch() {
     if (node != name()) asked.push_back(node);
   }
   critical_ = std::make_unique<CriticalWatch>(
-      CriticalAnswers(std::move(asked), incarnation(), budget.evidence_lifetime), name(), var());
+      CriticalAnswers(std::move(asked), incarnation(), budget.evidence_lifetime), name());
   critical_->open([this](const std::string& service) {
     return create_client<srfs_msgs::srv::CheckAlive>(service, {}, ros::Priority::liveness);
   });
@@ -185,7 +185,7 @@ CallbackReturn TimingNode::on_activate() {
   watchdog_ = std::move(*watchdog);
   begin_boot();
   start_feeding();
-  if (critical_) critical_->ask(monotonic_now(), worker_);
+  if (critical_) critical_->ask(monotonic_now());
   ticks_.emplace(tick_period(), next_cycle_, monotonic_now() + milliseconds(1));
   arm_tick();
   feed_timer_ = create_timer(
@@ -426,7 +426,7 @@ void TimingNode::save_boot_record() {
 }
 
 void TimingNode::feed_watchdog() {
-  if (critical_) critical_->ask(monotonic_now(), worker_);
+  if (critical_) critical_->ask(monotonic_now());
   const auto missing = feeding_->missing(monotonic_now());
   const auto utc = clock_->time_valid() ? std::optional(clock_->utc_at(monotonic_now())) : std::nullopt;
   boot_->on_feeding(!missing, monotonic_now(), utc);

@@ -7,11 +7,13 @@ import unittest
 from support import BIN, PYTHON, ROOT, SystemTest
 
 
-class ExperimentsTest(SystemTest):
+class ExperimentTest(SystemTest):
     def run_experiment(self, *arguments):
         return subprocess.run([PYTHON, "-B", str(ROOT / "tools" / "experiments" / "experiment.py"), *arguments, "--bin", str(BIN)],
-                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)  # fmt: skip
+                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200)  # fmt: skip
 
+
+class ExperimentsTest(ExperimentTest):
     def test_fig14b_and_its_files(self):
         run = self.run_experiment("fig14b", "--out", str(self.folder / "out"), "--var", str(self.var), "--json")
 
@@ -29,6 +31,23 @@ class ExperimentsTest(SystemTest):
         run = self.run_experiment("fig14b", "--out", str(self.folder / "out"), "--var", str(self.var), "--deployment", str(deployment))
         self.assertEqual(run.returncode, 1, run.stdout + run.stderr)
         self.assertIn("NOT OK  payload_eps has the bus over a heartbeat (0 times)", run.stdout)
+
+
+class Fig15Test(ExperimentTest):
+    def test_fig15_and_its_files(self):
+        run = self.run_experiment("fig15", "--out", str(self.folder / "out"), "--var", str(self.var), "--json")
+
+        summary = json.loads(run.stdout)
+        self.assertEqual([c["what"] for c in summary["checks"] if not c["ok"]], [], run.stderr)
+        self.assertEqual(run.returncode, 0)
+        self.assertEqual([h["failure"] for h in summary["healed"]], ["killed", "stopped"])
+        rows = (self.folder / "out" / "fig15.csv").read_text().splitlines()
+        self.assertEqual(rows[0], "payload,state,begin_s,end_s")
+
+    def test_another_order_of_the_ring_is_not_fig15(self):
+        deployment = self.deployment(("[payload_adcs, payload_thermal, payload_eps]", "[payload_adcs, payload_eps, payload_thermal]"), base="fig15")
+        run = self.run_experiment("fig15", "--out", str(self.folder / "out"), "--var", str(self.var), "--deployment", str(deployment), "--step-deadline", "15")
+        self.assertNotEqual(run.returncode, 0, run.stdout + run.stderr)
 
 
 if __name__ == "__main__":

@@ -84,7 +84,8 @@ class SimulationTest(SystemTest):
         sim.says("Ctrl-C ends it")
         pid = mission.lock_owner(self.var / "run" / "payload_thermal.lock")
         os.kill(pid, signal.SIGKILL)
-        sim.says(f"payload_thermal (pid {pid}) is gone")
+        wait_until(lambda: f"payload_thermal (pid {pid}) is gone" in sim.said or "payload_thermal was restarted" in sim.said, DEADLINE_S,
+                   f"word of its end in:\n{sim.said}")  # fmt: skip
 
         os.kill(int((self.var / "run" / "hw_sim.pid").read_text()), signal.SIGKILL)
         sim.says("the simulated spacecraft killed by signal 9")

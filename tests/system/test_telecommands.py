@@ -36,7 +36,7 @@ class WaitingTelecommandsTest(SystemTest):
     def kill(self, flight, node):
         pid = flight.node_pid(node)
         os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: flight.node_pid(node) is None, DEADLINE_S, f"{node} is gone")
+        wait_until(lambda: flight.node_pid(node) != pid, DEADLINE_S, f"{node} is gone")
         up = flight.srfs("up", "--deadline", str(DEADLINE_S), timeout_s=2 * DEADLINE_S)
         self.assertEqual(up.returncode, 0, up.stdout + up.stderr)
         self.assertNotIn(flight.node_pid(node), (None, pid))
@@ -87,8 +87,9 @@ class PayloadRestartTest(SystemTest):
             recorder = flight.recorder()
             wait_for_slots(recorder, "payload_eps", "released", 2, 0)
             before = flight.control({"query": "counters"})["peripherals"]["eps"]
-            os.kill(flight.node_pid("payload_eps"), signal.SIGKILL)
-            wait_until(lambda: flight.node_pid("payload_eps") is None, DEADLINE_S, "payload_eps is gone")
+            pid = flight.node_pid("payload_eps")
+            os.kill(pid, signal.SIGKILL)
+            wait_until(lambda: flight.node_pid("payload_eps") != pid, DEADLINE_S, "payload_eps is gone")
             self.assertTrue(flight.control({"query": "counters"})["peripherals"]["eps"]["powered"], "a dead node leaves the switch as it is")
             self.assertEqual(flight.srfs("up", timeout_s=60).returncode, 0)
             since = recorder.position()

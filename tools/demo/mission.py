@@ -270,11 +270,12 @@ class GroundSession(Lines):
 class Mission:
     """The simulated spacecraft and the suite, up between __enter__ and __exit__."""
 
-    def __init__(self, var, deployment="sim", bin_dir="build-release/bin", say=lambda text: None):
+    def __init__(self, var, deployment="sim", bin_dir="build-release/bin", say=lambda text: None, only=()):
         self.var = pathlib.Path(var).absolute()
         self.deployment = find_deployment(deployment)
         self.bin_dir = pathlib.Path(bin_dir).absolute()
         self.say = say
+        self.only = only  # nodes that are started; empty: all
         self.run_dir = self.var / "run"
         self.hw_sim = None
         self.up_report = None
@@ -382,7 +383,8 @@ class Mission:
 
     def _start_suite(self):
         earlier = {log.stem: log.stat().st_size for log in (self.var / "log").glob("*.log")}
-        result = self.srfs("up", "--deadline", str(UP_DEADLINE_S), timeout_s=UP_DEADLINE_S + 10)
+        only = [word for name in self.only for word in ("--only", name)]
+        result = self.srfs("up", "--deadline", str(UP_DEADLINE_S), *only, timeout_s=UP_DEADLINE_S + 10)
         try:
             self.up_report = json.loads(result.stdout)
         except ValueError:

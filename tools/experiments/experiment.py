@@ -8,18 +8,20 @@ import sys
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "demo"))
 
 import fig14  # noqa: E402
+import fig15  # noqa: E402
 import mission  # noqa: E402
 
-NAMES = tuple(fig14.TITLES)
+FIGURES = {name: module for module in (fig14, fig15) for name in module.TITLES}
 
 
 def parse():
     parser = argparse.ArgumentParser(prog="./run experiment", description="One of the paper's experiments, with the real processes. "
                                      "Exit code 0 only if the recorded shape is the one the paper describes.")  # fmt: skip
-    parser.add_argument("name", choices=NAMES, help="; ".join(f"{name}: {title}" for name, title in fig14.TITLES.items()))
+    parser.add_argument("name", choices=FIGURES, help="; ".join(f"{name}: {module.TITLES[name]}" for name, module in FIGURES.items()))
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="where the files go (default: var/experiments/NAME)")
     parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
-    parser.add_argument("--deployment", default="fig14", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: %(default)s)")
+    parser.add_argument("--deployment", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: fig14 or fig15)")
+    parser.add_argument("--step-deadline", type=float, default=60, metavar="S", help="fig15: longest wait for each step (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print summary.json instead of lines")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
     return parser.parse_args()
@@ -34,8 +36,11 @@ def main():
     def say(text):
         print(f"[{options.name}] {text}", file=sys.stderr, flush=True)
 
-    with mission.Mission(options.var or out / "var", options.deployment, options.bin, say) as flight:
-        experiment = fig14.Experiment(options.name, flight, signals, say)
+    figure = FIGURES[options.name]
+    deployment = options.deployment or figure.DEPLOYMENT
+    with mission.Mission(options.var or out / "var", deployment, options.bin, say, figure.ONLY) as flight:
+        experiment = figure.Experiment(options.name, flight, signals, say)
+        experiment.step_deadline_s = options.step_deadline
         experiment.run()
     summary = experiment.judge()
     experiment.write_csv(out / f"{options.name}.csv")
@@ -49,9 +54,8 @@ def main():
     else:
         for result in summary["checks"]:
             print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}")
-        print(f"  bus used {100 * summary['bus_utilisation']:.1f} % of the time"
-              + (f", {100 * summary['bus_utilisation_sequential']:.1f} % if processing had to end first" if summary["bus_utilisation_sequential"] else "")
-              + f"; heartbeat to bus {summary['heartbeat_to_bus_p50_ms']} ms (p50); files in {out}")  # fmt: skip
+        print(experiment.text(summary))
+        print(f"  files in {out}")
     return 0 if summary["ok"] else 1
 
 

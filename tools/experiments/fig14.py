@@ -13,6 +13,8 @@ PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")  # the paper's pay
 SETTLE_S = 2.0  # the slots before the recording are over, their processing too
 LATE_MS = 300  # what payload2's peripheral takes longer in fig14b: more than the heartbeat of 250 ms, less than the allotted time
 TELECOMMANDS = ("adcs.set_mode mode=point", "adcs.set_mode mode=detumble")
+DEPLOYMENT = "fig14"
+ONLY = ()
 DURATION_S = {"fig14a": 6.0, "fig14b": 8.0, "fig14c": 6.0, "fig14d": 8.0}
 TITLES = {
     "fig14a": "normal",
@@ -98,6 +100,13 @@ class Experiment:
             "checks": checks,
             "ok": all(c["ok"] for c in checks),
         }
+
+    @staticmethod
+    def text(summary):
+        sequential = summary["bus_utilisation_sequential"]
+        return (f"  bus used {100 * summary['bus_utilisation']:.1f} % of the time"
+                + (f", {100 * sequential:.1f} % if processing had to end first" if sequential else "")
+                + f"; heartbeat to bus {summary['heartbeat_to_bus_p50_ms']} ms (p50)")  # fmt: skip
 
     # --- files --------------------------------------------------------------------------------------------------------
 

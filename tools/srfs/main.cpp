@@ -202,6 +202,7 @@ int run(int argc, char** argv) {
   up_command->add_option("--deadline", deadline_s, "Seconds to wait")
       ->check(CLI::Range(1, 600))
       ->capture_default_str();
+  up_command->add_option("--only", up_options.only, "These nodes alone; a ring raises the others");
   auto* down_command = app.add_subcommand("down", "Stop all nodes in reverse order");
   down_command->add_option("--patience", patience_ms, "Milliseconds before SIGKILL")
       ->check(CLI::Range(10, 60000))
@@ -239,6 +240,10 @@ int run(int argc, char** argv) {
 
   const Target target{ros::Deployment::load(deployment_file), ros::VarPaths{std::filesystem::absolute(var)}};
   up_options.deadline = seconds(deadline_s);
+  for (const std::string& name : up_options.only) {
+    if (target.deployment.find(name) == nullptr)
+      throw ConfigError(fmt::format("{}: 'nodes': expected a node named '{}'", deployment_file, name));
+  }
   if (*up_command) return run_up(target, up_options, json);
   if (*down_command) return run_down(target, patience_ms, json);
   if (*status_command) return run_status(target, json);

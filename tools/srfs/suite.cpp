@@ -27,7 +27,7 @@ namespace {
 
 using lifecycle_msgs::srv::GetState;
 
-constexpr milliseconds ask_deadline{150};
+constexpr milliseconds ask_deadline{1000};  // an answer may take 200 ms on an emulated processor
 
 /// Asks nodes for their lifecycle state until told to stop.
 class StateQuestions {
@@ -168,6 +168,17 @@ void set_stopping_flag(const Target& target) {
   (void)write_file_atomically(target.var.stopping_flag(), "down\n");
 }
 
+/// The same suite with these nodes alone; all when none is named.
+Target selection(const Target& suite, const std::vector<std::string>& only) {
+  Target selected = suite;
+  if (!only.empty()) {
+    std::erase_if(selected.deployment.nodes, [&](const ros::NodeEntry& node) {
+      return std::find(only.begin(), only.end(), node.name) == only.end();
+    });
+  }
+  return selected;
+}
+
 }  // namespace
 
 ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
@@ -183,27 +194,28 @@ std::optional<int> running_domain(const Target& target) {
   return domain >= 0 && domain <= 101 ? std::optional(domain) : std::nullopt;
 }
 
-UpReport up(const Target& target, const UpOptions& options) {
+UpReport up(const Target& suite, const UpOptions& options) {
   UpReport report;
-  const Fd suite_lock = lock_suite(target);
+  const Fd suite_lock = lock_suite(suite);
   std::error_code ec;
-  std::filesystem::remove(target.var.stopping_flag(), ec);
-  const auto before = local_status(target);
+  std::filesystem::remove(suite.var.stopping_flag(), ec);
+  const auto before = local_status(suite);
   const bool running =
       std::any_of(before.begin(), before.end(), [](const NodeStatus& s) { return s.instance.has_value(); });
   // Nobody runs: what was granted before (a power loss left the record) is nobody's.
-  if (!running) std::filesystem::remove(target.var.can_holder(), ec);
-  const auto domain = take_domain(target, options, running);
+  if (!running) std::filesystem::remove(suite.var.can_holder(), ec);
+  const auto domain = take_domain(suite, options, running);
   if (!domain) {
     report.problems.push_back(domain.error());
     return report;
   }
   report.domain = (*domain)->domain();
+  const Target target = selection(suite, options.only);
   Bus bus(target.deployment, report.domain);  // before the nodes, so that it does not slow their start
   StateQuestions questions(bus, names(target.deployment));
 
   const MonotonicTime start = monotonic_now();
-  const ros::LaunchRequest request{target.deployment, target.var, ros::own_bin_folder(), options.cause};
+  const ros::LaunchRequest request{suite.deployment, target.var, ros::own_bin_folder(), options.cause};
   std::vector<NodeProcess> processes;
   for (const auto& node : target.deployment.nodes) {
     if (const auto why = ros::held_because(target.var, node.name)) {

@@ -37,6 +37,7 @@ struct UpOptions {
   std::string cause = "up";
   seconds deadline{15};  ///< for all nodes to reach their desired state
   std::optional<int> domain;
+  std::vector<std::string> only;  ///< these nodes alone; empty: all. The others are left as they are
   /// A domain the caller holds for this suite already: over a restart nobody else may take it in between.
   std::shared_ptr<ros::DomainLock> held_domain;
 };

@@ -11,7 +11,7 @@ mount --bind "$(cat /run/vm/modules)" "/lib/modules/$release"
 ip link set lo up
 hostname guest
 
-setsid --wait bash /run/vm/command < /dev/null > /run/vm/output 2>&1
+setsid --wait bash /run/vm/command < /dev/null >> /run/vm/output 2>&1 # the second time after a reset
 code=$?
 up > /run/vm/ended_s
 echo "$code" > /run/vm/exit_code

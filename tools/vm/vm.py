@@ -208,15 +208,15 @@ def die_with_parent():
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
-def qemu_command(kernel, exchange, options):
+def qemu_command(kernel, exchange, options, devices=(), may_reset=False):
     def share(path, tag, more=""):
         return ["-virtfs", f"local,path={path},mount_tag={tag},security_model=none{more}"]
 
     # No KVM: where it is offered inside a virtual machine it often does not work, and the guest shall be the same everywhere.
     return [
         QEMU, "-accel", "tcg,thread=multi,tb-size=512", "-cpu", "max", "-smp", str(options.cpus), "-m", str(options.memory_mib),
-        "-nodefaults", "-nographic", "-no-reboot", "-monitor", "none", "-serial", f"file:{exchange / 'console'}",
-        "-device", "virtio-rng-pci",
+        "-nodefaults", "-nographic", *([] if may_reset else ["-no-reboot"]), "-monitor", "none", "-serial", f"file:{exchange / 'console'}",
+        "-device", "virtio-rng-pci", *(word for device in devices for word in ("-device", device)),
         *share("/", "root", ",readonly=on,multidevs=remap"), *share(exchange, "vm"),
         "-kernel", str(kernel / "vmlinux"), "-initrd", str(exchange / "initramfs"),
         "-append", "console=ttyS0 quiet panic=-1 mitigations=off random.trust_cpu=on",
@@ -280,8 +280,10 @@ def wait_for(qemu, output, deadline_s):
             return False
 
 
-def run(command, options, say):
-    """Boots, runs the command, returns its exit code or one of our own."""
+def run(command, options, say, devices=(), may_reset=False, keep_file=None):
+    """Boots, runs the command, returns its exit code or one of our own. devices: more of QEMU's. may_reset: a reset boots again and runs
+    the command again; what it left in /run/vm is still there.
+    keep_file (name, target): a file of /run/vm to copy out at the end."""
     if platform.machine() != "x86_64":
         raise CannotRun(f"the guest is an amd64 machine with this machine's programs, and these are for {platform.machine()}. "
                         "The tests run directly on a kernel with CAN: as root, `modprobe vcan` and try again")  # fmt: skip
@@ -292,7 +294,7 @@ def run(command, options, say):
     try:
         prepare(exchange, kernel, command)
         began = time.monotonic()
-        qemu = subprocess.Popen(qemu_command(kernel, exchange, options), stdin=subprocess.DEVNULL, stdout=2,
+        qemu = subprocess.Popen(qemu_command(kernel, exchange, options, devices, may_reset), stdin=subprocess.DEVNULL, stdout=2,
                                 preexec_fn=die_with_parent)  # fmt: skip
         output = Output(exchange / "output")
         try:
@@ -314,6 +316,8 @@ def run(command, options, say):
         say(f"the guest reset itself or went off without an exit code after {took:.1f} s (QEMU ended with {qemu.returncode})")
         return EXIT_RESET
     finally:
+        if keep_file and (exchange / keep_file[0]).exists():
+            shutil.copy(exchange / keep_file[0], keep_file[1])
         if options.keep:
             say(f"kept: {exchange}")
         else:

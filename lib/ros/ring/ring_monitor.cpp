@@ -346,7 +346,8 @@ void RingMonitor::on_footprint(std::string_view subject, pid_t pid, const Footpr
 void RingMonitor::on_asked(std::string_view observer, std::uint32_t generation, MonotonicTime now) {
   if (observer == self_) return;
   if (!membership_.position_of(observer) || generation != membership_.generation) {
-    if (generation != membership_.generation) actions_.emplace_back(ReadMembership{});
+    const bool is_member = generation != 0;
+    if (is_member && generation != membership_.generation) actions_.emplace_back(ReadMembership{});
     return;
   }
   last_asked_ = now;

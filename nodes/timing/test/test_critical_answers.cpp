@@ -16,7 +16,7 @@ class CriticalAnswersTest : public ::testing::Test {
 
 TEST_F(CriticalAnswersTest, HoldWhileTheLastAnswerIsFresh) {
   EXPECT_FALSE(answers.holds(0, start)) << "nothing is believed before the first answer";
-  answers.on_answer(0, answers.ask(0, start), active);
+  answers.on_answer(0, answers.ask(0, start), active, active);
   EXPECT_TRUE(answers.holds(0, start + seconds(7)));
   EXPECT_FALSE(answers.holds(0, start + seconds(7) + nanoseconds(1)));
   EXPECT_FALSE(answers.holds(1, start)) << "each node answers for itself";
@@ -24,21 +24,21 @@ TEST_F(CriticalAnswersTest, HoldWhileTheLastAnswerIsFresh) {
 
 TEST_F(CriticalAnswersTest, CountFromTheQuestionHoweverLongTheAnswerLayInAQueue) {
   const auto nonce = answers.ask(0, start);
-  answers.on_answer(0, nonce, active);
+  answers.on_answer(0, nonce, active, active);
   EXPECT_FALSE(answers.holds(0, start + seconds(8)));
 }
 
 TEST_F(CriticalAnswersTest, AreRefusedWithAnotherNonceAndASecondTime) {
   const auto stale = answers.ask(0, start);
   const auto fresh = answers.ask(0, start + seconds(1));
-  answers.on_answer(0, stale, active);
-  answers.on_answer(0, 0, active);
+  answers.on_answer(0, stale, active, active);
+  answers.on_answer(0, 0, active, active);
   EXPECT_FALSE(answers.holds(0, start + seconds(1)));
-  answers.on_answer(1, fresh, active);
+  answers.on_answer(1, fresh, active, active);
   EXPECT_FALSE(answers.holds(1, start + seconds(1))) << "the nonce of the question to another node";
-  answers.on_answer(0, fresh, active);
+  answers.on_answer(0, fresh, active, active);
   EXPECT_TRUE(answers.holds(0, start + seconds(1)));
-  answers.on_answer(0, fresh, active);
+  answers.on_answer(0, fresh, active, active);
   EXPECT_EQ(answers.counters().wrong_nonce, 4U);
   EXPECT_EQ(answers.counters().answered, 1U);
 }
@@ -47,15 +47,14 @@ TEST_F(CriticalAnswersTest, AreRefusedFromAProcessOfTimingBeforeThisOne) {
   CriticalAnswers before({"can_switcher", "ttc"}, 4, seconds(7));
   const auto old = before.ask(0, start);
   (void)answers.ask(0, start);
-  answers.on_answer(0, old, active);
+  answers.on_answer(0, old, active, active);
   EXPECT_FALSE(answers.holds(0, start));
 }
 
 TEST_F(CriticalAnswersTest, AreRefusedFromAnotherStateThanTheDesiredOne) {
-  answers.on_answer(0, answers.ask(0, start), inactive);
+  answers.on_answer(0, answers.ask(0, start), inactive, active);
   EXPECT_FALSE(answers.holds(0, start));
-  answers.on_desired(0, inactive);
-  answers.on_answer(0, answers.ask(0, start), inactive);
+  answers.on_answer(0, answers.ask(0, start), inactive, inactive);
   EXPECT_TRUE(answers.holds(0, start)) << "inactive by command is healthy";
   EXPECT_EQ(answers.counters().wrong_state, 1U);
 }

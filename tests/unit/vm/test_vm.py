@@ -104,7 +104,7 @@ class GuestTest(VmTest):
         with contextlib.ExitStack() as patches:
             patches.enter_context(mock.patch.object(vm, "kernel_folder", lambda say: self.folder))
             patches.enter_context(mock.patch.object(vm, "prepare", lambda exchange, kernel, command: None))
-            patches.enter_context(mock.patch.object(vm, "qemu_command", lambda kernel, exchange, options: [str(program), str(exchange)]))
+            patches.enter_context(mock.patch.object(vm, "qemu_command", lambda kernel, exchange, *more: [str(program), str(exchange)]))
             patches.enter_context(mock.patch.object(vm.platform, "machine", lambda: "x86_64"))
             patches.enter_context(mock.patch.object(vm.shutil, "which", lambda name: name))
             patches.enter_context(mock.patch.object(vm.sys, "stdout", out))

@@ -1,0 +1,111 @@
+"""One boot of the guest of tools/vm/watchdog_test.py: the suite over Linux' watchdog device, until the watchdog resets the machine.
+
+First boot: everything stops and nobody feeds any more. Second boot: what the boot record says of it. VAR/state lies in /run/vm, which is
+the host's, so it outlives the reset; one JSON object a line goes there too.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
+
+from support import BIN, DEADLINE_S, NODES, ROOT  # noqa: E402  (found through the path above)
+
+import mission  # noqa: E402  (found through support)
+
+KEPT = pathlib.Path("/run/vm/kept")
+TIMEOUT_S = 20  # starts and discovery take seconds on an emulated processor
+MODULES = {"softdog": ["softdog", "nowayout=1"], "i6300esb": ["i6300esb", "nowayout=1"]}
+RESET_DEADLINE_S = 10 * TIMEOUT_S
+
+
+def report(**fields):
+    line = json.dumps(fields)
+    print(line, flush=True)
+    with open(KEPT / "report", "a") as file:
+        file.write(line + "\n")
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def prepare(driver, folder):
+    """A VAR whose state outlives the reset, and the deployment over the watchdog device."""
+    for words in (["vcan", "echo=1"], ["can-raw"], MODULES[driver]):
+        subprocess.run(["modprobe", *words], check=True)
+    for words in (["add", "vcan0", "type", "vcan"], ["set", "vcan0", "up"]):
+        subprocess.run(["ip", "link", *words], check=True)
+    var = folder / "var"
+    var.mkdir()
+    (KEPT / "state").mkdir(exist_ok=True)
+    (var / "state").symlink_to(KEPT / "state")
+    text = (ROOT / "launch_config" / "vcan.yaml").read_text()
+    text = text.replace("sim:run/watchdog.sock", "dev:/dev/watchdog0")
+    text, changed = re.subn(r"watchdog_timeout_s: \d+", f"watchdog_timeout_s: {TIMEOUT_S}", text)
+    assert changed == 1
+    # Nobody but the watchdog is the subject here; its time-out need not be longer than a recovery of the ring then.
+    text = re.sub(r"^ring:.*?(?=^\S)", "", text, flags=re.MULTILINE | re.DOTALL)
+    deployment = folder / "vcan.yaml"
+    deployment.write_text(text)
+    return var, deployment
+
+
+def show_logs(var):
+    for log in sorted(var.glob("log/*.log")):
+        print(f"--- {log.name}", *log.read_text(errors="replace").splitlines()[-15:], sep="\n")
+
+
+def boot_of(ground):
+    """Housekeeping of timing once the watchdog was fed."""
+    since = ground.position()
+    packet = ground.housekeeping("timing", DEADLINE_S * mission.PATIENCE, since, lambda f: f["watchdog_feeds"] > 0)
+    return packet and packet["fields"]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("driver", choices=MODULES)
+    driver = parser.parse_args().driver
+    KEPT.mkdir(exist_ok=True)
+    first = not (KEPT / "report").exists()
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="srfs-watchdog-"))
+    var, deployment = prepare(driver, folder)
+    flight = mission.Mission(var, deployment, BIN, print)
+    try:
+        flight.start()
+    except mission.MissionError:
+        show_logs(var)
+        raise
+    ground = flight.ground()
+    fields = boot_of(ground)
+    if fields is None:
+        show_logs(var)
+        return 1
+    log = (var / "log" / "timing.log").read_text()
+    told = {name: fields[name] for name in ("boot_count", "reset_cause", "watchdog_timeout_s")}
+    report(boot=1 if first else 2, kernel=pathlib.Path("/proc/sys/kernel/random/boot_id").read_text().strip(), uptime_s=time.monotonic(),
+           nowayout=" nowayout" in log, **told)  # fmt: skip
+    if not first:
+        return 0
+    if driver == "softdog":
+        # It cannot tell after a reset whose doing that was, so timing notes what it sees coming.
+        subprocess.run([BIN / "srfs", "lifecycle", "timing", "deactivate", "--deployment", deployment, "--var", var], check=True)
+        record = KEPT / "state" / "boot" / "record_b"
+        mission.wait_until(lambda: "withheld 1" in record.read_text(), DEADLINE_S, "the boot record says that nobody feeds")
+    for pid in [flight.node_pid(name) for name in NODES]:
+        os.kill(pid, signal.SIGSTOP)
+    report(stopped=len(NODES), uptime_s=time.monotonic())
+    time.sleep(RESET_DEADLINE_S)  # the machine is reset in the middle of it
+    report(survived_s=RESET_DEADLINE_S)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
