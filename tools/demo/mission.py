@@ -120,8 +120,16 @@ def end_processes(pids, patience_s=STOP_PATIENCE_S):
 
 def shared_memory_files():
     with contextlib.suppress(OSError):
-        return {name for name in os.listdir("/dev/shm") if "fastrtps" in name or "fastdds" in name or "srfs" in name}
+        return {name for name in os.listdir("/dev/shm") if "fastrtps" in name or "fastdds" in name}
     return set()
+
+
+def memory_folder(var):
+    """As VarPaths::memory (lib/ros/instance.cpp): what the nodes of this deployment share, until `srfs down`."""
+    digest = 0xCBF29CE484222325
+    for octet in os.fsencode(f"{os.path.abspath(var).rstrip('/')}/"):
+        digest = (digest ^ octet) * 0x100000001B3 % 2**64
+    return pathlib.Path(f"/dev/shm/srfs_{digest:016x}")
 
 
 def wait_until(condition, deadline_s, what, period_s=0.02):
@@ -526,6 +534,8 @@ class Mission:
         left += [f"file {path}" for path in self.run_dir.iterdir() if path.name != "mission.lock"]
         if (self.var / "rs422").is_symlink():
             left.append(f"link {self.var / 'rs422'}")
+        if memory_folder(self.var).exists():
+            left.append(f"shared memory {memory_folder(self.var)}")
         left += [f"shared memory /dev/shm/{name}" for name in sorted(shared_memory_files() - self._shared_memory_before)]
         return left
 

@@ -212,7 +212,7 @@ UpReport up(const Target& target, const UpOptions& options) {
   const auto before = local_status(target);
   const bool running =
       std::any_of(before.begin(), before.end(), [](const NodeStatus& s) { return s.instance.has_value(); });
-  // Nobody runs: what was granted before (a power loss left the record) is nobody's.
+  // Nobody runs: what was granted before is nobody's.
   if (!running) std::filesystem::remove(target.var.can_holder(), ec);
   const auto domain = take_domain(target, options, running);
   if (!domain) {
@@ -301,7 +301,6 @@ DownReport down(const Target& target, milliseconds patience) {
       (void)ros::DomainLock::share(*domain);  // removes the lock of killed nodes
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.environment_file(), ec);
-    std::filesystem::remove(target.var.can_holder(), ec);
     std::filesystem::remove_all(target.var.memory(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }

@@ -185,6 +185,9 @@ class SocketCan : public RawCanBus {
     taken_down_ = !cycle.up;
     ++counters_.withdrawals;
     on_withdrawn(0);
+    // This socket is as dead as those of all other processes. The interface is there again: it is opened now.
+    interface_lost(ENETDOWN);
+    (void)socket();
     return true;
   }
 
@@ -247,10 +250,11 @@ class SocketCan : public RawCanBus {
   }
 
   // Down or unplugged. A socket bound to an interface that went away never comes back to life: a new one is
-  // opened.
+  // opened. One that went down is often up again at once: frames were withdrawn, by whomever.
   void interface_lost(int error) {
+    using Retry = Reopening::Retry;
     found_.down = error == ENETDOWN;
-    lost(errno_text(error));
+    lost(errno_text(error), found_.down ? Retry::at_once : Retry::later);
   }
 
   void note_drops(const Received& r) {
