@@ -176,6 +176,7 @@ class World {
     ASSERT_LT(now_, bus.lease_end);
     last_opened_ = bus.grant;
     open_ = true;
+    awaiting_quiet_ = false;
   }
   void check(const CloseBus& /*bus*/) {
     open_ = false;
