@@ -569,8 +569,9 @@ void PayloadCycle::on_power_deadline() {
 
 PayloadActions PayloadCycle::on_power_switched(bool on, bool ok, MonotonicTime now, bool was_on) {
   if (on) {
-    // Off by a process that died before it could write down what that means.
-    if (!was_on && power_reason_.empty() && power_ == Power::switching_on) journal_.on_ids_lost();
+    // Off, and not by us: by a process that died before it could write down what that means, or by the
+    // switcher while there was none. The switcher may have held the line when it was tried first.
+    if (!was_on && power_reason_.empty()) journal_.on_ids_lost();
     on_switched_on(ok, now);
   } else if (power_ == Power::switching_off) {
     on_switched_off(ok, now);

@@ -438,6 +438,23 @@ TEST(PayloadCycleStart, DoesNotRepeatAByIdCommandWhenThePowerWasOffAtTheStart) {
   }
 }
 
+TEST(PayloadCycleStart, LearnsThatThePowerWasOffAlsoFromASwitchThatObeysOnlyLater) {
+  TelecommandJournal before("boot");
+  before.add({7, 1, RepeatClass::by_id, {}, {}});
+  before.on_written(before.revision(), true);
+  TelecommandJournal journal("boot");
+  ASSERT_TRUE(journal.restore(before.encode()));
+  PayloadCycle cycle(PayloadSettings{}, decode, std::move(journal));
+  MonotonicTime now(seconds(20));
+  cycle.activate(now);
+  cycle.on_power_switched(true, false, now);  // the line has another owner: not even its level is known
+  ASSERT_TRUE(cycle.next_deadline());
+  now = *cycle.next_deadline();
+  ASSERT_NE(find<SwitchPower>(cycle.on_deadline(now)), nullptr);
+  cycle.on_power_switched(true, true, now, false);
+  EXPECT_EQ(cycle.journal().pending(), 0U) << "the peripheral has forgotten the ids it knew";
+}
+
 TEST_F(PayloadCycleTest, ResetsItsPeripheralWhenOrderedAndReleases) {
   grant();
   now += milliseconds(20);
