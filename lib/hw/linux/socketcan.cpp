@@ -165,11 +165,10 @@ class SocketCan : public RawCanBus {
         return std::nullopt;
       }
       note_drops(r);
-      if (r.size != static_cast<ssize_t>(sizeof(can_frame)) || r.raw.len > CAN_MAX_DLEN) {
-        ++counters_.malformed;
-      } else if (is_error_frame(r.raw)) {
+      const bool whole = r.size == static_cast<ssize_t>(sizeof(can_frame)) && r.raw.len <= CAN_MAX_DLEN;
+      if (whole && is_error_frame(r.raw)) {
         on_report(decode_error_frame(r.raw));
-      } else if (is_unwanted_remote(r.raw)) {
+      } else if (!whole || is_unwanted_remote(r.raw)) {
         ++counters_.malformed;
       } else if (auto frame = accept(r.raw, r.is_echo, r.at)) {
         return frame;
