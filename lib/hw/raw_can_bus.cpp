@@ -110,8 +110,8 @@ tl::unexpected<CanError> RawCanBus::refuse_full() {
   return Err(CanError::queue_full);
 }
 
-void RawCanBus::lost(std::string why) {
-  device_->lost(std::move(why));
+void RawCanBus::lost(std::string why, Reopening::Retry retry) {
+  device_->lost(std::move(why), retry);
   drop_unconfirmed();
 }
 

@@ -54,7 +54,7 @@ class RawCanBus : public CanBus {
   /// Own frames without echo are no longer more than @p left: the others were withdrawn.
   void on_withdrawn(std::size_t left);
   /// The device is gone, and with it what waited in its queue.
-  void lost(std::string why);
+  void lost(std::string why, Reopening::Retry retry = Reopening::Retry::later);
 
   std::string uri_;
   std::vector<CanFilter> filters_;

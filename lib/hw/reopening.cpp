@@ -12,6 +12,8 @@
 namespace srfs::hw {
 namespace {
 
+constexpr nanoseconds soonest(1);  // zero would disarm the timer
+
 void arm(int timer, nanoseconds after) {
   itimerspec when{};
   when.it_value.tv_sec = after.count() / 1'000'000'000;
@@ -50,7 +52,8 @@ void Reopening::try_open() {
       reason_ = std::move(opened.error());
       log::warn("{}: {}", name_, reason_);
     }
-    retry_later();
+    retry_after(wait_);
+    wait_ = std::min<nanoseconds>(2 * wait_, retry_interval);
     return;
   }
   device_ = std::move(*opened);
@@ -58,26 +61,28 @@ void Reopening::try_open() {
   if (was_there_) ++reopened_;
   if (!reason_.empty()) log::info("{}: open", name_);
   was_there_ = true;
+  wait_ = retry_interval;
   reason_.clear();
 }
 
-void Reopening::lost(std::string reason) {
+void Reopening::lost(std::string reason, Retry retry) {
   if (!device_) return;
   device_.reset();  // leaves the epoll set by itself: nobody else holds the descriptor
   reason_ = std::move(reason);
   log::warn("{}: {}", name_, reason_);
-  retry_later();
+  const bool at_once = retry == Retry::at_once;
+  if (at_once) wait_ = first_retry_interval;
+  retry_after(at_once ? soonest : retry_interval);
 }
 
 void Reopening::wake_at(std::optional<MonotonicTime> at) {
   if (!device_) return;
-  const nanoseconds soonest(1);  // zero would disarm
   arm(timer_.get(), at ? std::max<nanoseconds>(*at - monotonic_now(), soonest) : nanoseconds(0));
 }
 
-void Reopening::retry_later() {
-  next_try_ = monotonic_now() + retry_interval;
-  arm(timer_.get(), retry_interval);
+void Reopening::retry_after(nanoseconds wait) {
+  next_try_ = monotonic_now() + wait;
+  arm(timer_.get(), wait);
 }
 
 }  // namespace srfs::hw

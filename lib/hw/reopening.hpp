@@ -18,6 +18,11 @@ class Reopening {
   /// Opens the device without blocking; the error is the reason, for a person.
   using Opener = std::function<Result<Fd, std::string>()>;
   static constexpr milliseconds retry_interval{100};
+  static constexpr milliseconds first_retry_interval{1};  ///< of Retry::at_once; each next is twice as long
+  enum class Retry : std::uint8_t {
+    later,    ///< after retry_interval
+    at_once,  ///< by the next device(), then soon: it is expected back within moments
+  };
 
   /// Tries once at once. @param name  stands in log lines: the URI
   /// @param watched  false for devices that epoll does not take (watchdog, GPIO)
@@ -27,8 +32,8 @@ class Reopening {
   /// The device's descriptor, opened now if that is due; -1 while it is gone.
   [[nodiscard]] int device();
   [[nodiscard]] bool present() const { return static_cast<bool>(device_); }
-  /// Closes the device; it is tried again after retry_interval. Logs the first time only.
-  void lost(std::string reason);
+  /// Closes the device; it is tried again, in the end every retry_interval. Logs the first time only.
+  void lost(std::string reason, Retry retry = Retry::later);
   /// Makes fd() readable at @p at too, once and while the device is there, until it is set anew; nullopt: no
   /// longer.
   void wake_at(std::optional<MonotonicTime> at);
@@ -38,7 +43,7 @@ class Reopening {
 
  private:
   void try_open();
-  void retry_later();
+  void retry_after(nanoseconds wait);
 
   std::string name_;
   Opener opener_;
@@ -47,6 +52,7 @@ class Reopening {
   Fd timer_;
   Fd device_;
   MonotonicTime next_try_;
+  nanoseconds wait_ = retry_interval;  ///< behind the next try that fails
   std::string reason_;
   bool was_there_ = false;
   std::uint64_t reopened_ = 0;

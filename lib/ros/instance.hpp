@@ -37,7 +37,7 @@ struct VarPaths {
   /// power loss, like the processes it tells of. Removed by `srfs down`.
   [[nodiscard]] std::filesystem::path memory() const;
   /// Who may write to the CAN bus, kept by can_switcher for its successor.
-  [[nodiscard]] std::filesystem::path can_holder() const { return run() / "can_holder"; }
+  [[nodiscard]] std::filesystem::path can_holder() const { return memory() / "can_holder"; }
   [[nodiscard]] std::filesystem::path domain_file() const { return run() / "dds_domain"; }
 };
 

@@ -21,6 +21,7 @@ void BusListener::listen() {
   for (int i = 0; i < frames_per_turn; ++i) {
     const auto frame = bus_->receive();
     if (!frame) return;
+    unattended_.on_frame(frame->id, frame->extended, frame->timestamp);
     meter_.on_frame(frame->id, frame->extended,
                     wire::can_bits_on_wire({.id = frame->id,
                                             .extended = frame->extended,

@@ -6,11 +6,12 @@
 
 #include "hw/can_bus.hpp"
 #include "nodes/can_switcher/bus_meter.hpp"
+#include "nodes/can_switcher/unattended_peripherals.hpp"
 
 namespace srfs {
 
-/// A handle of the CAN bus that hears every frame and never sends one. It is read by the clock and not when
-/// something comes: a full bus costs the switcher a bounded share of its time and delays no flag.
+/// A handle of the CAN bus that hears every frame. It is read by the clock and not when something comes: a
+/// full bus costs the switcher a bounded share of its time and delays no flag.
 class BusListener {
  public:
   /// Frames are taken so often, so many at most: more than 500 kbit/s can carry (10,600 of the shortest a
@@ -27,12 +28,15 @@ class BusListener {
   BusMeter::Flood end_window();
   [[nodiscard]] const BusMeter& meter() const { return meter_; }
   [[nodiscard]] const hw::CanBus& bus() const { return *bus_; }
+  [[nodiscard]] hw::CanBus& bus() { return *bus_; }
+  [[nodiscard]] UnattendedPeripherals& unattended() { return unattended_; }
 
  private:
   explicit BusListener(std::unique_ptr<hw::CanBus> bus);
 
   std::unique_ptr<hw::CanBus> bus_;
   BusMeter meter_;
+  UnattendedPeripherals unattended_;
 };
 
 }  // namespace srfs

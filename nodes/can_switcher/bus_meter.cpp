@@ -5,10 +5,11 @@
 namespace srfs {
 namespace {
 
-/// ISO 15765-2 normal fixed addressing, to or from address 01.
+/// ISO 15765-2 normal fixed addressing, to or from address 01, of any priority.
 bool is_of_the_computer(std::uint32_t id, bool extended) {
   constexpr std::uint32_t computer = 0x01;
-  return extended && id >> 16U == 0x18DA && ((id >> 8U & 0xFFU) == computer || (id & 0xFFU) == computer);
+  return extended && (id >> 16U & 0x3FFU) == 0x0DA &&
+         ((id >> 8U & 0xFFU) == computer || (id & 0xFFU) == computer);
 }
 
 }  // namespace

@@ -6,6 +6,8 @@
 
 #include <mission/structures.hpp>
 
+#include "hw/open.hpp"
+
 namespace srfs {
 namespace {
 
@@ -30,8 +32,6 @@ std::vector<Slot> plan_of(const ros::Deployment& deployment) {
 }  // namespace
 
 CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(context) {
-  declare_parameter("disabled_payloads", std::vector<std::string>{},
-                    "Payloads that are passed over in the rotation");
   declare_parameter("fence_wait_ms", std::int64_t{500}, ros::ParameterRange{10, 10000},
                     "Wait for the exit of a killed holder before it is killed again and reported", true);
   declare_parameter(
@@ -46,14 +46,14 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
       "tick");
   on_parameter_check([this](const std::string& parameter,
                             const ros::ParameterValue& value) -> Result<void, std::string> {
-    if (parameter != "disabled_payloads" && parameter != "rotation_order") return {};
+    if (parameter != "rotation_order") return {};
     const auto& payloads = std::get<std::vector<std::string>>(value);
     for (const std::string& payload : payloads) {
       const auto& slots = deployment().slots;
       const bool known =
           std::any_of(slots.begin(), slots.end(), [&](const ros::Slot& s) { return s.payload == payload; });
-      if (!known) return Err(fmt::format("{}: '{}' has no slot in the deployment", parameter, payload));
-      if (parameter == "rotation_order" && std::count(payloads.begin(), payloads.end(), payload) > 1)
+      if (!known) return Err(fmt::format("rotation_order: '{}' has no slot in the deployment", payload));
+      if (std::count(payloads.begin(), payloads.end(), payload) > 1)
         return Err(fmt::format("rotation_order: '{}' stands twice", payload));
     }
     return {};
@@ -69,11 +69,6 @@ void CanSwitcherNode::apply_parameters() {
     for (const Slot& slot : rotation_->slots()) order.push_back(slot.payload);
   }
   if (!rotation_->set_order(order)) log::error("rotation_order is no order of the payloads: unchanged");
-  const auto disabled = get_parameter<std::vector<std::string>>("disabled_payloads");
-  for (const Slot& slot : rotation_->slots()) {
-    rotation_->set_enabled(slot.payload,
-                           std::find(disabled.begin(), disabled.end(), slot.payload) == disabled.end());
-  }
 }
 
 // ---------------------------------------------------------------- lifecycle
@@ -85,36 +80,76 @@ CallbackReturn CanSwitcherNode::on_configure() {
                                    deployment().file.string(), slots_at_most, count));
     return CallbackReturn::failure;
   }
+  make_rotation();
+  apply_parameters();
+  make_fence();
+  open_topics();
+  open_bus();
+  if (draining_ || (rotation_->awaits_fence() && !fence_->busy())) drain_transmit_queue();
+  record_holder();
+  arm_deadline();
+  housekeeping_timer_ = create_timer(
+      housekeeping_period, [this] { publish_housekeeping(); }, "housekeeping");
+  return CallbackReturn::success;
+}
+
+void CanSwitcherNode::make_rotation() {
+  std::optional<InheritedGrant> granted;
   if (!rotation_) {
-    open_holder_record();
-    const auto inherited = inherited_grant();
-    if (inherited)
-      log::warn("{} was granted the bus by an earlier switcher and is asked to give it back",
-                inherited->payload);
-    rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now(), inherited);
+    auto record = HolderRecord::open(var().can_holder());
+    if (record) {
+      holder_record_ = std::move(*record);
+    } else {
+      log::error("{}; a switcher after this one will not know whom it granted", record.error());
+    }
+    granted = inherited(holder_record_ ? holder_record_->read() : std::nullopt);
+    rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now(), granted);
     rotation_->set_recall_time(milliseconds(get_parameter<std::int64_t>("recall_ms")));
     rotation_->suspend();
-    failure_reported_.resize(count);
-    slot_use_.resize(count);
+    failure_reported_.resize(rotation_->slots().size());
+    slot_use_.resize(rotation_->slots().size());
+  } else if (rotation_->awaits_release()) {
+    // Nobody heard since this node was unconfigured what became of the slot.
+    const auto holder = rotation_->holder();
+    granted = inherited(HolderRecord::Holder{holder->slot, holder->process});
+    rotation_->inherit(*granted, monotonic_now());
   }
-  apply_parameters();
-  if (!fence_) {
-    HolderFence::Hooks hooks;
-    hooks.find = [this](const std::string& payload) -> std::optional<pid_t> {
-      const auto instance = ros::find_instance(var(), payload);
-      if (!instance || !is_holder(instance->incarnation, fenced_process_)) return std::nullopt;
-      return instance->pid;
-    };
-    hooks.watch = [this](int fd, std::function<void()> readable) {
-      return watch_fd(
-          fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); }, "fence");
-    };
-    hooks.after = [this](nanoseconds delay, std::function<void()> due) {
-      return create_one_shot(monotonic_now() + delay, std::move(due), "fence");
-    };
-    fence_.emplace(std::move(hooks), milliseconds(get_parameter<std::int64_t>("fence_wait_ms")));
-  }
+  if (granted && granted->process)
+    log::warn("{} was granted the bus and nobody watched it since: it is asked to give it back",
+              granted->payload);
+}
 
+std::optional<InheritedGrant> CanSwitcherNode::inherited(
+    const std::optional<HolderRecord::Holder>& holder) const {
+  if (!holder || holder->slot >= deployment().slots.size()) return std::nullopt;
+  InheritedGrant granted{deployment().slots[holder->slot].payload, std::nullopt};
+  const auto process = holder->process != 0 ? std::optional(holder->process) : std::nullopt;
+  const auto instance = ros::find_instance(var(), granted.payload);
+  // One without a number has not come as far as to open the bus.
+  if (instance && instance->incarnation != 0 && is_holder(instance->incarnation, process))
+    granted.process = instance->incarnation;
+  return granted;
+}
+
+void CanSwitcherNode::make_fence() {
+  if (fence_) return;
+  HolderFence::Hooks hooks;
+  hooks.find = [this](const std::string& payload) -> std::optional<pid_t> {
+    const auto instance = ros::find_instance(var(), payload);
+    if (!instance || !is_holder(instance->incarnation, fenced_process_)) return std::nullopt;
+    return instance->pid;
+  };
+  hooks.watch = [this](int fd, std::function<void()> readable) {
+    return watch_fd(
+        fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); }, "fence");
+  };
+  hooks.after = [this](nanoseconds delay, std::function<void()> due) {
+    return create_one_shot(monotonic_now() + delay, std::move(due), "fence");
+  };
+  fence_.emplace(std::move(hooks), milliseconds(get_parameter<std::int64_t>("fence_wait_ms")));
+}
+
+void CanSwitcherNode::open_topics() {
   flags_ = create_publisher(ros::topics::task_flags);
   resets_ = create_publisher(ros::topics::reset_peripheral);
   statuses_ = create_subscription(ros::topics::bus_status,
@@ -123,35 +158,29 @@ CallbackReturn CanSwitcherNode::on_configure() {
                                [this](const srfs_msgs::msg::TimeTick& tick, const ros::MessageInfo& info) {
                                  on_tick(tick, info.received);
                                });
-  if (deployment().devices.contains("can")) listener_ = BusListener::open(device("can"), var().root);
-  if (listener_) {
-    listen_timer_ = create_timer(
-        BusListener::period, [this] { listener_->listen(); }, "can");
-  }
-  housekeeping_timer_ = create_timer(
-      housekeeping_period, [this] { publish_housekeeping(); }, "housekeeping");
-  return CallbackReturn::success;
 }
 
-void CanSwitcherNode::open_holder_record() {
-  auto record = HolderRecord::open(var().can_holder());
-  if (record) {
-    holder_record_ = std::move(*record);
-  } else {
-    log::error("{}; a switcher after this one will not know whom it granted", record.error());
-  }
-}
-
-std::optional<InheritedGrant> CanSwitcherNode::inherited_grant() {
-  const auto holder = holder_record_ ? holder_record_->read() : std::nullopt;
-  if (!holder || holder->slot >= deployment().slots.size()) return std::nullopt;
-  const std::string& payload = deployment().slots[holder->slot].payload;
-  const auto process = holder->process != 0 ? std::optional(holder->process) : std::nullopt;
-  const auto instance = ros::find_instance(var(), payload);
-  // One without a number has not come as far as to open the bus.
-  if (!instance || instance->incarnation == 0 || !is_holder(instance->incarnation, process))
-    return std::nullopt;
-  return InheritedGrant{payload, instance->incarnation};
+void CanSwitcherNode::open_bus() {
+  if (!deployment().devices.contains("can")) return;
+  listener_ = BusListener::open(device("can"), var().root);
+  if (!listener_) return;
+  listen_timer_ = create_timer(
+      BusListener::period, [this] { listen(); }, "can");
+  if (!deployment().devices.contains("gpio")) return;
+  gpio_worker_ = create_worker("gpio", 2 * hw::peripherals.size());
+  PowerCut::Hooks hooks;
+  hooks.open = [uri = device("gpio"), root = var().root]() -> std::unique_ptr<hw::GpioLines> {
+    auto lines = hw::open_gpio(uri, root);
+    if (!lines) log::error("{}", lines.error().message);
+    return lines ? std::move(*lines) : nullptr;
+  };
+  hooks.attended = [paths = var()](std::string_view payload) {
+    return ros::find_instance(paths, std::string(payload)).has_value();
+  };
+  hooks.done = [this](const hw::Peripheral& peripheral, std::optional<hw::GpioError> problem) {
+    report_power_cut(peripheral, problem);
+  };
+  power_cut_.emplace(*gpio_worker_, std::move(hooks));
 }
 
 void CanSwitcherNode::record_holder() {
@@ -181,6 +210,10 @@ CallbackReturn CanSwitcherNode::on_deactivate() {
 void CanSwitcherNode::close() {
   housekeeping_timer_.reset();
   listen_timer_.reset();
+  drain_timer_.reset();
+  if (gpio_worker_) gpio_worker_->drain();
+  power_cut_.reset();
+  gpio_worker_.reset();
   listener_.reset();
   deadline_timer_.reset();
   armed_.reset();
@@ -357,18 +390,66 @@ void CanSwitcherNode::fence(const Fence& f) {
              f.id.incarnation, f.id.counter);
   raise(mission::CanSwitcherHolderFencedEvent{.payload = f.payload, .grant = f.id.counter});
   fenced_process_ = f.process;
-  fence_->fence(f.payload,
-                {.gone =
-                     [this, f] {
-                       rotation_->on_fenced(f.id, monotonic_now());
-                       record_holder();
-                     },
-                 .unproven =
-                     [this, f](const std::string& why) {
-                       rotation_->on_fence_unproven();
-                       log::fatal("{} may still write, the bus stays blocked: {}", f.payload, why);
-                       raise(mission::CanSwitcherFenceUnprovenEvent{.payload = f.payload, .why = why});
-                     }});
+  fence_->fence(f.payload, {.gone = [this] { drain_transmit_queue(); },
+                            .unproven = [this](const std::string& why) { report_unproven(why); }});
+}
+
+void CanSwitcherNode::report_unproven(const std::string& why) {
+  const std::string& payload = rotation_->current()->payload;
+  rotation_->on_fence_unproven();
+  log::fatal("{} may still write, the bus stays blocked: {}", payload, why);
+  raise(mission::CanSwitcherFenceUnprovenEvent{.payload = payload, .why = why});
+}
+
+void CanSwitcherNode::drain_transmit_queue() {
+  draining_ = true;
+  if (!flags_) return;  // unconfigured meanwhile: on_configure() goes on
+  drain_.emplace();
+  drain_timer_ = create_timer(
+      TransmitDrain::period, [this] { step_drain(); }, "drain");
+  step_drain();
+}
+
+void CanSwitcherNode::step_drain() {
+  using State = TransmitDrain::State;
+  State state = State::empty;  // without a handle there is nothing to ask
+  if (listener_) {
+    listen();
+    state = drain_->step(listener_->bus(), monotonic_now());
+  }
+  if (state == State::waiting) return;
+  if (state == State::unproven) {
+    report_unproven("its frames do not get the bus and cannot be taken back");
+    return;
+  }
+  drain_timer_.reset();
+  draining_ = false;
+  rotation_->on_fenced(rotation_->current()->id, monotonic_now());
+  record_holder();
+}
+
+void CanSwitcherNode::listen() {
+  listener_->listen();
+  if (!power_cut_) return;
+  const auto attended = [this](std::string_view payload) {
+    return ros::find_instance(var(), std::string(payload)).has_value();
+  };
+  for (const hw::Peripheral* peripheral : listener_->unattended().babbling(attended))
+    power_cut_->cut(*peripheral);
+  power_cut_->give_back();
+}
+
+void CanSwitcherNode::report_power_cut(const hw::Peripheral& peripheral,
+                                       std::optional<hw::GpioError> problem) {
+  if (!problem) {
+    ++peripherals_cut_;
+    log::error("the peripheral of {} babbles and its payload has no process: its power is cut",
+               peripheral.payload);
+    raise(mission::CanSwitcherPeripheralCutEvent{.payload = std::string(peripheral.payload)});
+  } else if (++failed_cuts_ % 100 == 1) {
+    log::error("the peripheral of {} babbles and cannot be switched off ({} tries): {}", peripheral.payload,
+               failed_cuts_, hw::to_string(*problem));
+  }
 }
 
 // ---------------------------------------------------------------- housekeeping
@@ -408,6 +489,9 @@ void CanSwitcherNode::publish_housekeeping() {
       counters.old_reports + counters.foreign_reports + counters.duplicate_reports + meaningless_statuses_;
   hk.dds_malformed = static_cast<std::uint32_t>(malformed_samples());
   hk.events_suppressed = static_cast<std::uint32_t>(suppressed_events());
+  hk.flags_withheld = counters.withdrawn;
+  hk.peripherals_cut = peripherals_cut_;
+  hk.power_cuts_failed = failed_cuts_;
   publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 

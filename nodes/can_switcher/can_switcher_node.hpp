@@ -8,7 +8,9 @@
 #include "nodes/can_switcher/bus_listener.hpp"
 #include "nodes/can_switcher/holder_fence.hpp"
 #include "nodes/can_switcher/holder_record.hpp"
+#include "nodes/can_switcher/power_cut.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
+#include "nodes/can_switcher/transmit_drain.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
 
@@ -35,9 +37,13 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void on_bus_status(const srfs_msgs::msg::BusStatus& status);
   void on_deadline();
   void arm_deadline();
-  void open_holder_record();
-  /// What the switcher before this one left; nothing when its holder's process is gone.
-  [[nodiscard]] std::optional<InheritedGrant> inherited_grant();
+  void make_rotation();
+  void make_fence();
+  void open_topics();
+  void open_bus();
+  /// A grant that nobody watched since, by who runs now.
+  [[nodiscard]] std::optional<InheritedGrant> inherited(
+      const std::optional<HolderRecord::Holder>& holder) const;
   /// After each change of the rotation, and before a flag goes out.
   void record_holder();
   void give(const Grant& grant, MonotonicTime received);
@@ -45,6 +51,12 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void publish_recall(const Recall& recall, MonotonicTime tick_received);
   void order_reset(const OrderReset& order);
   void fence(const Fence& fence);
+  /// The process of the fenced holder is gone: the bus goes on when nothing of it waits to be sent.
+  void drain_transmit_queue();
+  void step_drain();
+  void report_unproven(const std::string& why);
+  void listen();
+  void report_power_cut(const hw::Peripheral& peripheral, std::optional<hw::GpioError> problem);
   void report_failed_slot(const srfs_msgs::msg::BusStatus& status);
   void note_slot_use(const srfs_msgs::msg::BusStatus& status);
   void publish_housekeeping();
@@ -74,6 +86,13 @@ class CanSwitcherNode : public ros::LifecycleNode {
   std::optional<HolderRecord> holder_record_;    ///< none: it could not be opened
   std::optional<std::uint32_t> fenced_process_;  ///< incarnation that is being fenced
   std::optional<HolderFence> fence_;
+  bool draining_ = false;  ///< also while this node is unconfigured
+  std::optional<TransmitDrain> drain_;
+  ros::Timer drain_timer_;
+  std::shared_ptr<ros::Worker> gpio_worker_;
+  std::optional<PowerCut> power_cut_;  ///< none: the deployment has no GPIO
+  std::uint32_t peripherals_cut_ = 0;
+  std::uint32_t failed_cuts_ = 0;
   ros::MissionTime time_;
   LatencyHistogram flag_latency_;
   std::uint32_t resets_sent_ = 0;

@@ -21,10 +21,12 @@ constexpr std::uint64_t held = std::uint64_t{1} << 63U;  // then the slot (8 bit
 
 Result<HolderRecord, std::string> HolderRecord::open(const std::filesystem::path& file) {
   const auto problem = [&] { return Err(fmt::format("{}: {}", file.string(), errno_text(errno))); };
+  std::error_code ec;  // told by open()
+  std::filesystem::create_directory(file.parent_path(), ec);
   const Fd fd(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
   // A longer file is cut; the octets of a new one are zero: nobody holds the bus.
   if (!fd || ::ftruncate(fd.get(), sizeof(std::uint64_t)) != 0) return problem();
-  // With a block of its own: a store into a hole on a full disk would be a SIGBUS.
+  // A store into a page without memory behind it would be a SIGBUS.
   errno = ::posix_fallocate(fd.get(), 0, sizeof(std::uint64_t));
   if (errno != 0) return problem();
   void* const page = ::mmap(nullptr, sizeof(std::uint64_t), PROT_READ | PROT_WRITE, MAP_SHARED, fd.get(), 0);

@@ -11,8 +11,8 @@
 namespace srfs {
 
 /// Who may write to the bus, for the switcher that starts after this one was killed: one word of a mapped
-/// file. What is stored there survives the process at any instant (not the computer: then the holder is gone
-/// too), costs a store and is never torn.
+/// file on tmpfs. What is stored there survives the process at any instant (not the computer: then the holder
+/// is gone too), costs a store that waits for no disk, and is never torn.
 class HolderRecord {
  public:
   struct Holder {
@@ -21,7 +21,7 @@ class HolderRecord {
     friend bool operator==(const Holder&, const Holder&) = default;
   };
 
-  /// Creates the file when it is missing. Error: ready to print. Blocks as long as the file system does.
+  /// Creates the file and its folder when they are missing. Error: ready to print.
   [[nodiscard]] static Result<HolderRecord, std::string> open(const std::filesystem::path& file);
 
   /// Nothing: the bus is free.

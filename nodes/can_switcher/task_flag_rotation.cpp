@@ -19,7 +19,6 @@ nanoseconds longest_lease(const std::vector<Slot>& slots) {
 TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
                                    const std::optional<InheritedGrant>& inherited)
     : slots_(std::move(slots)),
-      enabled_(slots_.size(), true),
       order_(slots_.size()),
       known_process_(slots_.size()),
       slot_counters_(slots_.size()),
@@ -28,17 +27,22 @@ TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarn
       not_before_(now + longest_lease(slots_)) {
   assert(!slots_.empty());
   std::iota(order_.begin(), order_.end(), std::size_t{0});
-  const auto slot = inherited ? slot_of(inherited->payload) : std::nullopt;
+  if (inherited) inherit(*inherited, now);
+}
+
+void TaskFlagRotation::inherit(const InheritedGrant& granted, MonotonicTime now) {
+  const auto slot = slot_of(granted.payload);
   if (!slot) return;
   current_ = Grant{.id = {incarnation_, next_counter_++},
                    .slot = *slot,
-                   .payload = inherited->payload,
+                   .payload = granted.payload,
                    .cycle = 0,
                    .granted = now,
                    .lease_end = now,
                    .allotted = nanoseconds(0)};
-  holder_process_ = inherited->process;
-  phase_ = Phase::recalling;
+  holder_process_ = granted.process;
+  recalled_ = false;
+  phase_ = granted.process ? Phase::recalling : Phase::fencing;
 }
 
 Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
@@ -83,28 +87,26 @@ bool TaskFlagRotation::follows(MissionCycle cycle) {
 
 Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   const bool from_before = resumed_ && received < *resumed_;
-  const auto place = suspended_ || from_before ? std::nullopt : next_enabled();
-  if (!place) {
+  if (suspended_ || from_before) {
     ++counters_.idle_ticks;
     return Nothing{};
   }
   had_this_tick_.assign(slots_.size(), false);
-  return grant(*place, now, cycle);
+  return grant(now, cycle);
 }
 
 Decision TaskFlagRotation::on_early_release(MonotonicTime now) {
   const bool unused = std::exchange(slot_left_unused_, false);
   if (!unused || !early_handover_ || suspended_ || phase_ != Phase::free || now < not_before_)
     return Nothing{};
-  const auto place = next_enabled();
-  if (!place || had_this_tick_[order_[*place]]) return Nothing{};
+  if (had_this_tick_[order_[next_place_]]) return Nothing{};
   ++counters_.early_grants;
-  return grant(*place, now, *last_cycle_);
+  return grant(now, *last_cycle_);
 }
 
-Grant TaskFlagRotation::grant(std::size_t place, MonotonicTime now, MissionCycle cycle) {
+Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle) {
   assert(phase_ == Phase::free);
-  const std::size_t slot = order_[place];
+  const std::size_t slot = order_[next_place_];
   const Slot& plan = slots_[slot];
   Grant grant{.id = {incarnation_, next_counter_++},
               .slot = slot,
@@ -119,17 +121,9 @@ Grant TaskFlagRotation::grant(std::size_t place, MonotonicTime now, MissionCycle
   phase_ = Phase::granted;
   slot_left_unused_ = false;
   had_this_tick_[slot] = true;
-  next_place_ = (place + 1) % order_.size();
+  next_place_ = (next_place_ + 1) % order_.size();
   ++slot_counters_[slot].granted;
   return grant;
-}
-
-std::optional<std::size_t> TaskFlagRotation::next_enabled() const {
-  for (std::size_t i = 0; i < order_.size(); ++i) {
-    const std::size_t place = (next_place_ + i) % order_.size();
-    if (enabled_[order_[place]]) return place;
-  }
-  return std::nullopt;
 }
 
 bool TaskFlagRotation::set_order(const std::vector<std::string>& payloads) {
@@ -155,12 +149,6 @@ std::optional<std::size_t> TaskFlagRotation::slot_of(const std::string& payload)
     if (slots_[i].payload == payload) return i;
   }
   return std::nullopt;
-}
-
-bool TaskFlagRotation::set_enabled(const std::string& payload, bool enabled) {
-  const auto slot = slot_of(payload);
-  if (slot) enabled_[*slot] = enabled;
-  return slot.has_value();
 }
 
 std::optional<MonotonicTime> TaskFlagRotation::next_deadline() const {
@@ -259,9 +247,13 @@ ReportVerdict TaskFlagRotation::on_bus_status(const BusReport& report, Monotonic
 }
 
 ReportVerdict TaskFlagRotation::on_recall_answer(const BusReport& report, MonotonicTime now) {
-  // A later process proves that the holder is gone.
   if (report.kind != BusReport::Kind::released || report.payload_incarnation < *holder_process_)
     return ReportVerdict::foreign;
+  if (report.payload_incarnation > *holder_process_) {
+    // The holder is gone and will never answer. What it wrote may still wait: that is the fence's business.
+    current_->lease_end = now;
+    return ReportVerdict::greeting;
+  }
   known_process_[current_->slot] = report.payload_incarnation;
   not_before_ = std::max(not_before_, now + guard_time);
   free_bus();

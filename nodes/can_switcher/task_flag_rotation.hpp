@@ -50,16 +50,16 @@ struct OrderReset {
   std::string payload;
   nanoseconds held{0};
 };
-/// The lease ended without release. Kill the holder's process, wait until it is gone, then call on_fenced().
-/// Until then nobody is granted.
+/// The lease ended without release. Kill the holder's process, wait until it is gone and nothing of it waits
+/// to be sent, then call on_fenced(). Until then nobody is granted.
 struct Fence {
   GrantId id;
   std::string payload;
   std::optional<std::uint32_t> process;  ///< incarnation of the holder where known: a later one is innocent
 };
 
-/// Publish a flag of nobody under this id: the payload gives up what an earlier switcher granted it, and says
-/// so with RELEASED of this id. Until then nobody is granted.
+/// Publish a flag of nobody under this id: the payload gives up what it was granted before, and says so with
+/// RELEASED of this id. Until then nobody is granted.
 struct Recall {
   GrantId id;
   std::string payload;
@@ -67,12 +67,14 @@ struct Recall {
 
 using Decision = std::variant<Nothing, Grant, Blocked, WaitingOut, OrderReset, Fence, Recall>;
 
-/// What an earlier switcher granted and did not see given back: it was killed meanwhile. Past its lease a
-/// holder refuses to write, but one that was stopped between that check and the write would still do it when
-/// it goes on.
+/// What was granted and not watched since: the switcher was killed, or unconfigured. Past its lease a holder
+/// refuses to write, but one that was stopped between that check and the write would still do it when it goes
+/// on.
 struct InheritedGrant {
   std::string payload;
-  std::uint32_t process = 0;  ///< incarnation of the payload's process, which runs
+  /// Incarnation of the payload's process, which runs; nullopt: it is gone. What it wrote may still wait to
+  /// be sent.
+  std::optional<std::uint32_t> process;
 };
 
 /// What a payload says on /can/bus_status.
@@ -102,13 +104,13 @@ class TaskFlagRotation {
   /// @param incarnation  of this switcher process, higher than any before it
   /// @param now          nothing is granted before now + the longest lease: an earlier switcher may have
   /// granted until now
-  /// @param inherited  asked back first, from the first tick on; who does not answer in time is fenced
+  /// @param inherited  as for inherit()
   TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
                    const std::optional<InheritedGrant>& inherited = {});
 
   /// @param received  when the tick arrived, before now if it had to wait
-  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (a cycle already seen, nobody enabled, suspended,
-  /// a tick from before resume())
+  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (a cycle already seen, suspended, a tick from
+  /// before resume())
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
   /// time.
@@ -120,22 +122,28 @@ class TaskFlagRotation {
   /// The flag of this grant was not published: this process came to it too late. Nobody can have taken the
   /// bus.
   void withdraw(GrantId id);
-  /// The answer to Fence: the process is gone. Until then the bus stays blocked, however long that takes: a
-  /// process that lives may write.
+  /// The answer to Fence: the process is gone, and all it wrote has left or was taken back. Until then the
+  /// bus stays blocked, however long that takes: a process that lives may write, a queue that is not empty
+  /// may send.
   void on_fenced(GrantId id, MonotonicTime now);
-  /// It is not known to be gone after another wait.
+  /// That is not known after another wait.
   void on_fence_unproven() { ++counters_.unproven_fences; }
+  /// Takes over a grant that nobody watched since. It is asked back from the next tick on, under a new id;
+  /// who does not answer in time is fenced. Of a process that is gone, on_fenced() is awaited at once.
+  void inherit(const InheritedGrant& granted, MonotonicTime now);
+  /// A grant is out whose end can only be heard: not released, not recalled, not fenced.
+  [[nodiscard]] bool awaits_release() const {
+    return phase_ == Phase::granted || phase_ == Phase::taken || phase_ == Phase::reset_ordered;
+  }
+  [[nodiscard]] bool awaits_fence() const { return phase_ == Phase::fencing; }
 
   /// When on_deadline() has something to do; nullopt: nothing before the next tick or report.
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
 
-  /// A disabled payload is passed over from the next grant on; a running slot is finished. @return false: no
-  /// such payload
-  bool set_enabled(const std::string& payload, bool enabled);
   /// A slot that was not used is given on at once, not at the next tick. Off at first.
   void set_early_handover(bool on) { early_handover_ = on; }
   /// The rotation goes through these payloads in this order from the next grant on; who is left out gets no
-  /// slot. The flags keep their positions.
+  /// slot. A running slot is finished. The flags keep their positions.
   /// @return false: not a list of different payloads of the plan, or an empty one; nothing was changed
   bool set_order(const std::vector<std::string>& payloads);
   /// Grants nothing until resume(); a running slot is finished or fenced as ever.
@@ -176,7 +184,7 @@ class TaskFlagRotation {
     std::uint32_t missed_cycles = 0;  ///< cycle numbers between two ticks that were never received
     std::uint32_t blocked_ticks = 0;
     std::uint32_t waiting_ticks = 0;
-    std::uint32_t idle_ticks = 0;  ///< nobody enabled, suspended, or a tick from before resume()
+    std::uint32_t idle_ticks = 0;  ///< suspended, or a tick from before resume()
     std::uint32_t duplicate_reports = 0;
     std::uint32_t old_reports = 0;
     std::uint32_t foreign_reports = 0;
@@ -200,9 +208,7 @@ class TaskFlagRotation {
   bool follows(MissionCycle cycle);
   static constexpr MissionCycle longest_gap = 1'000'000;
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
-  Grant grant(std::size_t place, MonotonicTime now, MissionCycle cycle);
-  /// Place in the order of who is next; nullopt: nobody is enabled.
-  [[nodiscard]] std::optional<std::size_t> next_enabled() const;
+  Grant grant(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
   ReportVerdict on_current_report(const BusReport& report, MonotonicTime now);
   ReportVerdict count(ReportVerdict verdict);
@@ -212,8 +218,7 @@ class TaskFlagRotation {
   void free_bus() { phase_ = Phase::free; }
 
   std::vector<Slot> slots_;
-  std::vector<bool> enabled_;
-  std::vector<std::size_t> order_;  ///< indices of slots_
+  std::vector<std::size_t> order_;  ///< indices of slots_, never empty
   /// The process of each payload that has spoken: it is up and matched, so its silence is a failure, not a
   /// start.
   std::vector<std::optional<std::uint32_t>> known_process_;

@@ -3,13 +3,13 @@
 #include <cstdint>
 #include <optional>
 
+#include "base/leaky_bucket.hpp"
 #include "base/time.hpp"
 
 namespace srfs {
 
 /// Judges frames of the peripheral that nobody asked for. A late answer is a handful of frames, a babbling
-/// peripheral never stops: a bucket that leaks tells them apart, in time and memory that do not grow with the
-/// flood. Pure.
+/// peripheral never stops: a bucket that leaks tells them apart. Pure.
 class BabbleMonitor {
  public:
   struct Settings {
@@ -34,8 +34,7 @@ class BabbleMonitor {
 
  private:
   Settings settings_;
-  std::uint32_t level_ = 0;
-  MonotonicTime leaked_;
+  LeakyBucket frames_;
   bool judged_ = false;  ///< a power cycle was asked for before
   std::optional<MonotonicTime> switched_on_;
   std::uint32_t in_a_row_ = 0;

@@ -159,16 +159,39 @@ PayloadActions PayloadCycle::on_foreign_flag(GrantId grant, MonotonicTime now) {
 }
 
 PayloadActions PayloadCycle::on_recall(GrantId id, MonotonicTime now) {
-  if (id > newest_) end_slot_of_another_grant(id, "the bus was recalled", now);
-  if (id == newest_) act(PublishStatus{PublishStatus::Kind::released, id, nanoseconds(0), "recalled"});
+  if (id < newest_) return finish();
+  const bool first = id > newest_;
+  newest_ = id;
+  recalled_ = id;
+  if (step_ == Step::idle) {
+    act(AwaitQuiet{});
+    return finish();
+  }
+  if (!first) return finish();  // it is being ended already
+  ++counters_.lost_grants;
+  act(CloseBus{});
+  if (step_ != Step::draining) {
+    abandon_slot("the bus was recalled", now);
+  } else if (!await_power_off_) {
+    if (!withdrawn_) deadline_ = drain_deadline(now);
+    act(AwaitQuiet{});
+  }
   return finish();
+}
+
+void PayloadCycle::answer_recall() {
+  if (!recalled_) return;
+  act(PublishStatus{PublishStatus::Kind::released, *recalled_, nanoseconds(0), "recalled"});
+  recalled_.reset();
 }
 
 void PayloadCycle::end_slot_of_another_grant(GrantId grant, const std::string& why, MonotonicTime now) {
   newest_ = grant;
+  recalled_.reset();
   if (step_ == Step::idle) return;
   ++counters_.lost_grants;
   if (step_ != Step::draining) abandon_slot(why, now);
+  act(WithdrawFrames{});
   release(now);
 }
 
@@ -410,6 +433,7 @@ void PayloadCycle::fail_slot(const std::string& detail, MonotonicTime now) {
 
 MonotonicTime PayloadCycle::drain_deadline(MonotonicTime now) const {
   if (withdrawn_) return flag_.lease_end;
+  if (recalled_) return now + settings_.drain_time;
   return std::min(std::max(flag_.allotted_end, now + settings_.drain_time),
                   flag_.lease_end - settings_.lease_margin);
 }
@@ -426,6 +450,7 @@ void PayloadCycle::drain(MonotonicTime now) {
 
 PayloadActions PayloadCycle::on_bus_quiet(MonotonicTime now) {
   if (step_ == Step::draining && !await_power_off_) release(now);
+  if (step_ == Step::idle) answer_recall();
   return finish();
 }
 
@@ -544,8 +569,9 @@ void PayloadCycle::on_power_deadline() {
 
 PayloadActions PayloadCycle::on_power_switched(bool on, bool ok, MonotonicTime now, bool was_on) {
   if (on) {
-    // Off by a process that died before it could write down what that means.
-    if (!was_on && power_reason_.empty() && power_ == Power::switching_on) journal_.on_ids_lost();
+    // Off, and not by us: by a process that died before it could write down what that means, or by the
+    // switcher while there was none. The switcher may have held the line when it was tried first.
+    if (!was_on && power_reason_.empty()) journal_.on_ids_lost();
     on_switched_on(ok, now);
   } else if (power_ == Power::switching_off) {
     on_switched_off(ok, now);

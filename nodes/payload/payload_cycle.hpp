@@ -100,7 +100,8 @@ struct SendRequest {
 struct AbortRequest {};
 /// Call on_bus_quiet() as soon as every own frame has left, at once if that is so now.
 struct AwaitQuiet {};
-/// Take back own frames that did not get the bus; what the CAN handle cannot do is left to the fence.
+/// Take back own frames that did not get the bus, if there are any; what the CAN handle cannot do is left to
+/// the fence.
 struct WithdrawFrames {};
 struct ProcessMeasurement {
   MissionCycle cycle = 0;
@@ -171,8 +172,9 @@ class PayloadCycle {
   PayloadActions on_flag(const PayloadFlag& flag, MonotonicTime now);
   /// Another payload's flag: ours is over, whatever we believe.
   PayloadActions on_foreign_flag(GrantId grant, MonotonicTime now);
-  /// A switcher asks for what an earlier one granted: a running slot ends, nothing is written until the next
-  /// own flag, and it is told so, each time it asks.
+  /// The switcher asks for what it, or an earlier one, granted: a running slot ends, nothing is written until
+  /// the next own flag, and it is told so, each time it asks, once every own frame has left or was taken
+  /// back.
   PayloadActions on_recall(GrantId id, MonotonicTime now);
   PayloadActions on_peripheral_reset(GrantId grant, const std::string& reason, MonotonicTime now);
   PayloadActions on_answer(const wire::PeripheralResponse& answer, MonotonicTime now);
@@ -224,6 +226,7 @@ class PayloadCycle {
   enum class Power : std::uint8_t { on, switching_off, off, switching_on };
 
   void end_slot_of_another_grant(GrantId grant, const std::string& why, MonotonicTime now);
+  void answer_recall();
   template <class A>
   void act(A action) {
     actions_.emplace_back(std::move(action));
@@ -279,8 +282,9 @@ class PayloadCycle {
   bool active_ = false;
   std::optional<MonotonicTime> starting_since_;  ///< until the first slot is begun
   Step step_ = Step::idle;
-  PayloadFlag flag_;  ///< the running or last own slot
-  GrantId newest_;    ///< highest grant seen, anybody's
+  PayloadFlag flag_;                 ///< the running or last own slot
+  GrantId newest_;                   ///< highest grant seen, anybody's
+  std::optional<GrantId> recalled_;  ///< a recall to be answered once no own frame waits for the bus
   std::optional<PublishStatus> last_status_;
   std::optional<MonotonicTime> deadline_;
   std::optional<std::string> failure_;  ///< of this slot

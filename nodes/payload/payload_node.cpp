@@ -143,8 +143,9 @@ CallbackReturn PayloadNode::on_configure() {
 }
 
 bool PayloadNode::open_devices() {
-  auto can = hw::open_can(device("can"), var().root,
-                          {hw::isotp_between(PeripheralLink::computer_address, profile_->can_address())});
+  auto can =
+      hw::open_can(device("can"), var().root,
+                   {hw::isotp_between(PeripheralLink::computer_address, profile_->peripheral().can_address)});
   auto gpio = hw::open_gpio(device("gpio"), var().root);
   if (!can || !gpio) {
     set_failure_reason(!can ? can.error().message : gpio.error().message);
@@ -171,7 +172,7 @@ void PayloadNode::restore() {
   if (std::filesystem::exists(state)) {
     if (const auto content = read_file(state, 65536)) profile_->restore_state(octets_of(*content));
   }
-  link_.emplace(profile_->can_address());
+  link_.emplace(profile_->peripheral().can_address);
   cycle_.emplace(
       settings(),
       [profile = profile_.get()](std::uint16_t function, OctetView arguments) {
@@ -702,8 +703,8 @@ void PayloadNode::carry_out(const SwitchPower& action) {
   auto outcome = std::make_shared<Outcome>();
   const bool taken = gpio_worker_->post(
       [this, on = action.on, outcome] {
-        outcome->was_on = gpio_->read_line(profile_->power_line()).value_or(true);
-        const auto set = gpio_->set_line(profile_->power_line(), on);
+        outcome->was_on = gpio_->read_line(profile_->peripheral().power_line).value_or(true);
+        const auto set = gpio_->set_line(profile_->peripheral().power_line, on);
         if (!set) log::warn("power switch of the peripheral: {}", hw::to_string(set.error()));
         outcome->ok = set.has_value();
       },
@@ -715,6 +716,7 @@ void PayloadNode::carry_out(const SwitchPower& action) {
 
 void PayloadNode::carry_out(const WithdrawFrames& /*action*/) {
   const std::size_t waiting = can_->unconfirmed();
+  if (waiting == 0) return;
   if (can_->withdraw()) {
     log::warn("{} own frames did not get the bus: taken back", waiting);
   } else {

@@ -9,6 +9,7 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
+#include "hw/peripherals.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 
 namespace srfs {
@@ -52,8 +53,7 @@ class PayloadProfile {
  public:
   virtual ~PayloadProfile() = default;
 
-  [[nodiscard]] virtual std::uint8_t can_address() const = 0;
-  [[nodiscard]] virtual std::uint8_t power_line() const = 0;  ///< hw/gpio.hpp
+  [[nodiscard]] virtual const hw::Peripheral& peripheral() const = 0;
   [[nodiscard]] virtual std::uint16_t apid() const = 0;
   [[nodiscard]] virtual std::uint16_t structure_id() const = 0;
 

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "hw/gpio.hpp"
-
 namespace srfs {
 namespace {
 
@@ -34,10 +32,6 @@ std::optional<float> rotation_angle_deg(const std::array<float, 4>& a, const std
   // q and -q are the same attitude: the shorter way counts.
   const double cosine_of_half = std::min(1.0, std::abs(dot(a, b)) / lengths);
   return static_cast<float>(2.0 * std::acos(cosine_of_half) * deg_per_rad);
-}
-
-std::uint8_t AdcsProfile::power_line() const {
-  return hw::gpio_power_adcs;
 }
 
 Result<PayloadCommand, FailureCode> AdcsProfile::decode_command(std::uint16_t function,

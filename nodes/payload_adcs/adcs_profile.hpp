@@ -15,8 +15,7 @@ namespace srfs {
 /// Attitude determination and control: pointing error against the commanded target, body rate, eclipse.
 class AdcsProfile : public PayloadProfile {
  public:
-  [[nodiscard]] std::uint8_t can_address() const override { return 0x11; }
-  [[nodiscard]] std::uint8_t power_line() const override;
+  [[nodiscard]] const hw::Peripheral& peripheral() const override { return hw::adcs; }
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_adcs; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_adcs; }
 

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hw/gpio.hpp"
-
 namespace srfs {
 namespace {
 
@@ -17,10 +15,6 @@ constexpr float smallest_discharge_a = 0.01F;  // below it is the noise of the s
 float time_to_empty_s(float state_of_charge, float battery_current_a, float capacity_ah) {
   if (!(battery_current_a < -smallest_discharge_a)) return std::nanf("");
   return std::max(0.0F, state_of_charge) * capacity_ah * 3600.0F / -battery_current_a;
-}
-
-std::uint8_t EpsProfile::power_line() const {
-  return hw::gpio_power_eps;
 }
 
 Result<PayloadCommand, FailureCode> EpsProfile::decode_command(std::uint16_t function,

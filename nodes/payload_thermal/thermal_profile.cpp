@@ -2,13 +2,7 @@
 
 #include <algorithm>
 
-#include "hw/gpio.hpp"
-
 namespace srfs {
-
-std::uint8_t ThermalProfile::power_line() const {
-  return hw::gpio_power_thermal;
-}
 
 Result<PayloadCommand, FailureCode> ThermalProfile::decode_command(std::uint16_t function,
                                                                    OctetView arguments) const {

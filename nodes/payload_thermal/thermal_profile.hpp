@@ -13,8 +13,7 @@ class ThermalProfile : public PayloadProfile {
   static constexpr float highest_k = 338.15F;
   static constexpr float hysteresis_k = 2.0F;
 
-  [[nodiscard]] std::uint8_t can_address() const override { return 0x13; }
-  [[nodiscard]] std::uint8_t power_line() const override;
+  [[nodiscard]] const hw::Peripheral& peripheral() const override { return hw::thermal; }
   [[nodiscard]] std::uint16_t apid() const override { return mission::apid::payload_thermal; }
   [[nodiscard]] std::uint16_t structure_id() const override { return mission::structure::payload_thermal; }
 

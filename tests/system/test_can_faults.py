@@ -1,5 +1,8 @@
-"""Faults of the CAN bus itself: bus-off, a flood, a peripheral that babbles. The rotation goes on, nobody is killed."""
+"""Faults of the CAN bus and of who shares it: bus-off, a flood, a peripheral that babbles, a holder that does not give the bus back, a
+switcher that did not listen. The rotation goes on."""
 
+import os
+import signal
 import unittest
 
 from support import DEADLINE_S, NODES, PAYLOADS, SystemTest, can_frames, slots, wait_for_slots, wait_until
@@ -155,6 +158,114 @@ class BabblingPeripheralTest(CanFaultTest):
         begin = can_frames.last_time(flight.can_log()[-100:])
         lines = flight.can_log(until_ns=begin + 2_000_000_000, deadline_s=DEADLINE_S)
         return [line for line in lines if "18DA0112#" in line and can_frames.last_time([line]) > begin]
+
+
+class UnattendedPeripheralTest(CanFaultTest):
+    def test_a_peripheral_that_babbles_while_its_payload_has_no_process_is_cut_off_and_comes_back_with_its_payload(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_all(recorder, "released", 2)
+            os.kill(flight.node_pid("payload_eps"), signal.SIGKILL)
+            wait_until(lambda: flight.node_pid("payload_eps") is None, DEADLINE_S, "payload_eps has ended")
+
+            flight.control({"peripheral": "eps", "fault": "babble"})
+            event = self.wait_for_event(ground, "can_switcher.peripheral_cut")
+            self.assertEqual(event["fields"]["payload"], "payload_eps")
+            self.assertFalse(self.powered(flight))
+            packet = ground.housekeeping("can_switcher", DEADLINE_S, matches=lambda f: f["peripherals_cut"] == 1)
+            self.assertIsNotNone(packet)
+            since = recorder.position()
+            for payload in HEALTHY:
+                wait_for_slots(recorder, payload, "released", 5, since)
+
+            flight.control({"peripheral": "eps", "fault": "none"})
+            since = recorder.position()
+            self.assertEqual(flight.srfs("up").returncode, 0)
+            wait_for_slots(recorder, "payload_eps", "released", 5, since)
+            self.assertTrue(self.powered(flight))
+
+    def powered(self, flight):
+        return flight.control({"query": "counters"})["peripherals"]["eps"]["powered"]
+
+
+class FenceTest(CanFaultTest):
+    MARKER = " 1CDA0101#"
+
+    def fence(self, flight, ground):
+        """Stops the EPS' payload until the switcher has killed it."""
+        pid = flight.node_pid("payload_eps")
+        os.kill(pid, signal.SIGSTOP)
+        event = self.wait_for_event(ground, "can_switcher.holder_fenced")
+        self.assertEqual(event["fields"]["payload"], "payload_eps")
+        wait_until(lambda: flight.node_pid("payload_eps") != pid, DEADLINE_S, "payload_eps has been killed")
+
+    def test_behind_a_fenced_holder_one_marker_proves_that_its_frames_are_gone(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_all(recorder, "released", 2)
+            self.assertFalse([line for line in flight.can_log() if self.MARKER in line])
+            withdrawn = flight.control({"query": "counters"})["can"]["withdrawn"]
+            self.fence(flight, ground)
+            since = recorder.position()
+            for payload in HEALTHY:
+                wait_for_slots(recorder, payload, "released", 3, since)
+            self.assertEqual(len([line for line in flight.can_log() if self.MARKER in line]), 1)
+            self.assertEqual(flight.control({"query": "counters"})["can"]["withdrawn"], withdrawn, "on a healthy bus nothing is taken back")
+
+    def test_on_a_jammed_bus_the_marker_is_taken_back_and_the_rotation_goes_on(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_all(recorder, "released", 2)
+            flight.control({"can": {"babble": {"id": 0}}})
+            self.fence(flight, ground)
+            since = recorder.position()
+            for payload in HEALTHY:
+                wait_for_slots(recorder, payload, "failed", 3, since)
+            self.assertFalse([line for line in flight.can_log() if self.MARKER in line], "it never got the bus")
+            flight.control({"can": {}})
+            since = recorder.position()
+            for payload in HEALTHY:
+                wait_for_slots(recorder, payload, "released", 3, since)
+
+
+class UnwatchedSlotTest(CanFaultTest):
+    def test_a_switcher_that_was_unconfigured_in_the_middle_of_a_slot_asks_for_it_back_and_kills_nobody(self):
+        slot = "payload: payload_eps, allotted_ms: "
+        payload = "executable: payload_eps_node\n    scheduling: { policy: other, priority: 0, cpus: [] }"
+        deployment = self.deployment(
+            (slot + "60", slot + "4000"),
+            (payload, payload + "\n    parameters: { answer_timeout_ms: 10000, silent_slots_to_power_cycle: 0 }"),
+        )
+        with self.flight(deployment) as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            self.wait_for_all(recorder, "released", 2)
+            before = {payload: flight.node_pid(payload) for payload in PAYLOADS}
+            flight.control({"peripheral": "eps", "fault": "silent"})  # its slots last as long as they may
+            since = recorder.position()
+
+            def unconfigured_in_the_middle_of_a_slot():
+                taken = recorder.wait_for(lambda m: self.is_of_eps(m, "taken"), DEADLINE_S, recorder.position())
+                self.assertIsNotNone(taken)
+                position = recorder.position()
+                for transition in ("deactivate", "cleanup"):
+                    self.assertEqual(flight.srfs("lifecycle", "can_switcher", transition).returncode, 0)
+                unheard = not slots(recorder, "payload_eps", "failed", position)
+                wait_for_slots(recorder, "payload_eps", "failed", 1, position)
+                for transition in ("configure", "activate"):
+                    self.assertEqual(flight.srfs("lifecycle", "can_switcher", transition).returncode, 0)
+                return unheard
+
+            wait_until(unconfigured_in_the_middle_of_a_slot, DEADLINE_S, "a slot whose end nobody heard")
+            flight.control({"peripheral": "eps", "fault": "none"})
+            recalled = recorder.wait_for(lambda m: self.is_of_eps(m, "released") and m["detail"] == "recalled", DEADLINE_S, since)
+            self.assertIsNotNone(recalled)
+            self.wait_for_all(recorder, "released", 3)
+            self.assertEqual({payload: flight.node_pid(payload) for payload in PAYLOADS}, before)
+            fenced = ground.find(lambda m: m["type"] == "event" and m.get("event") == "can_switcher.holder_fenced")
+            self.assertIsNone(fenced)
+
+    def is_of_eps(self, message, status):
+        return message["type"] == "bus" and message["payload"] == "payload_eps" and message["status"] == status
 
 
 if __name__ == "__main__":

@@ -306,7 +306,6 @@ DownReport down(const Target& target, milliseconds patience) {
       (void)ros::DomainLock::share(*domain);  // removes the lock of killed nodes
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.environment_file(), ec);
-    std::filesystem::remove(target.var.can_holder(), ec);
     std::filesystem::remove_all(target.var.memory(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }

@@ -165,11 +165,10 @@ class SocketCan : public RawCanBus {
         return std::nullopt;
       }
       note_drops(r);
-      if (r.size != static_cast<ssize_t>(sizeof(can_frame)) || r.raw.len > CAN_MAX_DLEN) {
-        ++counters_.malformed;
-      } else if (is_error_frame(r.raw)) {
+      const bool whole = r.size == static_cast<ssize_t>(sizeof(can_frame)) && r.raw.len <= CAN_MAX_DLEN;
+      if (whole && is_error_frame(r.raw)) {
         on_report(decode_error_frame(r.raw));
-      } else if (is_unwanted_remote(r.raw)) {
+      } else if (!whole || is_unwanted_remote(r.raw)) {
         ++counters_.malformed;
       } else if (auto frame = accept(r.raw, r.is_echo, r.at)) {
         return frame;
@@ -185,6 +184,9 @@ class SocketCan : public RawCanBus {
     taken_down_ = !cycle.up;
     ++counters_.withdrawals;
     on_withdrawn(0);
+    // This socket is as dead as those of all other processes. The interface is there again: it is opened now.
+    interface_lost(ENETDOWN);
+    (void)socket();
     return true;
   }
 
@@ -247,10 +249,11 @@ class SocketCan : public RawCanBus {
   }
 
   // Down or unplugged. A socket bound to an interface that went away never comes back to life: a new one is
-  // opened.
+  // opened. One that went down is often up again at once: frames were withdrawn, by whomever.
   void interface_lost(int error) {
+    using Retry = Reopening::Retry;
     found_.down = error == ENETDOWN;
-    lost(errno_text(error));
+    lost(errno_text(error), found_.down ? Retry::at_once : Retry::later);
   }
 
   void note_drops(const Received& r) {

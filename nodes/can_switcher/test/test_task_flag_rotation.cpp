@@ -192,20 +192,6 @@ TEST_F(TaskFlagRotationTest, BelievesATimelineThatStartsAgainAfterItsSecondTick)
   must_grant();
 }
 
-TEST_F(TaskFlagRotationTest, SkipsDisabledPayloads) {
-  EXPECT_TRUE(rotation.set_enabled("eps", false));
-  EXPECT_FALSE(rotation.set_enabled("nobody", false));
-  release(must_grant());
-  const Grant grant = must_grant();
-  EXPECT_EQ(grant.payload, "thermal");
-  release(grant);
-
-  rotation.set_enabled("adcs", false);
-  rotation.set_enabled("thermal", false);
-  EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
-  EXPECT_EQ(rotation.counters().idle_ticks, 1U);
-}
-
 TEST_F(TaskFlagRotationTest, GrantsNothingWhileSuspendedAndStillFencesTheHolder) {
   const Grant grant = must_grant();
   take(grant);
@@ -361,10 +347,49 @@ TEST_F(Successor, FencesTheHolderThatDoesNotAnswerInTime) {
   EXPECT_TRUE(std::holds_alternative<Grant>(tick()));
 }
 
-TEST_F(Successor, TakesTheAnswerOfALaterProcessOfTheHolderAndNoneOfAnEarlierOne) {
+TEST_F(Successor, LearnsFromALaterProcessThatTheHolderIsGoneAndFencesAtOnceWhatItMayHaveLeft) {
   const GrantId id = must_recall();
-  EXPECT_EQ(answer(id, "eps", 4), ReportVerdict::foreign);
-  EXPECT_EQ(answer(id, "eps", 6), ReportVerdict::applied);
+  EXPECT_EQ(answer(id, "eps", 4), ReportVerdict::foreign) << "an earlier one says nothing";
+  EXPECT_LT(now, *rotation.next_deadline());
+  EXPECT_EQ(answer(id, "eps", 6), ReportVerdict::greeting);
+  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now)));
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "its frames may wait for the bus";
+}
+
+TEST_F(Successor, AwaitsTheEmptyQueueOfAHolderWhoseProcessIsGoneAndAsksNobody) {
+  TaskFlagRotation heir{plan(), incarnation, boot, InheritedGrant{"eps", std::nullopt}};
+  EXPECT_TRUE(heir.awaits_fence());
+  EXPECT_FALSE(heir.next_deadline());
+  now += seconds(1);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(heir.on_tick(now, 1, now)));
+  ASSERT_TRUE(heir.holder()) << "a switcher after this one has to wait for it, too";
+  heir.on_fenced(heir.current()->id, now);
+  EXPECT_FALSE(heir.holder());
+  now += milliseconds(100);
+  EXPECT_TRUE(std::holds_alternative<Grant>(heir.on_tick(now, 2, now)));
+}
+
+TEST_F(TaskFlagRotationTest, AsksForAGrantThatItDidNotWatchUnderANewIdAndAccusesNobody) {
+  const Grant grant = must_grant();
+  take(grant);
+  EXPECT_TRUE(rotation.awaits_release());
+  rotation.suspend();
+  now = grant.lease_end + seconds(5);  // nobody listened
+  rotation.inherit({grant.payload, 5}, now);
+  EXPECT_FALSE(rotation.awaits_release());
+  EXPECT_EQ(rotation.next_deadline(), std::nullopt);
+  EXPECT_EQ(rotation.slot_counters(0).fences, 0U);
+
+  rotation.resume(now);
+  const Decision decision = tick();
+  ASSERT_TRUE(std::holds_alternative<Recall>(decision));
+  const GrantId id = std::get<Recall>(decision).id;
+  EXPECT_GT(id, grant.id);
+  EXPECT_EQ(release(grant), ReportVerdict::old_grant);
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, id, grant.payload, 5}, now),
+            ReportVerdict::applied);
+  now += milliseconds(100);
+  EXPECT_EQ(must_grant().payload, "eps");
 }
 
 TEST_F(Successor, AccusesNobodyWhileItIsNotActive) {

@@ -341,30 +341,71 @@ TEST_F(PayloadCycleTest, StopsWhenAnotherPayloadIsGranted) {
   EXPECT_EQ(cycle.counters().lost_grants, 1U);
 }
 
-TEST_F(PayloadCycleTest, EndsItsSlotWhenTheBusIsRecalledAndAnswersEachTime) {
+TEST_F(PayloadCycleTest, TakesItsFramesBackWhenAnotherPayloadIsGranted) {
   grant();
-  PayloadActions actions = cycle.on_recall({2, 1}, now);
+  const PayloadActions actions = cycle.on_foreign_flag({1, counter + 1}, now);
+  EXPECT_NE(find<WithdrawFrames>(actions), nullptr) << "they must not leave in the other's slot";
+}
+
+struct Recalled : Cycle {
+  static bool answers(const PayloadActions& actions) {
+    return std::any_of(actions.begin(), actions.end(), [](const PayloadAction& a) {
+      const auto* status = std::get_if<PublishStatus>(&a);
+      return status != nullptr && status->kind == Kind::released && status->grant == GrantId{2, 1};
+    });
+  }
+  PayloadActions recall() { return cycle.on_recall({2, 1}, now); }
+};
+using PayloadCycleRecall = Recalled;
+
+TEST_F(PayloadCycleRecall, EndsTheSlotAndIsAnsweredEachTimeOnceNoOwnFrameWaits) {
+  grant();
+  PayloadActions actions = recall();
   EXPECT_NE(find<CloseBus>(actions), nullptr);
+  EXPECT_NE(find<AwaitQuiet>(actions), nullptr);
+  EXPECT_EQ(find<PublishStatus>(actions), nullptr) << "its request is on its way";
+  actions = quiet();
   EXPECT_EQ(count<PublishStatus>(actions), 2U) << "the end of its slot, and the answer";
-  const auto answered = [](const PayloadActions& a) {
-    const auto* status = a.empty() ? nullptr : std::get_if<PublishStatus>(&a.back());
-    return status != nullptr && status->kind == Kind::released && status->grant == GrantId{2, 1};
-  };
-  actions.erase(std::remove_if(actions.begin(), actions.end(),
-                               [](const auto& a) { return !std::holds_alternative<PublishStatus>(a); }),
-                actions.end());
-  EXPECT_TRUE(answered(actions));
+  EXPECT_TRUE(answers(actions));
   EXPECT_FALSE(cycle.holds_bus());
-  EXPECT_TRUE(answered(cycle.on_recall({2, 1}, now))) << "the first answer may be lost";
+  EXPECT_FALSE(answers(quiet())) << "once for each question";
+  EXPECT_NE(find<AwaitQuiet>(recall()), nullptr) << "the first answer may be lost";
+  EXPECT_TRUE(answers(quiet()));
 
   EXPECT_TRUE(grant().empty()) << "what the earlier switcher granted is void";
   cycle.on_foreign_flag({2, 2}, now);
-  EXPECT_TRUE(cycle.on_recall({2, 1}, now).empty()) << "an old question";
+  EXPECT_TRUE(recall().empty()) << "an old question";
 }
 
-TEST_F(PayloadCycleTest, AnswersARecallWhileInactive) {
+TEST_F(PayloadCycleRecall, TakesBackFramesThatAreStuckAndIsNotAnsweredBefore) {
+  grant();
+  EXPECT_EQ(find<WithdrawFrames>(recall()), nullptr) << "on a bus that works they are gone in a moment";
+  const PayloadActions actions = pass(PayloadSettings{}.drain_time);
+  EXPECT_NE(find<WithdrawFrames>(actions), nullptr);
+  EXPECT_FALSE(answers(actions));
+  EXPECT_FALSE(answers(recall())) << "asked again";
+  EXPECT_FALSE(answers(pass(flag.lease_end - now))) << "only the fence can tell that they are gone";
+  EXPECT_TRUE(answers(quiet())) << "a late echo can, too";
+}
+
+TEST_F(PayloadCycleRecall, HurriesASlotThatWaitsForItsLastEchoes) {
+  grant();
+  wake();
+  recall();
+  EXPECT_NE(find<WithdrawFrames>(pass(PayloadSettings{}.drain_time)), nullptr);
+}
+
+TEST_F(PayloadCycleRecall, IsAnsweredWhileInactive) {
   cycle.deactivate(now);
-  EXPECT_NE(find<PublishStatus>(cycle.on_recall({2, 1}, now)), nullptr);
+  recall();
+  EXPECT_TRUE(answers(quiet()));
+}
+
+TEST_F(PayloadCycleRecall, IsForgottenWithANewerGrant) {
+  grant();
+  recall();
+  cycle.on_foreign_flag({2, 2}, now);
+  EXPECT_FALSE(answers(quiet()));
 }
 
 TEST_F(PayloadCycleTest, DoesNotRepeatAByIdCommandThatItsPeripheralForgotWithItsPower) {
@@ -395,6 +436,23 @@ TEST(PayloadCycleStart, DoesNotRepeatAByIdCommandWhenThePowerWasOffAtTheStart) {
     cycle.on_power_switched(true, true, MonotonicTime(seconds(20)), was_on);
     EXPECT_EQ(cycle.journal().pending(), was_on ? 2U : 1U) << "only the first one can have been sent";
   }
+}
+
+TEST(PayloadCycleStart, LearnsThatThePowerWasOffAlsoFromASwitchThatObeysOnlyLater) {
+  TelecommandJournal before("boot");
+  before.add({7, 1, RepeatClass::by_id, {}, {}});
+  before.on_written(before.revision(), true);
+  TelecommandJournal journal("boot");
+  ASSERT_TRUE(journal.restore(before.encode()));
+  PayloadCycle cycle(PayloadSettings{}, decode, std::move(journal));
+  MonotonicTime now(seconds(20));
+  cycle.activate(now);
+  cycle.on_power_switched(true, false, now);  // the line has another owner: not even its level is known
+  ASSERT_TRUE(cycle.next_deadline());
+  now = *cycle.next_deadline();
+  ASSERT_NE(find<SwitchPower>(cycle.on_deadline(now)), nullptr);
+  cycle.on_power_switched(true, true, now, false);
+  EXPECT_EQ(cycle.journal().pending(), 0U) << "the peripheral has forgotten the ids it knew";
 }
 
 TEST_F(PayloadCycleTest, ResetsItsPeripheralWhenOrderedAndReleases) {

@@ -48,6 +48,7 @@ class World {
       case 7:
         if (chance(20)) take(cycle_.on_peripheral_reset({1, counter_}, "overrun", now_));
         if (chance(60)) take(cycle_.on_foreign_flag({1, ++counter_}, now_));
+        if (chance(30)) recall();
         if (chance(10) && !cycle_.expects_frames()) {
           for (int i = 0; i < 70; ++i) take(cycle_.on_unsolicited_frame(now_));
         }
@@ -69,6 +70,7 @@ class World {
   std::uint32_t completed = 0;
   std::uint32_t interrupted = 0;
   std::uint32_t kept_off_changes = 0;
+  std::uint32_t recalls = 0;
 
  private:
   static Result<PayloadCommand, FailureCode> decode(std::uint16_t function, OctetView /*arguments*/) {
@@ -114,7 +116,14 @@ class World {
 
   void quiet() {
     awaiting_quiet_ = false;
+    quiet_ = true;
     take(cycle_.on_bus_quiet(now_));
+    quiet_ = false;
+  }
+
+  void recall() {
+    if (!recalled_ || chance(2)) recalled_ = GrantId{1, ++counter_};
+    take(cycle_.on_recall(*recalled_, now_));
   }
 
   void telecommand() {
@@ -150,6 +159,10 @@ class World {
   }
 
   void check(const PublishStatus& status) {
+    if (status.grant == recalled_) {
+      ASSERT_TRUE(quiet_) << "a recall was answered while own frames could wait for the bus";
+      ++recalls;
+    }
     if (status.kind == PublishStatus::Kind::taken) {
       if (!open_) taken_ = status.grant;
       ++slots;
@@ -163,6 +176,7 @@ class World {
     ASSERT_LT(now_, bus.lease_end);
     last_opened_ = bus.grant;
     open_ = true;
+    awaiting_quiet_ = false;
   }
   void check(const CloseBus& /*bus*/) {
     open_ = false;
@@ -184,7 +198,7 @@ class World {
   void check(const AbortRequest& /*abort*/) { request_.reset(); }
   void check(const AwaitQuiet& /*await*/) { awaiting_quiet_ = true; }
   void check(const WithdrawFrames& /*withdraw*/) {
-    ASSERT_TRUE(awaiting_quiet_) << "frames were taken back that still had a purpose";
+    ASSERT_FALSE(request_) << "frames were taken back that still had a purpose";
   }
   void check(const RememberKeptOff& remember) {
     ASSERT_NE(remember.kept_off, kept_off_) << "no change";
@@ -225,6 +239,8 @@ class World {
   GrantId last_opened_;
   bool open_ = false;
   bool awaiting_quiet_ = false;
+  bool quiet_ = false;
+  std::optional<GrantId> recalled_;
   bool kept_off_ = false;
   std::optional<decltype(SendRequest::body)> request_;
   std::uint32_t processing_ = 0;
@@ -243,6 +259,7 @@ TEST(PayloadCycle, NeverSendsWithoutTheBusNorRepeatsAnAtMostOnceCommandInRandomS
   std::uint32_t completed = 0;
   std::uint32_t interrupted = 0;
   std::uint32_t kept_off_changes = 0;
+  std::uint32_t recalls = 0;
   for (std::uint64_t seed = 0; seed < 30; ++seed) {
     World world(seed);
     for (int i = 0; i < 10'000; ++i) {
@@ -253,11 +270,13 @@ TEST(PayloadCycle, NeverSendsWithoutTheBusNorRepeatsAnAtMostOnceCommandInRandomS
     completed += world.completed;
     interrupted += world.interrupted;
     kept_off_changes += world.kept_off_changes;
+    recalls += world.recalls;
   }
   EXPECT_GT(slots, 1'000U);
   EXPECT_GT(completed, 500U);
   EXPECT_GT(interrupted, 10U);
   EXPECT_GT(kept_off_changes, 10U);
+  EXPECT_GT(recalls, 100U);
 }
 
 }  // namespace

@@ -1,0 +1,79 @@
+#include <gtest/gtest.h>
+
+#include "nodes/can_switcher/unattended_peripherals.hpp"
+
+namespace srfs {
+namespace {
+
+constexpr std::uint32_t from_eps = 0x18DA0112;
+
+struct Unattended : ::testing::Test {
+  UnattendedPeripherals peripherals;
+  MonotonicTime now{seconds(30)};
+  bool attended = false;
+  int questions = 0;
+
+  void hear(int frames, std::uint32_t id = from_eps, nanoseconds distance = microseconds(300)) {
+    for (int i = 0; i < frames; ++i) peripherals.on_frame(id, true, now += distance);
+  }
+  std::vector<std::string_view> babbling() {
+    std::vector<std::string_view> payloads;
+    for (const hw::Peripheral* p : peripherals.babbling([this](std::string_view) {
+           ++questions;
+           return attended;
+         }))
+      payloads.push_back(p->payload);
+    return payloads;
+  }
+};
+using UnattendedPeripheralsTest = Unattended;
+
+TEST_F(UnattendedPeripheralsTest, NamesThePayloadThatHasNoProcessAndWhosePeripheralNeverStops) {
+  hear(65);
+  EXPECT_TRUE(babbling().empty()) << "these may be older than the end of the process";
+  hear(64);
+  EXPECT_TRUE(babbling().empty());
+  hear(1);
+  EXPECT_EQ(babbling(), std::vector<std::string_view>{"payload_eps"});
+  EXPECT_TRUE(babbling().empty()) << "once";
+}
+
+TEST_F(UnattendedPeripheralsTest, NamesItAgainWhenItWasNotSwitchedOff) {
+  for (int i = 0; i < 2; ++i, hear(65)) (void)babbling();
+  EXPECT_EQ(babbling().size(), 1U);
+  hear(65);
+  EXPECT_EQ(babbling().size(), 1U);
+}
+
+TEST_F(UnattendedPeripheralsTest, LeavesItToThePayloadThatHasAProcess) {
+  attended = true;
+  for (int i = 0; i < 10; ++i) {
+    hear(200);
+    EXPECT_TRUE(babbling().empty());
+  }
+  attended = false;
+  hear(65);
+  EXPECT_TRUE(babbling().empty()) << "it ended just now";
+}
+
+TEST_F(UnattendedPeripheralsTest, AsksNobodyAboutTheRestOfAnAnswerOrAFewFramesNowAndThen) {
+  hear(64);
+  (void)babbling();
+  hear(1000, from_eps, milliseconds(60));
+  (void)babbling();
+  EXPECT_EQ(questions, 0);
+}
+
+TEST_F(UnattendedPeripheralsTest, DoesNotTakeOtherFramesForAPeripherals) {
+  for (int i = 0; i < 3; ++i) {
+    hear(100, 0x18DA1201);
+    hear(100, 0x18DA0119);
+    hear(100, 0x18DA1112);
+    for (int k = 0; k < 100; ++k) peripherals.on_frame(from_eps & 0x7FFU, false, now);
+    EXPECT_TRUE(babbling().empty());
+  }
+  EXPECT_EQ(questions, 0);
+}
+
+}  // namespace
+}  // namespace srfs

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <string_view>
+#include <vector>
+
+#include "base/leaky_bucket.hpp"
+#include "base/time.hpp"
+#include "hw/peripherals.hpp"
+
+namespace srfs {
+
+/// Finds peripherals that babble while nobody minds them: a payload switches its own off, unless it has no
+/// process. Without one nobody asks the peripheral anything, so all it sends beyond the rest of an answer is
+/// babble. Pure.
+class UnattendedPeripherals {
+ public:
+  static constexpr std::uint32_t tolerated_frames = 64;            ///< at once
+  static constexpr nanoseconds forgiven_every = milliseconds(50);  ///< one frame of them
+
+  void on_frame(std::uint32_t id, bool extended, MonotonicTime now);
+  /// Those to be switched off now: too many frames since their payload was first found without a process, and
+  /// it still is. @p attended is asked only about those that sent too many: whether the payload has a process
+  [[nodiscard]] std::vector<const hw::Peripheral*> babbling(
+      const std::function<bool(std::string_view payload)>& attended);
+
+ private:
+  struct Bucket {
+    LeakyBucket frames;
+    bool unattended = false;  ///< when it was full the last time
+  };
+  std::array<Bucket, hw::peripherals.size()> buckets_{};
+};
+
+}  // namespace srfs
