@@ -49,8 +49,10 @@ def main():
     else:
         for result in summary["checks"]:
             print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}")
+        measured = summary.get("strict_sequence_measured")
         print(f"  bus used {100 * summary['bus_utilisation']:.1f} % of the time"
               + (f", {100 * summary['bus_utilisation_sequential']:.1f} % if processing had to end first" if summary["bus_utilisation_sequential"] else "")
+              + (f" (measured {100 * measured['bus_utilisation']:.1f} %), parallelism {summary['parallelism']}" if measured else "")
               + f"; heartbeat to bus {summary['heartbeat_to_bus_p50_ms']} ms (p50); files in {out}")  # fmt: skip
     return 0 if summary["ok"] else 1
 
