@@ -13,7 +13,7 @@ import tempfile
 import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
-MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf")
+MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf", "uhid", "hid-mcp2221")
 CAN_DEADLINE_S = 1200
 
 
