@@ -15,6 +15,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "hw/linux/clock_offset.hpp"
 #include "hw/sim/can_hub_requests.hpp"
 
 namespace srfs::sim {
@@ -110,6 +111,34 @@ can_frame to_raw(const ControllerReport& report) {
   return raw;
 }
 
+/// One datagram, with the time at which the sender wrote it.
+struct Datagram {
+  can_frame raw{};
+  ssize_t size = -1;
+  std::optional<UtcTime> written;
+};
+
+Datagram receive_one(int socket) {
+  Datagram d;
+  iovec part{.iov_base = &d.raw, .iov_len = sizeof d.raw};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(timespec))> control{};
+  msghdr message{};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  d.size = ::recvmsg(socket, &message, MSG_TRUNC);
+  if (d.size <= 0) return d;
+  for (const cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr;
+       c = CMSG_NXTHDR(&message, const_cast<cmsghdr*>(c))) {
+    if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SO_TIMESTAMPNS) continue;
+    timespec t{};
+    std::memcpy(&t, CMSG_DATA(c), sizeof t);
+    d.written = hw::to_utc_time(t);
+  }
+  return d;
+}
+
 bool is_of_this_process(int socket) {
   ucred peer{};
   socklen_t size = sizeof peer;
@@ -149,7 +178,6 @@ Result<std::unique_ptr<CanHub>, std::string> CanHub::create(const std::filesyste
 }
 
 void CanHub::on_readable(MonotonicTime now) {
-  advance(now);  // frames that came in meanwhile wait for the bus behind those that were there
   std::array<epoll_event, max_clients + 2> events{};
   const int n = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), 0);
   for (int i = 0; i < n; ++i) {
@@ -164,10 +192,35 @@ void CanHub::on_readable(MonotonicTime now) {
       read_client(fd, now);
     }
   }
-  arm_timer();
+  handle_inputs();
+  advance(now);
+}
+
+/// In the order in which they were written, the bus with them.
+void CanHub::handle_inputs() {
+  std::stable_sort(inputs_.begin(), inputs_.end(),
+                   [](const Input& a, const Input& b) { return a.at < b.at; });
+  for (const Input& input : inputs_) {
+    const auto client = clients_.find(input.fd);
+    if (client == clients_.end()) continue;
+    advance(std::max(input.at, advanced_));
+    if (!input.frame) {
+      drop_client(input.fd);
+    } else if (input.frame->can_id == hw::can_hub_restart || input.frame->can_id == hw::can_hub_withdraw) {
+      on_request(client->second, *input.frame, advanced_);
+    } else if (const auto frame = to_bus_frame(*input.frame)) {
+      if (!client->second.address && frame->extended)
+        client->second.address = static_cast<std::uint8_t>(frame->id);
+      (void)arbiter_.submit(client->second.bus, *frame, advanced_);  // refusals are counted by the arbiter
+    } else {
+      ++counters_.malformed;
+    }
+  }
+  inputs_.clear();
 }
 
 void CanHub::advance(MonotonicTime now) {
+  advanced_ = std::max(advanced_, now);
   while (const auto delivery = arbiter_.advance(now)) {
     send_reports();
     deliver(*delivery);
@@ -186,6 +239,9 @@ void CanHub::accept_clients() {
       continue;
     }
     const int fd = socket.get();
+    const int on = 1;
+    // Without stamps a frame counts as written when it is read.
+    (void)::setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
     if (!watch(epoll_.get(), fd)) continue;
     ++counters_.connected;
     const BusClient bus = is_of_this_process(fd) ? arbiter_.add_client() : arbiter_.add_client(computer_);
@@ -196,29 +252,25 @@ void CanHub::accept_clients() {
 }
 
 void CanHub::read_client(int fd, MonotonicTime now) {
-  const auto client = clients_.find(fd);
-  if (client == clients_.end()) return;
+  // All stamps are placed by one look at both clocks: their distances are exact.
+  const UtcTime utc_now = system_utc_now();
+  const MonotonicTime utc_now_is = hw::place_on_monotonic(utc_now).value_or(now);
+  MonotonicTime last;  // a client's frames keep their order, whatever the clock is set to meanwhile
   for (int i = 0; i < datagrams_per_call; ++i) {
-    can_frame raw{};
-    const ssize_t n = ::recv(fd, &raw, sizeof raw, MSG_TRUNC);
-    if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
-    if (n <= 0) {
-      drop_client(fd);
+    const Datagram datagram = receive_one(fd);
+    if (datagram.size < 0 && (errno == EAGAIN || errno == EINTR)) return;
+    if (datagram.size <= 0) {
+      inputs_.push_back({.at = now, .fd = fd, .frame = std::nullopt});
       return;
     }
-    if (n == static_cast<ssize_t>(sizeof raw) &&
-        (raw.can_id == hw::can_hub_restart || raw.can_id == hw::can_hub_withdraw)) {
-      on_request(client->second, raw, now);
-      continue;
-    }
-    const auto frame = n == static_cast<ssize_t>(sizeof raw) ? to_bus_frame(raw) : std::nullopt;
-    if (!frame) {
+    if (datagram.size == static_cast<ssize_t>(sizeof datagram.raw)) {
+      const nanoseconds age = datagram.written ? utc_now - *datagram.written : nanoseconds(0);
+      const bool plausible = age >= nanoseconds(0) && age < seconds(1);
+      last = std::max(last, plausible ? std::min(now, utc_now_is - age) : now);
+      inputs_.push_back({.at = last, .fd = fd, .frame = datagram.raw});
+    } else {
       ++counters_.malformed;
-      continue;
     }
-    if (!client->second.address && frame->extended)
-      client->second.address = static_cast<std::uint8_t>(frame->id);
-    (void)arbiter_.submit(client->second.bus, *frame, now);  // refusals are counted by the arbiter
   }
 }
 

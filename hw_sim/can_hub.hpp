@@ -10,6 +10,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/fd.hpp"
 #include "base/result.hpp"
@@ -45,7 +46,9 @@ class CanHub {
 
   /// One descriptor for everything (level-triggered, EPOLLIN): the same for the hub's lifetime.
   [[nodiscard]] int fd() const { return epoll_.get(); }
-  /// Handles all that is due at @p now, bounded to 64 datagrams per client and call.
+  /// Handles all that is due at @p now, bounded to 64 datagrams per client and call. A frame is ready for the
+  /// bus from the time its client wrote it, as with a controller: how late this process was woken does not
+  /// count.
   void on_readable(MonotonicTime now);
   /// Delivers the frames whose end is not after @p now. on_readable() includes it.
   void advance(MonotonicTime now);
@@ -73,9 +76,17 @@ class CanHub {
     std::optional<std::uint8_t> address;  ///< the source of the frames it sends
     bool overrun = false;                 ///< it lost something and was not told yet
   };
+  /// What a client wrote, or without frame, that it is gone.
+  struct Input {
+    MonotonicTime at;
+    int fd = -1;
+    std::optional<can_frame> frame;
+  };
   CanHub(std::filesystem::path socket_path, BusArbiter arbiter);
   void accept_clients();
+  /// Appends to inputs_ what @p fd has.
   void read_client(int fd, MonotonicTime now);
+  void handle_inputs();
   void drop_client(int fd);
   void deliver(const BusDelivery& delivery);
   /// Counts and remembers what the client is too slow to take.
@@ -94,6 +105,8 @@ class CanHub {
   Fd timer_;
   std::optional<MonotonicTime> armed_;
   std::map<int, Client> clients_;
+  std::vector<Input> inputs_;  // of one call of on_readable()
+  MonotonicTime advanced_;
   BusStation computer_;  ///< every client of another process: handles of one controller
 };
 

@@ -23,6 +23,7 @@
 #include "hw_sim/seqpacket_server.hpp"
 #include "tests/bench/can_measures.hpp"
 #include "tests/isotp_over_can.hpp"
+#include "tests/temporary_folder.hpp"
 #include "wire/can_bits.hpp"
 
 namespace srfs::bench {
@@ -210,7 +211,7 @@ Json receive_isotp(const fs::path& var, const IsoTpOptions& options) {
 }
 
 Json measure_isotp(const fs::path& bin, const IsoTpOptions& options) {
-  const Folder folder;
+  const testing_support::TemporaryFolder folder;
   const std::string refused = options.fifo_priority > 0 ? set_fifo(options.fifo_priority) : "";
   const fs::path& var = folder.path();
   const fs::path deployment_file = var / "deployment.yaml";

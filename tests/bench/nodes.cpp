@@ -13,6 +13,7 @@
 #include "ros/publisher.hpp"
 #include "tests/bench/measures.hpp"
 #include "tests/bench/raw_dds.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::bench {
 namespace {
@@ -64,7 +65,7 @@ class Suite {
  private:
   [[nodiscard]] fs::path deployment() const { return folder_.path() / "bench.yaml"; }
   fs::path bin_;
-  Folder folder_;
+  testing_support::TemporaryFolder folder_;
   ros::DomainLock domain_;
 };
 

@@ -160,17 +160,6 @@ std::vector<std::string> files_below(const fs::path& folder, bool deep) {
   return found;
 }
 
-Folder::Folder() {
-  std::string pattern = (fs::temp_directory_path() / "srfs_bench_XXXXXX").string();
-  if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
-  path_ = pattern;
-}
-
-Folder::~Folder() {
-  std::error_code ec;
-  fs::remove_all(path_, ec);
-}
-
 std::string set_fifo(int priority) {
   sched_param parameter{};
   parameter.sched_priority = priority;

@@ -52,19 +52,6 @@ struct Memory {
 /// Paths below @p folder; its own entries only where @p deep is false.
 [[nodiscard]] std::vector<std::string> files_below(const std::filesystem::path& folder, bool deep);
 
-/// A folder for one measurement, removed at the end.
-class Folder {
- public:
-  Folder();
-  ~Folder();
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 /// This process and all threads it makes from now on, as the launcher does it for a node. @return why not
 [[nodiscard]] std::string set_fifo(int priority);
 /// All threads on one CPU, as a deployment pins a time-critical node.

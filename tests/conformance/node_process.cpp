@@ -27,16 +27,14 @@ int test_domain() {
 }
 
 NodeProcess::NodeProcess(std::string name, const std::string& dds) : name_(std::move(name)) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "srfs_conformance_XXXXXX").string();
-  if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
-  folder_ = pattern;
-  std::filesystem::create_directories(folder_ / "state" / name_);
-  std::ofstream(folder_ / "state" / name_ / "desired_state") << "unconfigured\n";
-  std::ofstream(folder_ / "d.yaml") << "deployment: conformance\ndds: " << dds << "\nnodes: [{name: " << name_
-                                    << ", executable: conformance_node}]\n";
-  std::vector<std::string> arguments{CONFORMANCE_NODE, "--name",           name_,
-                                     "--deployment",   folder_ / "d.yaml", "--var",
-                                     folder_,          "--domain",         std::to_string(test_domain())};
+  const std::filesystem::path& folder = folder_.path();
+  std::filesystem::create_directories(folder / "state" / name_);
+  std::ofstream(folder / "state" / name_ / "desired_state") << "unconfigured\n";
+  std::ofstream(folder / "d.yaml") << "deployment: conformance\ndds: " << dds << "\nnodes: [{name: " << name_
+                                   << ", executable: conformance_node}]\n";
+  std::vector<std::string> arguments{CONFORMANCE_NODE, "--name",          name_,
+                                     "--deployment",   folder / "d.yaml", "--var",
+                                     folder,           "--domain",        std::to_string(test_domain())};
   std::vector<char*> argv;
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);
@@ -53,7 +51,6 @@ NodeProcess::~NodeProcess() {
     waitpid(pid_, &status, 0);
   }
   EXPECT_TRUE(ended && WIFEXITED(status) && WEXITSTATUS(status) == 0) << name_ << ": status " << status;
-  std::filesystem::remove_all(folder_);
 }
 
 Octets NodeProcess::user_data() const {

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/conformance/ros2_peer.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::conformance {
 
@@ -30,7 +31,7 @@ class NodeProcess {
 
  private:
   std::string name_;
-  std::filesystem::path folder_;
+  testing_support::TemporaryFolder folder_;
   pid_t pid_ = -1;
 };
 

@@ -1,11 +1,13 @@
 """What the system tests share: the programs under test, a VAR folder of their own, conditions with deadlines."""
 
 import contextlib
+import fcntl
 import os
 import pathlib
 import shutil
 import sys
 import tempfile
+import time
 import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -23,11 +25,48 @@ NODES = ("timing", "can_switcher", *PAYLOADS, "ttc", "image_acquisition", "image
 DEADLINE_S = 30  # for a condition; generous, the machine may be busy
 
 
+FOLDER_PREFIX = "srfs_test_"
+
+
+def _lock(folder):
+    """A descriptor of the folder with its lock, None when somebody else has it."""
+    try:
+        fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(fd)
+        return None
+    return fd
+
+
+def remove_abandoned_folders(parent=None, youngest_s=60):
+    """Removes what killed tests left, of system, node and unit tests (tests/temporary_folder.hpp): a living owner holds its lock."""
+    for folder in pathlib.Path(parent or tempfile.gettempdir()).glob(f"{FOLDER_PREFIX}*"):
+        fd = _lock(folder)
+        if fd is None:
+            continue
+        status = os.fstat(fd)
+        if status.st_uid == os.geteuid() and time.time() - status.st_mtime >= youngest_s:
+            shutil.rmtree(folder, ignore_errors=True)
+        os.close(fd)
+
+
+def temporary_folder():
+    """(path, descriptor that locks it) of a folder that goes with this process at the latest."""
+    remove_abandoned_folders()
+    folder = pathlib.Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
+    return folder, _lock(folder)
+
+
 class SystemTest(unittest.TestCase):
     """Each test has its own VAR; what is still there of its processes at the end is ended, by pid, and fails the test."""
 
     def setUp(self):
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="srfs-test-"))
+        self.folder, lock = temporary_folder()
+        self.addCleanup(os.close, lock)
         self.var = self.folder / "var"
         self.addCleanup(self._clean)
 

@@ -13,7 +13,7 @@ import tempfile
 import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
-MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf")
+MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf", "uhid", "hid-mcp2221")
 CAN_DEADLINE_S = 1200
 
 
@@ -54,7 +54,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, default=HERE.parents[1] / "build-release", metavar="DIR", help="default: %(default)s")
     parser.add_argument("--full", action="store_true", help="everything several times, in random order")
-    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN and ISO-TP, or the mission, alone")
+    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN, ISO-TP and GPIO, or the mission, alone")
     options = parser.parse_args()
     os.environ["SRFS_BIN"] = str(options.build / "bin")
     os.environ["SRFS_VM_FULL"] = str(int(options.full))

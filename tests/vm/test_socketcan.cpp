@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "hw/open.hpp"
+#include "tests/can_bus_checks.hpp"
 #include "tests/node/hw/poll_until.hpp"
 #include "tests/vm/virtual_can.hpp"
 
@@ -22,19 +23,6 @@ constexpr canid_t to_computer = CAN_EFF_FLAG | 0x18DA0111U;
 
 std::unique_ptr<CanBus> open(const std::string& interface, std::vector<CanFilter> filters = {}) {
   return open_can("socketcan:" + interface, "/", std::move(filters)).value();
-}
-
-CanFrame frame(std::uint32_t id, std::uint8_t fill = 0) {
-  CanFrame f{.id = id, .size = 8};
-  f.data.fill(fill);
-  return f;
-}
-
-std::optional<CanFrame> await_frame(CanBus& bus) {
-  std::optional<CanFrame> received;
-  poll_until(
-      bus.fd(), [&] { return (received = bus.receive()).has_value(); }, patience);
-  return received;
 }
 
 /// Lets the bus work, as the owner's loop does, until @p condition holds. Looks again every 10 ms too: not
@@ -67,23 +55,7 @@ TEST(SocketCanOnVcan, CarriesAFrameToTheOthersAndEchoesItToItsSender) {
   const VirtualCan can;
   const auto a = open(can.name());
   const auto b = open(can.name());
-  ASSERT_EQ(a->state(), CanBusState::active) << a->reason();
-  ASSERT_TRUE(a->send(frame(0x18DA1101, 0xAB)));
-  EXPECT_EQ(a->unconfirmed(), 1U);
-
-  const auto at_b = await_frame(*b);
-  ASSERT_TRUE(at_b);
-  EXPECT_FALSE(at_b->is_echo);
-  EXPECT_EQ(at_b->id, 0x18DA1101U);
-  EXPECT_TRUE(at_b->extended);
-  EXPECT_EQ(at_b->data[7], 0xAB);
-
-  const auto echo = await_frame(*a);
-  ASSERT_TRUE(echo);
-  EXPECT_TRUE(echo->is_echo);
-  EXPECT_EQ(a->unconfirmed(), 0U);
-  EXPECT_EQ(a->counters().echoed, 1U);
-  EXPECT_EQ(b->counters().received, 1U);
+  expect_a_frame_and_its_echo(*a, *b);
 }
 
 TEST(SocketCanOnVcan, CarriesStandardAndExtendedFramesOfEveryLength) {

@@ -36,6 +36,7 @@ def main():
     parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can"], metavar="ros|mission|can", help="default: everything")
     parser.add_argument("--duration", type=float, default=110, metavar="S", help="of the flight; 110 s have more than 1000 ticks")
     parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="of bench can, at each tick period")
+    parser.add_argument("--fifo", action="store_true", help="bench can: timing, switcher and payloads under SCHED_FIFO, as on a board")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
     ros_measures.add_options(parser)
@@ -53,7 +54,7 @@ def main():
         if not options.json:
             show_flight(results["mission"])
     if "can" in wanted:
-        results["can"] = can_measures.measure(options.bin, options.slots_for, lambda text: print(text, file=sys.stderr, flush=True))
+        results["can"] = can_measures.measure(options.bin, options.slots_for, lambda text: print(text, file=sys.stderr, flush=True), options.fifo)
         if not options.json:
             can_measures.show(results["can"])
     if options.json:

@@ -1,4 +1,5 @@
-"""The tests that need a kernel with CAN (tests/vm): the suite and its SocketCAN driver against Linux' own CAN stack and can-utils.
+"""The tests that need a kernel with CAN (tests/vm): the suite and its SocketCAN driver against Linux' own CAN stack and can-utils, the GPIO
+driver on a chip of the kernel's.
 
 Where this kernel can make a vcan interface (as root), they run directly, on interfaces of their own that are removed afterwards. Elsewhere
 a virtual machine is booted with Debian's kernel, about 5 s; the first time its package is fetched (70 MB). About a minute then, --full 6.
@@ -37,7 +38,7 @@ def kernel_has_can():
 def parse():
     parser = argparse.ArgumentParser(prog="./run vm-test", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--full", action="store_true", help="everything several times, in random order")
-    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN and ISO-TP, or the mission, alone")
+    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN, ISO-TP and GPIO, or the mission, alone")
     parser.add_argument("--vm", action="store_true", help="in the virtual machine even if this kernel has CAN")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-release", help=argparse.SUPPRESS)
     vm.add_options(parser, f"{DEADLINE_S}, with --full {FULL_DEADLINE_S}")

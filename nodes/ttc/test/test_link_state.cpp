@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "nodes/ttc/link_state_file.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs {
 namespace {
@@ -23,17 +24,13 @@ LinkState state_of(std::uint64_t generation) {
 
 class LinkStateOnDisk : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (fs::temp_directory_path() / "srfs_link_XXXXXX").string();
-    path_ = fs::path(mkdtemp(pattern.data())) / "state" / "link_state";
-  }
-  void TearDown() override { fs::remove_all(path_.parent_path().parent_path()); }
   void damage(std::streamoff offset) const {
     std::fstream f(path_, std::ios::in | std::ios::out | std::ios::binary);
     f.seekp(offset);
     f.put('\x5A');
   }
-  fs::path path_;
+  const testing_support::TemporaryFolder folder_;
+  const fs::path path_ = folder_.path() / "state" / "link_state";
 };
 
 TEST(LinkStateCopy, ComesBackAsItWas) {

@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "base/crc32c.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs {
 namespace {
@@ -20,12 +21,6 @@ namespace fs = std::filesystem;
 
 class PacketStoreOnDisk : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (fs::temp_directory_path() / "srfs_store_XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   [[nodiscard]] PacketStoreConfig config() const {
     return {.folder = folder_ / "store",
             .quota_octets = 64U << 20,
@@ -77,7 +72,8 @@ class PacketStoreOnDisk : public testing::Test {
     f.seekp(offset);
     f.put(octet);
   }
-  fs::path folder_;
+  const testing_support::TemporaryFolder temporary_;
+  const fs::path folder_ = temporary_.path();
 };
 
 TEST(Crc32c, GivesTheValueOfRfc3720) {

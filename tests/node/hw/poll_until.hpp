@@ -1,13 +1,11 @@
 #pragma once
 
-#include <filesystem>
 #include <functional>
-#include <string>
 
 #include <poll.h>
-#include <stdlib.h>
 
 #include "base/time.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::hw {
 
@@ -23,23 +21,6 @@ inline bool poll_until(int fd, const std::function<bool()>& condition, milliseco
   return true;
 }
 
-/// A folder of its own, removed at the end.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    char name[] = "/tmp/srfs_hw_XXXXXX";
-    path_ = ::mkdtemp(name);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
+using testing_support::TemporaryFolder;
 
 }  // namespace srfs::hw

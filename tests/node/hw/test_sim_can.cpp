@@ -15,6 +15,7 @@
 #include "base/fd.hpp"
 #include "hw/open.hpp"
 #include "hw_sim/can_hub.hpp"
+#include "tests/can_bus_checks.hpp"
 #include "tests/isotp_over_can.hpp"
 #include "tests/node/hw/poll_until.hpp"
 #include "wire/isotp.hpp"
@@ -90,18 +91,6 @@ class RunningHub {
   std::thread thread_;
 };
 
-CanFrame frame(std::uint32_t id, std::uint8_t fill = 0) {
-  CanFrame f{.id = id, .size = 8};
-  f.data.fill(fill);
-  return f;
-}
-
-std::optional<CanFrame> await_frame(CanBus& bus) {
-  std::optional<CanFrame> received;
-  poll_until(bus.fd(), [&] { return (received = bus.receive()).has_value(); });
-  return received;
-}
-
 class SimCan : public ::testing::Test {
  protected:
   std::unique_ptr<CanBus> connect(std::vector<CanFilter> filters = {}) {
@@ -114,20 +103,7 @@ TEST_F(SimCan, CarriesAFrameToTheOthersAndEchoesItToItsSender) {
   const RunningHub hub(folder_.path() / "hub.sock");
   const auto a = connect();
   const auto b = connect();
-  ASSERT_TRUE(a->send(frame(0x18DA1101, 0xAB)));
-  EXPECT_EQ(a->unconfirmed(), 1U);
-
-  const auto at_b = await_frame(*b);
-  ASSERT_TRUE(at_b);
-  EXPECT_FALSE(at_b->is_echo);
-  EXPECT_EQ(at_b->id, 0x18DA1101U);
-  EXPECT_TRUE(at_b->extended);
-  EXPECT_EQ(at_b->data[7], 0xAB);
-
-  const auto echo = await_frame(*a);
-  ASSERT_TRUE(echo);
-  EXPECT_TRUE(echo->is_echo);
-  EXPECT_EQ(a->unconfirmed(), 0U);
+  expect_a_frame_and_its_echo(*a, *b);
 }
 
 TEST_F(SimCan, GivesOnlyTheFramesAskedForAndItsOwnEchoes) {

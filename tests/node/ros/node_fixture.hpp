@@ -17,6 +17,7 @@
 #include "base/file.hpp"
 #include "ros/node.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::ros {
 
@@ -69,18 +70,13 @@ class ScriptedNodeTest : public testing::Test {
     return both.at(side);
   }
   void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_node_XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
     ASSERT_TRUE(write_file_atomically(
         folder_ / "d.yaml",
         "deployment: t\nnodes: [{name: probe, executable: x, parameters: {period_ms: 50}}]\n"));
     deployment_ = std::make_unique<Deployment>(Deployment::load(folder_ / "d.yaml"));
     start_node();
   }
-  void TearDown() override {
-    node_.reset();
-    std::filesystem::remove_all(folder_);
-  }
+  void TearDown() override { node_.reset(); }
   /// A fresh node, as after a restart of its process.
   void start_node() {
     node_.reset();
@@ -119,7 +115,8 @@ class ScriptedNodeTest : public testing::Test {
   Executor executor_;
   Participant* here_ = shared_participant(0);
   Participant* there_ = shared_participant(1);
-  std::filesystem::path folder_;
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
   std::unique_ptr<Deployment> deployment_;
   std::uint32_t incarnation_ = 0;
   std::unique_ptr<NodeContext> context_;

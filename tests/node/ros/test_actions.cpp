@@ -12,6 +12,7 @@
 #include "ros/node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/node/ros/peer_process.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -442,23 +443,20 @@ class ImagingNode : public LifecycleNode {
 };
 
 TEST_F(ActionTest, ANodeServesAndCallsActionsByName) {
-  std::string pattern = (std::filesystem::temp_directory_path() / "srfs_action_XXXXXX").string();
-  const std::filesystem::path folder = mkdtemp(pattern.data());
+  const testing_support::TemporaryFolder temporary;
+  const std::filesystem::path& folder = temporary.path();
   ASSERT_TRUE(write_file_atomically(
       folder / "d.yaml", "deployment: t\nnodes: [{name: imaging, executable: x, parameters: {}}]\n"));
   const Deployment deployment = Deployment::load(folder / "d.yaml");
   NodeContext context{"imaging", deployment, VarPaths{folder}, 1, executor_, *here_};
-  {
-    ImagingNode node(context);
-    Sent sent;
-    const auto goal = node.client->send_goal(
-        order(1), {.ended = [&](const FibonacciOutcome& outcome) { sent.outcome = outcome; }},
-        {.response = seconds(15)});
-    ASSERT_TRUE(wait([&] { return goal->state() == GoalState::executing; }));
-    goal->cancel();
-    expect_end(sent, GoalState::canceled);
-  }
-  std::filesystem::remove_all(folder);
+  ImagingNode node(context);
+  Sent sent;
+  const auto goal = node.client->send_goal(
+      order(1), {.ended = [&](const FibonacciOutcome& outcome) { sent.outcome = outcome; }},
+      {.response = seconds(15)});
+  ASSERT_TRUE(wait([&] { return goal->state() == GoalState::executing; }));
+  goal->cancel();
+  expect_end(sent, GoalState::canceled);
 }
 
 }  // namespace

@@ -23,6 +23,7 @@
 #include "base/time.hpp"
 #include "ros/launcher.hpp"
 #include "tests/signal_child.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -74,8 +75,6 @@ Setting setting_of(pid_t pid) {
 class Launching : public testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_launch_XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
     const std::string probe = SRFS_BINARY_DIR "/bin/launch_probe";
     ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml",
                                       "deployment: t\nnodes:\n"
@@ -94,7 +93,6 @@ class Launching : public testing::Test {
   }
   void TearDown() override {
     for (const NodeEntry& node : plan_.nodes) end(node.name);
-    std::filesystem::remove_all(folder_);
   }
   [[nodiscard]] LaunchRequest request() const { return {plan_, var(), "/nowhere", "up"}; }
   [[nodiscard]] VarPaths var() const { return VarPaths{folder_ / "var"}; }
@@ -151,7 +149,8 @@ class Launching : public testing::Test {
     return s;
   }
 
-  std::filesystem::path folder_;
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
   Deployment plan_;
 };
 

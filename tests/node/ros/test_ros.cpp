@@ -15,6 +15,7 @@
 #include "base/file.hpp"
 #include "ros/node.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -233,8 +234,6 @@ class NodeTest : public RosTest {
  protected:
   void SetUp() override {
     RosTest::SetUp();
-    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_node_XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
     ASSERT_TRUE(write_file_atomically(
         folder_ / "d.yaml",
         "deployment: t\nnodes: [{name: probe, executable: x, parameters: {period_ms: 50}}]\n"));
@@ -243,10 +242,7 @@ class NodeTest : public RosTest {
         NodeContext{"probe", *deployment_, VarPaths{folder_}, 7, executor_, *here_});
     node_ = std::make_unique<TestNode>(*context_);
   }
-  void TearDown() override {
-    node_.reset();
-    std::filesystem::remove_all(folder_);
-  }
+  void TearDown() override { node_.reset(); }
   template <class S>
   typename S::Response call(const std::string& name, const typename S::Request& request) {
     Client<S> client(executor_, *there_, name, Qos{}, Priority::normal);
@@ -262,7 +258,8 @@ class NodeTest : public RosTest {
     request.transition.label = label;
     return call<lifecycle_msgs::srv::ChangeState>("/probe/change_state", request).success;
   }
-  std::filesystem::path folder_;
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
   std::unique_ptr<Deployment> deployment_;
   std::unique_ptr<NodeContext> context_;
   std::unique_ptr<TestNode> node_;

@@ -17,6 +17,7 @@
 #include "ground/downlink.hpp"
 #include "nodes/ttc/ttc_node.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/temporary_folder.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace srfs {
@@ -34,8 +35,6 @@ const std::string open_channel = "{ vc: 1, security: none }";
 class TtcNodeTest : public testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_ttc_XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
     open_line();
     here_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     there_ = ros::Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
@@ -47,7 +46,6 @@ class TtcNodeTest : public testing::Test {
       node_->go_to(ros::State::finalized);
     }
     node_.reset();
-    std::filesystem::remove_all(folder_);
   }
 
   void open_line() {
@@ -122,7 +120,8 @@ class TtcNodeTest : public testing::Test {
   ros::Executor executor_;
   std::unique_ptr<ros::Participant> here_;
   std::unique_ptr<ros::Participant> there_;
-  std::filesystem::path folder_;
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
   Fd line_;
   std::unique_ptr<ros::Deployment> deployment_;
   std::unique_ptr<ros::NodeContext> context_;

@@ -4,18 +4,15 @@
 #include <gtest/gtest.h>
 
 #include "base/file.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs {
 namespace {
 
 class FileTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_file_XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::filesystem::path folder_;
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST_F(FileTest, AtomicWriteReplacesTheWholeContentAndLeavesNoTemporaryFile) {

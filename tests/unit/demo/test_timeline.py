@@ -5,7 +5,7 @@ import sys
 import unittest
 
 TOOLS = pathlib.Path(__file__).resolve().parents[3] / "tools"
-sys.path[:0] = [str(TOOLS / "experiments"), str(TOOLS / "demo")]
+sys.path.insert(0, str(TOOLS / "demo"))
 
 import timeline  # noqa: E402
 from timeline import ASYNC, MS, OCCUPYING, OFF, PROCESSING  # noqa: E402
@@ -133,6 +133,21 @@ class UseOfTheBusTest(unittest.TestCase):
         self.assertAlmostEqual(use["bus_utilisation"], 0.4, places=3)
         self.assertAlmostEqual(use["bus_utilisation_sequential"], 0.2, places=3)
         self.assertGreater(use["processing_beside_the_bus_ms"], 1000)
+        self.assertEqual((use["slots_per_s"], use["slots_per_s_sequential"]), (4, 2))
+        self.assertEqual((use["slot_ms"], use["processing_ms"]), (100, 350))
+
+    def test_parallelism_is_the_ratio_to_a_run_in_strict_sequence(self):
+        uses = []
+        for every in (None, dict.fromkeys(range(12), 2)):
+            line, end = fly(every=every)
+            uses.append(timeline.use_of_the_bus(line.intervals(0, end), line.heartbeats(0, end), 0, end))
+        self.assertEqual(uses[1]["processing_beside_the_bus_ms"], 0)
+        self.assertEqual(timeline.parallelism(*uses), 2)
+
+    def test_the_heartbeat_for_strict_sequence_is_one_that_timing_accepts(self):
+        line, end = fly()
+        self.assertEqual(timeline.longest_work(line.intervals(0, end)), HOLD + WORK)
+        self.assertEqual([timeline.next_tick_period_ms(ms) for ms in (0.2, 15.1, 450, 501, 1000, 1000.1)], [1, 20, 500, 1000, 1000, 2000])
 
 
 if __name__ == "__main__":

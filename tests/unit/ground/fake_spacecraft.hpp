@@ -5,6 +5,7 @@
 
 #include "base/time.hpp"
 #include "ros/deployment.hpp"
+#include "tests/temporary_folder.hpp"
 #include "wire/cadu.hpp"
 #include "wire/cltu.hpp"
 #include "wire/pus.hpp"
@@ -97,13 +98,10 @@ class FakeSpacecraft {
 class VarFolder {
  public:
   VarFolder();
-  ~VarFolder();
-  VarFolder(const VarFolder&) = delete;
-  VarFolder& operator=(const VarFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] const std::filesystem::path& path() const { return folder_.path(); }
 
  private:
-  std::filesystem::path path_;
+  testing_support::TemporaryFolder folder_;
 };
 
 }  // namespace srfs::ground

@@ -8,6 +8,7 @@
 
 #include "base/config.hpp"
 #include "msgs/mission/dictionary.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::mission {
 namespace {
@@ -33,12 +34,6 @@ std::string octets(std::string_view command, const std::vector<std::string>& arg
 /// A dictionary of one file, in a folder that ends with the test.
 class DictionaryFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_dictionary_XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   std::string fault(const std::string& content) {
     std::ofstream(folder_ / "mission.yaml") << content;
     try {
@@ -48,7 +43,8 @@ class DictionaryFile : public ::testing::Test {
     }
     return "accepted";
   }
-  std::filesystem::path folder_;
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 TEST(Dictionary, AgreesWithTheGeneratedStructs) {

@@ -5,18 +5,13 @@
 #include "base/file.hpp"
 #include "ros/deployment.hpp"
 #include "ros/instance.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::ros {
 namespace {
 
 class DeploymentTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (std::filesystem::temp_directory_path() / "srfs_deployment_XXXXXX").string();
-    folder_ = mkdtemp(pattern.data());
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   std::string error_of(const std::string& yaml) {
     EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", yaml));
     try {
@@ -26,7 +21,8 @@ class DeploymentTest : public testing::Test {
     }
     return "no error";
   }
-  std::filesystem::path folder_;
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path folder_ = temporary_.path();
 };
 
 const std::string node = "nodes:\n  - {name: timing, executable: timing_node}\n";

@@ -226,17 +226,47 @@ def heartbeat_period(heartbeats):
     return percentile([b - a for a, b in zip(heartbeats, heartbeats[1:])], 0.5) or 0
 
 
+def next_tick_period_ms(least_ms):
+    """The shortest tick period of at least so much that timing accepts: it divides the second or is whole seconds."""
+    divisors = [p for p in range(1, 1001) if 1000 % p == 0 and p >= least_ms]
+    return divisors[0] if divisors else -(-int(-(-least_ms // 1)) // 1000) * 1000
+
+
 def use_of_the_bus(intervals, heartbeats, begin, end):
-    """Bus utilisation as it was, and as it would be if a payload kept the bus until its data were processed."""
+    """Slots a second and bus utilisation as they were, and as they would be if a payload kept the bus until its data were processed.
+
+    Durations are means of the intervals that lie whole in begin to end.
+    """
     slots = of_state(intervals, OCCUPYING)
     processing = of_state(intervals, PROCESSING)
-    busy = sum(s.end - s.begin for s in slots)
+    whole_slots = [i.end - i.begin for i in slots if begin < i.begin and i.end < end]
+    whole_processing = [i.end - i.begin for i in processing if begin < i.begin and i.end < end]
+    slot = sum(whole_slots) / len(whole_slots) if whole_slots else 0
+    work = slot + (sum(whole_processing) / len(whole_processing) if whole_processing else 0)
+    span = slots[-1].begin - slots[0].begin if len(slots) > 1 else 0
     period = heartbeat_period(heartbeats)
-    work = busy + sum(p.end - p.begin for p in processing)
-    slots_long = -(-work // (period * len(slots))) if slots and period else 0  # heartbeats a slot, rounded up
+    sequential = -(-work // period) * period if period else 0  # heartbeats a slot, rounded up: the bus is switched at heartbeats only
     return {
         "slots": len(slots),
-        "bus_utilisation": round(busy / (end - begin), 4),
-        "bus_utilisation_sequential": round(busy / (len(slots) * slots_long * period), 4) if slots_long else None,
+        "slots_per_s": round((len(slots) - 1) / span * 1e9, 3) if span else None,
+        "slots_per_s_sequential": round(1e9 / sequential, 3) if sequential else None,
+        "bus_utilisation": round(sum(s.end - s.begin for s in slots) / (end - begin), 4),
+        "bus_utilisation_sequential": round(slot / sequential, 4) if sequential else None,
+        "slot_ms": round(slot / MS, 3),
+        "processing_ms": round((work - slot) / MS, 3),
         "processing_beside_the_bus_ms": round(sum(p.overlap(s) for p in processing for s in slots) / MS, 1),
     }
+
+
+def longest_work(intervals):
+    """Of a slot with its processing, in ns: what would have to fit between two heartbeats."""
+    def longest(state):
+        return max((i.end - i.begin for i in of_state(intervals, state)), default=0)
+
+    return longest(OCCUPYING) + longest(PROCESSING)
+
+
+def parallelism(as_run, sequential):
+    """How much more of the bus is used than by strictly sequential work; both as use_of_the_bus gives them."""
+    both = as_run["slots_per_s"] and sequential["slots_per_s"]
+    return round(as_run["slots_per_s"] / sequential["slots_per_s"], 2) if both else None
