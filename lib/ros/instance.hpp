@@ -29,6 +29,8 @@ struct VarPaths {
   [[nodiscard]] std::filesystem::path restart_lock(const std::string& node) const {
     return run() / (node + ".restart.lock");
   }
+  /// Locked (flock) while `srfs up` starts node after node: who is not there yet is not missing.
+  [[nodiscard]] std::filesystem::path starting_lock() const { return run() / "starting.lock"; }
   /// Exists while the suite is being stopped: nobody may start a node then.
   [[nodiscard]] std::filesystem::path stopping_flag() const { return run() / "stopping"; }
   /// Environment variables of test tools that every node of the suite gets (environment_for_nodes).

@@ -365,8 +365,14 @@ RestartLock::~RestartLock() {
   if (fd_) flock(fd_.get(), LOCK_UN);
 }
 
-Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node) {
-  const auto lock = RestartLock::take(request.var, node.name);
+Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node, nanoseconds patience) {
+  const MonotonicTime deadline = monotonic_now() + patience;
+  auto lock = RestartLock::take(request.var, node.name);
+  while (!lock && lock.error().held && monotonic_now() < deadline) {
+    const timespec pause{0, 2'000'000};
+    nanosleep(&pause, nullptr);
+    lock = RestartLock::take(request.var, node.name);
+  }
   if (!lock) return Err(lock.error().text);
   if (std::filesystem::exists(request.var.stopping_flag()))
     return Err(std::string("the suite is being stopped"));

@@ -46,9 +46,11 @@ class RestartLock {
 /// of the caller. One starter at a time (restart lock); never a second instance (instance lock); never while
 /// the suite is stopping. Blocks until the program holds its instance lock or has ended: some 10 ms, 2 s at
 /// most.
+/// @param patience  with somebody else who is starting it
 /// @return what went wrong, ready to print. A node that runs or starts already is no error: its pid is
 /// returned.
-[[nodiscard]] Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node);
+[[nodiscard]] Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node,
+                                                nanoseconds patience = {});
 
 /// The start alone, for who holds the lock and has looked that nobody runs or starts. Works on a full disk;
 /// waits for no fsync.

@@ -30,7 +30,7 @@ class CanFaultTest(SystemTest):
 
     def assert_nobody_was_restarted(self, flight):
         self.assertEqual([node["restarts"] for node in flight.status()], [0] * len(NODES))
-        self.assertEqual([node["state"] for node in flight.status()], ["active"] * 6)
+        self.assertEqual([node["state"] for node in flight.status()], ["active"] * 9)
 
 
 class BusOffTest(CanFaultTest):

@@ -151,6 +151,15 @@ void disarm_simulated_watchdog(const Target& target) {
   if (auto watchdog = hw::open_watchdog(uri->second, target.var.root, unused)) (void)(*watchdog)->disarm();
 }
 
+constexpr seconds patience_with_a_restart{4};  // by a neighbour, of a node that ended a moment ago
+
+/// Held while nodes are started one after the other: the ring does not miss who has not had its turn.
+Fd lock_starting(const ros::VarPaths& var) {
+  Fd lock(open(var.starting_lock().c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (lock) flock(lock.get(), LOCK_EX | LOCK_NB);  // one `up` at a time: nobody else locks it for writing
+  return lock;
+}
+
 /// Sets the flag while nobody is starting anything: whoever starts a node afterwards sees it. A starter that
 /// holds its lock for longer than a second is overtaken; the loop of down() over instances still finds its
 /// node.
@@ -217,16 +226,18 @@ UpReport up(const Target& suite, const UpOptions& options) {
   const MonotonicTime start = monotonic_now();
   const ros::LaunchRequest request{suite.deployment, target.var, ros::own_bin_folder(), options.cause};
   std::vector<NodeProcess> processes;
+  Fd starting = lock_starting(target.var);
   for (const auto& node : target.deployment.nodes) {
     if (const auto why = ros::held_because(target.var, node.name)) {
       report.held.push_back(fmt::format("{} is held: {}", node.name, *why));
       processes.push_back({node.name, std::nullopt});
       continue;
     }
-    const auto started = ros::launch(request, node);
+    const auto started = ros::launch(request, node, patience_with_a_restart);
     if (!started) report.problems.push_back(fmt::format("{}: {}", node.name, started.error()));
     processes.push_back({node.name, started ? Process::open(*started) : std::nullopt});
   }
+  starting.reset();
   const auto is_held = [&](const std::string& node) {
     return ros::held_because(target.var, node).has_value();
   };
@@ -307,6 +318,7 @@ DownReport down(const Target& target, milliseconds patience) {
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.environment_file(), ec);
     std::filesystem::remove_all(target.var.memory(), ec);
+    std::filesystem::remove(target.var.starting_lock(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }
   return report;

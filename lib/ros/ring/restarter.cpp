@@ -50,6 +50,12 @@ bool is_useless(FaultClass fault) {
          fault == FaultClass::start_overdue;
 }
 
+/// `srfs up` is on its way through the list and has not come to everybody.
+bool is_being_started(const VarPaths& var) {
+  const Fd lock(open(var.starting_lock().c_str(), O_RDONLY | O_CLOEXEC));
+  return lock && flock(lock.get(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+}
+
 std::string boot_id() {
   const auto text = read_file("/proc/sys/kernel/random/boot_id", 64);
   return text ? text->substr(0, text->find('\n')) : "unknown";
@@ -259,6 +265,8 @@ RestartOutcome Restarter::decide_and_act(Case& c) {
   std::error_code ec;
   if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
   if (const auto why = held_because(var_, c.node->name)) return {What::held, 0, {}, *why};
+  if (c.accusation.fault == FaultClass::absent && is_being_started(var_))
+    return {What::under_way, 0, {}, "srfs up is starting the suite"};
   if (auto outcome = look_again(c)) return *outcome;
   c.begun = monotonic_now();
   if (auto outcome = ask_policy(c)) return *outcome;
