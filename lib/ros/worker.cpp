@@ -45,10 +45,9 @@ WorkerProgress Worker::progress() const {
   const std::lock_guard lock(mutex_);
   WorkerProgress progress = progress_;
   progress.waiting = jobs_.size();
-  if (!progress.busy && !jobs_.empty()) {  // a thread that does not take it is as frozen as one inside a job
-    progress.busy = true;
-    progress.busy_since = first_waits_since_;
-  }
+  // A thread that does not take what waits is as frozen as one inside a job.
+  if (progress.busy) progress.owes_since = progress.busy_since;
+  else if (!jobs_.empty()) progress.owes_since = first_waits_since_;
   return progress;
 }
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -19,8 +20,9 @@ struct WorkerProgress {
   std::uint64_t refused = 0;  ///< jobs not taken because the queue was full
   std::uint64_t failed = 0;   ///< jobs that ended with an exception; their `done` is not called
   std::size_t waiting = 0;    ///< jobs not begun
-  bool busy = false;          ///< a job runs, or waits though none runs
+  bool busy = false;
   MonotonicTime busy_since;  ///< when busy
+  std::optional<MonotonicTime> owes_since{};  ///< a job runs, or waits though none runs
 };
 
 /// A named thread for what may block: files and fsync, heavy computation, blocking devices. Jobs run in

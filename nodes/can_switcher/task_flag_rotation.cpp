@@ -182,7 +182,7 @@ void TaskFlagRotation::withdraw(GrantId id) {
 Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
   const auto deadline = next_deadline();
   if (!deadline || now < *deadline) return Nothing{};
-  if (now >= current_->lease_end) return end_of_lease();
+  if (now >= current_->lease_end) return end_of_lease(now);
   // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
   assert(phase_ == Phase::taken);
   phase_ = Phase::reset_ordered;
@@ -190,7 +190,16 @@ Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
   return OrderReset{current_->id, current_->payload, now - current_->granted};
 }
 
-Decision TaskFlagRotation::end_of_lease() {
+Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
+  const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
+  if (phase_ != Phase::recalling && process && now - current_->lease_end > held_up_limit) {
+    // This process was stopped or starved, and so may the holder have been: it is asked before it is killed.
+    inherit({current_->payload, process}, now);
+    recalled_ = true;
+    current_->lease_end = now + std::min(recall_time_, held_up_recall_time);
+    ++counters_.late_deadlines;
+    return Recall{current_->id, current_->payload};
+  }
   SlotCounters& counters = slot_counters_[current_->slot];
   if (phase_ == Phase::granted) {
     ++counters.not_taken;
@@ -203,8 +212,7 @@ Decision TaskFlagRotation::end_of_lease() {
   }
   phase_ = Phase::fencing;
   ++counters.fences;
-  return Fence{current_->id, current_->payload,
-               holder_process_ ? holder_process_ : known_process_[current_->slot]};
+  return Fence{current_->id, current_->payload, process};
 }
 
 void TaskFlagRotation::on_fenced(GrantId id, MonotonicTime now) {

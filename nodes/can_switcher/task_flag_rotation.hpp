@@ -190,6 +190,7 @@ class TaskFlagRotation {
     std::uint32_t foreign_reports = 0;
     std::uint32_t early_grants = 0;     ///< given on before the next tick
     std::uint32_t unproven_fences = 0;  ///< waits for the end of a fenced holder that ended without it
+    std::uint32_t late_deadlines = 0;   ///< ends of leases this process came to so late that it asked first
     std::uint32_t withdrawn = 0;        ///< grants whose flag was not published
   };
   [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
@@ -198,6 +199,9 @@ class TaskFlagRotation {
   /// After a fence or a recall: frames that were handed to the controller are gone by then (16 frames at 500
   /// kbit/s).
   static constexpr nanoseconds guard_time = milliseconds(5);
+  /// Later than this after the end of a lease this process was held up itself.
+  static constexpr nanoseconds held_up_limit = milliseconds(50);
+  static constexpr nanoseconds held_up_recall_time = milliseconds(500);
 
  private:
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
@@ -212,7 +216,7 @@ class TaskFlagRotation {
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
   ReportVerdict on_current_report(const BusReport& report, MonotonicTime now);
   ReportVerdict count(ReportVerdict verdict);
-  Decision end_of_lease();
+  Decision end_of_lease(MonotonicTime now);
   Recall recall(MonotonicTime now);
   ReportVerdict on_recall_answer(const BusReport& report, MonotonicTime now);
   void free_bus() { phase_ = Phase::free; }

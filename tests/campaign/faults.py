@@ -501,6 +501,26 @@ def figures(values):
     return {"count": len(values), "p50_s": at(0.5), "p90_s": at(0.9), "max_s": round(values[-1], 3)}
 
 
+def sort_telecommands(stages, trials):
+    """(stages of telecommands whose end the ground must hear, accepted ones whose end went with a process of ttc, ones that were never accepted).
+    ttc keeps no journal yet: what it had accepted and not handed over, or not reported, when it died is known to nobody."""
+    by_line = collections.defaultdict(list)
+    for m in stages:
+        by_line[m["line"]].append(m)
+    deaths = [(t.begin, t.active or t.begin) for t in trials if "ttc" in t.victims and t.expected != "none"]
+    kept, with_ttc, unheard = [], 0, 0
+    for lines in by_line.values():
+        names = {m["stage"] for m in lines}
+        first, last = lines[0], lines[-1]
+        if last["stage"] == "timed_out" and "accepted" not in names:
+            unheard += 1  # a BD frame that nobody took
+        elif last["stage"] == "timed_out" and any(first["at_ns"] < back and last["at_ns"] > death for death, back in deaths):
+            with_ttc += 1
+        else:
+            kept += lines
+    return kept, with_ttc, unheard
+
+
 def summarize(campaign):
     by_name = {fault.name: fault for fault in CLASSES}
     table = []
@@ -519,9 +539,10 @@ def summarize(campaign):
             "telemetry_gap_s": max((t.telemetry_gap_s for t in trials), default=0),
         })  # fmt: skip
     telecommands = witness.telecommands_of(campaign.messages)
+    others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     checks = [
         *witness.executed_once(telecommands, campaign.executed),
-        witness.told_to_the_ground([m for m in campaign.messages if m["type"] == "tc_stage"]),
+        witness.told_to_the_ground(others),
         witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
         witness.check([f"{campaign.unseen_executions} executions"] if campaign.unseen_executions else [], "every execution was seen"),
@@ -534,7 +555,8 @@ def summarize(campaign):
             slopes[node] = {"memory_kib_per_hour": round((seen[-1][1][0] - seen[0][1][0]) / hours), "descriptors_per_hour": round((seen[-1][1][1] - seen[0][1][1]) / hours, 1)}
     return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
-                             "executed": sum(map(len, campaign.executed.values()))}}  # fmt: skip
+                             "executed": sum(map(len, campaign.executed.values())),
+                             "not_accepted": unheard, "ends_lost_with_ttc": with_ttc}}  # fmt: skip
 
 
 def show(summary):
@@ -552,7 +574,7 @@ def show(summary):
         for line in result["shown"]:
             print(f"            {line}")
     t = summary["telecommands"]
-    print(f"  {t['accepted']} of {t['sent']} telecommands accepted, {t['executed']} executed, in {summary['recorded_s']} s; times in s from the fault")
+    print(f"  {t['accepted']} of {t['sent']} telecommands accepted, {t['executed']} executed, {t['ends_lost_with_ttc']} ends lost with ttc, in {summary['recorded_s']} s; times in s from the fault")
 
 
 def write(folder, campaign):

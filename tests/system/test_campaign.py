@@ -1,4 +1,4 @@
-"""The fencing campaign in its short form. ./run test --full runs the long one."""
+"""The campaigns in their short form. ./run test --full runs the long ones."""
 
 import json
 import subprocess
@@ -7,10 +7,11 @@ import unittest
 from support import BIN, PYTHON, ROOT, SystemTest
 
 
-class FencingCampaignTest(SystemTest):
-    def test_two_hundred_slots_with_stopped_and_killed_processes(self):
+class CampaignTest(SystemTest):
+    def run_campaign(self, *arguments):
+        """The summary of a campaign in which every check held."""
         out = self.folder / "out"
-        run = subprocess.run([PYTHON, "-B", str(ROOT / "tests" / "campaign" / "campaign.py"), "fencing", "--slots", "200", "--json",
+        run = subprocess.run([PYTHON, "-B", str(ROOT / "tests" / "campaign" / "campaign.py"), *arguments, "--json",
                               "--out", str(out), "--var", str(self.var), "--bin", str(BIN)],
                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=220)  # fmt: skip
         self.assertIn(run.returncode, (0, 1), run.stderr)
@@ -18,6 +19,23 @@ class FencingCampaignTest(SystemTest):
         self.assertEqual([c for c in summary["checks"] if not c["ok"]], [], f"seed {summary['seed']}\n{run.stderr}")
         self.assertEqual(run.returncode, 0)
         self.assertEqual(json.loads((out / "summary.json").read_text()), summary)
+        return summary, out
+
+
+class FaultCampaignTest(CampaignTest):
+    def test_classes_of_failure_are_healed_by_the_ring_and_nobody_else_is_restarted(self):
+        summary, out = self.run_campaign("faults", "--class", "kill,stop,abort,stale_nonce,no_binary", "--nodes", "payload_eps,ttc", "--subsets", "2", "--stops", "2")
+        table = {row["class"]: row for row in summary["table"]}
+        self.assertEqual({name: row["trials"] for name, row in table.items()},
+                         {"kill": 2, "stop": 2, "abort": 2, "stale_nonce": 2, "no_binary": 2, "subset": 2, "suite_stopped": 2})  # fmt: skip
+        self.assertTrue(all(row["recovered"] == row["trials"] and row["false_restarts"] == 0 for row in table.values()), table)
+        self.assertGreater(summary["telecommands"]["executed"], 0)
+        self.assertGreater((out / "trials.csv").read_text().count("\n"), 12)
+
+
+class FencingCampaignTest(CampaignTest):
+    def test_two_hundred_slots_with_stopped_and_killed_processes(self):
+        summary, out = self.run_campaign("fencing", "--slots", "200")
         self.assertGreaterEqual(summary["slots"], 200)
         self.assertGreater(sum(kind["count"] for kind in summary["faults"].values()), 0)
         self.assertTrue((out / "can.log").stat().st_size and (out / "faults.csv").read_text().count("\n") > 1)

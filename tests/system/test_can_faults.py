@@ -3,6 +3,7 @@ switcher that did not listen. The rotation goes on."""
 
 import os
 import signal
+import time
 import unittest
 
 from support import DEADLINE_S, NODES, PAYLOADS, SystemTest, can_frames, slots, wait_for_slots, wait_until
@@ -165,6 +166,7 @@ class UnattendedPeripheralTest(CanFaultTest):
         with self.flight() as flight:
             recorder, ground = flight.recorder(), flight.ground()
             self.wait_for_all(recorder, "released", 2)
+            self.assertEqual(flight.srfs("ring", "hold", "payload_eps").returncode, 0)
             os.kill(flight.node_pid("payload_eps"), signal.SIGKILL)
             wait_until(lambda: flight.node_pid("payload_eps") is None, DEADLINE_S, "payload_eps has ended")
 
@@ -180,7 +182,7 @@ class UnattendedPeripheralTest(CanFaultTest):
 
             flight.control({"peripheral": "eps", "fault": "none"})
             since = recorder.position()
-            self.assertEqual(flight.srfs("up").returncode, 0)
+            self.assertEqual(flight.srfs("ring", "release", "payload_eps").returncode, 0)
             wait_for_slots(recorder, "payload_eps", "released", 5, since)
             self.assertTrue(self.powered(flight))
 
@@ -209,7 +211,7 @@ class FenceTest(CanFaultTest):
             since = recorder.position()
             for payload in HEALTHY:
                 wait_for_slots(recorder, payload, "released", 3, since)
-            self.assertEqual(len([line for line in flight.can_log() if self.MARKER in line]), 1)
+            self.assertEqual(len([line for line in flight.can_log(time.monotonic_ns()) if self.MARKER in line]), 1)
             self.assertEqual(flight.control({"query": "counters"})["can"]["withdrawn"], withdrawn, "on a healthy bus nothing is taken back")
 
     def test_on_a_jammed_bus_the_marker_is_taken_back_and_the_rotation_goes_on(self):

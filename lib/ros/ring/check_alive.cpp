@@ -65,12 +65,12 @@ void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& respons
   nanoseconds least_left = nanoseconds::max();
   for (const Worker* worker : node_.context().executor.workers()) {
     const WorkerProgress progress = worker->progress();
-    if (!progress.busy) continue;
-    const nanoseconds left = worker->deadline() - (node_.now() - progress.busy_since);
+    if (!progress.owes_since) continue;
+    const nanoseconds left = worker->deadline() - (node_.now() - *progress.owes_since);
     if (left >= least_left) continue;
     least_left = left;
     worst = worker;
-    since = progress.busy_since;
+    since = *progress.owes_since;
   }
   if (worst == nullptr) return;
   response.worker = worst->name();

@@ -80,6 +80,22 @@ TEST_F(TaskFlagRotationTest, TellsTheOverrunnerToResetItsPeripheralAndGoesOnAfte
   EXPECT_EQ(rotation.slot_counters(0).failed, 1U);
 }
 
+TEST_F(TaskFlagRotationTest, AsksTheHolderFirstWhenItCameLateToTheEndOfTheLeaseItself) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.lease_end + seconds(3);  // the whole computer was stopped
+  const Decision decision = rotation.on_deadline(now);
+  const auto* recall = std::get_if<Recall>(&decision);
+  ASSERT_NE(recall, nullptr);
+  EXPECT_EQ(recall->payload, grant.payload);
+  EXPECT_GT(recall->id, grant.id);
+  EXPECT_EQ(release(grant), ReportVerdict::old_grant) << "what it said before is no answer";
+  EXPECT_TRUE(std::holds_alternative<Recall>(tick())) << "asked again, and nobody else is granted";
+  now = *rotation.next_deadline();
+  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now))) << "who does not answer is frozen alone";
+  EXPECT_EQ(rotation.counters().late_deadlines, 1U);
+}
+
 TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolderIsGone) {
   const Grant grant = must_grant();
   take(grant);
