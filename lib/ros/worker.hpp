@@ -20,7 +20,7 @@ struct WorkerProgress {
   std::uint64_t failed = 0;   ///< jobs that ended with an exception; their `done` is not called
   std::size_t waiting = 0;    ///< jobs not begun
   bool busy = false;          ///< a job runs, or waits though none runs
-  MonotonicTime busy_since;  ///< when busy
+  MonotonicTime busy_since;   ///< when busy
 };
 
 /// A named thread for what may block: files and fsync, heavy computation, blocking devices. Jobs run in
