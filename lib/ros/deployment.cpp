@@ -58,6 +58,7 @@ RingSettings read_ring(const ConfigSection& section) {
   ring.members = section.texts("members");
   ring.critical = section.texts("critical");
   ring.start_deadline = duration("start_deadline_ms", 100, ring.start_deadline);
+  ring.absence_counts_misses = section.boolean("absence_counts_misses", ring.absence_counts_misses);
   ring.work_deadline = duration("work_deadline_ms", 100, ring.work_deadline);
   ring.deaf_interval = duration("deaf_interval_ms", 0, ring.deaf_interval);
   ring.restarts = static_cast<int>(section.integer("restarts", 1, 1000, ring.restarts));

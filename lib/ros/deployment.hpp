@@ -71,6 +71,9 @@ struct RingSettings {
   std::vector<std::string> critical;  ///< starve the watchdog when they cannot be raised
   std::chrono::milliseconds start_deadline{3000};  ///< from exec to the desired state
   std::chrono::milliseconds work_deadline{2000};   ///< age of undone work that is due
+  /// A node that never ran is missed `misses` times before it is started, as one that does not answer (the
+  /// paper's rule: it raises a ring one after the other); else it is started at once.
+  bool absence_counts_misses = false;
   std::chrono::milliseconds deaf_interval{10000};  ///< at most one kill for a communication fault in it
   // A node that died `restarts` times within `window` waits, from `first_wait` doubling to `longest_wait`; at
   // `quarantine_deaths` within the window it is quarantined: tried again each `longest_wait` only.

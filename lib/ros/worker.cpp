@@ -46,8 +46,10 @@ WorkerProgress Worker::progress() const {
   WorkerProgress progress = progress_;
   progress.waiting = jobs_.size();
   // A thread that does not take what waits is as frozen as one inside a job.
-  if (progress.busy) progress.owes_since = progress.busy_since;
-  else if (!jobs_.empty()) progress.owes_since = first_waits_since_;
+  if (progress.busy)
+    progress.owes_since = progress.busy_since;
+  else if (!jobs_.empty())
+    progress.owes_since = first_waits_since_;
   return progress;
 }
 

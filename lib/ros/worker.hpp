@@ -21,7 +21,7 @@ struct WorkerProgress {
   std::uint64_t failed = 0;   ///< jobs that ended with an exception; their `done` is not called
   std::size_t waiting = 0;    ///< jobs not begun
   bool busy = false;
-  MonotonicTime busy_since;  ///< when busy
+  MonotonicTime busy_since;                   ///< when busy
   std::optional<MonotonicTime> owes_since{};  ///< a job runs, or waits though none runs
 };
 

@@ -367,6 +367,11 @@ void CanSwitcherNode::on_deadline() {
   const Decision decision = rotation_->on_deadline(monotonic_now());
   if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
   if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f);
+  if (const Recall* recall = std::get_if<Recall>(&decision)) {
+    log::warn("came {} ms late to the end of the lease of {}: asked before it is killed",
+              (monotonic_now() - *due) / milliseconds(1), recall->payload);
+    publish_recall(*recall, monotonic_now());
+  }
   record_holder();
   arm_deadline();
 }

@@ -145,7 +145,7 @@ LivenessRing::LivenessRing(LifecycleNode& node, Hooks hooks)
   report_.observer_incarnation = node.incarnation();
   worker_ = std::make_unique<Worker>(executor_, "ring", Membership::most_members);
   const RingPatience patience{settings_.period, settings_.misses, settings_.start_deadline,
-                              settings_.work_deadline};
+                              settings_.work_deadline, settings_.absence_counts_misses};
   const MonotonicTime now = monotonic_now();
   monitor_ = std::make_unique<RingMonitor>(
       node.name(), patience, std::move(reading.membership),

@@ -374,8 +374,22 @@ bool RingMonitor::observe(Subject& s, MonotonicTime now) {
   const nanoseconds grace = std::min<nanoseconds>(longest_start_grace, patience_.start_deadline / 2);
   if (never_seen && now - std::max(begun_, last_void_) < grace) return false;
   if (now < s.expected_until && !s.ended) return false;
+  if (never_seen && !count_absence(s, now)) return false;
   accuse(s, s.ended ? FaultClass::exited : FaultClass::absent, now, {});
   return false;
+}
+
+/// @return it was missed often enough
+bool RingMonitor::count_absence(Subject& s, MonotonicTime now) {
+  if (!patience_.absence_counts_misses) return true;
+  const MonotonicTime since = std::max({s.first_seen, begun_, last_void_});
+  const auto periods = (now - since) / patience_.period;
+  if (periods > s.misses && s.misses < patience_.misses) {
+    ++s.misses;
+    if (!s.first_evidence) s.first_evidence = since;
+    report(s, LivenessVerdict::miss, now);
+  }
+  return s.misses >= patience_.misses;
 }
 
 void RingMonitor::note_recovery(Subject& s, const NodeReading& reading, MonotonicTime now) {

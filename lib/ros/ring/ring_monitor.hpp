@@ -25,6 +25,7 @@ struct RingPatience {
   int misses = 3;
   milliseconds start_deadline{3000};
   milliseconds work_deadline{2000};
+  bool absence_counts_misses = false;
 };
 
 /// What can be seen of a node without asking it.
@@ -212,6 +213,7 @@ class RingMonitor {
   };
 
   [[nodiscard]] nanoseconds tolerance() const;
+  bool count_absence(Subject& s, MonotonicTime now);
   [[nodiscard]] bool is_troubled(const Subject& s, MonotonicTime now) const;
   [[nodiscard]] Subject* find(std::string_view name);
   [[nodiscard]] std::uint64_t next_nonce();

@@ -92,7 +92,8 @@ TEST_F(TaskFlagRotationTest, AsksTheHolderFirstWhenItCameLateToTheEndOfTheLeaseI
   EXPECT_EQ(release(grant), ReportVerdict::old_grant) << "what it said before is no answer";
   EXPECT_TRUE(std::holds_alternative<Recall>(tick())) << "asked again, and nobody else is granted";
   now = *rotation.next_deadline();
-  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now))) << "who does not answer is frozen alone";
+  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now)))
+      << "who does not answer is frozen alone";
   EXPECT_EQ(rotation.counters().late_deadlines, 1U);
 }
 

@@ -406,6 +406,25 @@ TEST_F(RingMonitorTest, AccusesWhomNobodySawEndAfterAGraceOfItsOwnStart) {
   EXPECT_THAT(accused(), ElementsAre("b: absent"));
 }
 
+TEST_F(RingMonitorTest, MissesANodeThatNeverRanAsOftenAsASilentOneWhenToldTo) {
+  patience_.absence_counts_misses = true;
+  for (const char* name : {"b", "c"}) others_[name].reading = {};
+  patience_.misses = 15;
+  make({1, {"a", "b", "c", "d", "e"}});
+  rounds(24);  // the grace of its own start, then one miss a round
+  EXPECT_THAT(accusations_, IsEmpty());
+  rounds(2);
+  ASSERT_THAT(accused(), ElementsAre("b: absent")) << "what lies behind it is not even missed yet";
+  EXPECT_EQ(accusations_.front().misses, 15U);
+
+  restart("b");
+  come_up("b");
+  rounds(5);
+  EXPECT_THAT(monitor_->watched(), ElementsAre("b")) << "b answers: it has to raise c";
+  rounds(50);
+  EXPECT_THAT(accused(), ElementsAre("b: absent"));
+}
+
 TEST_F(RingMonitorTest, AccusesARestartedProcessThatEndsAgain) {
   round();
   exit("b");
