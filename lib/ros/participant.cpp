@@ -91,7 +91,7 @@ dds::DomainParticipantQos participant_qos(const ParticipantOptions& options, int
 
   auto& wire = qos.wire_protocol();
   auto& discovery = wire.builtin.discovery_config;
-  discovery.leaseDuration = duration(2.0);
+  discovery.leaseDuration = duration(static_cast<double>(options.lease.count()) / 1000.0);
   discovery.leaseDuration_announcementperiod = duration(0.5);
   discovery.initial_announcements.count = 10;
   discovery.initial_announcements.period = duration(0.05);

@@ -25,6 +25,10 @@ namespace srfs::ros {
 
 namespace dds = eprosima::fastdds::dds;
 
+/// ParticipantOptions::lease where a ring watches: who is dead is the ring's business, DDS' own opinion would
+/// only cut those off who were stopped for a while.
+inline constexpr std::chrono::seconds lease_beside_the_ring{20};
+
 struct ParticipantOptions {
   int domain = 42;                                      ///< 0..101
   std::vector<std::string> interfaces = {"127.0.0.1"};  ///< transports are confined to these addresses
@@ -32,11 +36,14 @@ struct ParticipantOptions {
   /// receive threads do.
   Executor* executor = nullptr;
   std::optional<SuiteIdentity> identity = std::nullopt;  ///< none: a process that belongs to no suite
+  /// A participant not heard for so long is forgotten. Longer than any stop a process is to outlive: two that
+  /// forgot each other at different times may not find each other again.
+  std::chrono::milliseconds lease{2000};
   bool drop_foreign = false;  ///< drop what foreign participants publish on flight topics, not only count it
 };
 
 /// One DDS participant: UDPv4 on the given interfaces only, shared memory and data-sharing off (they do not
-/// survive kill -9 of a peer), short leases so that a dead peer is forgotten soon. Everything is created here
+/// survive kill -9 of a peer), leases so that a dead peer is forgotten. Everything is created here
 /// with the house's QoS. Thread-safe as far as Fast DDS is; make endpoints on the work thread.
 class Participant {
  public:

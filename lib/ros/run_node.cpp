@@ -190,9 +190,11 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
   mallopt(M_ARENA_MAX, 1);
   Executor executor;
   executor.set_heartbeat(page ? &*page : nullptr);
-  auto participant = Participant::create({*domain, deployment.interfaces, &executor,
-                                          SuiteIdentity{deployment.name, arguments.name, incarnation.number},
-                                          deployment.drop_foreign});
+  ParticipantOptions options{*domain, deployment.interfaces, &executor,
+                             SuiteIdentity{deployment.name, arguments.name, incarnation.number}};
+  options.drop_foreign = deployment.drop_foreign;
+  if (deployment.ring.enabled) options.lease = lease_beside_the_ring;
+  auto participant = Participant::create(options);
   if (!participant) {
     log::error("{}", participant.error());
     return code(ExitCode::middleware);

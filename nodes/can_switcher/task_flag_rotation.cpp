@@ -194,9 +194,10 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
   const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
   if (phase_ != Phase::recalling && process && now - current_->lease_end > held_up_limit) {
     // This process was stopped or starved, and so may the holder have been: it is asked before it is killed.
+    const bool long_ago = now - current_->lease_end > held_up_recall_time;
     inherit({current_->payload, process}, now);
     recalled_ = true;
-    current_->lease_end = now + std::min(recall_time_, held_up_recall_time);
+    current_->lease_end = now + (long_ago ? recall_time_ : std::min(recall_time_, held_up_recall_time));
     ++counters_.late_deadlines;
     return Recall{current_->id, current_->payload};
   }

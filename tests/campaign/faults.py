@@ -600,6 +600,8 @@ def draw(folder, campaign):
     from matplotlib import pyplot
 
     names = [n for n in dict.fromkeys(t.kind for t in campaign.trials) if any(t.active for t in campaign.trials if t.kind == n)]
+    if not names:
+        return
     figure, axis = pyplot.subplots(figsize=(10, 1.2 + 0.38 * len(names)))
     colors = {node: f"C{number}" for number, node in enumerate(NODES)}
     for row, name in enumerate(names):

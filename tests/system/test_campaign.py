@@ -24,13 +24,13 @@ class CampaignTest(SystemTest):
 
 class FaultCampaignTest(CampaignTest):
     def test_classes_of_failure_are_healed_by_the_ring_and_nobody_else_is_restarted(self):
-        summary, out = self.run_campaign("faults", "--class", "kill,stop,abort,stale_nonce,no_binary", "--nodes", "payload_eps,ttc", "--subsets", "2", "--stops", "2")
+        summary, out = self.run_campaign("faults", "--class", "kill,stop,abort,stale_nonce,no_binary", "--nodes", "payload_eps,ttc", "--subsets", "2")
         table = {row["class"]: row for row in summary["table"]}
         self.assertEqual({name: row["trials"] for name, row in table.items()},
-                         {"kill": 2, "stop": 2, "abort": 2, "stale_nonce": 2, "no_binary": 2, "subset": 2, "suite_stopped": 2})  # fmt: skip
+                         {"kill": 2, "stop": 2, "abort": 2, "stale_nonce": 2, "no_binary": 2, "subset": 2})  # fmt: skip
         self.assertTrue(all(row["recovered"] == row["trials"] and row["false_restarts"] == 0 for row in table.values()), table)
         self.assertGreater(summary["telecommands"]["executed"], 0)
-        self.assertGreater((out / "trials.csv").read_text().count("\n"), 12)
+        self.assertGreater((out / "trials.csv").read_text().count("\n"), 11)
 
 
 class FencingCampaignTest(CampaignTest):

@@ -192,8 +192,11 @@ Target selection(const Target& suite, const std::vector<std::string>& only) {
 
 ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
                                             ros::Executor& executor) {
-  return {domain, deployment.interfaces, &executor,
-          ros::SuiteIdentity{deployment.name, "srfs", static_cast<std::uint32_t>(getpid())}};
+  ros::ParticipantOptions options{
+      domain, deployment.interfaces, &executor,
+      ros::SuiteIdentity{deployment.name, "srfs", static_cast<std::uint32_t>(getpid())}};
+  if (deployment.ring.enabled) options.lease = ros::lease_beside_the_ring;
+  return options;
 }
 
 std::optional<int> running_domain(const Target& target) {

@@ -250,6 +250,8 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
   }
   // It runs and cannot be heard. Whom we never heard, discovery may not have shown us yet.
   if (!s.heard && age(s.first_seen) < patience_.start_deadline) return;
+  // A restart is the last remedy for a link that DDS mostly repairs itself, within its announcement period.
+  if (s.first_evidence && now - *s.first_evidence < RingPatience::deaf) return;
   accuse(s, FaultClass::deaf, now,
          fmt::format("its work thread turned {} ms ago", in_ms(now - page->last_turn).count()));
 }

@@ -21,6 +21,8 @@ namespace srfs::ros {
 
 /// How patiently a member of the ring watches (RingSettings says what each means).
 struct RingPatience {
+  /// With a node that runs and cannot be heard.
+  static constexpr milliseconds deaf{1500};
   milliseconds period{100};
   int misses = 3;
   milliseconds start_deadline{3000};
