@@ -196,6 +196,7 @@ class FaultCampaign:
         self._telemetry = collections.defaultdict(list)  # application -> times of packets on the ground
         self._ends = {}
         self._under_way = {payload: {} for payload in PAYLOADS}
+        self._enough = threading.Event()  # no more telecommands
         self._quit = threading.Event()
         self._threads = []
         self.usage = []
@@ -234,6 +235,8 @@ class FaultCampaign:
         while not self._quit.wait(COMMAND_PERIOD_S):
             now = time.monotonic()
             for payload, under_way in self._under_way.items():
+                if self._enough.is_set():
+                    break
                 for line in [line for line, sent in list(under_way.items()) if now - sent > FORGET_S]:
                     under_way.pop(line, None)
                 if len(under_way) < MOST_UNDER_WAY:
@@ -292,6 +295,7 @@ class FaultCampaign:
         return self
 
     def __exit__(self, kind, value, traceback):
+        self._enough.set()
         if kind is None:
             self._settle()
         self._quit.set()
