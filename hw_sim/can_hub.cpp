@@ -178,6 +178,9 @@ Result<std::unique_ptr<CanHub>, std::string> CanHub::create(const std::filesyste
 }
 
 void CanHub::on_readable(MonotonicTime now) {
+  // All stamps are placed by one look at both clocks: their distances are exact.
+  const UtcTime utc_now = system_utc_now();
+  const ClockPair clocks{.utc = utc_now, .monotonic = hw::place_on_monotonic(utc_now).value_or(now)};
   std::array<epoll_event, max_clients + 2> events{};
   const int n = ::epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), 0);
   for (int i = 0; i < n; ++i) {
@@ -189,7 +192,7 @@ void CanHub::on_readable(MonotonicTime now) {
       [[maybe_unused]] const auto got = ::read(fd, &expiries, sizeof expiries);
       armed_.reset();
     } else {
-      read_client(fd, now);
+      read_client(fd, now, clocks);
     }
   }
   handle_inputs();
@@ -251,10 +254,7 @@ void CanHub::accept_clients() {
   }
 }
 
-void CanHub::read_client(int fd, MonotonicTime now) {
-  // All stamps are placed by one look at both clocks: their distances are exact.
-  const UtcTime utc_now = system_utc_now();
-  const MonotonicTime utc_now_is = hw::place_on_monotonic(utc_now).value_or(now);
+void CanHub::read_client(int fd, MonotonicTime now, const ClockPair& clocks) {
   MonotonicTime last;  // a client's frames keep their order, whatever the clock is set to meanwhile
   for (int i = 0; i < datagrams_per_call; ++i) {
     const Datagram datagram = receive_one(fd);
@@ -264,9 +264,9 @@ void CanHub::read_client(int fd, MonotonicTime now) {
       return;
     }
     if (datagram.size == static_cast<ssize_t>(sizeof datagram.raw)) {
-      const nanoseconds age = datagram.written ? utc_now - *datagram.written : nanoseconds(0);
+      const nanoseconds age = datagram.written ? clocks.utc - *datagram.written : nanoseconds(0);
       const bool plausible = age >= nanoseconds(0) && age < seconds(1);
-      last = std::max(last, plausible ? std::min(now, utc_now_is - age) : now);
+      last = std::max(last, plausible ? std::min(now, clocks.monotonic - age) : now);
       inputs_.push_back({.at = last, .fd = fd, .frame = datagram.raw});
     } else {
       ++counters_.malformed;

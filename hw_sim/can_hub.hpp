@@ -76,6 +76,11 @@ class CanHub {
     std::optional<std::uint8_t> address;  ///< the source of the frames it sends
     bool overrun = false;                 ///< it lost something and was not told yet
   };
+  /// One instant on two clocks.
+  struct ClockPair {
+    UtcTime utc;
+    MonotonicTime monotonic;
+  };
   /// What a client wrote, or without frame, that it is gone.
   struct Input {
     MonotonicTime at;
@@ -85,7 +90,7 @@ class CanHub {
   CanHub(std::filesystem::path socket_path, BusArbiter arbiter);
   void accept_clients();
   /// Appends to inputs_ what @p fd has.
-  void read_client(int fd, MonotonicTime now);
+  void read_client(int fd, MonotonicTime now, const ClockPair& clocks);
   void handle_inputs();
   void drop_client(int fd);
   void deliver(const BusDelivery& delivery);

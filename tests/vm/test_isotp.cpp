@@ -333,7 +333,11 @@ TEST(IsoTpAndLinux, ThroughputBesideLinuxsOwn) {
   }
   double receiving = 0;
   {
-    OurEnd here(can);
+    // No bit rate holds Linux back here: a whole message at once is more than the socket's buffer takes while
+    // this process waits for a processor.
+    IsoTpSettings settings = patient();
+    settings.block_size = 64;
+    OurEnd here(can, settings);
     LinuxEnd there(can);
     std::thread writing([&] {
       for (int i = 0; i < count; ++i) EXPECT_EQ(there.send(message), 0);
@@ -343,7 +347,7 @@ TEST(IsoTpAndLinux, ThroughputBesideLinuxsOwn) {
   }
   fmt::print(
       "ISO-TP throughput on vcan, messages of 4095 octets: Linux to Linux {:.0f} kB/s, "
-      "SRFS to Linux {:.0f} kB/s (ratio {:.2f}), Linux to SRFS {:.0f} kB/s (ratio {:.2f})\n",
+      "SRFS to Linux {:.0f} kB/s (ratio {:.2f}), Linux to SRFS in blocks of 64 {:.0f} kB/s (ratio {:.2f})\n",
       native / 1e3, sending / 1e3, sending / native, receiving / 1e3, receiving / native);
   std::fflush(stdout);
 }

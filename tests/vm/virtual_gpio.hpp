@@ -32,6 +32,10 @@ class VirtualGpio {
  public:
   static constexpr std::size_t line_count = 4;
 
+  static bool kernel_has_it() {
+    return ::access("/dev/uhid", R_OK | W_OK) == 0 && std::filesystem::exists("/sys/bus/hid/drivers/mcp2221");
+  }
+
   VirtualGpio()
       : name_(unique_name()),
         uhid_(::open("/dev/uhid", O_RDWR | O_CLOEXEC)),

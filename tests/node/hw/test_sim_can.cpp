@@ -380,6 +380,32 @@ TEST_F(SimCan, CarriesTheLongestIsoTpMessageAndItsAnswer) {
   EXPECT_TRUE(std::ranges::equal(channel.front_message(), message));
 }
 
+TEST(CanHub, CarriesFramesFromTheTimesTheyWereWrittenHoweverLateItIsWoken) {
+  const TemporaryFolder folder;
+  const auto hub = std::move(sim::CanHub::create(folder.path() / "hub.sock", sim::BusArbiter()).value());
+  std::vector<sim::BusDelivery> carried;
+  hub->set_tap([&](const sim::BusDelivery& d) { carried.push_back(d); });
+  const auto first = open_can("sim:hub.sock", folder.path()).value();
+  const auto second = open_can("sim:hub.sock", folder.path()).value();
+  hub->on_readable(monotonic_now());  // takes the connections
+
+  constexpr milliseconds late(200);
+  // Again when the machine was too busy to tell: the clocks are compared by reading one after the other.
+  for (int attempt = 0; attempt < 20; ++attempt) {
+    carried.clear();
+    ASSERT_TRUE(second->send(frame(0x18DA0111)));
+    ASSERT_TRUE(first->send(frame(0x100)));  // of higher priority, but it came later
+    const MonotonicTime written = monotonic_now();
+    std::this_thread::sleep_for(late);
+    hub->on_readable(monotonic_now());
+    ASSERT_EQ(carried.size(), 2U);
+    EXPECT_EQ(carried[0].frame.id, 0x18DA0111U);
+    EXPECT_GE(carried[1].start, carried[0].end);
+    if (carried[0].start < written + late / 2) return;
+  }
+  FAIL() << "every frame begins when the hub is woken";
+}
+
 TEST(CanHub, RefusesASecondHubAtTheSameSocketAndReplacesADeadOne) {
   const TemporaryFolder folder;
   const auto socket = folder.path() / "hub.sock";
