@@ -320,6 +320,11 @@ class SocketCanOnVxcan : public ::testing::Test {
   SocketCanOnVxcan() {
     vm::shell(fmt::format("ip link add {} type vxcan peer name {} && ip link set {} up", near_, far_, near_));
     vm::set_up(far_, true);
+    // Until the kernel's link watch has run, what is sent is dropped without a word.
+    for (const std::string& end : {near_, far_}) {
+      vm::shell(fmt::format(
+          "timeout 30 sh -c 'until grep -q up /sys/class/net/{}/operstate; do sleep 0.01; done'", end));
+    }
   }
   ~SocketCanOnVxcan() override { vm::shell("ip link del " + near_); }
 
