@@ -36,10 +36,10 @@ struct ParticipantOptions {
   /// receive threads do.
   Executor* executor = nullptr;
   std::optional<SuiteIdentity> identity = std::nullopt;  ///< none: a process that belongs to no suite
+  bool drop_foreign = false;  ///< drop what foreign participants publish on flight topics, not only count it
   /// A participant not heard for so long is forgotten. Longer than any stop a process is to outlive: two that
   /// forgot each other at different times may not find each other again.
   std::chrono::milliseconds lease{2000};
-  bool drop_foreign = false;  ///< drop what foreign participants publish on flight topics, not only count it
 };
 
 /// One DDS participant: UDPv4 on the given interfaces only, shared memory and data-sharing off (they do not

@@ -1163,7 +1163,9 @@ TEST(BusSharing, NoStoppedKilledOrLateProcessEverDisturbsAnothersSlot) {
   EXPECT_GT(s.reconfigured, slots / 2000);
   EXPECT_GT(s.resets, slots / 200);
   EXPECT_GT(s.withdrawn, 0U);
-  EXPECT_GT(s.refused_by_the_handle, 0U);
+  if (slots >= 300'000) {
+    EXPECT_GT(s.refused_by_the_handle, 0U) << "rare: whoever comes too late is mostly asked first";
+  }
   EXPECT_GT(s.completed, slots / 20);
   EXPECT_GT(s.interrupted, 10U);
 }
