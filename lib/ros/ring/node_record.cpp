@@ -67,6 +67,10 @@ std::optional<StartingProcess> find_starting(const VarPaths& var, const std::str
   auto process = Process::open(pid);
   if (!process || process_start_ticks(pid) != ticks || process->wait_for_exit(nanoseconds(0)))
     return std::nullopt;
+  // Its pid in the lock's text: it has held the lock, so it is not on the way to it but ending, files first.
+  pid_t holder = 0;
+  std::istringstream lock_text(read_file(var.instance_lock(node), 256).value_or(""));
+  if (lock_text >> holder && holder == pid) return std::nullopt;
   return StartingProcess{std::move(*process), MonotonicTime(nanoseconds(since_ns))};
 }
 
