@@ -32,7 +32,10 @@ def parse():
     ring.add_argument("--subsets", metavar="all|N", help="all 510 subsets of the nine nodes, or N random ones, killed at once (default: 0)")
     ring.add_argument("--stops", type=int, default=0, metavar="N", help="the whole suite stopped and continued so often (default: %(default)s)")
     ring.add_argument("--everybody", type=int, default=0, metavar="N", help="all nine killed at once so often; the watchdog raises them (default: %(default)s)")
-    ring.add_argument("--soak", type=float, default=0, metavar="S", help="seconds without a fault under load: false restarts, memory, descriptors (default: %(default)s)")
+    ring.add_argument("--soak", type=float, default=0, metavar="S",
+                      help="seconds without a fault beside 'stress-ng --cpu 4 --io 2': false restarts, memory, descriptors (default: %(default)s)")  # fmt: skip
+    ring.add_argument("--realtime", action="store_true",
+                      help="SCHED_FIFO for every node and the simulated devices, which a mission has on a board (needs CAP_SYS_NICE)")  # fmt: skip
     slots = parser.add_argument_group("fencing")
     slots.add_argument("--slots", type=int, default=10_000, metavar="N", help="grants of the bus (default: %(default)s)")
     options = parser.parse_args()
@@ -83,13 +86,15 @@ def run_faults(options, out, seed, signals, say):
     if not injector.exists():
         raise mission.MissionError(f"{injector} is missing: build first (./run build)", code=2)
     wrappers = faults.Wrappers(out / "bin", options.bin.absolute(), injector)
-    deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml")
+    deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml", options.realtime)
     order = random.Random(seed)
     trials = [(fault, node) for fault in options.classes for node in options.nodes for _ in range(options.repeat)]
     order.shuffle(trials)
     subsets = [[n for bit, n in enumerate(faults.NODES) if mask >> bit & 1] for mask in order.sample(range(1, faults.SUBSETS + 1), options.subsets)]
     say(f"{len(trials)} faults, {len(subsets)} subsets, {options.stops} stops, {options.everybody} times everybody, seed {seed}")
     with mission.Mission(options.var or out / "var", deployment, options.bin, say) as flight:
+        if options.realtime:
+            faults.make_realtime(flight.hw_sim.pid)
         with faults.FaultCampaign(flight, wrappers, signals, seed, say) as campaign:
             jobs = [lambda f=f, n=n: campaign.trial(f, n) for f, n in trials] + [lambda s=s: campaign.subset(s) for s in subsets]
             jobs += [lambda: campaign.stop_everybody(order.choice((0.05, 0.2, 0.5, 1.0, 3.0)))] * options.stops

@@ -14,11 +14,14 @@ import os
 import pathlib
 import platform
 import random
+import re
 import select
 import shutil
 import signal
 import socket
 import statistics
+import subprocess
+import tempfile
 import threading
 import time
 
@@ -73,7 +76,9 @@ CLASSES = (
     FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
     FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
 )
-WINDOW_S = 3  # of the ring's death history
+WINDOW_S = 1.5  # of the ring's death history
+NODE_PRIORITY, DEVICE_PRIORITY = 40, 50  # SCHED_FIFO
+LOAD = ("stress-ng", "--cpu", "4", "--io", "2", "--quiet")
 START_FAULT_S = 4  # how long the cause of a fault at start stays
 
 TELECOMMANDS = {
@@ -141,13 +146,15 @@ class Wrappers:
         new.chmod(0o755)
         new.rename(self.path(node))
 
-    def deployment(self, base, changed):
+    def deployment(self, base, changed, realtime=False):
         """A copy of a deployment whose nodes are started through the wrappers."""
         text = base.read_text()
         for node in NODES:
             text = text.replace(f"executable: {node}_node\n", f"executable: {self.path(node)}\n")
         # A node dies here more often than any node should: patience is for deaths that follow upon each other.
         text = text.replace("ring:", f"ring:\n  window_ms: {round(WINDOW_S * 1000)}", 1).replace("  misses: 5", "  misses: 3", 1)
+        if realtime:
+            text = re.sub(r"scheduling: \{ policy: other, priority: 0(, nice: \d+)?,", f"scheduling: {{ policy: fifo, priority: {NODE_PRIORITY},", text)
         changed.write_text(text)
         return changed
 
@@ -462,12 +469,47 @@ class FaultCampaign:
         trial = Trial("soak", NODES, "none", begin=time.monotonic_ns())
         before = self._pids()
         self.usage = []  # (s, {node: (KiB, descriptors)})
-        end = time.monotonic() + seconds
-        while time.monotonic() < end and not self.signals.asked:
-            self.usage.append((time.monotonic(), {node: usage(pid) for node, pid in self._pids().items()}))
-            time.sleep(min(10, max(0.1, seconds / 20)))
+        with stress() as load:
+            end = time.monotonic() + seconds
+            while time.monotonic() < end and not self.signals.asked:
+                self.usage.append((time.monotonic(), {node: usage(pid) for node, pid in self._pids().items()}))
+                time.sleep(min(10, max(0.1, seconds / 20)))
+            trial.note = "" if load.poll() is None else f"{LOAD[0]} ended by itself"
         trial.false_restarts = self._changed(before)
         self.trials.append(trial)
+
+
+@contextlib.contextmanager
+def stress():
+    """Load beside the mission, ended with the block."""
+    if not shutil.which(LOAD[0]):
+        raise mission.MissionError(f"{LOAD[0]} is not installed: ./run build --packages installs it, or apt-get install {LOAD[0]}", code=2)
+    with tempfile.TemporaryDirectory() as folder, subprocess.Popen(LOAD, cwd=folder, stdout=subprocess.DEVNULL) as load:
+        try:
+            yield load
+        finally:
+            load.send_signal(signal.SIGINT)  # its children end with it
+            try:
+                load.wait(10)
+            except subprocess.TimeoutExpired:
+                load.kill()
+
+
+def make_realtime(pid):
+    """SCHED_FIFO for every thread of a process and those to come."""
+    try:
+        for task in os.listdir(f"/proc/{pid}/task"):
+            os.sched_setscheduler(int(task), os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
+    except PermissionError:
+        raise mission.MissionError("--realtime needs CAP_SYS_NICE: run it as root", code=2) from None
+
+
+def slope_per_hour(points):
+    """[(s, value)] -> straight line through the later three quarters: the first is for caches and queues to fill."""
+    later = points[len(points) // 4 :]
+    if len(later) < 2:
+        return 0.0
+    return statistics.linear_regression([at / 3600 for at, _ in later], [value for _, value in later]).slope
 
 
 def usage(pid):
@@ -555,8 +597,9 @@ def summarize(campaign):
     if len(campaign.usage) > 1:
         for node in NODES:
             seen = [(at, used[node]) for at, used in campaign.usage if used.get(node)]
-            hours = (seen[-1][0] - seen[0][0]) / 3600
-            slopes[node] = {"memory_kib_per_hour": round((seen[-1][1][0] - seen[0][1][0]) / hours), "descriptors_per_hour": round((seen[-1][1][1] - seen[0][1][1]) / hours, 1)}
+            slopes[node] = {"memory_kib_per_hour": round(slope_per_hour([(at, memory) for at, (memory, _) in seen])),
+                            "descriptors_per_hour": round(slope_per_hour([(at, descriptors) for at, (_, descriptors) in seen]), 1),
+                            "memory_kib": seen[-1][1][0], "descriptors": seen[-1][1][1]}  # fmt: skip
     return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
                              "executed": sum(map(len, campaign.executed.values())),
@@ -577,6 +620,8 @@ def show(summary):
         print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}{count}")
         for line in result["shown"]:
             print(f"            {line}")
+    for node, slope in summary["soak_slopes"].items():
+        print(f"  {node:18} {slope['memory_kib']} KiB anonymous memory, {slope['memory_kib_per_hour']:+} KiB/h; {slope['descriptors']} descriptors, {slope['descriptors_per_hour']:+}/h")
     t = summary["telecommands"]
     print(f"  {t['accepted']} of {t['sent']} telecommands accepted, {t['executed']} executed, {t['ends_lost_with_ttc']} ends lost with ttc, in {summary['recorded_s']} s; times in s from the fault")
 

@@ -38,6 +38,7 @@ class WatchdogTest(SystemTest):
                 with self.subTest(signal=number.name):
                     self.wait_until_armed(flight)
                     before = self.pids(flight)
+                    self.signal_all(before, signal.SIGSTOP)  # or the first to miss another would start it before it dies itself
                     self.signal_all(before, number)
 
                     self.wait_until_all_are_new(flight, before)
