@@ -403,6 +403,9 @@ std::optional<RestartOutcome> Restarter::kill_old(Case& c) const {
 }
 
 RestartOutcome Restarter::start_new(Case& c, const RestartLock& lock) const {
+  // Who stops the suite waits a second for this lock; killing may have taken longer.
+  std::error_code ec;
+  if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
   DeathHistory history = read_deaths(var_, c.node->name);
   count_death(history, deployment_.ring, *c.begun);
   write_deaths(var_, c.node->name, history);
