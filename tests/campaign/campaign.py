@@ -34,6 +34,7 @@ def parse():
     ring.add_argument("--everybody", type=int, default=0, metavar="N", help="all nine killed at once so often; the watchdog raises them (default: %(default)s)")
     ring.add_argument("--soak", type=float, default=0, metavar="S",
                       help="seconds without a fault beside 'stress-ng --cpu 4 --io 2': false restarts, memory, descriptors (default: %(default)s)")  # fmt: skip
+    ring.add_argument("--misses", type=int, default=3, metavar="N", help="unanswered checks in a row that are death, 1 to 10 (default: %(default)s)")
     ring.add_argument("--realtime", action="store_true",
                       help="SCHED_FIFO for every node and the simulated devices, which a mission has on a board (needs CAP_SYS_NICE)")  # fmt: skip
     slots = parser.add_argument_group("fencing")
@@ -51,7 +52,7 @@ def parse():
         options.subsets = faults.SUBSETS if options.subsets == "all" else int(options.subsets or 0)
     except ValueError:
         parser.error("--subsets: expected 'all' or a number")
-    if min(options.slots, options.repeat) < 1 or not 0 <= options.subsets <= faults.SUBSETS or min(options.stops, options.everybody, options.soak) < 0:
+    if min(options.slots, options.repeat) < 1 or not 1 <= options.misses <= 10 or not 0 <= options.subsets <= faults.SUBSETS or min(options.stops, options.everybody, options.soak) < 0:
         parser.error("a number is out of its range")
     return options
 
@@ -86,7 +87,7 @@ def run_faults(options, out, seed, signals, say):
     if not injector.exists():
         raise mission.MissionError(f"{injector} is missing: build first (./run build)", code=2)
     wrappers = faults.Wrappers(out / "bin", options.bin.absolute(), injector)
-    deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml", options.realtime)
+    deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml", options.misses, options.realtime)
     order = random.Random(seed)
     trials = [(fault, node) for fault in options.classes for node in options.nodes for _ in range(options.repeat)]
     order.shuffle(trials)
@@ -99,8 +100,17 @@ def run_faults(options, out, seed, signals, say):
             jobs = [lambda f=f, n=n: campaign.trial(f, n) for f, n in trials] + [lambda s=s: campaign.subset(s) for s in subsets]
             jobs += [lambda: campaign.stop_everybody(order.choice((0.05, 0.2, 0.5, 1.0, 3.0)))] * options.stops
             jobs += [lambda: campaign.subset(faults.NODES)] * options.everybody
+            unsteady = 0  # in a row
             for number, job in enumerate(jobs, start=1):
-                trial = job()
+                try:
+                    trial = job()
+                    unsteady = 0
+                except mission.MissionError as error:
+                    if error.code == 130 or unsteady == 2:
+                        say(f"{error}: {len(jobs) - number + 1} faults not injected")
+                        break
+                    unsteady += 1
+                    trial = campaign.failed(str(error))
                 if trial:
                     active = trial.seconds("active")
                     say(f"{number} of {len(jobs)}: {trial.kind} {','.join(trial.victims)}: "
@@ -109,7 +119,9 @@ def run_faults(options, out, seed, signals, say):
             if options.soak:
                 campaign.soak(options.soak)
         faults.write(out, campaign)
-    return faults.summarize(campaign), lambda: faults.draw(out, campaign)
+    summary = {"misses": options.misses, "realtime": options.realtime, **faults.summarize(campaign)}
+    (out / "report.md").write_text(faults.report(summary))
+    return summary, lambda: faults.draw(out, campaign)
 
 
 def main():

@@ -10,6 +10,7 @@ import csv
 import ctypes
 import dataclasses
 import json
+import math
 import os
 import pathlib
 import platform
@@ -146,13 +147,14 @@ class Wrappers:
         new.chmod(0o755)
         new.rename(self.path(node))
 
-    def deployment(self, base, changed, realtime=False):
+    def deployment(self, base, changed, misses=3, realtime=False):
         """A copy of a deployment whose nodes are started through the wrappers."""
         text = base.read_text()
         for node in NODES:
             text = text.replace(f"executable: {node}_node\n", f"executable: {self.path(node)}\n")
         # A node dies here more often than any node should: patience is for deaths that follow upon each other.
-        text = text.replace("ring:", f"ring:\n  window_ms: {round(WINDOW_S * 1000)}", 1).replace("  misses: 5", "  misses: 3", 1)
+        text = text.replace("ring:", f"ring:\n  window_ms: {round(WINDOW_S * 1000)}", 1)
+        text = re.sub(r"^  misses: \d+", f"  misses: {misses}", text, count=1, flags=re.MULTILINE)
         if realtime:
             text = re.sub(r"scheduling: \{ policy: other, priority: 0(, nice: \d+)?,", f"scheduling: {{ policy: fifo, priority: {NODE_PRIORITY},", text)
         changed.write_text(text)
@@ -405,6 +407,11 @@ class FaultCampaign:
         time.sleep(OBSERVE_S)
         trial.false_restarts = self._changed(before, trial.victims)
 
+    def failed(self, why):
+        """The suite did not come to rest before the next fault: a failure of the campaign in its own right."""
+        self.trials.append(Trial("steady", (), "none", begin=time.monotonic_ns(), note=why))
+        return self.trials[-1]
+
     def _incarnation(self, node):
         with self._lock:
             return self._alive[node][0] if node in self._alive else 0
@@ -543,7 +550,7 @@ def figures(values):
     values = sorted(v for v in values if v is not None)
     if not values:
         return {"count": 0}
-    at = lambda q: round(values[min(len(values) - 1, int(q * len(values)))], 3)  # noqa: E731
+    at = lambda q: round(values[math.ceil(q * len(values)) - 1], 3)  # noqa: E731
     return {"count": len(values), "p50_s": at(0.5), "p90_s": at(0.9), "max_s": round(values[-1], 3)}
 
 
@@ -624,6 +631,27 @@ def show(summary):
         print(f"  {node:18} {slope['memory_kib']} KiB anonymous memory, {slope['memory_kib_per_hour']:+} KiB/h; {slope['descriptors']} descriptors, {slope['descriptors_per_hour']:+}/h")
     t = summary["telecommands"]
     print(f"  {t['accepted']} of {t['sent']} telecommands accepted, {t['executed']} executed, {t['ends_lost_with_ttc']} ends lost with ttc, in {summary['recorded_s']} s; times in s from the fault")
+
+
+def report(summary):
+    """The table as Markdown, for docs/fault_campaign.md."""
+    one = lambda f, *keys: " / ".join(f"{f[key]:.2f}" for key in keys) if f["count"] else "-"  # noqa: E731
+    verdict = {True: "met", False: "**missed**", None: "-"}
+    lines = ["| Class | Fault | Recovered | Detected, s, p50 / max | Active again, s, p50 / p90 / max | Goal, s, p50 / max | | False restarts | Slots lost | Telemetry gap, s |",
+             "|---|---|---|---|---|---|---|---|---|---|"]  # fmt: skip
+    for row in summary["table"]:
+        goal = row["goal"] or {}
+        lines.append(f"| {row['class']} | {row['what']} | {row['recovered']} of {row['trials']} | {one(row['detected'], 'p50_s', 'max_s')} "
+                     f"| {one(row['active'], 'p50_s', 'p90_s', 'max_s')} | {' / '.join(str(goal[key]) for key in ('p50_s', 'max_s') if key in goal)} "
+                     f"| {verdict[row['goal_met']]} | {row['false_restarts']} | {row['slots_lost']} | {row['telemetry_gap_s']:.1f} |")  # fmt: skip
+    lines += ["", *(f'- {"" if c["ok"] else "**NOT OK**: "}{c["what"]}' + (f" ({c['of']})" if "of" in c else "") for c in summary["checks"])]
+    t = summary["telecommands"]
+    lines += [f"- {t['accepted']} of {t['sent']} telecommands accepted, {t['executed']} executed; {summary['recorded_s']} s"]
+    if summary["soak_slopes"]:
+        lines += ["", "| Node | Anonymous memory, KiB | Slope, KiB/h | Descriptors | Slope, 1/h |", "|---|---|---|---|---|"]
+        lines += [f"| {node} | {s['memory_kib']} | {s['memory_kib_per_hour']:+} | {s['descriptors']} | {s['descriptors_per_hour']:+} |"
+                  for node, s in summary["soak_slopes"].items()]  # fmt: skip
+    return "\n".join(lines) + "\n"
 
 
 def write(folder, campaign):
