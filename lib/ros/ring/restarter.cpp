@@ -445,7 +445,7 @@ void Restarter::record(const Case& c, const RestartOutcome& outcome) {
   const Accusation& a = c.accusation;
   const bool ours = c.acted || outcome.what == What::backing_off || outcome.what == What::quarantined ||
                     outcome.what == What::communication || outcome.what == What::not_believed ||
-                    outcome.what == What::cannot_start;
+                    outcome.what == What::cannot_start || outcome.what == What::held;
   if (!ours) return;
   const auto last = last_recorded_.find(a.subject);
   const bool repeated = last != last_recorded_.end() && last->second == outcome.what;

@@ -1,4 +1,4 @@
-#include "nodes/payload/telecommand_journal.hpp"
+#include "commanding/telecommand_journal.hpp"
 
 #include <algorithm>
 #include <cassert>
