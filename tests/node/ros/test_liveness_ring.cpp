@@ -30,7 +30,7 @@ class LivenessRingTest : public testing::Test {
   void SetUp() override {
     std::string pattern = (std::filesystem::temp_directory_path() / "srfs_ring_XXXXXX").string();
     var_.root = mkdtemp(pattern.data());
-    std::string text = "deployment: ring_test\nring: {period_ms: 50}\nnodes:\n";
+    std::string text = "deployment: ring_test\nring: {period_ms: 50, worker_deadline_ms: 2000}\nnodes:\n";
     for (const auto& name : names)
       text += fmt::format("  - {{name: {}, executable: {}/tests/ring_probe}}\n", name, SRFS_BINARY_DIR);
     ASSERT_TRUE(write_file_atomically(var_.root / "d.yaml", text));
@@ -83,6 +83,14 @@ class LivenessRingTest : public testing::Test {
     if (process && again && again->pid == instance->pid)
       syscall(SYS_pidfd_send_signal, process.get(), number, nullptr, 0);
   }
+  /// A thread of a process, by its name, never comes back.
+  static void hang(pid_t pid, const std::string& thread) {
+    for (const auto& task : std::filesystem::directory_iterator(fmt::format("/proc/{}/task", pid))) {
+      if (read_file(task.path() / "comm").value_or("") != thread + "\n") continue;
+      syscall(SYS_tgkill, pid, std::atoi(task.path().filename().c_str()), SIGUSR2);
+      return;
+    }
+  }
   [[nodiscard]] pid_t pid_of(const std::string& name) const {
     const auto instance = find_instance(var_, name);
     return instance ? instance->pid : 0;
@@ -133,6 +141,24 @@ TEST_F(LivenessRingTest, RestartsAStoppedNodeAndALoopingOne) {
     signal("c", number);
     ASSERT_TRUE(wait([&] { return is_up("c") && pid_of("c") != before; })) << number;
     ASSERT_TRUE(all_turn(50));
+  }
+}
+
+TEST_F(LivenessRingTest, RestartsANodeWhoseWorkerHangsAndOneWhoseRestarterHangsBeforeItIsNeeded) {
+  start_all();
+  for (const std::string thread : {"probe", "ring"}) {
+    const auto is_found = [&] {
+      return std::any_of(names.begin(), names.end(), [&](const auto& name) {
+        const auto text = fmt::format("worker '{}' busy for", thread);
+        return read_file(var_.log(name)).value_or("").find(text) != std::string::npos;
+      });
+    };
+    pid_t victim = 0;
+    ASSERT_TRUE(wait([&] {
+      if (is_up("b") && pid_of("b") != victim) hang(victim = pid_of("b"), thread);
+      return is_found();
+    })) << thread;
+    ASSERT_TRUE(wait([&] { return is_up("b") && pid_of("b") != victim; })) << thread;
   }
 }
 
