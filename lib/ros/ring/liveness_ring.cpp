@@ -80,7 +80,7 @@ Footprint read_footprint(pid_t pid, const NodeEntry* entry) {
   Footprint footprint;
   if (entry != nullptr && entry->memory_limit_mib > 0) {
     const auto status = read_proc(pid, "status", buffer);
-    footprint.memory_octets = (number_after(status, "RssAnon:") + number_after(status, "VmSwap:")) * 1024;
+    footprint.memory_octets = number_after(status, "VmData:") * 1024;  // what RLIMIT_DATA counts
     footprint.memory_cap_octets =
         (static_cast<std::uint64_t>(entry->memory_limit_mib) << 20U) / 100 * cap_percent;
   }

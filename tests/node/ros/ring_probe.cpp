@@ -1,8 +1,10 @@
 // A node of a ring that does nothing else but give its worker a job now and then (test_liveness_ring.cpp).
-// SIGUSR1: its work thread loops for ever; SIGUSR2, to one thread: that one never comes back.
+// SIGUSR1: its work thread loops for ever; SIGUSR2, to one thread: that one never comes back;
+// SIGHUP: it takes 950 MiB.
 
 #include <csignal>
 
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include "ros/node.hpp"
@@ -33,10 +35,15 @@ void hang(int) {
   while (true) pause();
 }
 
+void grow(int) {
+  (void)mmap(nullptr, 950U << 20U, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   std::signal(SIGUSR1, loop);
   std::signal(SIGUSR2, hang);
+  std::signal(SIGHUP, grow);
   return srfs::ros::run_node<RingProbe>(argc, argv);
 }
