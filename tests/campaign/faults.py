@@ -67,7 +67,7 @@ CLASSES = (
     FaultClass("stale_nonce", "its answers name another question", "restart"),
     FaultClass("wrong_incarnation", "its answers name another incarnation", "restart"),
     FaultClass("wrong_state", "its answers name a state that there is not", "restart"),
-    FaultClass("worker", "a worker thread that does not come back", "restart"),
+    FaultClass("worker", "a worker thread that does not come back", "restart", bound_s=12),
     FaultClass("memory", "grows by 64 MiB a second", "restart"),
     FaultClass("descriptors", "uses all file descriptors", "restart"),
     FaultClass("start_hang", "killed; its successors hang while they start, until the cause is gone", "mended", bound_s=120),
@@ -77,6 +77,8 @@ CLASSES = (
     FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
     FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
 )
+# The worker thread that is frozen: one that has work again each second. A restarter has an empty job then.
+WORKERS = {"ttc": "ttc_store", **dict.fromkeys(PAYLOADS, "store"), **dict.fromkeys(("timing", "can_switcher", *NODES[6:]), "ring")}
 WINDOW_S = 1.5  # of the ring's death history
 NODE_PRIORITY, DEVICE_PRIORITY = 40, 50  # SCHED_FIFO
 LOAD = ("stress-ng", "--cpu", "4", "--io", "2", "--quiet")
@@ -194,6 +196,7 @@ class FaultCampaign:
         self.random = random.Random(seed)
         self.say = say
         self.trials = []
+        self.not_applicable = {}  # class -> {node: why it cannot have this fault}
         self.messages = []
         self.executed = {payload: [] for payload in PAYLOADS}
         self._executed_counts = dict.fromkeys(PAYLOADS, 0)
@@ -340,15 +343,17 @@ class FaultCampaign:
         elif kind == "memory":
             queue_to_thread(pid, pid, GROW, 64)
         elif kind == "worker":
-            found = threads(pid)
-            own = next((name for name in ("store", "ttc_store", "process", "ring", "disk") if name in found), None)
-            if own is None:
-                return "no worker"
-            queue_to_thread(pid, found[own], DEADLOCK)
+            queue_to_thread(pid, threads(pid)[WORKERS[node]], DEADLOCK)
         elif kind.startswith("clock_"):
             queue_to_thread(pid, pid, CLOCK_STEP, 180 if kind == "clock_forward" else -180)
             return lambda: queue_to_thread(pid, pid, HEALTHY)
         return None
+
+    def _why_not(self, kind, node):
+        """Why this node cannot have this fault; empty: it can."""
+        if kind == "worker" and WORKERS[node] not in threads(self._pids()[node]):
+            return f"no worker thread '{WORKERS[node]}'"
+        return ""
 
     def _break_start(self, kind, node):
         if kind == "start_hang":
@@ -362,6 +367,9 @@ class FaultCampaign:
 
     def trial(self, fault, node):
         self._wait_until_forgotten([node])
+        if why_not := self._why_not(fault.name, node):
+            self.not_applicable.setdefault(fault.name, {})[node] = why_not
+            return None
         trial = Trial(fault.name, (node,), fault.expected)
         before = self._pids()
         begin = time.monotonic_ns()
@@ -375,8 +383,6 @@ class FaultCampaign:
         else:
             trial.begin = begin
             end = self._inject(fault.name, node, before[node])
-            if end == "no worker":
-                return None
             if fault.expected == "none":
                 time.sleep(1.5)
                 end()
@@ -577,7 +583,7 @@ def sort_telecommands(stages, trials):
 def summarize(campaign):
     by_name = {fault.name: fault for fault in CLASSES}
     table = []
-    for name in dict.fromkeys(trial.kind for trial in campaign.trials):
+    for name in dict.fromkeys([*(trial.kind for trial in campaign.trials), *campaign.not_applicable]):
         trials = [t for t in campaign.trials if t.kind == name]
         fault = by_name.get(name)
         active = figures([t.seconds("active") for t in trials])
@@ -585,7 +591,7 @@ def summarize(campaign):
         met = None if goal is None or not active["count"] else active["max_s"] <= goal["max_s"] and active["p50_s"] <= goal.get("p50_s", active["p50_s"])
         table.append({
             "class": name, "what": fault.what if fault else "", "trials": len(trials), "recovered": sum(t.ok for t in trials),
-            "expected": trials[0].expected,
+            "expected": trials[0].expected if trials else "", "not_applicable": campaign.not_applicable.get(name, {}),
             "detected": figures([t.seconds("accused") for t in trials]), "restarted": figures([t.seconds("process") for t in trials]),
             "active": active, "goal": goal, "goal_met": met,
             "false_restarts": sum(len(t.false_restarts) for t in trials), "slots_lost": sum(t.slots_lost for t in trials),
@@ -622,6 +628,8 @@ def show(summary):
         goal = {True: "met", False: "MISSED", None: "-"}[row["goal_met"]]
         print(f"  {row['class']:18} {row['recovered']:3}/{row['trials']:3}  {pair(row['detected']):>17}  {pair(row['restarted']):>17}  {active:>22}  {goal:6} "
               f"{row['false_restarts']:6} {row['slots_lost']:6}  {row['telemetry_gap_s']:.2f} s")  # fmt: skip
+        for node, why in row["not_applicable"].items():
+            print(f"  {'':18} not applicable to {node}: {why}")
     for result in summary["checks"]:
         count = f" ({result['of']})" if "of" in result else ""
         print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}{count}")
