@@ -249,8 +249,13 @@ void Fop1::on_time(MonotonicTime now) {
   if (!timer_ || now < *timer_) return;
   timer_.reset();
   const bool left = transmission_count_ < settings_.transmission_limit;
-  if (settings_.suspend_when_exhausted) return apply(left ? FopEvent::e104 : FopEvent::e18, {}, now);
-  apply(left ? FopEvent::e16 : FopEvent::e17, {}, now);
+  if (settings_.suspend_when_exhausted) {
+    apply(left ? FopEvent::e104 : FopEvent::e18, {}, now);
+  } else {
+    apply(left ? FopEvent::e16 : FopEvent::e17, {}, now);
+  }
+  // The table ignores E16 in S3 and starts no timer on the way back to S1: frames would be left unwatched.
+  if (state_ == s3 && !timer_) start_timer(now);
 }
 
 void Fop1::on_ad_accepted(MonotonicTime now) {

@@ -12,6 +12,7 @@ VarFolder::VarFolder() {
   path_ = pattern;
   std::filesystem::create_directories(path_ / "keys");
   std::ofstream(path_ / "keys/tc_uplink.key") << test_key << "\n";
+  std::ofstream(path_ / "keys/tc_uplink_ad.key") << ad_test_key << "\n";
 }
 
 VarFolder::~VarFolder() {

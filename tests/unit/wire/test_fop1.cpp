@@ -346,6 +346,16 @@ TEST_F(FopOne, WaitsWhileTheFarmHasNoBuffer) {
   EXPECT_THAT(report(3), ElementsAre("confirmed 2", "confirmed 3"));
 }
 
+TEST_F(FopOne, WatchesWhatIsUnderWayAlsoAfterALongWait) {
+  at_s1(0);
+  for (const std::uint64_t tag : {1, 2}) static_cast<void>(request(tag));
+  static_cast<void>(report(0, true, true));
+  EXPECT_THAT(pass(seconds(2)), IsEmpty()) << "E16 in S3";
+  EXPECT_THAT(report(1), ElementsAre("confirmed 1"));
+  EXPECT_EQ(fop.state(), FopState::active);
+  EXPECT_THAT(pass(seconds(2)), ElementsAre("ad 1 again"));
+}
+
 TEST_F(FopOne, RepeatsWhenTheTimerExpiresUntilTheLimit) {
   at_s1(0);
   static_cast<void>(request(1));
