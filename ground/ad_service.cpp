@@ -190,9 +190,11 @@ void AdService::initiate(std::optional<wire::Clcw> clcw, MonotonicTime now) {
   by_unlock_ = purpose_ == Purpose::unlock;
   if (clcw) fop_.set_vs(0, clcw->report_value, now);
   if (by_unlock_) return fop_.initiate_with_unlock(0, now);
-  // Without any CLCW a control frame makes the spacecraft send one; a retransmit flag that somebody left
-  // behind ends with one.
-  if (!clcw || clcw->retransmit) return fop_.initiate_with_set_vr(0, fop_.vs(), now);
+  // Without a CLCW a control frame makes the spacecraft send one; a retransmit flag that somebody left behind
+  // ends with one. V(R) stays where it was last seen.
+  const auto seen = clcw ? clcw : clcw_;
+  if (!clcw || clcw->retransmit)
+    return fop_.initiate_with_set_vr(0, seen ? seen->report_value : fop_.vs(), now);
   fop_.initiate_with_check(0, now);
 }
 

@@ -91,8 +91,8 @@ class FopClient:
 
     def send(self, apid, service, subtype, data=b""):
         """Queues a telecommand; returns its request id."""
-        self.packets += 1
-        packet = tc_packet(apid, service, subtype, data, self.packets)
+        self.packets += 1  # counted apart from what the station itself sends
+        packet = tc_packet(apid, service, subtype, data, 0x1000 + self.packets)
         self._wait.append(SEGMENT_HEADER + packet)
         self._look_for_frame()
         return packet[:4]
