@@ -11,6 +11,7 @@ import hashlib
 import json
 import pathlib
 import re
+import struct
 import sys
 import xml.etree.ElementTree as ET
 
@@ -216,10 +217,20 @@ class TypeWriter:
             element(element(made, "ToString"), "NumberFormat",
                     {"numberBase": "Hexadecimal", "minimumIntegerDigits": bits // 4, "showThousandsGrouping": "false"})
         if self.kind == "Argument":
-            self._valid_range(made, *field.get("range", (None, None)))
+            self._valid_range(made, *self._range(field))
         else:
             self._unknown(made, field, bits)
             self._alarms(made, field, path)
+
+    @staticmethod
+    def _range(field):
+        """Of an f32 a bound and the float nearest to it are both inside: that is what the spacecraft accepts."""
+        low, high = field.get("range", (None, None))
+        if field["type"] == "f32":
+            nearest = [None if v is None else struct.unpack("f", struct.pack("f", v))[0] for v in (low, high)]
+            low = low if low is None or low <= nearest[0] else nearest[0]
+            high = high if high is None or high >= nearest[1] else nearest[1]
+        return low, high
 
     def _valid_range(self, made, low, high):
         if low is None and high is None:
