@@ -94,7 +94,7 @@ def expect(fields, target, out):
 def main():
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    environment.globals.update(d=D, camel=camel, snake=snake, structure_type=structure_type, fill=fill, expect=expect,
+    environment.globals.update(d=D, camel=camel, cpp=CPP, snake=snake, structure_type=structure_type, fill=fill, expect=expect,
                                reference_values=reference_values, verification=ARGUMENTS.verification)
     pathlib.Path(ARGUMENTS.out).write_text(environment.get_template("xtce_peer.cpp.jinja").render() + "\n", encoding="utf-8")
 
