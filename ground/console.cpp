@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
@@ -20,6 +21,7 @@ namespace {
 
 constexpr seconds stats_period{5};
 constexpr milliseconds default_acceptance{5000};
+constexpr milliseconds default_clcw{35000};  // the beacon comes every 30 s
 constexpr std::size_t longest_line = 4096;
 
 std::vector<std::string> words_of(const std::string& line) {
@@ -50,8 +52,13 @@ Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings&
       station_(dictionary, link, std::move(port), std::move(uplink),
                {.telemetry = [this](const auto& report) { on_telemetry(report); },
                 .stage = [this](const auto& report) { on_stage(report); },
-                .retrieval_over = [this](const auto& retrieval) { on_retrieval_over(retrieval); }}),
-      next_stats_(monotonic_now() + stats_period) {}
+                .retrieval_over = [this](const auto& retrieval) { on_retrieval_over(retrieval); },
+                .cop = [this](const auto& report) { on_cop(report); },
+                .problem = [this](const auto& problem) { fail(problem); }},
+               options.fop),
+      next_stats_(monotonic_now() + stats_period) {
+  if (options.ad) station_.start_ad();
+}
 
 Exit Console::telecommand(const std::string& name, const std::vector<std::string>& arguments, bool wait,
                           std::optional<milliseconds> timeout) {
@@ -59,9 +66,9 @@ Exit Console::telecommand(const std::string& name, const std::vector<std::string
   if (!wait && !timeout) timeout = default_acceptance;
   send(name, arguments, timeout);
   if (failed_to_send_) return Exit::unusable;
-  const auto over = [&] { return is_final(last_stage_->stage) || (!wait && accepted_); };
+  const auto over = [&] { return last_stage_ && (is_final(last_stage_->stage) || (!wait && accepted_)); };
   if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
-  const bool success = wait ? last_stage_->stage == Stage::completed : accepted_;
+  const bool success = wait ? last_stage_ && last_stage_->stage == Stage::completed : accepted_;
   return success ? Exit::done : Exit::refused;
 }
 
@@ -70,12 +77,16 @@ Exit Console::ping(std::optional<milliseconds> timeout) {
   send("ttc.ping", {}, timeout);
   if (failed_to_send_) return Exit::unusable;
   const MonotonicTime sent = monotonic_now();
-  const auto over = [&] { return pong_ || is_failure(last_stage_->stage); };
-  const MonotonicTime deadline = sent + timeout.value_or(milliseconds(3000));
+  const auto over = [&] { return pong_ || (last_stage_ && is_failure(last_stage_->stage)); };
+  // By the AD service it may have to be repeated.
+  const milliseconds patience = timeout.value_or(
+      options_.ad ? options_.fop.timer * options_.fop.transmission_limit : milliseconds(3000));
+  const MonotonicTime deadline = sent + patience;
   if (!run(Watch::port, over, deadline)) return Exit::link_closed;
   if (!pong_) {
-    fail(is_failure(last_stage_->stage) ? "the ping was not answered: " + last_stage_->failure_text
-                                        : "the ping was not answered");
+    fail(last_stage_ && is_failure(last_stage_->stage)
+             ? "the ping was not answered: " + last_stage_->failure_text
+             : "the ping was not answered");
     return Exit::refused;
   }
   if (!options_.json)
@@ -114,6 +125,135 @@ Exit Console::session() {
   return open ? Exit::done : Exit::link_closed;
 }
 
+Exit Console::script(const std::vector<ScriptStep>& steps, bool keep_going) {
+  quiet_telemetry_ = true;
+  std::size_t run = 0;
+  std::size_t failed = 0;
+  auto exit = Exit::done;
+  for (const ScriptStep& step : steps) {
+    line_ = step.line;
+    const StepEnd end = run_step(step);
+    ++run;
+    tell_step(step, end);
+    if (end == StepEnd::as_expected) continue;
+    ++failed;
+    exit = end == StepEnd::link_closed ? Exit::link_closed : Exit::refused;
+    if (!keep_going || end != StepEnd::otherwise) break;
+  }
+  if (options_.json) {
+    write_json({{"type", "script_done"}, {"steps", steps.size()}, {"run", run}, {"failed", failed}});
+  } else {
+    write_lines(fmt::format("{} of {} lines run, {} not as expected\n", run, steps.size(), failed));
+  }
+  return exit;
+}
+
+Console::StepEnd Console::run_step(const ScriptStep& step) {
+  const auto wait_until = [&](MonotonicTime deadline) {
+    const bool open = this->run(
+        Watch::port, [] { return false; }, deadline);
+    return !open ? StepEnd::link_closed : interrupted_ ? StepEnd::interrupted : StepEnd::as_expected;
+  };
+  const auto initiated = [&] {
+    const Exit exit = finish_initiation();
+    if (exit == Exit::link_closed) return StepEnd::link_closed;
+    if (interrupted_) return StepEnd::interrupted;
+    return exit == Exit::done ? StepEnd::as_expected : StepEnd::otherwise;
+  };
+  switch (step.kind) {
+    case ScriptStep::Kind::telecommand:
+      return run_telecommand_step(step);
+    case ScriptStep::Kind::wait:
+      return wait_until(monotonic_now() + step.duration);
+    case ScriptStep::Kind::wait_until: {
+      const nanoseconds left = step.until.since_epoch() - system_utc_now().since_epoch();
+      return wait_until(monotonic_now() + std::max(left, nanoseconds(0)));
+    }
+    case ScriptStep::Kind::ad_on:
+      station_.start_ad();
+      return initiated();
+    case ScriptStep::Kind::ad_off:
+      station_.stop_ad();
+      return StepEnd::as_expected;
+    case ScriptStep::Kind::unlock:
+      station_.unlock();
+      return initiated();
+    case ScriptStep::Kind::set_vr:
+      station_.set_vr(step.vr);
+      return initiated();
+  }
+  return StepEnd::otherwise;
+}
+
+Console::StepEnd Console::run_telecommand_step(const ScriptStep& step) {
+  step_ = &step;
+  step_judgement_.reset();
+  send(step.name, step.arguments, step.timeout);
+  const bool open =
+      failed_to_send_ || run(
+                             Watch::port, [&] { return step_judgement_.has_value(); }, std::nullopt);
+  step_ = nullptr;
+  if (!open) return StepEnd::link_closed;
+  if (failed_to_send_) return StepEnd::otherwise;
+  if (!step_judgement_) return StepEnd::interrupted;
+  return *step_judgement_ ? StepEnd::as_expected : StepEnd::otherwise;
+}
+
+void Console::tell_step(const ScriptStep& step, StepEnd end) {
+  const std::string_view how = end == StepEnd::as_expected   ? "as expected"
+                               : end == StepEnd::otherwise   ? "NOT as expected"
+                               : end == StepEnd::interrupted ? "interrupted"
+                                                             : "the link was closed";
+  std::string expected =
+      step.kind == ScriptStep::Kind::telecommand ? std::string(to_text(step.expectation)) : "";
+  if (!step.failure.empty()) expected += " " + step.failure;
+  if (options_.json) {
+    return write_json({{"type", "script_step"},
+                       {"line", step.line},
+                       {"text", step.text},
+                       {"expected", expected},
+                       {"success", end == StepEnd::as_expected}});
+  }
+  write_lines(fmt::format("line {}: {}: {}{}\n", step.line, step.text, how,
+                          expected.empty() ? "" : " (expected: " + expected + ")"));
+}
+
+Exit Console::finish_initiation() {
+  if (!run(
+          Watch::port, [&] { return !station_.ad_starting(); }, std::nullopt))
+    return Exit::link_closed;
+  return station_.cop().phase == AdPhase::on ? Exit::done : Exit::refused;
+}
+
+Exit Console::unlock() {
+  quiet_telemetry_ = true;
+  station_.unlock();
+  return finish_initiation();
+}
+
+Exit Console::set_vr(std::uint8_t vr) {
+  quiet_telemetry_ = true;
+  station_.set_vr(vr);
+  return finish_initiation();
+}
+
+Exit Console::clcw(std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  const MonotonicTime deadline = monotonic_now() + timeout.value_or(default_clcw);
+  if (!run(
+          Watch::port, [&] { return station_.cop().clcw.has_value(); }, deadline))
+    return Exit::link_closed;
+  if (!station_.cop().clcw) {
+    fail("no CLCW of the telecommand channel came");
+    return Exit::refused;
+  }
+  return Exit::done;
+}
+
+void Console::on_cop(const CopReport& report) {
+  options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
+}
+
 void Console::send(const std::string& name, const std::vector<std::string>& arguments,
                    std::optional<milliseconds> timeout) {
   const auto sent = station_.send(name, arguments, timeout, line_);
@@ -134,6 +274,8 @@ void Console::on_telemetry(const TelemetryReport& report) {
 
 void Console::on_stage(const StageReport& report) {
   last_stage_ = report;
+  if (step_ != nullptr && report.tag == step_->line && !step_judgement_)
+    step_judgement_ = judge(*step_, report);
   // Later reports prove the acceptance whose own was lost.
   accepted_ = accepted_ || report.stage == Stage::accepted || report.stage == Stage::started ||
               report.stage == Stage::progress || report.stage == Stage::completed;
@@ -171,13 +313,36 @@ void Console::on_line(const std::string& line) {
     const std::string store = words.size() == 3 ? words[2] : "housekeeping";
     return send("storage.retrieve", {"store=" + store, "from=" + words[0], "to=" + words[1]}, *timeout);
   }
+  if (on_cop_line(verb, words)) return;
   if (verb == "stats" && words.empty()) return write_stats();
   if (verb == "quit" && words.empty()) {
     interrupted_ = true;
     return;
   }
-  fail(fmt::format("'{}': expected ping | tc NAME [key=value ...] | retrieve FROM TO [STORE] | stats | quit",
-                   line));
+  fail(fmt::format(
+      "'{}': expected ping | tc NAME [key=value ...] | retrieve FROM TO [STORE] | ad on|off | unlock | "
+      "setvr N | clcw | stats | quit",
+      line));
+}
+
+bool Console::on_cop_line(const std::string& verb, const std::vector<std::string>& words) {
+  if (verb == "ad" && words == std::vector<std::string>{"on"}) {
+    station_.start_ad();
+  } else if (verb == "ad" && words == std::vector<std::string>{"off"}) {
+    station_.stop_ad();
+  } else if (verb == "unlock" && words.empty()) {
+    station_.unlock();
+  } else if (verb == "setvr" && words.size() == 1) {
+    std::uint8_t vr = 0;
+    const auto [end, error] = std::from_chars(words[0].data(), words[0].data() + words[0].size(), vr);
+    if (error != std::errc() || end != words[0].data() + words[0].size()) return false;
+    station_.set_vr(vr);
+  } else if (verb == "clcw" && words.empty()) {
+    on_cop(station_.cop());
+  } else {
+    return false;
+  }
+  return true;
 }
 
 void Console::on_input() {
@@ -251,8 +416,49 @@ void Console::write_stats() {
   nlohmann::json json = to_json(station_.counters());
   json["telecommands_sent"] = station_.telecommands_sent();
   json["locked"] = station_.locked();
+  json["cop"] = to_json(station_.cop());
   if (station_.clcw()) json["clcw"] = fmt::format("{:08x}", *station_.clcw());
   write_json(json);
+}
+
+Exit run_bridge(Bridge& bridge, bool json) {
+  const Fd signals = termination_signals();
+  const auto tell = [&] {
+    const nlohmann::json counters = to_json(bridge.counters());
+    if (json) {
+      std::puts(counters.dump().c_str());
+    } else {
+      const BridgeCounters& c = bridge.counters();
+      std::puts(
+          fmt::format("{} TM frames down ({} bad, {} unsent), {} TC datagrams up ({} refused, {} unsent)",
+                      c.tm_frames, c.tm_bad, c.tm_unsent, c.tc_datagrams, c.tc_refused, c.tc_unsent)
+              .c_str());
+    }
+    std::fflush(stdout);
+  };
+  tell();  // it is ready
+  MonotonicTime next = monotonic_now() + stats_period;
+  while (true) {
+    std::array<pollfd, 3> fds{
+        {{bridge.line_fd(), POLLIN, 0}, {bridge.socket_fd(), POLLIN, 0}, {signals.get(), POLLIN, 0}}};
+    const auto left = std::chrono::ceil<milliseconds>(next - monotonic_now()).count();
+    static_cast<void>(
+        ::poll(fds.data(), fds.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 5000))));
+    if (fds[2].revents != 0) break;
+    if (fds[0].revents != 0) {
+      if (const auto read = bridge.on_line(); !read) {
+        std::fprintf(stderr, "srfs-ground: %s\n", read.error().c_str());
+        return Exit::link_closed;
+      }
+    }
+    if (fds[1].revents != 0) bridge.on_socket();
+    if (monotonic_now() >= next) {
+      tell();
+      next = monotonic_now() + stats_period;
+    }
+  }
+  tell();
+  return Exit::done;
 }
 
 Result<std::filesystem::path, std::string> find_deployment(const std::string& text) {

@@ -19,6 +19,8 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
     const auto frame = decoder_.decode(cadu.frame);
     if (!frame) continue;
     clcw_ = frame->ocf;
+    if (control_words_.size() == max_control_words) control_words_.erase(control_words_.begin());
+    control_words_.push_back(frame->ocf);
     if (frame->vc == wire::tm_idle_vc) {
       ++idle_frames_;
       continue;

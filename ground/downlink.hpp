@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "base/octets.hpp"
@@ -43,6 +44,9 @@ class Downlink {
 
   /// @return the packets that end in these octets, in order of arrival
   [[nodiscard]] std::vector<ReceivedPacket> push(OctetView octets);
+  /// The control words of the frames since the last call, at most max_control_words, in order of arrival.
+  [[nodiscard]] std::vector<std::uint32_t> take_control_words() { return std::exchange(control_words_, {}); }
+  static constexpr std::size_t max_control_words = 1024;
   [[nodiscard]] DownlinkCounters counters() const;
   [[nodiscard]] bool locked() const { return synchroniser_.locked(); }
   /// The last control word of FARM-1, if a frame came.
@@ -53,6 +57,7 @@ class Downlink {
   wire::TmFrameDecoder decoder_;
   std::array<wire::TmPacketReassembly, wire::tm_vc_count> channels_;
   std::optional<std::uint32_t> clcw_;
+  std::vector<std::uint32_t> control_words_;
   std::uint64_t octets_ = 0;
   std::uint64_t idle_frames_ = 0;
   std::uint64_t packets_ = 0;
