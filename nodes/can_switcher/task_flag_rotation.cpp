@@ -46,12 +46,6 @@ void TaskFlagRotation::inherit(const InheritedGrant& granted, MonotonicTime now)
 }
 
 Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
-  if (!follows(cycle)) {
-    ++counters_.repeated_ticks;
-    return Nothing{};
-  }
-  if (last_cycle_ && cycle > *last_cycle_)
-    counters_.missed_cycles += static_cast<std::uint32_t>(cycle - *last_cycle_ - 1);
   last_cycle_ = cycle;
   ++counters_.ticks;
 
@@ -73,18 +67,6 @@ Recall TaskFlagRotation::recall(MonotonicTime now) {
   return {current_->id, current_->payload};
 }
 
-bool TaskFlagRotation::follows(MissionCycle cycle) {
-  const auto plausible_after = [cycle](const std::optional<MissionCycle>& before, MissionCycle farthest) {
-    return before && cycle > *before && cycle - *before <= farthest;
-  };
-  if (!last_cycle_ || plausible_after(last_cycle_, longest_gap) || plausible_after(doubted_cycle_, 10)) {
-    doubted_cycle_.reset();
-    return true;
-  }
-  doubted_cycle_ = cycle;
-  return false;
-}
-
 Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   const bool from_before = resumed_ && received < *resumed_;
   if (suspended_ || from_before) {
@@ -101,7 +83,7 @@ Decision TaskFlagRotation::on_early_release(MonotonicTime now) {
     return Nothing{};
   if (had_this_tick_[order_[next_place_]]) return Nothing{};
   ++counters_.early_grants;
-  return grant(now, *last_cycle_);
+  return grant(now, last_cycle_);
 }
 
 Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle) {

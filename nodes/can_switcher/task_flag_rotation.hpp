@@ -108,9 +108,9 @@ class TaskFlagRotation {
   TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
                    const std::optional<InheritedGrant>& inherited = {});
 
+  /// A tick that TickFlywheel believed, or made.
   /// @param received  when the tick arrived, before now if it had to wait
-  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (a cycle already seen, suspended, a tick from
-  /// before resume())
+  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (suspended, a tick from before resume())
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
   /// time.
@@ -180,8 +180,6 @@ class TaskFlagRotation {
   };
   struct Counters {
     std::uint32_t ticks = 0;
-    std::uint32_t repeated_ticks = 0;
-    std::uint32_t missed_cycles = 0;  ///< cycle numbers between two ticks that were never received
     std::uint32_t blocked_ticks = 0;
     std::uint32_t waiting_ticks = 0;
     std::uint32_t idle_ticks = 0;  ///< suspended, or a tick from before resume()
@@ -206,11 +204,6 @@ class TaskFlagRotation {
  private:
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
 
-  /// A tick of the timeline heard so far. A cycle far ahead or behind is doubted (a forged or misdelivered
-  /// tick must not stop the rotation), and believed when the next one goes on from there (timing lost its
-  /// count).
-  bool follows(MissionCycle cycle);
-  static constexpr MissionCycle longest_gap = 1'000'000;
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   Grant grant(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
@@ -241,8 +234,7 @@ class TaskFlagRotation {
   MonotonicTime not_before_;
   nanoseconds recall_time_ = seconds(3);
   bool recalled_ = false;  ///< a Recall was given out: its time runs
-  std::optional<MissionCycle> last_cycle_;
-  std::optional<MissionCycle> doubted_cycle_;
+  MissionCycle last_cycle_ = 0;
   Counters counters_;
 };
 

@@ -186,29 +186,6 @@ TEST_F(TaskFlagRotationTest, IgnoresAReleaseFromAnotherProcessOfTheHolder) {
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
 }
 
-TEST_F(TaskFlagRotationTest, IgnoresARepeatedOrOlderTick) {
-  must_grant();
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle, now)));
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle - 1, now)));
-  EXPECT_EQ(rotation.counters().repeated_ticks, 2U);
-}
-
-TEST_F(TaskFlagRotationTest, ASingleAbsurdTickDoesNotStopTheRotation) {
-  const Grant grant = must_grant();
-  report(BusReport::Kind::released, grant);
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ~MissionCycle{0}, now)));
-  must_grant();
-}
-
-TEST_F(TaskFlagRotationTest, BelievesATimelineThatStartsAgainAfterItsSecondTick) {
-  cycle = 5000;
-  const Grant grant = must_grant();
-  report(BusReport::Kind::released, grant);
-  cycle = 0;  // timing lost its count
-  EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
-  must_grant();
-}
-
 TEST_F(TaskFlagRotationTest, GrantsNothingWhileSuspendedAndStillFencesTheHolder) {
   const Grant grant = must_grant();
   take(grant);
