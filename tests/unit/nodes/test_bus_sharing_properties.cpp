@@ -181,6 +181,7 @@ struct Switcher : Process {
   std::optional<MonotonicTime> armed;
   TickFlywheel flywheel;
   std::optional<MonotonicTime> substitute_armed;
+  bool heard_a_tick = false;      ///< since it was activated
   std::optional<Grant> decided;   ///< stopped before the flag was given
   std::optional<Grant> recorded;  ///< stopped between the record and the flag
 };
@@ -379,8 +380,7 @@ class World {
       cycle_ = chance(10) ? 0 : cycle_ + random_() % 1000;
     }
     if (faults_on_ && now_ < timing_back_) {
-      if (!switcher_.flywheel.next_substitute())
-        trouble();  // it started without a tick, and needs a first one
+      if (!switcher_.heard_a_tick) trouble();  // it started without a tick, and needs a first one
       return;
     }
     ++cycle_;
@@ -479,6 +479,7 @@ class World {
     switcher_.alive = true;
     switcher_.armed.reset();
     switcher_.flywheel = {};
+    switcher_.heard_a_tick = false;
     switcher_.substitute_armed.reset();
     switcher_.configured = true;
     fencing_ = false;
@@ -504,6 +505,7 @@ class World {
     switcher_.configured = false;
     switcher_.rotation->suspend();
     switcher_.flywheel.rest();
+    switcher_.heard_a_tick = false;
     switcher_.armed.reset();
     switcher_.substitute_armed.reset();
     for (Payload& p : payloads_) p.heard_by = 0;
@@ -596,6 +598,7 @@ class World {
   }
 
   void take_tick(const Event& event) {
+    switcher_.heard_a_tick = true;
     const auto heard = switcher_.flywheel.on_tick(
         {.cycle = event.number, .due = event.granted, .period = tick_period, .received = event.at});
     if (heard.verdict == TickFlywheel::Verdict::beat) switcher_beat(event.at);
