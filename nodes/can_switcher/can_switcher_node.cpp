@@ -106,6 +106,7 @@ void CanSwitcherNode::make_rotation() {
     }
     granted = inherited(holder_record_ ? holder_record_->read() : std::nullopt);
     rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now(), granted);
+    if (!granted) rotation_->await_empty_queue(monotonic_now());
     rotation_->set_recall_time(milliseconds(get_parameter<std::int64_t>("recall_ms")));
     rotation_->suspend();
     failure_reported_.resize(rotation_->slots().size());
@@ -470,7 +471,8 @@ void CanSwitcherNode::fence(const Fence& f) {
 }
 
 void CanSwitcherNode::report_unproven(const std::string& why) {
-  const std::string& payload = rotation_->current()->payload;
+  const std::string& granted = rotation_->current()->payload;
+  const std::string payload = granted.empty() ? "somebody before this start" : granted;
   rotation_->on_fence_unproven();
   log::fatal("{} may still write, the bus stays blocked: {}", payload, why);
   raise(mission::CanSwitcherFenceUnprovenEvent{.payload = payload, .why = why});

@@ -45,6 +45,17 @@ void TaskFlagRotation::inherit(const InheritedGrant& granted, MonotonicTime now)
   phase_ = granted.process ? Phase::recalling : Phase::fencing;
 }
 
+void TaskFlagRotation::await_empty_queue(MonotonicTime now) {
+  current_ = Grant{.id = {incarnation_, next_counter_++},
+                   .slot = 0,
+                   .payload = {},
+                   .cycle = 0,
+                   .granted = now,
+                   .lease_end = now,
+                   .allotted = nanoseconds(0)};
+  phase_ = Phase::fencing;
+}
+
 Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   last_cycle_ = cycle;
   ++counters_.ticks;
@@ -120,7 +131,9 @@ bool TaskFlagRotation::set_order(const std::vector<std::string>& payloads) {
   if (order == order_) return true;
   order_ = std::move(order);
   // It goes on behind who had the bus last.
-  const auto last = current_ ? std::find(order_.begin(), order_.end(), current_->slot) : order_.end();
+  const auto last = current_ && !current_->payload.empty()
+                        ? std::find(order_.begin(), order_.end(), current_->slot)
+                        : order_.end();
   next_place_ =
       last == order_.end() ? 0 : static_cast<std::size_t>(last - order_.begin() + 1) % order_.size();
   return true;
@@ -150,7 +163,7 @@ std::optional<MonotonicTime> TaskFlagRotation::next_deadline() const {
 }
 
 std::optional<TaskFlagRotation::Holder> TaskFlagRotation::holder() const {
-  if (phase_ == Phase::free) return std::nullopt;
+  if (phase_ == Phase::free || current_->payload.empty()) return std::nullopt;
   const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
   return Holder{current_->slot, process.value_or(0)};
 }

@@ -131,6 +131,9 @@ class TaskFlagRotation {
   /// Takes over a grant that nobody watched since. It is asked back from the next tick on, under a new id;
   /// who does not answer in time is fenced. Of a process that is gone, on_fenced() is awaited at once.
   void inherit(const InheritedGrant& granted, MonotonicTime now);
+  /// Nobody knows of a grant from before, but of frames nobody knows either: a suite that was killed and
+  /// started anew, a record that is gone. Blocked until on_fenced() of current().
+  void await_empty_queue(MonotonicTime now);
   /// A grant is out whose end can only be heard: not released, not recalled, not fenced.
   [[nodiscard]] bool awaits_release() const {
     return phase_ == Phase::granted || phase_ == Phase::taken || phase_ == Phase::reset_ordered;

@@ -363,6 +363,20 @@ TEST_F(Successor, AwaitsTheEmptyQueueOfAHolderWhoseProcessIsGoneAndAsksNobody) {
   EXPECT_TRUE(std::holds_alternative<Grant>(heir.on_tick(now, 2, now)));
 }
 
+TEST_F(TaskFlagRotationTest, AwaitsTheEmptyQueueOfASuiteItKnowsNothingOfAndThenBeginsWithTheFirst) {
+  rotation.await_empty_queue(now);
+  EXPECT_TRUE(rotation.awaits_fence());
+  EXPECT_FALSE(rotation.next_deadline());
+  EXPECT_FALSE(rotation.holder()) << "nobody to remember for a successor: that one waits anyway";
+  now += seconds(1);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "frames may wait for the bus";
+  EXPECT_TRUE(rotation.set_order({"thermal", "adcs", "eps"}));
+  rotation.on_fenced(rotation.current()->id, now);
+  EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick())) << "guard time";
+  now += TaskFlagRotation::guard_time;
+  EXPECT_EQ(must_grant().payload, "thermal");
+}
+
 TEST_F(TaskFlagRotationTest, AsksForAGrantThatItDidNotWatchUnderANewIdAndAccusesNobody) {
   const Grant grant = must_grant();
   take(grant);

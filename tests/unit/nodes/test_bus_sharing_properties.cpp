@@ -204,6 +204,7 @@ struct Statistics {
   std::uint64_t unproven = 0;
   std::uint64_t reconfigured = 0;
   std::uint64_t substitutes = 0;
+  std::uint64_t suite_restarts = 0;
 };
 
 class World {
@@ -404,6 +405,12 @@ class World {
     if (!faults_on_) return;
     schedule({.at = now_ + between(milliseconds(10), chance(10) ? seconds(6) : milliseconds(600)),
               .kind = Kind::fault});
+    if (chance(30)) {  // the whole suite is killed and started anew, and nobody knows of the last grant
+      ++statistics_.suite_restarts;
+      for (std::uint8_t i = 0; i <= payload_count; ++i) kill(i);
+      record_.reset();
+      return;
+    }
     const auto who = static_cast<std::uint8_t>(random_() % (payload_count + 1));
     if (!process(who).alive) return;
     if (chance(3)) {
@@ -486,6 +493,7 @@ class World {
     switcher_.bus = std::make_unique<ModelBus>(*this, switcher_index);
     switcher_.rotation =
         std::make_unique<TaskFlagRotation>(plan(), switcher_.incarnation, now_, inherited(record_));
+    if (!inherited(record_)) switcher_.rotation->await_empty_queue(now_);
     switcher_.rotation->set_recall_time(recall_time);
     switcher_.rotation->resume(now_);
     if (switcher_.rotation->awaits_fence()) drain();
@@ -1237,6 +1245,7 @@ TEST(BusSharing, NoStoppedKilledOrLateProcessEverDisturbsAnothersSlot) {
   EXPECT_GT(s.unproven, 0U);
   EXPECT_GT(s.reconfigured, slots / 2000);
   EXPECT_GT(s.substitutes, slots / 100);
+  EXPECT_GT(s.suite_restarts, slots / 2000);
   EXPECT_GT(s.resets, slots / 200);
   EXPECT_GT(s.withdrawn, 0U);
   if (slots >= 300'000) {
