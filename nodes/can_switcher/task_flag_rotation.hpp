@@ -108,9 +108,9 @@ class TaskFlagRotation {
   TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
                    const std::optional<InheritedGrant>& inherited = {});
 
+  /// A tick that TickFlywheel believed, or made.
   /// @param received  when the tick arrived, before now if it had to wait
-  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (a cycle already seen, suspended, a tick from
-  /// before resume())
+  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (suspended, a tick from before resume())
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
   /// time.
@@ -131,6 +131,9 @@ class TaskFlagRotation {
   /// Takes over a grant that nobody watched since. It is asked back from the next tick on, under a new id;
   /// who does not answer in time is fenced. Of a process that is gone, on_fenced() is awaited at once.
   void inherit(const InheritedGrant& granted, MonotonicTime now);
+  /// Nobody knows of a grant from before, but of frames nobody knows either: a suite that was killed and
+  /// started anew, a record that is gone. Blocked until on_fenced() of current().
+  void await_empty_queue(MonotonicTime now);
   /// A grant is out whose end can only be heard: not released, not recalled, not fenced.
   [[nodiscard]] bool awaits_release() const {
     return phase_ == Phase::granted || phase_ == Phase::taken || phase_ == Phase::reset_ordered;
@@ -180,8 +183,6 @@ class TaskFlagRotation {
   };
   struct Counters {
     std::uint32_t ticks = 0;
-    std::uint32_t repeated_ticks = 0;
-    std::uint32_t missed_cycles = 0;  ///< cycle numbers between two ticks that were never received
     std::uint32_t blocked_ticks = 0;
     std::uint32_t waiting_ticks = 0;
     std::uint32_t idle_ticks = 0;  ///< suspended, or a tick from before resume()
@@ -206,11 +207,6 @@ class TaskFlagRotation {
  private:
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
 
-  /// A tick of the timeline heard so far. A cycle far ahead or behind is doubted (a forged or misdelivered
-  /// tick must not stop the rotation), and believed when the next one goes on from there (timing lost its
-  /// count).
-  bool follows(MissionCycle cycle);
-  static constexpr MissionCycle longest_gap = 1'000'000;
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   Grant grant(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
@@ -241,8 +237,7 @@ class TaskFlagRotation {
   MonotonicTime not_before_;
   nanoseconds recall_time_ = seconds(3);
   bool recalled_ = false;  ///< a Recall was given out: its time runs
-  std::optional<MissionCycle> last_cycle_;
-  std::optional<MissionCycle> doubted_cycle_;
+  MissionCycle last_cycle_ = 0;
   Counters counters_;
 };
 

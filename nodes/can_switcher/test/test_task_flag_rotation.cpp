@@ -186,29 +186,6 @@ TEST_F(TaskFlagRotationTest, IgnoresAReleaseFromAnotherProcessOfTheHolder) {
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
 }
 
-TEST_F(TaskFlagRotationTest, IgnoresARepeatedOrOlderTick) {
-  must_grant();
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle, now)));
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle - 1, now)));
-  EXPECT_EQ(rotation.counters().repeated_ticks, 2U);
-}
-
-TEST_F(TaskFlagRotationTest, ASingleAbsurdTickDoesNotStopTheRotation) {
-  const Grant grant = must_grant();
-  report(BusReport::Kind::released, grant);
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ~MissionCycle{0}, now)));
-  must_grant();
-}
-
-TEST_F(TaskFlagRotationTest, BelievesATimelineThatStartsAgainAfterItsSecondTick) {
-  cycle = 5000;
-  const Grant grant = must_grant();
-  report(BusReport::Kind::released, grant);
-  cycle = 0;  // timing lost its count
-  EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
-  must_grant();
-}
-
 TEST_F(TaskFlagRotationTest, GrantsNothingWhileSuspendedAndStillFencesTheHolder) {
   const Grant grant = must_grant();
   take(grant);
@@ -384,6 +361,20 @@ TEST_F(Successor, AwaitsTheEmptyQueueOfAHolderWhoseProcessIsGoneAndAsksNobody) {
   EXPECT_FALSE(heir.holder());
   now += milliseconds(100);
   EXPECT_TRUE(std::holds_alternative<Grant>(heir.on_tick(now, 2, now)));
+}
+
+TEST_F(TaskFlagRotationTest, AwaitsTheEmptyQueueOfASuiteItKnowsNothingOfAndThenBeginsWithTheFirst) {
+  rotation.await_empty_queue(now);
+  EXPECT_TRUE(rotation.awaits_fence());
+  EXPECT_FALSE(rotation.next_deadline());
+  EXPECT_FALSE(rotation.holder()) << "nobody to remember for a successor: that one waits anyway";
+  now += seconds(1);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "frames may wait for the bus";
+  EXPECT_TRUE(rotation.set_order({"thermal", "adcs", "eps"}));
+  rotation.on_fenced(rotation.current()->id, now);
+  EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick())) << "guard time";
+  now += TaskFlagRotation::guard_time;
+  EXPECT_EQ(must_grant().payload, "thermal");
 }
 
 TEST_F(TaskFlagRotationTest, AsksForAGrantThatItDidNotWatchUnderANewIdAndAccusesNobody) {
