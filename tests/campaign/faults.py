@@ -38,7 +38,7 @@ ACTIVE = 3  # lifecycle_msgs/State
 SUBSETS = 2 ** len(NODES) - 2  # of nine nodes, but nobody and all
 
 # Commands of fault_injector.cpp.
-ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP = range(1, 13)
+ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP, IDLE = range(1, 14)
 HEALTHY = 0
 
 
@@ -50,6 +50,7 @@ class FaultClass:
     p50_s: float | None = None  # goals: fault to Active again
     max_s: float | None = None
     bound_s: float = 30  # later is a failure of the campaign whatever the goal
+    found_as: tuple = ()  # what the ring may call it; empty: anything
 
 
 EXIT, HANG = (0.3, 0.8), (0.7, 1.2)
@@ -66,7 +67,9 @@ CLASSES = (
     FaultClass("stale_nonce", "its answers name another question", "restart"),
     FaultClass("wrong_incarnation", "its answers name another incarnation", "restart"),
     FaultClass("wrong_state", "its answers name a state that there is not", "restart"),
-    FaultClass("worker", "a worker thread that does not come back", "restart", bound_s=12),
+    FaultClass("worker", "a worker thread that does not come back", "restart", bound_s=12, found_as=("worker frozen",)),
+    # A payload that has the bus is fenced by the switcher first.
+    FaultClass("idle", "answers in Active; its input stays where it is, its timers do nothing", "restart", bound_s=12, found_as=("not working", "exited")),
     FaultClass("memory", "grows by 64 MiB a second", "restart"),
     FaultClass("descriptors", "uses all file descriptors", "restart"),
     FaultClass("start_hang", "killed; its successors hang while they start, until the cause is gone", "mended", bound_s=120),
@@ -78,6 +81,7 @@ CLASSES = (
 )
 # The worker thread that is frozen: one that has work again each second. A restarter has an empty job then.
 WORKERS = {"ttc": "ttc_store", **dict.fromkeys(PAYLOADS, "store"), **dict.fromkeys(("timing", "can_switcher", *NODES[6:]), "ring")}
+WITHOUT_DUE_WORK = NODES[6:]
 WINDOW_S = 1.5  # of the ring's death history
 NODE_PRIORITY, DEVICE_PRIORITY = 40, 50  # SCHED_FIFO
 LOAD = ("stress-ng", "--cpu", "4", "--io", "2", "--quiet")
@@ -172,6 +176,7 @@ class Trial:
     accused: int | None = None  # the first accusation of a victim
     process: int | None = None  # all victims have a new process
     active: int | None = None  # all victims are Active again
+    found_as: str = ""  # by the first accusation
     false_restarts: tuple = ()
     slots_lost: int = 0
     telemetry_gap_s: float = 0.0
@@ -331,7 +336,7 @@ class FaultCampaign:
         """@return what ends the fault, to be called; None where nothing does"""
         signals = {"exit": signal.SIGTERM, "kill": signal.SIGKILL, "stop": signal.SIGSTOP}
         commands = {"abort": ABORT, "segfault": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
-                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS}  # fmt: skip
+                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS, "idle": IDLE}  # fmt: skip
         if kind in signals:
             self._signal(pid, signals[kind])
         elif kind in commands:
@@ -351,6 +356,8 @@ class FaultCampaign:
         """Why this node cannot have this fault; empty: it can."""
         if kind == "worker" and WORKERS[node] not in threads(self._pids()[node]):
             return f"no worker thread '{WORKERS[node]}'"
+        if kind == "idle" and node in WITHOUT_DUE_WORK:
+            return "no work of it is ever due: it does what it is told, by a caller who waits for it"
         return ""
 
     def _break_start(self, kind, node):
@@ -421,7 +428,11 @@ class FaultCampaign:
     def _finish(self, trial, begin):
         with self._lock:
             found = [a for a in self._accusations if a[0] >= begin and a[1] in trial.victims]
-        trial.accused = found[0][0] if found else None
+        if found:
+            trial.accused, trial.found_as = found[0][0], found[0][3]
+        allowed = next((fault.found_as for fault in CLASSES if fault.name == trial.kind), ())
+        if trial.active and allowed and trial.found_as not in allowed:
+            trial.note = f"found as '{trial.found_as}', expected: {', '.join(allowed)}"
         trial.slots_lost = slots_lost(self.messages, begin, time.monotonic_ns(), trial.victims)
         end = time.monotonic()
         for structure, times in list(self._telemetry.items()):
@@ -589,6 +600,7 @@ def summarize(campaign):
             "active": active, "goal": goal, "goal_met": met,
             "false_restarts": sum(len(t.false_restarts) for t in trials), "slots_lost": sum(t.slots_lost for t in trials),
             "telemetry_gap_s": max((t.telemetry_gap_s for t in trials), default=0),
+            "found_as": dict(collections.Counter(t.found_as for t in trials if t.found_as)),
         })  # fmt: skip
     telecommands = witness.telecommands_of(campaign.messages)
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
@@ -613,14 +625,15 @@ def summarize(campaign):
 
 
 def show(summary):
-    print(f"  {'class':18} {'ok':>7}  {'detected p50/max':>17}  {'restarted p50/max':>17}  {'Active p50/p90/max':>22}  goal    false  slots  telemetry gap")
+    print(f"  {'class':18} {'ok':>7}  {'detected p50/max':>17}  {'restarted p50/max':>17}  {'Active p50/p90/max':>22}  goal    false  slots    gap  found as")
     pair = lambda f: f"{f['p50_s']:.3f} / {f['max_s']:.3f}" if f["count"] else "-"  # noqa: E731
     for row in summary["table"]:
         a = row["active"]
         active = f"{a['p50_s']:.3f} / {a['p90_s']:.3f} / {a['max_s']:.3f}" if a["count"] else "-"
         goal = {True: "met", False: "MISSED", None: "-"}[row["goal_met"]]
         print(f"  {row['class']:18} {row['recovered']:3}/{row['trials']:3}  {pair(row['detected']):>17}  {pair(row['restarted']):>17}  {active:>22}  {goal:6} "
-              f"{row['false_restarts']:6} {row['slots_lost']:6}  {row['telemetry_gap_s']:.2f} s")  # fmt: skip
+              f"{row['false_restarts']:6} {row['slots_lost']:6}  {row['telemetry_gap_s']:4.2f} s  "
+              + ", ".join(f"{count} {name}" for name, count in row["found_as"].items()))  # fmt: skip
         for node, why in row["not_applicable"].items():
             print(f"  {'':18} not applicable to {node}: {why}")
     for result in summary["checks"]:
@@ -637,10 +650,10 @@ def show(summary):
 def write(folder, campaign):
     with open(folder / "trials.csv", "w", newline="") as file:
         rows = csv.writer(file)
-        rows.writerow(["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "note"])
+        rows.writerow(["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "found_as", "note"])
         for t in campaign.trials:
             rows.writerow([t.kind, " ".join(t.victims), t.begin, *(t.seconds(what) for what in ("accused", "process", "active")),
-                           " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.note])  # fmt: skip
+                           " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.found_as, t.note])  # fmt: skip
     with open(folder / "record.jsonl", "w") as file:
         for message in campaign.messages:
             file.write(json.dumps({key: value for key, value in message.items() if key != "arrived"}) + "\n")
