@@ -18,13 +18,13 @@ import re
 import select
 import shutil
 import signal
-import socket
 import statistics
 import subprocess
 import tempfile
 import threading
 import time
 
+import executions
 import mission  # tools/demo
 import witness
 
@@ -201,9 +201,7 @@ class FaultCampaign:
         self.trials = []
         self.not_applicable = {}  # class -> {node: why it cannot have this fault}
         self.messages = []
-        self.executed = {payload: [] for payload in PAYLOADS}
-        self._executed_counts = dict.fromkeys(PAYLOADS, 0)
-        self.unseen_executions = 0
+        self.executions = executions.Executions(flight.run_dir)
         self._lock = threading.Lock()
         self._alive = {}  # node -> (incarnation, state, time of the report)
         self._accusations = []  # (time, subject, observer, class)
@@ -258,20 +256,7 @@ class FaultCampaign:
                     with contextlib.suppress(mission.MissionError, ValueError):
                         under_way[self._ground.send(f"tc {self.random.choice(TELECOMMANDS[payload])}")] = now
             with contextlib.suppress(OSError):
-                self.ask_peripherals()
-
-    def ask_peripherals(self):
-        names = {"payload_adcs": "adcs", "payload_eps": "eps", "payload_thermal": "thermal"}
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
-            control.settimeout(5)
-            control.connect(str(self.flight.run_dir / "sim_control.sock"))
-            control.send(b'{"query":"executed"}')
-            reply = json.loads(control.recv(1 << 18))["executed"]
-        for payload, name in names.items():
-            new = reply[name]["count"] - self._executed_counts[payload]
-            self.unseen_executions += max(0, new - len(reply[name]["last"]))
-            self.executed[payload] += reply[name]["last"][len(reply[name]["last"]) - min(new, len(reply[name]["last"])) :]
-            self._executed_counts[payload] = reply[name]["count"]
+                self.executions.ask()
 
     def _pids(self):
         return {node: seen[-1][1] for node, seen in self._processes.items() if seen}
@@ -317,7 +302,7 @@ class FaultCampaign:
         for thread in self._threads:
             thread.join(10)
         if kind is None:
-            self.ask_peripherals()
+            self.executions.ask()
 
     def _settle(self):
         with contextlib.suppress(mission.MissionError):  # the judge says what is missing
@@ -605,11 +590,11 @@ def summarize(campaign):
     telecommands = witness.telecommands_of(campaign.messages)
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     checks = [
-        *witness.executed_once(telecommands, campaign.executed),
+        *witness.executed_once(telecommands, campaign.executions.of),
         witness.told_to_the_ground(others),
         witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
-        witness.check([f"{campaign.unseen_executions} executions"] if campaign.unseen_executions else [], "every execution was seen"),
+        witness.check([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),
     ]  # fmt: skip
     slopes = {}
     if len(campaign.usage) > 1:
@@ -620,7 +605,7 @@ def summarize(campaign):
                             "memory_kib": seen[-1][1][0], "descriptors": seen[-1][1][1]}  # fmt: skip
     return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
-                             "executed": sum(map(len, campaign.executed.values())),
+                             "executed": len(campaign.executions),
                              "not_accepted": unheard, "ends_lost_with_ttc": with_ttc}}  # fmt: skip
 
 
