@@ -19,13 +19,13 @@ import re
 import select
 import shutil
 import signal
-import socket
 import statistics
 import subprocess
 import tempfile
 import threading
 import time
 
+import executions
 import mission  # tools/demo
 import witness
 
@@ -39,7 +39,7 @@ ACTIVE = 3  # lifecycle_msgs/State
 SUBSETS = 2 ** len(NODES) - 2  # of nine nodes, but nobody and all
 
 # Commands of fault_injector.cpp.
-ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP = range(1, 13)
+ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP, IDLE = range(1, 14)
 HEALTHY = 0
 
 
@@ -51,6 +51,7 @@ class FaultClass:
     p50_s: float | None = None  # goals: fault to Active again
     max_s: float | None = None
     bound_s: float = 30  # later is a failure of the campaign whatever the goal
+    found_as: tuple = ()  # what the ring may call it; empty: anything
 
 
 EXIT, HANG = (0.3, 0.8), (0.7, 1.2)
@@ -67,7 +68,9 @@ CLASSES = (
     FaultClass("stale_nonce", "its answers name another question", "restart"),
     FaultClass("wrong_incarnation", "its answers name another incarnation", "restart"),
     FaultClass("wrong_state", "its answers name a state that there is not", "restart"),
-    FaultClass("worker", "a worker thread that does not come back", "restart", bound_s=12),
+    FaultClass("worker", "a worker thread that does not come back", "restart", bound_s=12, found_as=("worker frozen",)),
+    # A payload that has the bus is fenced by the switcher first.
+    FaultClass("idle", "answers in Active; its input stays where it is, its timers do nothing", "restart", bound_s=12, found_as=("not working", "exited")),
     FaultClass("memory", "grows by 64 MiB a second", "restart"),
     FaultClass("descriptors", "uses all file descriptors", "restart"),
     FaultClass("start_hang", "killed; its successors hang while they start, until the cause is gone", "mended", bound_s=120),
@@ -79,6 +82,7 @@ CLASSES = (
 )
 # The worker thread that is frozen: one that has work again each second. A restarter has an empty job then.
 WORKERS = {"ttc": "ttc_store", **dict.fromkeys(PAYLOADS, "store"), **dict.fromkeys(("timing", "can_switcher", *NODES[6:]), "ring")}
+WITHOUT_DUE_WORK = NODES[6:]
 WINDOW_S = 1.5  # of the ring's death history
 NODE_PRIORITY, DEVICE_PRIORITY = 40, 50  # SCHED_FIFO
 LOAD = ("stress-ng", "--cpu", "4", "--io", "2", "--quiet")
@@ -175,6 +179,7 @@ class Trial:
     accused: int | None = None  # the first accusation of a victim
     process: int | None = None  # all victims have a new process
     active: int | None = None  # all victims are Active again
+    found_as: str = ""  # by the first accusation
     false_restarts: tuple = ()
     slots_lost: int = 0
     telemetry_gap_s: float = 0.0
@@ -199,9 +204,7 @@ class FaultCampaign:
         self.trials = []
         self.not_applicable = {}  # class -> {node: why it cannot have this fault}
         self.messages = []
-        self.executed = {payload: [] for payload in PAYLOADS}
-        self._executed_counts = dict.fromkeys(PAYLOADS, 0)
-        self.unseen_executions = 0
+        self.executions = executions.Executions(flight.run_dir)
         self._lock = threading.Lock()
         self._alive = {}  # node -> (incarnation, state, time of the report)
         self._accusations = []  # (time, subject, observer, class)
@@ -256,20 +259,7 @@ class FaultCampaign:
                     with contextlib.suppress(mission.MissionError, ValueError):
                         under_way[self._ground.send(f"tc {self.random.choice(TELECOMMANDS[payload])}")] = now
             with contextlib.suppress(OSError):
-                self.ask_peripherals()
-
-    def ask_peripherals(self):
-        names = {"payload_adcs": "adcs", "payload_eps": "eps", "payload_thermal": "thermal"}
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
-            control.settimeout(5)
-            control.connect(str(self.flight.run_dir / "sim_control.sock"))
-            control.send(b'{"query":"executed"}')
-            reply = json.loads(control.recv(1 << 18))["executed"]
-        for payload, name in names.items():
-            new = reply[name]["count"] - self._executed_counts[payload]
-            self.unseen_executions += max(0, new - len(reply[name]["last"]))
-            self.executed[payload] += reply[name]["last"][len(reply[name]["last"]) - min(new, len(reply[name]["last"])) :]
-            self._executed_counts[payload] = reply[name]["count"]
+                self.executions.ask()
 
     def _pids(self):
         return {node: seen[-1][1] for node, seen in self._processes.items() if seen}
@@ -315,7 +305,7 @@ class FaultCampaign:
         for thread in self._threads:
             thread.join(10)
         if kind is None:
-            self.ask_peripherals()
+            self.executions.ask()
 
     def _settle(self):
         with contextlib.suppress(mission.MissionError):  # the judge says what is missing
@@ -334,7 +324,7 @@ class FaultCampaign:
         """@return what ends the fault, to be called; None where nothing does"""
         signals = {"exit": signal.SIGTERM, "kill": signal.SIGKILL, "stop": signal.SIGSTOP}
         commands = {"abort": ABORT, "segfault": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
-                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS}  # fmt: skip
+                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS, "idle": IDLE}  # fmt: skip
         if kind in signals:
             self._signal(pid, signals[kind])
         elif kind in commands:
@@ -354,6 +344,8 @@ class FaultCampaign:
         """Why this node cannot have this fault; empty: it can."""
         if kind == "worker" and WORKERS[node] not in threads(self._pids()[node]):
             return f"no worker thread '{WORKERS[node]}'"
+        if kind == "idle" and node in WITHOUT_DUE_WORK:
+            return "no work of it is ever due: it does what it is told, by a caller who waits for it"
         return ""
 
     def _break_start(self, kind, node):
@@ -429,7 +421,11 @@ class FaultCampaign:
     def _finish(self, trial, begin):
         with self._lock:
             found = [a for a in self._accusations if a[0] >= begin and a[1] in trial.victims]
-        trial.accused = found[0][0] if found else None
+        if found:
+            trial.accused, trial.found_as = found[0][0], found[0][3]
+        allowed = next((fault.found_as for fault in CLASSES if fault.name == trial.kind), ())
+        if trial.active and allowed and trial.found_as not in allowed:
+            trial.note = f"found as '{trial.found_as}', expected: {', '.join(allowed)}"
         trial.slots_lost = slots_lost(self.messages, begin, time.monotonic_ns(), trial.victims)
         end = time.monotonic()
         for structure, times in list(self._telemetry.items()):
@@ -609,15 +605,16 @@ def summarize(campaign):
             "active": active, "goal": goal, "goal_met": met,
             "false_restarts": sum(len(t.false_restarts) for t in trials), "slots_lost": sum(t.slots_lost for t in trials),
             "telemetry_gap_s": max((t.telemetry_gap_s for t in trials), default=0),
+            "found_as": dict(collections.Counter(t.found_as for t in trials if t.found_as)),
         })  # fmt: skip
     telecommands = witness.telecommands_of(campaign.messages)
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     checks = [
-        *witness.executed_once(telecommands, campaign.executed),
+        *witness.executed_once(telecommands, campaign.executions.of),
         witness.told_to_the_ground(others),
         witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
-        witness.check([f"{campaign.unseen_executions} executions"] if campaign.unseen_executions else [], "every execution was seen"),
+        witness.check([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),
     ]  # fmt: skip
     slopes = {}
     if len(campaign.usage) > 1:
@@ -628,19 +625,20 @@ def summarize(campaign):
                             "memory_kib": seen[-1][1][0], "descriptors": seen[-1][1][1]}  # fmt: skip
     return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
-                             "executed": sum(map(len, campaign.executed.values())),
+                             "executed": len(campaign.executions),
                              "not_accepted": unheard, "ends_lost_with_ttc": with_ttc}}  # fmt: skip
 
 
 def show(summary):
-    print(f"  {'class':18} {'ok':>7}  {'detected p50/max':>17}  {'restarted p50/max':>17}  {'Active p50/p90/max':>22}  goal    false  slots  telemetry gap")
+    print(f"  {'class':18} {'ok':>7}  {'detected p50/max':>17}  {'restarted p50/max':>17}  {'Active p50/p90/max':>22}  goal    false  slots    gap  found as")
     pair = lambda f: f"{f['p50_s']:.3f} / {f['max_s']:.3f}" if f["count"] else "-"  # noqa: E731
     for row in summary["table"]:
         a = row["active"]
         active = f"{a['p50_s']:.3f} / {a['p90_s']:.3f} / {a['max_s']:.3f}" if a["count"] else "-"
         goal = {True: "met", False: "MISSED", None: "-"}[row["goal_met"]]
         print(f"  {row['class']:18} {row['recovered']:3}/{row['trials']:3}  {pair(row['detected']):>17}  {pair(row['restarted']):>17}  {active:>22}  {goal:6} "
-              f"{row['false_restarts']:6} {row['slots_lost']:6}  {row['telemetry_gap_s']:.2f} s")  # fmt: skip
+              f"{row['false_restarts']:6} {row['slots_lost']:6}  {row['telemetry_gap_s']:4.2f} s  "
+              + ", ".join(f"{count} {name}" for name, count in row["found_as"].items()))  # fmt: skip
         for node, why in row["not_applicable"].items():
             print(f"  {'':18} not applicable to {node}: {why}")
     for result in summary["checks"]:
@@ -678,10 +676,10 @@ def report(summary):
 def write(folder, campaign):
     with open(folder / "trials.csv", "w", newline="") as file:
         rows = csv.writer(file)
-        rows.writerow(["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "note"])
+        rows.writerow(["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "found_as", "note"])
         for t in campaign.trials:
             rows.writerow([t.kind, " ".join(t.victims), t.begin, *(t.seconds(what) for what in ("accused", "process", "active")),
-                           " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.note])  # fmt: skip
+                           " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.found_as, t.note])  # fmt: skip
     with open(folder / "record.jsonl", "w") as file:
         for message in campaign.messages:
             file.write(json.dumps({key: value for key, value in message.items() if key != "arrived"}) + "\n")
