@@ -1,5 +1,6 @@
-// Preloaded into ttc by test_once.py: ends the process with SIGKILL at the n-th system call of the kinds by which it takes octets,
-// writes its journal, speaks to other nodes and to the line. What is armed stands in a mapped file, so that only one process ends.
+// Preloaded into ttc by test_once.py: ends the process with SIGKILL at the n-th system call of the kinds by
+// which it takes octets, writes its journal, speaks to other nodes and to the line. What is armed stands in a
+// mapped file, so that only one process ends.
 
 #include <atomic>
 #include <cstdint>
@@ -78,7 +79,8 @@ int fdatasync(int fd) {
 }
 
 ssize_t sendto(int fd, const void* data, size_t octets, int flags, const sockaddr* to, socklen_t length) {
-  static auto* const real = next<ssize_t(int, const void*, size_t, int, const sockaddr*, socklen_t)>("sendto");
+  static auto* const real =
+      next<ssize_t(int, const void*, size_t, int, const sockaddr*, socklen_t)>("sendto");
   count();
   return real(fd, data, octets, flags, to, length);
 }

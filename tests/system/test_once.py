@@ -14,6 +14,8 @@ from support import BIN, DEADLINE_S, SystemTest, wait_for_slots, wait_until
 
 PERIPHERALS = {"eps": "eps.switch_load load=2 state={}", "adcs": "adcs.set_mode mode={}", "thermal": "thermal.set_setpoint heater=0 setpoint_k={}"}
 ARGUMENTS = {"eps": ("on", "off"), "adcs": ("point", "idle"), "thermal": ("291", "289")}
+PATIENCE_S = 90  # of the ground: the ring waits longer from death to death
+WINDOW_MS = 1000  # of the ring's patience with deaths, the shortest there is
 UNDER_WAY = 3  # telecommands of one payload
 INTERRUPTED = 36
 
@@ -30,9 +32,10 @@ class OnceTest(SystemTest):
     def executed(self, flight, peripheral):
         return flight.control({"query": "executed"})["executed"][peripheral]
 
-    def telecommand(self, number):
-        peripheral = tuple(PERIPHERALS)[number % len(PERIPHERALS)]
-        return PERIPHERALS[peripheral].format(ARGUMENTS[peripheral][number // len(PERIPHERALS) % 2])
+    def send(self, ground, number, peripheral=None):
+        peripheral = peripheral or tuple(PERIPHERALS)[number % len(PERIPHERALS)]
+        text = PERIPHERALS[peripheral].format(ARGUMENTS[peripheral][number // len(PERIPHERALS) % 2])
+        return ground.send(f"tc {text} --timeout {PATIENCE_S}")
 
     def kill_ttc(self, flight):
         pid = flight.node_pid("ttc")
@@ -42,7 +45,7 @@ class OnceTest(SystemTest):
 
     def wait_for_the_end(self, ground, lines):
         for line in lines:
-            outcome = ground.outcome(line, 2 * DEADLINE_S)
+            outcome = ground.outcome(line, PATIENCE_S + DEADLINE_S)
             self.assertIsNotNone(outcome, f"line {line}: {self.names(ground, line)}")
 
     def judge(self, flight, ground, recorder, lines):
@@ -75,7 +78,7 @@ class KilledTtcTest(OnceTest):
             lines = []
             for _ in range(6):
                 for _ in range(UNDER_WAY):
-                    lines += [ground.send(f"tc {self.telecommand(len(lines) + k)}") for k in range(len(PERIPHERALS))]
+                    lines += [self.send(ground, len(lines) + k) for k in range(len(PERIPHERALS))]
                 # Anywhere between the first octet and the last report.
                 threading.Event().wait(chance.uniform(0, 0.4))
                 self.kill_ttc(flight)
@@ -88,7 +91,7 @@ class KilledTtcTest(OnceTest):
         with self.flight() as flight:
             recorder, ground = flight.recorder(), flight.ground()
             wait_for_slots(recorder, "payload_eps", "released", 2, 0)
-            lines = [ground.send(f"tc {PERIPHERALS['eps'].format(ARGUMENTS['eps'][n % 2])}") for n in range(6)]
+            lines = [self.send(ground, n, "eps") for n in range(6)]
             self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "tc_stage" and m["stage"] == "accepted", DEADLINE_S))
             payload = flight.node_pid("payload_eps")
             os.kill(payload, signal.SIGKILL)
@@ -105,7 +108,8 @@ class CrashPointTest(OnceTest):
         wrapper = self.folder / "ttc_node"
         wrapper.write_text(f'#!/bin/sh\nexport LD_PRELOAD={BIN.parent}/lib/libsrfs_crash_point.so SRFS_CRASH_POINT={self.point}\nexec {BIN}/ttc_node "$@"\n')
         wrapper.chmod(0o755)
-        return self.deployment(("executable: ttc_node\n", f"executable: {wrapper}\n"))
+        # It dies here more often than any node should: patience is for deaths that follow upon each other.
+        return self.deployment(("executable: ttc_node\n", f"executable: {wrapper}\n"), ("ring:", f"ring:\n  window_ms: {WINDOW_MS}"))
 
     def test_killed_at_each_system_call_of_a_telecommand_it_is_executed_once(self):
         with self.flight(self.armed_deployment()) as flight:
@@ -116,11 +120,14 @@ class CrashPointTest(OnceTest):
                 for call in range(1, self.CALLS + 1):
                     pid = flight.node_pid("ttc")
                     countdown[:] = struct.pack("=Q", call)
-                    lines.append(ground.send(f"tc {self.telecommand(call)}"))
+                    lines.append(self.send(ground, call))
                     # Its other work goes on, so the call comes in any case.
                     wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, f"ttc ended before call {call} and is back")
                     killed += 1
+                    back = recorder.position()
                     wait_until(lambda: ground.command("ping").get("stage") == "completed", DEADLINE_S, "ttc works")
+                    ticks = WINDOW_MS // 100 + 2
+                    wait_until(lambda: len(recorder.select(lambda m: m["type"] == "tick", back)) > ticks, DEADLINE_S, "the death is out of the window")
             self.judge(flight, ground, recorder, lines)
             self.assertEqual(killed, self.CALLS)
 
