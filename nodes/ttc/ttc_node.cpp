@@ -56,39 +56,94 @@ bool TtcNode::read_line() {
 
 void TtcNode::take_uplinked(std::vector<UplinkedPacket> packets) {
   const MonotonicTime received = monotonic_now();
-  for (UplinkedPacket& packet : packets) {
-    if (!link_->gate.has_room()) link_->router.on_packet_without_room(packet.packet);
-    link_->gate.enter(std::move(packet), link_->uplink.state().generation, received);
+  for (UplinkedPacket& packet : packets) take_packet(std::move(packet), received);
+  for (const UplinkedPacket& refused : link_->uplink.take_refused()) {
+    const AcceptedTelecommand* known = link_->journal.find_repeated_frame(refused);
+    if (known != nullptr) AcceptanceJournal::tell_again(*known, 0, link_->outbox);
   }
 }
 
-void TtcNode::persist_link_state() {
-  if (!link_->gate.wants_write(link_->uplink.state().generation)) return;
-  LinkState state = link_->uplink.state();
-  state.next_telecommand_id = link_->forwarder.next_id() + reserved_telecommand_ids;
-  auto written = std::make_shared<Result<void, FileError>>();
-  const bool taken =
-      state_worker_->post([file = link_file_, state, written] { *written = file->store(state); },
-                          [this, written] { on_link_state_written(*written); });
-  if (taken) link_->gate.on_write_begun(state.generation);
+void TtcNode::take_packet(UplinkedPacket packet, MonotonicTime received) {
+  AcceptanceJournal& journal = link_->journal;
+  const LinkState& link = link_->uplink.state();
+  if (const AcceptedTelecommand* known = journal.find_repeated_packet(packet, received)) {
+    journal.on_link(link);
+    AcceptanceJournal::tell_again(*known, 0, link_->outbox);
+    return;
+  }
+  if (!link_->gate.has_room()) {
+    link_->gate.refuse();
+    journal.on_link(link);
+    link_->router.on_packet_without_room(packet.packet);
+    return;
+  }
+  JudgedTelecommand judged = link_->router.judge(packet.packet, received, journal.has_room());
+  if (judged.command != nullptr) {
+    judged.origin.id =
+        journal.accept(packet, judged.origin, judged.command->node, judged.expiry, link, received);
+  } else {
+    journal.on_link(link);
+  }
+  link_->gate.enter(std::move(judged), journal.revision(), received);
 }
 
-void TtcNode::on_link_state_written(const Result<void, FileError>& written) {
+void TtcNode::persist_journal(bool sync_all) {
+  AcceptanceJournal& journal = link_->journal;
+  journal.on_link(link_->uplink.state());
+  const bool awaited = link_->gate.wants_write(journal.revision());
+  const bool lazy = journal.wants_write() || (sync_all && journal.wants_sync());
+  if (!awaited && !(lazy && link_->gate.may_write())) return;
+  auto batch = std::make_shared<JournalBatch>(journal.take_batch(awaited || sync_all));
+  struct Outcome {
+    Result<void, FileError> written;
+    std::size_t used_octets = 0;
+  };
+  auto outcome = std::make_shared<Outcome>();
+  link_->gate.on_write_begun(batch->revision);
+  const bool taken = journal_worker_->post(
+      [disk = journal_file_, batch, outcome] {
+        outcome->written = batch->snapshot ? disk->log.snapshot(*batch->snapshot)
+                                           : disk->log.append(batch->records, batch->sync);
+        outcome->used_octets = disk->log.used_octets();
+      },
+      [this, batch, outcome] { on_journal_written(*batch, outcome->written, outcome->used_octets); });
+  if (!taken) on_journal_written(*batch, Err(FileError{"the journal's worker is busy"}), 0);
+}
+
+void TtcNode::on_journal_written(const JournalBatch& batch, const Result<void, FileError>& written,
+                                 std::size_t used_octets) {
+  link_->journal.on_written(batch, written.has_value(), used_octets);
   link_->gate.on_write_done(written.has_value(), monotonic_now());
-  note_storage(state_durable_, written.has_value(), written ? "" : written.error().message);
+  note_storage(journal_durable_, written.has_value(), written ? "" : written.error().message);
   if (is_active()) settle();
 }
 
 void TtcNode::execute_passed() {
-  for (const GatedPacket& gated : link_->gate.take_passed()) {
-    if (!gated.durable) note_storage(state_durable_, false, "the anti-replay state is not on disk");
-    link_->router.on_packet(gated.uplinked.packet, gated.durable, now());
+  for (const GatedTelecommand& gated : link_->gate.take_passed()) {
+    if (!gated.durable) note_storage(journal_durable_, false, "the journal of telecommands is not on disk");
+    link_->router.carry_out(gated.judged, gated.durable, now());
     send_reports(link_->outbox.take(), gated.received);
   }
-  for (std::uint32_t i = link_->router.take_unstored_runs(); i > 0; --i) {
+  for (const std::uint64_t id : link_->router.take_unstored_runs()) {
     mission::TtcRecoveryWithoutStorageEvent event;
+    event.telecommand = id;
     raise(event.severity, event.event_id, event.encoded());
   }
+}
+
+void TtcNode::record_progress() {
+  for (const std::uint64_t id : link_->forwarder.take_taken()) link_->journal.on_taken(id);
+  for (const StageReached& stage : link_->outbox.take_stages()) link_->journal.on_stage(stage);
+}
+
+void TtcNode::copy_link_state() {
+  LinkState state = link_->uplink.state();
+  if (state.generation == copied_generation_) return;
+  state.next_telecommand_id = link_->journal.next_id() + reserved_telecommand_ids;
+  state_worker_->post([file = link_file_, state] {
+    if (const auto written = file->store(state); !written) log::warn("{}", written.error().message);
+  });
+  copied_generation_ = state.generation;
 }
 
 void TtcNode::report_findings() {
@@ -110,13 +165,15 @@ void TtcNode::report_findings() {
 // ---- outputs
 
 void TtcNode::settle() {
-  persist_link_state();
+  persist_journal();
   execute_passed();
   publish_telecommands();
   send_reports(link_->outbox.take(), std::nullopt);
   store_mode_change();
   report_rejections();
   report_findings();
+  record_progress();
+  persist_journal();
   link_->uplink.set_buffer_available(link_->gate.has_room(frames_per_read));
   pump_downlink();
 }
@@ -217,11 +274,7 @@ void TtcNode::feed_playback() {
     event.store = done.store;
     event.packets = done.packets;
     event.octets = done.octets;
-    // Not by way of the event topic, whose rate limit could take it from the ground.
-    const auto report =
-        link_->events.on_event(dictionary_.apid_of_node(name())->apid, event.event_id,
-                               static_cast<std::uint8_t>(event.severity), event.encoded(), now());
-    if (report) send(report->report, report->live, true, false);
+    send_event(event.severity, event.event_id, event.encoded());
   }
 
   const auto batch = retrieval.next_batch(link_->downlink.room_octets(DownlinkChannel::playback));
@@ -378,6 +431,10 @@ void TtcNode::commit_stores() {
     return;
   }
   commits_missed_ = 0;
+  persist_journal(true);
+  // What has left and is in this commit, the ground has or can ask for.
+  const bool all_left = link_->downlink.empty(DownlinkChannel::live) && outgoing_.empty();
+  const std::uint64_t told = all_left ? link_->journal.serial() : 0;
   auto status = std::make_shared<StoreRackStatus>();
   commit_running_ = store_worker_->post(
       [stores = stores_, items = std::make_shared<std::vector<StoreItem>>(to_store_), status] {
@@ -385,8 +442,9 @@ void TtcNode::commit_stores() {
         stores->commit();
         *status = stores->status();
       },
-      [this, status] {
+      [this, status, told] {
         commit_running_ = false;
+        if (status->failure.empty()) link_->journal.on_told(told);
         on_store_status(*status);
       });
   if (commit_running_) to_store_.clear();
@@ -418,6 +476,12 @@ void TtcNode::note_storage(bool& known, bool works, const std::string& why) {
     log::info("storage is available again");
   }
   known = works;
+}
+
+void TtcNode::send_event(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data) {
+  const auto report = link_->events.on_event(dictionary_.apid_of_node(name())->apid, event_id,
+                                             static_cast<std::uint8_t>(severity), data, now());
+  if (report) send(report->report, report->live, true, false);
 }
 
 void TtcNode::raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data) {
@@ -465,6 +529,14 @@ void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
   h.tc_forwarded_failed = as_u32(forwarded.failed);
   h.tc_expired = as_u32(forwarded.expired);
   h.reports_repeated = as_u32(forwarded.duplicate_reports);
+  const AcceptanceJournalCounters& journal = link_->journal.counters();
+  h.tc_open = as_u32(link_->journal.open());
+  h.tc_restored = as_u32(journal.restored);
+  h.tc_repeats = as_u32(journal.repeats);
+  h.journal_octets = journal.written_octets;
+  h.journal_syncs = as_u32(journal.syncs);
+  h.journal_write_failures = as_u32(journal.failed_writes);
+  h.journal_damaged_octets = as_u32(journal_damaged_octets_);
   h.start_sequences = as_u32(cltu.start_sequences);
   h.cltus = as_u32(cltu.cltus_decoded);
   h.bch_corrected = as_u32(cltu.corrected_bits);

@@ -97,6 +97,7 @@ COMMAND_PERIOD_S = 0.25
 MOST_UNDER_WAY = 3
 FORGET_S = 20
 DELIVERY_NS = 500_000_000  # from a topic to the campaign, on a busy machine
+GROUND_PATIENCE_S = 40  # a ttc that cannot start for some seconds tells the ends when it can
 
 
 class _SigInfo(ctypes.Structure):
@@ -257,7 +258,7 @@ class FaultCampaign:
                     under_way.pop(line, None)
                 if len(under_way) < MOST_UNDER_WAY:
                     with contextlib.suppress(mission.MissionError, ValueError):
-                        under_way[self._ground.send(f"tc {self.random.choice(TELECOMMANDS[payload])}")] = now
+                        under_way[self._ground.send(f"tc {self.random.choice(TELECOMMANDS[payload])} --timeout {GROUND_PATIENCE_S}")] = now
             with contextlib.suppress(OSError):
                 self.executions.ask()
 
@@ -570,8 +571,8 @@ def figures(values):
 
 
 def sort_telecommands(stages, trials):
-    """(stages of telecommands whose end the ground must hear, accepted ones whose end went with a process of ttc, ones that were never accepted).
-    ttc keeps no journal yet: what it had accepted and not handed over, or not reported, when it died is known to nobody."""
+    """(stages of telecommands whose end the ground must hear, how many accepted ones have none after a death of ttc, ones that were never
+    accepted). The journal of ttc outlives its process: an end that is lost with it is a failure like any other."""
     by_line = collections.defaultdict(list)
     for m in stages:
         by_line[m["line"]].append(m)
@@ -582,10 +583,9 @@ def sort_telecommands(stages, trials):
         first, last = lines[0], lines[-1]
         if last["stage"] == "timed_out" and "accepted" not in names:
             unheard += 1  # a BD frame that nobody took
-        elif last["stage"] == "timed_out" and any(first["at_ns"] < back and last["at_ns"] > death for death, back in deaths):
-            with_ttc += 1
-        else:
-            kept += lines
+            continue
+        with_ttc += last["stage"] == "timed_out" and any(first["at_ns"] < back and last["at_ns"] > death for death, back in deaths)
+        kept += lines
     return kept, with_ttc, unheard
 
 
