@@ -342,7 +342,9 @@ TEST_F(CfdpTransfer, IsCancelledWhenTheFileChangesUnderTheSender) {
     const auto id = put(random_file(30'000, 3), "changed");
     link_.run_for(milliseconds(500));
     change(files(ground));
+    link_.at(ground).events.clear();
     ASSERT_TRUE(run());
+    EXPECT_THAT(faults(ground), ElementsAre(condition));  // noticed by the sender itself
     EXPECT_EQ(entity(ground).outcome_of(id)->condition, condition);
     EXPECT_EQ(entity(satellite).outcome_of(id)->condition, condition);
     EXPECT_EQ(files(satellite).content("changed"), nullptr);
@@ -521,6 +523,47 @@ TEST_F(CfdpTransfer, BeginsAgainWhenTheTemporaryFileIsGone) {
   ASSERT_TRUE(run());
   EXPECT_EQ(entity(ground).outcome_of(id), Outcome{});
   EXPECT_EQ(*files(satellite).content("b"), random_file(60'000, 1));
+}
+
+TEST_F(CfdpTransfer, AFileThatGotItsNameJustBeforeTheCrashIsRecognised) {
+  const auto id = put(random_file(3000, 1));
+  passes_ = [](std::uint64_t, const std::string& kind) { return kind != "eof"; };
+  link_.run_for(milliseconds(1000));
+  passes_ = [](std::uint64_t, const std::string&) { return true; };
+  sent_.clear();
+  // What follows at the satellite: EOF recorded (with a sync), checking recorded, the name, its record.
+  files(satellite).calls_until_kill = 3;
+  files(satellite).kill_after_effect = true;
+  ASSERT_TRUE(run());
+  ASSERT_FALSE(files(satellite).calls_until_kill);
+  EXPECT_EQ(count("1 data"), 0);
+  EXPECT_EQ(entity(ground).outcome_of(id), Outcome{});
+  EXPECT_EQ(*files(satellite).content("b"), random_file(3000, 1));
+}
+
+TEST_F(CfdpTransfer, BeginsAgainWhenTheFileToBeCheckedIsGoneOrAnother) {
+  for (const bool another : {false, true}) {
+    const auto id = put(random_file(3000, 1));
+    passes_ = [](std::uint64_t, const std::string& kind) { return kind != "eof"; };
+    link_.run_for(milliseconds(1000));
+    passes_ = [](std::uint64_t, const std::string&) { return true; };
+    files(satellite).calls_until_kill = 3;
+    files(satellite).kill_after_effect = false;  // dies on the way to the name
+    while (files(satellite).calls_until_kill) link_.run_for(milliseconds(1));
+    files(satellite).discard_temporary(id);
+    files(satellite).files.clear();
+    if (another) files(satellite).add("b", random_file(3001, 2));
+    ASSERT_TRUE(run(seconds(600)));
+    EXPECT_EQ(entity(ground).outcome_of(id), Outcome{});
+    EXPECT_EQ(*files(satellite).content("b"), random_file(3000, 1));
+  }
+}
+
+TEST_F(CfdpTransfer, TemporaryFilesOfNobodyAreRemovedAtTheStart) {
+  const TransactionId nobody{.source = ground, .sequence = 99};
+  ASSERT_TRUE(files(satellite).create_temporary(nobody));
+  link_.start();
+  EXPECT_EQ(files(satellite).temporaries(), 0U);
 }
 
 TEST_F(CfdpTransfer, ADamagedCheckpointMeansAFreshStart) {
