@@ -352,6 +352,7 @@ bool Receiver::metadata_to_ask(MonotonicTime now) const {
 std::optional<MonotonicTime> Receiver::nak_due() const {
   auto due = gaps_.next_due(may_repeat());
   if (!state_.file && may_repeat() && (!due || metadata_ask_at_ < *due)) due = metadata_ask_at_;
+  if (due) due = std::max(*due, nak_not_before_);
   return due;
 }
 
@@ -397,6 +398,7 @@ std::optional<Outgoing> Receiver::next_pdu(std::size_t octets_max, MonotonicTime
 }
 
 std::optional<Outgoing> Receiver::nak(std::size_t octets_max, MonotonicTime now) {
+  if (now < nak_not_before_ && !nak_forced_) return std::nullopt;
   const std::size_t room = wire::cfdp_nak_segments_max(state_.header, octets_max);
   const bool ask_metadata = metadata_to_ask(now);
   CfdpNak nak;
@@ -413,6 +415,7 @@ std::optional<Outgoing> Receiver::nak(std::size_t octets_max, MonotonicTime now)
     metadata_ask_at_ = now + context_->settings.nak_interval;
   }
   nak_forced_ = false;
+  nak_not_before_ = now + context_->settings.nak_spacing;
   heard_since_nak_ = false;
   return Outgoing{.header = state_.header, .body = std::move(nak)};
 }
@@ -481,6 +484,7 @@ void Receiver::resume(MonotonicTime now) {
   finished_due_ = state_.stage == Stage::finished;
   heard_since_nak_ = true;
   metadata_ask_at_ = now + context_->settings.nak_delay;
+  nak_not_before_ = now;
   gaps_.ask_all(now);
   restart_timers(now);
   context_->report({.kind = EventKind::resumed, .id = id(), .role = Role::receiving});

@@ -113,6 +113,7 @@ class Receiver {
   MonotonicTime heard_at_;
   bool heard_since_nak_ = true;
   MonotonicTime metadata_ask_at_;
+  MonotonicTime nak_not_before_;
   MonotonicTime nak_round_at_;  // of NAKs after EOF that brought nothing
   unsigned nak_rounds_ = 0;
   unsigned attempts_ = 0;                  // of Finished

@@ -54,6 +54,7 @@ struct Settings {
   milliseconds nak_interval{5'000};  ///< longer than the way to the peer and back, with all queues between
   unsigned nak_limit = 10;           ///< times asked after EOF without one new octet
   milliseconds nak_delay{200};       ///< gap seen -> asked for: leaves time for PDUs out of order
+  milliseconds nak_spacing{1'000};   ///< from one NAK of a file to the next: gaps are asked for together
   milliseconds inactivity_interval{60'000};
   unsigned inactivity_limit = 3;  ///< sender: EOF is sent again so often when Finished does not come
   std::uint64_t keep_alive_limit_octets = 0;  ///< peer this much behind: fault; 0: not watched

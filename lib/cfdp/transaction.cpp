@@ -20,6 +20,20 @@ std::string_view to_string(FileFault fault) {
   return "?";
 }
 
+std::string_view to_string(FaultHandler handler) {
+  switch (handler) {
+    case FaultHandler::cancel:
+      return "cancel";
+    case FaultHandler::suspend:
+      return "suspend";
+    case FaultHandler::ignore:
+      return "ignore";
+    case FaultHandler::abandon:
+      return "abandon";
+  }
+  return "?";
+}
+
 std::string_view to_string(EventKind kind) {
   switch (kind) {
     case EventKind::started:

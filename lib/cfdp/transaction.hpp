@@ -25,6 +25,8 @@ enum class Rest : std::uint8_t {
   by_fault,    ///< until resume(), or until the peer is heard
 };
 
+[[nodiscard]] std::string_view to_string(FaultHandler handler);
+
 /// How a transaction ended.
 struct Outcome {
   CfdpCondition condition = CfdpCondition::no_error;
