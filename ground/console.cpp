@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
+#include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -20,6 +21,7 @@ namespace srfs::ground {
 namespace {
 
 constexpr seconds stats_period{5};
+constexpr milliseconds progress_period{500};
 constexpr milliseconds default_acceptance{5000};
 constexpr milliseconds default_clcw{35000};  // the beacon comes every 30 s
 constexpr std::size_t longest_line = 4096;
@@ -54,6 +56,7 @@ Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings&
                 .stage = [this](const auto& report) { on_stage(report); },
                 .retrieval_over = [this](const auto& retrieval) { on_retrieval_over(retrieval); },
                 .cop = [this](const auto& report) { on_cop(report); },
+                .file = [this](const auto& news) { on_file(news); },
                 .problem = [this](const auto& problem) { fail(problem); }},
                options.fop),
       next_stats_(monotonic_now() + stats_period) {
@@ -114,12 +117,103 @@ Exit Console::retrieve(const std::string& store, const std::string& from, const 
   return last_retrieval_ && last_retrieval_->is_complete() ? Exit::done : Exit::refused;
 }
 
+void Console::carry_files(std::unique_ptr<cfdp::Postbox> postbox) {
+  station_.carry_files(std::move(postbox));
+}
+
+Exit Console::put(const std::string& file, const std::string& name, std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  const auto id = put_file(*station_.files(), file, name);
+  if (!id) {
+    fail(id.error());
+    return Exit::unusable;
+  }
+  awaited_file_ = *id;
+  const auto deadline = timeout ? std::optional(monotonic_now() + *timeout) : std::nullopt;
+  if (!run(
+          Watch::port, [&] { return awaited_arrived_.has_value(); }, deadline))
+    return Exit::link_closed;
+  if (!awaited_arrived_) {
+    fail("the file is not up yet; it goes on with the next put, files, listen or session");
+    return Exit::refused;
+  }
+  return *awaited_arrived_ ? Exit::done : Exit::refused;
+}
+
+Exit Console::files(std::optional<milliseconds> duration) {
+  quiet_telemetry_ = true;
+  // The spacecraft goes on with what rests there as soon as it hears the ground.
+  send("ttc.ping", {}, std::nullopt);
+  const auto deadline = duration ? std::optional(monotonic_now() + *duration) : std::nullopt;
+  const bool open = run(
+      Watch::port, [] { return false; }, deadline);
+  return open ? Exit::done : Exit::link_closed;
+}
+
+void Console::on_file(const cfdp::News& news) {
+  if (awaited_file_ == news.event.id && news.event.kind == cfdp::EventKind::finished)
+    awaited_arrived_ = has_arrived(news);
+  options_.json ? write_json(to_json(news)) : write_lines(to_line(news) + "\n");
+}
+
+bool Console::files_under_way() {
+  if (station_.files() == nullptr) return false;
+  const auto all = station_.files()->entity().transactions();
+  return std::any_of(all.begin(), all.end(), [](const auto& t) { return t.rest == cfdp::Rest::none; });
+}
+
+void Console::tell_progress() {
+  if (station_.files() == nullptr || monotonic_now() < next_progress_) return;
+  next_progress_ = monotonic_now() + progress_period;
+  std::string told;
+  for (const cfdp::Report& report : station_.files()->entity().transactions()) {
+    told += options_.json
+                ? to_json(report).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n"
+                : to_line(report) + "\n";
+  }
+  if (told.empty() || told == last_progress_) return;
+  last_progress_ = told;
+  if (options_.json) return write_lines(told);
+  if (!options_.colour) return;  // no terminal: what began and ended is told, not how far it is
+  // One line that is written over: the first file under way.
+  const std::string line = told.substr(0, told.find('\n'));
+  std::fputs(("\r\x1b[K" + line).c_str(), stdout);
+  std::fflush(stdout);
+  progress_shown_ = true;
+}
+
+bool Console::on_file_line(const std::string& verb, const std::vector<std::string>& words) {
+  cfdp::Postbox* const postbox = station_.files();
+  if (postbox == nullptr) return false;
+  if (verb == "put" && (words.size() == 1 || words.size() == 2)) {
+    const auto put =
+        put_file(*postbox, words[0],
+                 words.size() == 2 ? words[1] : std::filesystem::path(words[0]).filename().string());
+    if (!put) fail(put.error());
+    return true;
+  }
+  if (verb == "files" && words.empty()) {
+    for (const cfdp::Report& report : postbox->entity().transactions()) write_json(to_json(report));
+    return true;
+  }
+  if (words.size() != 1 || (verb != "suspend" && verb != "resume" && verb != "cancel")) return false;
+  const auto id = parse_transaction(words[0]);
+  if (!id) return false;
+  const MonotonicTime now = monotonic_now();
+  const bool known = verb == "suspend"  ? postbox->entity().suspend(*id)
+                     : verb == "resume" ? postbox->entity().resume(*id, now)
+                                        : postbox->entity().cancel(*id, now);
+  if (!known) fail(fmt::format("no file with the id {} is under way", words[0]));
+  return true;
+}
+
 Exit Console::session() {
   options_.json = true;
   const int flags = fcntl(STDIN_FILENO, F_GETFL);
   if (flags >= 0) fcntl(STDIN_FILENO, F_SETFL, flags | O_NONBLOCK);
   const bool open = run(
-      Watch::port_and_input, [&] { return input_ended_ && station_.idle(); }, std::nullopt);
+      Watch::port_and_input, [&] { return input_ended_ && station_.idle() && !files_under_way(); },
+      std::nullopt);
   if (flags >= 0) fcntl(STDIN_FILENO, F_SETFL, flags);
   write_stats();
   return open ? Exit::done : Exit::link_closed;
@@ -313,7 +407,7 @@ void Console::on_line(const std::string& line) {
     const std::string store = words.size() == 3 ? words[2] : "housekeeping";
     return send("storage.retrieve", {"store=" + store, "from=" + words[0], "to=" + words[1]}, *timeout);
   }
-  if (on_cop_line(verb, words)) return;
+  if (on_cop_line(verb, words) || on_file_line(verb, words)) return;
   if (verb == "stats" && words.empty()) return write_stats();
   if (verb == "quit" && words.empty()) {
     interrupted_ = true;
@@ -321,7 +415,7 @@ void Console::on_line(const std::string& line) {
   }
   fail(fmt::format(
       "'{}': expected ping | tc NAME [key=value ...] | retrieve FROM TO [STORE] | ad on|off | unlock | "
-      "setvr N | clcw | stats | quit",
+      "setvr N | clcw | put FILE [NAME] | files | suspend ID | resume ID | cancel ID | stats | quit",
       line));
 }
 
@@ -372,6 +466,7 @@ bool Console::run(Watch watch, const std::function<bool()>& over, std::optional<
     if (deadline && monotonic_now() >= *deadline) break;
     wait_once(watch, deadline, closed);
     station_.on_time();
+    tell_progress();
     if (watch == Watch::port_and_input && monotonic_now() >= next_stats_) write_stats();
   }
   return !closed;
@@ -401,6 +496,7 @@ void Console::write_json(const nlohmann::json& json) {
 }
 
 void Console::write_lines(const std::string& lines) {
+  if (std::exchange(progress_shown_, false)) std::fputs("\r\x1b[K", stdout);
   std::fputs(lines.c_str(), stdout);
   std::fflush(stdout);
 }

@@ -49,6 +49,13 @@ class Console {
   [[nodiscard]] Exit set_vr(std::uint8_t vr);
   /// The next CLCW of the channel.
   [[nodiscard]] Exit clcw(std::optional<milliseconds> timeout);
+  /// What the following carry up and down besides. In order: before them.
+  void carry_files(std::unique_ptr<cfdp::Postbox> postbox);
+  /// One file up, until the spacecraft has it. What is not up by then stays in the queue.
+  [[nodiscard]] Exit put(const std::string& file, const std::string& name,
+                         std::optional<milliseconds> timeout);
+  /// Carries the queue up and what comes down. @param duration nullopt: until interrupted
+  [[nodiscard]] Exit files(std::optional<milliseconds> duration);
   /// Command lines from standard input; ends with "quit", or at its end when nothing is outstanding any more.
   [[nodiscard]] Exit session();
 
@@ -59,6 +66,11 @@ class Console {
   void on_stage(const StageReport& report);
   void on_retrieval_over(const Retrieval& retrieval);
   void on_cop(const CopReport& report);
+  void on_file(const cfdp::News& news);
+  void tell_progress();
+  [[nodiscard]] bool files_under_way();
+  /// @return whether the line was one about files
+  bool on_file_line(const std::string& verb, const std::vector<std::string>& words);
   /// @return whether the line was one about COP-1
   bool on_cop_line(const std::string& verb, const std::vector<std::string>& words);
   /// Runs until the AD service is on or off.
@@ -95,6 +107,11 @@ class Console {
   bool accepted_ = false;
   bool pong_ = false;
   std::optional<Retrieval> last_retrieval_;
+  std::optional<cfdp::TransactionId> awaited_file_;
+  std::optional<bool> awaited_arrived_;
+  MonotonicTime next_progress_;
+  std::string last_progress_;
+  bool progress_shown_ = false;  // the terminal's cursor is in a progress line
 };
 
 /// Carries frames between line and UDP until a signal comes or the line ends.

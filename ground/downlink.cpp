@@ -2,6 +2,8 @@
 
 #include <numeric>
 
+#include "cfdp/postbox.hpp"
+
 namespace srfs::ground {
 
 Downlink::Downlink(const ros::LinkSettings& link)
@@ -26,6 +28,10 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
       continue;
     }
     for (const Octets& packet : channels_.at(frame->vc).push(*frame)) {
+      if (frame->vc == tm_channel::files) {
+        take_file_packet(packet);
+        continue;
+      }
       auto telemetry = wire::parse_tm_packet(packet);
       if (!telemetry) {
         ++bad_packets_;
@@ -36,6 +42,17 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
     }
   }
   return received;
+}
+
+void Downlink::take_file_packet(OctetView packet) {
+  const auto pdu = cfdp::pdu_in_packet(packet);
+  if (!pdu) {
+    ++bad_packets_;
+    return;
+  }
+  ++packets_;
+  if (file_pdus_.size() == max_file_pdus) file_pdus_.erase(file_pdus_.begin());
+  file_pdus_.emplace_back(pdu->begin(), pdu->end());
 }
 
 DownlinkCounters Downlink::counters() const {

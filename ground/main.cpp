@@ -36,6 +36,8 @@ struct Arguments {
   unsigned vr = 0;
   std::string file;
   bool keep_going = false;
+  std::string source;
+  std::string destination;
   std::string tm = "127.0.0.1:10015";
   std::string tc = "127.0.0.1:10025";
 };
@@ -93,6 +95,13 @@ void define(CLI::App& app, Arguments& a) {
       ->required()
       ->check(CLI::Range(0U, 255U));
   timeout(app.add_subcommand("clcw", "Show the state of FARM-1"));
+  auto* put = app.add_subcommand("put", "Send a file up, until the spacecraft has it (CFDP)");
+  put->add_option("file", a.source, "The file")->required()->check(CLI::ExistingFile);
+  put->add_option("name", a.destination, "Its name on board (default: the file's)");
+  timeout(put);
+  auto* files = app.add_subcommand("files", "Carry files up and down; what came is in STATE/files");
+  files->add_option("--duration", a.duration_s, "Seconds (default: until interrupted)")
+      ->check(CLI::PositiveNumber);
   auto* bridge =
       app.add_subcommand("bridge", "Carry TM frames and CLTUs or TC frames between the port and UDP");
   bridge->add_option("--tm", a.tm, "Where TM frames go, [HOST:]PORT")->capture_default_str();
@@ -164,6 +173,22 @@ Exit operate(const CLI::App& app, const Arguments& a) {
   Console console(
       dictionary, link, std::move(*port), std::move(*uplink),
       {.json = a.json || app.got_subcommand("session"), .colour = colour, .ad = a.ad, .fop = fop});
+  const bool carries_files = app.got_subcommand("put") || app.got_subcommand("files") ||
+                             app.got_subcommand("listen") || app.got_subcommand("session");
+  if (carries_files) {
+    auto files = open_files(state_dir, system_utc_now(), monotonic_now());
+    if (!files) return fail(a, files.error());
+    if ((*files)->damaged())
+      std::fprintf(stderr, "srfs-ground: files under way begin again: checkpoint %s\n",
+                   std::string(cfdp::to_string(*(*files)->damaged())).c_str());
+    console.carry_files(std::move(*files));
+  }
+  if (app.got_subcommand("put")) {
+    const std::string name =
+        a.destination.empty() ? std::filesystem::path(a.source).filename().string() : a.destination;
+    return console.put(a.source, name, duration(a.timeout_s));
+  }
+  if (app.got_subcommand("files")) return console.files(duration(a.duration_s));
   if (app.got_subcommand("ping")) return console.ping(duration(a.timeout_s));
   if (app.got_subcommand("tc")) return console.telecommand(a.name, a.pairs, a.wait, duration(a.timeout_s));
   if (app.got_subcommand("listen")) return console.listen(duration(a.duration_s));

@@ -5,7 +5,14 @@
 
 #include <mission/structures.hpp>
 
+#include "wire/space_packet.hpp"
+
 namespace srfs::ground {
+namespace {
+
+constexpr milliseconds line_ahead{20};  ///< of file data in the driver; a telecommand waits no longer
+
+}  // namespace
 
 Station::Station(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port,
                  Uplink uplink, StationOutput output, wire::FopSettings fop)
@@ -15,6 +22,7 @@ Station::Station(const mission::Dictionary& dictionary, const ros::LinkSettings&
       uplink_(std::move(uplink)),
       commanding_(dictionary),
       ad_(uplink_.vc(), fop),
+      octet_time_ns_(10e9 / static_cast<double>(link.baud)),  // 8N1
       output_(std::move(output)) {}
 
 Result<wire::RequestId, std::string> Station::send(const std::string& command,
@@ -155,7 +163,52 @@ Result<void, std::string> Station::on_readable() {
     handle_ad();
   }
   for (const auto& received : packets) on_packet(received, now);
+  const auto pdus = downlink_.take_file_pdus();
+  if (files_) {
+    for (const Octets& pdu : pdus) files_->on_pdu(pdu, now);
+    move_files(now);
+  }
   return {};
+}
+
+void Station::carry_files(std::unique_ptr<cfdp::Postbox> postbox) {
+  files_ = std::move(postbox);
+  files_->scan();
+  files_->on_contact(monotonic_now());
+}
+
+void Station::move_files(MonotonicTime now) {
+  if (!files_) return;
+  const std::size_t octets_max = uplink_.packet_octets_max() - wire::packet_header_octets;
+  while (line_free_at_ <= now + line_ahead) {
+    const auto pdu = files_->next_pdu(octets_max, now);
+    if (!pdu || !send_pdu(*pdu)) break;
+  }
+  files_->entity().advance(now);
+  for (const cfdp::News& news : files_->take_news()) {
+    if (output_.file) output_.file(news);
+  }
+}
+
+bool Station::send_pdu(OctetView pdu) {
+  const Octets packet = wire::encode_space_packet({.type = wire::PacketType::telecommand,
+                                                   .apid = wire::cfdp_apid,
+                                                   .sequence_count = file_sequence_count_},
+                                                  pdu);
+  file_sequence_count_ = static_cast<std::uint16_t>((file_sequence_count_ + 1) & 0x3FFF);
+  const auto cltu = uplink_.make_file_cltu(packet);
+  const auto written =
+      cltu ? port_.write(*cltu, write_patience) : Result<void, std::string>(Err(cltu.error()));
+  const MonotonicTime now = monotonic_now();
+  // The PDU is lost, as on the line; not at once the next one too.
+  if (!written) {
+    line_free_at_ = now + seconds(1);
+    if (output_.problem) output_.problem(written.error());
+    return false;
+  }
+  line_free_at_ = std::max(line_free_at_, now) +
+                  nanoseconds(static_cast<std::int64_t>(static_cast<double>(cltu->size()) * octet_time_ns_));
+  return true;
 }
 
 void Station::on_packet(const ReceivedPacket& received, MonotonicTime now) {
@@ -206,6 +259,7 @@ void Station::on_time() {
   handle_ad();
   for (const auto& report : commanding_.on_time(now)) on_stage(report, now);
   end_retrievals(now);
+  move_files(now);
 }
 
 std::optional<MonotonicTime> Station::next_deadline() const {
@@ -214,6 +268,12 @@ std::optional<MonotonicTime> Station::next_deadline() const {
   if (!retrievals_.empty()) {
     const MonotonicTime look = monotonic_now() + milliseconds(200);
     if (!deadline || look < *deadline) deadline = look;
+  }
+  if (files_) {
+    if (const auto due = files_->entity().next_due(monotonic_now())) {
+      const MonotonicTime at = std::max(*due, line_free_at_ - line_ahead);
+      if (!deadline || at < *deadline) deadline = at;
+    }
   }
   return deadline;
 }

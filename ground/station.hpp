@@ -11,6 +11,7 @@
 #include "ground/ad_service.hpp"
 #include "ground/commanding.hpp"
 #include "ground/downlink.hpp"
+#include "ground/files.hpp"
 #include "ground/link.hpp"
 #include "ground/telemetry.hpp"
 #include "ground/uplink.hpp"
@@ -23,6 +24,7 @@ struct StationOutput {
   std::function<void(const StageReport&)> stage;
   std::function<void(const Retrieval&)> retrieval_over;
   std::function<void(const CopReport&)> cop;        ///< when something of it changed
+  std::function<void(const cfdp::News&)> file;      ///< what became of files
   std::function<void(const std::string&)> problem;  ///< ready to print
 };
 
@@ -54,6 +56,12 @@ class Station {
   void unlock();
   void set_vr(std::uint8_t vr);
   [[nodiscard]] CopReport cop() const { return ad_.report(); }
+
+  /// From now on files are carried in both directions; they go up at the line's rate, telecommands between
+  /// them. Blocks on the disk, as all that follows.
+  void carry_files(std::unique_ptr<cfdp::Postbox> postbox);
+  /// nullptr: no files are carried. After an order to it: on_time().
+  [[nodiscard]] cfdp::Postbox* files() { return files_.get(); }
 
   /// Reads what is there and tells what it means. An error: the link is gone.
   [[nodiscard]] Result<void, std::string> on_readable();
@@ -94,6 +102,8 @@ class Station {
   void on_packet(const ReceivedPacket& received, MonotonicTime now);
   void on_stage(const StageReport& report, MonotonicTime now);
   void end_retrievals(MonotonicTime now);
+  void move_files(MonotonicTime now);
+  [[nodiscard]] bool send_pdu(OctetView pdu);
 
   const mission::Dictionary& dictionary_;
   Port port_;
@@ -104,6 +114,10 @@ class Station {
   std::map<std::uint64_t, AdTelecommand> ad_telecommands_;  // by number; bounded by AD queue and window
   std::uint64_t next_ad_number_ = 1;
   std::vector<Retrieval> retrievals_;
+  std::unique_ptr<cfdp::Postbox> files_;
+  double octet_time_ns_;
+  MonotonicTime line_free_at_;  ///< of file data; a pty would take it at any rate
+  std::uint16_t file_sequence_count_ = 0;
   StationOutput output_;
 };
 

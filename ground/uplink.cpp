@@ -56,14 +56,15 @@ Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& 
   return state;
 }
 
-Result<void, std::string> UplinkState::save(std::uint64_t next_counter,
-                                            const SequenceCounts& next_sequence) const {
+Result<void, std::string> UplinkState::save(std::uint64_t next_counter, const SequenceCounts& next_sequence) {
   nlohmann::json json;
-  json["next_security_counter"] = next_counter;
+  const std::uint64_t saved = std::max(next_counter, saved_counter_);
+  json["next_security_counter"] = saved;
   for (const auto& [process, count] : next_sequence)
     json["next_sequence_counts"][fmt::format("{}", process)] = count;
   const auto written = write_file_atomically(file_, json.dump(2) + "\n");
   if (!written) return Err(written.error().message);
+  saved_counter_ = saved;
   return {};
 }
 
@@ -88,6 +89,14 @@ Result<std::uint16_t, std::string> UplinkState::reserve_sequence_count(std::uint
 
 Result<std::uint64_t, std::string> UplinkState::reserve_counter() {
   if (const auto saved = save(next_counter_ + 1, next_sequence_); !saved) return Err(saved.error());
+  return next_counter_++;
+}
+
+Result<std::uint64_t, std::string> UplinkState::reserve_counter_ahead() {
+  if (next_counter_ >= saved_counter_) {
+    if (const auto saved = save(next_counter_ + counters_ahead, next_sequence_); !saved)
+      return Err(saved.error());
+  }
   return next_counter_++;
 }
 
@@ -147,8 +156,7 @@ Result<TelecommandPacket, std::string> Uplink::make_packet(const mission::Encode
   if (!count) return Err(count.error());
   const wire::TcPacket packet = packet_of(command, *count);
   TelecommandPacket made{wire::request_id(packet), wire::make_tc_packet(packet)};
-  const std::size_t longest = bd_ ? wire::sdls_packet_octets_max : wire::tc_data_octets_max - 1;
-  if (made.packet.size() > longest)
+  if (made.packet.size() > packet_octets_max())
     return Err(fmt::format("{}: {}", command.command->name, wire::to_string(wire::TcUplinkError::too_long)));
   ++sent_;
   return made;
@@ -163,6 +171,22 @@ Result<Octets, std::string> Uplink::make_ad_cltu(std::uint8_t sequence, OctetVie
   }
   auto cltu =
       wire::make_uplink_cltu(channel_, wire::TcFrameType::ad, sequence, seal ? &*seal : nullptr, packet);
+  if (!cltu) return Err(std::string(wire::to_string(cltu.error())));
+  return std::move(*cltu);
+}
+
+std::size_t Uplink::packet_octets_max() const {
+  return bd_ ? wire::sdls_packet_octets_max : wire::tc_data_octets_max - 1;
+}
+
+Result<Octets, std::string> Uplink::make_file_cltu(OctetView packet) {
+  std::optional<wire::SdlsSeal> seal;
+  if (bd_) {
+    const auto counter = state_.reserve_counter_ahead();
+    if (!counter) return Err(counter.error());
+    seal.emplace(wire::SdlsSeal{bd_->key, bd_->spi, *counter});
+  }
+  auto cltu = wire::make_uplink_cltu(channel_, wire::TcFrameType::bd, 0, seal ? &*seal : nullptr, packet);
   if (!cltu) return Err(std::string(wire::to_string(cltu.error())));
   return std::move(*cltu);
 }

@@ -36,6 +36,10 @@ class UplinkState {
   /// The same for a packet without a frame yet, and for one more frame of a packet.
   [[nodiscard]] Result<std::uint16_t, std::string> reserve_sequence_count(std::uint16_t apid);
   [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter();
+  /// The same for one of many: only each counters_ahead-th call writes. What a crash leaves unused is
+  /// skipped.
+  [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter_ahead();
+  static constexpr std::uint64_t counters_ahead = 256;
   /// The spacecraft has accepted @p counter: the next one is higher. Written when it grows; blocks on the
   /// disk. On an error it still holds for this run.
   Result<void, std::string> raise(std::uint64_t counter);
@@ -44,10 +48,12 @@ class UplinkState {
  private:
   using SequenceCounts = std::map<std::uint16_t, std::uint16_t>;
   [[nodiscard]] Result<void, std::string> save(std::uint64_t next_counter,
-                                               const SequenceCounts& next_sequence) const;
-  UplinkState(std::filesystem::path file, std::uint64_t next) : file_(std::move(file)), next_counter_(next) {}
+                                               const SequenceCounts& next_sequence);
+  UplinkState(std::filesystem::path file, std::uint64_t next)
+      : file_(std::move(file)), next_counter_(next), saved_counter_(next) {}
   std::filesystem::path file_;
   std::uint64_t next_counter_;
+  std::uint64_t saved_counter_;  ///< the file's: none below it is used again after a crash
   SequenceCounts next_sequence_;
 };
 
@@ -82,6 +88,9 @@ class Uplink {
   /// One transmission of a packet as AD frame; every one is secured with a counter of its own. Blocks on the
   /// disk.
   [[nodiscard]] Result<Octets, std::string> make_ad_cltu(std::uint8_t sequence, OctetView packet);
+  /// A packet of files as BD frame: what gets lost CFDP repeats. Blocks on the disk now and then.
+  [[nodiscard]] Result<Octets, std::string> make_file_cltu(OctetView packet);
+  [[nodiscard]] std::size_t packet_octets_max() const;
   [[nodiscard]] Octets make_bc_cltu(wire::ControlCommand command) const;
   [[nodiscard]] std::uint8_t vc() const { return channel_.vc; }
   /// What the beacon says about an association; another SPI than ours is ignored. One counter serves all

@@ -21,6 +21,7 @@
 #include "nodes/ttc/command_forwarder.hpp"
 #include "nodes/ttc/downlink_scheduler.hpp"
 #include "nodes/ttc/event_reporter.hpp"
+#include "nodes/ttc/file_exchange.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
 #include "nodes/ttc/journal_file.hpp"
 #include "nodes/ttc/link_state_file.hpp"
@@ -71,6 +72,7 @@ class TtcNode : public ros::LifecycleNode {
     UplinkChain uplink;
     PersistenceGate gate;
     DownlinkScheduler downlink;
+    FileExchange files;
     BeaconBuilder beacon;
     PacketMaker packets;
     SpacecraftClock clock;
@@ -116,6 +118,9 @@ class TtcNode : public ros::LifecycleNode {
   void send(const Report& report, bool live, bool stored, bool urgent);
   void feed_playback();
   void pump_downlink();
+  void pump_files();
+  void on_files_turn(Result<cfdp::PostboxTurnResult, std::string>& result);
+  void tell_of_file(const cfdp::News& news);
   bool write_outgoing();
   void arm_timer();
 
@@ -130,6 +135,7 @@ class TtcNode : public ros::LifecycleNode {
   void commit_stores();
   void on_store_status(const StoreRackStatus& status);
   void send_own_housekeeping();
+  void send_files_housekeeping();
   void add_link_counters(mission::TtcHousekeeping& h) const;
   void add_store_counters(mission::TtcHousekeeping& h) const;
   void add_latency(mission::TtcHousekeeping& h) const;
@@ -141,6 +147,14 @@ class TtcNode : public ros::LifecycleNode {
   void raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
   /// @param known what was known before; only a change is said
   void note_storage(bool& known, bool works, const std::string& why);
+
+  /// The folder of files, opened again after the disk failed. Used on its worker only.
+  struct Files {
+    std::filesystem::path root;
+    std::filesystem::path checkpoint;
+    std::unique_ptr<cfdp::Postbox> postbox;
+    [[nodiscard]] Result<cfdp::PostboxTurnResult, std::string> take_turn(const cfdp::PostboxTurn& turn);
+  };
 
   mission::Dictionary dictionary_;
   std::unique_ptr<Link> link_;
@@ -156,6 +170,8 @@ class TtcNode : public ros::LifecycleNode {
   std::shared_ptr<JournalOnDisk> journal_file_;
   std::shared_ptr<LinkStateFile> link_file_;
   std::shared_ptr<StoreRack> stores_;
+  std::shared_ptr<Files> files_;
+  std::shared_ptr<ros::Worker> files_worker_;    ///< CFDP: files and their checkpoint
   std::shared_ptr<ros::Worker> journal_worker_;  ///< telecommands wait for it
   std::shared_ptr<ros::Worker> state_worker_;    ///< small synced writes: mode, copy of the link state
   std::shared_ptr<ros::Worker> store_worker_;    ///< packet stores
@@ -169,6 +185,8 @@ class TtcNode : public ros::LifecycleNode {
   std::uint64_t unstored_packets_ = 0;
   bool journal_durable_ = true;  ///< the journal reaches the disk in time
   bool stores_work_ = true;
+  bool files_work_ = true;
+  mission::TtcFilesHousekeeping files_status_;  ///< as of the last turn
   std::uint64_t foreign_samples_ = 0;      ///< ticks, telemetry and reports that cannot be what they say
   std::uint64_t next_telecommand_id_ = 0;  ///< after the last clean-up, 0: none yet
   std::uint64_t copied_generation_ = 0;    ///< of the link state in its second home

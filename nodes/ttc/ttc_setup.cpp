@@ -18,6 +18,11 @@ constexpr std::size_t state_worker_capacity = 8;
 constexpr std::size_t store_worker_capacity = 8;
 constexpr std::size_t boot_id_octets = 36;
 constexpr seconds link_state_copy_period{10};
+constexpr std::size_t files_worker_capacity = 1;
+/// File data in front of the line: long enough for a turn of the disk, short enough that an answer from the
+/// ground is not old when it comes.
+constexpr milliseconds files_queue_time{350};
+constexpr std::size_t files_queue_octets_min = 4096;
 
 std::optional<std::string> permission_problem(const std::filesystem::path& path) {
   struct stat info {};
@@ -56,6 +61,7 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
       uplink(std::move(uplink_config), journal.link()),
       gate(persist_deadline, journal.revision()),
       downlink(downlink_config),
+      files(downlink_config.files_queue_octets / 2),
       beacon(dictionary),
       clock(start) {}
 
@@ -134,6 +140,9 @@ Result<DownlinkConfig, std::string> TtcNode::read_downlink() const {
                  .reed_solomon = settings.tm_reed_solomon,
                  .interleave = static_cast<unsigned>(settings.tm_interleave),
                  .randomize = settings.tm_randomizer};
+  config.files_queue_octets =
+      std::clamp<std::size_t>(config.baud / 10 * static_cast<std::size_t>(files_queue_time.count()) / 1000,
+                              files_queue_octets_min, config.files_queue_octets);
   const bool fits = config.cadu.frame_octets >= wire::tm_frame_octets_min &&
                     config.cadu.frame_octets <= wire::tm_frame_octets_max && wire::is_valid(config.cadu);
   if (!fits) {
@@ -205,6 +214,11 @@ ros::CallbackReturn TtcNode::on_configure() {
   state_worker_ = create_worker("ttc_state", state_worker_capacity);
   store_worker_ = create_worker("ttc_store", store_worker_capacity);
   store_worker_->post([stores = stores_] { stores->open(); });
+  files_ = std::make_shared<Files>();
+  files_->root = var().root / "files";
+  files_->checkpoint = state_dir() / "cfdp";
+  files_worker_ = create_worker("ttc_files", files_worker_capacity);
+  files_status_ = {};
   subscribe();
   say_how_the_link_is_secured();
   restore_telecommands();
@@ -333,6 +347,8 @@ ros::CallbackReturn TtcNode::on_activate() {
   timers_.push_back(create_one_shot(
       monotonic_now() + seconds(6), [this] { send_beacon(); }, "beacon"));
   timers_.push_back(create_timer(
+      seconds(30), [this] { send_files_housekeeping(); }, "files housekeeping"));
+  timers_.push_back(create_timer(
       seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
   timers_.push_back(create_timer(
       link_state_copy_period, [this] { copy_link_state(); }, "copy link state"));
@@ -378,6 +394,9 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   if (state_worker_) state_worker_->drain();
   if (store_worker_) store_worker_->drain();
   journal_worker_.reset();
+  if (files_worker_) files_worker_->drain();
+  files_worker_.reset();
+  files_.reset();
   state_worker_.reset();
   store_worker_.reset();
   stores_.reset();

@@ -365,7 +365,7 @@ class FaultCampaign:
             self.not_applicable.setdefault(fault.name, {})[node] = why_not
             return None
         trial = Trial(fault.name, (node,), fault.expected)
-        before = self._pids()
+        before, old = self._pids(), self._incarnations()
         begin = time.monotonic_ns()
         if fault.expected == "mended":
             self._break_start(fault.name, node)
@@ -373,7 +373,7 @@ class FaultCampaign:
             time.sleep(START_FAULT_S)  # what it does to the others in the meantime is seen below
             self.wrappers.mend(node)
             trial.begin = time.monotonic_ns()
-            self._watch(trial, fault, before)
+            self._watch(trial, fault, before, old)
         else:
             trial.begin = begin
             end = self._inject(fault.name, node, before[node])
@@ -383,13 +383,13 @@ class FaultCampaign:
                 time.sleep(1.5)
                 trial.false_restarts = self._changed(before)
             else:
-                self._watch(trial, fault, before)
+                self._watch(trial, fault, before, old)
         self._finish(trial, begin)
         return trial
 
-    def _watch(self, trial, fault, before):
-        """Until all victims have a process of a later incarnation that is Active, and for a while after that."""
-        old = {node: self._incarnation(node) for node in trial.victims}
+    def _watch(self, trial, fault, before, old):
+        """Until all victims have a process of a later incarnation that is Active, and for a while after that.
+        before, old: pids and incarnations from before the fault; what the ring restarts at once is new too."""
         deadline = time.monotonic() + fault.bound_s
         while time.monotonic() < deadline and not self.signals.asked:
             if trial.process is None:
@@ -412,9 +412,9 @@ class FaultCampaign:
         self.trials.append(Trial("steady", (), "none", begin=time.monotonic_ns(), note=why))
         return self.trials[-1]
 
-    def _incarnation(self, node):
+    def _incarnations(self):
         with self._lock:
-            return self._alive[node][0] if node in self._alive else 0
+            return {node: self._alive[node][0] if node in self._alive else 0 for node in NODES}
 
     def _changed(self, before, but=()):
         return tuple(node for node, pid in self._pids().items() if node not in but and before.get(node) != pid)
@@ -444,16 +444,17 @@ class FaultCampaign:
         self._wait_until_forgotten(victims)
         kind = FaultClass("subset" if len(victims) < len(NODES) else "everybody", "", "restart", bound_s=60)
         trial = Trial(kind.name, tuple(victims), "restart")
-        before = self._pids()
+        before, old = self._pids(), self._incarnations()
         handles = [os.pidfd_open(before[node]) for node in victims]
         trial.begin = time.monotonic_ns()
-        for handle in handles:
-            with contextlib.suppress(ProcessLookupError):
-                signal.pidfd_send_signal(handle, signal.SIGKILL)
+        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped first, or one could start another before it dies itself
+            for handle in handles:
+                with contextlib.suppress(ProcessLookupError):
+                    signal.pidfd_send_signal(handle, number)
         for handle in handles:
             select.select([handle], [], [], 2)
             os.close(handle)
-        self._watch(trial, kind, before)
+        self._watch(trial, kind, before, old)
         self._finish(trial, trial.begin)
         return trial
 
