@@ -407,6 +407,13 @@ class World {
               .kind = Kind::fault});
     if (chance(30)) {  // the whole suite is killed and started anew, and nobody knows of the last grant
       ++statistics_.suite_restarts;
+      for (std::uint8_t i = 0; i < payload_count; ++i) {
+        const Payload& p = payloads_[i];
+        if (!p.alive || p.frozen || p.grant != newest_published_ || !p.leased->granted(now_)) continue;
+        bus_free_ = std::max(now_, bus_free_) + between(milliseconds(1), milliseconds(700));  // jammed
+        last_trouble_ = bus_free_;
+        queue_frame(i, p.incarnation, p.grant);
+      }
       for (std::uint8_t i = 0; i <= payload_count; ++i) kill(i);
       record_.reset();
       return;
