@@ -1,6 +1,6 @@
-// Preloaded into ttc by test_once.py: ends the process with SIGKILL at the n-th system call of the kinds by
-// which it takes octets, writes its journal, speaks to other nodes and to the line. What is armed stands in a
-// mapped file, so that only one process ends.
+// Preloaded into ttc by test_once.py: ends the process with SIGKILL at the n-th system call after a
+// telecommand came, of the kinds by which it takes octets, writes its journal, speaks to other nodes and to
+// the line. What is armed stands in a mapped file, so that only one process ends.
 
 #include <atomic>
 #include <cstdint>
@@ -16,27 +16,42 @@
 
 namespace {
 
-/// 0: not armed. N: the process ends before its N-th call from now, and nobody is armed any more.
-std::atomic<std::uint64_t>* countdown() {
-  static std::atomic<std::uint64_t>* const mapped = []() -> std::atomic<std::uint64_t>* {
+struct CrashPoint {
+  std::atomic<std::uint64_t>
+      calls;  ///< 0: not armed. N: the process ends before its N-th call, and nobody is armed any more
+  std::atomic<std::uint64_t> begun;  ///< a telecommand came since it was armed: calls count
+};
+
+CrashPoint* crash_point() {
+  static CrashPoint* const mapped = []() -> CrashPoint* {
     const char* path = std::getenv("SRFS_CRASH_POINT");
     if (path == nullptr) return nullptr;
     const int fd = open(path, O_RDWR | O_CLOEXEC);
     if (fd < 0) return nullptr;
-    void* page = mmap(nullptr, sizeof(std::uint64_t), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+    void* page = mmap(nullptr, sizeof(CrashPoint), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
     close(fd);
-    return page == MAP_FAILED ? nullptr : static_cast<std::atomic<std::uint64_t>*>(page);
+    return page == MAP_FAILED ? nullptr : static_cast<CrashPoint*>(page);
   }();
   return mapped;
 }
 
 void count() {
-  std::atomic<std::uint64_t>* left = countdown();
-  if (left == nullptr) return;
-  std::uint64_t before = left->load();
-  while (before > 0 && !left->compare_exchange_weak(before, before - 1)) {
+  CrashPoint* point = crash_point();
+  if (point == nullptr || point->begun == 0) return;
+  std::uint64_t before = point->calls.load();
+  while (before > 0 && !point->calls.compare_exchange_weak(before, before - 1)) {
   }
   if (before == 1) kill(getpid(), SIGKILL);
+}
+
+/// The start sequence of a CLTU in what was read.
+void look_for_a_telecommand(const void* data, ssize_t octets) {
+  CrashPoint* point = crash_point();
+  if (point == nullptr || point->calls == 0 || octets < 2) return;
+  const auto* bytes = static_cast<const std::uint8_t*>(data);
+  for (ssize_t i = 0; i + 1 < octets; ++i) {
+    if (bytes[i] == 0xEB && bytes[i + 1] == 0x90) point->begun = 1;
+  }
 }
 
 template <typename Function>
@@ -51,7 +66,9 @@ extern "C" {
 ssize_t read(int fd, void* data, size_t octets) {
   static auto* const real = next<ssize_t(int, void*, size_t)>("read");
   count();
-  return real(fd, data, octets);
+  const ssize_t taken = real(fd, data, octets);
+  look_for_a_telecommand(data, taken);
+  return taken;
 }
 
 ssize_t write(int fd, const void* data, size_t octets) {

@@ -44,9 +44,11 @@ class OnceTest(SystemTest):
         wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, "the ring has started ttc again")
 
     def wait_for_the_end(self, ground, lines):
+        """Of those that were accepted; a frame that came to a dead ttc nobody took. What a restarted ttc says again stands before its first answer."""
+        wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
         for line in lines:
-            outcome = ground.outcome(line, PATIENCE_S + DEADLINE_S)
-            self.assertIsNotNone(outcome, f"line {line}: {self.names(ground, line)}")
+            if "accepted" in self.names(ground, line):
+                self.assertIsNotNone(ground.outcome(line, PATIENCE_S + DEADLINE_S), f"line {line}: {self.names(ground, line)}")
 
     def judge(self, flight, ground, recorder, lines):
         """Every accepted one has its end on the ground; every one is executed at most once, every completed one exactly once."""
@@ -82,7 +84,6 @@ class KilledTtcTest(OnceTest):
                 # Anywhere between the first octet and the last report.
                 threading.Event().wait(chance.uniform(0, 0.4))
                 self.kill_ttc(flight)
-            self.wait_for_the_end(ground, lines)
             accepted = self.judge(flight, ground, recorder, lines)
             self.assertGreater(len(accepted), len(lines) // 4)
             self.assertEqual([node["restarts"] for node in flight.status() if node["name"] != "ttc"], [0] * 8, "nobody else")
@@ -100,11 +101,11 @@ class KilledTtcTest(OnceTest):
 
 
 class CrashPointTest(OnceTest):
-    CALLS = int(os.environ.get("SRFS_CRASH_POINTS", "24"))
+    CALLS = int(os.environ.get("SRFS_CRASH_POINTS", "16"))
 
     def armed_deployment(self):
         self.point = self.folder / "crash_point"
-        self.point.write_bytes(bytes(8))
+        self.point.write_bytes(bytes(16))
         wrapper = self.folder / "ttc_node"
         wrapper.write_text(f'#!/bin/sh\nexport LD_PRELOAD={BIN.parent}/lib/libsrfs_crash_point.so SRFS_CRASH_POINT={self.point}\nexec {BIN}/ttc_node "$@"\n')
         wrapper.chmod(0o755)
@@ -116,16 +117,16 @@ class CrashPointTest(OnceTest):
             recorder, ground = flight.recorder(), flight.ground()
             wait_for_slots(recorder, "payload_eps", "released", 2, 0)
             lines, killed = [], 0
-            with open(self.point, "r+b") as file, mmap.mmap(file.fileno(), 8) as countdown:
+            with open(self.point, "r+b") as file, mmap.mmap(file.fileno(), 16) as point:
                 for call in range(1, self.CALLS + 1):
                     pid = flight.node_pid("ttc")
-                    countdown[:] = struct.pack("=Q", call)
+                    point[:] = struct.pack("=QQ", call, 0)
                     lines.append(self.send(ground, call))
                     # Its other work goes on, so the call comes in any case.
                     wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, f"ttc ended before call {call} and is back")
                     killed += 1
                     back = recorder.position()
-                    wait_until(lambda: ground.command("ping").get("stage") == "completed", DEADLINE_S, "ttc works")
+                    wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
                     ticks = WINDOW_MS // 100 + 2
                     wait_until(lambda: len(recorder.select(lambda m: m["type"] == "tick", back)) > ticks, DEADLINE_S, "the death is out of the window")
             self.judge(flight, ground, recorder, lines)
