@@ -104,6 +104,7 @@ class Channel {
     const auto received = static_cast<std::size_t>(count);
     for (std::size_t i = 0; i < received; ++i) {
       note(messages[i].msg_hdr, looked - empty_at_);
+      state_->stats.last_datagram = looked;
       hand_over(incoming[i], messages[i].msg_len);
     }
     if (count == datagrams_a_call) return true;

@@ -41,6 +41,7 @@ class ArrivalLog {
 /// What the transport counts.
 struct TransportStats {
   std::uint64_t datagrams = 0;
+  MonotonicTime last_datagram;   ///< when the newest one was read
   std::uint64_t overflowed = 0;  ///< dropped by the kernel because the socket's buffer was full
 };
 

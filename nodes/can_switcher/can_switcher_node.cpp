@@ -435,12 +435,16 @@ void CanSwitcherNode::on_deadline() {
   }
   // This thread may be the late one: a release that waits in the reader counts before anybody is accused.
   statuses_->take_waiting();
-  const Decision decision = rotation_->on_deadline(monotonic_now());
+  const std::uint32_t deaf_before = rotation_->counters().deaf_deadlines;
+  const Decision decision =
+      rotation_->on_deadline(monotonic_now(), context().participant.transport_stats().last_datagram);
+  if (rotation_->counters().deaf_deadlines != deaf_before)
+    log::warn("nothing is heard at the end of the lease of {}: it is not accused",
+              rotation_->current()->payload);
   if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
   if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f);
   if (const Recall* recall = std::get_if<Recall>(&decision)) {
-    log::warn("came {} ms late to the end of the lease of {}: asked before it is killed",
-              (monotonic_now() - *due) / milliseconds(1), recall->payload);
+    log::warn("was deaf, or late, at the end of the lease of {}: asked before it is killed", recall->payload);
     publish_recall(*recall, monotonic_now());
   }
   record_holder();

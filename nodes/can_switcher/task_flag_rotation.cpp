@@ -174,10 +174,13 @@ void TaskFlagRotation::withdraw(GrantId id) {
   free_bus();
 }
 
-Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
+Decision TaskFlagRotation::on_deadline(MonotonicTime now, MonotonicTime last_heard) {
   const auto deadline = next_deadline();
   if (!deadline || now < *deadline) return Nothing{};
-  if (now >= current_->lease_end) return end_of_lease(now);
+  if (now >= current_->lease_end) {
+    if (waits_to_hear(now, last_heard)) return Nothing{};
+    return end_of_lease(now);
+  }
   // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
   assert(phase_ == Phase::taken);
   phase_ = Phase::reset_ordered;
@@ -185,10 +188,23 @@ Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
   return OrderReset{current_->id, current_->payload, now - current_->granted};
 }
 
+bool TaskFlagRotation::waits_to_hear(MonotonicTime now, MonotonicTime last_heard) {
+  const bool deaf = deaf_since_ ? last_heard <= *deaf_since_ : now - last_heard > deaf_limit;
+  if (!deaf || (deaf_since_ && now - *deaf_since_ >= deaf_patience)) return false;
+  if (!deaf_since_) {
+    deaf_since_ = now;
+    ++counters_.deaf_deadlines;
+  }
+  current_->lease_end = now + deaf_look;
+  return true;
+}
+
 Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
   const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
-  if (phase_ != Phase::recalling && process && now - current_->lease_end > held_up_limit) {
-    // This process was stopped or starved, and so may the holder have been: it is asked before it is killed.
+  const bool was_deaf = std::exchange(deaf_since_, std::nullopt).has_value();
+  if (phase_ != Phase::recalling && process && (was_deaf || now - current_->lease_end > held_up_limit)) {
+    // This process was deaf, stopped or starved, and so may the holder have been: it is asked before it is
+    // killed.
     const bool long_ago = now - current_->lease_end > held_up_recall_time;
     inherit({current_->payload, process}, now);
     recalled_ = true;

@@ -114,7 +114,9 @@ class TaskFlagRotation {
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
   /// time.
-  [[nodiscard]] Decision on_deadline(MonotonicTime now);
+  /// @param last_heard  when anything came in by the network; a switcher that hears nobody accuses nobody
+  [[nodiscard]] Decision on_deadline(MonotonicTime now, MonotonicTime last_heard);
+  [[nodiscard]] Decision on_deadline(MonotonicTime now) { return on_deadline(now, now); }
   ReportVerdict on_bus_status(const BusReport& report, MonotonicTime now);
   /// The next grant where the last report left a slot unused and early hand-over is on, else Nothing: the
   /// rest of the round until the next tick, every payload at most once a tick. To call after each report.
@@ -192,6 +194,7 @@ class TaskFlagRotation {
     std::uint32_t early_grants = 0;     ///< given on before the next tick
     std::uint32_t unproven_fences = 0;  ///< waits for the end of a fenced holder that ended without it
     std::uint32_t late_deadlines = 0;   ///< ends of leases this process came to so late that it asked first
+    std::uint32_t deaf_deadlines = 0;   ///< ends of leases at which this process heard nobody
     std::uint32_t withdrawn = 0;        ///< grants whose flag was not published
   };
   [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
@@ -203,10 +206,18 @@ class TaskFlagRotation {
   /// Later than this after the end of a lease this process was held up itself.
   static constexpr nanoseconds held_up_limit = milliseconds(50);
   static constexpr nanoseconds held_up_recall_time = milliseconds(500);
+  /// So long without any input at the end of a lease (a tick, a report, an acknowledgement) is deafness: the
+  /// release may have been missed. Until something is heard the bus stays blocked, then the holder is asked;
+  /// but after the patience, in which the ring replaces a deaf switcher, it is fenced as ever.
+  static constexpr nanoseconds deaf_limit = milliseconds(30);
+  static constexpr nanoseconds deaf_patience = seconds(2);
+  static constexpr nanoseconds deaf_look = milliseconds(20);
 
  private:
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
 
+  /// Nothing came in around the end of the lease; it is looked at again a little later.
+  [[nodiscard]] bool waits_to_hear(MonotonicTime now, MonotonicTime last_heard);
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   Grant grant(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
@@ -215,7 +226,10 @@ class TaskFlagRotation {
   Decision end_of_lease(MonotonicTime now);
   Recall recall(MonotonicTime now);
   ReportVerdict on_recall_answer(const BusReport& report, MonotonicTime now);
-  void free_bus() { phase_ = Phase::free; }
+  void free_bus() {
+    phase_ = Phase::free;
+    deaf_since_.reset();
+  }
 
   std::vector<Slot> slots_;
   std::vector<std::size_t> order_;  ///< indices of slots_, never empty
@@ -236,7 +250,8 @@ class TaskFlagRotation {
   std::optional<std::uint32_t> holder_process_;
   MonotonicTime not_before_;
   nanoseconds recall_time_ = seconds(3);
-  bool recalled_ = false;  ///< a Recall was given out: its time runs
+  std::optional<MonotonicTime> deaf_since_;  ///< the end of this lease came, and nothing is heard
+  bool recalled_ = false;                    ///< a Recall was given out: its time runs
   MissionCycle last_cycle_ = 0;
   Counters counters_;
 };

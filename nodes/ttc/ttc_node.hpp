@@ -187,9 +187,9 @@ class TtcNode : public ros::LifecycleNode {
   bool stores_work_ = true;
   bool files_work_ = true;
   mission::TtcFilesHousekeeping files_status_;  ///< as of the last turn
-  std::uint64_t foreign_samples_ = 0;      ///< ticks, telemetry and reports that cannot be what they say
-  std::uint64_t next_telecommand_id_ = 0;  ///< after the last clean-up, 0: none yet
-  std::uint64_t copied_generation_ = 0;    ///< of the link state in its second home
+  std::uint64_t foreign_samples_ = 0;           ///< ticks, telemetry and reports that cannot be what they say
+  std::uint64_t next_telecommand_id_ = 0;       ///< after the last clean-up, 0: none yet
+  std::uint64_t copied_generation_ = 0;         ///< of the link state in its second home
   std::size_t journal_damaged_octets_ = 0;
   std::string journal_damage_;  ///< what it means, to be said; empty: none
   BootTold boot_{.count = 1, .cause = mission::ResetCause::unknown};
