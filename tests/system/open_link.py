@@ -94,6 +94,7 @@ class OpenStation:
         self._noise = pseudo_noise(self._coded_octets)
         self._received = b""
         self._unfinished = {}  # virtual channel -> octets of a packet that goes on in the next frame
+        self._counts = {}  # virtual channel -> count of its last frame
         self._sequence = 0
         self.reports = []
         self.control_words = []  # of every frame
@@ -149,6 +150,9 @@ class OpenStation:
         assert (frame[0] << 4 | frame[1] >> 4) & 0x3FF == 0xAB, "another spacecraft's frame"
         self.control_words.append(struct.unpack(">I", frame[-6:-2])[0])
         first_header = struct.unpack(">H", frame[4:6])[0] & 0x7FF
+        if self._counts.get(channel, frame[3] - 1) + 1 & 0xFF != frame[3]:  # a frame of this channel was lost
+            self._unfinished.pop(channel, None)
+        self._counts[channel] = frame[3]
         if first_header == 0x7FE:  # only idle data
             return
         data = frame[6:-6]  # behind it: control word and checksum
