@@ -209,7 +209,7 @@ class FenceTest(CanFaultTest):
         with self.flight() as flight:
             recorder, ground = flight.recorder(), flight.ground()
             self.wait_for_all(recorder, "released", 2)
-            self.assertEqual(self.markers(flight.can_log()), 1, "behind whoever was before this switcher")
+            self.assertEqual(self.markers(flight.can_log(time.monotonic_ns())), 1, "behind whoever was before this switcher")
             withdrawn = flight.control({"query": "counters"})["can"]["withdrawn"]
             self.fence(flight, ground)
             since = recorder.position()
@@ -227,7 +227,7 @@ class FenceTest(CanFaultTest):
             since = recorder.position()
             for payload in HEALTHY:
                 wait_for_slots(recorder, payload, "failed", 3, since)
-            self.assertEqual(self.markers(flight.can_log()), 1, "but for that of the start none got the bus")
+            self.assertEqual(self.markers(flight.can_log(time.monotonic_ns())), 1, "but for that of the start none got the bus")
             flight.control({"can": {}})
             since = recorder.position()
             for payload in HEALTHY:
