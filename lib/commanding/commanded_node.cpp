@@ -39,7 +39,7 @@ void CommandedNode::on_telecommand(const srfs_msgs::msg::Telecommand& message) {
       journal_->refuse(telecommand.id, FailureCode::node_not_active);
     } else if (refusal != FailureCode::none) {
       journal_->refuse(telecommand.id, refusal);
-    } else if (telecommand.expiry != MonotonicTime() && now() > telecommand.expiry) {
+    } else if (telecommand.has_expired(now())) {
       journal_->refuse(telecommand.id, FailureCode::expired);
     } else {
       journal_->add(std::move(telecommand));

@@ -2,16 +2,12 @@
 
 #include "base/file.hpp"
 #include "base/log.hpp"
+#include "base/process.hpp"
 
 namespace srfs {
 namespace {
 
 constexpr std::size_t largest_journal = 1U << 20U;
-
-std::string boot_id() {
-  const auto text = read_file("/proc/sys/kernel/random/boot_id", 64);
-  return text ? text->substr(0, 36) : std::string("unknown");
-}
 
 }  // namespace
 
@@ -41,7 +37,7 @@ srfs_msgs::msg::TelecommandReport to_message(const StageReport& report, const st
 }
 
 TelecommandJournal read_journal(const std::filesystem::path& file) {
-  TelecommandJournal journal(boot_id());
+  TelecommandJournal journal(kernel_boot_id().value_or("unknown"));
   if (!std::filesystem::exists(file)) return journal;
   const auto content = read_file(file, largest_journal);
   const bool usable =

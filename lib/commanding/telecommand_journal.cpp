@@ -33,10 +33,6 @@ std::pair<StageReport, bool> decode_report(OctetReader& in) {
   return {report, (flags & reported) != 0};
 }
 
-bool expired(const StoredTelecommand& telecommand, MonotonicTime now) {
-  return telecommand.expiry != MonotonicTime() && now > telecommand.expiry;
-}
-
 }  // namespace
 
 Octets TelecommandJournal::encode() const {
@@ -156,7 +152,7 @@ void TelecommandJournal::refuse(std::uint64_t id, FailureCode why) {
 }
 
 const StoredTelecommand* TelecommandJournal::next(MonotonicTime now) {
-  while (!pending_.empty() && pending_.front().accepted && expired(pending_.front().telecommand, now)) {
+  while (!pending_.empty() && pending_.front().accepted && pending_.front().telecommand.has_expired(now)) {
     ++counters_.expired;
     end_front({pending_.front().telecommand.id, TelecommandStage::started, false, FailureCode::expired});
   }

@@ -51,6 +51,10 @@ struct StoredTelecommand {
   RepeatClass repeat = RepeatClass::by_id;
   MonotonicTime expiry;  ///< not started after this; zero: never expires
   Octets arguments;
+
+  [[nodiscard]] bool has_expired(MonotonicTime now) const {
+    return expiry != MonotonicTime() && now > expiry;
+  }
 };
 
 /// One stage reached or missed.

@@ -16,7 +16,6 @@ namespace {
 constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::size_t state_worker_capacity = 8;
 constexpr std::size_t store_worker_capacity = 8;
-constexpr std::size_t boot_id_octets = 36;
 constexpr seconds link_state_copy_period{10};
 constexpr std::size_t files_worker_capacity = 1;
 /// File data in front of the line: long enough for a turn of the disk, short enough that an answer from the
@@ -180,8 +179,8 @@ ModeKeeper TtcNode::load_mode(bool ran) {
 BootTold TtcNode::load_boot() const {
   const auto record = ros::BootStore(var().boot()).load();
   if (!record) return {.count = 1, .cause = mission::ResetCause::unknown};
-  const auto kernel = read_file("/proc/sys/kernel/random/boot_id", 64);
-  const bool same = kernel && record->boot_id.substr(0, boot_id_octets) == kernel->substr(0, boot_id_octets);
+  const auto kernel = kernel_boot_id();
+  const bool same = kernel && record->boot_id.substr(0, kernel->size()) == *kernel;
   if (!same) return {.count = record->count + 1, .cause = mission::ResetCause::unknown};
   return {.count = record->count, .cause = static_cast<mission::ResetCause>(record->reset_cause)};
 }
@@ -227,8 +226,7 @@ ros::CallbackReturn TtcNode::on_configure() {
 }
 
 AcceptanceJournal TtcNode::load_journal() {
-  const auto boot = read_file("/proc/sys/kernel/random/boot_id", 64);
-  AcceptanceJournal journal(boot ? boot->substr(0, boot_id_octets) : "unknown",
+  AcceptanceJournal journal(kernel_boot_id().value_or("unknown"),
                             milliseconds(get_parameter<std::int64_t>("repeat_window_ms")));
   journal_file_ = std::make_shared<JournalOnDisk>(state_dir() / "telecommands");
   JournalLog::Found found = journal_file_->log.load();
