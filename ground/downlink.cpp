@@ -38,6 +38,7 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
         continue;
       }
       ++packets_;
+      packet_octets_ += packet.size();
       received.push_back({frame->vc, std::move(*telemetry)});
     }
   }
@@ -51,6 +52,7 @@ void Downlink::take_file_packet(OctetView packet) {
     return;
   }
   ++packets_;
+  packet_octets_ += packet.size();
   if (file_pdus_.size() == max_file_pdus) file_pdus_.erase(file_pdus_.begin());
   file_pdus_.emplace_back(pdu->begin(), pdu->end());
 }
@@ -68,6 +70,7 @@ DownlinkCounters Downlink::counters() const {
   c.corrected_octets = cadu.corrected_octets;
   c.noise_octets = cadu.noise_octets;
   c.packets = packets_;
+  c.packet_octets = packet_octets_;
   c.bad_packets = bad_packets_;
   for (const auto& channel : channels_)
     c.bad_packets += channel.counters().bad_packets + channel.counters().cut_packets;

@@ -200,6 +200,7 @@ nlohmann::json to_json(const DownlinkCounters& c) {
           {"corrected_octets", c.corrected_octets},
           {"noise_octets", c.noise_octets},
           {"packets", c.packets},
+          {"packet_octets", c.packet_octets},
           {"bad_packets", c.bad_packets}};
 }
 
