@@ -42,6 +42,9 @@ enum class FailureCode : std::uint16_t {
   node_runs = 51,
   node_silent = 52,
   not_done = 53,
+  no_report = 54,
+  outbox_full = 55,
+  disk_failed = 56,
 };
 
 /// A telecommand as it arrived.
