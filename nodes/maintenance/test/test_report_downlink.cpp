@@ -23,6 +23,7 @@ std::filesystem::file_time_type at(int second) {
 std::vector<std::uint32_t> incarnations(std::vector<CrashReport> reports) {
   ros::sort_by_age(reports);
   std::vector<std::uint32_t> sorted;
+  sorted.reserve(reports.size());
   for (const CrashReport& report : reports) sorted.push_back(report.incarnation);
   return sorted;
 }
