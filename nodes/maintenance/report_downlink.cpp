@@ -76,7 +76,8 @@ Result<QueuedReport, QueueFailure> queue_report(const std::filesystem::path& out
     }
     // A report is never written to again: it is replaced, which leaves a link as it was.
     int error = link(report.file.c_str(), place.c_str()) == 0 ? 0 : errno;
-    if (error == EXDEV) error = copy_into(report.file, place);
+    // EPERM: no links here, or none of another user's file (protected_hardlinks).
+    if (error == EXDEV || error == EPERM) error = copy_into(report.file, place);
     if (error != 0 && error != EEXIST) return failure(report.file, error);
   }
   if (fsync(folder.get()) != 0) return failure(outbox, errno);

@@ -36,7 +36,7 @@ struct QueueFailure {
 
 /// Puts a report where the file transfer looks for what to send (lib/cfdp/postbox.hpp): whole, and on the
 /// medium when it returns. One that waits there already stays as it is. A hard link, which a full disk allows
-/// too; a copy where the outbox is on another file system. Blocks on the disk. One caller at a time.
+/// too; a copy where there can be none. Blocks on the disk. One caller at a time.
 [[nodiscard]] Result<QueuedReport, QueueFailure> queue_report(const std::filesystem::path& outbox,
                                                               const std::string& node,
                                                               const ros::CrashReport& report);
