@@ -99,7 +99,7 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
     if (p.started) {
       remember({id, TelecommandStage::completed, false, FailureCode::interrupted});
     } else if (!same_boot) {
-      remember({id, TelecommandStage::started, false, FailureCode::expired});
+      remember(too_late(p));
     } else {
       pending_.push_back(std::move(p));
     }
@@ -151,10 +151,19 @@ void TelecommandJournal::refuse(std::uint64_t id, FailureCode why) {
   ready_.push_back({id, TelecommandStage::accepted, false, why});
 }
 
+StageReport TelecommandJournal::too_late(const Pending& pending) {
+  const std::uint64_t id = pending.telecommand.id;
+  if (pending.restored && pending.telecommand.repeat != RepeatClass::at_most_once)
+    return {id, TelecommandStage::completed, false, FailureCode::interrupted};
+  ++counters_.expired;
+  return {id, TelecommandStage::started, false, FailureCode::expired};
+}
+
 const StoredTelecommand* TelecommandJournal::next(MonotonicTime now) {
-  while (!pending_.empty() && pending_.front().accepted && pending_.front().telecommand.has_expired(now)) {
-    ++counters_.expired;
-    end_front({pending_.front().telecommand.id, TelecommandStage::started, false, FailureCode::expired});
+  // One that this process began in time goes on.
+  while (!pending_.empty() && pending_.front().accepted && pending_.front().attempts == 0 &&
+         pending_.front().telecommand.has_expired(now)) {
+    end_front(too_late(pending_.front()));
   }
   // Not accepted yet: it keeps its place, and so do those behind it.
   if (pending_.empty() || !pending_.front().accepted) return nullptr;
