@@ -69,7 +69,9 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
     Pending p;
     p.telecommand.id = in.u64();
     p.telecommand.function = in.u16();
-    p.telecommand.repeat = static_cast<RepeatClass>(in.u8());
+    const std::uint8_t repeat = in.u8();
+    if (repeat < 1 || repeat > 3) return Err(JournalError::damaged);
+    p.telecommand.repeat = static_cast<RepeatClass>(repeat);
     p.started = in.u8() != 0;
     p.telecommand.expiry = MonotonicTime(nanoseconds(static_cast<std::int64_t>(in.u64())));
     const OctetView arguments = in.bytes(in.u16());
@@ -82,6 +84,10 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
   std::vector<StageReport> unreported;
   for (std::size_t n = in.u8(); n > 0 && in.ok(); --n) {
     const auto [report, was_reported] = decode_report(in);
+    const bool is_stage = report.stage == TelecommandStage::accepted ||
+                          report.stage == TelecommandStage::started ||
+                          report.stage == TelecommandStage::completed;
+    if (!is_stage) return Err(JournalError::damaged);
     known.push_back(report);
     if (!was_reported) unreported.push_back(report);
   }

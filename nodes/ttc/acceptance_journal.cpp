@@ -131,6 +131,18 @@ TelecommandEnd read_end(OctetReader& reader, AcceptedTelecommand& t) {
   return end;
 }
 
+// What no version of this program writes is not taken over, whatever its checksum says.
+
+bool is_sound(const TelecommandEnd& end) {
+  return end.stage == Stage::acceptance || end.stage == Stage::start || end.stage == Stage::progress ||
+         end.stage == Stage::completion;
+}
+
+bool is_sound(const AcceptedTelecommand& t) {
+  const bool has_id = t.origin.id != 0 && t.origin.id != UINT64_MAX;
+  return has_id && (!t.end || is_sound(*t.end));
+}
+
 bool same_packet(const AcceptedTelecommand& t, OctetView packet) {
   const auto request = wire::peek_request_id(packet);
   return request == t.origin.request && packet.size() == t.packet_octets && crc32c(packet) == t.packet_crc;
@@ -165,7 +177,7 @@ bool AcceptanceJournal::apply_snapshot(OctetReader& reader) {
     if (read_progress(reader, t)) t.end = read_end(reader, t);
     t.other_boot = t.other_boot || !same_boot;
     if (t.end) ended.push_back(t.origin.id);
-    entries[t.origin.id] = std::move(t);
+    if (!is_sound(t) || !entries.emplace(t.origin.id, std::move(t)).second) return false;
   }
   if (!reader.ok() || reader.remaining() != 0) return false;
   if (entries.size() - ended.size() > max_open || ended.size() > max_ended) return false;
@@ -177,6 +189,7 @@ bool AcceptanceJournal::apply_snapshot(OctetReader& reader) {
   open_ = entries_.size() - ended_.size();
   applied_same_boot_ = same_boot;
   next_id_ = std::max(next_id_, next_id);
+  if (!entries_.empty()) next_id_ = std::max(next_id_, entries_.rbegin()->first + 1);
   serial_ = serial;
   told_ = told;
   // A counter never goes back, also not when an older segment is all there is.
@@ -196,7 +209,8 @@ bool AcceptanceJournal::apply_change(std::uint8_t kind, OctetReader& reader) {
   }
   if (kind == Kind::accepted) {
     AcceptedTelecommand t = read_telecommand(reader);
-    if (!newer(read_link_state(reader)) || entries_.contains(t.origin.id) || !has_room()) return false;
+    if (!is_sound(t) || !newer(read_link_state(reader)) || entries_.contains(t.origin.id) || !has_room())
+      return false;
     t.other_boot = t.other_boot || !applied_same_boot_;
     next_id_ = std::max(next_id_, t.origin.id + 1);
     serial_ = std::max(serial_, t.accepted_serial);
@@ -219,7 +233,7 @@ bool AcceptanceJournal::apply_change(std::uint8_t kind, OctetReader& reader) {
   if (kind != Kind::ended) return false;
   TelecommandEnd end = read_end(reader, *t);
   serial_ = std::max(serial_, t->ended_serial);
-  if (!reader.ok()) return false;
+  if (!reader.ok() || !is_sound(end)) return false;
   this->end(*t, std::move(end));
   return true;
 }
