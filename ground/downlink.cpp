@@ -3,8 +3,22 @@
 #include <numeric>
 
 #include "cfdp/postbox.hpp"
+#include "wire/time_packet.hpp"
 
 namespace srfs::ground {
+namespace {
+
+/// The time packet has no secondary header; what it is stands in its APID.
+wire::TmPacket as_report(const wire::TimePacket& time) {
+  return {.apid = wire::time_apid,
+          .sequence_count = time.sequence_count,
+          .service = 9,
+          .subtype = 2,
+          .time = time.time,
+          .source = {time.rate}};
+}
+
+}  // namespace
 
 Downlink::Downlink(const ros::LinkSettings& link)
     : synchroniser_({.frame_octets = static_cast<std::size_t>(link.tm_frame_length),
@@ -33,6 +47,7 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
         continue;
       }
       auto telemetry = wire::parse_tm_packet(packet);
+      if (const auto time = wire::parse_time_packet(packet)) telemetry = as_report(*time);
       if (!telemetry) {
         ++bad_packets_;
         continue;

@@ -64,6 +64,10 @@ class DownlinkScheduler {
   [[nodiscard]] std::size_t room_octets(DownlinkChannel channel) const;
   [[nodiscard]] bool empty(DownlinkChannel channel) const;
   [[nodiscard]] DownlinkCounters counters() const;
+  /// Frames of the live channel.
+  [[nodiscard]] std::uint64_t live_frames() const {
+    return frames_.counters(vc(DownlinkChannel::live)).frames;
+  }
 
  private:
   struct Channel {
