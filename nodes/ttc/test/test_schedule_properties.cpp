@@ -317,17 +317,19 @@ class Mission {
     // written.
     process.schedule().on_time(now_, valid_);
     bool carried_out = false;
+    std::vector<TelecommandOrigin> open;
     for (const AcceptedTelecommand* t : process.journal().known()) {
-      if (t->activity != 0 || t->end) continue;
-      const bool is_last =
-          order_ && (t->origin.request.packet_sequence_control & 0x3FFF) == last_order_number();
-      const bool applied = process.schedule().has_applied(t->origin.id);
+      if (t->activity == 0 && !t->end) open.push_back(t->origin);
+    }
+    for (const TelecommandOrigin& origin : open) {
+      const bool is_last = order_ && (origin.request.packet_sequence_control & 0x3FFF) == last_order_number();
+      const bool applied = process.schedule().has_applied(origin.id);
       carried_out = carried_out || is_last;
       if (applied || !is_last) {
-        process.journal().on_stage({.id = t->origin.id, .stage = Stage::completion, .data = {}});
+        process.journal().on_stage({.id = origin.id, .stage = Stage::completion, .data = {}});
       } else {
         ASSERT_EQ(found, before_) << "not carried out, and something is changed";
-        process.carry_out(t->origin.id, order_->subtype, order_->arguments);
+        process.carry_out(origin.id, order_->subtype, order_->arguments);
       }
     }
     const Model now = seen(process.schedule().schedule());
@@ -450,7 +452,7 @@ TEST(ScheduleProperties, EveryOrderHoldsOnceAndEveryActivityIsExecutedOnceWherev
     executed += mission.executed();
   }
   EXPECT_GT(losses, 700U);
-  EXPECT_GT(executed, 3000U);
+  EXPECT_GT(executed, 1000U);
 }
 
 TEST(ScheduleProperties, AMissionWithoutLossesFollowsTheModel) {
