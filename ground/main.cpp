@@ -9,6 +9,7 @@
 
 #include "base/file.hpp"
 #include "ground/console.hpp"
+#include "ground/remote.hpp"
 #include "ros/deployment.hpp"
 
 namespace {
@@ -40,6 +41,8 @@ struct Arguments {
   std::string destination;
   std::string tm = "127.0.0.1:10015";
   std::string tc = "127.0.0.1:10025";
+  std::string action;
+  std::vector<std::string> words;
 };
 
 std::optional<milliseconds> duration(double value_s) {
@@ -102,6 +105,18 @@ void define(CLI::App& app, Arguments& a) {
   auto* files = app.add_subcommand("files", "Carry files up and down; what came is in STATE/files");
   files->add_option("--duration", a.duration_s, "Seconds (default: until interrupted)")
       ->check(CLI::PositiveNumber);
+  auto* remote = app.add_subcommand("remote", "The folder of files on board (PUS 23): " + remote_actions());
+  remote->add_option("action", a.action, "What to do")->required();
+  remote->add_option("words", a.words, "With what");
+  timeout(remote);
+  auto* param = app.add_subcommand("param",
+                                   "Parameters of the nodes (PUS 20): list [NAME|NODE...] | get "
+                                   "[NAME|NODE...] | set NAME=VALUE...");
+  param->add_option("action", a.action, "list, get or set")
+      ->required()
+      ->check(CLI::IsMember({"list", "get", "set"}));
+  param->add_option("words", a.words, "NODE.PARAMETER, NODE, or NODE.PARAMETER=VALUE");
+  timeout(param);
   auto* bridge =
       app.add_subcommand("bridge", "Carry TM frames and CLTUs or TC frames between the port and UDP");
   bridge->add_option("--tm", a.tm, "Where TM frames go, [HOST:]PORT")->capture_default_str();
@@ -148,6 +163,22 @@ Exit bridge(const Arguments& a, const ros::LinkSettings& link, Port port) {
 Exit operate(const CLI::App& app, const Arguments& a) {
   const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder());
   if (app.got_subcommand("list")) return list(dictionary, a.name, a.json);
+  RemoteRequest remote;
+  if (app.got_subcommand("remote")) {
+    auto made = remote_request(a.action, a.words, system_utc_now());
+    if (!made) return fail(a, made.error());
+    remote = std::move(*made);
+  }
+  std::vector<const mission::Parameter*> parameters;
+  if (app.got_subcommand("param") && a.action != "set") {
+    auto named = parameters_named(dictionary, a.words);
+    if (!named) return fail(a, named.error());
+    parameters = std::move(*named);
+    if (a.action == "list") {
+      for (const auto* parameter : parameters) std::fputs(to_line(*parameter).c_str(), stdout);
+      return Exit::done;
+    }
+  }
   std::vector<ScriptStep> steps;
   if (app.got_subcommand("script")) {
     auto loaded = load_script(dictionary, a.file);
@@ -173,8 +204,9 @@ Exit operate(const CLI::App& app, const Arguments& a) {
   Console console(
       dictionary, link, std::move(*port), std::move(*uplink),
       {.json = a.json || app.got_subcommand("session"), .colour = colour, .ad = a.ad, .fop = fop});
-  const bool carries_files = app.got_subcommand("put") || app.got_subcommand("files") ||
-                             app.got_subcommand("listen") || app.got_subcommand("session");
+  const bool carries_files = !remote.awaited_file.empty() || app.got_subcommand("put") ||
+                             app.got_subcommand("files") || app.got_subcommand("listen") ||
+                             app.got_subcommand("session");
   if (carries_files) {
     auto files = open_files(state_dir, system_utc_now(), monotonic_now());
     if (!files) return fail(a, files.error());
@@ -187,6 +219,11 @@ Exit operate(const CLI::App& app, const Arguments& a) {
     const std::string name =
         a.destination.empty() ? std::filesystem::path(a.source).filename().string() : a.destination;
     return console.put(a.source, name, duration(a.timeout_s));
+  }
+  if (app.got_subcommand("remote")) return console.remote(remote, duration(a.timeout_s));
+  if (app.got_subcommand("param")) {
+    return a.action == "get" ? console.get_parameters(parameters, duration(a.timeout_s))
+                             : console.set_parameters(a.words, duration(a.timeout_s));
   }
   if (app.got_subcommand("files")) return console.files(duration(a.duration_s));
   if (app.got_subcommand("ping")) return console.ping(duration(a.timeout_s));

@@ -13,7 +13,8 @@
 
 namespace srfs::ground {
 
-enum class TelemetryKind : std::uint8_t { housekeeping, beacon, event, pong, verification, other };
+/// report: what another PUS service than 3 answers, as the dictionary describes it.
+enum class TelemetryKind : std::uint8_t { housekeeping, beacon, event, pong, verification, report, other };
 
 /// One telemetry packet as people and programs read it.
 struct TelemetryReport {
