@@ -25,6 +25,7 @@ constexpr milliseconds progress_period{500};
 constexpr milliseconds default_acceptance{5000};
 constexpr milliseconds default_clcw{35000};  // the beacon comes every 30 s
 constexpr std::size_t longest_line = 4096;
+constexpr int exchange_attempts = 3;
 
 std::vector<std::string> words_of(const std::string& line) {
   std::istringstream in(line);
@@ -160,7 +161,96 @@ Exit Console::files(std::optional<milliseconds> duration) {
   return open ? Exit::done : Exit::link_closed;
 }
 
+Exit Console::exchange(const TelecommandText& telecommand, std::optional<milliseconds> timeout,
+                       std::optional<std::uint64_t> left_before) {
+  auto exit = Exit::refused;
+  bool whole = false;
+  for (int attempt = 0; attempt < exchange_attempts && !whole && !interrupted_; ++attempt) {
+    exit = exchange_once(telecommand, timeout);
+    if (exit != Exit::done) return exit;
+    whole = is_whole(telecommand, answers_, left_before);
+  }
+  if (!options_.json) {
+    for (const TelemetryReport& answer : answers_) write_lines(answer_lines(answer));
+  }
+  if (whole) return exit;
+  fail(fmt::format("{}: done, but a part of its answers was lost on the way", telecommand.name));
+  return Exit::refused;
+}
+
+Exit Console::exchange_once(const TelecommandText& telecommand, std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  exchanging_ = true;
+  answers_.clear();
+  last_stage_.reset();
+  send(telecommand.name, telecommand.arguments, timeout);
+  if (failed_to_send_) return Exit::unusable;
+  const auto over = [&] { return last_stage_ && is_final(last_stage_->stage); };
+  if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
+  return last_stage_ && last_stage_->stage == Stage::completed ? Exit::done : Exit::refused;
+}
+
+Exit Console::remote(const RemoteRequest& request, std::optional<milliseconds> timeout) {
+  awaited_name_ = request.awaited_file;
+  auto worst = Exit::done;
+  for (const TelecommandText& telecommand : request.telecommands) {
+    std::optional<TelecommandText> page = telecommand;
+    std::optional<std::uint64_t> left;
+    while (page && !interrupted_) {
+      const Exit exit = exchange(*page, timeout, left);
+      left = left_behind(answers_);
+      if (exit != Exit::done) worst = exit;
+      if (exit == Exit::link_closed || exit == Exit::unusable) return exit;
+      page = request.lists && exit == Exit::done ? next_page(*page, answers_) : std::nullopt;
+    }
+  }
+  if (request.awaited_file.empty() || worst != Exit::done) return worst;
+  const auto deadline = timeout ? std::optional(monotonic_now() + *timeout) : std::nullopt;
+  if (!run(
+          Watch::port, [&] { return awaited_arrived_.has_value(); }, deadline))
+    return Exit::link_closed;
+  if (!awaited_arrived_) {
+    fail("the file is not down yet; it goes on with the next get, put, files, listen or session");
+    return Exit::refused;
+  }
+  return *awaited_arrived_ ? Exit::done : Exit::refused;
+}
+
+Exit Console::get_parameters(const std::vector<const mission::Parameter*>& parameters,
+                             std::optional<milliseconds> timeout) {
+  auto worst = Exit::done;
+  for (const mission::Parameter* parameter : parameters) {
+    if (interrupted_) return Exit::refused;
+    const Exit exit =
+        exchange({.name = "parameters.report", .arguments = {"parameter=" + parameter->name}}, timeout);
+    if (exit != Exit::done) worst = exit;
+    if (exit == Exit::link_closed || exit == Exit::unusable) return exit;
+  }
+  return worst;
+}
+
+Exit Console::set_parameters(const std::vector<std::string>& changes, std::optional<milliseconds> timeout) {
+  for (const std::string& change : changes) {
+    const std::size_t equals = change.find('=');
+    if (equals == std::string::npos) {
+      fail(fmt::format("'{}' is not NODE.PARAMETER=VALUE", change));
+      return Exit::unusable;
+    }
+    const Exit exit = exchange(
+        {.name = "parameters.set",
+         .arguments = {"parameter=" + change.substr(0, equals), "value=" + change.substr(equals + 1)}},
+        timeout);
+    if (exit != Exit::done) return exit;
+    if (!options_.json) write_lines(change + "\n");
+  }
+  return Exit::done;
+}
+
 void Console::on_file(const cfdp::News& news) {
+  const bool came_down = news.event.kind == cfdp::EventKind::finished &&
+                         news.event.role == cfdp::Role::receiving && !awaited_name_.empty() &&
+                         news.file.destination_file == awaited_name_;
+  if (came_down) awaited_arrived_ = has_arrived(news);
   if (awaited_file_ == news.event.id && news.event.kind == cfdp::EventKind::finished)
     awaited_arrived_ = has_arrived(news);
   options_.json ? write_json(to_json(news)) : write_lines(to_line(news) + "\n");
@@ -355,6 +445,8 @@ Exit Console::clcw(std::optional<milliseconds> timeout) {
 }
 
 void Console::on_cop(const CopReport& report) {
+  const bool nothing_new = report.phase == AdPhase::off && report.problem.empty();
+  if (exchanging_ && nothing_new && !options_.json) return;
   options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 
@@ -368,6 +460,13 @@ void Console::send(const std::string& name, const std::vector<std::string>& argu
 
 void Console::on_telemetry(const TelemetryReport& report) {
   pong_ = pong_ || report.kind == TelemetryKind::pong;
+  if (exchanging_) {
+    if (report.kind != TelemetryKind::report && report.name != "parameter.refused") return;
+    if (report.kind == TelemetryKind::report) answers_.push_back(report);
+    if (options_.json) return write_json(to_json(report));
+    if (report.kind == TelemetryKind::event) write_lines(to_lines(report, options_.colour));
+    return;
+  }
   const bool wanted = report.kind == TelemetryKind::pong || report.kind == TelemetryKind::schedule ||
                       report.vc == tm_channel::playback;
   if (quiet_telemetry_ && !wanted) return;
@@ -388,6 +487,7 @@ void Console::on_stage(const StageReport& report) {
   accepted_ = accepted_ || (news && (report.stage == Stage::accepted || report.stage == Stage::scheduled ||
                                      report.stage == Stage::started || report.stage == Stage::progress ||
                                      report.stage == Stage::completed));
+  if (exchanging_ && !options_.json && !is_failure(report.stage)) return;
   options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 

@@ -7,6 +7,7 @@
 
 #include "base/time.hpp"
 #include "ground/bridge.hpp"
+#include "ground/remote.hpp"
 #include "ground/script.hpp"
 #include "ground/station.hpp"
 
@@ -58,6 +59,15 @@ class Console {
                          std::optional<milliseconds> timeout);
   /// Carries the queue up and what comes down. @param duration nullopt: until interrupted
   [[nodiscard]] Exit files(std::optional<milliseconds> duration);
+  /// What is asked of the folder of files on board, with the answers as lines. A file that is to arrive is
+  /// waited for; carry_files() before.
+  [[nodiscard]] Exit remote(const RemoteRequest& request, std::optional<milliseconds> timeout);
+  /// Values of node parameters (PUS 20).
+  [[nodiscard]] Exit get_parameters(const std::vector<const mission::Parameter*>& parameters,
+                                    std::optional<milliseconds> timeout);
+  /// @param changes "NODE.PARAMETER=VALUE"
+  [[nodiscard]] Exit set_parameters(const std::vector<std::string>& changes,
+                                    std::optional<milliseconds> timeout);
   /// Command lines from standard input; ends with "quit", or at its end when nothing is outstanding any more.
   [[nodiscard]] Exit session();
 
@@ -65,6 +75,11 @@ class Console {
   enum class Watch : std::uint8_t { port, port_and_input };
 
   void on_telemetry(const TelemetryReport& report);
+  /// One telecommand until its end, again when answers were lost on the way; the answers are told and kept.
+  /// @param left_before  of a listing (is_whole)
+  [[nodiscard]] Exit exchange(const TelecommandText& telecommand, std::optional<milliseconds> timeout,
+                              std::optional<std::uint64_t> left_before = std::nullopt);
+  [[nodiscard]] Exit exchange_once(const TelecommandText& telecommand, std::optional<milliseconds> timeout);
   void on_stage(const StageReport& report);
   void on_retrieval_over(const Retrieval& retrieval);
   void on_cop(const CopReport& report);
@@ -109,6 +124,9 @@ class Console {
   bool accepted_ = false;
   bool pong_ = false;
   std::optional<Retrieval> last_retrieval_;
+  bool exchanging_ = false;  // only answers and failures are told
+  std::vector<TelemetryReport> answers_;
+  std::string awaited_name_;  // of a file that is to come down
   std::optional<cfdp::TransactionId> awaited_file_;
   std::optional<bool> awaited_arrived_;
   MonotonicTime next_progress_;

@@ -9,6 +9,7 @@
 
 #include "base/file.hpp"
 #include "ground/console.hpp"
+#include "ground/remote.hpp"
 #include "ros/deployment.hpp"
 
 namespace {
@@ -43,6 +44,7 @@ struct Arguments {
   std::string destination;
   std::string tm = "127.0.0.1:10015";
   std::string tc = "127.0.0.1:10025";
+  std::vector<std::string> words;
 };
 
 std::optional<milliseconds> duration(double value_s) {
@@ -116,6 +118,18 @@ void define(CLI::App& app, Arguments& a) {
   auto* files = app.add_subcommand("files", "Carry files up and down; what came is in STATE/files");
   files->add_option("--duration", a.duration_s, "Seconds (default: until interrupted)")
       ->check(CLI::PositiveNumber);
+  auto* remote = app.add_subcommand("remote", "The folder of files on board (PUS 23): " + remote_actions());
+  remote->add_option("action", a.action, "What to do")->required();
+  remote->add_option("words", a.words, "With what");
+  timeout(remote);
+  auto* param = app.add_subcommand("param",
+                                   "Parameters of the nodes (PUS 20): list [NAME|NODE...] | get "
+                                   "[NAME|NODE...] | set NAME=VALUE...");
+  param->add_option("action", a.action, "list, get or set")
+      ->required()
+      ->check(CLI::IsMember({"list", "get", "set"}));
+  param->add_option("words", a.words, "NODE.PARAMETER, NODE, or NODE.PARAMETER=VALUE");
+  timeout(param);
   auto* bridge =
       app.add_subcommand("bridge", "Carry TM frames and CLTUs or TC frames between the port and UDP");
   bridge->add_option("--tm", a.tm, "Where TM frames go, [HOST:]PORT")->capture_default_str();
@@ -188,6 +202,22 @@ std::optional<std::pair<std::string, std::vector<std::string>>> schedule_command
 Exit operate(const CLI::App& app, const Arguments& a) {
   const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder());
   if (app.got_subcommand("list")) return list(dictionary, a.name, a.json);
+  RemoteRequest remote;
+  if (app.got_subcommand("remote")) {
+    auto made = remote_request(a.action, a.words, system_utc_now());
+    if (!made) return fail(a, made.error());
+    remote = std::move(*made);
+  }
+  std::vector<const mission::Parameter*> parameters;
+  if (app.got_subcommand("param") && a.action != "set") {
+    auto named = parameters_named(dictionary, a.words);
+    if (!named) return fail(a, named.error());
+    parameters = std::move(*named);
+    if (a.action == "list") {
+      for (const auto* parameter : parameters) std::fputs(to_line(*parameter).c_str(), stdout);
+      return Exit::done;
+    }
+  }
   std::vector<ScriptStep> steps;
   if (app.got_subcommand("script")) {
     auto loaded = load_script(dictionary, a.file);
@@ -196,8 +226,10 @@ Exit operate(const CLI::App& app, const Arguments& a) {
   }
   const auto at = a.at.empty() ? std::optional<TimeTag>{} : parse_time_tag(a.at);
   if (!a.at.empty() && !at) return fail(a, "--at needs " + std::string(time_tag_forms));
-  const auto scheduling = schedule_command(a);
-  if (!scheduling) return fail(a, "schedule " + a.action + ": these numbers do not fit (--help)");
+  const bool schedules = app.got_subcommand("schedule");
+  const auto scheduling = schedules ? schedule_command(a) : std::nullopt;
+  if (schedules && !scheduling)
+    return fail(a, "schedule " + a.action + ": these numbers do not fit (--help)");
   const auto deployment = find_deployment(a.deployment);
   if (!deployment) return fail(a, deployment.error());
   const auto link = ros::Deployment::load(*deployment).link;
@@ -217,8 +249,9 @@ Exit operate(const CLI::App& app, const Arguments& a) {
   Console console(
       dictionary, link, std::move(*port), std::move(*uplink),
       {.json = a.json || app.got_subcommand("session"), .colour = colour, .ad = a.ad, .fop = fop});
-  const bool carries_files = app.got_subcommand("put") || app.got_subcommand("files") ||
-                             app.got_subcommand("listen") || app.got_subcommand("session");
+  const bool carries_files = !remote.awaited_file.empty() || app.got_subcommand("put") ||
+                             app.got_subcommand("files") || app.got_subcommand("listen") ||
+                             app.got_subcommand("session");
   if (carries_files) {
     auto files = open_files(state_dir, system_utc_now(), monotonic_now());
     if (!files) return fail(a, files.error());
@@ -232,11 +265,16 @@ Exit operate(const CLI::App& app, const Arguments& a) {
         a.destination.empty() ? std::filesystem::path(a.source).filename().string() : a.destination;
     return console.put(a.source, name, duration(a.timeout_s));
   }
+  if (app.got_subcommand("remote")) return console.remote(remote, duration(a.timeout_s));
+  if (app.got_subcommand("param")) {
+    return a.action == "get" ? console.get_parameters(parameters, duration(a.timeout_s))
+                             : console.set_parameters(a.words, duration(a.timeout_s));
+  }
   if (app.got_subcommand("files")) return console.files(duration(a.duration_s));
   if (app.got_subcommand("ping")) return console.ping(duration(a.timeout_s));
   if (app.got_subcommand("tc"))
     return console.telecommand(a.name, a.pairs, a.wait, duration(a.timeout_s), at);
-  if (app.got_subcommand("schedule"))
+  if (scheduling)
     return console.telecommand(scheduling->first, scheduling->second, true, duration(a.timeout_s));
   if (app.got_subcommand("listen")) return console.listen(duration(a.duration_s));
   if (app.got_subcommand("retrieve")) return console.retrieve(a.store, a.from, a.to, duration(a.timeout_s));

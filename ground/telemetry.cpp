@@ -53,6 +53,40 @@ void decode_event(const mission::Dictionary& dictionary, OctetReader in, Telemet
   }
 }
 
+void decode_report(const mission::Dictionary& dictionary, const mission::Structure& structure, OctetView data,
+                   TelemetryReport& report) {
+  report.name = structure.name;
+  auto fields = dictionary.decode(structure, data);
+  if (!fields) {
+    report.text = "the octets do not fit the report";
+    return;
+  }
+  report.fields = std::move(*fields);
+  report.undecoded.clear();
+  report.kind = TelemetryKind::report;
+}
+
+/// TM 20,2: a count, always 1, the number of the parameter, its value.
+void decode_parameter(const mission::Dictionary& dictionary, OctetReader in, TelemetryReport& report) {
+  const std::uint16_t count = in.u16();
+  const auto* parameter = dictionary.parameter(in.u16());
+  if (count != 1 || parameter == nullptr) {
+    report.text = "a parameter that the dictionary does not know";
+    return;
+  }
+  mission::Field field = parameter->field;
+  field.name = parameter->name;
+  auto fields = dictionary.decode(std::vector<mission::Field>{field}, in.rest());
+  if (!fields) {
+    report.text = "the octets do not fit the parameter";
+    return;
+  }
+  report.name = "parameter_value";
+  report.fields = std::move(*fields);
+  report.undecoded.clear();
+  report.kind = TelemetryKind::report;
+}
+
 nlohmann::json json_of(const mission::DecodedField& field) {
   if (!field.known) return nullptr;
   // A label or name says more than its number.
@@ -153,6 +187,9 @@ TelemetryReport decode_telemetry(const mission::Dictionary& dictionary, const Re
       report.undecoded.clear();
     }
   }
+  if (packet.service == 20 && packet.subtype == 2) decode_parameter(dictionary, in, report);
+  if (const auto* structure = dictionary.report(packet.service, packet.subtype))
+    decode_report(dictionary, *structure, packet.source, report);
   return report;
 }
 
@@ -244,6 +281,7 @@ std::string to_lines(const TelemetryReport& report, bool colour) {
       return head + "  time report (9,2)\n";
     case TelemetryKind::housekeeping:
     case TelemetryKind::beacon:
+    case TelemetryKind::report:
       break;
     case TelemetryKind::verification:
     case TelemetryKind::other:

@@ -22,6 +22,7 @@ enum class TelemetryKind : std::uint8_t {
   verification,
   schedule,     ///< 11,10 11,13 11,27
   time_report,  ///< 9,2
+  report,       ///< what another PUS service answers, as the dictionary describes it
   other
 };
 

@@ -8,7 +8,7 @@ namespace srfs::cfdp {
 namespace {
 
 constexpr std::uint32_t magic = 0x53464350;  // "SFCP"
-constexpr std::uint8_t version = 1;
+constexpr std::uint8_t version = 2;
 constexpr std::size_t octets_limit = 64U << 20;
 constexpr std::size_t crc_octets = 4;
 
@@ -61,6 +61,7 @@ void put_sender(OctetWriter& out, const SendState& s) {
   out.u8(s.eof_acknowledged ? 1 : 0);
   put_enum(out, s.cancelled);
   put_enum(out, s.rest);
+  out.u64(s.operation);
 }
 
 void put_receiver(OctetWriter& out, const ReceiveState& r) {
@@ -183,6 +184,7 @@ SendState read_sender(Reader& in) {
   s.eof_acknowledged = in.flag();
   s.cancelled = in.enumerated(CfdpCondition::cancel_request);
   s.rest = in.enumerated(Rest::by_fault);
+  s.operation = in.u64();
   in.require(s.reserved <= s.stamp.octets &&
              (s.header.large_file || s.stamp.octets <= UINT32_MAX || !s.prepared));
   return s;
@@ -272,7 +274,7 @@ Result<Checkpoint, CheckpointError> decode_checkpoint(OctetView octets) {
   c.entity = in.u64();
   c.next_sequence = in.u64();
   // The counts are checked against the least octets an item has.
-  for (std::uint32_t n = in.count(100); n > 0 && in.ok(); --n) c.senders.push_back(read_sender(in));
+  for (std::uint32_t n = in.count(108); n > 0 && in.ok(); --n) c.senders.push_back(read_sender(in));
   for (std::uint32_t n = in.count(45); n > 0 && in.ok(); --n) c.receivers.push_back(read_receiver(in));
   for (std::uint32_t n = in.count(19); n > 0 && in.ok(); --n) {
     Ended e;

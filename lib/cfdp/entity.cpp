@@ -72,7 +72,8 @@ Result<void, CheckpointError> Entity::restore(OctetView checkpoint, MonotonicTim
 
 // ---- orders -------------------------------------------------------------------------------------------
 
-Result<TransactionId, PutError> Entity::put(std::string_view source_file, std::string_view destination_file) {
+Result<TransactionId, PutError> Entity::put(std::string_view source_file, std::string_view destination_file,
+                                            std::uint64_t operation) {
   for (const std::string_view name : {source_file, destination_file}) {
     if (name.empty() || name.size() > wire::cfdp_name_octets_max) return Err(PutError::name_too_long);
   }
@@ -94,6 +95,7 @@ Result<TransactionId, PutError> Entity::put(std::string_view source_file, std::s
   state.source_file = source_file;
   state.destination_file = destination_file;
   state.checksum_type = settings.checksum;
+  state.operation = operation;
   if (next_sequence_ > sequences_reserved_) sequences_reserved_ = next_sequence_ + sequence_block;
   senders_.push_back(std::make_unique<Sender>(context(), std::move(state)));
   const TransactionId id = senders_.back()->id();

@@ -44,8 +44,10 @@ class Entity final : private Context {
   [[nodiscard]] Result<void, CheckpointError> restore(OctetView checkpoint, MonotonicTime now);
 
   /// Sends a file of the own store. @param destination_file name in the peer's store
+  /// @param operation  the user's own number for it, kept with the transaction over restarts; 0: none
   [[nodiscard]] Result<TransactionId, PutError> put(std::string_view source_file,
-                                                    std::string_view destination_file);
+                                                    std::string_view destination_file,
+                                                    std::uint64_t operation = 0);
   /// What the link brought: one PDU.
   void on_pdu(OctetView octets, MonotonicTime now);
   /// Timers, and one step of reading files for their checksums. next_pdu() includes it.

@@ -30,7 +30,9 @@ enum class FileFault : std::uint8_t {
   bad_name,  ///< empty, absolute, '..', hidden, through a symbolic link: would leave the root
   not_found,
   not_a_file,
-  denied,  ///< read-only or no permission
+  not_a_folder,
+  not_empty,  ///< of a folder
+  denied,     ///< read-only or no permission
   no_space,
   io,  ///< anything else the disk says
 };

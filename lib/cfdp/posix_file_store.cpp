@@ -9,34 +9,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "cfdp/file_tree.hpp"
+
 namespace srfs::cfdp {
 namespace {
 
 constexpr std::size_t open_files_max = 16;
 constexpr auto temporaries_name = ".cfdp";
-
-FileFault fault_of(int error) {
-  switch (error) {
-    case ENOENT:
-    case ENOTDIR:
-      return FileFault::not_found;
-    case ELOOP:
-    case ENAMETOOLONG:
-      return FileFault::bad_name;
-    case EISDIR:
-      return FileFault::not_a_file;
-    case EACCES:
-    case EPERM:
-    case EROFS:
-      return FileFault::denied;
-    case ENOSPC:
-    case EDQUOT:
-    case EFBIG:
-      return FileFault::no_space;
-    default:
-      return FileFault::io;
-  }
-}
 
 tl::unexpected<FileFault> system_fault() {
   return Err(fault_of(errno));
@@ -46,18 +25,6 @@ FileStamp stamp_of(const struct stat& s) {
   return {.octets = static_cast<std::uint64_t>(s.st_size),
           .inode = s.st_ino,
           .modified_ns = std::int64_t{s.st_mtim.tv_sec} * 1'000'000'000 + s.st_mtim.tv_nsec};
-}
-
-FileResult<std::size_t> read_at(int fd, std::uint64_t offset, std::span<std::uint8_t> into) {
-  std::size_t done = 0;
-  while (done < into.size()) {
-    const ssize_t n = pread(fd, into.data() + done, into.size() - done, static_cast<off_t>(offset + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return system_fault();
-    if (n == 0) break;
-    done += static_cast<std::size_t>(n);
-  }
-  return done;
 }
 
 FileResult<void> write_at(int fd, std::uint64_t offset, OctetView data) {
@@ -109,29 +76,8 @@ Result<Octets, FileError> PosixFileStore::load_checkpoint() const {
   return Octets(content->begin(), content->end());
 }
 
-FileResult<PosixFileStore::Place> PosixFileStore::locate(std::string_view name) const {
-  if (name.empty() || name.front() == '/' || name.find('\0') != std::string_view::npos) {
-    return Err(FileFault::bad_name);
-  }
-  Fd folder(fcntl(root_.get(), F_DUPFD_CLOEXEC, 0));
-  while (true) {
-    if (!folder) return system_fault();
-    const std::size_t slash = name.find('/');
-    const std::string part(name.substr(0, slash));
-    if (part.empty() || part.front() == '.') return Err(FileFault::bad_name);
-    if (slash == std::string_view::npos) return Place{.folder = std::move(folder), .name = part};
-    const int below = openat(folder.get(), part.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    if (below < 0) {
-      // A symbolic link in the way is ENOTDIR to O_DIRECTORY.
-      struct stat s {};
-      const int error = errno;
-      const bool is_link =
-          fstatat(folder.get(), part.c_str(), &s, AT_SYMLINK_NOFOLLOW) == 0 && S_ISLNK(s.st_mode);
-      return Err(is_link ? FileFault::bad_name : fault_of(error));
-    }
-    folder = Fd(below);
-    name.remove_prefix(slash + 1);
-  }
+FileResult<Place> PosixFileStore::locate(std::string_view name) const {
+  return cfdp::locate(root_.get(), name);
 }
 
 FileResult<FileStamp> PosixFileStore::stamp(std::string_view name) {

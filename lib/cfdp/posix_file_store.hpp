@@ -9,13 +9,13 @@
 #include "base/fd.hpp"
 #include "base/file.hpp"
 #include "cfdp/file_store.hpp"
+#include "cfdp/rooted_path.hpp"
 
 namespace srfs::cfdp {
 
-/// The files below one folder of a Linux file system. Names are relative, parts that are empty, "." or ".."
-/// or begin with a dot are refused, and no symbolic link is followed on the way (every folder is opened with
-/// O_NOFOLLOW), so no name leaves the root, whatever somebody puts below it. Temporary files stand in
-/// ROOT/.cfdp, so that giving them their name is one rename. Missing folders of a destination are refused.
+/// The files below one folder of a Linux file system; no name leaves it (rooted_path.hpp). Temporary files
+/// stand in ROOT/.cfdp, so that giving them their name is one rename. Missing folders of a destination are
+/// refused.
 class PosixFileStore final : public FileStore {
  public:
   /// Makes the root and what it needs below it. @param checkpoint file of the checkpoint
@@ -41,10 +41,6 @@ class PosixFileStore final : public FileStore {
   FileResult<void> save_checkpoint(OctetView checkpoint) override;
 
  private:
-  struct Place {
-    Fd folder;
-    std::string name;
-  };
   struct OpenTemporary {
     TransactionId id;
     Fd fd;

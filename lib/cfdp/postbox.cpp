@@ -95,6 +95,13 @@ void Postbox::scan() {
   look_at_transactions();
 }
 
+Result<TransactionId, PutError> Postbox::send(const std::string& source_file,
+                                              const std::string& destination_file, std::uint64_t operation) {
+  auto id = entity_.put(source_file, destination_file, operation);
+  look_at_transactions();
+  return id;
+}
+
 void Postbox::on_pdu(OctetView pdu, MonotonicTime now) {
   entity_.on_pdu(pdu, now);
   look_at_transactions();

@@ -39,6 +39,10 @@ class Postbox {
   [[nodiscard]] const std::optional<CheckpointError>& damaged() const { return damaged_; }
   /// Looks what is in the outbox. Names that begin with a dot are not files to send.
   void scan();
+  /// Sends any file below the root, at once. As Entity::put().
+  [[nodiscard]] Result<TransactionId, PutError> send(const std::string& source_file,
+                                                     const std::string& destination_file,
+                                                     std::uint64_t operation);
   /// One PDU of the peer.
   void on_pdu(OctetView pdu, MonotonicTime now);
   [[nodiscard]] std::optional<Octets> next_pdu(std::size_t octets_max, MonotonicTime now);

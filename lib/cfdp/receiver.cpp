@@ -50,15 +50,18 @@ TransactionId Receiver::id() const {
 }
 
 Report Receiver::report() const {
-  Report report{.id = id(),
-                .role = Role::receiving,
-                .source_file = {},
-                .destination_file = {},
-                .file_octets = {},
-                .progress_octets = gaps_.end() - gaps_.missing_octets(),
-                .missing_octets = gaps_.missing_octets(),
-                .waits_for_peer = state_.stage == Stage::finished,
-                .rest = state_.rest};
+  Report report{
+      .id = id(),
+      .role = Role::receiving,
+      .source_file = {},
+      .destination_file = {},
+      .file_octets = {},
+      .progress_octets = gaps_.end() - gaps_.missing_octets(),
+      .missing_octets = gaps_.missing_octets(),
+      .waits_for_peer = state_.stage == Stage::finished,
+      .rest = state_.rest,
+      .operation = 0,
+      .cancelled = state_.stage == Stage::finished && state_.outcome.condition != CfdpCondition::no_error};
   if (state_.file) {
     report.source_file = state_.file->source_file;
     report.destination_file = state_.file->destination_file;

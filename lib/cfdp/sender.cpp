@@ -35,7 +35,9 @@ Report Sender::report() const {
                 .progress_octets = sent_,
                 .missing_octets = 0,
                 .waits_for_peer = all_sent() && retransmit_.empty(),
-                .rest = state_.rest};
+                .rest = state_.rest,
+                .operation = state_.operation,
+                .cancelled = cancelling()};
   if (state_.prepared) report.file_octets = state_.stamp.octets;
   for (const CfdpSegment& s : retransmit_.segments()) report.missing_octets += s.end - s.start;
   return report;

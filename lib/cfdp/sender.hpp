@@ -25,6 +25,7 @@ struct SendState {
   bool eof_acknowledged = false;
   CfdpCondition cancelled = CfdpCondition::no_error;
   Rest rest = Rest::none;
+  std::uint64_t operation = 0;  ///< the user's own number
   friend bool operator==(const SendState&, const SendState&) = default;
 };
 

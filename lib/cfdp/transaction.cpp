@@ -10,6 +10,10 @@ std::string_view to_string(FileFault fault) {
       return "no such file";
     case FileFault::not_a_file:
       return "not a file";
+    case FileFault::not_a_folder:
+      return "not a folder";
+    case FileFault::not_empty:
+      return "folder is not empty";
     case FileFault::denied:
       return "permission denied or read-only";
     case FileFault::no_space:

@@ -66,6 +66,8 @@ struct Report {
   std::uint64_t missing_octets = 0;          ///< asked for by the receiver, or lacking in front of what came
   bool waits_for_peer = false;               ///< all sent; or all received, and the end not acknowledged
   Rest rest = Rest::none;
+  std::uint64_t operation = 0;  ///< of put(); 0: none
+  bool cancelled = false;       ///< and the peer does not know yet
 };
 
 /// What a transaction needs of its entity.

@@ -29,7 +29,7 @@ class Dictionary:
         self.spacecraft = {}
         self.apids, self.services, self.stores, self.failure_codes = [], [], [], []
         self.enums = {}
-        self.structures, self.commands, self.events = [], [], []
+        self.structures, self.commands, self.events, self.parameters = [], [], [], []
         folder = pathlib.Path(folder)
         files = sorted(folder.glob("*.yaml"), key=lambda f: (f.name != "mission.yaml", f.name))
         if not files:
@@ -38,7 +38,9 @@ class Dictionary:
             self._merge(file)
         self.apid_of = {a["node"]: a["apid"] for a in self.apids}
         self.structure_of = {s["name"]: s for s in self.structures}
+        self.parameters = [single for entry in self.parameters for single in self._of_each_node(entry)]
         self._check()
+        self.wire_commands = list(self._wire_commands())
 
     def _merge(self, file):
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
@@ -47,13 +49,40 @@ class Dictionary:
             if name in self.enums:
                 raise DictionaryError(f"{file.name}: enum {name} stands twice")
             self.enums[name] = enum
-        for key in ("apids", "services", "stores", "failure_codes", "structures", "commands", "events"):
+        for key in ("apids", "services", "stores", "failure_codes", "structures", "commands", "events", "parameters"):
             for entry in content.get(key, []):
                 entry.setdefault("fields", [])
                 entry["file"] = file.name
                 getattr(self, key).append(entry)
 
+    @staticmethod
+    def _of_each_node(entry):
+        """One entry for each node that has the parameter, with ids that count up; "name" is that at the node."""
+        for i, node in enumerate(entry.get("nodes") or [entry["node"]]):
+            yield {**entry, "node": node, "id": entry["id"] + i, "full_name": f"{node}.{entry['name']}"}
+
+    def _wire_commands(self):
+        """Commands whose arguments have one form each: not those with a whole packet, and instead of one whose value has the type of a parameter, one for
+        each parameter."""
+        for command in self.commands:
+            if has_packet(command):
+                continue
+            if not has_parameter_value(command):
+                yield command
+                continue
+            for parameter in self.parameters:
+                value = {k: v for k, v in parameter.items() if k in ("type", "unit", "range", "enum", "max", "description")}
+                yield {**command, "name": f"{command['name']}_{parameter['full_name']}", "repeated": False, "fixed": [(1, 16), (parameter["id"], 16)],
+                       "description": f"Set {parameter['full_name']}: {parameter['description']}", "arguments": [{"name": "value", **value}],
+                       "parameter": parameter}
+
     def _check(self):
+        self._unique(self.parameters, "id")
+        self._unique(self.parameters, "full_name")
+        for parameter in self.parameters:
+            self._check_fields(parameter, [parameter], MAX_ARGUMENTS)
+            if parameter["node"] not in self.apid_of:
+                raise DictionaryError(f"{parameter['file']}: {parameter['name']}: unknown node '{parameter['node']}'")
         self._unique(self.structures, "name")
         self._unique([s for s in self.structures if "id" in s], "id")
         self._unique(self.commands, "name")
@@ -92,7 +121,7 @@ class Dictionary:
                 continue
             if not IDENTIFIER.match(field["name"]):
                 raise DictionaryError(f"{where}: '{field['name']}' is not a lower-case identifier")
-            if field["type"] not in ("text", "packet") and field["type"] not in OCTETS:
+            if field["type"] not in ("text", "packet", "parameter_value") and field["type"] not in OCTETS:
                 raise DictionaryError(f"{where}.{field['name']}: unknown type '{field['type']}'")
             if "enum" in field and field["enum"] not in self.enums:
                 raise DictionaryError(f"{where}.{field['name']}: unknown enum '{field['enum']}'")
@@ -110,12 +139,19 @@ class Dictionary:
             return 1 + field["max"]
         if field["type"] == "packet":
             return field["max"]
+        if field["type"] == "parameter_value":
+            return 256
         return OCTETS[field["type"]] * field.get("count", 1)
 
 
 def has_packet(command):
     """Whether one of its arguments is a whole packet."""
     return any(a.get("type") == "packet" for a in command["arguments"])
+
+
+def has_parameter_value(command):
+    """The type of an argument depends on another one: there is no struct for such a command."""
+    return any(f["type"] == "parameter_value" for f in command["arguments"])
 
 
 def linear(field):

@@ -25,6 +25,8 @@ def bounds(pair):
 def kind(field):
     if "structure" in field:
         return "structure"
+    if field["type"] == "parameter_value":
+        return "as the parameter"
     name = f"{field['type']} ≤ {field['max']}" if field["type"] in ("text", "packet") else field["type"]
     return f"{name}[{field['count']}]" if "count" in field else name
 
@@ -44,7 +46,7 @@ def remarks(field):
     if "range" in field:
         parts.append("range " + bounds(field["range"]))
     if "default" in field:
-        parts.append(f"default {field['default']}")
+        parts.append(f"default {field['default']}" if field["default"] != "" else "default empty")
     for name in ("soft", "hard"):
         if name in field.get("limits", {}):
             parts.append(f"{name} {bounds(field['limits'][name])}")

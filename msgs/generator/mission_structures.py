@@ -9,7 +9,7 @@ import pathlib
 
 import jinja2
 
-from mission_dictionary import OCTETS, camel, has_packet, linear, load, snake
+from mission_dictionary import OCTETS, camel, has_packet, has_parameter_value, linear, load, snake
 
 CPP = {"u8": "std::uint8_t", "u16": "std::uint16_t", "u32": "std::uint32_t", "u64": "std::uint64_t", "i8": "std::int8_t",
        "i16": "std::int16_t", "i32": "std::int32_t", "i64": "std::int64_t", "f32": "float", "f64": "double", "bool": "bool",
@@ -120,7 +120,8 @@ def main():
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.globals.update(camel=camel, snake=snake, identifier=identifier, structure_type=structure_type, cpp=CPP,
-                               octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=dictionary, has_packet=has_packet)
+                               octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=dictionary, has_packet=has_packet,
+                               has_parameter_value=has_parameter_value)
     text = environment.get_template("mission_structures.hpp.jinja").render()
     out = pathlib.Path(arguments.out)
     out.parent.mkdir(parents=True, exist_ok=True)

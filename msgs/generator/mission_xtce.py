@@ -15,7 +15,7 @@ import struct
 import sys
 import xml.etree.ElementTree as ET
 
-from mission_dictionary import OCTETS, DictionaryError, has_packet, linear, load, snake
+from mission_dictionary import OCTETS, DictionaryError, linear, load, snake
 
 NAMESPACE = "http://www.omg.org/spec/XTCE/20180204"
 SEVERITIES = {"info": 1, "low": 2, "medium": 3, "high": 4}
@@ -125,6 +125,8 @@ class TypeWriter:
             return [(e["id"], e["name"]) for e in self.dictionary.events]
         if kind == "store":
             return [(s["id"], s["name"]) for s in self.dictionary.stores]
+        if kind == "parameter":
+            return [(p["id"], p["full_name"]) for p in self.dictionary.parameters]
         if kind == "failure_code":
             return [(0, "none")] + [(f["code"], f["name"]) for f in self.dictionary.failure_codes]
         if field["type"] == "bool" and "limits" in field:
@@ -381,6 +383,11 @@ class Document:
                      description="TM 3,25: housekeeping report")
         tm.bits("event_id", 16, "Event")
         tm.container("event_report", ["event_id"], "pus_tm", [("service", 5)], abstract=True, description="TM 5,1 to 5,4: event report")
+        if self.d.parameters:
+            tm.bits("parameter_count", 16, "Parameters in the report, always 1")
+            tm.bits("parameter_id", 16, "Node parameter")
+            tm.container("parameter_value_report", ["parameter_count", "parameter_id"], "pus_tm", [("service", 20), ("subtype", 2)],
+                         abstract=True, description="TM 20,2: value of a node parameter")
         tm.container("are_you_alive_report", [], "pus_tm", [("service", 17), ("subtype", 2)], description="TM 17,2: yes")
         self._schedule_and_time(tm)
 
@@ -424,7 +431,7 @@ class Document:
     def _application_process(self, process):
         system = element(self.root, "SpaceSystem", {"name": process["name"],
                                                     "shortDescription": f"APID {process['apid']}: {process['description']}"})
-        commands = [c for c in self.d.commands if c["node"] == process["node"] and not has_packet(c)]
+        commands = [c for c in self.d.wire_commands if c["node"] == process["node"]]
         if commands:
             made = Commands(self.tc_types, system)
             for command in commands:
@@ -432,19 +439,38 @@ class Document:
             if len(made.types) == 0:
                 list(system)[-1].remove(made.types)
         for structure in self.d.structures:
-            if structure["kind"] == "housekeeping" and structure["node"] == process["node"]:
+            if structure["kind"] in ("housekeeping", "report") and structure["node"] == process["node"]:
                 self._structure(system, structure, process)
+        for parameter in self.d.parameters:
+            if parameter["node"] == process["node"]:
+                self._parameter(system, parameter, process)
+
+    def _parameter(self, parent, parameter, process):
+        """Value of a node parameter: a container of its own, so that it has its type."""
+        name = f"parameter_{parameter['name']}"
+        system = element(parent, "SpaceSystem", {"name": name, "shortDescription": f"Node parameter {parameter['id']}"})
+        element(system, "LongDescription", text=f"{parameter['description']}. Sent on request (parameters.report)")
+        tm = Telemetry(self.tm_types, system, f"{self.root_path}/{process['name']}/{name}")
+        value = {k: v for k, v in parameter.items() if k not in ("range", "id")}
+        tm.container(name, tm.field({**value, "name": "value"}), f"{self.root_path}/parameter_value_report",
+                     [(f"{self.root_path}/parameter_id", parameter["id"])], description=f"TM 20,2 of {parameter['full_name']}")
 
     def _structure(self, parent, structure, process):
         path = f"{self.root_path}/{process['name']}/{structure['name']}"
         description = structure.get("description", "")
-        system = element(parent, "SpaceSystem", {"name": structure["name"], "shortDescription": f"Structure {structure['id']}"})
-        element(system, "LongDescription", text=f"{description}. Live every {structure['interval_ms']} ms unless changed by command")
+        is_report = structure["kind"] == "report"
+        title = "TM {},{}".format(*structure["service"]) if is_report else f"Structure {structure['id']}"
+        when = "Sent on request" if is_report else f"Live every {structure['interval_ms']} ms unless changed by command"
+        system = element(parent, "SpaceSystem", {"name": structure["name"], "shortDescription": title})
+        element(system, "LongDescription", text=f"{description}. {when}")
         tm = Telemetry(self.tm_types, system, path)
         entries = [e for field in with_fields_in_place(self.d, structure["fields"]) for e in tm.field(field)]
-        tm.container(structure["name"], entries, f"{self.root_path}/housekeeping",
-                     [(f"{self.root_path}/structure_id", structure["id"]), (f"{self.root_path}/apid", process["apid"])],
-                     description=f"TM 3,25 structure {structure['id']}")
+        if is_report:
+            base, conditions = "pus_tm", [("service", structure["service"][0]), ("subtype", structure["service"][1])]
+        else:
+            base, conditions, title = "housekeeping", [("structure_id", structure["id"])], f"TM 3,25 structure {structure['id']}"
+        tm.container(structure["name"], entries, f"{self.root_path}/{base}",
+                     [(f"{self.root_path}/{name}", value) for name, value in [*conditions, ("apid", process["apid"])]], description=title)
 
     def _events(self):
         parent = element(self.root, "SpaceSystem", {"name": "events", "shortDescription": "Event reports, TM 5,1 to 5,4"})
@@ -516,6 +542,8 @@ class Document:
         container = element(meta, "CommandContainer", {"name": name})
         entries = element(container, "EntryList")
         element(container, "BaseContainer", {"containerRef": f"{self.root_path}/{base}"})
+        for value, bits in command.get("fixed", []):
+            element(entries, "FixedValueEntry", {"binaryValue": f"{value:0{bits // 4}x}", "sizeInBits": bits})
         fields = list(with_fields_in_place(self.d, command["arguments"]))
         if command.get("repeated"):
             head = command.get("head", 0)

@@ -31,6 +31,7 @@ std::size_t octets_of(FieldType type) {
       return 8;
     case FieldType::text:
     case FieldType::packet:
+    case FieldType::parameter_value:
       return 0;
   }
   return 0;
@@ -79,6 +80,8 @@ std::optional<Value> take_raw(const Field& field, OctetReader& in) {
       if (!detail::take_time(in, time)) return std::nullopt;
       return Value(time);
     }
+    case FieldType::parameter_value:  // its parameter's field stands for it
+      return std::nullopt;
     default:
       break;
   }
@@ -130,6 +133,9 @@ std::string reference_name(const Dictionary& d, Reference reference, std::uint16
       if (id == 0) return "none";
       if (const auto* f = d.failure_code(id)) return f->name;
       break;
+    case Reference::parameter:
+      if (const auto* p = d.parameter(id)) return p->name;
+      break;
     case Reference::none:
       break;
   }
@@ -146,6 +152,9 @@ std::optional<std::uint16_t> reference_id(const Dictionary& d, Reference referen
       break;
     case Reference::store:
       if (const auto* s = d.store(name)) return s->id;
+      break;
+    case Reference::parameter:
+      if (const auto* p = d.parameter(name)) return p->id;
       break;
     case Reference::failure_code:
     case Reference::none:
@@ -164,6 +173,8 @@ std::string_view kind_of(Reference reference) {
       return "packet store";
     case Reference::failure_code:
       return "failure code";
+    case Reference::parameter:
+      return "node parameter";
     case Reference::none:
       break;
   }
@@ -374,6 +385,30 @@ class ArgumentText {
   const Command& command_;
 };
 
+/// The field of a parameter_value is that of the parameter whose number stands before it.
+class ParameterValues {
+ public:
+  explicit ParameterValues(const Dictionary& d) : d_(d) {}
+
+  /// nullptr: no parameter was named.
+  [[nodiscard]] const Field* field_of(const Field& field) const {
+    if (field.type != FieldType::parameter_value) return &field;
+    return parameter_ == nullptr ? nullptr : &parameter_->field;
+  }
+  void on_value(const Field& field, const Value& value) {
+    if (field.reference != Reference::parameter) return;
+    parameter_ = d_.parameter(static_cast<std::uint16_t>(as_integer(value).value_or(0)));
+  }
+  void on_encoded(const Field& field, OctetView octets) {
+    OctetReader in(octets);
+    if (field.reference == Reference::parameter) parameter_ = d_.parameter(in.u16());
+  }
+
+ private:
+  const Dictionary& d_;
+  const Parameter* parameter_ = nullptr;
+};
+
 bool is_allowed(const Dictionary& d, const Field& field, const Value& value) {
   if (const auto integer = as_integer(value)) {
     if (field.enumeration != nullptr) return field.enumeration->labels.contains(*integer);
@@ -411,6 +446,7 @@ std::string_view to_text(LimitState state) {
 
 std::size_t Field::max_size() const {
   if (type == FieldType::packet) return max_text;
+  if (type == FieldType::parameter_value) return 256;
   return type == FieldType::text ? 1 + max_text : octets_of(type) * count;
 }
 std::size_t Structure::max_size() const {
@@ -431,6 +467,17 @@ const Structure* Dictionary::structure(std::uint16_t id) const {
 }
 const Structure* Dictionary::structure(std::string_view name) const {
   return find(structures_, [&](const auto& s) { return s.name == name; });
+}
+const Structure* Dictionary::report(std::uint8_t service, std::uint8_t subtype) const {
+  return find(structures_, [&](const auto& s) {
+    return s.kind == StructureKind::report && s.service == service && s.subtype == subtype;
+  });
+}
+const Parameter* Dictionary::parameter(std::uint16_t id) const {
+  return find(parameters_, [&](const auto& p) { return p.id == id; });
+}
+const Parameter* Dictionary::parameter(std::string_view name) const {
+  return find(parameters_, [&](const auto& p) { return p.name == name; });
 }
 const Event* Dictionary::event(std::uint16_t id) const {
   return find(events_, [&](const auto& e) { return e.id == id; });
@@ -495,6 +542,7 @@ Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
       command->min_groups == 0 && std::none_of(first_of_group, command->arguments.end(),
                                                [&](const auto& f) { return given.contains(f.name); });
   std::size_t written_fields = 0;
+  ParameterValues values(*this);
   for (const auto& field : command->arguments) {
     if (command->repeated && written_fields++ == command->head) out.u16(no_group ? 0 : 1);
     if (no_group && written_fields > command->head) break;
@@ -502,24 +550,33 @@ Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
     if (found == given.end() && !field.has_default)
       return Err(CommandError{
           fmt::format("{}: argument '{}' is missing ({})", name, field.name, field.description)});
-    const auto written = text.write(field, found == given.end() ? field.default_text : found->second, out);
+    const Field* const form = values.field_of(field);
+    if (form == nullptr) return text.error(field, "no node parameter is named before it");
+    const std::size_t begin = out.size();
+    const auto written = text.write(*form, found == given.end() ? field.default_text : found->second, out);
     if (!written) return Err(written.error());
+    values.on_encoded(field, out.view().subspan(begin));
   }
   return EncodedCommand{command, out.take()};
 }
 
 Result<void, ArgumentError> Dictionary::check_arguments(const Command& command, OctetView arguments) const {
   OctetReader in(arguments);
+  ParameterValues values(*this);
   const auto check = [&](std::size_t first, std::size_t end) -> Result<void, ArgumentError> {
     for (std::size_t index = first; index < end; ++index) {
-      const Field& field = command.arguments[index];
+      const Field& argument = command.arguments[index];
       const ArgumentError bad{static_cast<std::uint8_t>(index + 1)};
+      const Field* const form = values.field_of(argument);
+      if (form == nullptr) return Err(bad);
+      const Field& field = *form;
       for (std::size_t i = 0; i < field.count; ++i) {
         const auto value = take_raw(field, in);
         if (!in.ok()) return Err(ArgumentError{0});
         const bool bad_bool =
             field.type == FieldType::boolean && arguments[arguments.size() - in.remaining() - 1] > 1;
         if (!value || bad_bool || !is_allowed(*this, field, *value)) return Err(bad);
+        values.on_value(argument, *value);
       }
     }
     return {};
@@ -532,6 +589,43 @@ Result<void, ArgumentError> Dictionary::check_arguments(const Command& command, 
   }
   if (in.remaining() != 0) return Err(ArgumentError{0});
   return {};
+}
+
+std::optional<Value> Dictionary::take_parameter(const Parameter& parameter, OctetReader& in) const {
+  auto value = take_raw(parameter.field, in);
+  if (!value || !in.ok() || !is_allowed(*this, parameter.field, *value)) return std::nullopt;
+  return value;
+}
+
+bool Dictionary::put_parameter(const Parameter& parameter, const Value& value, OctetWriter& out) const {
+  const Field& field = parameter.field;
+  if (field.type == FieldType::text) {
+    const auto* text = std::get_if<std::string>(&value);
+    if (text == nullptr || text->size() > field.max_text) return false;
+    detail::put_text(out, *text, field.max_text);
+    return true;
+  }
+  if (field.type == FieldType::boolean) {
+    const auto* truth = std::get_if<bool>(&value);
+    if (truth == nullptr) return false;
+    out.u8(*truth ? 1 : 0);
+    return true;
+  }
+  if (is_float(field.type)) {
+    const auto* number = std::get_if<double>(&value);
+    if (number == nullptr) return false;
+    field.type == FieldType::f64 ? out.f64(*number) : out.f32(static_cast<float>(*number));
+    return true;
+  }
+  const auto integer = as_integer(value);
+  if (!integer) return false;
+  OctetWriter raw;
+  raw.put(static_cast<std::uint64_t>(*integer), octets_of(field.type));
+  OctetReader written(raw.view());
+  const auto back = take_raw(field, written);
+  if (!back || as_integer(*back) != integer) return false;
+  out.bytes(raw.view());
+  return true;
 }
 
 std::optional<std::vector<DecodedField>> Dictionary::decode(const std::vector<Field>& fields,

@@ -18,7 +18,8 @@
 /// structs that are generated from the same files (<mission/structures.hpp>).
 namespace srfs::mission {
 
-/// packet: a whole space packet, as long as its header says.
+/// packet: a whole space packet, as long as its header says. parameter_value: an argument whose type is that
+/// of the node parameter named before it.
 enum class FieldType : std::uint8_t {
   u8,
   u16,
@@ -33,11 +34,12 @@ enum class FieldType : std::uint8_t {
   boolean,
   text,
   time,
-  packet
+  packet,
+  parameter_value
 };
 
 /// What a number in a field names, so that people write and read the name.
-enum class Reference : std::uint8_t { none, structure, event, store, failure_code };
+enum class Reference : std::uint8_t { none, structure, event, store, failure_code, parameter };
 
 /// Bounds of which either may be missing. Inclusive: a value on the bound is inside.
 struct Bounds {
@@ -97,12 +99,24 @@ struct PacketStore {
   std::string description;
 };
 
-enum class StructureKind : std::uint8_t { housekeeping, raw, group };
+enum class StructureKind : std::uint8_t { housekeeping, raw, group, report };
+
+/// A parameter of a node that the ground may read and change (PUS 20).
+struct Parameter {
+  std::uint16_t id = 0;
+  std::string name;  ///< "NODE.PARAMETER"
+  std::string node;
+  std::string node_parameter;  ///< its name at the node
+  Field field;                 ///< how its value stands on the link; its range and enumeration bind
+  bool list = false;           ///< a text that is a list at the node, its elements separated by commas
+};
 
 struct Structure {
   std::string name;
   StructureKind kind = StructureKind::housekeeping;
-  std::uint16_t id = 0;  ///< PUS 3 structure id; 0: not housekeeping
+  std::uint16_t id = 0;      ///< PUS 3 structure id; 0: not housekeeping
+  std::uint8_t service = 0;  ///< of a report
+  std::uint8_t subtype = 0;
   std::uint16_t apid = 0;
   std::string node;
   milliseconds interval{0};
@@ -193,12 +207,17 @@ class Dictionary {
   [[nodiscard]] const std::vector<Event>& events() const { return events_; }
   [[nodiscard]] const std::vector<PacketStore>& stores() const { return stores_; }
   [[nodiscard]] const std::vector<FailureCode>& failure_codes() const { return failure_codes_; }
+  [[nodiscard]] const std::vector<Parameter>& parameters() const { return parameters_; }
 
   // Lookups: nullptr when there is none. Pointers live as long as the dictionary.
   [[nodiscard]] const ApplicationProcess* apid(std::uint16_t apid) const;
   [[nodiscard]] const ApplicationProcess* apid_of_node(std::string_view node) const;
   [[nodiscard]] const Structure* structure(std::uint16_t id) const;
   [[nodiscard]] const Structure* structure(std::string_view name) const;
+  /// A report of another PUS service than 3.
+  [[nodiscard]] const Structure* report(std::uint8_t service, std::uint8_t subtype) const;
+  [[nodiscard]] const Parameter* parameter(std::uint16_t id) const;
+  [[nodiscard]] const Parameter* parameter(std::string_view name) const;
   [[nodiscard]] const Event* event(std::uint16_t id) const;
   [[nodiscard]] const Event* event(std::string_view name) const;
   [[nodiscard]] const PacketStore* store(std::uint16_t id) const;
@@ -225,6 +244,12 @@ class Dictionary {
   [[nodiscard]] Result<void, ArgumentError> check_arguments(const Command& command,
                                                             OctetView arguments) const;
 
+  /// The value of a node parameter: number, text or truth as it stands on the link. nullopt: the octets end
+  /// early, or the value is not allowed.
+  [[nodiscard]] std::optional<Value> take_parameter(const Parameter& parameter, OctetReader& in) const;
+  /// @return false: the value is of another type, or does not fit the parameter's; nothing is written
+  [[nodiscard]] bool put_parameter(const Parameter& parameter, const Value& value, OctetWriter& out) const;
+
   // Octets to text.
   /// All fields of a structure; nullopt when the octets are too short or too long.
   [[nodiscard]] std::optional<std::vector<DecodedField>> decode(const Structure& structure,
@@ -246,6 +271,7 @@ class Dictionary {
   std::vector<Event> events_;
   std::vector<PacketStore> stores_;
   std::vector<FailureCode> failure_codes_;
+  std::vector<Parameter> parameters_;
 };
 
 }  // namespace srfs::mission

@@ -2,6 +2,7 @@
 #include <array>
 #include <set>
 #include <system_error>
+#include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
@@ -15,27 +16,30 @@ namespace {
 
 constexpr int most_groups = 16;  // of one request with a repeated group
 
-constexpr std::array<std::pair<std::string_view, FieldType>, 14> type_names{{{"u8", FieldType::u8},
-                                                                             {"u16", FieldType::u16},
-                                                                             {"u32", FieldType::u32},
-                                                                             {"u64", FieldType::u64},
-                                                                             {"i8", FieldType::i8},
-                                                                             {"i16", FieldType::i16},
-                                                                             {"i32", FieldType::i32},
-                                                                             {"i64", FieldType::i64},
-                                                                             {"f32", FieldType::f32},
-                                                                             {"f64", FieldType::f64},
-                                                                             {"bool", FieldType::boolean},
-                                                                             {"text", FieldType::text},
-                                                                             {"time", FieldType::time},
-                                                                             {"packet", FieldType::packet}}};
+constexpr std::array<std::pair<std::string_view, FieldType>, 15> type_names{
+    {{"u8", FieldType::u8},
+     {"u16", FieldType::u16},
+     {"u32", FieldType::u32},
+     {"u64", FieldType::u64},
+     {"i8", FieldType::i8},
+     {"i16", FieldType::i16},
+     {"i32", FieldType::i32},
+     {"i64", FieldType::i64},
+     {"f32", FieldType::f32},
+     {"f64", FieldType::f64},
+     {"bool", FieldType::boolean},
+     {"text", FieldType::text},
+     {"time", FieldType::time},
+     {"packet", FieldType::packet},
+     {"parameter_value", FieldType::parameter_value}}};
 
 FieldType parse_type(const ConfigSection& section) {
   const std::string name = section.text("type");
   for (const auto& [text, type] : type_names) {
     if (text == name) return type;
   }
-  throw section.bad("type", "one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64 bool text time packet");
+  throw section.bad("type",
+                    "one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64 bool text time packet parameter_value");
 }
 
 /// [low, high], either may be null.
@@ -78,12 +82,13 @@ std::vector<double> parse_calibration(const ConfigSection& field) {
 }
 
 Reference parse_reference(const ConfigSection& section) {
-  const std::string name =
-      section.choice("reference", {"none", "structure", "event", "store", "failure_code"}, "none");
+  const std::string name = section.choice(
+      "reference", {"none", "structure", "event", "store", "failure_code", "parameter"}, "none");
   if (name == "structure") return Reference::structure;
   if (name == "event") return Reference::event;
   if (name == "store") return Reference::store;
   if (name == "failure_code") return Reference::failure_code;
+  if (name == "parameter") return Reference::parameter;
   return Reference::none;
 }
 
@@ -202,16 +207,19 @@ class DictionaryLoader {
     for (const auto& section : file.sections("structures")) read_structure(section);
     for (const auto& section : file.sections("commands")) read_command(section);
     for (const auto& section : file.sections("events")) read_event(section);
+    for (const auto& section : file.sections("parameters")) read_parameter(section);
     file.finish();
   }
 
   void read_structure(const ConfigSection& section) {
     Structure s;
     s.name = section.text("name");
-    const std::string kind = section.choice("kind", {"housekeeping", "raw", "group"}, "housekeeping");
-    s.kind = kind == "raw"     ? StructureKind::raw
-             : kind == "group" ? StructureKind::group
-                               : StructureKind::housekeeping;
+    const std::string kind =
+        section.choice("kind", {"housekeeping", "raw", "group", "report"}, "housekeeping");
+    s.kind = kind == "raw"      ? StructureKind::raw
+             : kind == "group"  ? StructureKind::group
+             : kind == "report" ? StructureKind::report
+                                : StructureKind::housekeeping;
     s.description = section.text("description", "");
     if (s.kind != StructureKind::group) {
       s.node = section.text("node");
@@ -221,6 +229,7 @@ class DictionaryLoader {
       s.id = static_cast<std::uint16_t>(section.integer("id", 1, 65535));
       s.interval = milliseconds(section.integer("interval_ms", 100, 3'600'000));
     }
+    if (s.kind == StructureKind::report) std::tie(s.service, s.subtype) = read_service(section);
     const auto limit = static_cast<std::size_t>(section.integer("max_size", 1, 1024, 1024));
     s.fields = read_fields(section, "fields", 0);
     if (s.max_size() > limit)
@@ -240,6 +249,34 @@ class DictionaryLoader {
     d_.events_.push_back(std::move(e));
   }
 
+  static std::pair<std::uint8_t, std::uint8_t> read_service(const ConfigSection& section) {
+    const auto pair = section.integers("service", 1, 255);
+    if (pair.size() != 2) throw section.bad("service", "a list [service, subtype]");
+    return {static_cast<std::uint8_t>(pair[0]), static_cast<std::uint8_t>(pair[1])};
+  }
+
+  /// One entry for each node that has it, with ids that count up from the entry's.
+  void read_parameter(const ConfigSection& section) {
+    Parameter p;
+    std::vector<std::string> nodes = section.texts("nodes");
+    if (nodes.empty()) nodes.push_back(section.text("node"));
+    p.node_parameter = section.text("name");
+    p.list = section.boolean("list", false);
+    const auto id = section.integer("id", 1, 65535 - static_cast<std::int64_t>(nodes.size()));
+    p.field = read_field(section);
+    const bool sendable = p.field.count == 1 && p.field.type != FieldType::parameter_value &&
+                          p.field.type != FieldType::time && p.field.type != FieldType::packet &&
+                          p.field.calibration.empty() && (!p.list || p.field.type == FieldType::text);
+    if (!sendable) throw section.bad("type", "a number, bool or text; a list is a text");
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      if (d_.apid_of_node(nodes[i]) == nullptr) throw section.bad("node", "a node of the list apids");
+      p.id = static_cast<std::uint16_t>(id + static_cast<std::int64_t>(i));
+      p.node = nodes[i];
+      p.name = p.node + "." + p.node_parameter;
+      d_.parameters_.push_back(p);
+    }
+  }
+
   void read_command(const ConfigSection& section) {
     Command c;
     c.name = section.text("name");
@@ -247,10 +284,7 @@ class DictionaryLoader {
     c.apid = apid_of(section);
     c.description = section.text("description", "");
     if (section.has("service")) {
-      const auto pair = section.integers("service", 1, 255);
-      if (pair.size() != 2) throw section.bad("service", "a list [service, subtype]");
-      c.service = static_cast<std::uint8_t>(pair[0]);
-      c.subtype = static_cast<std::uint8_t>(pair[1]);
+      std::tie(c.service, c.subtype) = read_service(section);
     } else {
       c.function_id = static_cast<std::uint16_t>(section.integer("function", 1, 65535));
     }
@@ -385,6 +419,10 @@ class DictionaryLoader {
                              c.function_id);
         },
         "command");
+    require_unique(
+        d_.parameters_, [](const auto& p) { return p.id; }, "parameter id");
+    require_unique(
+        d_.parameters_, [](const auto& p) { return p.name; }, "parameter");
     std::set<std::uint16_t> ids;
     for (const auto& s : d_.structures_) {
       if (s.id != 0 && !ids.insert(s.id).second)

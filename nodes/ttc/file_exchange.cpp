@@ -24,6 +24,7 @@ std::optional<cfdp::PostboxTurn> FileExchange::next_turn(std::size_t room_octets
   const auto due = next_due(room_octets);
   if (!due || now < *due) return std::nullopt;
   running_ = true;
+  changed_ = false;
   const auto taken = std::min(received_.size(), received_per_turn);
   const auto end = received_.begin() + static_cast<std::ptrdiff_t>(taken);
   cfdp::PostboxTurn turn{
@@ -63,7 +64,7 @@ void FileExchange::on_turn_refused(MonotonicTime now) {
 std::optional<MonotonicTime> FileExchange::next_due(std::size_t room_octets) const {
   if (running_) return std::nullopt;
   MonotonicTime due = scan_at_;
-  if (!received_.empty() || contact_) due = MonotonicTime();
+  if (!received_.empty() || contact_ || changed_) due = MonotonicTime();
   if (postbox_due_ && may_send(room_octets)) due = std::min(due, *postbox_due_);
   return std::max(due, not_before_);
 }

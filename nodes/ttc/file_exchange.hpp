@@ -37,6 +37,9 @@ class FileExchange {
   /// The ground was heard: files that rest go on.
   void on_contact() { contact_ = contact_ || resting_; }
 
+  /// Something was changed at the postbox between turns.
+  void on_change() { changed_ = true; }
+
   /// The next turn, when one is due. @param room_octets of the downlink's queue
   [[nodiscard]] std::optional<cfdp::PostboxTurn> next_turn(std::size_t room_octets, MonotonicTime now);
   /// @return Space Packets for the downlink
@@ -55,6 +58,7 @@ class FileExchange {
   std::vector<Octets> received_;
   bool running_ = false;
   bool contact_ = false;
+  bool changed_ = false;
   bool resting_ = true;  ///< not known before the first turn
   MonotonicTime scan_at_;
   MonotonicTime not_before_;

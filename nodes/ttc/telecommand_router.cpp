@@ -18,6 +18,8 @@ constexpr std::uint8_t event_service = 5;
 constexpr std::uint8_t function_service = 8;
 constexpr std::uint8_t storage_service = 15;
 constexpr std::uint8_t test_service = 17;
+constexpr std::uint8_t parameter_service = 20;
+constexpr std::uint8_t file_service = 23;
 constexpr std::uint8_t perform_function = 1;
 constexpr std::string_view set_mode_command = "ttc.set_mode";
 
@@ -116,7 +118,7 @@ void TelecommandRouter::carry_out(const JudgedTelecommand& judged, bool durable,
   if (!command.allowed_in(mode)) {  // a mode change that it counted on did not come
     parts_.outbox.failure(judged.origin, Stage::start, parts_.codes.wrong_mode, Octets{mode});
   } else if (command.node == own_node_) {
-    execute(request);
+    execute(request, now);
   } else {
     forward(request, judged.expiry, now);
   }
@@ -135,8 +137,10 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
     parts_.outbox.success(restored.origin, Stage::completion);
     return;
   }
-  const Request request{
-      .origin = restored.origin, .command = &command, .arguments = arguments_of(*parsed, command)};
+  const Request request{.origin = restored.origin,
+                        .command = &command,
+                        .arguments = arguments_of(*parsed, command),
+                        .repeated = true};
   if (command.node != own_node_) {
     parts_.forwarder.restore(restored.origin, forwarded(request, restored.expiry), restored.progress, now);
     return;
@@ -145,7 +149,7 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
                      !restored.progress.other_boot && now < restored.expiry &&
                      command.allowed_in(static_cast<std::uint8_t>(parts_.mode.mode()));
   if (again) {
-    execute(request);
+    execute(request, now);
   } else {
     parts_.outbox.failure(restored.origin, Stage::completion, parts_.codes.interrupted);
   }
@@ -280,7 +284,7 @@ void TelecommandRouter::forward(const Request& request, MonotonicTime expiry, Mo
     parts_.outbox.failure(request.origin, Stage::start, parts_.codes.queue_full);
 }
 
-void TelecommandRouter::execute(const Request& request) {
+void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
   const mission::Command& command = *request.command;
   switch (command.service) {
     case test_service:
@@ -307,6 +311,12 @@ void TelecommandRouter::execute(const Request& request) {
     case TimeReporter::service_type:
       parts_.time_reports.set_rate(request.arguments.front());
       complete(request.origin);
+      return;
+    case parameter_service:
+      parts_.parameters.submit(request.origin, command, request.arguments, now);
+      return;
+    case file_service:
+      parts_.files.submit(request.origin, command, request.arguments, request.repeated, now);
       return;
     case function_service:
       if (command.name == set_mode_command) {

@@ -11,9 +11,11 @@
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/command_forwarder.hpp"
 #include "nodes/ttc/event_reporter.hpp"
+#include "nodes/ttc/file_service.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_retrieval.hpp"
+#include "nodes/ttc/parameter_service.hpp"
 #include "nodes/ttc/report_outbox.hpp"
 #include "nodes/ttc/schedule_service.hpp"
 #include "nodes/ttc/time_reporter.hpp"
@@ -85,6 +87,8 @@ class TelecommandRouter {
     ModeKeeper& mode;
     CommandForwarder& forwarder;
     PacketRetrieval& retrieval;
+    FileService& files;
+    ParameterService& parameters;
     ReportOutbox& outbox;
     ScheduleService& schedule;
     TimeReporter& time_reports;
@@ -120,6 +124,7 @@ class TelecommandRouter {
     TelecommandOrigin origin;
     const mission::Command* command = nullptr;
     Octets arguments;
+    bool repeated = false;  ///< may have been done before a restart
   };
   [[nodiscard]] Result<const mission::Command*, Refusal> find_command(const wire::TcPacket& packet) const;
   [[nodiscard]] Result<Request, Refusal> check(const wire::TcPacket& packet, bool room) const;
@@ -135,7 +140,7 @@ class TelecommandRouter {
   [[nodiscard]] JudgedTelecommand judge_malformed(OctetView packet, wire::TcPacketError error) const;
   void forward(const Request& request, MonotonicTime expiry, MonotonicTime now);
   [[nodiscard]] static ForwardedCommand forwarded(const Request& request, MonotonicTime expiry);
-  void execute(const Request& request);
+  void execute(const Request& request, MonotonicTime now);
   void execute_housekeeping(const Request& request);
   void execute_events(const Request& request);
   void execute_storage(const Request& request);

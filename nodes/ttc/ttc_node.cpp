@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <numeric>
 
 #include <mission/structures.hpp>
 
@@ -17,8 +16,6 @@ constexpr std::size_t frames_per_read = read_octets / 26 + 2;  ///< the shortest
 constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
 constexpr std::uint8_t verification_service = 1;
 constexpr milliseconds schedule_retry_period{50};  ///< what is due and not released waits for room
-constexpr std::uint64_t cfdp_ground = 1;
-constexpr std::uint64_t cfdp_spacecraft = 2;
 
 std::optional<Stage> to_stage(std::uint8_t stage) {
   switch (stage) {
@@ -180,6 +177,8 @@ void TtcNode::settle() {
   run_schedule();
   persist_journal();
   execute_passed();
+  serve_files();
+  ask_nodes();
   publish_telecommands();
   send_reports(link_->outbox.take(), std::nullopt);
   store_mode_change();
@@ -359,6 +358,7 @@ void TtcNode::arm_timer() {
   sooner(link_->uplink.idle_deadline());
   if (const auto in = link_->schedule.next_due_in())
     sooner(at + (*in > nanoseconds(0) ? *in : schedule_retry_period));
+  sooner(link_->file_service.next_due());
   sooner(link_->files.next_due(link_->downlink.room_octets(DownlinkChannel::files)));
   if (!outgoing_.empty()) due = at + milliseconds(2);  // the driver is full: look again soon
   if (due == wake_up_at_) return;
@@ -374,100 +374,11 @@ void TtcNode::arm_timer() {
         const MonotonicTime t = monotonic_now();
         link_->forwarder.on_time(t);
         link_->gate.on_time(t);
+        link_->file_service.on_time(t);
         if (line_empty) take_uplinked(link_->uplink.on_idle(t));
         settle();
       },
       "deadlines");
-}
-
-// ---- files
-
-Result<cfdp::PostboxTurnResult, std::string> TtcNode::Files::take_turn(const cfdp::PostboxTurn& turn) {
-  if (!postbox) {
-    const cfdp::Settings settings{.own_entity = cfdp_spacecraft, .peer_entity = cfdp_ground};
-    // Above all that were ever used, should the checkpoint be lost: less than one file a second was sent.
-    const auto first = static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
-    auto opened = cfdp::Postbox::open(root, checkpoint, settings, first, monotonic_now());
-    if (!opened) return Err(opened.error().message);
-    postbox = std::move(*opened);
-    if (postbox->damaged()) {
-      log::error("files under way begin again: checkpoint {}", cfdp::to_string(*postbox->damaged()));
-    }
-  }
-  return cfdp::take_turn(*postbox, turn, monotonic_now());
-}
-
-void TtcNode::pump_files() {
-  auto turn = link_->files.next_turn(link_->downlink.room_octets(DownlinkChannel::files), monotonic_now());
-  if (!turn) return;
-  using Outcome = Result<cfdp::PostboxTurnResult, std::string>;
-  auto result = std::make_shared<Outcome>(Err(std::string("the turn failed")));
-  const bool taken =
-      files_worker_->post([files = files_, turn = std::make_shared<cfdp::PostboxTurn>(std::move(*turn)),
-                           result] { *result = files->take_turn(*turn); },
-                          [this, result] { on_files_turn(*result); });
-  if (!taken) link_->files.on_turn_refused(monotonic_now());
-}
-
-void TtcNode::on_files_turn(Result<cfdp::PostboxTurnResult, std::string>& result) {
-  note_storage(files_work_, result.has_value(), result ? "" : result.error());
-  if (!result) {
-    link_->files.on_turn_refused(monotonic_now());
-  } else {
-    for (Octets& packet : link_->files.on_turn(*result)) {
-      link_->downlink.push(DownlinkChannel::files, std::move(packet), false, now());
-    }
-    for (const cfdp::News& news : result->news) tell_of_file(news);
-    const cfdp::Counters& c = result->counters;
-    files_status_.transactions = static_cast<std::uint8_t>(result->transactions);
-    files_status_.resting = static_cast<std::uint8_t>(result->resting);
-    const std::uint64_t malformed = std::accumulate(c.malformed.begin(), c.malformed.end(), std::uint64_t{0});
-    files_status_.pdus_malformed = as_u32(malformed + link_->files.counters().malformed);
-    files_status_.pdus_refused =
-        as_u32(c.class_1 + c.not_for_us + c.no_room + c.no_transaction + c.late + c.unexpected);
-    files_status_.data_repeated = as_u32(c.duplicate_data);
-    files_status_.data_dropped = as_u32(c.dropped_data);
-    files_status_.checkpoints = as_u32(c.checkpoints);
-    files_status_.checkpoint_failures = as_u32(c.checkpoint_failures);
-  }
-  if (is_active()) settle();
-}
-
-void TtcNode::tell_of_file(const cfdp::News& news) {
-  constexpr std::size_t name_octets_max = 120;
-  const std::string name = news.file.destination_file.substr(0, name_octets_max);
-  const bool down = news.event.role == cfdp::Role::sending;
-  const auto direction = down ? mission::FileDirection::down : mission::FileDirection::up;
-  const auto condition = static_cast<mission::FileCondition>(news.event.outcome.condition);
-  if (news.event.kind == cfdp::EventKind::fault) {
-    mission::FileFaultEvent event;
-    event.name = name;
-    event.direction = direction;
-    event.condition = condition;
-    event.reaction = cfdp::to_string(news.event.handler);
-    return raise(event.severity, event.event_id, event.encoded());
-  }
-  if (news.event.kind != cfdp::EventKind::finished) return;
-  if (news.event.outcome.condition != wire::CfdpCondition::no_error || news.event.outcome.incomplete) {
-    ++files_status_.failed;
-    mission::FileFailedEvent event;
-    event.name = name;
-    event.direction = direction;
-    event.condition = condition;
-    return raise(event.severity, event.event_id, event.encoded());
-  }
-  const auto say = [&](auto event) {
-    event.name = name;
-    event.octets = news.file.file_octets.value_or(0);
-    raise(event.severity, event.event_id, event.encoded());
-  };
-  if (down) {
-    ++files_status_.sent;
-    say(mission::FileSentEvent{});
-  } else {
-    ++files_status_.received;
-    say(mission::FileReceivedEvent{});
-  }
 }
 
 // ---- inputs from other nodes

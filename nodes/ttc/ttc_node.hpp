@@ -10,6 +10,8 @@
 
 #include <lifecycle_msgs/msg/transition_event.hpp>
 #include <lifecycle_msgs/srv/get_state.hpp>
+#include <rcl_interfaces/srv/get_parameters.hpp>
+#include <rcl_interfaces/srv/set_parameters.hpp>
 
 #include <mission/structures.hpp>
 
@@ -21,13 +23,16 @@
 #include "nodes/ttc/command_forwarder.hpp"
 #include "nodes/ttc/downlink_scheduler.hpp"
 #include "nodes/ttc/event_reporter.hpp"
+#include "nodes/ttc/file_desk.hpp"
 #include "nodes/ttc/file_exchange.hpp"
+#include "nodes/ttc/file_service.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
 #include "nodes/ttc/journal_file.hpp"
 #include "nodes/ttc/link_state_file.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_maker.hpp"
 #include "nodes/ttc/packet_retrieval.hpp"
+#include "nodes/ttc/parameter_service.hpp"
 #include "nodes/ttc/persistence_gate.hpp"
 #include "nodes/ttc/report_outbox.hpp"
 #include "nodes/ttc/schedule_service.hpp"
@@ -72,6 +77,8 @@ class TtcNode : public ros::LifecycleNode {
     PacketRetrieval retrieval;
     ScheduleService schedule;
     TimeReporter time_reports;
+    FileService file_service;
+    ParameterService parameters;
     TelecommandRouter router;
     UplinkChain uplink;
     PersistenceGate gate;
@@ -135,6 +142,12 @@ class TtcNode : public ros::LifecycleNode {
   void pump_files();
   void on_files_turn(Result<cfdp::PostboxTurnResult, std::string>& result);
   void tell_of_file(const cfdp::News& news);
+  /// PUS 23 (ttc_files.cpp)
+  void serve_files();
+  /// PUS 20 (ttc_parameters.cpp)
+  void ask_nodes();
+  void ask_for_value(const ParameterCall& call);
+  void set_value(const ParameterCall& call);
   bool write_outgoing();
   void arm_timer();
 
@@ -167,7 +180,10 @@ class TtcNode : public ros::LifecycleNode {
     std::filesystem::path root;
     std::filesystem::path checkpoint;
     std::unique_ptr<cfdp::Postbox> postbox;
+    std::optional<FileDesk> desk;
     [[nodiscard]] Result<cfdp::PostboxTurnResult, std::string> take_turn(const cfdp::PostboxTurn& turn);
+    [[nodiscard]] FileOutcome serve(const FileOrder& order);
+    [[nodiscard]] Result<void, std::string> open();
   };
 
   mission::Dictionary dictionary_;
@@ -214,6 +230,8 @@ class TtcNode : public ros::LifecycleNode {
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::SystemMode>> mode_publisher_;
   std::vector<std::shared_ptr<void>> subscriptions_;
   std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> state_clients_;
+  std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::GetParameters>>> get_clients_;
+  std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::SetParameters>>> set_clients_;
   std::vector<std::string> answered_;  ///< nodes whose client has done its work
   std::vector<ros::Timer> timers_;
   ros::Timer wake_up_;

@@ -17,7 +17,7 @@ constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::size_t state_worker_capacity = 8;
 constexpr std::size_t store_worker_capacity = 8;
 constexpr seconds link_state_copy_period{10};
-constexpr std::size_t files_worker_capacity = 1;
+constexpr std::size_t files_worker_capacity = 2;  // a turn of CFDP and an order of PUS 23
 /// File data in front of the line: long enough for a turn of the disk, short enough that an answer from the
 /// ground is not old when it comes.
 constexpr milliseconds files_queue_time{350};
@@ -50,6 +50,8 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
                 outbox),
       retrieval(outbox, codes.store_unreadable),
       schedule(dictionary, journal, outbox, schedule_late_max),
+      file_service(outbox, mission::apid::ttc),
+      parameters(dictionary, outbox, mission::apid::ttc),
       router({.dictionary = dictionary,
               .codes = codes,
               .housekeeping = housekeeping,
@@ -57,6 +59,8 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
               .mode = mode,
               .forwarder = forwarder,
               .retrieval = retrieval,
+              .files = file_service,
+              .parameters = parameters,
               .outbox = outbox,
               .schedule = schedule,
               .time_reports = time_reports},
@@ -223,6 +227,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   files_ = std::make_shared<Files>();
   files_->root = var().root / "files";
   files_->checkpoint = state_dir() / "cfdp";
+  files_->desk.emplace(files_->root);
   files_worker_ = create_worker("ttc_files", files_worker_capacity);
   files_status_ = {};
   subscribe();
@@ -388,6 +393,8 @@ ros::CallbackReturn TtcNode::on_deactivate() {
 ros::CallbackReturn TtcNode::on_cleanup() {
   subscriptions_.clear();
   state_clients_.clear();
+  get_clients_.clear();
+  set_clients_.clear();
   telecommands_.reset();
   mode_publisher_.reset();
   // Nothing that was accepted or collected is lost by an orderly end.

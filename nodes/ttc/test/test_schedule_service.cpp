@@ -115,6 +115,8 @@ class Schedule : public testing::Test {
   AcceptanceJournal journal_{"boot", seconds(60)};
   ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
   TimeReporter time_reports_;
+  FileService files_{outbox_, mission::apid::ttc};
+  ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
   TelecommandRouter router_{{.dictionary = dictionary_,
                              .codes = codes_,
                              .housekeeping = housekeeping_,
@@ -122,6 +124,8 @@ class Schedule : public testing::Test {
                              .mode = mode_,
                              .forwarder = forwarder_,
                              .retrieval = retrieval_,
+                             .files = files_,
+                             .parameters = parameters_,
                              .outbox = outbox_,
                              .schedule = schedule_,
                              .time_reports = time_reports_},

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
 #include "wire/pus.hpp"
 
 namespace srfs {
@@ -92,6 +94,8 @@ class Router : public testing::Test {
   AcceptanceJournal journal_{"boot", seconds(60)};
   ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
   TimeReporter time_reports_;
+  FileService files_{outbox_, mission::apid::ttc};
+  ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
   TelecommandRouter router_{{.dictionary = dictionary_,
                              .codes = codes_,
                              .housekeeping = housekeeping_,
@@ -99,6 +103,8 @@ class Router : public testing::Test {
                              .mode = mode_,
                              .forwarder = forwarder_,
                              .retrieval = retrieval_,
+                             .files = files_,
+                             .parameters = parameters_,
                              .outbox = outbox_,
                              .schedule = schedule_,
                              .time_reports = time_reports_},
@@ -347,6 +353,53 @@ TEST_F(Router, AModeChangeCompletesWhenItIsStored) {
 
   router_.mode_stored(*change, true);
   EXPECT_EQ(taken(), Names{"1,7"});
+}
+
+TEST_F(Router, GivesRequestsAboutFilesToTheDiskAndTheirEndComesFromThere) {
+  EXPECT_EQ(send("file.delete", {"repository=images", "file=a"}), Names{"1,1"});
+  const auto order = files_.next_order(MonotonicTime{});
+  ASSERT_TRUE(order);
+  EXPECT_EQ(order->name, "a");
+  EXPECT_FALSE(order->repeated);
+  files_.on_outcome({}, MonotonicTime{});
+  EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
+  EXPECT_EQ(send(1, 23, 2, {0, 200, 'a'}), Names{"1,2"})
+      << "a name of 200 octets is not one of the dictionary";
+  EXPECT_EQ(failure(), code(codes_.bad_argument, {2}));
+}
+
+TEST_F(Router, ARequestAboutFilesThatMayHaveBeenDoneBeforeARestartIsDoneAgainAndSaysSo) {
+  const Octets packet = packet_of("file.delete", {"file=a"});
+  router_.restore({.origin = {.request = {}, .apid = 1, .ack_flags = wire::ack::all, .source_id = 0, .id = 5},
+                   .packet = packet,
+                   .expiry = MonotonicTime(seconds(10)),
+                   .progress = {}},
+                  MonotonicTime{});
+  const auto order = files_.next_order(MonotonicTime{});
+  ASSERT_TRUE(order);
+  EXPECT_TRUE(order->repeated);
+}
+
+TEST_F(Router, GivesRequestsAboutParametersToTheirNodes) {
+  EXPECT_EQ(send("parameters.set", {"parameter=timing.leap_seconds", "value=38"}), Names{"1,1"});
+  const auto call = parameters_.next_call(MonotonicTime{});
+  ASSERT_TRUE(call);
+  EXPECT_EQ(call->node, "timing");
+  EXPECT_EQ(call->parameter, "leap_seconds");
+  EXPECT_EQ(call->value, NodeValue(std::int64_t{38}));
+  parameters_.on_set(call->number, {});
+  EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
+}
+
+TEST_F(Router, AParameterOutOfItsRangeOrThatNobodyHasIsRefusedBeforeAnybodyIsAsked) {
+  EXPECT_EQ(send(1, 20, 3, {0, 1, 0, 102, 61}), Names{"1,2"}) << "leap seconds end at 60";
+  EXPECT_EQ(failure(), code(codes_.bad_argument, {2}));
+  EXPECT_EQ(send(1, 20, 3, {0, 1, 0xFF, 0xFF, 1}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.bad_argument, {1}));
+  EXPECT_EQ(send(1, 20, 3, {0, 2, 0, 102, 38, 0, 101, 0}), Names{"1,2"}) << "the second is too short";
+  EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+  EXPECT_EQ(send(1, 20, 1, {0, 1, 0xFF, 0xFF}), Names{"1,2"});
+  EXPECT_FALSE(parameters_.next_call(MonotonicTime{}));
 }
 
 }  // namespace

@@ -13,6 +13,8 @@
 #include <unistd.h>
 
 #include <mission/structures.hpp>
+#include <rcl_interfaces/srv/get_parameters.hpp>
+#include <rcl_interfaces/srv/set_parameters.hpp>
 
 #include "base/file.hpp"
 #include "ground/downlink.hpp"
@@ -180,6 +182,21 @@ class TtcNodeTest : public testing::Test {
   [[nodiscard]] bool has_come(std::uint8_t subtype, const Octets& source) const {
     return std::any_of(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
       return p.service == 1 && p.subtype == subtype && p.source == source;
+    });
+  }
+
+  /// A telecommand as the ground writes it.
+  Octets send(const std::string& name, const std::vector<std::string>& arguments) {
+    static const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder());
+    const auto encoded = dictionary.encode(name, arguments);
+    EXPECT_TRUE(encoded) << (encoded ? "" : encoded.error().message);
+    return send(encoded->command->apid, encoded->command->service, encoded->command->subtype, encoded->data);
+  }
+  /// It fails in @p subtype with @p code.
+  bool fails(std::uint8_t subtype, const Octets& request, std::uint16_t code) {
+    return comes(1, subtype, [&](const wire::TmPacket& p) {
+      return p.source.size() >= 6 && Octets(p.source.begin(), p.source.begin() + 4) == request &&
+             (p.source[4] << 8 | p.source[5]) == code;
     });
   }
 
@@ -449,6 +466,137 @@ TEST_F(TtcNodeTest, DoesNotConfigureWithOneKeyInTwoFilesAndNamesThem) {
   EXPECT_THAT(node_->failure_reason(), HasSubstr("d.yaml"));
   EXPECT_THAT(node_->failure_reason(),
               HasSubstr("the same one in keys/a.key (SPI 1) and keys/b.key (SPI 2)"));
+}
+
+TEST_F(TtcNodeTest, ReportsAndDeletesAFileOfTheFolderOfFiles) {
+  std::filesystem::create_directories(folder_ / "files");
+  ASSERT_TRUE(write_file_atomically(folder_ / "files" / "abc", "abc"));
+  activate();
+  const Octets report = send("file.report", {"file=abc"});
+  EXPECT_TRUE(verified(3, report));
+  EXPECT_TRUE(comes(23, 4, [](const wire::TmPacket& p) {
+    const auto told = mission::FileAttributes::decode(OctetView(p.source));
+    return told && told->file == "abc" && told->octets == 3 && told->checksum == 0x61626300;
+  }));
+  EXPECT_TRUE(verified(7, report));
+  EXPECT_TRUE(verified(7, send("file.delete", {"file=abc"})));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "files" / "abc"));
+  EXPECT_TRUE(fails(4, send("file.delete", {"file=abc"}), mission::failure::file_not_found));
+  EXPECT_TRUE(
+      fails(4, send("file.delete", {"repository=..", "file=d.yaml"}), mission::failure::bad_file_name));
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "d.yaml"));
+}
+
+TEST_F(TtcNodeTest, ADeletionThatAKillInterruptedIsDoneAgainAndIsNoFailure) {
+  std::filesystem::create_directories(folder_ / "files");
+  ASSERT_TRUE(write_file_atomically(folder_ / "files" / "abc", "abc"));
+  activate();
+  ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  // Accepted, and the end is not recorded: killed as soon as the file is gone.
+  const Octets request = send("file.delete", {"file=abc"});
+  ASSERT_TRUE(wait([&] { return !std::filesystem::exists(folder_ / "files" / "abc"); }));
+  end_without_a_word();
+  activate();
+  EXPECT_TRUE(verified(7, request));
+}
+
+TEST_F(TtcNodeTest, ACopyBeginsOnTheLinkAndIsInTheStatusUntilItIsCancelled) {
+  std::filesystem::create_directories(folder_ / "files");
+  ASSERT_TRUE(write_file_atomically(folder_ / "files" / "image", std::string(3000, 'x')));
+  activate();
+  EXPECT_TRUE(verified(7, send("file.copy", {"operation=9", "source_file=image"})));
+  EXPECT_TRUE(wait([&] { return !downlink_->take_file_pdus().empty(); }));
+  EXPECT_TRUE(verified(7, send("file.suspend", {"operation=9"})));
+  EXPECT_TRUE(verified(7, send("file.report_copies", {})));
+  EXPECT_TRUE(comes(23, 23, [](const wire::TmPacket& p) {
+    const auto told = mission::FileCopyStatus::decode(OctetView(p.source));
+    return told && told->operation == 9 && told->state == mission::FileCopyState::suspended;
+  }));
+  EXPECT_TRUE(fails(4, send("file.abort", {"operation=10"}), mission::failure::unknown_operation));
+  EXPECT_TRUE(verified(7, send("file.abort", {"operation=9"})));
+}
+
+TEST_F(TtcNodeTest, AFolderOfFilesThatCannotBeOpenedFailsItsRequestsAndNothingElse) {
+  ASSERT_TRUE(write_file_atomically(folder_ / "files", "not a folder"));
+  activate();
+  EXPECT_TRUE(fails(4, send("file.list", {}), mission::failure::disk_failed));
+  EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  std::filesystem::remove(folder_ / "files");
+  EXPECT_TRUE(verified(7, send("file.list", {}))) << "as soon as it is there";
+}
+
+/// The parameter services of another node.
+class TtcParametersTest : public TtcNodeTest {
+ protected:
+  using GetParameters = rcl_interfaces::srv::GetParameters;
+  using SetParameters = rcl_interfaces::srv::SetParameters;
+
+  void serve() {
+    get_ = std::make_unique<ros::Service<GetParameters>>(
+        executor_, *there_, "/timing/get_parameters", ros::Qos{}, ros::Priority::normal,
+        [this](const GetParameters::Request& request, GetParameters::Response& response) {
+          EXPECT_EQ(request.names, std::vector<std::string>{"leap_seconds"});
+          response.values.push_back(ros::to_message(ros::ParameterValue(leap_seconds_)));
+        });
+    set_ = std::make_unique<ros::Service<SetParameters>>(
+        executor_, *there_, "/timing/set_parameters", ros::Qos{}, ros::Priority::normal,
+        [this](const SetParameters::Request& request, SetParameters::Response& response) {
+          rcl_interfaces::msg::SetParametersResult result;
+          const auto value = ros::from_message(request.parameters.front().value);
+          result.successful = value && std::get<std::int64_t>(*value) != 40;
+          if (result.successful) leap_seconds_ = std::get<std::int64_t>(*value);
+          if (!result.successful) result.reason = "forty is too round";
+          response.results.push_back(result);
+        });
+  }
+
+  std::unique_ptr<ros::Service<GetParameters>> get_;
+  std::unique_ptr<ros::Service<SetParameters>> set_;
+  std::int64_t leap_seconds_ = 37;
+};
+
+TEST_F(TtcParametersTest, ReadsAndChangesAParameterOfAnotherNode) {
+  serve();
+  activate();
+  const auto told = [&](std::uint8_t value) {
+    return comes(20, 2, [&](const wire::TmPacket& p) { return p.source == (Octets{0, 1, 0, 102, value}); });
+  };
+  const Octets report = send("parameters.report", {"parameter=timing.leap_seconds"});
+  EXPECT_TRUE(verified(3, report));
+  EXPECT_TRUE(told(37));
+  EXPECT_TRUE(verified(7, report));
+  EXPECT_TRUE(verified(7, send("parameters.set", {"parameter=timing.leap_seconds", "value=38"})));
+  EXPECT_EQ(leap_seconds_, 38);
+  EXPECT_TRUE(verified(7, send("parameters.report", {"parameter=timing.leap_seconds"})));
+  EXPECT_TRUE(told(38));
+}
+
+TEST_F(TtcParametersTest, AValueThatTheNodeRefusesFailsWithItsReasonAsEvent) {
+  serve();
+  activate();
+  EXPECT_TRUE(fails(8, send("parameters.set", {"parameter=timing.leap_seconds", "value=40"}),
+                    mission::failure::parameter_refused));
+  EXPECT_EQ(leap_seconds_, 37);
+  EXPECT_TRUE(comes(5, 2, [](const wire::TmPacket& p) {
+    OctetReader in(p.source);
+    if (in.u16() != mission::event::parameter_refused) return false;
+    const auto event = mission::ParameterRefusedEvent::decode(in);
+    return event && event->parameter == 102 && event->reason == "forty is too round";
+  }));
+}
+
+TEST_F(TtcParametersTest, ANodeThatDoesNotAnswerFailsItsRequestsInTime) {
+  activate();
+  const Octets request = send("parameters.report", {"parameter=timing.leap_seconds"});
+  EXPECT_TRUE(fails(8, request, mission::failure::parameter_node_silent));
+  EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+}
+
+TEST_F(TtcParametersTest, TtcAnswersForItself) {
+  activate();
+  EXPECT_TRUE(verified(7, send("parameters.set", {"parameter=ttc.callback_budget_ms", "value=25"})));
+  EXPECT_TRUE(verified(7, send("parameters.report", {"parameter=ttc.callback_budget_ms"})));
+  EXPECT_TRUE(comes(20, 2, [](const wire::TmPacket& p) { return p.source == (Octets{0, 1, 0, 11, 0, 25}); }));
 }
 
 }  // namespace

@@ -21,6 +21,7 @@ Checkpoint full() {
   s.sha256.fill(7);
   s.reserved = 16'384;
   s.rest = Rest::by_request;
+  s.operation = 0x0102030405060708;
   c.senders.push_back(s);
   ReceiveState r;
   r.header = {.large_file = true,

@@ -159,6 +159,20 @@ TEST_F(PostboxTest, WhatRestsSinceNobodyAnsweredGoesOnAtContact) {
   EXPECT_THAT(finished(below_), testing::ElementsAre("a"));
 }
 
+TEST_F(PostboxTest, AnyFileCanBeSentUnderANumberThatOutlivesARestartAndStaysWhereItIs) {
+  std::filesystem::create_directory(above_.folder / "files/images");
+  put(above_, "../images/a", random_file(3000, 1));
+  ASSERT_TRUE(above_.box->send("images/a", "b", 17));
+  EXPECT_EQ(above_.box->send("missing", "c", 18).error(), PutError::file_refused);
+  above_.box.reset();
+  open(above_, satellite);
+  EXPECT_EQ(above_.box->entity().transactions().front().operation, 17U);
+  carry();
+  EXPECT_THAT(finished(below_), testing::ElementsAre("b"));
+  EXPECT_THAT(finished(above_), testing::ElementsAre("b"));
+  EXPECT_TRUE(std::filesystem::exists(above_.folder / "files/images/a"));
+}
+
 TEST_F(PostboxTest, OtherPacketsCarryNoPdu) {
   EXPECT_FALSE(is_pdu_packet(Octets{0x17, 0xFC, 0, 0, 0, 0, 1}));
   EXPECT_TRUE(is_pdu_packet(Octets{0x17, 0xFD, 0xC0, 0, 0, 0, 1}));

@@ -334,5 +334,95 @@ TEST_F(DictionaryFile, AppliesAPolynomialCalibration) {
   EXPECT_DOUBLE_EQ(std::get<double>(fields->at(0).value), 1 - 4 + 2);
 }
 
+TEST(NodeParameters, HaveANumberANameAndTheTypeOfTheirValue) {
+  const auto* handover = dictionary().parameter("can_switcher.early_handover");
+  ASSERT_NE(handover, nullptr);
+  EXPECT_EQ(handover->id, 112);
+  EXPECT_EQ(handover->node, "can_switcher");
+  EXPECT_EQ(handover->node_parameter, "early_handover");
+  EXPECT_EQ(handover->field.type, FieldType::boolean);
+  EXPECT_EQ(dictionary().parameter(112), handover);
+  EXPECT_EQ(dictionary().parameter("payload_thermal.power_off_ms")->id,
+            dictionary().parameter("payload_adcs.power_off_ms")->id + 2)
+      << "ids count up over the nodes";
+  EXPECT_EQ(dictionary().parameter("timing.tick_period_ms"), nullptr);
+}
+
+TEST(NodeParameters, AreWrittenInTheTypeOfTheParameterNamedBefore) {
+  EXPECT_EQ(octets("parameters.set", {"parameter=can_switcher.early_handover", "value=true"}), "0001007001");
+  EXPECT_EQ(octets("parameters.set", {"parameter=timing.late_tick_ms", "value=300ms"}), "00010065012c");
+  EXPECT_EQ(octets("parameters.set", {"parameter=ttc.log_level", "value=warn"}), "0001000102");
+  EXPECT_EQ(octets("parameters.set", {"parameter=can_switcher.rotation_order", "value=a,b"}),
+            "0001006f03612c62");
+  EXPECT_THAT(refusal("parameters.set", {"parameter=timing.leap_seconds", "value=61"}),
+              HasSubstr("61 is out of range 30..60"));
+  EXPECT_THAT(refusal("parameters.set", {"parameter=ttc.log_level", "value=loud"}), HasSubstr("debug (0)"));
+  EXPECT_THAT(refusal("parameters.set", {"parameter=ttc.nothing", "value=1"}),
+              HasSubstr("no node parameter is called 'ttc.nothing'"));
+}
+
+TEST(NodeParameters, AreCheckedOnBoardInTheTypeOfTheParameterNamedBefore) {
+  const Command& set = *dictionary().command("parameters.set");
+  const auto verdict = [&](const std::string& hex) {
+    const auto checked = dictionary().check_arguments(set, *from_hex(hex));
+    return checked ? -1 : static_cast<int>(checked.error().parameter);
+  };
+  EXPECT_EQ(verdict("0001007001"), -1);
+  EXPECT_EQ(verdict("0001007002"), 2) << "no truth";
+  EXPECT_EQ(verdict("00020070010065012c"), -1) << "two of different types";
+  EXPECT_EQ(verdict("0002007001006501"), 0);
+  EXPECT_EQ(verdict("000100700100"), 0);
+  EXPECT_EQ(verdict("0001006600"), 2);
+  EXPECT_EQ(verdict("000103e801"), 1) << "nobody has the parameter 1000";
+  EXPECT_EQ(verdict("0000"), 0);
+}
+
+TEST(NodeParameters, AValueGoesThroughTheLinkUnchangedOrNotAtAll) {
+  const auto through = [](const char* name, const Value& value) -> std::optional<Value> {
+    const Parameter& parameter = *dictionary().parameter(name);
+    OctetWriter out;
+    if (!dictionary().put_parameter(parameter, value, out)) {
+      EXPECT_EQ(out.size(), 0U);
+      return std::nullopt;
+    }
+    OctetReader in(out.view());
+    return dictionary().take_parameter(parameter, in);
+  };
+  EXPECT_EQ(through("can_switcher.early_handover", true), Value(true));
+  EXPECT_EQ(through("timing.late_tick_ms", std::uint64_t{60000}), Value(std::uint64_t{60000}));
+  EXPECT_EQ(through("timing.late_tick_ms", std::uint64_t{60001}), std::nullopt) << "out of its range";
+  EXPECT_EQ(through("timing.late_tick_ms", std::uint64_t{65536 + 5}), std::nullopt);
+  EXPECT_EQ(through("timing.late_tick_ms", std::string("5")), std::nullopt);
+  EXPECT_EQ(through("can_switcher.rotation_order", std::string("a,b")), Value(std::string("a,b")));
+  EXPECT_EQ(through("can_switcher.rotation_order", std::string(121, 'x')), std::nullopt);
+}
+
+TEST_F(DictionaryFile, AParameterNeedsANodeANumberOfItsOwnAndASendableType) {
+  const std::string head =
+      "spacecraft: { name: T, id: 1 }\napids: [{ name: a, apid: 1, node: a }, { name: b, apid: 2, node: b "
+      "}]\n"
+      "enums: { mission_mode: { labels: { safe: 0 } } }\nparameters:\n";
+  EXPECT_EQ(fault(head + "  - { name: p, id: 1, nodes: [a, b], type: u8 }\n"), "accepted");
+  EXPECT_THAT(fault(head + "  - { name: p, id: 1, node: c, type: u8 }\n"),
+              HasSubstr("a node of the list apids"));
+  EXPECT_THAT(
+      fault(head +
+            "  - { name: p, id: 1, nodes: [a, b], type: u8 }\n  - { name: q, id: 2, node: a, type: u8 }\n"),
+      HasSubstr("parameter id 2 stands twice"));
+  EXPECT_THAT(fault(head + "  - { name: p, id: 1, node: a, type: time }\n"),
+              HasSubstr("a number, bool or text"));
+  EXPECT_THAT(fault(head + "  - { name: p, id: 1, node: a, type: u8, list: true }\n"),
+              HasSubstr("a list is a text"));
+}
+
+TEST(Reports, AreFoundByServiceAndSubtype) {
+  const auto* attributes = dictionary().report(FileAttributes::service, FileAttributes::subtype);
+  ASSERT_NE(attributes, nullptr);
+  EXPECT_EQ(attributes->name, "file_attributes");
+  EXPECT_EQ(attributes->max_size(), FileAttributes::max_size);
+  EXPECT_EQ(dictionary().report(23, 5), nullptr);
+  EXPECT_EQ(dictionary().report(3, 25), nullptr);
+}
+
 }  // namespace
 }  // namespace srfs::mission

@@ -18,7 +18,7 @@ ROOT = HERE.parents[3]
 GENERATOR = ROOT / "msgs/generator"
 sys.path[:0] = [str(HERE), str(GENERATOR)]
 
-from mission_dictionary import has_packet, linear, load, snake  # noqa: E402
+from mission_dictionary import linear, load, snake  # noqa: E402
 from mission_xtce import with_fields_in_place  # noqa: E402
 from xtce_interpreter import Database, Refused, child, children  # noqa: E402
 
@@ -151,7 +151,8 @@ class XtceTest(unittest.TestCase):
             concrete = {p for p, c in self.database[name].containers.items() if c.get("abstract") != "true"}
             reports = {p for p in concrete if p.count("/") == 2}
             self.assertEqual(compared, concrete if name == "flying" else concrete - reports)
-            self.assertEqual(len(concrete - reports), len([s for s in dictionary.structures if "id" in s]) + len(dictionary.events))
+            structures = [s for s in dictionary.structures if s["kind"] in ("housekeeping", "report")]
+            self.assertEqual(len(concrete - reports), len(structures) + len(dictionary.events) + len(dictionary.parameters))
             self.assertEqual(len(reports), 13)
             for process in dictionary.apids:
                 self.assertTrue(any(s.get("name") == process["name"] and f"APID {process['apid']}:" in s.get("shortDescription")
@@ -168,13 +169,13 @@ class XtceTest(unittest.TestCase):
         for name, dictionary in self.dictionary.items():
             compared = {line["tc"] for line in self.lines[name] if "tc" in line}
             concrete = {p for p, c in self.database[name].commands.items() if c.get("abstract") != "true"}
-            self.assertEqual((compared, len(compared)), (concrete, len([c for c in dictionary.commands if not has_packet(c)])))
+            self.assertEqual((compared, len(compared)), (concrete, len(dictionary.wire_commands)))
 
     def test_arguments_outside_their_range_are_refused(self):
         refused = 0
         for name, line in self.each("tc"):
             with self.told(name, line):
-                command = next(c for c in self.dictionary[name].commands if snake(c["name"]) == line["tc"].rsplit("/", 1)[1])
+                command = next(c for c in self.dictionary[name].wire_commands if snake(c["name"]) == line["tc"].rsplit("/", 1)[1])
                 good = argument_of(line["arguments"])
                 if "groups" in good:
                     good["count"] = len(good["groups"])
@@ -206,7 +207,7 @@ class XtceTest(unittest.TestCase):
             for path, command in self.database[name].commands.items():
                 if command.get("abstract") == "true" or child(command, "ArgumentList") is None:
                     continue
-                fields = next(c for c in dictionary.commands if snake(c["name"]) == path.rsplit("/", 1)[1])["arguments"]
+                fields = next(c for c in dictionary.wire_commands if snake(c["name"]) == path.rsplit("/", 1)[1])["arguments"]
                 given = {a.get("name"): a.get("initialValue") for a in children(command, "ArgumentList")}
                 for field in fields:
                     if field["name"] in given:
@@ -220,7 +221,7 @@ class XtceTest(unittest.TestCase):
             for path, command in self.database[name].commands.items():
                 if command.get("abstract") == "true":
                     continue
-                entry = next(c for c in dictionary.commands if snake(c["name"]) == path.rsplit("/", 1)[1])
+                entry = next(c for c in dictionary.wire_commands if snake(c["name"]) == path.rsplit("/", 1)[1])
                 verifiers = {v.get("name"): v for v in children(command, "VerifierSet")}
                 subtypes = {n: self.conditions(v, f"{root}/subtype") for n, v in verifiers.items()}
                 self.assertEqual(subtypes, {"Accepted": ["1"], "Started": ["3"], "Completed": ["7"], "Failed": ["2", "4", "8"]}, path)
@@ -249,7 +250,7 @@ class XtceTest(unittest.TestCase):
         for name, dictionary in self.dictionary.items():
             database = self.database[name]
             root = "/" + dictionary.spacecraft["name"]
-            owners = [(f"{root}/{a['name']}/{s['name']}", s) for s in dictionary.structures if "id" in s
+            owners = [(f"{root}/{a['name']}/{s['name']}", s) for s in dictionary.structures if s["kind"] in ("housekeeping", "report")
                       for a in dictionary.apids if a["node"] == s["node"]]
             owners += [(f"{root}/events/{snake(e['name'])}", e) for e in dictionary.events]
             for path, owner in owners:

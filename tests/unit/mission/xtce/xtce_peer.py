@@ -19,12 +19,12 @@ sys.path.insert(0, ARGUMENTS.generator)
 
 import jinja2  # noqa: E402
 
-from mission_dictionary import camel, has_packet, linear, load, snake  # noqa: E402
+from mission_dictionary import camel, linear, load, snake  # noqa: E402
 from mission_structures import CPP, identifier, structure_type  # noqa: E402
 
 D = load(ARGUMENTS.dictionary)
 NAME_OF_NODE = {a["node"]: a["name"] for a in D.apids}
-for entry in D.structures + D.commands:
+for entry in D.structures + D.wire_commands + D.parameters:
     if "node" in entry:
         entry["node_name"] = NAME_OF_NODE[entry["node"]]
 
@@ -36,6 +36,8 @@ def reference_values(kind):
         return [(e["id"], e["name"]) for e in D.events]
     if kind == "store":
         return [(s["id"], s["name"]) for s in D.stores]
+    if kind == "parameter":
+        return [(p["id"], p["full_name"]) for p in D.parameters]
     return [(0, "none")] + [(f["code"], f["name"]) for f in D.failure_codes]
 
 
@@ -91,11 +93,18 @@ def expect(fields, target, out):
             yield f"{out}[\"{field['name']}_{label}\"] = shown({target}.{field['name']}[{i}]{names});"
 
 
+def put(field, value):
+    """Line that writes one value as the link carries it."""
+    if field["type"] == "text":
+        return f"detail::put_text(out, {value}, {field['max']});"
+    return f"detail::put(out, {value});"
+
+
 def main():
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    environment.globals.update(d=D, camel=camel, cpp=CPP, snake=snake, structure_type=structure_type, fill=fill, expect=expect,
-                               reference_values=reference_values, has_packet=has_packet, verification=ARGUMENTS.verification)
+    environment.globals.update(d=D, camel=camel, cpp=CPP, snake=snake, structure_type=structure_type, fill=fill, expect=expect, put=put, random_value=random_value,
+                               reference_values=reference_values, verification=ARGUMENTS.verification)
     pathlib.Path(ARGUMENTS.out).write_text(environment.get_template("xtce_peer.cpp.jinja").render() + "\n", encoding="utf-8")
 
 

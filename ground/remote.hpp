@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "ground/telemetry.hpp"
+#include "msgs/mission/dictionary.hpp"
+
+namespace srfs::ground {
+
+/// A telecommand as text.
+struct TelecommandText {
+  std::string name;
+  std::vector<std::string> arguments;
+};
+
+/// What `srfs-ground remote ACTION WORD...` asks of the folder of files on board (PUS 23).
+struct RemoteRequest {
+  std::vector<TelecommandText> telecommands;  ///< one after another
+  std::string awaited_file;                   ///< is to arrive here; empty: none
+  bool lists = false;                         ///< go on behind the last name while some are left
+};
+
+/// @param utc  makes the id of a copy. The error is ready to print.
+[[nodiscard]] Result<RemoteRequest, std::string> remote_request(const std::string& action,
+                                                                const std::vector<std::string>& words,
+                                                                UtcTime utc);
+/// The actions, for the help text.
+[[nodiscard]] std::string remote_actions();
+
+/// The page behind the last entry of @p answers; nullopt: that was all.
+[[nodiscard]] std::optional<TelecommandText> next_page(const TelecommandText& page,
+                                                       const std::vector<TelemetryReport>& answers);
+
+/// All answers to @p telecommand have come; what was lost on the way is seen by their numbers. A completed
+/// one whose answers are not whole is asked again.
+/// @param left_before  what the page before said is left; nullopt: there was none
+[[nodiscard]] bool is_whole(const TelecommandText& telecommand, const std::vector<TelemetryReport>& answers,
+                            std::optional<std::uint64_t> left_before);
+/// The "left" of the last answer.
+[[nodiscard]] std::optional<std::uint64_t> left_behind(const std::vector<TelemetryReport>& answers);
+
+/// Node parameters that @p words name: "NODE.PARAMETER", or "NODE" for all of it; none: all. The error is
+/// ready to print.
+[[nodiscard]] Result<std::vector<const mission::Parameter*>, std::string> parameters_named(
+    const mission::Dictionary& dictionary, const std::vector<std::string>& words);
+/// "timing.late_tick_ms   1 to 60000 ms   what it is"
+[[nodiscard]] std::string to_line(const mission::Parameter& parameter);
+
+/// A report of the services 20 and 23 as one or more lines.
+[[nodiscard]] std::string answer_lines(const TelemetryReport& report);
+
+}  // namespace srfs::ground

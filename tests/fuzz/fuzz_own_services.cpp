@@ -1,0 +1,66 @@
+// Arguments of the services 20 and 23: whatever the dictionary lets pass becomes orders and calls within
+// their bounds, and every request ends.
+#include <cstdlib>
+
+#include <mission/structures.hpp>
+
+#include "nodes/ttc/file_service.hpp"
+#include "nodes/ttc/parameter_service.hpp"
+
+namespace {
+
+using namespace srfs;
+
+void require(bool condition) {
+  if (!condition) std::abort();
+}
+
+/// First octet: which command. Rest: its arguments.
+void serve(const mission::Dictionary& dictionary, OctetView input) {
+  static const std::vector<const mission::Command*> commands = [&] {
+    std::vector<const mission::Command*> found;
+    for (const auto& command : dictionary.commands()) {
+      if (command.service == 20 || command.service == 23) found.push_back(&command);
+    }
+    return found;
+  }();
+  const mission::Command& command = *commands[input[0] % commands.size()];
+  const OctetView arguments = input.subspan(1);
+  if (!dictionary.check_arguments(command, arguments)) return;
+
+  const TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all};
+  const MonotonicTime now(seconds(1));
+  ReportOutbox outbox;
+  FileService files(outbox, 1);
+  ParameterService parameters(dictionary, outbox, 1);
+  if (command.service == 23) {
+    files.submit(origin, command, arguments, false, now);
+    if (const auto order = files.next_order(now)) {
+      require(order->repository.size() <= 255 && order->name.size() <= 255 && order->operations.size() <= 16);
+      require(order->action != FileAction::copy || order->operations.size() == 1);
+      files.on_outcome({.unfinished = true}, now);
+      require(files.next_order(now).has_value());
+      files.on_outcome({}, now);
+    }
+  } else {
+    parameters.submit(origin, command, arguments, now);
+    for (int calls = 0; const auto call = parameters.next_call(now); ++calls) {
+      require(calls < 16);
+      if (call->value) {
+        parameters.on_set(call->number, {});
+      } else {
+        parameters.on_value(call->number, NodeValue(std::int64_t{1}));
+      }
+    }
+  }
+  // Start and end of the one request were told.
+  require(outbox.counters().completed + outbox.counters().failed == 1);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const auto dictionary = srfs::mission::Dictionary::load(srfs::mission::Dictionary::default_folder());
+  if (size > 0) serve(dictionary, {data, size});
+  return 0;
+}
