@@ -58,7 +58,8 @@ bool take_timeout(Words& words, std::optional<milliseconds>& timeout) {
 }
 
 constexpr std::string_view forms =
-    "expected ping | tc NAME [key=value ...] [--timeout S] | expect completed|accepted|rejected|failed "
+    "expected ping | tc NAME [key=value ...] [--timeout S] | arm NAME [key=value ...] | expect "
+    "completed|accepted|rejected|failed "
     "[CODE] | "
     "wait DURATION | wait until UTC | ad on|off | unlock | setvr N";
 
@@ -68,7 +69,8 @@ Result<ScriptStep, std::string> step_of(Words words) {
   using Kind = ScriptStep::Kind;
   const std::string verb = words.front();
   words.erase(words.begin());
-  if (verb == "ping" || verb == "tc") {
+  if (verb == "ping" || verb == "tc" || verb == "arm") {
+    step.arms = verb == "arm";
     if (!take_timeout(words, step.timeout)) return Err(std::string("--timeout needs a duration"));
     if (verb == "ping") words.insert(words.begin(), "ttc.ping");
     if (words.empty() || (verb == "ping" && words.size() > 1)) return Err(std::string(forms));

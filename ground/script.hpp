@@ -26,6 +26,7 @@ struct ScriptStep {
   // telecommand
   std::string name;
   std::vector<std::string> arguments;
+  bool arms = false;  ///< not the telecommand itself is sent, but what arms it
   std::optional<milliseconds> timeout;
   Expectation expectation = Expectation::completed;
   std::string failure;  ///< name of the failure code that is expected; empty: any

@@ -23,9 +23,10 @@ struct StationOutput {
   std::function<void(const TelemetryReport&)> telemetry;
   std::function<void(const StageReport&)> stage;
   std::function<void(const Retrieval&)> retrieval_over;
-  std::function<void(const CopReport&)> cop;        ///< when something of it changed
-  std::function<void(const cfdp::News&)> file;      ///< what became of files
-  std::function<void(const std::string&)> problem;  ///< ready to print
+  std::function<void(const CopReport&)> cop;                              ///< when something of it changed
+  std::function<void(const cfdp::News&)> file;                            ///< what became of files
+  std::function<void(ros::AssociationSet, const std::string& why)> keys;  ///< other keys are used now
+  std::function<void(const std::string&)> problem;                        ///< ready to print
 };
 
 /// The operator's end of the link: sends telecommands, decodes telemetry, follows verification. Telecommands
@@ -50,6 +51,11 @@ class Station {
                                                           const std::vector<std::string>& arguments,
                                                           std::optional<milliseconds> patience,
                                                           std::uint64_t tag);
+  /// Sends what arms a hazardous telecommand with these arguments (see arming_of); as send.
+  [[nodiscard]] Result<wire::RequestId, std::string> arm(const std::string& command,
+                                                         const std::vector<std::string>& arguments,
+                                                         std::optional<milliseconds> patience,
+                                                         std::uint64_t tag);
   /// The AD service (see AdService); news comes through the output.
   void start_ad();
   void stop_ad();
@@ -102,6 +108,8 @@ class Station {
   void on_packet(const ReceivedPacket& received, MonotonicTime now);
   void on_stage(const StageReport& report, MonotonicTime now);
   void end_retrievals(MonotonicTime now);
+  /// The spacecraft takes these keys, as it says.
+  void follow_keys(ros::AssociationSet set, const std::string& why);
   void move_files(MonotonicTime now);
   [[nodiscard]] bool send_pdu(OctetView pdu);
 
@@ -114,6 +122,7 @@ class Station {
   std::map<std::uint64_t, AdTelecommand> ad_telecommands_;  // by number; bounded by AD queue and window
   std::uint64_t next_ad_number_ = 1;
   std::vector<Retrieval> retrievals_;
+  std::map<std::uint64_t, ros::AssociationSet> asked_keys_;  ///< by the tag of ttc.select_keys
   std::unique_ptr<cfdp::Postbox> files_;
   double octet_time_ns_;
   MonotonicTime line_free_at_;  ///< of file data; a pty would take it at any rate
