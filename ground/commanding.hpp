@@ -13,6 +13,12 @@
 
 namespace srfs::ground {
 
+/// A telecommand as an operator writes it.
+struct TelecommandText {
+  std::string name;
+  std::vector<std::string> arguments;
+};
+
 /// Where a telecommand stands; sent, scheduled, not_sent and timed_out are the ground's own, the others are
 /// PUS 1 reports.
 enum class Stage : std::uint8_t {

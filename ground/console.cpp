@@ -68,6 +68,7 @@ Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings&
                 .retrieval_over = [this](const auto& retrieval) { on_retrieval_over(retrieval); },
                 .cop = [this](const auto& report) { on_cop(report); },
                 .file = [this](const auto& news) { on_file(news); },
+                .keys = [this](auto set, const auto& why) { on_keys(set, why); },
                 .problem = [this](const auto& problem) { fail(problem); }},
                options.fop),
       next_stats_(monotonic_now() + stats_period) {
@@ -79,6 +80,17 @@ Exit Console::telecommand(const std::string& name, const std::vector<std::string
   quiet_telemetry_ = true;
   if (!wait && !timeout && !at) timeout = default_acceptance;
   send(name, arguments, timeout, at);
+  return follow(wait);
+}
+
+Exit Console::arm(const std::string& name, const std::vector<std::string>& arguments,
+                  std::optional<milliseconds> timeout, const std::optional<TimeTag>& at) {
+  quiet_telemetry_ = true;
+  send(name, arguments, timeout, at, Sending::arming);
+  return follow(!at);
+}
+
+Exit Console::follow(bool wait) {
   if (failed_to_send_) return Exit::unusable;
   const auto over = [&] { return last_stage_ && (is_final(last_stage_->stage) || (!wait && accepted_)); };
   if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
@@ -182,7 +194,6 @@ Exit Console::exchange_once(const TelecommandText& telecommand, std::optional<mi
   quiet_telemetry_ = true;
   exchanging_ = true;
   answers_.clear();
-  last_stage_.reset();
   send(telecommand.name, telecommand.arguments, timeout);
   if (failed_to_send_) return Exit::unusable;
   const auto over = [&] { return last_stage_ && is_final(last_stage_->stage); };
@@ -254,6 +265,11 @@ void Console::on_file(const cfdp::News& news) {
   if (awaited_file_ == news.event.id && news.event.kind == cfdp::EventKind::finished)
     awaited_arrived_ = has_arrived(news);
   options_.json ? write_json(to_json(news)) : write_lines(to_line(news) + "\n");
+}
+
+void Console::on_keys(ros::AssociationSet set, const std::string& why) {
+  if (options_.json) return write_json({{"type", "keys"}, {"keys", to_text(set)}, {"why", why}});
+  write_lines(fmt::format("keys {} from now on ({})\n", to_text(set), why));
 }
 
 bool Console::files_under_way() {
@@ -382,7 +398,7 @@ Console::StepEnd Console::run_step(const ScriptStep& step) {
 Console::StepEnd Console::run_telecommand_step(const ScriptStep& step) {
   step_ = &step;
   step_judgement_.reset();
-  send(step.name, step.arguments, step.timeout, step.at);
+  send(step.name, step.arguments, step.timeout, step.at, step.arms ? Sending::arming : Sending::itself);
   const bool open =
       failed_to_send_ || run(
                              Watch::port, [&] { return step_judgement_.has_value(); }, std::nullopt);
@@ -451,9 +467,13 @@ void Console::on_cop(const CopReport& report) {
 }
 
 void Console::send(const std::string& name, const std::vector<std::string>& arguments,
-                   std::optional<milliseconds> timeout, const std::optional<TimeTag>& at) {
-  const auto sent = at ? station_.send_at(at->at(system_utc_now()), name, arguments, timeout, line_)
-                       : station_.send(name, arguments, timeout, line_);
+                   std::optional<milliseconds> timeout, const std::optional<TimeTag>& at, Sending what) {
+  last_stage_.reset();
+  accepted_ = false;
+  const auto release = at ? std::optional(at->at(system_utc_now())) : std::nullopt;
+  const auto sent = what == Sending::arming ? station_.arm(name, arguments, timeout, line_, release)
+                    : release               ? station_.send_at(*release, name, arguments, timeout, line_)
+                                            : station_.send(name, arguments, timeout, line_);
   failed_to_send_ = !sent;
   if (!sent) fail(sent.error());
 }
@@ -519,8 +539,10 @@ void Console::on_line(const std::string& line) {
   const std::string verb = words.front();
   words.erase(words.begin());
   if (verb == "ping" && words.empty()) return send("ttc.ping", {}, *timeout);
-  if (verb == "tc" && !words.empty())
-    return send(words.front(), {words.begin() + 1, words.end()}, *timeout, *at);
+  if ((verb == "tc" || verb == "arm") && !words.empty()) {
+    return send(words.front(), {words.begin() + 1, words.end()}, *timeout, *at,
+                verb == "arm" ? Sending::arming : Sending::itself);
+  }
   if (verb == "retrieve" && (words.size() == 2 || words.size() == 3)) {
     const std::string store = words.size() == 3 ? words[2] : "housekeeping";
     return send("storage.retrieve", {"store=" + store, "from=" + words[0], "to=" + words[1]}, *timeout);
@@ -532,8 +554,8 @@ void Console::on_line(const std::string& line) {
     return;
   }
   fail(fmt::format(
-      "'{}': expected ping | tc NAME [key=value ...] [--at TIME] | retrieve FROM TO [STORE] | ad on|off | "
-      "unlock | "
+      "'{}': expected ping | tc NAME [key=value ...] [--at TIME] | arm NAME [key=value ...] [--at TIME] | "
+      "retrieve FROM TO [STORE] | ad on|off | unlock | "
       "setvr N | clcw | put FILE [NAME] | files | suspend ID | resume ID | cancel ID | stats | quit",
       line));
 }

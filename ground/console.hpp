@@ -40,6 +40,10 @@ class Console {
   [[nodiscard]] Exit telecommand(const std::string& name, const std::vector<std::string>& arguments,
                                  bool wait, std::optional<milliseconds> timeout,
                                  const std::optional<TimeTag>& at = std::nullopt);
+  /// Arms a hazardous telecommand with these arguments, until that is completed, or with @p at scheduled.
+  [[nodiscard]] Exit arm(const std::string& name, const std::vector<std::string>& arguments,
+                         std::optional<milliseconds> timeout,
+                         const std::optional<TimeTag>& at = std::nullopt);
   /// 17,1 until 17,2.
   [[nodiscard]] Exit ping(std::optional<milliseconds> timeout);
   [[nodiscard]] Exit listen(std::optional<milliseconds> duration);
@@ -84,6 +88,7 @@ class Console {
   void on_retrieval_over(const Retrieval& retrieval);
   void on_cop(const CopReport& report);
   void on_file(const cfdp::News& news);
+  void on_keys(ros::AssociationSet set, const std::string& why);
   void tell_progress();
   [[nodiscard]] bool files_under_way();
   /// @return whether the line was one about files
@@ -98,8 +103,12 @@ class Console {
   void tell_step(const ScriptStep& step, StepEnd end);
   void on_line(const std::string& line);
   void on_input();
+  enum class Sending : std::uint8_t { itself, arming };
   void send(const std::string& name, const std::vector<std::string>& arguments,
-            std::optional<milliseconds> timeout, const std::optional<TimeTag>& at = std::nullopt);
+            std::optional<milliseconds> timeout, const std::optional<TimeTag>& at = std::nullopt,
+            Sending what = Sending::itself);
+  /// Runs until the telecommand that was sent is over.
+  [[nodiscard]] Exit follow(bool wait);
   /// Runs until @p over says so, a signal, or the deadline. @return false when the link was closed
   bool run(Watch watch, const std::function<bool()>& over, std::optional<MonotonicTime> deadline);
   void wait_once(Watch watch, std::optional<MonotonicTime> deadline, bool& closed);

@@ -1,4 +1,5 @@
 // srfs-ground: the operator's side of the ground link on a command line.
+#include <array>
 #include <cstdio>
 #include <exception>
 #include <string>
@@ -21,9 +22,11 @@ struct Arguments {
   std::string port = "var/rs422";
   std::string deployment = "sim";
   std::string state;
+  std::string keys;
   bool json = false;
   double timeout_s = 0;
   bool wait = false;
+  bool arm = false;
   double duration_s = 0;
   std::string name;
   std::vector<std::string> pairs;
@@ -58,6 +61,8 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option("--deployment", a.deployment, "Deployment file, or its name in launch_config")
       ->capture_default_str();
   app.add_option("--state", a.state, "Folder of the security counter (default: ground beside the port)");
+  app.add_option("--keys", a.keys, "Keys of this run: a, b or contingency (default: those last selected)")
+      ->check(CLI::IsMember({"a", "b", "contingency"}));
   app.add_flag("--json", a.json, "One JSON object a line");
   app.add_flag("--ad", a.ad,
                "Send telecommands by the AD service (COP-1): in order, each once, repeated when lost");
@@ -79,8 +84,16 @@ void define(CLI::App& app, Arguments& a) {
   tc->add_option("name", a.name, "Telecommand, as in 'list'")->required();
   tc->add_option("arguments", a.pairs, "key=value ...");
   tc->add_flag("--wait", a.wait, "Until completion, not only acceptance");
-  tc->add_option("--at", a.at, "When the spacecraft releases it: UTC, or +30s, +5min from now");
+  const std::string at_help = "When the spacecraft releases it: UTC, or +30s, +5min from now";
+  auto* at = tc->add_option("--at", a.at, at_help);
+  tc->add_flag("--arm", a.arm, "Arm the hazardous telecommand first, and send it when that is completed")
+      ->excludes(at);
   timeout(tc);
+  auto* arm = app.add_subcommand("arm", "Arm a hazardous telecommand with these arguments, for a while");
+  arm->add_option("name", a.name, "Telecommand, as in 'list'")->required();
+  arm->add_option("arguments", a.pairs, "key=value ...");
+  arm->add_option("--at", a.at, at_help);
+  timeout(arm);
   auto* schedule = app.add_subcommand("schedule", "The schedule of time-tagged telecommands on board");
   schedule
       ->add_option(
@@ -199,9 +212,21 @@ std::optional<std::pair<std::string, std::vector<std::string>>> schedule_command
   return {{"schedule." + a.action, {}}};
 }
 
-Exit operate(const CLI::App& app, const Arguments& a) {
+/// Whoever sits at the terminal says yes before a hazardous telecommand is armed and sent.
+bool confirmed(const Arguments& a) {
+  std::fprintf(stderr, "%s is hazardous. Arm it and send it? [yes/no] ", a.name.c_str());
+  std::array<char, 16> answer{};
+  return std::fgets(answer.data(), answer.size(), stdin) != nullptr && std::string(answer.data()) == "yes\n";
+}
+
+Exit operate(const CLI::App& app, Arguments& a) {
   const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder());
   if (app.got_subcommand("list")) return list(dictionary, a.name, a.json);
+  if (app.got_subcommand("tc") && a.at.empty() && !a.arm && !a.json && isatty(STDIN_FILENO) == 1) {
+    const auto* command = dictionary.command(a.name);
+    a.arm = command != nullptr && command->hazardous;
+    if (a.arm && !confirmed(a)) return Exit::refused;
+  }
   RemoteRequest remote;
   if (app.got_subcommand("remote")) {
     auto made = remote_request(a.action, a.words, system_utc_now());
@@ -240,7 +265,7 @@ Exit operate(const CLI::App& app, const Arguments& a) {
   if (app.got_subcommand("bridge")) return bridge(a, link, std::move(*port));
   const std::filesystem::path state_dir =
       a.state.empty() ? var_dir / "ground" : std::filesystem::path(a.state);
-  auto uplink = Uplink::open(link, var_dir, state_dir, system_utc_now());
+  auto uplink = Uplink::open(link, var_dir, state_dir, system_utc_now(), key_set_of(a.keys));
   if (!uplink) return fail(a, uplink.error());
   const bool colour = !a.json && isatty(STDOUT_FILENO) == 1;
   const wire::FopSettings fop{.window = static_cast<std::uint8_t>(a.window),
@@ -272,6 +297,10 @@ Exit operate(const CLI::App& app, const Arguments& a) {
   }
   if (app.got_subcommand("files")) return console.files(duration(a.duration_s));
   if (app.got_subcommand("ping")) return console.ping(duration(a.timeout_s));
+  if (app.got_subcommand("arm") || (app.got_subcommand("tc") && a.arm)) {
+    const Exit armed = console.arm(a.name, a.pairs, duration(a.timeout_s), at);
+    if (armed != Exit::done || app.got_subcommand("arm")) return armed;
+  }
   if (app.got_subcommand("tc"))
     return console.telecommand(a.name, a.pairs, a.wait, duration(a.timeout_s), at);
   if (scheduling)

@@ -7,16 +7,11 @@
 
 #include "base/result.hpp"
 #include "base/time.hpp"
+#include "ground/commanding.hpp"
 #include "ground/telemetry.hpp"
 #include "msgs/mission/dictionary.hpp"
 
 namespace srfs::ground {
-
-/// A telecommand as text.
-struct TelecommandText {
-  std::string name;
-  std::vector<std::string> arguments;
-};
 
 /// What `srfs-ground remote ACTION WORD...` asks of the folder of files on board (PUS 23).
 struct RemoteRequest {

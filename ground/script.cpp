@@ -49,8 +49,8 @@ bool take_time_tag(Words& words, std::optional<TimeTag>& at) {
 }
 
 constexpr std::string_view forms =
-    "expected ping | tc NAME [key=value ...] [--timeout S] [--at TIME] | expect "
-    "completed|accepted|scheduled|rejected|failed [CODE] | "
+    "expected ping | tc NAME [key=value ...] [--timeout S] [--at TIME] | arm NAME [key=value ...] "
+    "[--at TIME] | expect completed|accepted|scheduled|rejected|failed [CODE] | "
     "wait DURATION | wait until UTC | ad on|off | unlock | setvr N";
 
 /// One line that is not an `expect`. The error is a message.
@@ -59,7 +59,8 @@ Result<ScriptStep, std::string> step_of(Words words) {
   using Kind = ScriptStep::Kind;
   const std::string verb = words.front();
   words.erase(words.begin());
-  if (verb == "ping" || verb == "tc") {
+  if (verb == "ping" || verb == "tc" || verb == "arm") {
+    step.arms = verb == "arm";
     if (!take_timeout(words, step.timeout)) return Err(std::string("--timeout needs a duration"));
     if (!take_time_tag(words, step.at)) return Err(fmt::format("--at needs {}", time_tag_forms));
     if (step.at) step.expectation = Expectation::scheduled;

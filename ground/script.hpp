@@ -27,6 +27,7 @@ struct ScriptStep {
   // telecommand
   std::string name;
   std::vector<std::string> arguments;
+  bool arms = false;  ///< not the telecommand itself is sent, but what arms it
   std::optional<milliseconds> timeout;
   std::optional<TimeTag> at;
   Expectation expectation = Expectation::completed;

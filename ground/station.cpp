@@ -5,6 +5,7 @@
 
 #include <mission/structures.hpp>
 
+#include "ground/arming.hpp"
 #include "wire/space_packet.hpp"
 
 namespace srfs::ground {
@@ -84,6 +85,12 @@ Result<wire::RequestId, std::string> Station::dispatch(const mission::EncodedCom
     const auto request = mission::StorageRetrieve::decode(encoded->data);
     if (request) retrievals_.emplace_back(tag, request->front().store);
   };
+  if (encoded->command->name == mission::TtcSelectKeys::name &&
+      asked_keys_.size() < Commanding::max_outstanding) {
+    const auto select = mission::TtcSelectKeys::decode(OctetView(encoded->data).subspan(2));
+    if (select && select->vc == uplink_.vc())
+      asked_keys_[tag] = select->set == mission::KeySet::b ? ros::AssociationSet::b : ros::AssociationSet::a;
+  }
   if (ad_.phase() != AdPhase::off) {
     const auto request = send_by_ad(*encoded, wait, tag, monotonic_now());
     if (request) {
@@ -116,6 +123,17 @@ Result<wire::RequestId, std::string> Station::send_by_ad(const mission::EncodedC
     return Err(std::string("too many telecommands wait for the AD service"));
   }
   return made->request;
+}
+
+Result<wire::RequestId, std::string> Station::arm(const std::string& command,
+                                                  const std::vector<std::string>& arguments,
+                                                  std::optional<milliseconds> patience, std::uint64_t tag,
+                                                  std::optional<UtcTime> release) {
+  const auto encoded = dictionary_.encode(command, arguments);
+  if (!encoded) return Err(encoded.error().message);
+  const TelecommandText arming = arming_of(*encoded);
+  return release ? send_at(*release, arming.name, arming.arguments, patience, tag)
+                 : send(arming.name, arming.arguments, patience, tag);
 }
 
 void Station::start_ad() {
@@ -278,6 +296,7 @@ void Station::on_packet(const ReceivedPacket& received, MonotonicTime now) {
       for (std::size_t i = 0; i < beacon->sdls_spi.size(); ++i) {
         uplink_.on_spacecraft_counter(beacon->sdls_spi[i], beacon->sdls_counter[i]);
       }
+      if (const auto set = uplink_.set_of(beacon->sdls_spi.front())) follow_keys(*set, "the beacon");
     }
   }
   if (output_.telemetry) output_.telemetry(report);
@@ -290,7 +309,18 @@ void Station::on_stage(const StageReport& stage, MonotonicTime now) {
   if (output_.stage) output_.stage(report);
   if (report.insertion) on_insertion(report, now);
   for (auto& retrieval : retrievals_) retrieval.on_stage(report, now);
+  if (const auto asked = asked_keys_.find(report.tag); asked != asked_keys_.end() && is_final(report.stage)) {
+    // Failed to be stored, it holds all the same until the spacecraft's next restart; the beacon tells.
+    if (report.stage == Stage::completed) follow_keys(asked->second, "ttc.select_keys");
+    asked_keys_.erase(report.tag);
+  }
   end_retrievals(now);
+}
+
+void Station::follow_keys(ros::AssociationSet set, const std::string& why) {
+  const auto changed = uplink_.select(set);
+  if (!changed && output_.problem) output_.problem(changed.error());
+  if (changed && *changed && output_.keys) output_.keys(set, why);
 }
 
 void Station::end_retrievals(MonotonicTime now) {

@@ -24,9 +24,10 @@ struct StationOutput {
   std::function<void(const TelemetryReport&)> telemetry;
   std::function<void(const StageReport&)> stage;
   std::function<void(const Retrieval&)> retrieval_over;
-  std::function<void(const CopReport&)> cop;        ///< when something of it changed
-  std::function<void(const cfdp::News&)> file;      ///< what became of files
-  std::function<void(const std::string&)> problem;  ///< ready to print
+  std::function<void(const CopReport&)> cop;                              ///< when something of it changed
+  std::function<void(const cfdp::News&)> file;                            ///< what became of files
+  std::function<void(ros::AssociationSet, const std::string& why)> keys;  ///< other keys are used now
+  std::function<void(const std::string&)> problem;                        ///< ready to print
 };
 
 /// The operator's end of the link: sends telecommands, decodes telemetry, follows verification. Telecommands
@@ -59,6 +60,13 @@ class Station {
                                                              const std::vector<std::string>& arguments,
                                                              std::optional<milliseconds> patience,
                                                              std::uint64_t tag);
+  /// Sends what arms a hazardous telecommand with these arguments (see arming_of); as send, with @p release
+  /// as send_at.
+  [[nodiscard]] Result<wire::RequestId, std::string> arm(const std::string& command,
+                                                         const std::vector<std::string>& arguments,
+                                                         std::optional<milliseconds> patience,
+                                                         std::uint64_t tag,
+                                                         std::optional<UtcTime> release = std::nullopt);
   /// The AD service (see AdService); news comes through the output.
   void start_ad();
   void stop_ad();
@@ -124,6 +132,8 @@ class Station {
   void on_packet(const ReceivedPacket& received, MonotonicTime now);
   void on_stage(const StageReport& report, MonotonicTime now);
   void end_retrievals(MonotonicTime now);
+  /// The spacecraft takes these keys, as it says.
+  void follow_keys(ros::AssociationSet set, const std::string& why);
   void move_files(MonotonicTime now);
   [[nodiscard]] bool send_pdu(OctetView pdu);
 
@@ -138,6 +148,7 @@ class Station {
   std::map<wire::RequestId, wire::RequestId> insertions_;  // insertion -> its telecommand; bounded
   static constexpr std::size_t max_insertions = Commanding::max_outstanding;
   std::vector<Retrieval> retrievals_;
+  std::map<std::uint64_t, ros::AssociationSet> asked_keys_;  ///< by the tag of ttc.select_keys
   std::unique_ptr<cfdp::Postbox> files_;
   double octet_time_ns_;
   MonotonicTime line_free_at_;  ///< of file data; a pty would take it at any rate

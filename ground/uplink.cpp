@@ -1,6 +1,7 @@
 #include "ground/uplink.hpp"
 
 #include <algorithm>
+#include <charconv>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -27,87 +28,159 @@ Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& file) {
 
 }  // namespace
 
-Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& file, UtcTime now) {
-  std::error_code error;
-  if (!std::filesystem::exists(file, error)) {
-    return UplinkState(file, static_cast<std::uint64_t>(now.ns() / 1'000'000));
+std::string_view to_text(ros::AssociationSet set) {
+  switch (set) {
+    case ros::AssociationSet::a:
+      return "a";
+    case ros::AssociationSet::b:
+      return "b";
+    case ros::AssociationSet::contingency:
+      return "contingency";
   }
+  return "?";
+}
+
+std::optional<ros::AssociationSet> key_set_of(std::string_view text) {
+  for (const auto set : {ros::AssociationSet::a, ros::AssociationSet::b, ros::AssociationSet::contingency}) {
+    if (text == to_text(set)) return set;
+  }
+  return std::nullopt;
+}
+
+namespace {
+
+/// {"17": 4, ...}: entries with a number as key and another one below @p limit as value; others are left out.
+std::map<std::uint16_t, std::uint64_t> numbers_of(const nlohmann::json& json, std::uint64_t limit) {
+  std::map<std::uint16_t, std::uint64_t> numbers;
+  if (!json.is_object()) return numbers;
+  for (const auto& [key, value] : json.items()) {
+    std::uint16_t number = 0;
+    const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), number);
+    const bool whole = error == std::errc() && end == key.data() + key.size();
+    if (whole && value.is_number_unsigned() && value.get<std::uint64_t>() < limit)
+      numbers[number] = value.get<std::uint64_t>();
+  }
+  return numbers;
+}
+
+}  // namespace
+
+Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& file, UtcTime now) {
+  UplinkState state(file);
+  state.first_counter_ = static_cast<std::uint64_t>(now.ns() / 1'000'000);
+  std::error_code error;
+  if (!std::filesystem::exists(file, error)) return state;
   const auto text = read_file(file, 65536);
   if (!text) return Err(text.error().message);
   const auto json = nlohmann::json::parse(*text, nullptr, false);
-  const auto counter =
-      json.is_object() ? json.value("next_security_counter", nlohmann::json()) : nlohmann::json();
-  if (!counter.is_number_unsigned()) {
+  const auto member = [&json](const char* name) {
+    return json.is_object() && json.contains(name) ? json[name] : nlohmann::json();
+  };
+  if (!member("next_security_counter").is_number_unsigned()) {
     return Err(
         fmt::format("{}: not a state of the ground tool; if it is lost, remove it (a new security counter "
                     "starts above the old)",
                     file.string()));
   }
-  UplinkState state(file, counter.get<std::uint64_t>());
-  const auto counts = json.value("next_sequence_counts", nlohmann::json::object());
-  for (const auto& process : counts.items()) {
-    if (!process.value().is_number_unsigned() ||
-        process.key().find_first_not_of("0123456789") != std::string::npos)
-      continue;
-    const auto apid = static_cast<std::uint16_t>(std::stoul(process.key().substr(0, 4)));
-    state.next_sequence_[apid] =
-        static_cast<std::uint16_t>(process.value().get<unsigned>() % sequence_modulus);
-  }
+  // The highest of all; before there was one for each association, the only one.
+  state.first_counter_ = member("next_security_counter").get<std::uint64_t>();
+  for (const auto& [spi, next] : numbers_of(member("next_security_counters"), UINT64_MAX))
+    state.counters_[spi] = Counter{next, next};
+  for (const auto& [apid, next] : numbers_of(member("next_sequence_counts"), sequence_modulus))
+    state.next_sequence_[apid] = static_cast<std::uint16_t>(next);
+  if (const auto set = member("keys"); set.is_string())
+    state.key_set_ = key_set_of(set.get<std::string>()).value_or(state.key_set_);
   return state;
 }
 
-Result<void, std::string> UplinkState::save(std::uint64_t next_counter, const SequenceCounts& next_sequence) {
-  nlohmann::json json;
-  const std::uint64_t saved = std::max(next_counter, saved_counter_);
-  json["next_security_counter"] = saved;
-  for (const auto& [process, count] : next_sequence)
-    json["next_sequence_counts"][fmt::format("{}", process)] = count;
-  const auto written = write_file_atomically(file_, json.dump(2) + "\n");
-  if (!written) return Err(written.error().message);
-  saved_counter_ = saved;
-  return {};
+UplinkState::Counter& UplinkState::counter(std::uint16_t spi) {
+  return counters_.try_emplace(spi, Counter{first_counter_, first_counter_}).first->second;
 }
 
-Result<UplinkState::Reserved, std::string> UplinkState::reserve(std::uint16_t apid) {
-  const Reserved reserved{next_counter_, next_sequence_[apid]};
-  auto next = next_sequence_;
-  next[apid] = static_cast<std::uint16_t>((reserved.sequence_count + 1) % sequence_modulus);
-  if (const auto saved = save(reserved.counter + 1, next); !saved) return Err(saved.error());
-  next_counter_ = reserved.counter + 1;
-  next_sequence_ = std::move(next);
-  return reserved;
+std::uint64_t UplinkState::next_counter(std::uint16_t spi) const {
+  const auto found = counters_.find(spi);
+  return found == counters_.end() ? first_counter_ : found->second.next;
+}
+
+/// What stands in the file is what may be used: on an error the caller takes back what it raised.
+Result<void, std::string> UplinkState::save() {
+  nlohmann::json json;
+  std::uint64_t highest = first_counter_;
+  for (const auto& [spi, counter] : counters_) {
+    json["next_security_counters"][fmt::format("{}", spi)] = counter.saved;
+    highest = std::max(highest, counter.saved);
+  }
+  json["next_security_counter"] = highest;
+  for (const auto& [process, count] : next_sequence_)
+    json["next_sequence_counts"][fmt::format("{}", process)] = count;
+  json["keys"] = to_text(key_set_);
+  const auto written = write_file_atomically(file_, json.dump(2) + "\n");
+  if (!written) return Err(written.error().message);
+  return {};
 }
 
 Result<std::uint16_t, std::string> UplinkState::reserve_sequence_count(std::uint16_t apid) {
   const std::uint16_t count = next_sequence_[apid];
-  auto next = next_sequence_;
-  next[apid] = static_cast<std::uint16_t>((count + 1) % sequence_modulus);
-  if (const auto saved = save(next_counter_, next); !saved) return Err(saved.error());
-  next_sequence_ = std::move(next);
+  next_sequence_[apid] = static_cast<std::uint16_t>((count + 1) % sequence_modulus);
+  if (const auto saved = save(); !saved) {
+    next_sequence_[apid] = count;
+    return Err(saved.error());
+  }
   return count;
 }
 
-Result<std::uint64_t, std::string> UplinkState::reserve_counter() {
-  if (const auto saved = save(next_counter_ + 1, next_sequence_); !saved) return Err(saved.error());
-  return next_counter_++;
-}
-
-Result<std::uint64_t, std::string> UplinkState::reserve_counter_ahead() {
-  if (next_counter_ >= saved_counter_) {
-    if (const auto saved = save(next_counter_ + counters_ahead, next_sequence_); !saved)
-      return Err(saved.error());
+Result<std::uint64_t, std::string> UplinkState::reserve_counter(std::uint16_t spi) {
+  Counter& c = counter(spi);
+  const std::uint64_t before = c.saved;
+  c.saved = std::max(c.saved, c.next + 1);
+  if (const auto saved = save(); !saved) {
+    c.saved = before;
+    return Err(saved.error());
   }
-  return next_counter_++;
+  return c.next++;
 }
 
-Result<void, std::string> UplinkState::raise(std::uint64_t counter) {
-  if (counter < next_counter_ || counter == UINT64_MAX) return {};
-  next_counter_ = counter + 1;
-  return save(next_counter_, next_sequence_);
+Result<UplinkState::Reserved, std::string> UplinkState::reserve(std::uint16_t apid, std::uint16_t spi) {
+  const std::uint16_t count = next_sequence_[apid];
+  next_sequence_[apid] = static_cast<std::uint16_t>((count + 1) % sequence_modulus);
+  const auto reserved = reserve_counter(spi);  // writes both
+  if (!reserved) {
+    next_sequence_[apid] = count;
+    return Err(reserved.error());
+  }
+  return Reserved{count, *reserved};
+}
+
+Result<std::uint64_t, std::string> UplinkState::reserve_counter_ahead(std::uint16_t spi) {
+  Counter& c = counter(spi);
+  if (c.next >= c.saved) {
+    const std::uint64_t before = c.saved;
+    c.saved = c.next + counters_ahead;
+    if (const auto saved = save(); !saved) {
+      c.saved = before;
+      return Err(saved.error());
+    }
+  }
+  return c.next++;
+}
+
+Result<void, std::string> UplinkState::raise(std::uint16_t spi, std::uint64_t value) {
+  Counter& c = counter(spi);
+  if (value < c.next || value == UINT64_MAX) return {};
+  c.next = value + 1;
+  c.saved = std::max(c.saved, c.next);
+  return save();
+}
+
+Result<void, std::string> UplinkState::set_key_set(ros::AssociationSet set) {
+  if (key_set_ == set) return {};
+  key_set_ = set;
+  return save();
 }
 
 Result<Uplink, std::string> Uplink::open(const ros::LinkSettings& link, const std::filesystem::path& var_dir,
-                                         const std::filesystem::path& state_dir, UtcTime now) {
+                                         const std::filesystem::path& state_dir, UtcTime now,
+                                         std::optional<ros::AssociationSet> forced) {
   if (link.channels.empty())
     return Err(std::string("the deployment has no telecommand channel (link.tc_channels)"));
   const auto secured = std::find_if(link.channels.begin(), link.channels.end(),
@@ -118,15 +191,59 @@ Result<Uplink, std::string> Uplink::open(const ros::LinkSettings& link, const st
   Uplink uplink({static_cast<std::uint16_t>(link.spacecraft_id),
                  static_cast<std::uint8_t>(chosen.virtual_channel), link.tc_randomizer},
                 std::move(*state));
+  uplink.secured_ = secured != link.channels.end();
+  uplink.forced_ = forced.has_value();
+  uplink.set_ = forced.value_or(uplink.state_.key_set());
   for (const auto& entry : link.channels) {
+    const auto same_set = [&entry](const auto& other) {
+      return other.security == ros::ChannelSecurity::sdls && other.set == entry.set &&
+             other.virtual_channel == entry.virtual_channel;
+    };
     if (entry.security != ros::ChannelSecurity::sdls || entry.virtual_channel != chosen.virtual_channel)
       continue;
     auto key = read_key(var_dir / entry.key_file);
+    if (!key && entry.set != uplink.set_) continue;
     if (!key) return Err(key.error());
-    (uplink.bd_ ? uplink.ad_ : uplink.bd_) =
-        Association{std::move(*key), static_cast<std::uint16_t>(entry.spi)};
+    const auto first = std::find_if(link.channels.begin(), link.channels.end(), same_set);
+    const bool alone = std::count_if(link.channels.begin(), link.channels.end(), same_set) == 1;
+    uplink.associations_.push_back({.key = std::move(*key),
+                                    .spi = static_cast<std::uint16_t>(entry.spi),
+                                    .set = entry.set,
+                                    .for_bd = alone || first->spi == entry.spi,
+                                    .for_ad = alone || first->spi != entry.spi});
   }
+  if (uplink.secured_ && !uplink.has(uplink.set_))
+    return Err(fmt::format("the deployment has no keys '{}' for this channel (link.tc_channels)",
+                           to_text(uplink.set_)));
   return uplink;
+}
+
+bool Uplink::has(ros::AssociationSet set) const {
+  return std::any_of(associations_.begin(), associations_.end(),
+                     [set](const auto& a) { return a.set == set; });
+}
+
+const Uplink::Association* Uplink::association(wire::TcFrameType type) const {
+  const auto found = std::find_if(associations_.begin(), associations_.end(), [&](const auto& a) {
+    return a.set == set_ && (type == wire::TcFrameType::ad ? a.for_ad : a.for_bd);
+  });
+  return found == associations_.end() ? nullptr : &*found;
+}
+
+Result<bool, std::string> Uplink::select(ros::AssociationSet set) {
+  if (!has(set)) return Err(fmt::format("the spacecraft takes keys '{}', which are not here", to_text(set)));
+  const auto saved = state_.set_key_set(set);
+  const bool changed = !forced_ && set != set_;
+  if (!forced_) set_ = set;
+  if (!saved) return Err(saved.error());
+  return changed;
+}
+
+std::optional<ros::AssociationSet> Uplink::set_of(std::uint16_t spi) const {
+  for (const Association& association : associations_) {
+    if (association.spi == spi) return association.set;
+  }
+  return std::nullopt;
 }
 
 wire::TcPacket Uplink::packet_of(const mission::EncodedCommand& command, std::uint16_t sequence_count) const {
@@ -138,16 +255,25 @@ wire::TcPacket Uplink::packet_of(const mission::EncodedCommand& command, std::ui
 }
 
 Result<OutgoingTelecommand, std::string> Uplink::make(const mission::EncodedCommand& command) {
-  const auto reserved = state_.reserve(command.command->apid);
-  if (!reserved) return Err(reserved.error());
-  const wire::TcPacket packet = packet_of(command, reserved->sequence_count);
+  const Association* const used = association(wire::TcFrameType::bd);
   std::optional<wire::SdlsSeal> seal;
-  if (bd_) seal.emplace(wire::SdlsSeal{bd_->key, bd_->spi, reserved->counter});
+  std::uint16_t sequence_count = 0;
+  if (used != nullptr) {
+    const auto reserved = state_.reserve(command.command->apid, used->spi);
+    if (!reserved) return Err(reserved.error());
+    seal.emplace(wire::SdlsSeal{used->key, used->spi, reserved->counter});
+    sequence_count = reserved->sequence_count;
+  } else {
+    const auto count = state_.reserve_sequence_count(command.command->apid);
+    if (!count) return Err(count.error());
+    sequence_count = *count;
+  }
+  const wire::TcPacket packet = packet_of(command, sequence_count);
   auto cltu = wire::make_uplink_cltu(channel_, wire::TcFrameType::bd, 0, seal ? &*seal : nullptr,
                                      wire::make_tc_packet(packet));
   if (!cltu) return Err(fmt::format("{}: {}", command.command->name, wire::to_string(cltu.error())));
   ++sent_;
-  return OutgoingTelecommand{wire::request_id(packet), bd_ ? std::optional(reserved->counter) : std::nullopt,
+  return OutgoingTelecommand{wire::request_id(packet), seal ? std::optional(seal->counter) : std::nullopt,
                              std::move(*cltu)};
 }
 
@@ -163,11 +289,12 @@ Result<TelecommandPacket, std::string> Uplink::make_packet(const mission::Encode
 }
 
 Result<Octets, std::string> Uplink::make_ad_cltu(std::uint8_t sequence, OctetView packet) {
+  const Association* const used = association(wire::TcFrameType::ad);
   std::optional<wire::SdlsSeal> seal;
-  if (bd_) {
-    const auto counter = state_.reserve_counter();
+  if (used != nullptr) {
+    const auto counter = state_.reserve_counter(used->spi);
     if (!counter) return Err(counter.error());
-    seal.emplace(wire::SdlsSeal{ad_association().key, ad_association().spi, *counter});
+    seal.emplace(wire::SdlsSeal{used->key, used->spi, *counter});
   }
   auto cltu =
       wire::make_uplink_cltu(channel_, wire::TcFrameType::ad, sequence, seal ? &*seal : nullptr, packet);
@@ -176,15 +303,16 @@ Result<Octets, std::string> Uplink::make_ad_cltu(std::uint8_t sequence, OctetVie
 }
 
 std::size_t Uplink::packet_octets_max() const {
-  return bd_ ? wire::sdls_packet_octets_max : wire::tc_data_octets_max - 1;
+  return secured_ ? wire::sdls_packet_octets_max : wire::tc_data_octets_max - 1;
 }
 
 Result<Octets, std::string> Uplink::make_file_cltu(OctetView packet) {
+  const Association* const used = association(wire::TcFrameType::bd);
   std::optional<wire::SdlsSeal> seal;
-  if (bd_) {
-    const auto counter = state_.reserve_counter_ahead();
+  if (used != nullptr) {
+    const auto counter = state_.reserve_counter_ahead(used->spi);
     if (!counter) return Err(counter.error());
-    seal.emplace(wire::SdlsSeal{bd_->key, bd_->spi, *counter});
+    seal.emplace(wire::SdlsSeal{used->key, used->spi, *counter});
   }
   auto cltu = wire::make_uplink_cltu(channel_, wire::TcFrameType::bd, 0, seal ? &*seal : nullptr, packet);
   if (!cltu) return Err(std::string(wire::to_string(cltu.error())));
@@ -196,9 +324,8 @@ Octets Uplink::make_bc_cltu(wire::ControlCommand command) const {
 }
 
 void Uplink::on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter) {
-  const bool ours = bd_ && (spi == bd_->spi || spi == ad_association().spi);
   // Not on disk is no loss yet: the next telecommand writes it, and the beacon says it again.
-  if (ours) (void)state_.raise(counter);
+  if (set_of(spi)) (void)state_.raise(spi, counter);
 }
 
 }  // namespace srfs::ground

@@ -5,6 +5,8 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "base/octets.hpp"
 #include "base/result.hpp"
@@ -17,44 +19,57 @@
 
 namespace srfs::ground {
 
-/// What the ground must not forget: the next security counter and the sequence counts. A file, replaced
-/// atomically.
+[[nodiscard]] std::string_view to_text(ros::AssociationSet set);
+/// "a", "b" or "contingency".
+[[nodiscard]] std::optional<ros::AssociationSet> key_set_of(std::string_view text);
+
+/// What the ground must not forget: the next security counter of each association, the sequence counts, the
+/// keys in use. A file, replaced atomically.
 class UplinkState {
  public:
-  /// A missing file begins with the milliseconds of @p now as counter: higher than any counter that was used
-  /// before the file was lost, and the spacecraft accepts any higher one. A damaged file is an error:
-  /// guessing would hide it.
+  /// A counter that is not in the file begins with the milliseconds of @p now, or where the highest other one
+  /// is: higher than any counter that was used before the file was lost, and the spacecraft accepts any
+  /// higher one. A damaged file is an error: guessing would hide it.
   static Result<UplinkState, std::string> open(const std::filesystem::path& file, UtcTime now);
 
-  struct Reserved {
-    std::uint64_t counter = 0;
-    std::uint16_t sequence_count = 0;
-  };
-  /// The counters of the next telecommand. They are on disk when this returns, so none is used twice. Blocks
-  /// on the disk.
-  [[nodiscard]] Result<Reserved, std::string> reserve(std::uint16_t apid);
-  /// The same for a packet without a frame yet, and for one more frame of a packet.
-  [[nodiscard]] Result<std::uint16_t, std::string> reserve_sequence_count(std::uint16_t apid);
-  [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter();
+  /// The next counter of an association. It is on disk when this returns, so none is used twice. Blocks on
+  /// the disk.
+  [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter(std::uint16_t spi);
   /// The same for one of many: only each counters_ahead-th call writes. What a crash leaves unused is
   /// skipped.
-  [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter_ahead();
+  [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter_ahead(std::uint16_t spi);
   static constexpr std::uint64_t counters_ahead = 256;
+  [[nodiscard]] Result<std::uint16_t, std::string> reserve_sequence_count(std::uint16_t apid);
+  struct Reserved {
+    std::uint16_t sequence_count = 0;
+    std::uint64_t counter = 0;
+  };
+  /// Both, with one write.
+  [[nodiscard]] Result<Reserved, std::string> reserve(std::uint16_t apid, std::uint16_t spi);
   /// The spacecraft has accepted @p counter: the next one is higher. Written when it grows; blocks on the
   /// disk. On an error it still holds for this run.
-  Result<void, std::string> raise(std::uint64_t counter);
-  [[nodiscard]] std::uint64_t next_counter() const { return next_counter_; }
+  Result<void, std::string> raise(std::uint16_t spi, std::uint64_t counter);
+  [[nodiscard]] std::uint64_t next_counter(std::uint16_t spi) const;
+
+  [[nodiscard]] ros::AssociationSet key_set() const { return key_set_; }
+  /// Blocks on the disk. On an error it still holds for this run.
+  Result<void, std::string> set_key_set(ros::AssociationSet set);
 
  private:
   using SequenceCounts = std::map<std::uint16_t, std::uint16_t>;
-  [[nodiscard]] Result<void, std::string> save(std::uint64_t next_counter,
-                                               const SequenceCounts& next_sequence);
-  UplinkState(std::filesystem::path file, std::uint64_t next)
-      : file_(std::move(file)), next_counter_(next), saved_counter_(next) {}
+  struct Counter {
+    std::uint64_t next = 0;
+    std::uint64_t saved = 0;  ///< the file's: none below it is used again after a crash
+  };
+  explicit UplinkState(std::filesystem::path file) : file_(std::move(file)) {}
+  [[nodiscard]] Result<void, std::string> save();
+  [[nodiscard]] Counter& counter(std::uint16_t spi);
+
   std::filesystem::path file_;
-  std::uint64_t next_counter_;
-  std::uint64_t saved_counter_;  ///< the file's: none below it is used again after a crash
+  std::uint64_t first_counter_ = 0;  ///< of an association that is not in the file
+  std::map<std::uint16_t, Counter> counters_;
   SequenceCounts next_sequence_;
+  ros::AssociationSet key_set_ = ros::AssociationSet::a;
 };
 
 struct OutgoingTelecommand {
@@ -73,13 +88,16 @@ struct TelecommandPacket {
 /// print.
 class Uplink {
  public:
-  /// Takes the first secured TC channel of the link, or the first if none is. Of two associations the first
-  /// secures BD frames and the second AD frames, as on board.
+  /// Takes the first secured TC channel of the link, or the first if none is. Of two associations of a set
+  /// the first secures BD frames and the second AD frames, as on board. Keys of sets that are not in use may
+  /// be missing.
   /// @param var_dir where relative key files stand
   /// @param state_dir where the counters are kept
+  /// @param forced the set of this run; nullopt: as remembered
   /// @return the error is ready to print
   static Result<Uplink, std::string> open(const ros::LinkSettings& link, const std::filesystem::path& var_dir,
-                                          const std::filesystem::path& state_dir, UtcTime now);
+                                          const std::filesystem::path& state_dir, UtcTime now,
+                                          std::optional<ros::AssociationSet> forced = std::nullopt);
 
   /// Blocks on the disk. All verification reports are asked for.
   [[nodiscard]] Result<OutgoingTelecommand, std::string> make(const mission::EncodedCommand& command);
@@ -93,9 +111,14 @@ class Uplink {
   [[nodiscard]] std::size_t packet_octets_max() const;
   [[nodiscard]] Octets make_bc_cltu(wire::ControlCommand command) const;
   [[nodiscard]] std::uint8_t vc() const { return channel_.vc; }
-  /// What the beacon says about an association; another SPI than ours is ignored. One counter serves all
-  /// associations.
+  /// What the spacecraft says about an association; an SPI whose key is not here is ignored.
   void on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter);
+  /// The keys in use; those of a run with forced keys stay, what is selected counts from the next run on.
+  [[nodiscard]] ros::AssociationSet key_set() const { return set_; }
+  /// Blocks on the disk. @return whether the keys in use changed; the error is ready to print
+  Result<bool, std::string> select(ros::AssociationSet set);
+  /// The set that an SPI of this channel belongs to, if its key is here.
+  [[nodiscard]] std::optional<ros::AssociationSet> set_of(std::uint16_t spi) const;
   [[nodiscard]] std::uint64_t sent() const { return sent_; }
 
  private:
@@ -105,12 +128,19 @@ class Uplink {
   struct Association {
     wire::SdlsKey key;
     std::uint16_t spi;
+    ros::AssociationSet set;
+    bool for_bd;
+    bool for_ad;
   };
   [[nodiscard]] wire::TcPacket packet_of(const mission::EncodedCommand& command,
                                          std::uint16_t sequence_count) const;
-  [[nodiscard]] const Association& ad_association() const { return ad_ ? *ad_ : *bd_; }
-  std::optional<Association> bd_;  ///< nullopt: a channel without security
-  std::optional<Association> ad_;  ///< nullopt: bd_ serves both
+  [[nodiscard]] bool has(ros::AssociationSet set) const;
+  /// Of the set in use. nullptr: a channel without security
+  [[nodiscard]] const Association* association(wire::TcFrameType type) const;
+  std::vector<Association> associations_;  ///< those whose key is here
+  bool secured_ = false;
+  bool forced_ = false;
+  ros::AssociationSet set_ = ros::AssociationSet::a;
   std::uint64_t sent_ = 0;
 };
 

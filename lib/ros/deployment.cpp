@@ -126,7 +126,8 @@ LinkSettings read_link(const ConfigSection& section) {
         return other.security == ChannelSecurity::sdls && other.*member == value;
       });
     };
-    TelecommandChannel channel{static_cast<int>(entry.integer("vc", 0, 63)), ChannelSecurity::none, 0, ""};
+    TelecommandChannel channel{static_cast<int>(entry.integer("vc", 0, 63)), ChannelSecurity::none, 0, "",
+                               AssociationSet::a};
     if (entry.choice("security", {"sdls", "none"}, "sdls") == "sdls") {
       channel.security = ChannelSecurity::sdls;
       channel.spi = static_cast<int>(entry.integer("spi", 1, 65534));
@@ -136,6 +137,17 @@ LinkSettings read_link(const ConfigSection& section) {
       // Two counters under one key would use an IV twice, which breaks AES-GCM.
       if (is_taken(&TelecommandChannel::key_file, channel.key_file))
         throw entry.bad("key_file", "a key that no other entry has");
+      const std::string set = entry.choice("set", {"a", "b", "contingency"}, "a");
+      channel.set = set == "a"   ? AssociationSet::a
+                    : set == "b" ? AssociationSet::b
+                                 : AssociationSet::contingency;
+      const auto of_the_same =
+          std::count_if(link.channels.begin(), link.channels.end(), [&](const TelecommandChannel& other) {
+            return other.virtual_channel == channel.virtual_channel && other.set == channel.set &&
+                   other.security == ChannelSecurity::sdls;
+          });
+      if (of_the_same >= (channel.set == AssociationSet::contingency ? 1 : 2))
+        throw entry.bad("set", "two entries of a set for a channel at most, one for contingency");
     }
     entry.finish();
     link.channels.push_back(channel);

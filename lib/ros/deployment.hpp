@@ -41,11 +41,15 @@ struct Slot {
 
 enum class ChannelSecurity : std::uint8_t { none, sdls };
 
+/// Sets of associations of a channel: a or b as commanded, contingency always.
+enum class AssociationSet : std::uint8_t { a, b, contingency };
+
 struct TelecommandChannel {
   int virtual_channel;
   ChannelSecurity security;
   int spi = 0;
   std::string key_file;  ///< relative to VAR
+  AssociationSet set = AssociationSet::a;
 };
 
 struct LinkSettings {

@@ -134,6 +134,7 @@ Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const
   beacon.temperature_min_k = fresh(temperature_min_k_, now);
   beacon.temperature_max_k = fresh(temperature_max_k_, now);
   beacon.storage_free_mib = inputs.storage_free_mib;
+  beacon.storage_state = inputs.storage_state;
   beacon.store_records = inputs.store_records;
   beacon.last_telecommand_apid = inputs.last_telecommand.origin.request.packet_identification & 0x7FF;
   beacon.last_telecommand_sequence = inputs.last_telecommand.origin.request.packet_sequence_control & 0x3FFF;

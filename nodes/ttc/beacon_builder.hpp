@@ -38,6 +38,7 @@ struct BeaconInputs {
   std::string mode_reason;
   bool time_valid = false;
   std::uint32_t storage_free_mib = 0;
+  mission::StorageState storage_state = mission::StorageState::works;
   std::uint32_t store_records = 0;
   LastTelecommand last_telecommand;
   std::array<std::uint16_t, 2> sdls_spi{};      ///< BD, AD; 0: none

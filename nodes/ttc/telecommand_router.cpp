@@ -62,7 +62,9 @@ FailureCodes::FailureCodes(const mission::Dictionary& dictionary)
       store_unreadable(code_of(dictionary, "store_unreadable")),
       aborted(code_of(dictionary, "aborted")),
       interrupted(code_of(dictionary, "interrupted")),
-      completion_unknown(code_of(dictionary, "completion_unknown")) {}
+      completion_unknown(code_of(dictionary, "completion_unknown")),
+      not_armed(code_of(dictionary, "not_armed")),
+      not_hazardous(code_of(dictionary, "not_hazardous")) {}
 
 TelecommandRouter::TelecommandRouter(Parts parts, std::string own_node)
     : parts_(parts), own_node_(std::move(own_node)) {
@@ -86,7 +88,7 @@ JudgedTelecommand TelecommandRouter::judge(OctetView packet, MonotonicTime now, 
   if (!parsed) return judge_malformed(packet, parsed.error());
   JudgedTelecommand judged;
   judged.origin = origin_of(*parsed);
-  auto request = check(*parsed, room);
+  auto request = check(*parsed, room, now);
   if (!request) {
     judged.refusal = request.error();
     return judged;
@@ -94,6 +96,7 @@ JudgedTelecommand TelecommandRouter::judge(OctetView packet, MonotonicTime now, 
   judged.command = request->command;
   judged.arguments = std::move(request->arguments);
   judged.expiry = now + judged.command->timeout;
+  if (judged.command->hazardous) parts_.hazards.disarm(mission::DisarmReason::fired);  // once
   if (judged.command->node != own_node_) ++waiting_[judged.command->node];
   if (const auto mode = mode_of(*judged.command, judged.arguments)) modes_to_come_.push_back(*mode);
   return judged;
@@ -113,7 +116,8 @@ void TelecommandRouter::carry_out(const JudgedTelecommand& judged, bool durable,
   }
   if (!durable) unstored_runs_.push_back(judged.origin.id);
   parts_.outbox.success(judged.origin, Stage::acceptance);
-  const Request request{.origin = judged.origin, .command = &command, .arguments = judged.arguments};
+  const Request request{
+      .origin = judged.origin, .command = &command, .arguments = judged.arguments, .now = now};
   const auto mode = static_cast<std::uint8_t>(parts_.mode.mode());
   if (!command.allowed_in(mode)) {  // a mode change that it counted on did not come
     parts_.outbox.failure(judged.origin, Stage::start, parts_.codes.wrong_mode, Octets{mode});
@@ -140,6 +144,7 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
   const Request request{.origin = restored.origin,
                         .command = &command,
                         .arguments = arguments_of(*parsed, command),
+                        .now = now,
                         .repeated = true};
   if (command.node != own_node_) {
     parts_.forwarder.restore(restored.origin, forwarded(request, restored.expiry), restored.progress, now);
@@ -201,8 +206,8 @@ std::size_t TelecommandRouter::waiting_for(const std::string& node) const {
   return found == waiting_.end() ? 0 : found->second;
 }
 
-Result<TelecommandRouter::Request, Refusal> TelecommandRouter::check(const wire::TcPacket& packet,
-                                                                     bool room) const {
+Result<TelecommandRouter::Request, Refusal> TelecommandRouter::check(const wire::TcPacket& packet, bool room,
+                                                                     MonotonicTime now) const {
   const auto command = find_command(packet);
   if (!command) return Err(command.error());
   const mission::Command& found = **command;
@@ -217,10 +222,12 @@ Result<TelecommandRouter::Request, Refusal> TelecommandRouter::check(const wire:
     return Err(Refusal{parts_.codes.bad_argument, {position}});
   }
   if (auto refusal = refuse_insertion(found, arguments)) return Err(std::move(*refusal));
+  if (found.hazardous && !parts_.hazards.is_armed(hazard_name(packet), now))
+    return Err(Refusal{parts_.codes.not_armed, {}});
   const bool taken =
       room && (found.node == own_node_ || parts_.forwarder.has_room(found.node, waiting_for(found.node)));
   if (!taken) return Err(Refusal{parts_.codes.queue_full, {}});
-  return Request{.origin = {}, .command = &found, .arguments = std::move(arguments)};
+  return Request{.origin = {}, .command = &found, .arguments = std::move(arguments), .now = now};
 }
 
 std::optional<Refusal> TelecommandRouter::refuse_insertion(const mission::Command& command,
@@ -321,6 +328,19 @@ void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
     case function_service:
       if (command.name == set_mode_command) {
         set_mode(request);
+        return;
+      }
+      if (command.name == mission::TtcArm::name) {
+        arm(request);
+        return;
+      }
+      if (command.name == mission::TtcSelectKeys::name) {
+        select_keys(request);
+        return;
+      }
+      if (command.name == mission::TtcDisarm::name) {
+        parts_.hazards.disarm(mission::DisarmReason::commanded);
+        complete(request.origin);
         return;
       }
       break;
@@ -427,8 +447,62 @@ void TelecommandRouter::set_mode(const Request& request) {
   parts_.outbox.success(request.origin, Stage::start);
   OctetReader reader(request.arguments);
   const Mode mode = reader.u8() == static_cast<std::uint8_t>(Mode::nominal) ? Mode::nominal : Mode::safe;
+  if (mode != parts_.mode.mode()) parts_.hazards.disarm(mission::DisarmReason::mode_changed);
   mode_change_ = ModeChange{
       .origin = request.origin, .mode = mode, .stored_text = parts_.mode.change(mode, "commanded")};
+}
+
+std::optional<Refusal> TelecommandRouter::why_not_armed(const mission::TtcArm& arm) const {
+  // Which of the functions is in the digest.
+  const auto is_meant = [&](const mission::Command& command) {
+    return command.hazardous && command.apid == arm.of_apid && command.service == arm.of_service &&
+           command.subtype == arm.of_subtype;
+  };
+  const auto mode = static_cast<std::uint8_t>(parts_.mode.mode());
+  std::optional<Refusal> why = Refusal{parts_.codes.not_hazardous, {}};
+  for (const mission::Command& command : parts_.dictionary.commands()) {
+    if (!is_meant(command)) continue;
+    if (command.allowed_in(mode)) return std::nullopt;
+    why = Refusal{parts_.codes.wrong_mode, {mode}};
+  }
+  return why;
+}
+
+void TelecommandRouter::arm(const Request& request) {
+  const auto arm = mission::TtcArm::decode(request.arguments);
+  const auto refusal = arm ? why_not_armed(*arm) : Refusal{parts_.codes.bad_arguments_length, {}};
+  if (refusal) {
+    parts_.outbox.failure(request.origin, Stage::start, refusal->code, refusal->parameter);
+    return;
+  }
+  parts_.hazards.arm(
+      {.apid = arm->of_apid, .service = arm->of_service, .subtype = arm->of_subtype, .digest = arm->digest},
+      request.now);
+  complete(request.origin);
+}
+
+void TelecommandRouter::select_keys(const Request& request) {
+  const auto select = mission::TtcSelectKeys::decode(request.arguments);
+  const auto set = select && select->set == mission::KeySet::b ? KeySet::b : KeySet::a;
+  const auto vc = select ? select->vc : std::uint8_t{0};
+  const auto& available = parts_.key_sets;
+  const bool has_it = std::find(available.begin(), available.end(), std::pair(vc, set)) != available.end();
+  if (!select || !has_it) {
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(vc));
+  } else if (key_change_) {  // the one before was not taken yet
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
+  } else {
+    parts_.outbox.success(request.origin, Stage::start);
+    key_change_ = KeyChange{.origin = request.origin, .vc = vc, .set = set};
+  }
+}
+
+void TelecommandRouter::key_change_stored(const KeyChange& change, bool success) {
+  if (success) {
+    parts_.outbox.success(change.origin, Stage::completion);
+  } else {
+    parts_.outbox.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
+  }
 }
 
 void TelecommandRouter::mode_stored(const ModeChange& change, bool success) {

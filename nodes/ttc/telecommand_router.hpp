@@ -12,7 +12,9 @@
 #include "nodes/ttc/command_forwarder.hpp"
 #include "nodes/ttc/event_reporter.hpp"
 #include "nodes/ttc/file_service.hpp"
+#include "nodes/ttc/hazard_guard.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
+#include "nodes/ttc/key_selection.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_retrieval.hpp"
 #include "nodes/ttc/parameter_service.hpp"
@@ -29,7 +31,8 @@ struct FailureCodes {
 
   std::uint16_t unknown_apid, bad_length, bad_checksum, unknown_service, unknown_subtype, bad_argument,
       unknown_function, wrong_mode, queue_full, storage_unavailable, unknown_identifier, bad_arguments_length,
-      node_unavailable, busy, bad_time_range, store_unreadable, aborted, interrupted, completion_unknown;
+      node_unavailable, busy, bad_time_range, store_unreadable, aborted, interrupted, completion_unknown,
+      not_armed, not_hazardous;
 };
 
 /// A mode change that was commanded: to be stored, then reported with mode_stored().
@@ -37,6 +40,13 @@ struct ModeChange {
   TelecommandOrigin origin;
   Mode mode = Mode::safe;
   std::string stored_text;
+};
+
+/// Other keys for a channel were commanded: to be stored, then used and reported with key_change_stored().
+struct KeyChange {
+  TelecommandOrigin origin;
+  std::uint8_t vc = 0;
+  KeySet set = KeySet::a;
 };
 
 /// A telecommand that was refused, for the event that says so.
@@ -92,6 +102,8 @@ class TelecommandRouter {
     ReportOutbox& outbox;
     ScheduleService& schedule;
     TimeReporter& time_reports;
+    HazardGuard& hazards;
+    const AvailableKeySets& key_sets;
   };
 
   /// @param own_node name of the node whose commands are executed here
@@ -114,6 +126,11 @@ class TelecommandRouter {
   }
   /// The change is on disk, or could not be stored; it holds either way.
   void mode_stored(const ModeChange& change, bool success);
+  [[nodiscard]] std::optional<KeyChange> take_key_change() {
+    return std::exchange(key_change_, std::nullopt);
+  }
+  /// The change is on disk, or could not be stored; it holds either way.
+  void key_change_stored(const KeyChange& change, bool success);
   /// Telecommands refused since the last call, at most max_rejected (the newest).
   [[nodiscard]] std::vector<RejectedTelecommand> take_rejected() { return std::exchange(rejected_, {}); }
   /// Ids of recovery commands that ran without storage since the last call.
@@ -124,10 +141,12 @@ class TelecommandRouter {
     TelecommandOrigin origin;
     const mission::Command* command = nullptr;
     Octets arguments;
+    MonotonicTime now;      ///< when it is executed
     bool repeated = false;  ///< may have been done before a restart
   };
   [[nodiscard]] Result<const mission::Command*, Refusal> find_command(const wire::TcPacket& packet) const;
-  [[nodiscard]] Result<Request, Refusal> check(const wire::TcPacket& packet, bool room) const;
+  [[nodiscard]] Result<Request, Refusal> check(const wire::TcPacket& packet, bool room,
+                                               MonotonicTime now) const;
   /// @return why an insertion into the schedule is refused; nullopt: it is not, or is another command
   [[nodiscard]] std::optional<Refusal> refuse_insertion(const mission::Command& command,
                                                         OctetView arguments) const;
@@ -145,12 +164,17 @@ class TelecommandRouter {
   void execute_events(const Request& request);
   void execute_storage(const Request& request);
   void set_mode(const Request& request);
+  void arm(const Request& request);
+  void select_keys(const Request& request);
+  /// The telecommand that @p arm names, if it is hazardous and allowed now.
+  [[nodiscard]] std::optional<Refusal> why_not_armed(const mission::TtcArm& arm) const;
   void complete(const TelecommandOrigin& origin);
 
   Parts parts_;
   std::string own_node_;
   std::uint16_t own_apid_ = 0;
   std::optional<ModeChange> mode_change_;
+  std::optional<KeyChange> key_change_;
   std::vector<RejectedTelecommand> rejected_;
   std::vector<std::uint64_t> unstored_runs_;
   std::map<std::string, std::size_t> waiting_;  ///< judged and not carried out, per node

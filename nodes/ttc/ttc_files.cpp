@@ -66,7 +66,7 @@ void TtcNode::pump_files() {
 }
 
 void TtcNode::on_files_turn(Result<cfdp::PostboxTurnResult, std::string>& result) {
-  note_storage(files_work_, result.has_value(), result ? "" : result.error());
+  note_storage(files_work_, result.has_value(), result ? "" : result.error(), "files");
   if (!result) {
     link_->files.on_turn_refused(monotonic_now());
   } else {

@@ -16,6 +16,8 @@ constexpr std::size_t frames_per_read = read_octets / 26 + 2;  ///< the shortest
 constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
 constexpr std::uint8_t verification_service = 1;
 constexpr milliseconds schedule_retry_period{50};  ///< what is due and not released waits for room
+constexpr const char* journal_name = "journal of telecommands";
+constexpr const char* stores_name = "packet stores";
 
 std::optional<Stage> to_stage(std::uint8_t stage) {
   switch (stage) {
@@ -123,13 +125,14 @@ void TtcNode::on_journal_written(const JournalBatch& batch, const Result<void, F
   link_->journal.on_written(batch, written.has_value(), used_octets);
   link_->gate.on_write_done(written.has_value(), monotonic_now());
   link_->schedule.on_written(batch.revision, written.has_value());
-  note_storage(journal_durable_, written.has_value(), written ? "" : written.error().message);
+  note_storage(journal_durable_, written.has_value(), written ? "" : written.error().message, journal_name);
   if (is_active()) settle();
 }
 
 void TtcNode::execute_passed() {
   for (const GatedTelecommand& gated : link_->gate.take_passed()) {
-    if (!gated.durable) note_storage(journal_durable_, false, "the journal of telecommands is not on disk");
+    if (!gated.durable)
+      note_storage(journal_durable_, false, "the journal of telecommands is not on disk", journal_name);
     link_->router.carry_out(gated.judged, gated.durable, now());
     send_reports(link_->outbox.take(), gated.received);
   }
@@ -182,7 +185,9 @@ void TtcNode::settle() {
   publish_telecommands();
   send_reports(link_->outbox.take(), std::nullopt);
   store_mode_change();
+  store_key_change();
   report_rejections();
+  report_hazards();
   report_findings();
   record_progress();
   persist_journal();
@@ -355,6 +360,7 @@ void TtcNode::arm_timer() {
   sooner(link_->downlink.next_due(at));
   sooner(link_->forwarder.next_due());
   sooner(link_->gate.next_due());
+  sooner(link_->hazards.next_due());
   sooner(link_->uplink.idle_deadline());
   if (const auto in = link_->schedule.next_due_in())
     sooner(at + (*in > nanoseconds(0) ? *in : schedule_retry_period));
@@ -375,6 +381,7 @@ void TtcNode::arm_timer() {
         link_->forwarder.on_time(t);
         link_->gate.on_time(t);
         link_->file_service.on_time(t);
+        link_->hazards.on_time(t);
         if (line_empty) take_uplinked(link_->uplink.on_idle(t));
         settle();
       },
@@ -448,7 +455,7 @@ void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& mes
 void TtcNode::commit_stores() {
   if (commit_running_) {  // a slow disk: what comes meanwhile waits, bounded
     if (++commits_missed_ == patience_commits)
-      note_storage(stores_work_, false, "the packet stores do not answer");
+      note_storage(stores_work_, false, "the packet stores do not answer", stores_name);
     return;
   }
   commits_missed_ = 0;
@@ -484,17 +491,20 @@ void TtcNode::on_store_status(const StoreRackStatus& status) {
     raise(event.severity, event.event_id, event.encoded());
   }
   store_status_ = status;
-  note_storage(stores_work_, status.failure.empty(), status.failure);
+  note_storage(stores_work_, status.failure.empty(), status.failure, stores_name);
 }
 
-void TtcNode::note_storage(bool& known, bool works, const std::string& why) {
+void TtcNode::note_storage(bool& known, bool works, const std::string& why, const std::string& what) {
   if (!works && known) {
     log::error("storage unavailable: {}", why);
     mission::TtcStorageUnavailableEvent event;
     event.what = why;
     raise(event.severity, event.event_id, event.encoded());
   } else if (works && !known) {
-    log::info("storage is available again");
+    log::info("storage is available again: {}", what);
+    mission::TtcStorageAvailableEvent event;
+    event.what = what;
+    raise(event.severity, event.event_id, event.encoded());
   }
   known = works;
 }
@@ -568,6 +578,9 @@ void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
   h.wrong_vc = up.wrong_vc;
   h.sdls_mac_failures = up.not_authentic;
   h.sdls_replays = up.replayed;
+  h.sdls_contingency_spi = link_->uplink.associations().contingency;
+  h.sdls_contingency_counter = link_->uplink.counter(h.sdls_contingency_spi).value_or(0);
+  h.sdls_keys_unusable = static_cast<std::uint8_t>(unusable_keys_.size());
   h.farm_rejects = up.farm_discarded + up.bad_control_command;
   h.packets_bad = up.bad_segment;
   h.tc_accepted = verification.accepted;
@@ -650,17 +663,11 @@ void TtcNode::send_beacon() {
   in.storage_free_mib = store_status_.free_mib;
   for (const auto& [id, store] : store_status_.stores) in.store_records += as_u32(store.records);
   in.last_telecommand = link_->outbox.last();
-  std::size_t next = 0;
-  for (const ros::TelecommandChannel& channel : deployment().link.channels) {
-    if (channel.security != ros::ChannelSecurity::sdls || next == in.sdls_spi.size()) continue;
-    in.sdls_spi[next] = static_cast<std::uint16_t>(channel.spi);
-    in.sdls_counter[next] = link_->uplink.counter(in.sdls_spi[next]).value_or(0);
-    ++next;
-  }
-  if (next == 1) {  // one association carries both frame types
-    in.sdls_spi[1] = in.sdls_spi[0];
-    in.sdls_counter[1] = in.sdls_counter[0];
-  }
+  const UplinkChain::Associations used = link_->uplink.associations();
+  in.sdls_spi = {used.bd, used.ad};
+  for (std::size_t i = 0; i < in.sdls_spi.size(); ++i)
+    in.sdls_counter[i] = link_->uplink.counter(in.sdls_spi[i]).value_or(0);
+  in.storage_state = static_cast<mission::StorageState>((journal_durable_ ? 0 : 1) + (stores_work_ ? 0 : 2));
   const wire::FarmState& farm =
       link_->uplink.farm(static_cast<std::uint8_t>(deployment().link.channels.front().virtual_channel));
   in.farm_vr = farm.vr;

@@ -65,7 +65,8 @@ class TtcNode : public ros::LifecycleNode {
   struct Link {
     Link(const mission::Dictionary& dictionary, AcceptanceJournal restored, UplinkConfig uplink_config,
          DownlinkConfig downlink_config, ModeKeeper mode_keeper, milliseconds persist_deadline,
-         milliseconds schedule_late_max, SpacecraftClock start, const std::string& own_name);
+         milliseconds schedule_late_max, milliseconds arm_window, SpacecraftClock start,
+         const std::string& own_name);
 
     FailureCodes codes;
     AcceptanceJournal journal;
@@ -73,6 +74,8 @@ class TtcNode : public ros::LifecycleNode {
     EventReporter events;
     ModeKeeper mode;
     ReportOutbox outbox;
+    HazardGuard hazards;
+    AvailableKeySets key_sets;
     CommandForwarder forwarder;
     PacketRetrieval retrieval;
     ScheduleService schedule;
@@ -91,7 +94,7 @@ class TtcNode : public ros::LifecycleNode {
   };
 
   // Set-up (ttc_setup.cpp)
-  [[nodiscard]] Result<UplinkConfig, std::string> read_channels() const;
+  [[nodiscard]] Result<UplinkConfig, std::string> read_channels();
   [[nodiscard]] Result<wire::SdlsKey, std::string> read_key(const std::string& file) const;
   [[nodiscard]] Result<DownlinkConfig, std::string> read_downlink() const;
   [[nodiscard]] ModeKeeper load_mode(bool ran_before);
@@ -136,6 +139,13 @@ class TtcNode : public ros::LifecycleNode {
   void store_mode_change();
   void publish_mode();
   void report_rejections();
+  // Arming and keys (ttc_security.cpp)
+  void report_hazards();
+  /// Chooses the set of each channel: as it was stored, else one that can be used.
+  void load_key_selection(UplinkConfig& config);
+  void store_key_change();
+  void report_keys_at_start();
+  void report_keys(std::uint8_t vc, KeySet set, const std::string& why);
   void send(const Report& report, bool live, bool stored, bool urgent);
   void feed_playback();
   void pump_downlink();
@@ -173,7 +183,8 @@ class TtcNode : public ros::LifecycleNode {
   void send_event(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
   void raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
   /// @param known what was known before; only a change is said
-  void note_storage(bool& known, bool works, const std::string& why);
+  /// @param what of the storage, for people
+  void note_storage(bool& known, bool works, const std::string& why, const std::string& what);
 
   /// The folder of files, opened again after the disk failed. Used on its worker only.
   struct Files {
@@ -224,6 +235,19 @@ class TtcNode : public ros::LifecycleNode {
   std::string journal_damage_;  ///< what it means, to be said; empty: none
   BootTold boot_{.count = 1, .cause = mission::ResetCause::unknown};
   std::uint64_t cycle_ = 0;
+  KeySelection key_selection_;
+  struct UnusableKey {
+    std::uint16_t spi = 0;
+    std::uint8_t vc = 0;
+    std::string why;
+  };
+  std::vector<UnusableKey> unusable_keys_;  ///< their associations are left out
+  struct KeyNews {
+    std::uint8_t vc = 0;
+    KeySet set = KeySet::a;
+    std::string why;
+  };
+  std::vector<KeyNews> key_news_;                        ///< of the start, to be said
   std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event
 
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::Telecommand>> telecommands_;

@@ -35,15 +35,38 @@ std::optional<std::string> permission_problem(const std::filesystem::path& path)
   return std::nullopt;
 }
 
+KeySet to_key_set(ros::AssociationSet set) {
+  switch (set) {
+    case ros::AssociationSet::b:
+      return KeySet::b;
+    case ros::AssociationSet::contingency:
+      return KeySet::contingency;
+    case ros::AssociationSet::a:
+      break;
+  }
+  return KeySet::a;
+}
+
+AvailableKeySets key_sets_of(const UplinkConfig& config) {
+  AvailableKeySets sets;
+  for (const UplinkChannel& channel : config.channels) {
+    for (const UplinkAssociation& association : channel.associations)
+      sets.emplace_back(channel.vc, association.set);
+  }
+  return sets;
+}
+
 }  // namespace
 
 TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal restored,
                     UplinkConfig uplink_config, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
-                    milliseconds persist_deadline, milliseconds schedule_late_max, SpacecraftClock start,
-                    const std::string& own_name)
+                    milliseconds persist_deadline, milliseconds schedule_late_max, milliseconds arm_window,
+                    SpacecraftClock start, const std::string& own_name)
     : codes(dictionary),
       journal(std::move(restored)),
       mode(std::move(mode_keeper)),
+      hazards(arm_window),
+      key_sets(key_sets_of(uplink_config)),
       forwarder({.not_taken = codes.node_unavailable,
                  .no_completion = codes.completion_unknown,
                  .interrupted = codes.interrupted},
@@ -63,7 +86,9 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
               .parameters = parameters,
               .outbox = outbox,
               .schedule = schedule,
-              .time_reports = time_reports},
+              .time_reports = time_reports,
+              .hazards = hazards,
+              .key_sets = key_sets},
              own_name),
       uplink(std::move(uplink_config), journal.link()),
       gate(persist_deadline, journal.revision()),
@@ -82,6 +107,8 @@ TtcNode::TtcNode(ros::NodeContext& context)
                     "Period of the sample of the own link counters", true);
   declare_parameter("persist_deadline_ms", std::int64_t{1000}, ros::ParameterRange{10, 60000},
                     "Longest wait for the journal to be on disk; then only recovery commands run", true);
+  declare_parameter("arm_window_ms", std::int64_t{30000}, ros::ParameterRange{1000, 600'000},
+                    "How long a hazardous telecommand stays armed", true);
   declare_parameter("repeat_window_ms", std::int64_t{60000}, ros::ParameterRange{0, 86'400'000},
                     "The same packet on a secured channel within this time is a repeat", true);
   declare_parameter("schedule_late_max_ms", std::int64_t{60000}, ros::ParameterRange{1000, 86'400'000},
@@ -100,12 +127,13 @@ Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) co
   return std::move(*key);
 }
 
-Result<UplinkConfig, std::string> TtcNode::read_channels() const {
+Result<UplinkConfig, std::string> TtcNode::read_channels() {
   const ros::LinkSettings& settings = deployment().link;
   UplinkConfig config;
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
   config.cltu.randomized = settings.tc_randomizer;
   config.cltu.correct_single_bits = settings.tc_correct_single_bits;
+  unusable_keys_.clear();
   for (const ros::TelecommandChannel& entry : settings.channels) {
     const auto vc = static_cast<std::uint8_t>(entry.virtual_channel);
     auto channel = std::find_if(config.channels.begin(), config.channels.end(),
@@ -116,14 +144,30 @@ Result<UplinkConfig, std::string> TtcNode::read_channels() const {
     }
     if (entry.security == ros::ChannelSecurity::none) continue;
     auto key = read_key(entry.key_file);
-    if (!key) return Err(key.error());
-    // One association carries both frame types; of two the first is for BD, the second for AD.
-    const bool first = channel->associations.empty();
-    if (!first) channel->associations.front().for_ad = false;
-    channel->associations.push_back(UplinkAssociation{.spi = static_cast<std::uint16_t>(entry.spi),
+    const auto spi = static_cast<std::uint16_t>(entry.spi);
+    if (!key) {
+      unusable_keys_.push_back({.spi = spi, .vc = vc, .why = key.error()});
+      continue;
+    }
+    // One association of a set carries both frame types; of two the first is for BD, the second for AD.
+    const auto same_set = [&](const ros::TelecommandChannel& other) {
+      return other.security == ros::ChannelSecurity::sdls && other.set == entry.set &&
+             other.virtual_channel == entry.virtual_channel;
+    };
+    const auto first = std::find_if(settings.channels.begin(), settings.channels.end(), same_set);
+    const bool alone = std::count_if(settings.channels.begin(), settings.channels.end(), same_set) == 1;
+    channel->associations.push_back(UplinkAssociation{.spi = spi,
                                                       .key = std::move(*key),
-                                                      .for_ad = true,
-                                                      .for_bd = first});
+                                                      .for_ad = alone || first->spi != entry.spi,
+                                                      .for_bd = alone || first->spi == entry.spi,
+                                                      .set = to_key_set(entry.set)});
+  }
+  // A channel whose keys are all gone must not turn into one without security.
+  for (const UnusableKey& unusable : unusable_keys_) {
+    const bool closed = std::any_of(config.channels.begin(), config.channels.end(), [&](const auto& channel) {
+      return channel.vc == unusable.vc && channel.associations.empty();
+    });
+    if (closed) return Err(unusable.why);
   }
   if (config.channels.empty())
     return Err(fmt::format("{}: 'link.tc_channels': expected one at least", deployment().file.string()));
@@ -211,11 +255,13 @@ ros::CallbackReturn TtcNode::on_configure() {
   line_ = std::move(*line);
 
   const bool ran = ran_before();
+  load_key_selection(*channels);
   AcceptanceJournal journal = load_journal();
   link_ =
       std::make_unique<Link>(dictionary_, std::move(journal), std::move(*channels), *downlink, load_mode(ran),
                              milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
                              milliseconds(get_parameter<std::int64_t>("schedule_late_max_ms")),
+                             milliseconds(get_parameter<std::int64_t>("arm_window_ms")),
                              SpacecraftClock(system_utc_now(), monotonic_now()), name());
   boot_ = load_boot();
   fill_from_dictionary();
@@ -330,7 +376,8 @@ void TtcNode::say_how_the_link_is_secured() const {
           "only.",
           channel.virtual_channel);
     } else {
-      log::info("TC virtual channel {}: SDLS, SPI {}", channel.virtual_channel, channel.spi);
+      log::info("TC virtual channel {}: SDLS, SPI {}, keys {}", channel.virtual_channel, channel.spi,
+                to_text(to_key_set(channel.set)));
     }
   }
 }
@@ -372,6 +419,7 @@ ros::CallbackReturn TtcNode::on_activate() {
     event.what = std::exchange(journal_damage_, {});
     send_event(event.severity, event.event_id, event.encoded());
   }
+  report_keys_at_start();
   settle();
   return ros::CallbackReturn::success;
 }

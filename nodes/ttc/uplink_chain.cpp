@@ -157,7 +157,8 @@ std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& c
   const auto spi = wire::sdls_claimed_spi(frame.data);
   const auto association =
       std::find_if(channel.associations.begin(), channel.associations.end(), [&](const UplinkAssociation& a) {
-        return spi == a.spi && (frame.type == wire::TcFrameType::ad ? a.for_ad : a.for_bd);
+        const bool in_use = a.set == channel.selected || a.set == KeySet::contingency;
+        return in_use && spi == a.spi && (frame.type == wire::TcFrameType::ad ? a.for_ad : a.for_bd);
       });
   if (association == channel.associations.end()) return refuse();
   auto opened = wire::sdls_open(association->key, association->spi, channel.vc, frame.data);
@@ -182,6 +183,32 @@ void UplinkChain::on_control_frame(std::uint8_t vc, const wire::TcFrame& frame) 
   set_farm(vc, outcome.state);
   ++(outcome.verdict == wire::FarmVerdict::control_executed ? counters_.control_commands
                                                             : counters_.bad_control_command);
+}
+
+bool UplinkChain::select(std::uint8_t vc, KeySet set) {
+  for (UplinkChannel& channel : config_.channels) {
+    if (channel.vc != vc) continue;
+    const bool has_it = std::any_of(channel.associations.begin(), channel.associations.end(),
+                                    [set](const UplinkAssociation& a) { return a.set == set; });
+    if (has_it) channel.selected = set;
+    return has_it;
+  }
+  return false;
+}
+
+UplinkChain::Associations UplinkChain::associations() const {
+  Associations used;
+  for (const UplinkChannel& channel : config_.channels) {
+    if (channel.associations.empty()) continue;
+    for (const UplinkAssociation& a : channel.associations) {
+      if (a.set == KeySet::contingency) used.contingency = a.spi;
+      if (a.set != channel.selected) continue;
+      if (a.for_bd) used.bd = a.spi;
+      if (a.for_ad) used.ad = a.spi;
+    }
+    break;
+  }
+  return used;
 }
 
 const UplinkChannel* UplinkChain::channel_of(std::uint8_t vc) const {

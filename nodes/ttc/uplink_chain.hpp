@@ -8,6 +8,7 @@
 
 #include "base/octets.hpp"
 #include "base/time.hpp"
+#include "nodes/ttc/key_selection.hpp"
 #include "nodes/ttc/link_state.hpp"
 #include "wire/cltu.hpp"
 #include "wire/farm1.hpp"
@@ -22,12 +23,14 @@ struct UplinkAssociation {
   wire::SdlsKey key;
   bool for_ad = true;  ///< AD frames may use it
   bool for_bd = true;
+  KeySet set = KeySet::a;
 };
 
 /// One TC virtual channel in use.
 struct UplinkChannel {
   std::uint8_t vc = 0;
   std::vector<UplinkAssociation> associations;  ///< empty: no security (test deployments only)
+  KeySet selected = KeySet::a;                  ///< whose frames are taken beside the contingency's
 };
 
 struct UplinkConfig {
@@ -92,6 +95,16 @@ class UplinkChain {
   /// Ends a CLTU that was cut short. To be called from idle_deadline() on, when the line was found empty.
   [[nodiscard]] std::vector<UplinkedPacket> on_idle(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> idle_deadline() const;
+
+  /// From now on the channel takes frames of this set. @return false: it has no association of it
+  bool select(std::uint8_t vc, KeySet set);
+  /// SPIs of the first secured channel's associations in use, 0: none.
+  struct Associations {
+    std::uint16_t bd = 0;
+    std::uint16_t ad = 0;
+    std::uint16_t contingency = 0;
+  };
+  [[nodiscard]] Associations associations() const;
 
   /// Whether AD frames can be taken now; false makes FARM-1 wait. Turning true ends the wait.
   void set_buffer_available(bool available);

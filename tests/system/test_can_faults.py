@@ -150,6 +150,7 @@ class BabblingPeripheralTest(CanFaultTest):
             with self.subTest("commanded"):
                 flight.control({"peripheral": "eps", "fault": "none"})
                 since = recorder.position()
+                self.assertEqual(ground.command("arm eps.power_cycle_peripheral off_ms=100", DEADLINE_S).get("stage"), "completed")
                 commanded = ground.command("tc eps.power_cycle_peripheral off_ms=100", DEADLINE_S)
                 self.assertEqual(commanded.get("stage"), "completed", commanded)
                 wait_for_slots(recorder, "payload_eps", "released", 10, since)

@@ -115,6 +115,8 @@ class Schedule : public testing::Test {
   AcceptanceJournal journal_{"boot", seconds(60)};
   ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
   TimeReporter time_reports_;
+  HazardGuard hazards_{seconds(30)};
+  AvailableKeySets key_sets_;
   FileService files_{outbox_, mission::apid::ttc};
   ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
   TelecommandRouter router_{{.dictionary = dictionary_,
@@ -128,7 +130,9 @@ class Schedule : public testing::Test {
                              .parameters = parameters_,
                              .outbox = outbox_,
                              .schedule = schedule_,
-                             .time_reports = time_reports_},
+                             .time_reports = time_reports_,
+                             .hazards = hazards_,
+                             .key_sets = key_sets_},
                             "ttc"};
   std::vector<Report> reports_;
   std::uint16_t sequence_ = 100;
@@ -216,6 +220,17 @@ TEST_F(Schedule, RefusesAnInsertionWhoseRequestCouldNotBeAcceptedAndNamesItsArgu
   EXPECT_EQ(insertion(packet_of("schedule.disable", {})), completed_)
       << "other requests of the service may be";
   EXPECT_EQ(size(), 2U);
+}
+
+TEST_F(Schedule, AHazardousRequestIsInsertedAndTakenAtItsReleaseOnlyIfItIsArmedThen) {
+  const Octets hazard = packet_of("eps.power_cycle_peripheral", {"off_ms=200"});
+  EXPECT_EQ(send("schedule.insert", {"release=" + iso(10), "request=" + to_hex(hazard)}), completed_);
+  ASSERT_EQ(release(10), std::vector<Octets>{hazard});
+
+  EXPECT_EQ(send(hazard), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.not_armed));
+  hazards_.arm(hazard_name(*wire::parse_tc_packet(hazard)), MonotonicTime{});
+  EXPECT_EQ(send(hazard), Names{"1,1"});
 }
 
 TEST_F(Schedule, RefusesWhatIsPastThereAlreadyOfNoGroupOrTooMuch) {

@@ -6,6 +6,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/crc32c.hpp"
 #include "wire/pus.hpp"
 
 namespace srfs {
@@ -44,11 +45,11 @@ class Router : public testing::Test {
     return process(wire::make_tc_packet(packet), durable);
   }
   std::vector<std::string> process(const Octets& packet, bool durable = true) {
-    router_.carry_out(judge(packet), durable, MonotonicTime{});
+    router_.carry_out(judge(packet), durable, now_);
     return taken();
   }
   JudgedTelecommand judge(const Octets& packet) {
-    JudgedTelecommand judged = router_.judge(packet, MonotonicTime{});
+    JudgedTelecommand judged = router_.judge(packet, now_);
     judged.origin.id = ++id_;
     return judged;
   }
@@ -86,6 +87,8 @@ class Router : public testing::Test {
   EventReporter events_;
   ModeKeeper mode_{StoredModeState::first_start, "", Mode::nominal};
   ReportOutbox outbox_;
+  HazardGuard hazards_{seconds(30)};
+  AvailableKeySets key_sets_{{0, KeySet::a}, {0, KeySet::b}};
   CommandForwarder forwarder_{{.not_taken = codes_.node_unavailable,
                                .no_completion = codes_.completion_unknown,
                                .interrupted = codes_.interrupted},
@@ -107,10 +110,13 @@ class Router : public testing::Test {
                              .parameters = parameters_,
                              .outbox = outbox_,
                              .schedule = schedule_,
-                             .time_reports = time_reports_},
+                             .time_reports = time_reports_,
+                             .hazards = hazards_,
+                             .key_sets = key_sets_},
                             "ttc"};
   std::vector<Report> reports_;
   std::uint64_t id_ = 0;
+  MonotonicTime now_;
 };
 
 TEST_F(Router, AnswersAPing) {
@@ -400,6 +406,126 @@ TEST_F(Router, AParameterOutOfItsRangeOrThatNobodyHasIsRefusedBeforeAnybodyIsAsk
   EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
   EXPECT_EQ(send(1, 20, 1, {0, 1, 0xFF, 0xFF}), Names{"1,2"});
   EXPECT_FALSE(parameters_.next_call(MonotonicTime{}));
+}
+
+// ---- hazardous telecommands
+
+class HazardousTelecommands : public Router {
+ protected:
+  static constexpr const char* hazard = "eps.power_cycle_peripheral";
+  /// As the ground does it (ground/arming.cpp).
+  Names arm(const std::string& name, const std::vector<std::string>& arguments = {}) {
+    const auto meant = dictionary_.encode(name, arguments);
+    return send("ttc.arm", {"of_apid=" + std::to_string(meant->command->apid),
+                            "of_service=" + std::to_string(meant->command->service),
+                            "of_subtype=" + std::to_string(meant->command->subtype),
+                            "digest=" + std::to_string(crc32c(meant->data))});
+  }
+  /// Reasons of what is armed no more; nullopt: something was armed.
+  std::vector<std::optional<mission::DisarmReason>> news() {
+    std::vector<std::optional<mission::DisarmReason>> reasons;
+    for (const HazardNews& news : hazards_.take_news()) reasons.push_back(news.reason);
+    return reasons;
+  }
+  using Reasons = std::vector<std::optional<mission::DisarmReason>>;
+};
+
+TEST_F(HazardousTelecommands, RunOnceAfterTheyWereArmed) {
+  EXPECT_EQ(send(hazard), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.not_armed));
+  EXPECT_EQ(arm(hazard), (Names{"1,1", "1,3", "1,7"}));
+  EXPECT_EQ(news(), Reasons{std::nullopt});
+
+  EXPECT_EQ(send(hazard), Names{"1,1"});
+  EXPECT_EQ(forwarder_.under_way(), 1U);
+  EXPECT_EQ(news(), Reasons{mission::DisarmReason::fired});
+  EXPECT_EQ(send(hazard), Names{"1,2"}) << "once";
+  EXPECT_EQ(failure(), code(codes_.not_armed));
+}
+
+TEST_F(HazardousTelecommands, TwoThatComeTogetherFireOnce) {
+  arm(hazard);
+  const Octets packet = packet_of(hazard, {});
+  const JudgedTelecommand first = judge(packet);
+  const JudgedTelecommand second = judge(packet);
+  EXPECT_NE(first.command, nullptr);
+  EXPECT_EQ(second.command, nullptr);
+}
+
+TEST_F(HazardousTelecommands, AreArmedWithTheirArgumentsAndNoOthers) {
+  arm(hazard, {"off_ms=100"});
+  EXPECT_EQ(send(hazard, {"off_ms=101"}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.not_armed));
+  EXPECT_EQ(send(hazard, {"off_ms=100"}), Names{"1,1"}) << "the other one did not disarm it";
+}
+
+TEST_F(HazardousTelecommands, OneIsArmedAtATime) {
+  arm(hazard, {"off_ms=100"});
+  arm(hazard, {"off_ms=200"});
+  EXPECT_EQ(news(), (Reasons{std::nullopt, mission::DisarmReason::replaced, std::nullopt}));
+  EXPECT_EQ(send(hazard, {"off_ms=100"}), Names{"1,2"});
+  EXPECT_EQ(send(hazard, {"off_ms=200"}), Names{"1,1"});
+}
+
+TEST_F(HazardousTelecommands, AreArmedForTheWindowOnly) {
+  arm(hazard);
+  news();
+  now_ += hazards_.window();
+  EXPECT_EQ(send(hazard), Names{"1,2"});
+  EXPECT_EQ(hazards_.next_due(), now_);
+  hazards_.on_time(now_);
+  EXPECT_EQ(news(), Reasons{mission::DisarmReason::expired});
+  EXPECT_FALSE(hazards_.next_due());
+}
+
+TEST_F(HazardousTelecommands, AreDisarmedByCommandAndByAChangeOfMode) {
+  arm(hazard);
+  EXPECT_EQ(send("ttc.disarm"), (Names{"1,1", "1,3", "1,7"}));
+  EXPECT_EQ(send(hazard), Names{"1,2"});
+  arm(hazard);
+  send("ttc.set_mode", {"mode=safe"});
+  EXPECT_EQ(send(hazard), Names{"1,2"});
+  EXPECT_EQ(news(), (Reasons{std::nullopt, mission::DisarmReason::commanded, std::nullopt,
+                             mission::DisarmReason::mode_changed}));
+}
+
+TEST_F(HazardousTelecommands, NothingElseIsArmed) {
+  EXPECT_EQ(arm("ttc.ping"), (Names{"1,1", "1,4"}));
+  EXPECT_EQ(failure(), code(codes_.not_hazardous));
+  EXPECT_TRUE(news().empty());
+}
+
+TEST_F(HazardousTelecommands, AnArmingThatACrashInterruptedIsNotDoneAgain) {
+  const Octets packet = packet_of("ttc.arm", {"of_apid=17", "digest=1"});
+  TelecommandOrigin origin;
+  origin.ack_flags = wire::ack::all;
+  origin.id = 7;
+  router_.restore({.origin = origin, .packet = packet, .expiry = now_ + seconds(10), .progress = {}}, now_);
+  EXPECT_EQ(taken(), Names{"1,8"});
+  EXPECT_EQ(failure(), code(codes_.interrupted));
+  EXPECT_TRUE(news().empty());
+}
+
+// ---- keys
+
+TEST_F(Router, ChangesTheKeysOfAChannelOnceTheChangeIsStored) {
+  EXPECT_EQ(send("ttc.select_keys", {"set=b"}), (Names{"1,1", "1,3"}));
+  const auto change = router_.take_key_change();
+  ASSERT_TRUE(change);
+  EXPECT_EQ(change->vc, 0);
+  EXPECT_EQ(change->set, KeySet::b);
+  EXPECT_FALSE(router_.take_key_change());
+  router_.key_change_stored(*change, true);
+  EXPECT_EQ(taken(), Names{"1,7"});
+  router_.key_change_stored(*change, false);
+  EXPECT_EQ(taken(), Names{"1,8"});
+  EXPECT_EQ(failure(), code(codes_.storage_unavailable));
+}
+
+TEST_F(Router, RefusesKeysThatTheChannelDoesNotHave) {
+  EXPECT_EQ(send("ttc.select_keys", {"vc=1", "set=b"}), (Names{"1,1", "1,4"}));
+  EXPECT_EQ(failure(), code(codes_.unknown_identifier, {0, 1}));
+  EXPECT_FALSE(router_.take_key_change());
 }
 
 }  // namespace

@@ -1,6 +1,8 @@
 #include "nodes/ttc/uplink_chain.hpp"
 
+#include <array>
 #include <random>
+#include <tuple>
 
 #include <gtest/gtest.h>
 
@@ -368,6 +370,48 @@ TEST(PersistenceGate, IsBounded) {
   EXPECT_FALSE(gate.has_room());
   EXPECT_FALSE(gate.enter(judged(), 100, MonotonicTime{}));
   EXPECT_EQ(gate.counters().refused, 1U);
+}
+
+TEST(UplinkKeys, TheSelectedSetIsTakenAndTheContingencyAlways) {
+  const auto key_of = [](std::uint8_t spi) { return wire::SdlsKey({spi}); };
+  UplinkConfig config;
+  config.spacecraft_id = spacecraft;
+  UplinkChannel channel{.vc = 0, .associations = {}};
+  for (const auto& [spi, set, ad, bd] : {std::tuple{1, KeySet::a, false, true},
+                                         {2, KeySet::a, true, false},
+                                         {3, KeySet::b, true, true},
+                                         {5, KeySet::contingency, true, true}}) {
+    const auto number = static_cast<std::uint8_t>(spi);
+    channel.associations.push_back(
+        {.spi = number, .key = key_of(number), .for_ad = ad, .for_bd = bd, .set = set});
+  }
+  config.channels.push_back(std::move(channel));
+  UplinkChain chain(std::move(config), {});
+  std::uint64_t counter = 0;
+  const auto takes = [&](std::uint8_t spi) {
+    const wire::SdlsKey key = key_of(spi);
+    const wire::SdlsSeal seal{.key = key, .spi = spi, .counter = ++counter};
+    return chain
+               .push(wire::make_uplink_cltu({.spacecraft_id = spacecraft, .vc = 0}, wire::TcFrameType::bd, 0,
+                                            &seal, ping())
+                         .value(),
+                     MonotonicTime(seconds(counter)))
+               .size() == 1;
+  };
+  const auto used = [&] {
+    const auto a = chain.associations();
+    return std::array{a.bd, a.ad, a.contingency};
+  };
+
+  EXPECT_TRUE(takes(1) && !takes(3) && takes(5));
+  EXPECT_EQ(used(), (std::array<std::uint16_t, 3>{1, 2, 5}));
+  EXPECT_TRUE(chain.select(0, KeySet::b));
+  EXPECT_TRUE(!takes(1) && takes(3) && takes(5));
+  EXPECT_EQ(used(), (std::array<std::uint16_t, 3>{3, 3, 5}));
+  EXPECT_FALSE(chain.select(1, KeySet::b)) << "there is no such channel";
+  EXPECT_TRUE(chain.select(0, KeySet::a));
+  EXPECT_TRUE(takes(1) && !takes(3) && takes(5));
+  EXPECT_EQ(chain.counters().not_authentic, 3U);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // TtcNode between a pty, as the RS422 line, and the other nodes' topics over real DDS.
 
+#include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
@@ -16,10 +17,12 @@
 #include <rcl_interfaces/srv/get_parameters.hpp>
 #include <rcl_interfaces/srv/set_parameters.hpp>
 
+#include "base/crc32c.hpp"
 #include "base/file.hpp"
 #include "ground/downlink.hpp"
 #include "nodes/ttc/ttc_node.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/node/ttc/disk_faults.hpp"
 #include "tests/temporary_folder.hpp"
 #include "wire/cuc.hpp"
 #include "wire/tc_uplink.hpp"
@@ -69,7 +72,8 @@ class TtcNodeTest : public testing::Test {
         channels +
         "] }\n"
         "nodes: [{ name: ttc, executable: ttc_node,\n"
-        "          parameters: { initial_mode: nominal, housekeeping_period_ms: 100 } }]\n";
+        "          parameters: { initial_mode: nominal, housekeeping_period_ms: 100, beacon_period_ms: 1000 "
+        "} }]\n";
     ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", yaml));
     deployment_ = std::make_unique<ros::Deployment>(ros::Deployment::load(folder_ / "d.yaml"));
     context_ = std::make_unique<ros::NodeContext>(
@@ -452,6 +456,128 @@ TEST_F(TtcNodeTest, SendsDownTheTelemetryOfANodeAndCountsWhatClaimsToBeIt) {
            Octets(p.source.begin() + 2, p.source.end()) == sample.data;
   }));
 }
+
+TEST_F(TtcNodeTest, AHazardousTelecommandRunsOnceAfterItWasArmedAndARestartDisarms) {
+  activate();
+  wire::TcPacket hazard;
+  hazard.apid = mission::EpsPowerCyclePeripheral::apid;
+  hazard.ack_flags = wire::ack::all;
+  hazard.service = 8;
+  hazard.subtype = 1;
+  hazard.application = {0, mission::EpsPowerCyclePeripheral::function_id, 0, 200};
+  const auto arm = [&] {
+    mission::TtcArm arming;
+    arming.of_apid = hazard.apid;
+    arming.of_service = hazard.service;
+    arming.of_subtype = hazard.subtype;
+    arming.digest = crc32c(hazard.application);
+    OctetWriter data;
+    data.u16(arming.function_id);
+    data.bytes(arming.encoded());
+    return send(mission::apid::ttc, 8, 1, data.take());
+  };
+  const auto fire = [&] {
+    hazard.sequence_count = static_cast<std::uint16_t>(++sequence_);
+    const Octets packet = wire::make_tc_packet(hazard);
+    write_frame(wire::TcFrameType::bd, packet);
+    return Octets(packet.begin(), packet.begin() + 4);
+  };
+  const auto refused = [&](const Octets& request) {
+    Octets report = request;
+    report.insert(report.end(), {0, 9});
+    return verified(2, report);
+  };
+  EXPECT_TRUE(refused(fire()));
+  ASSERT_TRUE(verified(7, arm()));
+  EXPECT_TRUE(event_comes(mission::event::ttc_armed, 3));
+  EXPECT_TRUE(verified(1, fire()));
+  EXPECT_TRUE(event_comes(mission::event::ttc_disarmed, 3));
+  EXPECT_TRUE(refused(fire())) << "once";
+
+  ASSERT_TRUE(verified(7, arm()));
+  end_without_a_word();
+  activate();
+  EXPECT_TRUE(refused(fire()));
+}
+
+class TtcOnABadDisk : public TtcNodeTest, public testing::WithParamInterface<testing_support::DiskFault> {
+ protected:
+  void TearDown() override {
+    testing_support::set_disk_fault(testing_support::DiskFault::none, folder_);
+    TtcNodeTest::TearDown();
+  }
+  bool beacon_says(mission::StorageState state) {
+    return comes(3, 25, [&](const wire::TmPacket& p) {
+      if (p.source.size() < 2 || p.source[0] != 0 || p.source[1] != mission::Beacon::structure_id)
+        return false;
+      const auto beacon = mission::Beacon::decode(OctetView(p.source).subspan(2));
+      return beacon && beacon->storage_state == state;
+    });
+  }
+  bool counters_say(const std::function<bool(const mission::TtcHousekeeping&)>& fits) {
+    return comes(3, 25, [&](const wire::TmPacket& p) {
+      if (p.source.size() < 2 || p.source[0] != 0 || p.source[1] != mission::structure::ttc) return false;
+      const auto h = mission::TtcHousekeeping::decode(OctetView(p.source).subspan(2));
+      return h && fits(*h);
+    });
+  }
+  /// What is not marked recovery. @return whether it was accepted
+  bool takes_an_ordinary_command() {
+    const Octets request = send(mission::apid::ttc, 3, 5, {0, 1, 0, 1});
+    const auto answer = [&] {
+      return std::find_if(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+        return p.service == 1 && p.subtype <= 2 && Octets(p.source.begin(), p.source.begin() + 4) == request;
+      });
+    };
+    EXPECT_TRUE(wait([&] { return answer() != packets_.end(); }));
+    if (answer() == packets_.end()) return false;
+    const bool accepted = answer()->subtype == 1;
+    EXPECT_TRUE(accepted || answer()->source[5] == 11) << "storage_unavailable";
+    return accepted;
+  }
+};
+
+TEST_P(TtcOnABadDisk, CommandingNeverStopsAndEverythingIsBackWithTheDisk) {
+  activate();
+  ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  ASSERT_TRUE(takes_an_ordinary_command());
+  ASSERT_TRUE(counters_say([](const auto& h) { return h.store_records[0] > 0; })) << "the stores work";
+
+  testing_support::set_disk_fault(GetParam(), folder_);
+  // A journal that exists is written in place: a full disk is no fault for it.
+  const bool journal_works = GetParam() == testing_support::DiskFault::full;
+  EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  EXPECT_EQ(takes_an_ordinary_command(), journal_works);
+  EXPECT_TRUE(event_comes(mission::event::ttc_storage_unavailable, 4));
+  EXPECT_TRUE(
+      beacon_says(journal_works ? mission::StorageState::stores_fail : mission::StorageState::both_fail));
+  EXPECT_TRUE(counters_say([](const auto& h) { return h.store_write_failures > 0; }));
+  if (!journal_works) {
+    EXPECT_TRUE(event_comes(mission::event::ttc_recovery_without_storage, 3));
+    EXPECT_TRUE(counters_say([](const auto& h) { return h.journal_write_failures > 0; }));
+  }
+  const Octets last = send(mission::apid::ttc, 17, 1);
+  EXPECT_TRUE(verified(7, last));
+
+  packets_.clear();
+  testing_support::set_disk_fault(testing_support::DiskFault::none, folder_);
+  EXPECT_TRUE(event_comes(mission::event::ttc_storage_available, 1));
+  EXPECT_TRUE(beacon_says(mission::StorageState::works));
+  bool accepted = false;
+  for (int attempt = 0; attempt < 20 && !accepted; ++attempt) accepted = takes_an_ordinary_command();
+  EXPECT_TRUE(accepted);
+}
+
+std::string disk_name(const testing::TestParamInfo<testing_support::DiskFault>& fault) {
+  constexpr std::array names{"None", "Full", "ReadOnly", "Failing"};
+  return names.at(static_cast<std::size_t>(fault.param));
+}
+
+INSTANTIATE_TEST_SUITE_P(Disks, TtcOnABadDisk,
+                         testing::Values(testing_support::DiskFault::full,
+                                         testing_support::DiskFault::read_only,
+                                         testing_support::DiskFault::failing),
+                         disk_name);
 
 TEST_F(TtcNodeTest, DoesNotConfigureWithOneKeyInTwoFilesAndNamesThem) {
   std::filesystem::create_directories(folder_ / "keys");

@@ -84,6 +84,72 @@ TEST(Uplink, FollowsTheCounterOfTheBeaconUpwardsOnly) {
   EXPECT_EQ(uplink->make(switch_load())->security_counter, base + 1003);
 }
 
+/// secured_link() with a second set and a contingency association.
+ros::LinkSettings link_with_sets() {
+  ros::LinkSettings link = secured_link();
+  using Security = ros::ChannelSecurity;
+  using Set = ros::AssociationSet;
+  link.channels.push_back({link.channels[0].virtual_channel, Security::sdls, 3, "keys/b.key", Set::b});
+  link.channels.push_back(
+      {link.channels[0].virtual_channel, Security::sdls, 5, "keys/c.key", Set::contingency});
+  return link;
+}
+
+std::uint16_t spi_of(const OutgoingTelecommand& telecommand) {
+  // CLTU: start sequence (2), then blocks of 7 octets and a parity octet: frame header (5), segment header,
+  // SPI.
+  return static_cast<std::uint16_t>(telecommand.cltu[2 + 6] << 8 | telecommand.cltu[2 + 8]);
+}
+
+TEST(Uplink, SwitchesItsKeysAndCountsEachOfThemOverRuns) {
+  const VarFolder var;
+  std::ofstream(var.path() / "keys/b.key") << std::string(64, 'b');
+  const auto open = [&](std::optional<ros::AssociationSet> forced = std::nullopt) {
+    return Uplink::open(link_with_sets(), var.path(), var.path() / "ground", now, forced);
+  };
+  std::uint64_t of_a = 0;
+  std::uint64_t of_b = 0;
+  {
+    auto uplink = open();
+    ASSERT_TRUE(uplink) << uplink.error();
+    for (int i = 0; i < 3; ++i) of_a = *uplink->make(switch_load())->security_counter;
+    EXPECT_EQ(uplink->select(ros::AssociationSet::b).value(), true);
+    EXPECT_EQ(uplink->select(ros::AssociationSet::b).value(), false) << "already";
+    uplink->on_spacecraft_counter(3, of_a + 1000);
+    const auto telecommand = uplink->make(switch_load());
+    EXPECT_EQ(spi_of(*telecommand), 3);
+    of_b = *telecommand->security_counter;
+    EXPECT_EQ(of_b, of_a + 1001);
+    EXPECT_FALSE(uplink->select(ros::AssociationSet::contingency)) << "its key is not here";
+  }
+  auto uplink = open();
+  auto telecommand = uplink->make(switch_load());
+  EXPECT_EQ(spi_of(*telecommand), 3) << "remembered";
+  EXPECT_EQ(*telecommand->security_counter, of_b + 1);
+  ASSERT_TRUE(uplink->select(ros::AssociationSet::a));
+  telecommand = uplink->make(switch_load());
+  EXPECT_EQ(spi_of(*telecommand), 1);
+  EXPECT_EQ(*telecommand->security_counter, of_a + 1);
+
+  EXPECT_FALSE(open(ros::AssociationSet::contingency));
+  std::ofstream(var.path() / "keys/c.key") << std::string(64, 'c');
+  auto contingency = open(ros::AssociationSet::contingency);
+  ASSERT_TRUE(contingency) << contingency.error();
+  EXPECT_EQ(contingency->select(ros::AssociationSet::b).value(), false) << "from the next run on";
+  EXPECT_EQ(spi_of(*contingency->make(switch_load())), 5);
+  EXPECT_EQ(open()->key_set(), ros::AssociationSet::b);
+}
+
+TEST(Uplink, TakesOverTheOneCounterOfAnOlderFileForEveryAssociation) {
+  const VarFolder var;
+  std::filesystem::create_directories(var.path() / "ground");
+  std::ofstream(var.path() / "ground/uplink.json")
+      << R"({"next_security_counter": 4711, "next_sequence_counts": 5})";
+  auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+  ASSERT_TRUE(uplink) << uplink.error();
+  EXPECT_EQ(uplink->make(switch_load())->security_counter, 4711U);
+}
+
 TEST(Uplink, SaysWhatIsWrongWithItsFiles) {
   const VarFolder var;
   std::filesystem::create_directories(var.path() / "ground");

@@ -126,7 +126,7 @@ TEST(Script, ATimeTaggedTelecommandIsExpectedToBeScheduled) {
   const auto steps = parse(
       "tc a x=1 --at +30s\ntc b --at 2026-11-22T10:00:00Z --timeout 5\nexpect completed\nping --at "
       "+5min\nexpect "
-      "scheduled");
+      "scheduled\narm c y=2 --at +20s");
   ASSERT_TRUE(steps) << steps.error().message;
   const UtcTime now(seconds(1000));
   EXPECT_EQ(steps->at(0).at->at(now), now + seconds(30));
@@ -135,6 +135,9 @@ TEST(Script, ATimeTaggedTelecommandIsExpectedToBeScheduled) {
   EXPECT_EQ(steps->at(1).at->at(now), from_iso8601("2026-11-22T10:00:00Z"));
   EXPECT_EQ(steps->at(1).expectation, Expectation::completed);
   EXPECT_EQ(steps->at(2).at->at(now), now + seconds(300));
+  EXPECT_TRUE(steps->at(3).arms);
+  EXPECT_EQ(steps->at(3).at->at(now), now + seconds(20));
+  EXPECT_EQ(steps->at(3).arguments, std::vector<std::string>{"y=2"});
   for (const char* wrong : {"tc a --at", "tc a --at soon", "tc a --at 30s", "tc a --at +x", "tc a --at -5s",
                             "tc a\nexpect scheduled"})
     EXPECT_FALSE(parse(wrong)) << wrong;

@@ -1,0 +1,85 @@
+"""The keys of the uplink: switched by telecommand, remembered by both ends, never a lock-out."""
+
+import os
+import signal
+import subprocess
+import unittest
+
+from support import BIN, DEADLINE_S, SystemTest, wait_until
+
+
+class KeysTest(SystemTest):
+    def kill_ttc(self, flight):
+        """The ring starts it again."""
+        pid = flight.node_pid("ttc")
+        os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, "the ring has started ttc again")
+
+    def configure_anew(self, flight, meanwhile):
+        """Takes ttc down to Unconfigured, where nothing of it is open, and up again."""
+        for transition in ("deactivate", "cleanup", None, "configure", "activate"):
+            if transition is None:
+                meanwhile()
+                continue
+            result = flight.srfs("lifecycle", "ttc", transition, "--deadline", str(1000 * DEADLINE_S), timeout_s=3 * DEADLINE_S)
+            self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+
+    def ping(self, ground):
+        return ground.command("ping --timeout 2").get("stage") == "completed"
+
+    def one_run(self, *words):
+        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), *words]
+        return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+
+    def spoil_the_selection(self):
+        for copy in ("0", "1"):
+            (self.var / "state" / "ttc" / f"key_selection.{copy}").write_text("2 0:b 00000000\n")
+
+    def lose_two_keys(self):
+        (self.var / "keys" / "tc_uplink.key").unlink()
+        (self.var / "keys" / "tc_uplink_ad.key").write_text("damaged")
+
+    def test_keys_are_switched_by_command_and_the_contingency_always_works(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+            wait_until(lambda: self.ping(ground), DEADLINE_S, "ttc answers")
+            self.assertEqual(ground.command("tc ttc.select_keys set=b").get("stage"), "completed")
+            self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "keys" and m["keys"] == "b", DEADLINE_S))
+            self.assertTrue(self.ping(ground), "both ends use b")
+            self.kill_ttc(flight)
+            wait_until(lambda: self.ping(ground), DEADLINE_S, "b is remembered on board")
+
+            # Both copies lost: ttc is on a again, the tool on b.
+            self.configure_anew(flight, self.spoil_the_selection)
+            event = ground.wait_for(lambda m: m.get("event") == "ttc.keys_selected" and "damaged" in m["text"], DEADLINE_S)
+            self.assertIsNotNone(event)
+            # The beacon tells which keys are taken; the tool follows it.
+            self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "keys" and m["keys"] == "a", 2 * DEADLINE_S))
+            self.assertTrue(self.ping(ground))
+            ground.end()
+
+            result = self.one_run("--keys", "b", "ping", "--timeout", "2")
+            self.assertEqual(result.returncode, 1, "keys that are not selected")
+            result = self.one_run("--keys", "contingency", "ping", "--timeout", str(DEADLINE_S))
+            self.assertEqual(result.returncode, 0, result.stderr)
+            result = self.one_run("--keys", "contingency", "tc", "ttc.select_keys", "set=b", "--wait")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            result = self.one_run("ping", "--timeout", str(DEADLINE_S))
+            self.assertEqual(result.returncode, 0, result.stderr)
+
+            for log in (self.var / "log").glob("*.log"):
+                for key in (self.var / "keys").glob("*.key"):
+                    self.assertNotIn(key.read_text().strip(), log.read_text(errors="replace"))
+
+    def test_a_lost_key_file_costs_only_its_association(self):
+        with self.flight() as flight:
+            self.configure_anew(flight, self.lose_two_keys)
+            wait_until(
+                lambda: self.one_run("--keys", "contingency", "ping", "--timeout", "2").returncode == 0, DEADLINE_S, "the contingency works"
+            )
+            result = self.one_run("--keys", "b", "ping", "--timeout", str(DEADLINE_S))
+            self.assertEqual(result.returncode, 0, "the other set is taken instead: " + result.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
