@@ -49,6 +49,11 @@ void Rs422Device::set_flip_probability(double probability) {
   down_.line.set_flip_probability(probability);
 }
 
+void Rs422Device::set_burst_probability(double probability) {
+  up_.line.set_burst_probability(probability);
+  down_.line.set_burst_probability(probability);
+}
+
 void Rs422Device::release_exclusive_holds() {
   operator_side_.release_exclusive_hold();
   computer_side_.release_exclusive_hold();

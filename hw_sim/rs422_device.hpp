@@ -25,6 +25,7 @@ class Rs422Device {
   Rs422Device& operator=(const Rs422Device&) = delete;
 
   void set_flip_probability(double probability);
+  void set_burst_probability(double probability);
   /// Cuts both directions: what is sent vanishes.
   void set_cut(bool cut) { cut_ = cut; }
   void release_exclusive_holds();

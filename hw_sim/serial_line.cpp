@@ -19,7 +19,7 @@ void SerialLine::advance(MonotonicTime now) {
       received_.pop_front();
       ++counters_.dropped;
     }
-    received_.push_back(flipped(on_line_.front()));
+    received_.push_back(drowned(flipped(on_line_.front())));
     on_line_.pop_front();
     first_arrives_ += octet_time_;
   }
@@ -67,6 +67,16 @@ std::uint8_t SerialLine::flipped(std::uint8_t octet) {
   }
   bits_to_flip_ -= 8 - from;
   return static_cast<std::uint8_t>(value);
+}
+
+std::uint8_t SerialLine::drowned(std::uint8_t octet) {
+  if (burst_probability_ > 0 && burst_left_ == 0 && std::bernoulli_distribution(burst_probability_)(random_)) {
+    burst_left_ = burst_octets;
+    ++counters_.bursts;
+  }
+  if (burst_left_ == 0) return octet;
+  --burst_left_;
+  return static_cast<std::uint8_t>(octet ^ std::uniform_int_distribution<unsigned>(1, 255)(random_));
 }
 
 }  // namespace srfs::sim

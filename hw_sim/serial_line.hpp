@@ -14,6 +14,7 @@ struct SerialLineCounters {
   std::uint64_t sent = 0;     ///< octets given to the line
   std::uint64_t carried = 0;  ///< octets that reached the far end
   std::uint64_t flipped_bits = 0;
+  std::uint64_t bursts = 0;   ///< begun; each spoils the next burst_octets octets
   std::uint64_t dropped = 0;  ///< octets the reader was too slow for
 };
 
@@ -26,6 +27,8 @@ struct SerialLineCounters {
 class SerialLine {
  public:
   static constexpr std::size_t capacity = 65536;
+  /// More than RS(255,223) corrects in a code word: a frame that a burst meets whole is lost.
+  static constexpr unsigned burst_octets = 32;
 
   SerialLine(std::uint32_t baud, std::uint64_t seed) : octet_time_(10'000'000'000 / baud), random_(seed) {}
 
@@ -48,15 +51,20 @@ class SerialLine {
 
   /// @param probability  of each bit to be inverted, 0-1
   void set_flip_probability(double probability);
+  /// @param probability  of each octet to begin a burst of noise, 0-1
+  void set_burst_probability(double probability) { burst_probability_ = probability; }
   [[nodiscard]] const SerialLineCounters& counters() const { return counters_; }
 
  private:
   [[nodiscard]] std::uint8_t flipped(std::uint8_t octet);
+  [[nodiscard]] std::uint8_t drowned(std::uint8_t octet);
 
   nanoseconds octet_time_;
   std::mt19937_64 random_;
   double flip_probability_ = 0;
   std::uint64_t bits_to_flip_ = 0;  // good bits until the next inverted one
+  double burst_probability_ = 0;
+  unsigned burst_left_ = 0;  // octets
   SerialLineCounters counters_;
   std::deque<std::uint8_t> on_line_;
   MonotonicTime first_arrives_;  // of on_line_.front()

@@ -92,6 +92,7 @@ void read_simulation(const ConfigSection& section, SimulationSettings& settings)
   read_peripherals(section.section("peripherals"), settings.peripheral);
   const ConfigSection rs422 = section.section("rs422");
   settings.rs422_flip_probability = rs422.number("flip_probability", 0, 0.5, 0);
+  settings.rs422_burst_probability = rs422.number("burst_probability", 0, 0.5, 0);
   rs422.finish();
   if (section.has("can_log")) settings.can_log = section.text("can_log");
   settings.can_log_limit = static_cast<std::size_t>(section.integer("can_log_limit_mib", 1, 1024, 16)) << 20U;

@@ -38,7 +38,8 @@ struct SimulationSettings {
   PeripheralSettings peripheral;
   GpsSettings gps;
   WatchdogSettings watchdog;
-  double rs422_flip_probability = 0;
+  double rs422_flip_probability = 0;   ///< of each bit
+  double rs422_burst_probability = 0;  ///< of each octet to begin 32 octets of noise
   std::optional<std::string> can_log;  ///< relative to VAR
   std::size_t can_log_limit =
       16U << 20U;  ///< octets; at the limit the file becomes FILE.1 and a new one starts

@@ -190,6 +190,7 @@ Result<void, std::string> Simulator::open_others(const SimulationSettings& setti
   if (!rs422) return Err(rs422.error());
   rs422_ = std::move(*rs422);
   rs422_->set_flip_probability(settings.rs422_flip_probability);
+  rs422_->set_burst_probability(settings.rs422_burst_probability);
 
   const auto gpio_path = served(settings.devices.gpio, "sim", var);
   if (!gpio_path) return Err(gpio_path.error());
@@ -304,10 +305,11 @@ void Simulator::force_bus_off(const std::string& station, MonotonicTime now) {
 }
 
 void Simulator::set_line_faults(const nlohmann::json& faults) {
-  only_keys(faults, {"flip_probability", "cut"});
+  only_keys(faults, {"flip_probability", "burst_probability", "cut"});
   if (faults.contains("cut") && !faults.at("cut").is_boolean())
     throw std::invalid_argument("'cut': expected true or false");
   rs422_->set_flip_probability(probability(faults, "flip_probability", 0));
+  rs422_->set_burst_probability(probability(faults, "burst_probability", 0));
   rs422_->set_cut(faults.value("cut", false));
 }
 

@@ -6,7 +6,9 @@ coding: the data fields of its CADUs, back to back.
 """
 
 import json
+import os
 import re
+import signal
 import subprocess
 import tempfile
 import time
@@ -22,7 +24,9 @@ ACCEPTANCE_GOAL_US = 5000
 STORED_FROM = "2026-01-01T00:00:00Z"
 STORED_TO = "2026-01-02T00:00:00Z"
 PACKET_OCTETS = 120
-PARTS = ("codecs", "store", "wear", "downlink", "telecommands")
+FRAME_LOSS = 0.1
+BAD_FILE_OCTETS, BAD_FILE_BAUD, BAD_FILE_DEATHS, BAD_FILE_GOAL = 200_000, 115200, 5, 1.5
+PARTS = ("codecs", "store", "wear", "downlink", "telecommands", "bad_line")
 
 
 def add_options(parser):
@@ -143,6 +147,37 @@ def file_down(bin_dir, baud, duration_s):
     }  # fmt: skip
 
 
+def file_over_a_bad_line(bin_dir):
+    """A file down over a line that loses one CADU of ten and flips one octet of 10^4, while ttc and the ground tool are killed, each five times.
+
+    The least time is that of the file's octets in the data fields of the CADUs that arrive; the restarts, protocol and live telemetry are on top.
+    """
+    content = bytes(i * 2654435761 >> 13 & 0xFF for i in range(BAD_FILE_OCTETS))
+    with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder, mission.Mission(f"{folder}/var", deployment(BAD_FILE_BAUD, folder), bin_dir) as flight:
+        ground = flight.ground()
+        ground.command("ping", 10)
+        flight.control({"rs422": {"flip_probability": 1e-4 / 8, "burst_probability": FRAME_LOSS / CADU}})
+        outbox, received = flight.var / "files" / "outbox", flight.var / "ground" / "files" / "bad.bin"
+        outbox.mkdir(parents=True, exist_ok=True)
+        (outbox / ".bad.bin").write_bytes(content)
+        (outbox / ".bad.bin").rename(outbox / "bad.bin")
+        least_s = BAD_FILE_OCTETS / (capacity(BAD_FILE_BAUD) * (1 - FRAME_LOSS))
+        begin = time.monotonic()
+        deaths = 0
+        while time.monotonic() < begin + 20 * least_s and not (received.is_file() and received.read_bytes() == content):
+            if deaths < BAD_FILE_DEATHS and time.monotonic() > begin + (deaths + 1) * least_s / (BAD_FILE_DEATHS + 1):
+                deaths += 1
+                os.kill(flight.node_pid("ttc"), signal.SIGKILL)
+                ground.process.kill()
+                ground.process.wait()
+                ground = flight.ground()
+            time.sleep(0.02)
+        elapsed = time.monotonic() - begin
+        identical = received.is_file() and received.read_bytes() == content
+    return {"octets": BAD_FILE_OCTETS, "baud": BAD_FILE_BAUD, "deaths_of_each_end": deaths, "identical": identical,
+            "elapsed_s": round(elapsed, 2), "least_s": round(least_s, 2), "ratio": round(elapsed / least_s, 3)}  # fmt: skip
+
+
 def telecommands(bin_dir, rate, duration_s):
     """Secured pings at a rate, each accepted, persisted and completed; the times are those that ttc keeps of itself."""
     with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder, mission.Mission(f"{folder}/var", "sim", bin_dir) as flight:
@@ -192,6 +227,9 @@ def measure(bin_dir, options, say):
             results["retrieval"].append(retrieval(bin_dir, baud, options.link_s))
             say(f"link: a file down at {baud} baud")
             results["file"].append(file_down(bin_dir, baud, options.link_s))
+    if "bad_line" in options.link_parts:
+        say("link: a file over a bad line between ends that are killed")
+        results["bad_line"] = file_over_a_bad_line(bin_dir)
     if "telecommands" in options.link_parts:
         say("link: 100 telecommands a second")
         results["telecommands"] = telecommands(bin_dir, 100, options.link_s)
@@ -230,6 +268,10 @@ def rows(results):
         for r in results.get(what, []):
             value = "-" if r["share"] is None else f"{r['share']:.3f}"
             yield f"{what} at {r['baud']} baud: packets, of what the line can carry", value, f"{THROUGHPUT_GOAL}", verdict((r["share"] or 0) >= THROUGHPUT_GOAL)
+    bad = results.get("bad_line")
+    if bad:
+        yield (f"file of {bad['octets']} octets, 10 % of CADUs lost, {bad['deaths_of_each_end']} deaths of each end: time, of the least", f"{bad['ratio']:.2f}",
+               f"{BAD_FILE_GOAL}", verdict(bad["identical"] and bad["ratio"] <= BAD_FILE_GOAL))  # fmt: skip
     t = results.get("telecommands")
     if t:
         yield f"telecommands at {t['rate_per_s']} a second, completed", f"{t['completed']} of {t['sent']}", "all", verdict(t["completed"] == t["sent"])
@@ -245,6 +287,8 @@ def show(results):
 
 def is_sound(results):
     """What no load excuses: nothing lost, nothing altered."""
-    transfers = [r["complete"] and r["received"] >= r["packets"] for r in results.get("retrieval", [])] + [r["identical"] for r in results.get("file", [])]
+    transfers = [r["complete"] and r["received"] >= r["packets"] for r in results.get("retrieval", [])] + [
+        r["identical"] for r in [*results.get("file", []), *([results["bad_line"]] if "bad_line" in results else [])]
+    ]
     t = results.get("telecommands")
     return all(transfers) and (t is None or t["completed"] == t["sent"])

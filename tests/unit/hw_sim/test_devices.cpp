@@ -122,6 +122,18 @@ TEST(SerialLine, InvertsBitsWithTheGivenProbability) {
   EXPECT_EQ(line.counters().flipped_bits, static_cast<std::uint64_t>(ones));
 }
 
+TEST(SerialLine, DrownsOctetsInBurstsWithTheGivenProbability) {
+  SerialLine line(4'000'000, 1);
+  line.set_burst_probability(1e-3);
+  line.accept(Octets(50'000, 7), origin);
+  line.advance(origin + seconds(10));
+  std::uint64_t wrong = 0;
+  for (const std::uint8_t octet : line.arrived(50'000)) wrong += octet == 7 ? 0 : 1;
+  EXPECT_NEAR(static_cast<double>(line.counters().bursts), 50 / 1.032, 20);
+  EXPECT_LE(wrong, line.counters().bursts * SerialLine::burst_octets);
+  EXPECT_GT(wrong, (line.counters().bursts - 1) * SerialLine::burst_octets);
+}
+
 TEST(StarvationTimer, IsArmedByTheFirstFeedAndBitesOnce) {
   StarvationTimer watchdog(milliseconds(500));
   EXPECT_FALSE(watchdog.bites(origin + seconds(100)));
