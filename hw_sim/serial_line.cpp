@@ -70,7 +70,8 @@ std::uint8_t SerialLine::flipped(std::uint8_t octet) {
 }
 
 std::uint8_t SerialLine::drowned(std::uint8_t octet) {
-  if (burst_probability_ > 0 && burst_left_ == 0 && std::bernoulli_distribution(burst_probability_)(random_)) {
+  if (burst_probability_ > 0 && burst_left_ == 0 &&
+      std::bernoulli_distribution(burst_probability_)(random_)) {
     burst_left_ = burst_octets;
     ++counters_.bursts;
   }

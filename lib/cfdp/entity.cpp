@@ -245,11 +245,11 @@ void Entity::advance(MonotonicTime now) {
   settle();
 }
 
-std::optional<Octets> Entity::next_pdu(std::size_t octets_max, MonotonicTime now) {
+std::optional<Octets> Entity::next_pdu(std::size_t octets_max, MonotonicTime now, const FrameFill& frame) {
   assert(octets_max >= pdu_octets_min);
   if (!link_available_) return std::nullopt;
   advance(now);
-  const auto out = next_outgoing(octets_max, now);
+  const auto out = next_outgoing(octets_max, frame, now);
   std::optional<Octets> octets;
   if (out) {
     octets = wire::encode_cfdp_pdu(out->header, out->body);
@@ -260,7 +260,8 @@ std::optional<Octets> Entity::next_pdu(std::size_t octets_max, MonotonicTime now
   return octets;
 }
 
-std::optional<Outgoing> Entity::next_outgoing(std::size_t octets_max, MonotonicTime now) {
+std::optional<Outgoing> Entity::next_outgoing(std::size_t octets_max, const FrameFill& frame,
+                                              MonotonicTime now) {
   if (!replies_.empty()) {
     Outgoing out = std::move(replies_.front());
     replies_.pop_front();
@@ -270,7 +271,7 @@ std::optional<Outgoing> Entity::next_outgoing(std::size_t octets_max, MonotonicT
     if (auto out = r->next_pdu(octets_max, now)) return out;
   }
   for (const auto& s : senders_) {
-    if (auto out = s->next_pdu(octets_max, now)) return out;
+    if (auto out = s->next_pdu(octets_max, frame, now)) return out;
   }
   return std::nullopt;
 }

@@ -52,8 +52,10 @@ class Entity final : private Context {
   void on_pdu(OctetView octets, MonotonicTime now);
   /// Timers, and one step of reading files for their checksums. next_pdu() includes it.
   void advance(MonotonicTime now);
-  /// The next PDU for the link, at most @p octets_max (pdu_octets_min or more).
-  [[nodiscard]] std::optional<Octets> next_pdu(std::size_t octets_max, MonotonicTime now);
+  /// The next PDU for the link, at most @p octets_max (pdu_octets_min or more). @param frame where it will
+  /// lie: while frames are lost, data ends with a frame
+  [[nodiscard]] std::optional<Octets> next_pdu(std::size_t octets_max, MonotonicTime now,
+                                               const FrameFill& frame = {});
   /// When advance() or next_pdu() has something to do; @p now or before: already. nullopt: only another call
   /// changes that.
   [[nodiscard]] std::optional<MonotonicTime> next_due(MonotonicTime now) const;
@@ -87,7 +89,8 @@ class Entity final : private Context {
   [[nodiscard]] Sender* sender(TransactionId id);
   [[nodiscard]] Receiver* receiver(TransactionId id);
   [[nodiscard]] bool has_room() const;
-  [[nodiscard]] std::optional<Outgoing> next_outgoing(std::size_t octets_max, MonotonicTime now);
+  [[nodiscard]] std::optional<Outgoing> next_outgoing(std::size_t octets_max, const FrameFill& frame,
+                                                      MonotonicTime now);
 
   std::vector<std::unique_ptr<Sender>> senders_;  // in the order of their put()
   std::vector<std::unique_ptr<Receiver>> receivers_;

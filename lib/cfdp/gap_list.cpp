@@ -37,6 +37,12 @@ std::optional<CfdpSegment> SegmentSet::take(std::uint64_t octets_max) {
   return taken;
 }
 
+std::uint64_t SegmentSet::octets() const {
+  std::uint64_t octets = 0;
+  for (const CfdpSegment& s : segments_) octets += s.end - s.start;
+  return octets;
+}
+
 // ---- GapList ------------------------------------------------------------------------------------------
 
 GapList::GapList(std::size_t limit, milliseconds delay, milliseconds repeat)
@@ -62,12 +68,17 @@ void GapList::fill(CfdpSegment segment, MonotonicTime now) {
     gaps_.push_back({.segment = {end_, segment.start}, .ask_at = now + delay_});
   }
   end_ = std::max(end_, segment.end);
+  bool served = false;
   for (std::size_t i = 0; i < gaps_.size();) {
     Gap& gap = gaps_[i];
     const CfdpSegment g = gap.segment;
     if (segment.end <= g.start || segment.start >= g.end) {
       ++i;
       continue;
+    }
+    if (gap.asked) {
+      served = true;
+      time_answer(gap, now);
     }
     const bool front_left = g.start < segment.start;
     const bool back_left = segment.end < g.end;
@@ -77,7 +88,7 @@ void GapList::fill(CfdpSegment segment, MonotonicTime now) {
     }
     Gap back = gap;
     back.segment.start = segment.end;
-    if (gap.asked) back.ask_at = now + repeat_;
+    if (gap.asked) back.ask_at = now + repeat_now();
     if (front_left) {
       gap.segment.end = segment.start;
       gap.ask_at = std::min(gap.ask_at, now + delay_);
@@ -87,6 +98,32 @@ void GapList::fill(CfdpSegment segment, MonotonicTime now) {
       gap = back;
     }
     ++i;
+  }
+  judge_order(segment, served, now);
+}
+
+void GapList::time_answer(const Gap& gap, MonotonicTime now) {
+  if (gap.asked_at <= timed_) return;  // others were served before it
+  timed_ = gap.asked_at;
+  const nanoseconds took = now - gap.asked_at;
+  answer_time_ = answer_time_ ? (3 * *answer_time_ + took) / 4 : took;
+}
+
+nanoseconds GapList::repeat_now() const {
+  constexpr milliseconds slack(300);
+  return answer_time_ ? std::min<nanoseconds>(2 * *answer_time_ + slack, repeat_) : nanoseconds(repeat_);
+}
+
+void GapList::judge_order(CfdpSegment segment, bool served, MonotonicTime now) {
+  if (!answer_time_) return;
+  const MonotonicTime known_to_sender = now - (*answer_time_ + *answer_time_ / 4 + nanoseconds(delay_));
+  for (Gap& gap : gaps_) {
+    if (!gap.asked) continue;
+    if (gap.segment.start >= segment.end) {
+      if (served) gap.ask_at = std::max(gap.ask_at, now + repeat_now());
+    } else if (gap.segment.end <= segment.start && gap.asked_at < known_to_sender) {
+      gap.ask_at = std::min(gap.ask_at, now + delay_);
+    }
   }
 }
 
@@ -114,7 +151,8 @@ std::vector<CfdpSegment> GapList::take_due(std::size_t limit, bool repeat, Monot
     if (gap.ask_at > now || (gap.asked && !repeat)) continue;
     due.push_back(gap.segment);
     gap.asked = true;
-    gap.ask_at = now + repeat_;
+    gap.asked_at = now;
+    gap.ask_at = now + repeat_now();
   }
   return due;
 }

@@ -107,8 +107,8 @@ void Postbox::on_pdu(OctetView pdu, MonotonicTime now) {
   look_at_transactions();
 }
 
-std::optional<Octets> Postbox::next_pdu(std::size_t octets_max, MonotonicTime now) {
-  return entity_.next_pdu(octets_max, now);
+std::optional<Octets> Postbox::next_pdu(std::size_t octets_max, MonotonicTime now, const FrameFill& frame) {
+  return entity_.next_pdu(octets_max, now, frame);
 }
 
 void Postbox::on_contact(MonotonicTime now) {
@@ -147,9 +147,11 @@ PostboxTurnResult take_turn(Postbox& postbox, const PostboxTurn& turn, Monotonic
   for (const Octets& pdu : turn.received) postbox.on_pdu(pdu, now);
   if (turn.scan) postbox.scan();
   std::size_t room = turn.room_octets;
+  FrameFill frame = turn.frame;
   while (room >= turn.pdu_octets_max + turn.overhead_octets) {
-    auto pdu = postbox.next_pdu(turn.pdu_octets_max, now);
+    auto pdu = postbox.next_pdu(turn.pdu_octets_max, now, frame);
     if (!pdu) break;
+    frame = frame.behind(pdu->size());
     room -= pdu->size() + turn.overhead_octets;
     result.pdus.push_back(std::move(*pdu));
   }

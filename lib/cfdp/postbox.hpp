@@ -45,7 +45,8 @@ class Postbox {
                                                      std::uint64_t operation);
   /// One PDU of the peer.
   void on_pdu(OctetView pdu, MonotonicTime now);
-  [[nodiscard]] std::optional<Octets> next_pdu(std::size_t octets_max, MonotonicTime now);
+  [[nodiscard]] std::optional<Octets> next_pdu(std::size_t octets_max, MonotonicTime now,
+                                               const FrameFill& frame = {});
   /// The peer is there: what rests since it was not goes on.
   void on_contact(MonotonicTime now);
   /// Since the last call, oldest first. Files that were sent leave the outbox here.
@@ -74,6 +75,7 @@ struct PostboxTurn {
   std::size_t room_octets = 0;  ///< for PDUs, each with its overhead
   std::size_t pdu_octets_max = 0;
   std::size_t overhead_octets = 0;  ///< of one PDU on the link
+  FrameFill frame = {};             ///< where the first PDU comes to lie
   bool scan = false;
   bool contact = false;
 };

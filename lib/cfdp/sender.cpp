@@ -19,6 +19,7 @@ Sender::Sender(Context& context, SendState state)
   data_.reserve(context.settings.file_data_octets);
   // Of a checkpoint: the metadata goes first again, so that the receiver knows that its sender is back.
   sent_ = state_.reserved;
+  sent_before_ = sent_;
   eof_due_ = cancelling() || all_sent();
 }
 
@@ -39,7 +40,7 @@ Report Sender::report() const {
                 .operation = state_.operation,
                 .cancelled = cancelling()};
   if (state_.prepared) report.file_octets = state_.stamp.octets;
-  for (const CfdpSegment& s : retransmit_.segments()) report.missing_octets += s.end - s.start;
+  report.missing_octets = retransmit_.octets();
   return report;
 }
 
@@ -133,7 +134,10 @@ void Sender::on_nak(const CfdpNak& nak) {
     if (segment.start == 0 && segment.end == 0) metadata_due_ = true;
     // What was not sent yet comes by itself.
     segment.end = std::min(segment.end, sent_);
-    if (segment.start < segment.end && !retransmit_.add(segment)) ++context_.counters.dropped_segments;
+    if (segment.start >= segment.end) continue;
+    const std::uint64_t asked_for = retransmit_.octets();
+    if (!retransmit_.add(segment)) ++context_.counters.dropped_segments;
+    if (segment.start >= sent_before_) context_.frame_fit.on_lost(retransmit_.octets() - asked_for);
   }
 }
 
@@ -197,14 +201,14 @@ bool Sender::has_output() const {
   return metadata_due_ || !retransmit_.empty() || !all_sent() || eof_due_;
 }
 
-std::optional<Outgoing> Sender::next_pdu(std::size_t octets_max, MonotonicTime now) {
+std::optional<Outgoing> Sender::next_pdu(std::size_t octets_max, const FrameFill& frame, MonotonicTime now) {
   if (!has_output()) return std::nullopt;
   if (cancelling()) return eof(now);
   if (metadata_due_) {
     metadata_due_ = false;
     return metadata();
   }
-  if (!retransmit_.empty() || !all_sent()) return file_data(octets_max, now);
+  if (!retransmit_.empty() || !all_sent()) return file_data(octets_max, frame, now);
   return eof(now);
 }
 
@@ -234,10 +238,11 @@ Outgoing Sender::eof(MonotonicTime now) {
   return {.header = state_.header, .body = eof};
 }
 
-std::optional<Outgoing> Sender::file_data(std::size_t octets_max, MonotonicTime now) {
+std::optional<Outgoing> Sender::file_data(std::size_t octets_max, const FrameFill& frame, MonotonicTime now) {
   const std::size_t overhead = wire::cfdp_file_data_overhead(state_.header);
   assert(octets_max > overhead);
-  const std::uint64_t octets = std::min(octets_max - overhead, context_.settings.file_data_octets);
+  const std::uint64_t octets = context_.frame_fit.file_octets(
+      frame, overhead, std::min(octets_max - overhead, context_.settings.file_data_octets));
   auto segment = retransmit_.take(octets);
   const bool is_new = !segment;
   if (is_new) {
@@ -258,16 +263,18 @@ std::optional<Outgoing> Sender::file_data(std::size_t octets_max, MonotonicTime 
   }
   if (problem) {
     fault(*problem, why);
-    return next_pdu(octets_max, now);  // the EOF of a cancellation, or nothing
+    return next_pdu(octets_max, frame, now);  // the EOF of a cancellation, or nothing
   }
   if (is_new) {
     if (segment->end > state_.reserved) {
-      state_.reserved = std::min(segment->end + context_.settings.checkpoint_octets, state_.stamp.octets);
+      state_.reserved = std::min(segment->end + context_.settings.reserve_octets, state_.stamp.octets);
       context_.save_checkpoint();
     }
     sent_ = segment->end;
     eof_due_ = all_sent();
   }
+  if (segment->start >= sent_before_)
+    context_.frame_fit.on_sent(frame, overhead + data_.size(), data_.size());
   return Outgoing{.header = state_.header,
                   .body = wire::CfdpFileData{.offset = segment->start, .data = data_}};
 }

@@ -39,7 +39,8 @@ class Sender {
   void on_pdu(const CfdpBody& body, MonotonicTime now);
   /// Timers, and one step of the first reading of the file.
   void advance(MonotonicTime now);
-  [[nodiscard]] std::optional<Outgoing> next_pdu(std::size_t octets_max, MonotonicTime now);
+  [[nodiscard]] std::optional<Outgoing> next_pdu(std::size_t octets_max, const FrameFill& frame,
+                                                 MonotonicTime now);
   /// When advance() or next_pdu() has something to do; @p now or before: already.
   [[nodiscard]] std::optional<MonotonicTime> next_due(MonotonicTime now) const;
 
@@ -70,12 +71,14 @@ class Sender {
   [[nodiscard]] std::optional<CfdpCondition> file_changed(std::optional<FileFault>& why);
   [[nodiscard]] Outgoing metadata() const;
   [[nodiscard]] Outgoing eof(MonotonicTime now);
-  [[nodiscard]] std::optional<Outgoing> file_data(std::size_t octets_max, MonotonicTime now);
+  [[nodiscard]] std::optional<Outgoing> file_data(std::size_t octets_max, const FrameFill& frame,
+                                                  MonotonicTime now);
 
   Context& context_;
   SendState state_;
   std::optional<FileDigest> digest_;  // while preparing
   std::uint64_t sent_ = 0;            // new octets handed out
+  std::uint64_t sent_before_ = 0;     // of them, before a restart: how much of them was lost says nothing
   SegmentSet retransmit_;
   bool metadata_due_ = true;
   bool eof_due_ = false;

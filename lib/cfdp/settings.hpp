@@ -51,10 +51,12 @@ struct Settings {
 
   milliseconds ack_interval{5'000};  ///< EOF or Finished sent -> its ACK
   unsigned ack_limit = 10;           ///< times one is sent
-  milliseconds nak_interval{5'000};  ///< longer than the way to the peer and back, with all queues between
-  unsigned nak_limit = 10;           ///< times asked after EOF without one new octet
-  milliseconds nak_delay{200};       ///< gap seen -> asked for: leaves time for PDUs out of order
-  milliseconds nak_spacing{1'000};   ///< from one NAK of a file to the next: gaps are asked for together
+  /// Longer than the way to the peer and back, with all queues between; until an answer was timed, and at
+  /// most.
+  milliseconds nak_interval{3'000};
+  unsigned nak_limit = 10;        ///< times asked after EOF without one new octet
+  milliseconds nak_delay{200};    ///< gap seen -> asked for: leaves time for PDUs out of order
+  milliseconds nak_spacing{500};  ///< from one NAK of a file to the next: gaps are asked for together
   milliseconds inactivity_interval{60'000};
   unsigned inactivity_limit = 3;  ///< sender: EOF is sent again so often when Finished does not come
   std::uint64_t keep_alive_limit_octets = 0;  ///< peer this much behind: fault; 0: not watched
@@ -66,9 +68,11 @@ struct Settings {
   std::size_t replies_max = 32;              ///< ACKs waiting for the link; the newest is dropped
   std::size_t events_max = 64;               ///< not yet taken; the oldest is dropped
   std::uint64_t file_octets_max = 1U << 30;  ///< larger files are refused, either way
-  /// A crash costs at most so many file octets that travel again, for each transaction. Each checkpoint
-  /// costs the disk a sync.
-  std::size_t checkpoint_octets = 8U << 10;
+  /// Receiver: a crash costs at most so many file octets that travel again, for each transaction. Each
+  /// checkpoint costs the disk a sync.
+  std::size_t checkpoint_octets = 4U << 10;
+  std::size_t reserve_octets =
+      32U << 10;  ///< sender: passed over by a crash at most, until the receiver asks for them
   std::size_t work_octets = 256U << 10;  ///< most octets read by one advance() to check a file
 };
 

@@ -7,6 +7,7 @@
 
 #include "cfdp/file_digest.hpp"
 #include "cfdp/file_store.hpp"
+#include "cfdp/frame_fit.hpp"
 #include "cfdp/settings.hpp"
 #include "wire/cfdp_pdu.hpp"
 
@@ -84,6 +85,7 @@ class Context {
   const Settings settings;
   FileStore& files;
   Counters counters;
+  FrameFit frame_fit;  ///< of what is sent
 
  protected:
   ~Context() = default;

@@ -63,6 +63,13 @@ class DownlinkScheduler {
 
   [[nodiscard]] std::size_t room_octets(DownlinkChannel channel) const;
   [[nodiscard]] bool empty(DownlinkChannel channel) const;
+  /// Octets of packets in a frame.
+  [[nodiscard]] std::size_t field_octets() const { return field_octets_; }
+  /// Of the frame in which the next packet begins, when no frame leaves half empty before it: octets already
+  /// taken.
+  [[nodiscard]] std::size_t begun_octets(DownlinkChannel channel) const {
+    return frames_.queued_octets(vc(channel)) % field_octets_;
+  }
   [[nodiscard]] DownlinkCounters counters() const;
   /// Frames of the live channel.
   [[nodiscard]] std::uint64_t live_frames() const {

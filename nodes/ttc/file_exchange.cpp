@@ -20,11 +20,13 @@ void FileExchange::on_packet(OctetView packet) {
   }
 }
 
-std::optional<cfdp::PostboxTurn> FileExchange::next_turn(std::size_t room_octets, MonotonicTime now) {
+std::optional<cfdp::PostboxTurn> FileExchange::next_turn(std::size_t room_octets, MonotonicTime now,
+                                                         cfdp::FrameFill frame) {
   const auto due = next_due(room_octets);
   if (!due || now < *due) return std::nullopt;
   running_ = true;
   changed_ = false;
+  frame.overhead = wire::packet_header_octets;
   const auto taken = std::min(received_.size(), received_per_turn);
   const auto end = received_.begin() + static_cast<std::ptrdiff_t>(taken);
   cfdp::PostboxTurn turn{
@@ -32,6 +34,7 @@ std::optional<cfdp::PostboxTurn> FileExchange::next_turn(std::size_t room_octets
       .room_octets = may_send(room_octets) ? room_octets : 0,
       .pdu_octets_max = pdu_octets_max,
       .overhead_octets = wire::packet_header_octets,
+      .frame = frame,
       .scan = now >= scan_at_,
       .contact = std::exchange(contact_, false)};
   received_.erase(received_.begin(), end);

@@ -40,8 +40,10 @@ class FileExchange {
   /// Something was changed at the postbox between turns.
   void on_change() { changed_ = true; }
 
-  /// The next turn, when one is due. @param room_octets of the downlink's queue
-  [[nodiscard]] std::optional<cfdp::PostboxTurn> next_turn(std::size_t room_octets, MonotonicTime now);
+  /// The next turn, when one is due. @param room_octets of the downlink's queue @param frame where its next
+  /// packet comes to lie
+  [[nodiscard]] std::optional<cfdp::PostboxTurn> next_turn(std::size_t room_octets, MonotonicTime now,
+                                                           cfdp::FrameFill frame = {});
   /// @return Space Packets for the downlink
   [[nodiscard]] std::vector<Octets> on_turn(cfdp::PostboxTurnResult& result);
   /// The worker did not take the turn, or has no postbox: what was in it is lost, as on the line.

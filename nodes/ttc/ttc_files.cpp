@@ -54,7 +54,9 @@ void TtcNode::serve_files() {
 }
 
 void TtcNode::pump_files() {
-  auto turn = link_->files.next_turn(link_->downlink.room_octets(DownlinkChannel::files), monotonic_now());
+  auto turn = link_->files.next_turn(link_->downlink.room_octets(DownlinkChannel::files), monotonic_now(),
+                                     {.octets = link_->downlink.field_octets(),
+                                      .filled = link_->downlink.begun_octets(DownlinkChannel::files)});
   if (!turn) return;
   using Outcome = Result<cfdp::PostboxTurnResult, std::string>;
   auto result = std::make_shared<Outcome>(Err(std::string("the turn failed")));

@@ -27,6 +27,7 @@ struct LinkFaults {
   double duplication = 0;
   double octet_flips = 0;  ///< a flipped octet costs its PDU: frames have a CRC
   milliseconds jitter{0};  ///< PDUs overtake one another
+  double frame_loss = 0;   ///< with all PDUs that have octets in the frame
 };
 
 /// Two entities with their disks, and a line with a rate and a delay between them. Time is simulated.
@@ -41,6 +42,8 @@ class SimulatedLink {
     MonotonicTime line_free_at;
     MonotonicTime alive_again_at;
     std::uint64_t pdus = 0;  ///< handed to the line
+    FrameFill frame;
+    bool frame_lost = false;  ///< the one that is being filled
     Counters counters_before;
   };
 
@@ -105,6 +108,12 @@ class SimulatedLink {
   double octets_per_second = 20'000;
   milliseconds delay{40};
   std::size_t pdu_octets_max = 980;
+  /// What the satellite sends travels in frames of so many octets, on a line that carries some more for each.
+  /// What the ground sends has a frame for each PDU.
+  void use_frames(std::size_t field_octets, std::size_t octets_on_line) {
+    at(satellite).frame = {.octets = field_octets, .filled = 0, .overhead = 6};
+    frame_octets_on_line_ = octets_on_line;
+  }
   /// Sees every PDU that is handed to the line; false loses it.
   std::function<bool(std::uint64_t from, OctetView pdu)> on_line = [](std::uint64_t, OctetView) {
     return true;
@@ -150,8 +159,9 @@ class SimulatedLink {
     for (std::size_t i = 0; i < ends.size(); ++i) {
       End& end = ends[i];
       if (!end.entity || end.line_free_at > now) continue;
+      if (now > end.line_free_at + milliseconds(50)) end.frame.filled = 0;  // the frame left half empty
       std::optional<Octets> pdu;
-      guarded(end, [&] { pdu = end.entity->next_pdu(pdu_octets_max, now); });
+      guarded(end, [&] { pdu = end.entity->next_pdu(pdu_octets_max, now, end.frame); });
       if (end.entity) take_events(end);
       if (pdu) transmit(end, 1 - i, *pdu);
     }
@@ -166,10 +176,16 @@ class SimulatedLink {
   }
   void transmit(End& from, std::size_t to, const Octets& pdu) {
     ++from.pdus;
+    const double octets_on_line =
+        from.frame.octets == 0
+            ? static_cast<double>(pdu.size())
+            : static_cast<double>((pdu.size() + from.frame.overhead) * frame_octets_on_line_) /
+                  static_cast<double>(from.frame.octets);
     from.line_free_at =
-        now +
-        nanoseconds(static_cast<std::int64_t>(1e9 * static_cast<double>(pdu.size()) / octets_per_second));
-    if (!on_line(from.id, pdu)) return;
+        now + nanoseconds(static_cast<std::int64_t>(1e9 * octets_on_line / octets_per_second));
+    const bool spoiled =
+        from.frame.octets > 0 ? is_in_a_lost_frame(from, pdu.size()) : chance(faults.frame_loss);
+    if (!on_line(from.id, pdu) || spoiled) return;
     const double survives = std::pow(1 - faults.octet_flips, static_cast<double>(pdu.size()));
     for (int copies = chance(faults.duplication) ? 2 : 1; copies > 0; --copies) {
       if (chance(faults.loss) || !chance(survives)) continue;
@@ -180,9 +196,22 @@ class SimulatedLink {
       flying_.emplace(from.line_free_at + delay + late, std::pair(to, pdu));
     }
   }
+  bool is_in_a_lost_frame(End& from, std::size_t pdu_octets) {
+    bool lost = from.frame.filled > 0 && from.frame_lost;
+    if (from.frame.filled == 0) lost = from.frame_lost = chance(faults.frame_loss);
+    const std::size_t frames_after =
+        (from.frame.filled + pdu_octets + from.frame.overhead - 1) / from.frame.octets;
+    for (std::size_t i = 0; i < frames_after; ++i) {
+      from.frame_lost = chance(faults.frame_loss);
+      lost = lost || from.frame_lost;
+    }
+    from.frame = from.frame.behind(pdu_octets);
+    return lost;
+  }
   bool chance(double p) { return std::uniform_real_distribution<double>(0, 1)(random_) < p; }
 
   std::mt19937_64 random_;
+  std::size_t frame_octets_on_line_ = 0;
   std::multimap<MonotonicTime, std::pair<std::size_t, Octets>> flying_;
 };
 

@@ -81,6 +81,49 @@ TEST(GapLists, WaitForTheRestOfAGapThatIsBeingFilledAndAskSoonForWhatWasLeftOut)
   EXPECT_THAT(list.take_due(9, true, later + repeat), ElementsAre(CfdpSegment{30, 100}));
 }
 
+/// A list with gaps at 10-20, 30-40 and 50-60 that were asked for at @p asked, whose first answer takes a
+/// second.
+GapList asked_for_three_gaps(MonotonicTime asked) {
+  GapList list(10, delay, repeat);
+  // How long an answer takes is known from an earlier gap.
+  list.fill({5, 10}, asked - seconds(2));
+  EXPECT_THAT(list.take_due(9, true, asked - seconds(1)), ElementsAre(CfdpSegment{0, 5}));
+  list.fill({0, 5}, asked);
+  for (const std::uint64_t from : {20U, 40U, 60U}) list.fill({from, from + 10}, asked - delay);
+  EXPECT_EQ(list.take_due(9, true, asked).size(), 3U);
+  return list;
+}
+
+TEST(GapLists, AskAgainSoonForWhatTheSenderPassedOver) {
+  const MonotonicTime asked = start + seconds(10);
+  GapList list = asked_for_three_gaps(asked);
+  const MonotonicTime answered = asked + seconds(2);
+  list.fill({30, 40}, answered);  // not the first
+  EXPECT_THAT(list.take_due(9, true, answered + delay - milliseconds(1)), ElementsAre());
+  EXPECT_THAT(list.take_due(9, true, answered + delay), ElementsAre(CfdpSegment{10, 20}));
+  list.fill({70, 80},
+            answered + seconds(3));  // new data: the third was passed over, too, and the first again
+  EXPECT_THAT(list.take_due(9, true, answered + seconds(3) + delay),
+              ElementsAre(CfdpSegment{10, 20}, CfdpSegment{50, 60}));
+}
+
+TEST(GapLists, WaitForTheTurnOfWhatTheSenderServesLater) {
+  const MonotonicTime asked = start + seconds(10);
+  GapList list = asked_for_three_gaps(asked);
+  const MonotonicTime served = asked + milliseconds(2200);
+  list.fill({10, 15}, served);
+  EXPECT_THAT(list.take_due(9, true, served + seconds(2)), ElementsAre());
+  // Twice the time of an answer and some without data: they do not come.
+  EXPECT_EQ(list.take_due(9, true, served + seconds(4)).size(), 3U);
+}
+
+TEST(GapLists, DataThatLeftBeforeTheAskingArrivedSaysNothingOfIt) {
+  const MonotonicTime asked = start + seconds(10);
+  GapList list = asked_for_three_gaps(asked);
+  list.fill({70, 80}, asked + milliseconds(900));
+  EXPECT_THAT(list.take_due(9, true, asked + milliseconds(1100)), ElementsAre());
+}
+
 TEST(GapLists, RefuseACheckpointThatMakesNoSense) {
   GapList list(2, delay, repeat);
   EXPECT_FALSE(list.restore(100, {{10, 10}}, start));
