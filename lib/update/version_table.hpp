@@ -55,6 +55,7 @@ class VersionTable {
  public:
   static constexpr std::size_t most_versions = 4;  ///< beside golden
   static constexpr std::size_t longest_text = 200;
+  static constexpr milliseconds default_probation = std::chrono::minutes(5);
   static constexpr milliseconds longest_probation = std::chrono::hours(24 * 30);
 
   [[nodiscard]] std::uint64_t revision() const { return revision_; }  ///< goes up with each change
