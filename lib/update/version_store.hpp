@@ -33,7 +33,7 @@ class VersionStore {
   [[nodiscard]] Result<void, std::string> remove(VersionNumber number);
 
   /// What is wrong with its program: gone, or not the octets it was added with. nullopt: nothing. Reads all
-  /// of it: about 1 ms for a megabyte that is in memory.
+  /// of it: 1 to 2 ms for a megabyte that is in memory.
   [[nodiscard]] std::optional<std::string> damage(const Version& version) const;
   [[nodiscard]] std::string file_of(VersionNumber number) const;
 

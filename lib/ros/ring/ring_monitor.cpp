@@ -433,6 +433,7 @@ void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, Monoto
   s.pid = pid;
   s.incarnation = incarnation;
   s.first_seen = now;
+  s.not_before = now;  // the wait was for another process
   s.ended = false;
   s.heard = false;
   s.state = State::unknown;

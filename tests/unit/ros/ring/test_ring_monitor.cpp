@@ -456,6 +456,16 @@ TEST_F(RingMonitorTest, LooksAgainAfterASecondWhenSomebodyElseRestarts) {
   EXPECT_THAT(accused(), ElementsAre("b: exited", "b: absent")) << "that restarter may have died, too";
 }
 
+TEST_F(RingMonitorTest, AccusesAtOnceWhenWhatSomebodyElseStartedEndsAgain) {
+  rounds(3);
+  exit("b");
+  conclude("b", What::under_way);
+  start("b", 555, 2);
+  rounds(1);
+  exit("b");
+  EXPECT_THAT(accused(), ElementsAre("b: exited", "b: exited"));
+}
+
 TEST_F(RingMonitorTest, WaitsAsLongAsTheBackOffSays) {
   round();
   exit("b");
