@@ -1,6 +1,5 @@
 #include "update/sha256.hpp"
 
-#include <array>
 #include <cstdlib>
 
 #include <fmt/format.h>
@@ -27,15 +26,19 @@ void Sha256::update(OctetView data) {
   if (EVP_DigestUpdate(hash(context_), data.data(), data.size()) != 1) std::abort();
 }
 
-std::string Sha256::finish() {
-  std::array<std::uint8_t, 32> digest{};
+Sha256::Digest Sha256::finish() {
+  Digest digest{};
   if (EVP_DigestFinal_ex(hash(context_), digest.data(), nullptr) != 1) std::abort();
+  return digest;
+}
+
+std::string to_digits(const Sha256::Digest& digest) {
   std::string digits;
   for (const std::uint8_t octet : digest) digits += fmt::format("{:02x}", octet);
   return digits;
 }
 
-std::string sha256_of(OctetView data) {
+Sha256::Digest sha256_of(OctetView data) {
   Sha256 sha;
   sha.update(data);
   return sha.finish();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 
 #include "base/octets.hpp"
@@ -15,13 +16,16 @@ class Sha256 {
   Sha256& operator=(const Sha256&) = delete;
 
   void update(OctetView data);
-  /// 64 lower-case digits. Nothing may follow.
-  [[nodiscard]] std::string finish();
+  using Digest = std::array<std::uint8_t, 32>;
+  /// Nothing may follow.
+  [[nodiscard]] Digest finish();
 
  private:
   void* context_;
 };
 
-[[nodiscard]] std::string sha256_of(OctetView data);
+/// 64 lower-case digits
+[[nodiscard]] std::string to_digits(const Sha256::Digest& digest);
+[[nodiscard]] Sha256::Digest sha256_of(OctetView data);
 
 }  // namespace srfs::update

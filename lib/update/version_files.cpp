@@ -45,7 +45,7 @@ Result<VersionFiles::Digest, FileError> take(int from, const std::filesystem::pa
       written += static_cast<std::size_t>(done);
     }
   }
-  digest.sha256 = sha.finish();
+  digest.sha256 = to_digits(sha.finish());
   return digest;
 }
 

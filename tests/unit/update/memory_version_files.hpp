@@ -93,7 +93,7 @@ class MemoryVersionFiles final : public VersionFiles {
 
  private:
   static std::string hash_of(const std::string& text) {
-    return sha256_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+    return to_digits(sha256_of({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
   }
   template <class Effect>
   Result<void, FileError> step(Effect effect) {
