@@ -457,7 +457,10 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
   if (const auto running = find_instance(request.var, node.name)) return running->pid;
   if (const auto starting = find_starting(request.var, node.name)) return starting->process.pid();
   const auto launched = launch_locked(request, node, *lock, ProgramCheck::hash);
-  if (!launched) return Err(launched.error());
+  if (!launched) {
+    (void)settle_versions(request.var, node.name);  // what was set aside on the way
+    return Err(launched.error());
+  }
   count_start_on_disk(request, node);
   if (launched->fallback) record_fallback(request, node, *launched);
   return launched->pid;
@@ -492,8 +495,9 @@ Result<Launched, std::string> launch_locked(const LaunchRequest& request, const 
     const bool golden_is_gone =
         number == update::golden && access(golden_program(request, node).c_str(), X_OK) != 0;
     if (!bad && !golden_is_gone) break;
+    if (number == update::golden) continue;
     log::error("version {} of {} cannot be started: {}", number, node.name, failure);
-    if (number != update::golden) set_aside(request.var, node.name, number, *bad);
+    set_aside(request.var, node.name, number, *bad);
   }
   return Err(first_failure);
 }

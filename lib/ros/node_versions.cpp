@@ -95,6 +95,7 @@ bool set_aside(const VarPaths& var, const std::string& node, VersionNumber versi
 }
 
 Result<void, std::string> settle_versions(const VarPaths& var, const std::string& node) {
+  if (!has_versions(var, node)) return {};
   return change_versions(var, node, [](VersionStore&) { return Result<void, std::string>(); });
 }
 

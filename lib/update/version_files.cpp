@@ -121,11 +121,12 @@ Result<void, FileError> PosixVersionFiles::sync_names() {
 
 Result<Fd, FileError> PosixVersionFiles::lock(milliseconds patience) {
   std::error_code ec;
-  std::filesystem::create_directories(folder_, ec);
+  const bool made = std::filesystem::create_directories(folder_, ec);
   Fd folder(open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder) return failure("open", folder_, errno);
   // The names of the folders themselves; without permission to sync one above, it is none of ours.
   for (const auto& above : {folder_.parent_path(), folder_.parent_path().parent_path()}) {
+    if (!made) break;
     const Fd fd(open(above.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (fd) (void)fsync(fd.get());
   }

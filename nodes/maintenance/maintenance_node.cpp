@@ -260,7 +260,7 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
         finished(*outcome);
         if (node != name() || *outcome != FailureCode::none) return;
         // This process is the old version: it ends once its report is out, and the ring starts the new one.
-        sending_ = create_one_shot(
+        own_end_ = create_one_shot(
             now() + before_own_end, [] { kill(getpid(), SIGTERM); }, "own end");
       });
   if (!taken) finished(FailureCode::queue_full);

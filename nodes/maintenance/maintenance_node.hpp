@@ -45,6 +45,7 @@ class MaintenanceNode : public CommandedNode {
   std::shared_ptr<ros::Worker> worker_;
   std::deque<srfs_msgs::msg::PayloadTelemetry> lines_;  ///< still to be sent, 100 at most
   ros::Timer sending_;
+  ros::Timer own_end_;
   std::shared_ptr<ros::Client<SetParameters>> parameters_of_;  ///< while a call is under way
 };
 

@@ -216,13 +216,18 @@ class Restarter::Recorder {
   }
 
   bool write_versions(const Job& job) const {
-    if (!job.settle && !job.commit) return true;
     const std::string& node = job.record.subject;
+    if (job.settle) {
+      if (const auto settled = settle_versions(var_, node); !settled) {
+        log::error("versions of {}: {}", node, settled.error());
+        return false;
+      }
+    }
+    if (!job.commit) return true;
     const auto done =
         change_versions(var_, node, [&](update::VersionStore& store) -> Result<void, std::string> {
-          const update::Version* trial = nullptr;
           const auto table = store.read().table;
-          if (job.commit) trial = table.on_trial();
+          const update::Version* trial = table.on_trial();
           if (trial == nullptr || trial->number != *job.commit) return {};  // somebody else was quicker
           return store.commit(*job.commit);
         });
@@ -512,7 +517,7 @@ void Restarter::record(const Case& c, const RestartOutcome& outcome) {
   r.reason = outcome.reason;
   r.version = outcome.version;
   if (c.fallback) r.failed_version = c.fallback->from;
-  job.settle = c.fallback.has_value();
+  job.settle = c.fallback || outcome.what == What::cannot_start;
   job.commit = c.outlived;
   if (c.last_page && c.last_page->last_turn <= a.first_evidence)
     r.last_turn_age = a.first_evidence - c.last_page->last_turn;

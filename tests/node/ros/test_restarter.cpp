@@ -794,6 +794,15 @@ TEST_F(Restarting, AVersionOnProbationThatDoesNotStartIsFollowedByTheLastGoodOne
   EXPECT_EQ(table_on_disk().active(), one);
 }
 
+TEST_F(Restarting, WhatIsSetAsideWhenNothingStartsIsOnDiskToo) {
+  make_active(add_version("exit 7"));
+  use_programs((folder_ / "gone").string(), probe);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(absent()).what, What::cannot_start);
+  (void)ledger(restarter);
+  EXPECT_EQ(table_on_disk().find(1)->state, update::VersionState::failed);
+}
+
 TEST_F(Restarting, AGoodVersionThatDoesNotStartStaysActive) {
   const auto one = add_version("exit 7");
   make_active(one);
