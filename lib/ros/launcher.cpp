@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <grp.h>
@@ -26,8 +27,11 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "base/log.hpp"
 #include "base/process.hpp"
 #include "base/time.hpp"
+#include "ros/node_versions.hpp"
+#include "ros/ring/fault_ledger.hpp"
 #include "ros/ring/node_record.hpp"
 
 namespace srfs::ros {
@@ -43,6 +47,8 @@ constexpr rlim_t rt_time_us =
     500'000;  // a real-time node that never sleeps is stopped by the kernel, not by luck
 constexpr milliseconds longest_exec{1000};
 constexpr milliseconds longest_wait_for_instance{1000};
+constexpr milliseconds longest_wait_for_lock{3000};
+constexpr milliseconds longest_wait_for_end{1000};
 
 /// Whom a process shall belong to.
 struct Owner {
@@ -110,10 +116,29 @@ Result<std::optional<Owner>, std::string> owner_of(const NodeEntry& node) {
   return std::optional(owner);
 }
 
-Result<Preparation, std::string> prepare(const LaunchRequest& request, const NodeEntry& node) {
+std::filesystem::path golden_program(const LaunchRequest& request, const NodeEntry& node) {
+  const std::filesystem::path program = node.executable;
+  return program.is_absolute() ? program : request.bin_folder / program;
+}
+
+/// A program in a slot does not lie where its libraries are: it gets those that this process has.
+void add_own_libraries(std::vector<std::string>& environment) {
+  Dl_info self{};
+  if (dladdr(reinterpret_cast<const void*>(&own_bin_folder), &self) == 0 || self.dli_fname == nullptr) return;
+  const std::string folder = std::filesystem::absolute(self.dli_fname).parent_path().string();
+  constexpr std::string_view name = "LD_LIBRARY_PATH=";
+  for (std::string& line : environment) {
+    if (!line.starts_with(name)) continue;
+    line += ":" + folder;
+    return;
+  }
+  environment.push_back(std::string(name) + folder);
+}
+
+Result<Preparation, std::string> prepare(const LaunchRequest& request, const NodeEntry& node,
+                                         const std::filesystem::path& program, bool in_slot) {
   Preparation p;
-  const std::filesystem::path program = node.executable;  // the active version; there is only one yet
-  p.executable = (program.is_absolute() ? program : request.bin_folder / program).string();
+  p.executable = program.string();
   if (access(p.executable.c_str(), X_OK) != 0)
     return Err(fmt::format("{}: {}", p.executable, errno_text(errno)));
   p.arguments = {p.executable,
@@ -124,6 +149,7 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
                  "--var",
                  std::filesystem::absolute(request.var.root).string()};
   p.environment = absolute_environment(request.var);
+  if (in_slot) add_own_libraries(p.environment);
   auto owner = owner_of(node);
   if (!owner) return Err(owner.error());
   p.owner = std::move(*owner);
@@ -323,6 +349,58 @@ bool wait_for_instance(const VarPaths& var, const std::string& node, const Proce
   return true;
 }
 
+/// What is wrong with the program of a version; of golden that is for its start to tell.
+std::optional<std::string> damage_of(const VarPaths& var, const NodeEntry& node,
+                                     const update::VersionTable& table, update::VersionNumber number,
+                                     ProgramCheck check) {
+  const update::Version* version = table.find(number);
+  if (version == nullptr) return std::nullopt;
+  update::PosixVersionFiles files(versions_folder(var, node.name));
+  const update::VersionStore store(files, node.name);
+  if (check == ProgramCheck::hash) return store.damage(*version);
+  const auto program = versions_folder(var, node.name) / store.file_of(number);
+  struct stat status {};
+  if (stat(program.c_str(), &status) != 0) return fmt::format("{}: {}", program.string(), errno_text(errno));
+  if (static_cast<std::uint64_t>(status.st_size) != version->octets)
+    return fmt::format("{}: {} octets instead of {}", program.string(), status.st_size, version->octets);
+  return std::nullopt;
+}
+
+Result<pid_t, std::string> start_version(const LaunchRequest& request, const NodeEntry& node,
+                                         update::VersionNumber number) {
+  const bool in_slot = number != update::golden;
+  const auto program = in_slot ? std::filesystem::absolute(versions_folder(request.var, node.name) /
+                                                           fmt::format("{}.{}", node.name, number))
+                               : golden_program(request, node);
+  const auto prepared = prepare(request, node, program, in_slot);
+  if (!prepared) return Err(prepared.error());
+  auto process = spawn(*prepared, node);
+  if (!process) return Err(process.error());
+  remember_started(request.var, node.name, *process, monotonic_now(), number);
+  if (!wait_for_instance(request.var, node.name, *process))
+    return Err(fmt::format("{} ended before it held its instance lock; see {}", node.name,
+                           request.var.log(node.name).string()));
+  return process->pid();
+}
+
+/// For starts that no observer of the ring writes down. Blocks on the disk.
+void record_fallback(const LaunchRequest& request, const NodeEntry& node, const Launched& launched) {
+  if (const auto settled = settle_versions(request.var, node.name); !settled)
+    log::error("versions of {}: {}", node.name, settled.error());
+  FaultRecord record;
+  record.utc = system_utc_now();
+  record.monotonic = monotonic_now();
+  record.boot = kernel_boot_id().value_or("unknown");
+  record.observer = "launcher";
+  record.subject = node.name;
+  record.detail = "start: " + request.cause;
+  record.reason = to_text(*launched.fallback);
+  record.version = launched.version;
+  record.failed_version = launched.fallback->from;
+  if (const auto written = FaultLedger(request.var).append(record); !written)
+    log::error("the fault of {} is not in the ledger: {}", node.name, written.error());
+}
+
 }  // namespace
 
 std::string environment_for_nodes() {
@@ -378,26 +456,88 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
     return Err(std::string("the suite is being stopped"));
   if (const auto running = find_instance(request.var, node.name)) return running->pid;
   if (const auto starting = find_starting(request.var, node.name)) return starting->process.pid();
-  auto pid = launch_locked(request, node, *lock);
-  if (pid) count_start_on_disk(request, node);
-  return pid;
+  const auto launched = launch_locked(request, node, *lock, ProgramCheck::hash);
+  if (!launched) {
+    (void)settle_versions(request.var, node.name);  // what was set aside on the way
+    return Err(launched.error());
+  }
+  count_start_on_disk(request, node);
+  if (launched->fallback) record_fallback(request, node, *launched);
+  return launched->pid;
 }
 
-Result<pid_t, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
-                                         const RestartLock& /*held*/) {
-  auto prepared = prepare(request, node);
+Result<Launched, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
+                                            const RestartLock& /*held*/, ProgramCheck check) {
   // Before the start: a starter that is killed right after it must not leave the next death uncounted.
   DeathHistory history = read_deaths(request.var, node.name);
   count_start(history, monotonic_now());
   write_deaths(request.var, node.name, history);
-  if (!prepared) return Err(prepared.error());
-  auto process = spawn(*prepared, node);
-  if (!process) return Err(process.error());
-  remember_starting(request.var, node.name, *process, monotonic_now());
-  if (!wait_for_instance(request.var, node.name, *process))
-    return Err(fmt::format("{} ended before it held its instance lock; see {}", node.name,
-                           request.var.log(node.name).string()));
-  return process->pid();
+  const auto [table, problem] = read_versions(request.var, node.name);
+  if (!problem.empty()) log::error("versions of {}: {}", node.name, problem);
+  std::string first_failure;
+  for (const update::VersionNumber number : table.start_order()) {
+    auto bad = damage_of(request.var, node, table, number, check);
+    std::string failure = bad.value_or("");
+    if (!bad) {
+      const auto pid = start_version(request, node, number);
+      if (pid) {
+        Launched launched{*pid, number, std::nullopt};
+        if (number != table.active())
+          launched.fallback = VersionFallback{table.active(), number, first_failure};
+        return launched;
+      }
+      failure = pid.error();
+      bad = damage_of(request.var, node, table, number, ProgramCheck::hash);
+      const update::Version* trial = table.on_trial();
+      if (!bad && trial != nullptr && trial->number == number) bad = failure;
+    }
+    if (first_failure.empty()) first_failure = bad.value_or(failure);
+    const bool golden_is_gone =
+        number == update::golden && access(golden_program(request, node).c_str(), X_OK) != 0;
+    if (!bad && !golden_is_gone) break;
+    if (number == update::golden) continue;
+    log::error("version {} of {} cannot be started: {}", number, node.name, failure);
+    set_aside(request.var, node.name, number, *bad);
+  }
+  return Err(first_failure);
+}
+
+Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& request, const NodeEntry& node,
+                                                         std::uint32_t version, milliseconds probation,
+                                                         const std::string& self) {
+  auto lock = RestartLock::take(request.var, node.name);
+  const MonotonicTime deadline = monotonic_now() + longest_wait_for_lock;
+  while (!lock && lock.error().held && monotonic_now() < deadline) {
+    poll(nullptr, 0, 2);
+    lock = RestartLock::take(request.var, node.name);
+  }
+  if (!lock) return Err(lock.error().text);
+  const auto changed =
+      change_versions(request.var, node.name, [&](update::VersionStore& store) -> Result<void, std::string> {
+        const update::VersionTable table = store.read().table;
+        if (const update::Version* wanted = table.find(version)) {
+          if (const auto bad = store.damage(*wanted)) return Err(*bad);
+        }
+        return store.use(version, probation, "another version was asked for");
+      });
+  if (!changed) return Err(changed.error());
+  const auto running = open_instance(request.var, node.name);
+  const auto before = last_started(request.var, node.name);
+  const bool runs_already = running && before && before->pid == running->pid() && before->version == version;
+  if (!running || runs_already || node.name == self) return std::optional<Launched>();
+  running->signal(SIGTERM);
+  running->signal(SIGCONT);  // a stopped process would sleep through it
+  if (!running->wait_for_exit(longest_wait_for_end)) {
+    running->signal(SIGKILL);
+    if (!running->wait_for_exit(longest_wait_for_end))
+      return Err(std::string("its process cannot be killed"));
+  }
+  if (std::filesystem::exists(request.var.stopping_flag())) return std::optional<Launched>();
+  const auto launched = launch_locked(request, node, *lock, ProgramCheck::size);
+  if (!launched) return Err(launched.error());
+  count_start_on_disk(request, node);
+  if (launched->fallback) record_fallback(request, node, *launched);
+  return std::optional(*launched);
 }
 
 void count_start_on_disk(const LaunchRequest& request, const NodeEntry& node) {

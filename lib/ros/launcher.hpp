@@ -1,12 +1,15 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "base/fd.hpp"
 #include "base/result.hpp"
 #include "ros/deployment.hpp"
 #include "ros/instance.hpp"
+#include "ros/ring/fault.hpp"
 
 namespace srfs::ros {
 
@@ -52,10 +55,33 @@ class RestartLock {
 [[nodiscard]] Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node,
                                                 nanoseconds patience = {});
 
+/// Whether the program of the active version is read whole and its SHA-256 compared before the start, or its
+/// size alone, and all of it only when it did not start.
+enum class ProgramCheck : std::uint8_t { size, hash };
+
+struct Launched {
+  pid_t pid = 0;
+  std::uint32_t version = 0;                ///< 0: golden, the deployment's executable
+  std::optional<VersionFallback> fallback;  ///< the active version could not be started
+};
 /// The start alone, for who holds the lock and has looked that nobody runs or starts. Works on a full disk;
-/// waits for no fsync.
-[[nodiscard]] Result<pid_t, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
-                                                       const RestartLock& held);
+/// waits for no fsync. Starts the active version (lib/update). One whose program is missing or damaged, and
+/// one on probation that does not come to its instance lock, is set aside for the next best: last good,
+/// golden, what was good once; settle_versions() is to follow.
+[[nodiscard]] Result<Launched, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
+                                                          const RestartLock& held, ProgramCheck check);
+/// Changes the node to a version and puts it to work: the program is compared with its hash, the change is
+/// durable, then the process that runs is ended (SIGTERM, after 1 s SIGKILL) and the active version started.
+/// A node that does not run is left to its next start, and so is this process itself. Blocks on the disk, and
+/// up to 5 s in all.
+/// @param self  name of the node that this process is; empty: none
+/// @return what was started; nullopt: nothing was
+[[nodiscard]] Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& request,
+                                                                       const NodeEntry& node,
+                                                                       std::uint32_t version,
+                                                                       milliseconds probation,
+                                                                       const std::string& self = {});
+
 /// The start record of a start that has happened. Blocks on the disk.
 void count_start_on_disk(const LaunchRequest& request, const NodeEntry& node);
 

@@ -143,6 +143,9 @@ struct RingPart {
                     [this](const std::string& subject, std::uint32_t incarnation, MonotonicTime at) {
                       restarter.on_recovered(subject, incarnation, at);
                     },
+                    [this](const std::string& subject, std::uint32_t version) {
+                      restarter.commit(subject, version);
+                    },
                     std::move(exit)}) {
     restarter.set_generation_source(
         [&node] { return read_membership(node.var(), node.deployment()).membership.generation; });

@@ -1,10 +1,18 @@
 #include "nodes/maintenance/maintenance_node.hpp"
 
+#include <algorithm>
 #include <array>
+#include <csignal>
+
+#include <fmt/format.h>
+#include <unistd.h>
 
 #include "nodes/maintenance/fault_line.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
+#include "nodes/maintenance/version_line.hpp"
+#include "ros/launcher.hpp"
 #include "ros/mission_time.hpp"
+#include "ros/node_versions.hpp"
 #include "ros/ring/node_record.hpp"
 
 namespace srfs {
@@ -12,10 +20,13 @@ namespace {
 
 using ros::CallbackReturn;
 
-constexpr auto release_patience = milliseconds(2000);    // for a restart of the node that is under way
-constexpr auto between_fault_lines = milliseconds(150);  // a little above the structure's interval at ttc
+constexpr auto release_patience = milliseconds(2000);  // for a restart of the node that is under way
+constexpr auto between_lines = milliseconds(150);      // a little above the structures' interval at ttc
+constexpr auto before_own_end = seconds(1);
+constexpr auto longest_job = seconds(10);  // a change of version waits for locks, an end and a start
 constexpr auto answer_deadline = seconds(2);
 constexpr std::uint32_t newest_report = UINT32_MAX;
+constexpr auto no_version = static_cast<FailureCode>(57);  // as in msgs/mission/mission.yaml
 
 FailureCode outcome_of(const Result<void, std::string>& result) {
   if (result) return FailureCode::none;
@@ -35,6 +46,17 @@ FailureCode to_failure_code(QueueError error) {
   return FailureCode::disk_failed;
 }
 
+/// What is so already is no failure: a telecommand may be repeated.
+FailureCode change_version(
+    const ros::VarPaths& var, const std::string& node, std::uint32_t version,
+    Result<void, std::string> (update::VersionStore::*operation)(update::VersionNumber)) {
+  const auto table = ros::read_versions(var, node).table;
+  if (table.find(version) == nullptr) return no_version;
+  if (operation == &update::VersionStore::commit && table.last_good() == version) return FailureCode::none;
+  return outcome_of(ros::change_versions(
+      var, node, [&](update::VersionStore& store) { return (store.*operation)(version); }));
+}
+
 template <class Command>
 FailureCode judge(OctetView arguments, const ros::Deployment& deployment) {
   const auto command = Command::decode(arguments);
@@ -52,7 +74,7 @@ FailureCode judge(OctetView arguments, const ros::Deployment& deployment) {
 MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(context) {}
 
 CallbackReturn MaintenanceNode::on_configure() {
-  worker_ = create_worker("ring_files", 4);
+  worker_ = create_worker("ring_files", 4, std::max<milliseconds>(worker_deadline(), longest_job));
   open_commanding();
   return CallbackReturn::success;
 }
@@ -64,7 +86,7 @@ CallbackReturn MaintenanceNode::on_activate() {
 
 CallbackReturn MaintenanceNode::on_cleanup() {
   sending_.reset();
-  faults_.clear();
+  lines_.clear();
   parameters_of_.reset();
   close_commanding();
   worker_.reset();
@@ -85,6 +107,16 @@ FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) 
       return judge<mission::NodeSetLogLevel>(arguments, deployment());
     case mission::NodeSendReport::function_id:
       return judge<mission::NodeSendReport>(arguments, deployment());
+    case mission::NodeUseVersion::function_id:
+      return judge<mission::NodeUseVersion>(arguments, deployment());
+    case mission::NodePreviousVersion::function_id:
+      return judge<mission::NodePreviousVersion>(arguments, deployment());
+    case mission::NodeConfirmVersion::function_id:
+      return judge<mission::NodeConfirmVersion>(arguments, deployment());
+    case mission::NodeRemoveVersion::function_id:
+      return judge<mission::NodeRemoveVersion>(arguments, deployment());
+    case mission::NodeReportVersions::function_id:
+      return judge<mission::NodeReportVersions>(arguments, deployment());
     default:
       return FailureCode::unknown_function;
   }
@@ -119,6 +151,28 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
     case mission::NodeSendReport::function_id:
       send_report(*mission::NodeSendReport::decode(arguments));
       break;
+    case mission::NodeUseVersion::function_id: {
+      const auto command = mission::NodeUseVersion::decode(arguments);
+      use_version(command->node, command->version, seconds(command->probation_s));
+      break;
+    }
+    case mission::NodePreviousVersion::function_id:
+      use_version(mission::NodePreviousVersion::decode(arguments)->node, std::nullopt,
+                  update::VersionTable::default_probation);
+      break;
+    case mission::NodeConfirmVersion::function_id:
+      run([this, command = *mission::NodeConfirmVersion::decode(arguments)] {
+        return change_version(var(), command.node, command.version, &update::VersionStore::commit);
+      });
+      break;
+    case mission::NodeRemoveVersion::function_id:
+      run([this, command = *mission::NodeRemoveVersion::decode(arguments)] {
+        return change_version(var(), command.node, command.version, &update::VersionStore::remove);
+      });
+      break;
+    case mission::NodeReportVersions::function_id:
+      report_versions(mission::NodeReportVersions::decode(arguments)->node);
+      break;
     default:
       finished(FailureCode::unknown_function);  // stored by a version that knew it
   }
@@ -143,31 +197,89 @@ void MaintenanceNode::report_faults(std::size_t count) {
           lines->push_back(to_mission(content.records[i]));
       },
       [this, lines] {
-        faults_ = std::move(*lines);
-        send_next_fault();
+        for (const auto& line : *lines) lines_.push_back(telemetry(line));
+        send_next();
       });
   if (!taken) finished(FailureCode::queue_full);
 }
 
+/// A structure as it goes to ttc, but for its times.
+template <class Structure>
+srfs_msgs::msg::PayloadTelemetry MaintenanceNode::telemetry(const Structure& structure) const {
+  srfs_msgs::msg::PayloadTelemetry m;
+  m.source = name();
+  m.apid = Structure::apid;
+  m.structure_id = Structure::structure_id;
+  m.time_valid = false;  // the node's own clock; ttc stamps the report with mission time
+  m.data = structure.encoded();
+  return m;
+}
+
 /// One at a time: ttc sends a structure live no more often than its interval.
-void MaintenanceNode::send_next_fault() {
-  if (faults_.empty()) {
+void MaintenanceNode::send_next() {
+  if (lines_.empty()) {
     sending_.reset();
     finished(FailureCode::none);
     return;
   }
-  srfs_msgs::msg::PayloadTelemetry m;
-  m.source = name();
-  m.apid = mission::RingFaultHousekeeping::apid;
-  m.structure_id = mission::RingFaultHousekeeping::structure_id;
+  srfs_msgs::msg::PayloadTelemetry m = std::move(lines_.front());
+  lines_.pop_front();
   m.utc = ros::to_message(system_utc_now());
-  m.time_valid = false;  // the node's own clock; ttc stamps the report with mission time
   m.monotonic_ns = static_cast<std::uint64_t>(now().ns());
-  m.data = faults_.front().encoded();
-  faults_.pop_front();
   publish_telemetry(m);
   sending_ = create_one_shot(
-      now() + between_fault_lines, [this] { send_next_fault(); }, "fault lines");
+      now() + between_lines, [this] { send_next(); }, "lines");
+}
+
+// ---------------------------------------------------------------- versions
+
+/// @param version  nullopt: the previous one
+void MaintenanceNode::use_version(const std::string& node, std::optional<std::uint32_t> version,
+                                  milliseconds probation) {
+  auto outcome = std::make_shared<FailureCode>(FailureCode::not_done);
+  const bool taken = worker_->post(
+      [this, node, version, probation, outcome] {
+        const auto table = ros::read_versions(var(), node).table;
+        const auto wanted = version ? version : table.previous();
+        if (!wanted || (*wanted != update::golden && table.find(*wanted) == nullptr)) {
+          *outcome = no_version;
+          return;
+        }
+        const ros::LaunchRequest request{deployment(), var(), ros::own_bin_folder(),
+                                         fmt::format("version {} by telecommand", *wanted)};
+        const auto used = ros::use_version(request, *deployment().find(node), *wanted, probation, name());
+        if (!used) {
+          log::error("version {} of {}: {}", *wanted, node, used.error());
+        } else if (*used && (*used)->fallback) {
+          log::error("{}: {}", node, to_text(*(*used)->fallback));
+        } else {
+          *outcome = FailureCode::none;
+        }
+      },
+      [this, node, outcome] {
+        finished(*outcome);
+        if (node != name() || *outcome != FailureCode::none) return;
+        // This process is the old version: it ends once its report is out, and the ring starts the new one.
+        own_end_ = create_one_shot(
+            now() + before_own_end, [] { kill(getpid(), SIGTERM); }, "own end");
+      });
+  if (!taken) finished(FailureCode::queue_full);
+}
+
+void MaintenanceNode::report_versions(const std::string& node) {
+  auto lines = std::make_shared<std::deque<mission::NodeVersionHousekeeping>>();
+  const bool taken = worker_->post(
+      [node, versions = var(), lines] {
+        const auto table = ros::read_versions(versions, node).table;
+        lines->push_back(to_mission(node, table, nullptr));
+        for (const update::Version& version : table.versions())
+          lines->push_back(to_mission(node, table, &version));
+      },
+      [this, lines] {
+        for (const auto& line : *lines) lines_.push_back(telemetry(line));
+        send_next();
+      });
+  if (!taken) finished(FailureCode::queue_full);
 }
 
 // ---------------------------------------------------------------- reports of deaths

@@ -2,6 +2,7 @@
 
 #include <deque>
 #include <functional>
+#include <optional>
 
 #include <mission/structures.hpp>
 #include <rcl_interfaces/srv/set_parameters.hpp>
@@ -11,7 +12,8 @@
 namespace srfs {
 
 /// What the ground asks of the suite as such: the ring's hold and release, its fault ledger, reports of
-/// deaths, log levels. (Parameters and nodes from uplinked source: not yet, README.md.)
+/// deaths, log levels, versions of the nodes' programs. (Parameters and nodes from uplinked source: not yet,
+/// README.md.)
 class MaintenanceNode : public CommandedNode {
  public:
   explicit MaintenanceNode(ros::NodeContext& context);
@@ -33,12 +35,17 @@ class MaintenanceNode : public CommandedNode {
   void run(std::function<FailureCode()> job);
   void report_faults(std::size_t count);
   void send_report(const mission::NodeSendReport& command);
-  void send_next_fault();
   void set_log_level(const mission::NodeSetLogLevel& command);
+  void use_version(const std::string& node, std::optional<std::uint32_t> version, milliseconds probation);
+  void report_versions(const std::string& node);
+  template <class Structure>
+  [[nodiscard]] srfs_msgs::msg::PayloadTelemetry telemetry(const Structure& structure) const;
+  void send_next();
 
   std::shared_ptr<ros::Worker> worker_;
-  std::deque<mission::RingFaultHousekeeping> faults_;  ///< still to be sent, 100 at most
+  std::deque<srfs_msgs::msg::PayloadTelemetry> lines_;  ///< still to be sent, 100 at most
   ros::Timer sending_;
+  ros::Timer own_end_;
   std::shared_ptr<ros::Client<SetParameters>> parameters_of_;  ///< while a call is under way
 };
 

@@ -77,6 +77,8 @@ CLASSES = (
     FaultClass("crash_loop", "killed; its successors end at once, until the cause is gone", "mended", bound_s=120),
     FaultClass("no_binary", "killed; its program is missing, until it is put back", "mended", bound_s=120),
     FaultClass("bad_binary", "killed; its program is damaged, until it is put back", "mended", bound_s=120),
+    # SIGSEGV in the probation of a version: another program is Active again, the last good one.
+    FaultClass("bad_version", "a new version crashes in its probation; the last good one comes back", "restart", 1.0, 1.0),
     FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
     FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
 )
@@ -326,7 +328,7 @@ class FaultCampaign:
     def _inject(self, kind, node, pid):
         """@return what ends the fault, to be called; None where nothing does"""
         signals = {"exit": signal.SIGTERM, "kill": signal.SIGKILL, "stop": signal.SIGSTOP}
-        commands = {"abort": ABORT, "segfault": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
+        commands = {"abort": ABORT, "segfault": SEGFAULT, "bad_version": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
                     "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS, "idle": IDLE}  # fmt: skip
         if kind in signals:
             self._signal(pid, signals[kind])
@@ -367,6 +369,7 @@ class FaultCampaign:
             self.not_applicable.setdefault(fault.name, {})[node] = why_not
             return None
         trial = Trial(fault.name, (node,), fault.expected)
+        version = self._put_on_probation(node) if fault.name == "bad_version" else None
         before, old = self._pids(), self._incarnations()
         begin = time.monotonic_ns()
         if fault.expected == "mended":
@@ -386,8 +389,40 @@ class FaultCampaign:
                 trial.false_restarts = self._changed(before)
             else:
                 self._watch(trial, fault, before, old)
+        if version is not None and not trial.note:
+            trial.note = self._judge_rollback(node, version)
         self._finish(trial, begin)
         return trial
+
+    def _put_on_probation(self, node):
+        """The number of a version with the same program, which the node runs when this returns."""
+        old = self._incarnations()[node]
+        added = json.loads(self.flight.srfs("versions", "add", node, str(self.wrappers.path(node))).stdout)
+        used = json.loads(self.flight.srfs("versions", "use", node, str(added["version"]), "--probation", "600").stdout)
+        if not used["ok"]:
+            raise mission.MissionError(f"no new version of {node}: {used['error']}")
+
+        def runs():
+            with self._lock:
+                incarnation, state, _ = self._alive[node]
+            return self.signals.asked or (incarnation > old and state == ACTIVE)
+
+        mission.wait_until(runs, STEADY_DEADLINE_S, f"the new version of {node} Active", period_s=0.02)
+        self.wait_until_steady()
+        return added["version"]
+
+    def _judge_rollback(self, node, version):
+        """What is wrong with the versions of a node whose probation failed; empty: nothing."""
+        def failed():
+            found = json.loads(self.flight.srfs("versions", "--node", node).stdout)[0]
+            return found["running"] == found["active"] == found["last_good"] == 0 and any(
+                v["number"] == version and v["state"] == "failed" for v in found["versions"])  # fmt: skip
+
+        try:
+            mission.wait_until(failed, 10, "the verdict on disk", period_s=0.2)  # it is written after the restart
+        except mission.MissionError as error:
+            return f"version {version} was not rolled back: {error}"
+        return ""
 
     def _watch(self, trial, fault, before, old):
         """Until all victims have a process of a later incarnation that is Active, and for a while after that.

@@ -24,11 +24,11 @@ class CampaignTest(SystemTest):
 
 class FaultCampaignTest(CampaignTest):
     def test_classes_of_failure_are_healed_by_the_ring_and_nobody_else_is_restarted(self):
-        summary, out = self.run_campaign("faults", "--class", "kill,stop,abort,stale_nonce,no_binary", "--nodes", "payload_eps,ttc", "--subsets", "2",
+        summary, out = self.run_campaign("faults", "--class", "kill,stop,abort,stale_nonce,no_binary,bad_version", "--nodes", "payload_eps,ttc", "--subsets", "2",
                                          "--misses", "5")  # other work may share the CPUs
         table = {row["class"]: row for row in summary["table"]}
         self.assertEqual({name: row["trials"] for name, row in table.items()},
-                         {"kill": 2, "stop": 2, "abort": 2, "stale_nonce": 2, "no_binary": 2, "subset": 2})  # fmt: skip
+                         {"kill": 2, "stop": 2, "abort": 2, "stale_nonce": 2, "no_binary": 2, "bad_version": 2, "subset": 2})  # fmt: skip
         self.assertTrue(all(row["recovered"] == row["trials"] and row["false_restarts"] == 0 for row in table.values()), table)
         self.assertGreater(summary["telecommands"]["executed"], 0)
         self.assertIn("| kill | SIGKILL | 2 of 2 |", (out / "report.md").read_text())

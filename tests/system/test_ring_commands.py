@@ -1,10 +1,11 @@
 """What the ground asks of the ring: hold, release, release Inactive, the fault ledger, log levels (nodes/maintenance)."""
 
+import json
 import os
 import signal
 import unittest
 
-from support import DEADLINE_S, SystemTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest, wait_until
 
 
 class RingCommandsTest(SystemTest):
@@ -45,6 +46,33 @@ class RingCommandsTest(SystemTest):
             self.assertIn("no such node", self.refuse(ground, "ring.hold node=payload_xyz"))
             self.complete(ground, "node.set_log_level node=timing level=debug")
             self.assertIn("debug", flight.srfs("param", "get", "timing", "log_level").stdout)
+
+    def test_a_node_changes_its_version_and_goes_back_by_telecommand(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+            versions = lambda node: json.loads(flight.srfs("versions", "--node", node).stdout)[0]  # noqa: E731
+            for node in ("payload_eps", "maintenance"):
+                program = self.folder / "program"
+                program.write_text(f'#!/bin/sh\nexec {BIN}/{node}_node "$@"\n')
+                self.assertEqual(flight.srfs("versions", "add", node, str(program), "--origin", "a test").returncode, 0)
+                self.complete(ground, f"node.use_version node={node} version=1")
+                wait_until(lambda: versions(node)["running"] == 1 and self.state(flight, node) == "active", DEADLINE_S, f"version 1 of {node}")
+
+            since = ground.position()
+            self.complete(ground, "node.report_versions node=payload_eps")
+            for version, state in ((0, "golden"), (1, "probation")):
+                line = ground.wait_for(lambda m: m.get("structure") == "node_version" and m["fields"]["version"] == version, DEADLINE_S, since)
+                self.assertEqual((line["fields"]["node"], line["fields"]["state"]), ("payload_eps", state))
+            self.complete(ground, "node.confirm_version node=payload_eps version=1")
+            self.assertEqual(versions("payload_eps")["last_good"], 1)
+
+            for node in ("payload_eps", "maintenance"):
+                self.complete(ground, f"node.previous_version node={node}")
+                wait_until(lambda: versions(node)["running"] == 0 and self.state(flight, node) == "active", DEADLINE_S, f"golden {node}")
+            self.assertEqual(versions("maintenance")["versions"][0]["state"], "failed", "vetoed in its probation")
+            self.complete(ground, "node.remove_version node=maintenance version=1")
+            self.assertIn("no such version", self.refuse(ground, "node.use_version node=payload_eps version=7"))
+            self.assertIn("no such version", self.refuse(ground, "node.previous_version node=timing"))
 
     def test_the_report_of_a_death_comes_down_as_a_file(self):
         with self.flight() as flight:

@@ -13,6 +13,8 @@
 #include "tools/srfs/observer.hpp"
 #include "tools/srfs/ring_commands.hpp"
 #include "tools/srfs/suite.hpp"
+#include "tools/srfs/version_commands.hpp"
+#include "update/version_table.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -174,6 +176,51 @@ int run_ring(const Target& target, const RingArguments& a, bool json) {
   return show_ring(target, json);
 }
 
+/// What the command line of `srfs versions` says.
+struct VersionArguments {
+  std::string node;
+  std::string version;
+  std::string file;
+  std::string origin;
+  bool check = false;
+  int probation_s = static_cast<int>(update::VersionTable::default_probation / seconds(1));
+  CLI::App* command = nullptr;
+};
+
+void add_version_commands(CLI::App& app, VersionArguments& a) {
+  a.command = app.add_subcommand("versions", "Versions of the nodes' programs; without a subcommand: a list");
+  a.command->require_subcommand(0, 1);
+  a.command->add_option("--node", a.node, "Only this node");
+  a.command->add_flag("--check", a.check,
+                      "Compare the programs with their SHA-256; exit code 1: one is damaged");
+  const auto add = [&](const char* name, const char* help, const char* version) {
+    CLI::App* sub = a.command->add_subcommand(name, help);
+    sub->add_option("node", a.node, "Node name")->required();
+    if (version != nullptr) sub->add_option("version", a.version, version)->required();
+    return sub;
+  };
+  CLI::App* store = add("add", "Store a program as a version; it is not started", nullptr);
+  store->add_option("file", a.file, "Program")->required();
+  store->add_option("--origin", a.origin, "For the list; default: the file's path");
+  add("use", "Restart the node in a version, on probation unless it is golden or the last good one",
+      "Number, golden or previous")
+      ->add_option("--probation", a.probation_s,
+                   "Seconds; a death sooner than this goes back to the last good version")
+      ->check(CLI::Range(1, static_cast<int>(update::VersionTable::longest_probation / seconds(1))))
+      ->capture_default_str();
+  add("confirm", "End a probation well: it is the last good version from now on", "Number");
+  add("remove", "Remove a version that is neither active nor the last good one", "Number");
+}
+
+int run_versions(const Target& target, const VersionArguments& a, bool json) {
+  if (a.command->got_subcommand("add")) return add_version(target, a.node, a.file, a.origin, json);
+  if (a.command->got_subcommand("use"))
+    return use_version(target, a.node, a.version, seconds(a.probation_s), json);
+  if (a.command->got_subcommand("confirm")) return confirm_version(target, a.node, a.version, json);
+  if (a.command->got_subcommand("remove")) return remove_version(target, a.node, a.version, json);
+  return show_versions(target, a.node, a.check, json);
+}
+
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
@@ -232,6 +279,8 @@ int run(int argc, char** argv) {
   add_parameter_commands(app, parameters);
   RingArguments ring;
   add_ring_commands(app, ring);
+  VersionArguments versions;
+  add_version_commands(app, versions);
   auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
   record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
       ->check(CLI::Range(0, 86400))
@@ -252,6 +301,7 @@ int run(int argc, char** argv) {
   if (*parameters.command) return run_parameters(target, parameters, json);
   if (*ring.ring) return run_ring(target, ring, json);
   if (*ring.faults) return show_faults(target, ring.since, ring.node, json);
+  if (*versions.command) return run_versions(target, versions, json);
   if (*record_command) return record(target, seconds(duration_s));
   if (*restart_command) {
     if (up_options.cause == "up") up_options.cause = "restart by command";

@@ -1,5 +1,7 @@
 #include "ros/ring/fault.hpp"
 
+#include <fmt/format.h>
+
 namespace srfs::ros {
 
 const char* to_text(FaultClass fault) {
@@ -28,6 +30,13 @@ const char* to_text(FaultClass fault) {
       return "too large";
   }
   return "?";
+}
+
+std::string to_text(const VersionFallback& fallback) {
+  const auto name = [](std::uint32_t version) {
+    return version == 0 ? std::string("the golden version") : fmt::format("version {}", version);
+  };
+  return fmt::format("{} instead of {}: {}", name(fallback.to), name(fallback.from), fallback.why);
 }
 
 const char* to_text(RestartOutcome::What what) {

@@ -40,6 +40,14 @@ struct Accusation {
   std::string detail;  ///< for people: "worker 'store' busy for 12.1 s"
 };
 
+/// A node was started in another version than the active one.
+struct VersionFallback {
+  std::uint32_t from = 0;
+  std::uint32_t to = 0;
+  std::string why;  ///< for people: what was wrong with the one it comes from
+};
+[[nodiscard]] std::string to_text(const VersionFallback& fallback);
+
 /// What became of an accusation.
 struct RestartOutcome {
   enum class What : std::uint8_t {
@@ -58,7 +66,9 @@ struct RestartOutcome {
   What what = What::restarted;
   pid_t pid = 0;  ///< of the new process
   std::optional<MonotonicTime> not_before;
-  std::string reason;  ///< for people
+  std::string reason;                         ///< for people
+  std::optional<std::uint32_t> version{};     ///< of the new process
+  std::optional<VersionFallback> fallback{};  ///< the version before it failed
 };
 [[nodiscard]] const char* to_text(RestartOutcome::What what);
 

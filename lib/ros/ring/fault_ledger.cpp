@@ -31,6 +31,10 @@ Json optional_us(const std::optional<nanoseconds>& d) {
   return d ? Json(d->count() / 1000) : Json(nullptr);
 }
 
+Json optional_number(const std::optional<std::uint32_t>& number) {
+  return number ? Json(*number) : Json(nullptr);
+}
+
 /// @return false: there is no such value, or of another type
 template <class T>
 bool get(const Json& json, const char* key, T& value) {
@@ -48,6 +52,11 @@ bool get(const Json& json, const char* key, T& value) {
 std::optional<nanoseconds> microseconds_of(const Json& json, const char* key) {
   std::int64_t us = 0;
   return get(json, key, us) ? std::optional<nanoseconds>(microseconds(us)) : std::nullopt;
+}
+
+std::optional<std::uint32_t> number_of(const Json& json, const char* key) {
+  std::uint32_t number = 0;
+  return get(json, key, number) ? std::optional(number) : std::nullopt;
 }
 
 void read_content(const std::filesystem::path& file, FaultLedger::Content& content) {
@@ -120,6 +129,8 @@ std::string encode(const FaultRecord& record) {
          {"outcome", static_cast<int>(record.outcome)},
          {"outcome_text", to_text(record.outcome)},
          {"reason", cut(record.reason)},
+         {"version", optional_number(record.version)},
+         {"failed_version", optional_number(record.failed_version)},
          {"last_turn_age_us", optional_us(record.last_turn_age)},
          {"judged_us", optional_us(record.judged)},
          {"killed_us", optional_us(record.killed)},
@@ -159,6 +170,8 @@ std::optional<FaultRecord> decode_fault(std::string_view line) {
   r.kernel_state = state[0];
   r.fault = static_cast<FaultClass>(fault);
   r.outcome = static_cast<RestartOutcome::What>(outcome);
+  r.version = number_of(j, "version");  // lines of earlier releases have none
+  r.failed_version = number_of(j, "failed_version");
   r.last_turn_age = microseconds_of(j, "last_turn_age_us");
   r.judged = microseconds_of(j, "judged_us");
   r.killed = microseconds_of(j, "killed_us");

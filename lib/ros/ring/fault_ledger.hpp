@@ -32,8 +32,10 @@ struct FaultRecord {
   std::uint32_t old_incarnation = 0;  ///< 0: not known
   std::uint32_t new_incarnation = 0;  ///< 0: not started
   RestartOutcome::What outcome = RestartOutcome::What::restarted;
-  std::string reason;                        ///< of the outcome
-  std::optional<nanoseconds> last_turn_age;  ///< of the second witness, at the first evidence
+  std::string reason;                           ///< of the outcome
+  std::optional<std::uint32_t> version;         ///< that was started; 0: golden
+  std::optional<std::uint32_t> failed_version;  ///< that was to be started, and was found bad
+  std::optional<nanoseconds> last_turn_age;     ///< of the second witness, at the first evidence
   // Durations; nullopt: did not come to it.
   std::optional<nanoseconds> judged;   ///< first evidence to decision
   std::optional<nanoseconds> killed;   ///< decision to the proof that the old process is gone

@@ -16,6 +16,8 @@
 
 #include <mission/structures.hpp>
 
+#include "ros/node_versions.hpp"
+
 namespace srfs::ros {
 namespace {
 
@@ -27,6 +29,7 @@ constexpr std::size_t longest_event_detail = 80;
 constexpr milliseconds shortest_worker_deadline{5000};
 /// Of the caps; a node at its cap fails in ways of its own.
 constexpr std::uint64_t cap_percent = 90;
+constexpr seconds between_commits{5};
 
 std::uint32_t as_ms(nanoseconds d) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d / milliseconds(1), 0, UINT32_MAX));
@@ -213,6 +216,7 @@ void LivenessRing::each_second() {
     worker_tried_ = worker_->post([] {}, [this] { worker_tried_ = false; });
   review_membership();
   review_footprints();
+  review_versions();
   drop_unused_clients();
 }
 
@@ -371,6 +375,14 @@ void LivenessRing::restart_next() {
 
 void LivenessRing::conclude(const std::string& subject, const RestartOutcome& outcome) {
   using What = RestartOutcome::What;
+  if (outcome.fallback) {
+    mission::RingVersionFailedEvent event;
+    event.node = subject;
+    event.version = outcome.fallback->from;
+    event.started = outcome.fallback->to;
+    event.why = outcome.fallback->why.substr(0, longest_event_detail);
+    node_.raise(event);
+  }
   if (outcome.what != What::stopping) {
     log::info("ring: {}: {}{}{}", subject, to_text(outcome.what), outcome.reason.empty() ? "" : ": ",
               outcome.reason);
@@ -456,6 +468,46 @@ void LivenessRing::review_footprints() {
       monitor_->on_footprint(name, pid, read_footprint(pid, node_.deployment().find(name)), monotonic_now());
   }
   act();
+}
+
+void LivenessRing::review_versions() {
+  std::vector<std::string> names;
+  for (const std::string_view subject : monitor_->watched()) names.emplace_back(subject);
+  for (const std::string& name : names) review_version(name);
+  act();
+}
+
+/// Looks at the probation of the version that a node runs, if there is one.
+void LivenessRing::review_version(const std::string& subject) {
+  Peer& peer = peers_[subject];
+  struct stat status {};
+  std::string stamp;
+  if (stat(versions_folder(node_.var(), subject).c_str(), &status) == 0)
+    stamp = fmt::format("{}.{}.{}", status.st_ino, status.st_mtim.tv_sec, status.st_mtim.tv_nsec);
+  if (stamp != peer.versions_stamp) {
+    peer.versions_stamp = stamp;
+    auto before = std::exchange(peer.table, std::nullopt);
+    if (!stamp.empty()) peer.table = read_versions(node_.var(), subject).table;
+    const update::Version* was_on_trial = before ? before->on_trial() : nullptr;
+    if (was_on_trial != nullptr && peer.table && peer.table->last_good() == was_on_trial->number) {
+      mission::RingVersionKeptEvent event;
+      event.node = subject;
+      event.version = was_on_trial->number;
+      node_.raise(event);
+    }
+  }
+  const pid_t pid = monitor_->process_of(subject);
+  if (!peer.table || peer.table->on_trial() == nullptr || pid == 0) return;
+  const auto started = last_started(node_.var(), subject);
+  if (!started || started->pid != pid) return;
+  const MonotonicTime now = monotonic_now();
+  const auto trial = trial_of(node_.var(), subject, *peer.table, true, now);
+  if (!trial) return;
+  monitor_->on_trial(subject, pid, trial->lived, now);
+  if (trial->lived < trial->probation || !monitor_->is_as_desired(subject)) return;
+  if (now < peer.next_commit || !hooks_.commit) return;
+  peer.next_commit = now + between_commits;
+  hooks_.commit(subject, trial->version);
 }
 
 void LivenessRing::drop_unused_clients() {

@@ -14,6 +14,7 @@
 #include "ros/node.hpp"
 #include "ros/ring/check_alive.hpp"
 #include "ros/ring/ring_monitor.hpp"
+#include "update/version_table.hpp"
 
 namespace srfs::ros {
 
@@ -27,6 +28,8 @@ class LivenessRing : private CheckAliveService::RingMember {
     std::function<RestartOutcome(const Accusation&)> restart;
     /// A node that was restarted so is in its desired state. On the work thread; may be empty.
     std::function<void(const std::string& subject, std::uint32_t incarnation, MonotonicTime at)> recovered;
+    /// The version on probation that a node runs has proven itself. On the work thread; may be empty.
+    std::function<void(const std::string& subject, std::uint32_t version)> commit;
     /// This node cannot hear itself: the process is to end. On the work thread.
     std::function<void()> exit;
   };
@@ -49,6 +52,9 @@ class LivenessRing : private CheckAliveService::RingMember {
     Fd pidfd;
     Executor::Handle exit_watch;  ///< goes before its descriptor
     pid_t pid = 0;
+    std::string versions_stamp;                 ///< of the node's folder of versions, when it was read
+    std::optional<update::VersionTable> table;  ///< what it said; nullopt: there is none
+    MonotonicTime next_commit;                  ///< it may take the disk some seconds
   };
 
   // Of the node's answers.
@@ -79,6 +85,8 @@ class LivenessRing : private CheckAliveService::RingMember {
   void conclude(const std::string& subject, const RestartOutcome& outcome);
   void review_membership();
   void review_footprints();
+  void review_versions();
+  void review_version(const std::string& subject);
   void drop_unused_clients();
   [[nodiscard]] CheckAlive::Request request(std::uint64_t nonce) const;
 

@@ -10,16 +10,13 @@
 
 #include "base/file.hpp"
 #include "ros/launcher.hpp"
+#include "ros/node_versions.hpp"
 
 namespace srfs::ros {
 namespace {
 
 std::filesystem::path deaths_file(const VarPaths& var, const std::string& node) {
   return var.memory() / (node + ".deaths");
-}
-
-std::filesystem::path starting_file(const VarPaths& var, const std::string& node) {
-  return var.memory() / (node + ".starting");
 }
 
 /// Not write_file_atomically: there is nothing to sync on tmpfs, and one process at a time writes.
@@ -51,27 +48,18 @@ bool write_deaths(const VarPaths& var, const std::string& node, const DeathHisto
   return replace_in_memory(deaths_file(var, node), encode(history));
 }
 
-void remember_starting(const VarPaths& var, const std::string& node, const Process& process,
-                       MonotonicTime now) {
-  const auto ticks = process_start_ticks(process.pid());
-  if (ticks)
-    replace_in_memory(starting_file(var, node), fmt::format("{} {} {}\n", process.pid(), *ticks, now.ns()));
-}
-
 std::optional<StartingProcess> find_starting(const VarPaths& var, const std::string& node) {
-  std::istringstream in(read_file(starting_file(var, node), 256).value_or(""));
-  pid_t pid = 0;
-  std::uint64_t ticks = 0;
-  std::int64_t since_ns = 0;
-  if (!(in >> pid >> ticks >> since_ns)) return std::nullopt;
-  auto process = Process::open(pid);
-  if (!process || process_start_ticks(pid) != ticks || process->wait_for_exit(nanoseconds(0)))
+  const auto started = last_started(var, node);
+  if (!started) return std::nullopt;
+  auto process = Process::open(started->pid);
+  if (!process || process_start_ticks(started->pid) != started->start_ticks ||
+      process->wait_for_exit(nanoseconds(0)))
     return std::nullopt;
   // Its pid in the lock's text: it has held the lock, so it is not on the way to it but ending, files first.
   pid_t holder = 0;
   std::istringstream lock_text(read_file(var.instance_lock(node), 256).value_or(""));
-  if (lock_text >> holder && holder == pid) return std::nullopt;
-  return StartingProcess{std::move(*process), MonotonicTime(nanoseconds(since_ns))};
+  if (lock_text >> holder && holder == started->pid) return std::nullopt;
+  return StartingProcess{std::move(*process), started->since};
 }
 
 std::optional<std::string> held_because(const VarPaths& var, const std::string& node) {

@@ -19,13 +19,11 @@ namespace srfs::ros {
 /// Waits for no disk. @return false: not stored; restarts go on without memory of it
 bool write_deaths(const VarPaths& var, const std::string& node, const DeathHistory& history);
 
-/// A process that was started and does not hold its instance lock yet.
+/// A process that was started (remember_started) and does not hold its instance lock yet.
 struct StartingProcess {
   Process process;
   MonotonicTime since;
 };
-void remember_starting(const VarPaths& var, const std::string& node, const Process& process,
-                       MonotonicTime now);
 /// The process that was started last, while it lives. Only who looked for the instance before knows that it
 /// is still starting.
 [[nodiscard]] std::optional<StartingProcess> find_starting(const VarPaths& var, const std::string& node);

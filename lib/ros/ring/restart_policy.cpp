@@ -35,9 +35,14 @@ void count_start(DeathHistory& history, MonotonicTime now) {
   history.started = now;
 }
 
-RestartDecision decide(const DeathHistory& history, const RingSettings& settings) {
+RestartDecision decide(const DeathHistory& history, const RingSettings& settings,
+                       const std::optional<VersionTrial>& trial) {
   RestartDecision decision;
   decision.deaths = static_cast<int>(history.deaths.size());
+  if (trial && trial->lived < trial->probation) {
+    decision.step = RestartDecision::Step::last_good;
+    return decision;
+  }
   if (decision.deaths < settings.restarts) return decision;
   nanoseconds wait = settings.longest_wait;
   if (decision.deaths >= settings.quarantine_deaths) {

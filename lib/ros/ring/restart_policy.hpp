@@ -28,8 +28,22 @@ void count_death(DeathHistory& history, const RingSettings& settings, MonotonicT
 /// Somebody tries to start it now; whether it comes up shows later.
 void count_start(DeathHistory& history, MonotonicTime now);
 
+/// A process of a version on probation.
+struct VersionTrial {
+  std::uint32_t version = 0;
+  nanoseconds probation{0};
+  nanoseconds lived{0};
+
+  friend bool operator==(const VersionTrial&, const VersionTrial&) = default;
+};
+
 struct RestartDecision {
-  enum class Step : std::uint8_t { start, back_off, quarantine };
+  enum class Step : std::uint8_t {
+    start,
+    last_good,  ///< at once, and another version: the one it died with failed in its probation
+    back_off,
+    quarantine
+  };
   Step step = Step::start;
   MonotonicTime not_before;  ///< earliest start; with `start`: at once
   int deaths = 0;            ///< within the window
@@ -37,10 +51,11 @@ struct RestartDecision {
 
 /// When a dead node may be started again. From `restarts` deaths within the window on, a start is not before
 /// first_wait after the start before, doubling with each death up to longest_wait; from `quarantine_deaths`
-/// on not before longest_wait. A node that then lives for the window long has left all of it behind. Deaths
-/// soon after a change of version belong here, too: they ask for the last good version, before any waiting.
-/// There are no versions yet.
-[[nodiscard]] RestartDecision decide(const DeathHistory& history, const RingSettings& settings);
+/// on not before longest_wait. A node that then lives for the window long has left all of it behind. A
+/// death of a version within its probation asks for the last good one before any waiting; a later one never
+/// does. @param trial of the process that died
+[[nodiscard]] RestartDecision decide(const DeathHistory& history, const RingSettings& settings,
+                                     const std::optional<VersionTrial>& trial = std::nullopt);
 
 /// One line of text with its CRC-32C.
 [[nodiscard]] std::string encode(const DeathHistory& history);

@@ -17,6 +17,7 @@
 #include "base/file.hpp"
 #include "base/log.hpp"
 #include "ros/crash_report.hpp"
+#include "ros/node_versions.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/node_record.hpp"
 
@@ -95,7 +96,10 @@ struct Restarter::Case {
   std::optional<MonotonicTime> begun;
   std::optional<MonotonicTime> gone;
   std::optional<MonotonicTime> started;
-  bool acted = false;  ///< killed or started: worth a line in any case
+  bool acted = false;                     ///< killed or started: worth a line in any case
+  std::optional<VersionTrial> failed;     ///< the version it died with, in its probation
+  std::optional<std::uint32_t> outlived;  ///< the same, after its probation: it is good
+  std::optional<VersionFallback> fallback;
 
   [[nodiscard]] std::uint32_t old_incarnation() const {
     if (running && running->incarnation != 0) return running->incarnation;
@@ -113,6 +117,9 @@ class Restarter::Recorder {
     LogEnd log_end;
     pid_t old_pid = 0;
     bool report = false;
+    bool settle = false;                  ///< a version was set aside
+    std::optional<std::uint32_t> commit;  ///< the version is good
+    bool fault = true;                    ///< the record goes into the ledger
   };
 
   Recorder(const Deployment& deployment, const VarPaths& var, std::filesystem::path bin_folder)
@@ -177,6 +184,8 @@ class Restarter::Recorder {
 
   bool write(Job& job) const {
     FaultRecord& record = job.record;
+    const bool versions_written = write_versions(job);
+    if (!job.fault) return versions_written;
     if (job.new_pid) {
       const MonotonicTime give_up = monotonic_now() + longest_wait_for_incarnation;
       while (record.new_incarnation == 0 && monotonic_now() < give_up) {
@@ -203,7 +212,27 @@ class Restarter::Recorder {
                                              header, job.log_end);
       if (!report) log::warn("no report of the end of {}: {}", record.subject, report.error());
     }
-    return sequence.has_value();
+    return sequence.has_value() && versions_written;
+  }
+
+  bool write_versions(const Job& job) const {
+    const std::string& node = job.record.subject;
+    if (job.settle) {
+      if (const auto settled = settle_versions(var_, node); !settled) {
+        log::error("versions of {}: {}", node, settled.error());
+        return false;
+      }
+    }
+    if (!job.commit) return true;
+    const auto done =
+        change_versions(var_, node, [&](update::VersionStore& store) -> Result<void, std::string> {
+          const auto table = store.read().table;
+          const update::Version* trial = table.on_trial();
+          if (trial == nullptr || trial->number != *job.commit) return {};  // somebody else was quicker
+          return store.commit(*job.commit);
+        });
+    if (!done) log::error("versions of {}: {}", node, done.error());
+    return done.has_value();
   }
 
   const Deployment deployment_;  // a copy: this may outlive the node
@@ -335,7 +364,14 @@ std::optional<RestartOutcome> Restarter::ask_policy(Case& c) const {
   DeathHistory history = read_deaths(var_, c.node->name);
   const bool counted = history.down;
   count_death(history, deployment_.ring, now);
-  const RestartDecision decision = decide(history, deployment_.ring);
+  const auto table = read_versions(var_, c.node->name).table;
+  const auto trial = trial_of(var_, c.node->name, table, c.accusation.pid != 0, now);
+  const RestartDecision decision = decide(history, deployment_.ring, trial);
+  if (decision.step == RestartDecision::Step::last_good) {
+    c.failed = trial;
+    return std::nullopt;
+  }
+  if (trial) c.outlived = trial->version;
   const bool waits = decision.step != RestartDecision::Step::start && now < decision.not_before;
   if (waits && c.running && !is_useless(c.accusation.fault))
     return RestartOutcome{What::backing_off, c.process->pid(), decision.not_before,
@@ -403,12 +439,29 @@ RestartOutcome Restarter::start_new(Case& c, const RestartLock& lock) const {
   if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
   DeathHistory history = read_deaths(var_, c.node->name);
   count_death(history, deployment_.ring, *c.begun);
+  if (c.failed) ask_for_last_good(c, *c.failed, history);
   write_deaths(var_, c.node->name, history);
   c.acted = true;
-  const auto pid = launch_locked({deployment_, var_, bin_folder_, ""}, *c.node, lock);
-  if (!pid) return {What::cannot_start, 0, {}, pid.error()};
+  const auto launched =
+      launch_locked({deployment_, var_, bin_folder_, ""}, *c.node, lock, ProgramCheck::size);
+  if (!launched) return {What::cannot_start, 0, {}, launched.error()};
   c.started = monotonic_now();
-  return {What::restarted, *pid, {}, ""};
+  if (launched->fallback && c.fallback) c.fallback->why += "; " + launched->fallback->why;
+  if (launched->fallback && !c.fallback) c.fallback = launched->fallback;
+  if (c.fallback) c.fallback->to = launched->version;
+  return {What::restarted,   launched->pid, {}, c.fallback ? to_text(*c.fallback) : std::string(),
+          launched->version, c.fallback};
+}
+
+/// Its deaths are not held against the version that comes back.
+void Restarter::ask_for_last_good(Case& c, const VersionTrial& trial, DeathHistory& history) const {
+  const std::string why = fmt::format("{}{}{} {:.1f} s after its start, in its probation",
+                                      to_text(c.accusation.fault), c.accusation.detail.empty() ? "" : ": ",
+                                      c.accusation.detail, static_cast<double>(trial.lived.count()) / 1e9);
+  if (!set_aside(var_, c.node->name, trial.version, why))
+    log::error("version {} of {} cannot be set aside", trial.version, c.node->name);
+  history.deaths.clear();
+  c.fallback = VersionFallback{trial.version, read_versions(var_, c.node->name).table.active(), why};
 }
 
 /// One kill for a communication fault in the suite per deaf_interval: when the network stack fails, all look
@@ -462,6 +515,10 @@ void Restarter::record(const Case& c, const RestartOutcome& outcome) {
   r.old_incarnation = c.old_incarnation();
   r.outcome = outcome.what;
   r.reason = outcome.reason;
+  r.version = outcome.version;
+  if (c.fallback) r.failed_version = c.fallback->from;
+  job.settle = c.fallback || outcome.what == What::cannot_start;
+  job.commit = c.outlived;
   if (c.last_page && c.last_page->last_turn <= a.first_evidence)
     r.last_turn_age = a.first_evidence - c.last_page->last_turn;
   if (!c.killed_with.empty()) {
@@ -481,6 +538,14 @@ void Restarter::record(const Case& c, const RestartOutcome& outcome) {
   job.old_pid = a.pid != 0 ? a.pid : c.last_page ? c.last_page->pid : 0;
   job.report = c.acted && !c.process;  // a life has ended
   job.log_end = {Fd(c.log_end.log ? fcntl(c.log_end.log.get(), F_DUPFD_CLOEXEC, 3) : -1), c.log_end.size};
+  recorder_->post(std::move(job));
+}
+
+void Restarter::commit(const std::string& subject, std::uint32_t version) {
+  Recorder::Job job;
+  job.fault = false;
+  job.record.subject = subject;
+  job.commit = version;
   recorder_->post(std::move(job));
 }
 

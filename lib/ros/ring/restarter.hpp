@@ -13,12 +13,14 @@
 #include "ros/launcher.hpp"
 #include "ros/ring/fault.hpp"
 #include "ros/ring/fault_ledger.hpp"
+#include "ros/ring/restart_policy.hpp"
 
 namespace srfs::ros {
 
 /// Puts a node that an observer accuses back on its feet, exactly once however many observers accuse it
 /// (DESIGN section 8): under the node's restart lock the evidence is read again, the old process is killed,
-/// its instance lock proves that it is gone, and the active version is started, no child of this process.
+/// its instance lock proves that it is gone, and the active version is started, no child of this process: the
+/// last good one when it died in the probation of another.
 /// Needs no DDS, waits for no disk; the ledger and the report are written afterwards by a thread of its own.
 /// One thread at a time, of which on_recovered() may be another.
 class Restarter {
@@ -39,6 +41,9 @@ class Restarter {
   RestartOutcome restart(const Accusation& accusation);
   /// A node this process restarted is in its desired state again: the ledger's last figure. Never blocks.
   void on_recovered(const std::string& subject, std::uint32_t incarnation, MonotonicTime active);
+  /// The probation of a node's version ended well: it becomes the last good one. Never blocks; a record like
+  /// the others.
+  void commit(const std::string& subject, std::uint32_t version);
 
   /// Asked under the lock: the generation of the ring's membership now. An accusation of another one is void.
   /// Without it, or with generation 0 in the accusation, none is.
@@ -59,6 +64,7 @@ class Restarter {
   [[nodiscard]] std::optional<RestartOutcome> look_again(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> look_for_starting(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> ask_policy(Case& c) const;
+  void ask_for_last_good(Case& c, const VersionTrial& trial, DeathHistory& history) const;
   [[nodiscard]] std::optional<RestartOutcome> kill_old(Case& c) const;
   [[nodiscard]] RestartOutcome start_new(Case& c, const RestartLock& lock) const;
   [[nodiscard]] bool take_deaf_turn() const;

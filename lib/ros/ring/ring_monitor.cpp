@@ -19,6 +19,7 @@ constexpr milliseconds held_wait{5000};
 constexpr seconds longest_restart{30};
 constexpr int rounds_not_asked = 10;
 constexpr int large_readings = 2;
+constexpr int overdue_readings = 2;
 constexpr std::size_t most_held_up = 64;
 
 milliseconds in_ms(nanoseconds d) {
@@ -88,6 +89,13 @@ pid_t RingMonitor::process_of(std::string_view subject) const {
     if (s.name == subject) return s.ended ? 0 : s.pid;
   }
   return 0;
+}
+
+bool RingMonitor::is_as_desired(std::string_view subject) const {
+  for (const Subject& s : subjects_) {
+    if (s.name == subject) return s.heard && !s.ended && !s.lost && s.misses == 0 && s.state == s.desired;
+  }
+  return false;
 }
 
 nanoseconds RingMonitor::last_check_age(MonotonicTime now) const {
@@ -288,6 +296,7 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
   s->misses = 0;
   s->heard = true;
   s->state = answer.state;
+  s->desired = answer.desired;
   s->last_answer = now;
   if (answer.generation != membership_.generation) {
     ++counters_.void_checks;
@@ -343,6 +352,17 @@ void RingMonitor::on_footprint(std::string_view subject, pid_t pid, const Footpr
          memory ? fmt::format("{} KiB of memory, cap {} KiB", footprint.memory_octets / 1024,
                               footprint.memory_cap_octets / 1024)
                 : fmt::format("{} descriptors, cap {}", footprint.descriptors, footprint.descriptor_cap));
+  review_watch(now);
+}
+
+void RingMonitor::on_trial(std::string_view subject, pid_t pid, nanoseconds lived, MonotonicTime now) {
+  Subject* s = find(subject);
+  if (s == nullptr || s->pid != pid || s->ended || !s->heard) return;
+  const bool overdue = s->state != s->desired && lived > patience_.start_deadline;
+  s->overdue_in_row = overdue ? s->overdue_in_row + 1 : 0;
+  if (s->overdue_in_row < overdue_readings) return;
+  accuse(*s, FaultClass::start_overdue, now,
+         fmt::format("{} instead of {} on probation", label(s->state), label(s->desired)));
   review_watch(now);
 }
 
@@ -413,9 +433,11 @@ void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, Monoto
   s.pid = pid;
   s.incarnation = incarnation;
   s.first_seen = now;
+  s.not_before = now;  // the wait was for another process
   s.ended = false;
   s.heard = false;
   s.state = State::unknown;
+  s.desired = State::unknown;
   s.work_done.reset();
   s.ask_from =
       s.downstream ? now : now + (restarted ? nanoseconds(settling) : patience_.misses * patience_.period);
@@ -443,6 +465,7 @@ void RingMonitor::clear_evidence(Subject& s) {
   s.not_working_in_row = 0;
   s.frozen_in_row = 0;
   s.large_in_row = 0;
+  s.overdue_in_row = 0;
   s.first_evidence.reset();
 }
 

@@ -152,6 +152,9 @@ class RingMonitor {
   /// Some observer checked this node. @param generation of its membership
   void on_asked(std::string_view observer, std::uint32_t generation, MonotonicTime now);
   void on_footprint(std::string_view subject, pid_t pid, const Footprint& footprint, MonotonicTime now);
+  /// The process runs a version on probation and was started @p lived ago, looked at each second: then it has
+  /// to be in its desired state by the start deadline, whatever it says about why it is not.
+  void on_trial(std::string_view subject, pid_t pid, nanoseconds lived, MonotonicTime now);
   void on_outcome(std::string_view subject, const RestartOutcome& outcome, MonotonicTime now);
   /// Verdicts of the generation before are void.
   void on_membership(Membership membership, MonotonicTime now);
@@ -170,6 +173,8 @@ class RingMonitor {
   [[nodiscard]] std::vector<std::string_view> watched() const;
   /// The process followed for this subject; 0: none.
   [[nodiscard]] pid_t process_of(std::string_view subject) const;
+  /// It answered last in the state it is to be in.
+  [[nodiscard]] bool is_as_desired(std::string_view subject) const;
   [[nodiscard]] bool may_exit() const { return exiting_; }
 
  private:
@@ -184,6 +189,7 @@ class RingMonitor {
     bool heard = false;  ///< it answered, to us
     bool lost = false;   ///< ended, absent or accused, and has not answered since
     State state = State::unknown;
+    State desired = State::unknown;
     MonotonicTime last_answer;
     // The check that is out, and the one before while the check of ourselves is out.
     std::uint64_t nonce = 0;
@@ -199,6 +205,7 @@ class RingMonitor {
     int not_working_in_row = 0;
     int frozen_in_row = 0;
     int large_in_row = 0;
+    int overdue_in_row = 0;
     std::optional<std::uint32_t> work_done;
     std::optional<MonotonicTime> first_evidence;
     // The accusation.

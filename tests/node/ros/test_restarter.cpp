@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "ros/node_versions.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/node_record.hpp"
 #include "ros/ring/restarter.hpp"
@@ -77,6 +78,39 @@ class Restarting : public testing::Test {
         "nodes:\n  - { name: one, executable: " +
             one + " }\n  - { name: other, executable: " + other + " }\n"));
     plan_ = Deployment::load(folder_ / "d.yaml");
+  }
+  /// A version of node "one": a script. @return its number
+  update::VersionNumber add_version(const std::string& script) {
+    const auto file = folder_ / "script";
+    std::ofstream(file, std::ios::trunc) << "#!/bin/sh\n" << script << "\n";
+    update::VersionNumber number = 0;
+    const auto added =
+        change_versions(var_, "one", [&](update::VersionStore& store) -> Result<void, std::string> {
+          number = store.add(file, "a test", system_utc_now()).value_or(0);
+          return {};
+        });
+    EXPECT_TRUE(added) << added.error();
+    EXPECT_NE(number, 0U);
+    return number;
+  }
+  /// The table alone is changed: what runs goes on.
+  void make_active(update::VersionNumber number, milliseconds probation = std::chrono::hours(1)) {
+    const auto used = change_versions(
+        var_, "one", [&](update::VersionStore& store) { return store.use(number, probation, ""); });
+    ASSERT_TRUE(used) << used.error();
+  }
+  void commit(update::VersionNumber number) {
+    ASSERT_TRUE(
+        change_versions(var_, "one", [&](update::VersionStore& store) { return store.commit(number); }));
+  }
+  [[nodiscard]] update::VersionTable table() const { return read_versions(var_, "one").table; }
+  /// What is on the disk, whatever tmpfs knows.
+  [[nodiscard]] update::VersionTable table_on_disk() const {
+    update::PosixVersionFiles files(versions_folder(var_, "one"));
+    return update::VersionStore(files, "one").read().table;
+  }
+  [[nodiscard]] std::filesystem::path program_of(update::VersionNumber number) const {
+    return versions_folder(var_, "one") / ("one." + std::to_string(number));
   }
   void behave(const std::string& node, const std::string& how) const {
     ASSERT_TRUE(write_file_atomically(var_.run() / (node + ".behaviour"), how));
@@ -667,6 +701,221 @@ TEST_F(Restarting, KeepsTheFiveNewestReports) {
   for (const auto& entry : std::filesystem::directory_iterator(var_.state("one") / "reports"))
     names.insert(entry.path().filename().string());
   EXPECT_EQ(names, (std::set<std::string>{"3.report", "4.report", "5.report", "6.report", "7.report"}));
+}
+
+const std::string good = "exec " + probe + R"( "$@")";
+
+TEST_F(Restarting, StartsTheActiveVersionAndTheLastGoodOneAfterADeathInItsProbation) {
+  plan_.ring.restarts = 2;  // the second death in a row waits for an hour
+  plan_.ring.first_wait = plan_.ring.longest_wait = std::chrono::hours(1);
+  const auto first = start();
+  make_active(add_version(good));
+  end(first.pid, SIGKILL);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  auto outcome = restarter.restart(accuse(first, FaultClass::exited));
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_EQ(outcome.version, 1U) << "the death of golden is not held against it";
+  EXPECT_FALSE(outcome.fallback);
+  const auto second = running("one", first.incarnation);
+  EXPECT_EQ(last_started(var_, "one")->version, 1U);
+
+  end(second.pid, SIGKILL);
+  outcome = restarter.restart(accuse(second, FaultClass::exited));
+  ASSERT_EQ(outcome.what, What::restarted) << "at once: " << outcome.reason;
+  EXPECT_EQ(outcome.version, update::golden);
+  ASSERT_TRUE(outcome.fallback);
+  EXPECT_EQ(outcome.fallback->from, 1U);
+  EXPECT_THAT(outcome.reason, testing::HasSubstr("in its probation"));
+  EXPECT_EQ(table().active(), update::golden);
+
+  const auto records = ledger(restarter);
+  ASSERT_EQ(records.size(), 2U);
+  EXPECT_EQ(records[0].version, 1U);
+  EXPECT_EQ(records[1].version, 0U);
+  EXPECT_EQ(records[1].failed_version, 1U);
+  EXPECT_EQ(records[1].reason, outcome.reason);
+  EXPECT_EQ(table_on_disk().find(1)->state, update::VersionState::failed);
+
+  // The deaths of the failed version are not held against the one that came back.
+  const auto third = running("one", second.incarnation);
+  end(third.pid, SIGKILL);
+  EXPECT_EQ(restarter.restart(accuse(third, FaultClass::exited)).what, What::restarted);
+}
+
+TEST_F(Restarting, AHangInTheProbationGoesBackToo) {
+  make_active(add_version(good));
+  const auto old = start();
+  signal_child(old.pid, SIGUSR1);
+  ASSERT_TRUE(says("one", "hangs"));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(accuse(old, FaultClass::silent));
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_EQ(outcome.version, update::golden);
+}
+
+TEST_F(Restarting, ADeathAfterTheProbationStartsTheSameVersionAndMakesItTheLastGoodOne) {
+  make_active(add_version(good), milliseconds(1));
+  const auto old = start();
+  ASSERT_TRUE(
+      wait_until([&] { return monotonic_now() - last_started(var_, "one")->since > milliseconds(1); }));
+  end(old.pid, SIGKILL);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(accuse(old, FaultClass::exited));
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_EQ(outcome.version, 1U);
+  (void)ledger(restarter);
+  EXPECT_EQ(table_on_disk().last_good(), 1U);
+}
+
+TEST_F(Restarting, CommitsTheVersionThatHasProvenItself) {
+  make_active(add_version(good));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  restarter.commit("one", 7);  // somebody was late
+  restarter.commit("one", 1);
+  restarter.commit("one", 1);
+  EXPECT_TRUE(ledger(restarter).empty());
+  EXPECT_EQ(table_on_disk().last_good(), 1U);
+  EXPECT_EQ(restarter.records_lost(), 0U);
+}
+
+TEST_F(Restarting, AVersionOnProbationThatDoesNotStartIsFollowedByTheLastGoodOneInTheSameAttempt) {
+  const auto one = add_version(good);
+  make_active(one);
+  commit(one);
+  make_active(add_version("exit 7"));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(absent());
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_EQ(outcome.version, one);
+  EXPECT_EQ(outcome.fallback->from, 2U);
+  const auto records = ledger(restarter);
+  ASSERT_EQ(records.size(), 1U);
+  EXPECT_THAT(records[0].reason, testing::HasSubstr("ended before it held its instance lock"));
+  EXPECT_EQ(table_on_disk().active(), one);
+}
+
+TEST_F(Restarting, WhatIsSetAsideWhenNothingStartsIsOnDiskToo) {
+  make_active(add_version("exit 7"));
+  use_programs((folder_ / "gone").string(), probe);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(absent()).what, What::cannot_start);
+  (void)ledger(restarter);
+  EXPECT_EQ(table_on_disk().find(1)->state, update::VersionState::failed);
+}
+
+TEST_F(Restarting, AGoodVersionThatDoesNotStartStaysActive) {
+  const auto one = add_version("exit 7");
+  make_active(one);
+  commit(one);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(absent()).what, What::cannot_start);
+  (void)ledger(restarter);
+  EXPECT_EQ(table_on_disk().active(), one);
+  EXPECT_EQ(table().active(), one);
+}
+
+TEST_F(Restarting, ADamagedProgramOfAGoodVersionIsReplacedByTheNextBest) {
+  for (const bool whole_size : {false, true}) {
+    const auto number = add_version(good);
+    make_active(number);
+    commit(number);
+    std::filesystem::remove(program_of(number));
+    std::string text = "#!/bin/sh\n" + good + "\n";
+    if (whole_size) {
+      text = "#!/bin/xx" + text.substr(9);  // cannot be executed
+    } else {
+      text.pop_back();
+    }
+    std::ofstream(program_of(number)) << text;
+    std::filesystem::permissions(program_of(number), std::filesystem::perms(0555));
+    ASSERT_TRUE(release(var_, "one", milliseconds(1000)));
+    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    const auto outcome = restarter.restart(absent());
+    ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+    EXPECT_EQ(outcome.version, update::golden);
+    EXPECT_THAT(outcome.reason, testing::HasSubstr(whole_size ? "SHA-256" : "octets instead of"));
+    EXPECT_THAT(ledger(restarter).back().reason, testing::HasSubstr("the golden version instead of"));
+    EXPECT_EQ(table_on_disk().active(), update::golden);
+    EXPECT_EQ(table_on_disk().find(number)->state, update::VersionState::failed);
+    end(running().pid, SIGKILL);
+  }
+}
+
+TEST_F(Restarting, WhatWasGoodOnceIsStartedWhenGoldenIsGone) {
+  const auto one = add_version(good);
+  make_active(one);
+  commit(one);
+  make_active(update::golden);
+  use_programs((folder_ / "gone").string(), probe);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(absent());
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_EQ(outcome.version, one);
+  EXPECT_THAT(outcome.reason, testing::HasSubstr("ENOENT"));
+}
+
+TEST_F(Restarting, AnUnreadableTableMeansGolden) {
+  make_active(add_version("exit 7"));
+  for (const char* copy : {"table_a", "table_b"})
+    std::ofstream(versions_folder(var_, "one") / copy, std::ios::trunc) << "rubbish";
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  const auto outcome = restarter.restart(absent());
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_EQ(outcome.version, update::golden);
+}
+
+TEST_F(Restarting, AFirstStartComparesTheHashAndSaysInTheLedgerWhatItStartedInstead) {
+  const auto number = add_version(good);
+  make_active(number);
+  commit(number);
+  std::filesystem::remove(program_of(number));
+  std::string text = "#!/bin/sh\n" + good + "\n";
+  text.back() = ' ';  // it would run
+  std::ofstream(program_of(number)) << text;
+  std::filesystem::permissions(program_of(number), std::filesystem::perms(0555));
+  (void)start();
+  EXPECT_EQ(last_started(var_, "one")->version, update::golden);
+  const auto records = FaultLedger(var_).read().records;
+  ASSERT_EQ(records.size(), 1U);
+  EXPECT_EQ(records[0].observer, "launcher");
+  EXPECT_EQ(records[0].failed_version, number);
+  EXPECT_EQ(table_on_disk().active(), update::golden);
+}
+
+TEST_F(Restarting, ARunningNodeIsRestartedInTheVersionThatIsAskedFor) {
+  const auto old = start();
+  const auto number = add_version(good);
+  const LaunchRequest request{plan_, var_, "/nowhere", "test"};
+  const auto used = use_version(request, *plan_.find("one"), number, std::chrono::hours(1));
+  ASSERT_TRUE(used) << used.error();
+  ASSERT_TRUE(*used);
+  EXPECT_EQ((*used)->version, number);
+  const auto renewed = running("one", old.incarnation);
+  EXPECT_EQ(renewed.pid, (*used)->pid);
+  const auto again = use_version(request, *plan_.find("one"), number, std::chrono::hours(1));
+  ASSERT_TRUE(again);
+  EXPECT_FALSE(*again) << "it runs";
+  EXPECT_EQ(running().pid, renewed.pid);
+
+  const auto bad = add_version("exit 7");
+  const auto fell = use_version(request, *plan_.find("one"), bad, std::chrono::hours(1));
+  ASSERT_TRUE(fell) << fell.error();
+  EXPECT_EQ((*fell)->version, update::golden) << "version 1 had not proven itself";
+  EXPECT_EQ((*fell)->fallback->from, bad);
+  EXPECT_EQ(table_on_disk().active(), update::golden);
+  EXPECT_FALSE(use_version(request, *plan_.find("one"), 77, seconds(1)));
+}
+
+TEST_F(Restarting, AVersionSetAsideIsFailedForEverybodyBeforeTheDiskKnows) {
+  const auto number = add_version(good);
+  make_active(number);
+  ASSERT_TRUE(set_aside(var_, "one", number, "because"));
+  EXPECT_EQ(table().active(), update::golden);
+  EXPECT_EQ(table_on_disk().active(), number);
+  ASSERT_TRUE(settle_versions(var_, "one"));
+  EXPECT_EQ(table_on_disk().find(number)->reason, "because");
+  make_active(number);
+  EXPECT_EQ(table().active(), number) << "an operator may insist";
 }
 
 TEST_F(Restarting, TellsTheSignalThatEndedANode) {

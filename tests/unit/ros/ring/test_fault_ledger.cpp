@@ -27,6 +27,8 @@ FaultRecord record(const std::string& subject) {
   r.old_incarnation = 4;
   r.new_incarnation = 5;
   r.outcome = RestartOutcome::What::restarted;
+  r.version = 2;
+  r.failed_version = 3;
   r.last_turn_age = milliseconds(400);
   r.judged = milliseconds(300);
   r.killed = milliseconds(20);

@@ -101,6 +101,23 @@ TEST(RestartPolicy, TakesADeathWithoutAKnownStartAsTheFirst) {
   EXPECT_EQ(decide(history, settings()).step, Step::start);
 }
 
+TEST(RestartPolicy, AsksForTheLastGoodVersionBeforeAnyWaitingWhenOneDiesInItsProbation) {
+  Loop loop;
+  loop.start();
+  for (int i = 0; i < 10; ++i) loop.die_and_start(milliseconds(10));
+  ASSERT_EQ(loop.last.step, Step::quarantine);
+  const auto decision = decide(loop.history, settings(), VersionTrial{3, seconds(60), seconds(59)});
+  EXPECT_EQ(decision.step, Step::last_good);
+  EXPECT_EQ(decision.not_before, MonotonicTime());
+}
+
+TEST(RestartPolicy, NeverAsksForTheLastGoodVersionAfterTheProbation) {
+  DeathHistory history;
+  count_death(history, settings(), boot);
+  EXPECT_EQ(decide(history, settings(), VersionTrial{3, seconds(60), seconds(60)}).step, Step::start);
+  EXPECT_EQ(decide(history, settings(), VersionTrial{3, seconds(0), seconds(0)}).step, Step::start);
+}
+
 TEST(RestartPolicy, HoldsItsBoundsInRandomLives) {
   // Never more than quarantine_deaths starts within a window, except of nodes that live long; never a wait
   // longer than the longest; the history never grows.

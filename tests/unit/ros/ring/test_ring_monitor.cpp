@@ -456,6 +456,16 @@ TEST_F(RingMonitorTest, LooksAgainAfterASecondWhenSomebodyElseRestarts) {
   EXPECT_THAT(accused(), ElementsAre("b: exited", "b: absent")) << "that restarter may have died, too";
 }
 
+TEST_F(RingMonitorTest, AccusesAtOnceWhenWhatSomebodyElseStartedEndsAgain) {
+  rounds(3);
+  exit("b");
+  conclude("b", What::under_way);
+  start("b", 555, 2);
+  rounds(1);
+  exit("b");
+  EXPECT_THAT(accused(), ElementsAre("b: exited", "b: exited"));
+}
+
 TEST_F(RingMonitorTest, WaitsAsLongAsTheBackOffSays) {
   round();
   exit("b");
@@ -585,6 +595,36 @@ TEST_F(RingMonitorTest, OnlyReportsANodeThatRetriesByItself) {
 }
 
 // ---- Wrong answers
+
+TEST_F(RingMonitorTest, GivesAVersionOnProbationTheStartDeadlineToReachItsDesiredState) {
+  others_["b"].answer.state = State::unconfigured;
+  rounds(3);
+  const auto after = [&](milliseconds lived, pid_t pid) {
+    monitor_->on_trial("b", pid, lived, now_);
+    drain();
+  };
+  after(patience_.start_deadline, 101);
+  after(patience_.start_deadline, 101);
+  after(patience_.start_deadline + milliseconds(1), 101);
+  after(patience_.start_deadline + milliseconds(1), 999);
+  EXPECT_FALSE(monitor_->is_as_desired("b"));
+  EXPECT_THAT(accusations_, IsEmpty()) << "twice, of this process";
+  after(patience_.start_deadline + milliseconds(1), 101);
+  ASSERT_THAT(accusations_, SizeIs(1));
+  EXPECT_EQ(accusations_[0].fault, FaultClass::start_overdue);
+  EXPECT_THAT(accusations_[0].detail, HasSubstr("unconfigured instead of active on probation"));
+}
+
+TEST_F(RingMonitorTest, IsContentWithAVersionOnProbationThatWorksOrIsToldNotTo) {
+  rounds(3);
+  EXPECT_TRUE(monitor_->is_as_desired("b"));
+  for (int i = 0; i < 5; ++i) monitor_->on_trial("b", 101, seconds(100), now_);
+  others_["b"].answer.state = others_["b"].answer.desired = State::inactive;
+  rounds(3);
+  for (int i = 0; i < 5; ++i) monitor_->on_trial("b", 101, seconds(100), now_);
+  drain();
+  EXPECT_THAT(accusations_, IsEmpty());
+}
 
 TEST_F(RingMonitorTest, IgnoresAndCountsStaleAndUnknownNonces) {
   round();

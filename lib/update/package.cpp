@@ -1,0 +1,415 @@
+#include "update/package.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <memory>
+#include <set>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <openssl/evp.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <nlohmann/json.hpp>
+
+#include "base/fd.hpp"
+#include "update/sha256.hpp"
+#include "update/version_table.hpp"
+
+namespace srfs::update {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Key = std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)>;
+using Context = std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)>;
+
+constexpr std::string_view magic = "SRFSNODE";
+constexpr std::uint16_t container_version = 1;
+constexpr std::string_view manifest_format = "srfs node package 1";
+constexpr std::string_view tag("SRFS-NODE-V1\0", 13);
+constexpr std::size_t key_id_octets = 8;
+constexpr std::size_t longest_name = 32;
+constexpr std::size_t largest_entry = 4096;
+constexpr int deepest_nesting = 16;
+constexpr seconds longest_self_test{60};
+
+OctetView octets_of(std::string_view text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+std::string_view text_of(OctetView octets) {
+  return {reinterpret_cast<const char*>(octets.data()), octets.size()};
+}
+
+/// What is signed: the tag keeps the signature from meaning anything elsewhere.
+Octets signed_octets(OctetView content) {
+  Octets message(tag.begin(), tag.end());
+  const auto digest = sha256_of(content);
+  message.insert(message.end(), digest.begin(), digest.end());
+  return message;
+}
+
+/// Names the key in a package, so that a wrong one is told from a wrong signature; proves nothing.
+Octets key_id(const PublicKey& key) {
+  const auto digest = sha256_of(key);
+  return {digest.begin(), digest.begin() + key_id_octets};
+}
+
+tl::unexpected<PackageFailure> refuse(PackageRefusal refusal, std::string detail = {}) {
+  return Err(PackageFailure{refusal, std::move(detail)});
+}
+
+bool is_hash(std::string_view text) {
+  return text.size() == 64 && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
+}
+
+bool is_node_name(std::string_view name) {
+  return !name.empty() && name.size() <= longest_name && name[0] >= 'a' && name[0] <= 'z' &&
+         name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string_view::npos;
+}
+
+/// Plain relative parts, so that no name leaves the folder, hides, or is taken for an option.
+bool is_plain_path(std::string_view path) {
+  if (path.empty() || path.size() > PackageLimits::path_octets) return false;
+  constexpr std::string_view allowed = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-/";
+  if (path.find_first_not_of(allowed) != std::string_view::npos) return false;
+  std::size_t parts = 0;
+  while (true) {
+    const std::size_t end = std::min(path.find('/'), path.size());
+    const std::string_view part = path.substr(0, end);
+    if (part.empty() || part[0] == '.' || part[0] == '-' || ++parts > PackageLimits::path_parts) return false;
+    if (end == path.size()) return true;
+    path.remove_prefix(end + 1);
+  }
+}
+
+/// No name twice, none a file here and a folder there.
+std::optional<std::string> conflict(const std::vector<PackageFile>& files) {
+  std::set<std::string, std::less<>> names;
+  for (const PackageFile& file : files) {
+    if (!names.insert(file.path).second) return file.path;
+  }
+  for (const PackageFile& file : files) {
+    for (std::size_t at = file.path.find('/'); at != std::string::npos; at = file.path.find('/', at + 1)) {
+      if (names.contains(std::string_view(file.path).substr(0, at))) return file.path;
+    }
+  }
+  return std::nullopt;
+}
+
+/// Takes the fields of an object one after the other; what nobody took is unknown.
+class Fields {
+ public:
+  explicit Fields(const Json& json) : json_(json) {}
+
+  [[nodiscard]] const Json* take(const char* name) {
+    const auto found = json_.find(name);
+    if (found == json_.end()) return nullptr;
+    ++taken_;
+    return &*found;
+  }
+  [[nodiscard]] std::optional<std::string> text(const char* name) {
+    const Json* value = take(name);
+    return value != nullptr && value->is_string() ? std::optional(value->get<std::string>()) : std::nullopt;
+  }
+  [[nodiscard]] std::optional<std::uint64_t> number(const char* name) {
+    const Json* value = take(name);
+    return value != nullptr && value->is_number_unsigned() ? std::optional(value->get<std::uint64_t>())
+                                                           : std::nullopt;
+  }
+  [[nodiscard]] bool has(const char* name) const { return json_.contains(name); }
+  [[nodiscard]] bool all_taken() const { return taken_ == json_.size(); }
+
+ private:
+  const Json& json_;
+  std::size_t taken_ = 0;
+};
+
+Result<PackageFile, PackageFailure> decode_file(const Json& json) {
+  if (!json.is_object()) return refuse(PackageRefusal::bad_manifest, "files");
+  Fields fields(json);
+  const auto path = fields.text("path");
+  if (!path) return refuse(PackageRefusal::bad_manifest, "files: path");
+  const std::string shown = path->substr(0, PackageLimits::path_octets);
+  if (fields.has("type") && fields.text("type") != "file") return refuse(PackageRefusal::link, shown);
+  if (!is_plain_path(*path)) return refuse(PackageRefusal::bad_path, shown);
+  const auto octets = fields.number("octets");
+  const auto sha256 = fields.text("sha256");
+  if (!octets || !sha256 || !is_hash(*sha256) || !fields.all_taken())
+    return refuse(PackageRefusal::bad_manifest, "files: " + shown);
+  if (*octets > PackageLimits::file_octets) return refuse(PackageRefusal::too_large, shown);
+  return PackageFile{*path, *octets, *sha256};
+}
+
+std::optional<PackageFailure> decode_files(const Json* list, std::vector<PackageFile>& files) {
+  if (list == nullptr || !list->is_array() || list->empty())
+    return PackageFailure{PackageRefusal::bad_manifest, "files"};
+  if (list->size() > PackageLimits::files)
+    return PackageFailure{PackageRefusal::too_many_files, std::to_string(list->size())};
+  std::uint64_t total = 0;
+  for (const Json& entry : *list) {
+    auto file = decode_file(entry);
+    if (!file) return file.error();
+    total += file->octets;
+    files.push_back(std::move(*file));
+  }
+  if (total > PackageLimits::package_octets)
+    return PackageFailure{PackageRefusal::too_large, fmt::format("{} octets of files", total)};
+  if (auto path = conflict(files)) return PackageFailure{PackageRefusal::bad_path, *path};
+  return std::nullopt;
+}
+
+std::optional<PackageFailure> decode_options(const Json* list, std::vector<std::string>& options) {
+  if (list == nullptr || !list->is_array()) return PackageFailure{PackageRefusal::bad_manifest, "options"};
+  const auto& allowed = allowed_options();
+  for (const Json& entry : *list) {
+    const std::string option = entry.is_string() ? entry.get<std::string>() : "";
+    if (std::find(allowed.begin(), allowed.end(), option) == allowed.end())
+      return PackageFailure{PackageRefusal::bad_option, option.substr(0, 40)};
+    if (std::find(options.begin(), options.end(), option) == options.end()) options.push_back(option);
+  }
+  return std::nullopt;
+}
+
+Result<void, FileError> write_new(int folder, const std::string& path, OctetView content,
+                                  const std::filesystem::path& shown) {
+  const auto failed = [&](const char* what) {
+    return Err(FileError{fmt::format("{}: cannot {}: {}", (shown / path).string(), what, errno_text(errno))});
+  };
+  Fd place(fcntl(folder, F_DUPFD_CLOEXEC, 3));
+  std::string_view rest = path;
+  for (std::size_t end = rest.find('/'); end != std::string_view::npos; end = rest.find('/')) {
+    const std::string part(rest.substr(0, end));
+    if (mkdirat(place.get(), part.c_str(), 0755) != 0 && errno != EEXIST) return failed("create");
+    Fd next(openat(place.get(), part.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+    if (!next) return failed("open");
+    place = std::move(next);
+    rest.remove_prefix(end + 1);
+  }
+  const Fd file(openat(place.get(), std::string(rest).c_str(),
+                       O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));
+  if (!file) return failed("create");
+  while (!content.empty()) {
+    const ssize_t n = write(file.get(), content.data(), content.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return failed("write");
+    content = content.subspan(static_cast<std::size_t>(n));
+  }
+  return {};
+}
+
+}  // namespace
+
+PublicKey public_key_of(const SigningSeed& seed) {
+  const Key key(EVP_PKEY_new_raw_private_key(EVP_PKEY_ED25519, nullptr, seed.data(), seed.size()),
+                EVP_PKEY_free);
+  PublicKey raw{};
+  std::size_t size = raw.size();
+  // Fails for lack of memory only.
+  if (!key || EVP_PKEY_get_raw_public_key(key.get(), raw.data(), &size) != 1) std::abort();
+  return raw;
+}
+
+Signature sign(OctetView content, const SigningSeed& seed) {
+  const Octets message = signed_octets(content);
+  const Key key(EVP_PKEY_new_raw_private_key(EVP_PKEY_ED25519, nullptr, seed.data(), seed.size()),
+                EVP_PKEY_free);
+  const Context context(EVP_MD_CTX_new(), EVP_MD_CTX_free);
+  Signature signature{};
+  std::size_t size = signature.size();
+  if (EVP_DigestSignInit(context.get(), nullptr, nullptr, nullptr, key.get()) != 1 ||
+      EVP_DigestSign(context.get(), signature.data(), &size, message.data(), message.size()) != 1)
+    std::abort();
+  return signature;
+}
+
+bool is_signed(OctetView content, const Signature& signature, const PublicKey& key) {
+  const Octets message = signed_octets(content);
+  const Key raw(EVP_PKEY_new_raw_public_key(EVP_PKEY_ED25519, nullptr, key.data(), key.size()),
+                EVP_PKEY_free);
+  const Context context(EVP_MD_CTX_new(), EVP_MD_CTX_free);
+  return raw && context && EVP_DigestVerifyInit(context.get(), nullptr, nullptr, nullptr, raw.get()) == 1 &&
+         EVP_DigestVerify(context.get(), signature.data(), signature.size(), message.data(),
+                          message.size()) == 1;
+}
+
+std::string_view to_text(PackageRefusal refusal) {
+  switch (refusal) {
+    case PackageRefusal::too_large:
+      return "too large";
+    case PackageRefusal::cut_off:
+      return "cut off, or no package";
+    case PackageRefusal::unknown_format:
+      return "unknown format";
+    case PackageRefusal::wrong_key:
+      return "signed with another key";
+    case PackageRefusal::wrong_signature:
+      return "wrong signature";
+    case PackageRefusal::bad_manifest:
+      return "the manifest is not one";
+    case PackageRefusal::bad_option:
+      return "a build option that is not allowed";
+    case PackageRefusal::old_counter:
+      return "not newer than what was accepted before";
+    case PackageRefusal::too_many_files:
+      return "too many files";
+    case PackageRefusal::bad_path:
+      return "a path that is not allowed";
+    case PackageRefusal::link:
+      return "not an ordinary file";
+    case PackageRefusal::wrong_size:
+      return "not as long as the manifest says";
+    case PackageRefusal::wrong_hash:
+      return "a file is not what was signed";
+  }
+  return "?";
+}
+
+const std::vector<std::string>& allowed_options() {
+  static const std::vector<std::string> options{"-O0", "-O1", "-O2", "-O3", "-Os", "-g", "-DNDEBUG"};
+  return options;
+}
+
+std::string encode(const Manifest& manifest) {
+  Json files = Json::array();
+  for (const PackageFile& file : manifest.files)
+    files.push_back({{"path", file.path}, {"octets", file.octets}, {"sha256", file.sha256}});
+  Json json{{"format", manifest_format},
+            {"node", manifest.node},
+            {"kind", manifest.kind == PackageKind::add ? "new" : "replace"},
+            {"counter", manifest.counter},
+            {"files", files},
+            {"options", manifest.options},
+            {"self_test_s", manifest.self_test.count()},
+            {"probation_s", manifest.probation.count()}};
+  if (manifest.binary_sha256) json["binary_sha256"] = *manifest.binary_sha256;
+  if (manifest.ring_after) json["ring_after"] = *manifest.ring_after;
+  if (manifest.deployment) json["deployment"] = Json::parse(*manifest.deployment, nullptr, false);
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Result<Manifest, PackageFailure> decode_manifest(std::string_view text) {
+  if (text.size() > PackageLimits::manifest_octets) return refuse(PackageRefusal::too_large, "manifest");
+  bool too_deep = false;
+  const auto shallow = [&](int depth, Json::parse_event_t, Json&) {
+    too_deep = too_deep || depth > deepest_nesting;
+    return depth <= deepest_nesting;
+  };
+  const Json json = Json::parse(text, shallow, false);
+  if (!json.is_object() || too_deep) return refuse(PackageRefusal::bad_manifest, "no JSON object");
+  Fields fields(json);
+  const auto bad = [](const char* field) { return refuse(PackageRefusal::bad_manifest, field); };
+  if (fields.text("format") != manifest_format) return refuse(PackageRefusal::unknown_format, "manifest");
+  Manifest manifest;
+  manifest.node = fields.text("node").value_or("");
+  if (!is_node_name(manifest.node)) return bad("node");
+  const auto kind = fields.text("kind");
+  if (kind != "new" && kind != "replace") return bad("kind");
+  manifest.kind = kind == "new" ? PackageKind::add : PackageKind::replace;
+  manifest.counter = fields.number("counter").value_or(0);
+  if (manifest.counter == 0) return bad("counter");
+  if (auto failure = decode_files(fields.take("files"), manifest.files)) return Err(*failure);
+  if (auto failure = decode_options(fields.take("options"), manifest.options)) return Err(*failure);
+  const auto in_range = [](std::optional<std::uint64_t> value, seconds longest) {
+    return value && *value > 0 && *value <= static_cast<std::uint64_t>(longest.count());
+  };
+  const auto self_test = fields.number("self_test_s");
+  if (!in_range(self_test, longest_self_test)) return bad("self_test_s");
+  const auto probation = fields.number("probation_s");
+  if (!in_range(probation, std::chrono::duration_cast<seconds>(VersionTable::longest_probation)))
+    return bad("probation_s");
+  manifest.self_test = seconds(*self_test);
+  manifest.probation = seconds(*probation);
+  if (fields.has("binary_sha256")) {
+    manifest.binary_sha256 = fields.text("binary_sha256").value_or("");
+    if (!is_hash(*manifest.binary_sha256)) return bad("binary_sha256");
+  }
+  if (fields.has("ring_after")) {
+    manifest.ring_after = fields.text("ring_after").value_or("");
+    if (!is_node_name(*manifest.ring_after)) return bad("ring_after");
+  }
+  if (const Json* entry = fields.take("deployment")) {
+    manifest.deployment = entry->dump(-1, ' ', false, Json::error_handler_t::replace);
+    if (!entry->is_object() || manifest.deployment->size() > largest_entry) return bad("deployment");
+  }
+  if ((manifest.kind == PackageKind::add) != manifest.deployment.has_value()) return bad("deployment");
+  if (!fields.all_taken()) return bad("a key that is not known");
+  return manifest;
+}
+
+Octets make_package(std::string_view manifest, const std::vector<Octets>& contents, const SigningSeed& seed) {
+  std::size_t size = 1024 + manifest.size();
+  for (const Octets& content : contents) size += content.size();
+  OctetWriter out(size);
+  out.bytes(octets_of(magic));
+  out.u16(container_version);
+  out.bytes(key_id(public_key_of(seed)));
+  out.u32(static_cast<std::uint32_t>(manifest.size()));
+  out.bytes(octets_of(manifest));
+  out.bytes(sign(octets_of(manifest), seed));
+  for (const Octets& content : contents) out.bytes(content);
+  return out.take();
+}
+
+Result<VerifiedPackage, PackageFailure> verify_package(
+    OctetView package, const PublicKey& key,
+    const std::function<std::uint64_t(std::string_view node)>& last_counter) {
+  if (package.size() > PackageLimits::package_octets) return refuse(PackageRefusal::too_large);
+  const auto take = [&](std::size_t octets) -> std::optional<OctetView> {
+    if (package.size() < octets) return std::nullopt;
+    const OctetView taken = package.first(octets);
+    package = package.subspan(octets);
+    return taken;
+  };
+  const auto head = take(magic.size());
+  if (!head || text_of(*head) != magic) return refuse(PackageRefusal::cut_off, "head");
+  const auto version = take(2);
+  if (!version) return refuse(PackageRefusal::cut_off, "head");
+  if (((*version)[0] << 8 | (*version)[1]) != container_version)
+    return refuse(PackageRefusal::unknown_format);
+  const auto id = take(key_id_octets);
+  const auto length = take(4);
+  if (!id || !length) return refuse(PackageRefusal::cut_off, "head");
+  std::size_t manifest_octets = 0;
+  for (const std::uint8_t octet : *length) manifest_octets = manifest_octets << 8U | octet;
+  if (manifest_octets > PackageLimits::manifest_octets) return refuse(PackageRefusal::too_large, "manifest");
+  const auto manifest_text = take(manifest_octets);
+  const auto raw_signature = take(Signature{}.size());
+  if (!manifest_text || !raw_signature) return refuse(PackageRefusal::cut_off, "manifest");
+  if (!std::ranges::equal(*id, key_id(key))) return refuse(PackageRefusal::wrong_key);
+  Signature signature{};
+  std::ranges::copy(*raw_signature, signature.begin());
+  if (!is_signed(*manifest_text, signature, key)) return refuse(PackageRefusal::wrong_signature);
+
+  auto manifest = decode_manifest(text_of(*manifest_text));
+  if (!manifest) return Err(manifest.error());
+  const std::uint64_t last = last_counter(manifest->node);
+  if (manifest->counter <= last)
+    return refuse(PackageRefusal::old_counter, fmt::format("{}, the last was {}", manifest->counter, last));
+  VerifiedPackage verified;
+  for (const PackageFile& file : manifest->files) {
+    const auto content = take(static_cast<std::size_t>(file.octets));
+    if (!content) return refuse(PackageRefusal::wrong_size, file.path);
+    if (to_digits(sha256_of(*content)) != file.sha256) return refuse(PackageRefusal::wrong_hash, file.path);
+    verified.contents.push_back(*content);
+  }
+  if (!package.empty())
+    return refuse(PackageRefusal::wrong_size, fmt::format("{} octets more", package.size()));
+  verified.manifest = std::move(*manifest);
+  return verified;
+}
+
+Result<void, FileError> unpack(const VerifiedPackage& package, const std::filesystem::path& folder) {
+  if (mkdir(folder.c_str(), 0755) != 0)
+    return Err(FileError{fmt::format("{}: cannot create: {}", folder.string(), errno_text(errno))});
+  const Fd root(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (!root) return Err(FileError{fmt::format("{}: cannot open: {}", folder.string(), errno_text(errno))});
+  for (std::size_t i = 0; i < package.contents.size(); ++i) {
+    auto written = write_new(root.get(), package.manifest.files[i].path, package.contents[i], folder);
+    if (!written) return written;
+  }
+  return {};
+}
+
+}  // namespace srfs::update

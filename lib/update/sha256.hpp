@@ -1,0 +1,31 @@
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "base/octets.hpp"
+
+namespace srfs::update {
+
+/// SHA-256 taken piece by piece.
+class Sha256 {
+ public:
+  Sha256();
+  ~Sha256();
+  Sha256(const Sha256&) = delete;
+  Sha256& operator=(const Sha256&) = delete;
+
+  void update(OctetView data);
+  using Digest = std::array<std::uint8_t, 32>;
+  /// Nothing may follow.
+  [[nodiscard]] Digest finish();
+
+ private:
+  void* context_;
+};
+
+/// 64 lower-case digits
+[[nodiscard]] std::string to_digits(const Sha256::Digest& digest);
+[[nodiscard]] Sha256::Digest sha256_of(OctetView data);
+
+}  // namespace srfs::update

@@ -1,0 +1,257 @@
+#include "update/package.hpp"
+
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "base/file.hpp"
+#include "tests/temporary_folder.hpp"
+#include "update/sha256.hpp"
+
+namespace srfs::update {
+namespace {
+
+using Json = nlohmann::json;
+
+Octets octets(std::string_view text) {
+  return {text.begin(), text.end()};
+}
+
+SigningSeed seed_of(std::uint8_t first) {
+  SigningSeed seed{};
+  for (std::size_t i = 0; i < seed.size(); ++i) seed[i] = static_cast<std::uint8_t>(first + i);
+  return seed;
+}
+
+std::string hash(std::string_view text) {
+  return to_digits(sha256_of(octets(text)));
+}
+
+const SigningSeed ours = seed_of(0);
+const PublicKey key = public_key_of(ours);
+const std::string source = "int main(){}\n";
+
+/// A good package, and what tests do to it.
+struct PackageTest : testing::Test {
+  Json manifest = {
+      {"format", "srfs node package 1"}, {"node", "payload_eps"}, {"kind", "replace"}, {"counter", 7},
+      {"files", Json::array()},          {"options", {"-O2"}},    {"self_test_s", 10}, {"probation_s", 300}};
+  std::vector<Octets> contents;
+  std::uint64_t last_counter = 6;
+
+  PackageTest() {
+    add("src/main.cpp", source);
+    add("src/power.hpp", "#pragma once\n");
+  }
+  void add(const std::string& path, const std::string& text) {
+    manifest["files"].push_back({{"path", path}, {"octets", text.size()}, {"sha256", hash(text)}});
+    contents.push_back(octets(text));
+  }
+  [[nodiscard]] Octets package() const { return make_package(manifest.dump(), contents, ours); }
+  [[nodiscard]] Result<VerifiedPackage, PackageFailure> verify(const Octets& package) const {
+    return verify_package(package, key, [&](std::string_view node) {
+      EXPECT_EQ(node, "payload_eps");
+      return last_counter;
+    });
+  }
+  [[nodiscard]] std::optional<PackageRefusal> refusal(const Octets& package) const {
+    const auto verified = verify(package);
+    return verified ? std::nullopt : std::optional(verified.error().refusal);
+  }
+  [[nodiscard]] std::optional<PackageRefusal> refusal() const { return refusal(package()); }
+};
+
+TEST(PackageSignature, IsThatOfTheIndependentVector) {
+  // tests/vectors/ground_link.txt
+  const auto vectors = read_file(SRFS_SOURCE_DIR "/tests/vectors/ground_link.txt");
+  ASSERT_TRUE(vectors);
+  std::string digits;
+  for (const std::uint8_t octet : sign(octets(source), ours)) {
+    constexpr std::string_view hex = "0123456789abcdef";
+    digits += hex[octet >> 4U];
+    digits += hex[octet & 15U];
+  }
+  EXPECT_THAT(*vectors, testing::HasSubstr("SHA-256(\"int main(){}\\n\") = " + digits));
+}
+
+TEST(PackageSignature, HoldsForItsContentAndKeyAlone) {
+  const Signature signature = sign(octets(source), ours);
+  EXPECT_TRUE(is_signed(octets(source), signature, key));
+  EXPECT_FALSE(is_signed(octets(source + " "), signature, key));
+  EXPECT_FALSE(is_signed(octets(source), signature, public_key_of(seed_of(1))));
+  for (std::size_t i = 0; i < signature.size(); ++i) {
+    Signature changed = signature;
+    changed[i] ^= 1U;
+    EXPECT_FALSE(is_signed(octets(source), changed, key)) << i;
+  }
+}
+
+TEST_F(PackageTest, ThatIsGoodGivesItsManifestAndFiles) {
+  manifest["binary_sha256"] = hash("binary");
+  const Octets good = package();
+  const auto verified = verify(good);
+  ASSERT_TRUE(verified) << verified.error().detail;
+  EXPECT_EQ(verified->manifest.node, "payload_eps");
+  EXPECT_EQ(verified->manifest.kind, PackageKind::replace);
+  EXPECT_EQ(verified->manifest.counter, 7U);
+  EXPECT_EQ(verified->manifest.probation, seconds(300));
+  EXPECT_EQ(verified->manifest.binary_sha256, hash("binary"));
+  ASSERT_EQ(verified->contents.size(), 2U);
+  EXPECT_TRUE(std::ranges::equal(verified->contents[0], octets(source)));
+  EXPECT_EQ(*decode_manifest(encode(verified->manifest)), verified->manifest);
+}
+
+TEST_F(PackageTest, OfANewNodeNeedsADeploymentEntryAndOneOfAnOldNodeHasNone) {
+  manifest["kind"] = "new";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+  manifest["deployment"] = {{"executable", "impact_node"}, {"memory_limit_mib", 64}};
+  manifest["ring_after"] = "payload_thermal";
+  const Octets good = package();
+  const auto verified = verify(good);
+  ASSERT_TRUE(verified) << verified.error().detail;
+  EXPECT_EQ(verified->manifest.ring_after, "payload_thermal");
+  EXPECT_EQ(*decode_manifest(encode(verified->manifest)), verified->manifest);
+  manifest["kind"] = "replace";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+}
+
+TEST_F(PackageTest, IsRefusedWithAWrongSignatureOrAnotherKey) {
+  Octets changed = package();
+  changed[8 + 2 + 8 + 4 + 10] ^= 1U;  // in the manifest
+  EXPECT_EQ(refusal(changed), PackageRefusal::wrong_signature);
+  EXPECT_EQ(refusal(make_package(manifest.dump(), contents, seed_of(9))), PackageRefusal::wrong_key);
+  // The name of the key is no proof of it.
+  Octets claimed = make_package(manifest.dump(), contents, seed_of(9));
+  const Octets genuine = package();
+  std::copy_n(genuine.begin() + 10, 8, claimed.begin() + 10);
+  EXPECT_EQ(refusal(claimed), PackageRefusal::wrong_signature);
+}
+
+TEST_F(PackageTest, IsRefusedWhenAnyOctetIsChangedOrMissing) {
+  const Octets good = package();
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    Octets changed = good;
+    changed[i] ^= 1U;
+    EXPECT_TRUE(refusal(changed)) << i;
+    EXPECT_TRUE(refusal(Octets(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(i)))) << i;
+  }
+  Octets longer = good;
+  longer.push_back(0);
+  EXPECT_EQ(refusal(longer), PackageRefusal::wrong_size);
+}
+
+TEST_F(PackageTest, IsRefusedUnlessItsCounterIsHigherThanTheLast) {
+  for (const std::uint64_t last : {7U, 8U}) {
+    last_counter = last;
+    EXPECT_EQ(refusal(), PackageRefusal::old_counter);
+  }
+  manifest["counter"] = 0;
+  last_counter = 0;
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+}
+
+TEST_F(PackageTest, IsRefusedWhenAFileIsNotWhatWasSigned) {
+  contents[1][3] ^= 1U;
+  const auto verified = verify(package());
+  ASSERT_FALSE(verified);
+  EXPECT_EQ(verified.error().refusal, PackageRefusal::wrong_hash);
+  EXPECT_EQ(verified.error().detail, "src/power.hpp");
+  contents[1].pop_back();
+  EXPECT_EQ(refusal(), PackageRefusal::wrong_size);
+}
+
+TEST_F(PackageTest, IsRefusedWhenAPathWouldLeaveItsFolderHideOrBeTakenForAnOption) {
+  for (const char* path :
+       {"", "/etc/passwd", "..", "../x", "a/../../x", "a//b", "a/", "./a", "a/./b", ".hidden", "a/.git", "-o",
+        "a/-o", "a b", "a\\b", "a\nb", "a;b", "\xc3\xa4", "a/b/c/d/e/f/g/h/i"}) {
+    manifest["files"][0]["path"] = path;
+    EXPECT_EQ(refusal(), PackageRefusal::bad_path) << path;
+  }
+  manifest["files"][0]["path"] = std::string(121, 'a');
+  EXPECT_EQ(refusal(), PackageRefusal::bad_path);
+  manifest["files"][0]["path"] = "src/power.hpp";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_path) << "twice";
+  manifest["files"][0]["path"] = "src";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_path) << "a file and a folder";
+  manifest["files"][0]["path"] = "a/b/c/d/e/f/g/h..2-x_";
+  EXPECT_EQ(refusal(), std::nullopt);
+}
+
+TEST_F(PackageTest, IsRefusedWithAnythingButOrdinaryFiles) {
+  for (const char* type : {"link", "symlink", "device", "directory", ""}) {
+    manifest["files"][1]["type"] = type;
+    EXPECT_EQ(refusal(), PackageRefusal::link) << type;
+  }
+  manifest["files"][1]["type"] = "file";
+  EXPECT_EQ(refusal(), std::nullopt);
+}
+
+TEST_F(PackageTest, IsRefusedWithTooManyOrTooLargeFilesBeforeTheyAreLookedAt) {
+  for (std::size_t i = contents.size(); i < PackageLimits::files; ++i) add("f" + std::to_string(i), "");
+  EXPECT_EQ(refusal(), std::nullopt);
+  add("one_more", "");
+  EXPECT_EQ(refusal(), PackageRefusal::too_many_files);
+  manifest["files"].erase(manifest["files"].begin() + 2, manifest["files"].end());
+  manifest["files"][0]["octets"] = PackageLimits::file_octets + 1;
+  EXPECT_EQ(refusal(), PackageRefusal::too_large);
+  manifest["files"][0]["octets"] = -1;
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+  EXPECT_EQ(refusal(Octets(PackageLimits::package_octets + 1)), PackageRefusal::too_large);
+  manifest["node"] = std::string(PackageLimits::manifest_octets, 'x');
+  EXPECT_EQ(refusal(), PackageRefusal::too_large);
+}
+
+TEST_F(PackageTest, IsRefusedWithOptionsOrKeysThatAreNotKnown) {
+  for (const char* option : {"-fplugin=x.so", "-B/tmp", "@file", "-O2 -wrapper x", ""}) {
+    manifest["options"] = {"-O2", option};
+    EXPECT_EQ(refusal(), PackageRefusal::bad_option) << option;
+  }
+  manifest["options"] = Json::array();
+  EXPECT_EQ(refusal(), std::nullopt);
+  for (const char* field : {"node", "kind", "counter", "files", "options", "self_test_s", "probation_s"}) {
+    const Json before = manifest;
+    manifest.erase(field);
+    EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << field;
+    manifest = before;
+  }
+  for (const char* node : {"", "Payload", "a/b", "..", "payload eps", "1st"}) {
+    EXPECT_FALSE(decode_manifest([&] {
+      Json other = manifest;
+      other["node"] = node;
+      return other.dump();
+    }()));
+  }
+  const Json before = manifest;
+  manifest["post_install"] = "rm -rf /";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+  manifest = before;
+  manifest["probation_s"] = 0;
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+  manifest = before;
+  manifest["format"] = "srfs node package 2";
+  EXPECT_EQ(refusal(), PackageRefusal::unknown_format);
+}
+
+TEST_F(PackageTest, OfDeepNestingIsRefusedWithoutHarm) {
+  const std::string deep = R"({"deployment":)" + std::string(30000, '[') + std::string(30000, ']') + "}";
+  EXPECT_FALSE(decode_manifest(deep));
+}
+
+TEST_F(PackageTest, IsUnpackedBelowANewFolderAlone) {
+  const testing_support::TemporaryFolder folder;
+  const Octets good = package();
+  const auto verified = verify(good);
+  ASSERT_TRUE(verified);
+  ASSERT_TRUE(unpack(*verified, folder.path() / "new"));
+  EXPECT_EQ(*read_file(folder.path() / "new" / "src" / "main.cpp"), source);
+  EXPECT_FALSE(unpack(*verified, folder.path() / "new")) << "it is there";
+  std::filesystem::create_symlink(folder.path() / "elsewhere", folder.path() / "link");
+  EXPECT_FALSE(unpack(*verified, folder.path() / "link"));
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "elsewhere"));
+}
+
+}  // namespace
+}  // namespace srfs::update

@@ -1,0 +1,195 @@
+#include "tools/srfs/version_commands.hpp"
+
+#include <charconv>
+#include <iostream>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "ros/launcher.hpp"
+#include "ros/node_versions.hpp"
+#include "tools/srfs/node_commands.hpp"
+
+namespace srfs::tool {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using update::VersionNumber;
+using update::VersionTable;
+
+int fail(CommandExit exit, const std::string& why, bool json) {
+  if (json) {
+    std::cout << Json{{"ok", false}, {"error", why}}.dump(-1, ' ', false, Json::error_handler_t::replace)
+              << "\n";
+  } else {
+    fmt::print(stderr, "srfs: {}\n", why);
+  }
+  return static_cast<int>(exit);
+}
+
+int no_node(const std::string& node, bool json) {
+  return fail(CommandExit::usage, fmt::format("there is no node '{}'", node), json);
+}
+
+std::string name_of(VersionNumber version) {
+  return version == update::golden ? "golden" : fmt::format("version {}", version);
+}
+
+/// What the command line calls a version. nullopt: none
+std::optional<VersionNumber> parse_version(const std::string& text, const VersionTable& table) {
+  if (text == "golden") return update::golden;
+  if (text == "previous") return table.previous();
+  VersionNumber number = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, number);
+  return error == std::errc() && stop == end ? std::optional(number) : std::nullopt;
+}
+
+/// The version that the node's living process runs.
+std::optional<VersionNumber> running_version(const ros::VarPaths& var, const std::string& node) {
+  const auto instance = ros::find_instance(var, node);
+  const auto started = ros::last_started(var, node);
+  if (!instance || !started || started->pid != instance->pid) return std::nullopt;
+  return started->version;
+}
+
+/// Runs a change of a node's store and reports it.
+int change(const Target& target, const std::string& node, const std::string& version, bool json,
+           Result<void, std::string> (update::VersionStore::*operation)(VersionNumber),
+           const std::string& done) {
+  if (target.deployment.find(node) == nullptr) return no_node(node, json);
+  const auto number = parse_version(version, ros::read_versions(target.var, node).table);
+  if (!number) return fail(CommandExit::usage, fmt::format("'{}' is no version of {}", version, node), json);
+  const auto changed = ros::change_versions(
+      target.var, node, [&](update::VersionStore& store) { return (store.*operation)(*number); });
+  if (!changed)
+    return fail(CommandExit::refused, fmt::format("{}: {}", name_of(*number), changed.error()), json);
+  if (json) {
+    std::cout << Json{{"ok", true}, {"version", *number}}.dump() << "\n";
+  } else {
+    fmt::print("{} of {} {}\n", name_of(*number), node, done);
+  }
+  return static_cast<int>(CommandExit::done);
+}
+
+}  // namespace
+
+int show_versions(const Target& target, const std::string& only, bool check, bool json) {
+  if (!only.empty() && target.deployment.find(only) == nullptr) return no_node(only, json);
+  bool whole = true;
+  Json list = Json::array();
+  if (!json)
+    fmt::print("{:<18} {:>7} {:<10} {:<8} {:>10} {:<12} {:<23}  {}\n", "NODE", "VERSION", "STATE", "RUNS",
+               "OCTETS", "SHA-256", "ADDED", "ORIGIN AND WHY");
+  for (const auto& node : target.deployment.nodes) {
+    if (!only.empty() && node.name != only) continue;
+    const auto [table, problem] = ros::read_versions(target.var, node.name);
+    const auto running = running_version(target.var, node.name);
+    update::PosixVersionFiles files(ros::versions_folder(target.var, node.name));
+    const update::VersionStore store(files, node.name);
+    const auto mark = [&](VersionNumber number) {
+      const bool runs = running == number;
+      const bool active = table.active() == number;
+      return std::string(runs && active ? "active"
+                         : runs         ? "until now"
+                         : active       ? "next"
+                                        : "") +
+             (table.last_good() == number && !active ? "last good" : "");
+    };
+    Json versions = Json::array();
+    if (!json)
+      fmt::print("{:<18} {:>7} {:<10} {:<8} {:>10} {:<12} {:<23}  {}\n", node.name, 0, "golden",
+                 mark(update::golden), "-", "-", "-", node.executable);
+    for (const update::Version& v : table.versions()) {
+      const auto damage = check ? store.damage(v) : std::nullopt;
+      whole = whole && !damage;
+      if (json) {
+        versions.push_back({{"number", v.number},
+                            {"state", to_text(v.state)},
+                            {"sha256", v.sha256},
+                            {"octets", v.octets},
+                            {"origin", v.origin},
+                            {"added", to_iso8601(v.added)},
+                            {"probation_s", static_cast<double>(v.probation.count()) / 1000},
+                            {"reason", v.reason.empty() ? Json(nullptr) : Json(v.reason)},
+                            {"damage", damage ? Json(*damage) : Json(nullptr)}});
+      } else {
+        std::string text = v.origin;
+        if (!v.reason.empty()) text += "; " + v.reason;
+        if (damage) text += "; DAMAGED: " + *damage;
+        fmt::print("{:<18} {:>7} {:<10} {:<8} {:>10} {:<12} {:<23}  {}\n", "", v.number, to_text(v.state),
+                   mark(v.number), v.octets, v.sha256.substr(0, 12), to_iso8601(v.added), text);
+      }
+    }
+    if (json)
+      list.push_back({{"node", node.name},
+                      {"active", table.active()},
+                      {"last_good", table.last_good()},
+                      {"running", running ? Json(*running) : Json(nullptr)},
+                      {"problem", problem.empty() ? Json(nullptr) : Json(problem)},
+                      {"golden", node.executable},
+                      {"versions", versions}});
+    if (!json && !problem.empty()) fmt::print(stderr, "srfs versions: {}: {}\n", node.name, problem);
+  }
+  if (json) std::cout << list.dump(2, ' ', false, Json::error_handler_t::replace) << "\n";
+  return static_cast<int>(whole ? CommandExit::done : CommandExit::refused);
+}
+
+int add_version(const Target& target, const std::string& node, const std::filesystem::path& program,
+                const std::string& origin, bool json) {
+  if (target.deployment.find(node) == nullptr) return no_node(node, json);
+  VersionNumber number = 0;
+  const auto added =
+      ros::change_versions(target.var, node, [&](update::VersionStore& store) -> Result<void, std::string> {
+        const auto done = store.add(program, origin.empty() ? program.string() : origin, system_utc_now());
+        if (!done) return Err(done.error());
+        number = *done;
+        return {};
+      });
+  if (!added) return fail(CommandExit::refused, added.error(), json);
+  if (json) {
+    std::cout << Json{{"ok", true}, {"version", number}}.dump() << "\n";
+  } else {
+    fmt::print("version {} of {} is stored; `srfs versions use {} {}` starts it\n", number, node, node,
+               number);
+  }
+  return static_cast<int>(CommandExit::done);
+}
+
+int use_version(const Target& target, const std::string& node, const std::string& version, seconds probation,
+                bool json) {
+  const ros::NodeEntry* entry = target.deployment.find(node);
+  if (entry == nullptr) return no_node(node, json);
+  const auto number = parse_version(version, ros::read_versions(target.var, node).table);
+  if (!number) return fail(CommandExit::usage, fmt::format("'{}' is no version of {}", version, node), json);
+  const ros::LaunchRequest request{target.deployment, target.var, ros::own_bin_folder(),
+                                   fmt::format("{} by command", name_of(*number))};
+  const auto used = ros::use_version(request, *entry, *number, probation);
+  if (!used) return fail(CommandExit::refused, fmt::format("{}: {}", name_of(*number), used.error()), json);
+  const auto& launched = *used;
+  if (launched && launched->fallback)
+    return fail(CommandExit::refused, fmt::format("{} runs {}", node, to_text(*launched->fallback)), json);
+  const bool on_trial = ros::read_versions(target.var, node).table.on_trial() != nullptr;
+  if (json) {
+    std::cout << Json{{"ok", true},
+                      {"version", *number},
+                      {"pid", launched ? Json(launched->pid) : Json(nullptr)},
+                      {"probation", on_trial}}
+                     .dump()
+              << "\n";
+  } else {
+    fmt::print("{} {} {}{}\n", node, launched ? "runs" : "has", name_of(*number),
+               on_trial ? fmt::format(", on probation for {} s", probation.count()) : "");
+  }
+  return static_cast<int>(CommandExit::done);
+}
+
+int confirm_version(const Target& target, const std::string& node, const std::string& version, bool json) {
+  return change(target, node, version, json, &update::VersionStore::commit, "is the last good one");
+}
+
+int remove_version(const Target& target, const std::string& node, const std::string& version, bool json) {
+  return change(target, node, version, json, &update::VersionStore::remove, "is removed");
+}
+
+}  // namespace srfs::tool
