@@ -13,6 +13,7 @@
 #include "hw/can_bus.hpp"
 #include "hw/gpio.hpp"
 #include "hw/hw_error.hpp"
+#include "hw/kernel_clock.hpp"
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
 #include "hw/watchdog.hpp"
@@ -71,6 +72,9 @@ struct CanFilter {
 [[nodiscard]] Result<std::unique_ptr<Watchdog>, HwError> open_watchdog(std::string_view uri,
                                                                        const std::filesystem::path& var_dir,
                                                                        seconds timeout);
+
+/// clock_adjtime(2) of this computer. Reading needs no permission.
+[[nodiscard]] std::unique_ptr<KernelClock> open_kernel_clock();
 
 /// "scheme:rest?key=value&key=value" taken apart.
 struct DeviceUri {
