@@ -27,16 +27,16 @@ enum class GpsProtocol : std::uint8_t { nmea, ubx, both };
 /// What is wrong with the receiver, or with what it receives.
 struct GpsDisturbance {
   GpsFault fault = GpsFault::none;
-  double lost_pulses = 0;                      ///< probability of each
-  double false_pulses = 0;                     ///< probability of one more in a second, anywhere in it
-  nanoseconds pulse_step{0};                   ///< every pulse comes so much later: spoofed
+  double lost_pulses = 0;                        ///< probability of each
+  double false_pulses = 0;                       ///< probability of one more in a second, anywhere in it
+  nanoseconds pulse_step{0};                     ///< every pulse comes so much later: spoofed
   std::optional<nanoseconds> second_receiver{};  ///< pulses of another one, so long after ours
-  seconds time_step{0};                        ///< the messages name a time so far off
-  int week_eras = 0;                           ///< and a date so many times 1024 weeks off
-  double bad_checksum = 0;                     ///< probability of each message
-  double cut_short = 0;                        ///< likewise
-  bool unplugged = false;                      ///< the serial line is gone
-  bool leap_second = false;                    ///< the present minute, as the messages count, has a second 60
+  seconds time_step{0};                          ///< the messages name a time so far off
+  int week_eras = 0;                             ///< and a date so many times 1024 weeks off
+  double bad_checksum = 0;                       ///< probability of each message
+  double cut_short = 0;                          ///< likewise
+  bool unplugged = false;                        ///< the serial line is gone
+  bool leap_second = false;  ///< the present minute, as the messages count, has a second 60
 };
 /// Keys: fault, lost_pulses, false_pulses, pulse_step_us, second_receiver_ms, time_step_s, week_eras,
 /// bad_checksum, cut_short, unplugged, leap_second. Not named: nothing wrong. Throws ConfigError.

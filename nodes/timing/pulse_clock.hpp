@@ -153,7 +153,7 @@ class PulseClock {
   MonotonicTime doubtful_since_;
 
   std::optional<nanoseconds> candidate_;  ///< proposed change of utc_at_edge_
-  int candidate_times_ = 0;            ///< pulses whose time of day proposed it
+  int candidate_times_ = 0;               ///< pulses whose time of day proposed it
   MonotonicTime candidate_pulse_;
   nanoseconds refused_jump_{0};
   Counters counters_;

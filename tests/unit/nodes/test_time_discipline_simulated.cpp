@@ -220,7 +220,8 @@ TEST(SimulatedDiscipline, SurvivesADayOfChangingTrouble) {
     d.lost_pulses = random() % 2 ? 0.2 : 0;
     d.false_pulses = random() % 2 ? 0.2 : 0;
     // Alone for more than a minute, another receiver's pulses are believed.
-    if (d.fault == GpsFault::none && random() % 4 == 0) d.second_receiver = milliseconds(1 + static_cast<int>(random() % 998));
+    if (d.fault == GpsFault::none && random() % 4 == 0)
+      d.second_receiver = milliseconds(1 + static_cast<int>(random() % 998));
     d.time_step = seconds(random() % 4 == 0 ? static_cast<std::int64_t>(random() % 100'000) + 3 : 0);
     d.week_eras = static_cast<int>(random() % 3) - 1;
     d.bad_checksum = random() % 2 ? 0.3 : 0;
