@@ -60,7 +60,8 @@ struct CanFilter {
 [[nodiscard]] Result<std::unique_ptr<SerialPort>, HwError> open_serial(std::string_view uri,
                                                                        std::uint32_t baud,
                                                                        const std::filesystem::path& var_dir);
-/// "pps:/dev/pps0" or "sim:run/gps_pulse.sock".
+/// "pps:/dev/pps0", "gpiochip:/dev/gpiochip0?line=17" (rising edges of that offset) or
+/// "sim:run/gps_pulse.sock".
 [[nodiscard]] Result<std::unique_ptr<PulseSource>, HwError> open_pulse(std::string_view uri,
                                                                        const std::filesystem::path& var_dir);
 /// "gpiochip:/dev/gpiochip0", optionally with the chip's offsets "?0=17&1=18&2=27&8=5" (line=offset; default:
