@@ -1,5 +1,7 @@
 #include "hw_sim/settings.hpp"
 
+#include <cmath>
+
 #include "hw/open.hpp"
 
 namespace srfs::sim {
@@ -61,6 +63,22 @@ void read_gps(const ConfigSection& section, GpsSettings& gps) {
   gps.drift_ppm = section.number("drift_ppm", -1000, 1000, gps.drift_ppm);
   if (gps.drift_ppm != 0 && !gps.start) throw section.bad("drift_ppm", "0 unless gps.start_utc is given");
   gps.jitter_us = section.number("jitter_us", 0, 1000, gps.jitter_us);
+  gps.wander_ppm = section.number("wander_ppm", 0, 100, gps.wander_ppm);
+  if (gps.wander_ppm != 0 && !gps.start) throw section.bad("wander_ppm", "0 unless gps.start_utc is given");
+  gps.wander_period = seconds(section.integer("wander_period_s", 10, 1'000'000, gps.wander_period.count()));
+  const std::string protocol = section.has("protocol") ? section.text("protocol") : "nmea";
+  if (protocol != "nmea" && protocol != "ubx" && protocol != "both")
+    throw section.bad("protocol", "nmea, ubx or both");
+  gps.protocol = protocol == "nmea"  ? GpsProtocol::nmea
+                 : protocol == "ubx" ? GpsProtocol::ubx
+                                     : GpsProtocol::both;
+  for (const ConfigSection& entry : section.sections("script")) {
+    const nanoseconds at = milliseconds(std::llround(entry.number("at_s", 0, 1e6, 0) * 1000));
+    if (!gps.script.empty() && at < gps.script.back().at)
+      throw entry.bad("at_s", "not before the entry above");
+    gps.script.push_back({at, read_disturbance(entry)});
+    entry.finish();
+  }
   section.finish();
 }
 

@@ -175,7 +175,7 @@ Result<void, std::string> Simulator::open_gps(const SimulationSettings& settings
   auto port = Pty::create(*port_path);
   if (!port) return Err(port.error());
   gps_ = std::make_unique<GpsDevice>(
-      loop_, settings.gps, std::move(*pulse_socket), std::move(*port),
+      loop_, settings.gps, std::move(*pulse_socket), std::move(*port), *port_path,
       [this] { return position_of(world_.orbit()); }, now);
   return {};
 }
@@ -375,6 +375,7 @@ nlohmann::json Simulator::counters() const {
   const GpsDeviceCounters& g = gps_->counters();
   out["gps"] = {{"pulses", g.pulses},
                 {"suppressed_pulses", g.suppressed_pulses},
+                {"stray_pulses", g.stray_pulses},
                 {"sentences", g.sentences},
                 {"unread_sentences", g.unread_sentences},
                 {"fault", to_string(gps_->receiver().fault())}};
@@ -413,6 +414,16 @@ nlohmann::json Simulator::query(const std::string& what) const {
   throw std::invalid_argument("'query': expected truth, counters or executed");
 }
 
+/// A fault by name, or an object with the keys of a disturbance.
+void Simulator::set_gps(const nlohmann::json& wanted) {
+  const nlohmann::json keys = wanted.is_object() ? wanted : nlohmann::json{{"fault", wanted}};
+  // JSON is YAML: the reader of the deployment's script serves here, too.
+  const ConfigSection section = ConfigSection::parse(keys.dump(), "gps");
+  const GpsDisturbance disturbance = read_disturbance(section);
+  section.finish();
+  if (const auto done = gps_->disturb(disturbance); !done) throw std::runtime_error(done.error());
+}
+
 nlohmann::json Simulator::apply(const nlohmann::json& request, MonotonicTime now) {
   if (!request.is_object() || request.empty()) throw std::invalid_argument("expected a JSON object");
   nlohmann::json reply;
@@ -423,9 +434,7 @@ nlohmann::json Simulator::apply(const nlohmann::json& request, MonotonicTime now
   }
   only_keys(request, {"peripheral", "gps", "rs422", "can", "gpio", "query"});
   if (request.contains("gps")) {
-    const auto fault = gps_fault(request.at("gps").get<std::string>());
-    if (!fault) throw std::invalid_argument("'gps': expected one of none, no_pulse, no_fix, off");
-    gps_->receiver().set_fault(*fault);
+    set_gps(request.at("gps"));
   }
   if (request.contains("rs422")) set_line_faults(request.at("rs422"));
   if (request.contains("can")) set_bus_faults(request.at("can"), now);

@@ -56,6 +56,7 @@ class Simulator {
   void set_bus_faults(const nlohmann::json& faults, MonotonicTime now);
   void force_bus_off(const std::string& station, MonotonicTime now);
   void set_line_faults(const nlohmann::json& faults);
+  void set_gps(const nlohmann::json& wanted);
   void set_gpio_inputs(const nlohmann::json& bank);
   [[nodiscard]] nlohmann::json query(const std::string& what) const;
   [[nodiscard]] nlohmann::json counters() const;

@@ -22,6 +22,9 @@ using std::filesystem::path;
 [[nodiscard]] std::unique_ptr<SerialPort> make_serial(const std::string& uri, const path& tty,
                                                       unsigned speed);
 [[nodiscard]] std::unique_ptr<PulseSource> make_pps(const std::string& uri, const path& device);
+/// @param line  offset on the chip
+[[nodiscard]] std::unique_ptr<PulseSource> make_gpio_pulse(const std::string& uri, const path& chip,
+                                                           unsigned line);
 [[nodiscard]] std::unique_ptr<PulseSource> make_sim_pulse(const std::string& uri, const path& socket);
 /// @param offsets  line of the suite -> offset on the chip, where they differ
 [[nodiscard]] std::unique_ptr<GpioLines> make_gpio_chip(const std::string& uri, const path& chip,

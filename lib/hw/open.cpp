@@ -110,9 +110,17 @@ Result<std::unique_ptr<SerialPort>, HwError> open_serial(std::string_view uri, s
 
 Result<std::unique_ptr<PulseSource>, HwError> open_pulse(std::string_view uri,
                                                          const std::filesystem::path& var_dir) {
-  const auto parsed = parse_without_query(uri, {"pps", "sim"});
+  const auto parsed = parse_device_uri(uri, {"pps", "gpiochip", "sim"});
   if (!parsed) return Err(parsed.error());
   const auto path = below_var(parsed->rest, var_dir);
+  if (parsed->scheme == "gpiochip") {
+    const bool named = parsed->query.size() == 1 && parsed->query.front().first == "line";
+    const auto line = named ? to_number(parsed->query.front().second, 1023) : std::nullopt;
+    if (!line) return Err(HwError{fmt::format("device '{}': expected ?line=<offset on the chip>", uri)});
+    return make_gpio_pulse(std::string(uri), path, *line);
+  }
+  if (!parsed->query.empty())
+    return Err(HwError{fmt::format("device '{}': {}: has no options", uri, parsed->scheme)});
   return parsed->scheme == "pps" ? make_pps(std::string(uri), path) : make_sim_pulse(std::string(uri), path);
 }
 

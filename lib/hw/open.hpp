@@ -13,6 +13,7 @@
 #include "hw/can_bus.hpp"
 #include "hw/gpio.hpp"
 #include "hw/hw_error.hpp"
+#include "hw/kernel_clock.hpp"
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
 #include "hw/watchdog.hpp"
@@ -59,7 +60,8 @@ struct CanFilter {
 [[nodiscard]] Result<std::unique_ptr<SerialPort>, HwError> open_serial(std::string_view uri,
                                                                        std::uint32_t baud,
                                                                        const std::filesystem::path& var_dir);
-/// "pps:/dev/pps0" or "sim:run/gps_pulse.sock".
+/// "pps:/dev/pps0", "gpiochip:/dev/gpiochip0?line=17" (rising edges of that offset) or
+/// "sim:run/gps_pulse.sock".
 [[nodiscard]] Result<std::unique_ptr<PulseSource>, HwError> open_pulse(std::string_view uri,
                                                                        const std::filesystem::path& var_dir);
 /// "gpiochip:/dev/gpiochip0", optionally with the chip's offsets "?0=17&1=18&2=27&8=5" (line=offset; default:
@@ -71,6 +73,9 @@ struct CanFilter {
 [[nodiscard]] Result<std::unique_ptr<Watchdog>, HwError> open_watchdog(std::string_view uri,
                                                                        const std::filesystem::path& var_dir,
                                                                        seconds timeout);
+
+/// clock_adjtime(2) of this computer. Reading needs no permission.
+[[nodiscard]] std::unique_ptr<KernelClock> open_kernel_clock();
 
 /// "scheme:rest?key=value&key=value" taken apart.
 struct DeviceUri {

@@ -11,21 +11,22 @@ namespace srfs::ros {
 [[nodiscard]] inline builtin_interfaces::msg::Time to_message(UtcTime t) {
   const auto s = std::chrono::floor<seconds>(t.since_epoch());
   builtin_interfaces::msg::Time m;
-  m.sec = static_cast<std::int32_t>(s.count());
+  m.sec = static_cast<std::int32_t>(static_cast<std::uint32_t>(s.count()));  // from_message() undoes it
   m.nanosec = static_cast<std::uint32_t>((t.since_epoch() - s).count());
   return m;
 }
+/// The message's seconds have 32 bits: read without a sign they last from 1970 to 2106.
 [[nodiscard]] inline UtcTime from_message(const builtin_interfaces::msg::Time& m) {
-  return UtcTime(seconds(m.sec) + nanoseconds(m.nanosec));
+  return UtcTime(seconds(static_cast<std::uint32_t>(m.sec)) + nanoseconds(m.nanosec));
 }
 
 /// What a node knows of the mission's time: the last tick, carried on by the monotonic clock.
 class MissionTime {
  public:
-  /// A tick from the far future or before the epoch is nobody's tick and is ignored.
+  /// A tick from the far future is nobody's tick and is ignored.
   void on_tick(const srfs_msgs::msg::TimeTick& tick) {
     constexpr std::uint64_t farthest_ns = 1ULL << 61;  // 73 years of uptime
-    if (tick.monotonic_ns > farthest_ns || tick.utc.sec < 0 || tick.utc.nanosec >= 1'000'000'000) return;
+    if (tick.monotonic_ns > farthest_ns || tick.utc.nanosec >= 1'000'000'000) return;
     tick_ = tick;
     known_ = true;
   }

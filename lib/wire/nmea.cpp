@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <vector>
+
+#include "base/octets.hpp"
 
 namespace srfs::wire {
 namespace {
@@ -84,7 +87,7 @@ Result<NmeaTime, NmeaError> parse_rmc(const Fields& fields) {
   }
   if (date.size() != 6) return Err(NmeaError::bad_date);
   auto year = number(date.substr(4, 2));
-  if (year) *year += 2000;
+  if (year) *year += *year < 80 ? 2000 : 1900;  // GPS began in 1980
   const auto utc = moment(number(date.substr(0, 2)), number(date.substr(2, 2)), year, fields[1]);
   if (!utc) return Err(utc.error());
   result.utc = *utc;
@@ -159,58 +162,6 @@ Result<NmeaTime, NmeaError> parse_nmea(std::string_view sentence) {
   if (kind == "RMC") return parse_rmc(fields);
   if (kind == "ZDA") return parse_zda(fields);
   return Err(NmeaError::other_sentence);
-}
-
-std::vector<NmeaTime> NmeaReceiver::push(OctetView octets) {
-  std::vector<NmeaTime> times;
-  for (const std::uint8_t octet : octets) take(static_cast<char>(octet), times);
-  return times;
-}
-
-void NmeaReceiver::take(char character, std::vector<NmeaTime>& times) {
-  if (character == '$') {
-    if (!sentence_.empty()) ++counters_.cut_short;
-    sentence_.assign(1, '$');
-    return;
-  }
-  if (sentence_.empty()) {
-    if (character != '\r' && character != '\n') ++counters_.noise_octets;
-    return;
-  }
-  if (character == '\r' || character == '\n') {
-    finish(times);
-    return;
-  }
-  if (sentence_.size() == nmea_sentence_characters_max) {
-    ++counters_.too_long;
-    sentence_.clear();
-    return;
-  }
-  sentence_.push_back(character);
-}
-
-void NmeaReceiver::finish(std::vector<NmeaTime>& times) {
-  const auto time = parse_nmea(sentence_);
-  sentence_.clear();
-  if (time) {
-    ++counters_.times;
-    times.push_back(*time);
-    return;
-  }
-  switch (time.error()) {
-    case NmeaError::other_sentence:
-      ++counters_.others;
-      break;
-    case NmeaError::bad_checksum:
-      ++counters_.bad_checksum;
-      break;
-    case NmeaError::leap_second:
-      ++counters_.leap_seconds;
-      break;
-    default:
-      ++counters_.malformed;
-      break;
-  }
 }
 
 }  // namespace srfs::wire

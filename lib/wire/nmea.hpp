@@ -5,9 +5,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
-#include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
 
@@ -41,38 +39,11 @@ enum class NmeaError : std::uint8_t {
 };
 [[nodiscard]] std::string_view to_string(NmeaError error);
 
-/// Reads one sentence of any talker (GP, GN, GA, ...): "$GNRMC,...*5A", without line end. RMC years are 2000
-/// to 2099.
+/// Reads one sentence of any talker (GP, GN, GA, ...): "$GNRMC,...*5A", without line end. RMC names years
+/// by two digits: 1980 to 2079.
 [[nodiscard]] Result<NmeaTime, NmeaError> parse_nmea(std::string_view sentence);
 
 /// XOR of the characters: what stands behind the '*'.
 [[nodiscard]] std::uint8_t nmea_checksum(std::string_view between_dollar_and_star);
-
-/// Cuts the octets of the receiver's line into sentences and parses them. Memory: one sentence. Not
-/// thread-safe.
-class NmeaReceiver {
- public:
-  struct Counters {
-    std::uint64_t times = 0;   ///< handed out
-    std::uint64_t others = 0;  ///< sentences of other kinds
-    std::uint64_t bad_checksum = 0;
-    std::uint64_t malformed = 0;  ///< every other NmeaError, leap seconds not counted
-    std::uint64_t leap_seconds = 0;
-    std::uint64_t cut_short = 0;     ///< a new '$' before the line end
-    std::uint64_t too_long = 0;      ///< dropped to the next '$'
-    std::uint64_t noise_octets = 0;  ///< between sentences
-  };
-
-  /// @return the times of the sentences that end in @p octets, in order
-  [[nodiscard]] std::vector<NmeaTime> push(OctetView octets);
-  [[nodiscard]] const Counters& counters() const { return counters_; }
-
- private:
-  void take(char character, std::vector<NmeaTime>& times);
-  void finish(std::vector<NmeaTime>& times);
-
-  std::string sentence_;  // empty: between sentences
-  Counters counters_;
-};
 
 }  // namespace srfs::wire

@@ -1,6 +1,7 @@
 #include "nodes/timing/cycle_reservation.hpp"
 
-#include <charconv>
+#include <algorithm>
+#include <cmath>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -18,11 +19,27 @@ std::uint16_t checksum(std::string_view text) {
 }  // namespace
 
 std::string encode_timing_record(const TimingRecord& record) {
-  const std::string body = fmt::format(
-      "srfs-timing 1\ncycle_ceiling {}\nutc_ns {}\nutc_valid {}\nmonotonic_ns {}\nboot_id {}\n",
-      record.cycle_ceiling, record.utc.ns(), record.utc_valid ? 1 : 0, record.at.ns(), record.boot_id);
+  std::string body = fmt::format(
+      "srfs-timing 1\ncycle_ceiling {}\nutc_ns {}\nutc_valid {}\nmonotonic_ns {}\nboot_id {}\nerror_ns {}\n",
+      record.cycle_ceiling, record.utc.ns(), record.utc_valid ? 1 : 0, record.at.ns(), record.boot_id,
+      record.error.count());
+  if (record.drift_ppm) body += fmt::format("drift_ppb {}\n", std::lround(*record.drift_ppm * 1e3));
   return body + fmt::format("crc {:04x}\n", checksum(body));
 }
+
+namespace {
+
+/// Lines that the first records did not have, and others that a later version may add.
+void read_quality(std::istream& lines, TimingRecord& record) {
+  std::string key;
+  std::int64_t value = 0;
+  while (lines >> key >> value) {
+    if (key == "error_ns") record.error = nanoseconds(std::max<std::int64_t>(0, value));
+    if (key == "drift_ppb") record.drift_ppm = static_cast<double>(value) * 1e-3;
+  }
+}
+
+}  // namespace
 
 Result<TimingRecord, TimingRecordError> decode_timing_record(const std::string& text) {
   const std::size_t crc_line = text.rfind("crc ");
@@ -43,6 +60,7 @@ Result<TimingRecord, TimingRecordError> decode_timing_record(const std::string& 
   lines >> magic >> version >> key >> record.cycle_ceiling >> key >> utc_ns >> key >> valid >> key >>
       monotonic_ns >> key >> record.boot_id;
   if (!lines) return Err(TimingRecordError::not_a_record);
+  read_quality(lines, record);
   record.utc = UtcTime(nanoseconds(utc_ns));
   record.utc_valid = valid != 0;
   record.at = MonotonicTime(nanoseconds(monotonic_ns));
@@ -50,10 +68,18 @@ Result<TimingRecord, TimingRecordError> decode_timing_record(const std::string& 
 }
 
 CarriedTime carry_on(const TimingRecord& record, const std::string& boot_id, MonotonicTime now) {
+  constexpr double measured_drift_ppm = 1;
+  constexpr double unmeasured_drift_ppm = 50;
   constexpr nanoseconds oldest = std::chrono::minutes(10);  // a bad crystal is 60 ms off by then
   const nanoseconds age = now - record.at;
-  if (record.boot_id != boot_id || age < nanoseconds(0)) return {record.utc, false};
-  return {record.utc + age, record.utc_valid && age <= oldest};
+  if (record.boot_id != boot_id || age < nanoseconds(0))
+    return {.utc = record.utc, .valid = false, .error = nanoseconds(0), .drift_ppm = std::nullopt};
+  const auto age_ns = static_cast<double>(age.count());
+  const double uncertain_ppm = record.drift_ppm ? measured_drift_ppm : unmeasured_drift_ppm;
+  return {.utc = record.utc + age - nanoseconds(std::llround(age_ns * record.drift_ppm.value_or(0) * 1e-6)),
+          .valid = record.utc_valid && age <= oldest,
+          .error = record.error + nanoseconds(std::llround(age_ns * uncertain_ppm * 1e-6)),
+          .drift_ppm = record.drift_ppm};
 }
 
 std::optional<MissionCycle> CycleReservation::wanted(MissionCycle next) {

@@ -16,6 +16,8 @@ struct TimingRecord {
   MonotonicTime at;                ///< ...at this instant of the boot...
   std::string boot_id = "-";       ///< ...with this id (no spaces)
   bool utc_valid = false;
+  nanoseconds error{0};                            ///< of utc; only with utc_valid
+  std::optional<double> drift_ppm = std::nullopt;  ///< of the monotonic clock, where it was measured
 };
 
 enum class TimingRecordError : std::uint8_t { not_a_record, damaged };
@@ -25,6 +27,8 @@ enum class TimingRecordError : std::uint8_t { not_a_record, damaged };
 struct CarriedTime {
   UtcTime utc;
   bool valid = false;  ///< the record was valid, of this boot and not older than ten minutes
+  nanoseconds error{0};
+  std::optional<double> drift_ppm;  ///< of this boot
 };
 [[nodiscard]] CarriedTime carry_on(const TimingRecord& record, const std::string& boot_id, MonotonicTime now);
 

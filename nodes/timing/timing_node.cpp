@@ -8,6 +8,7 @@
 
 #include "base/process.hpp"
 #include "hw/open.hpp"
+#include "nodes/timing/mission_clock.hpp"
 #include "ros/mission_time.hpp"
 
 namespace srfs {
@@ -18,6 +19,8 @@ using ros::CallbackReturn;
 constexpr nanoseconds housekeeping_period = seconds(1);
 constexpr nanoseconds feed_period = seconds(1);
 constexpr nanoseconds save_period = seconds(60);
+constexpr nanoseconds discipline_period = seconds(1);
+constexpr nanoseconds largest_error = seconds(1000);   // that or more, or not known
 constexpr std::uint64_t refused_jumps_per_event = 60;  // one event a minute while the receiver insists
 
 std::uint32_t as_u32(std::uint64_t v) {
@@ -46,6 +49,13 @@ void TimingNode::declare_parameters() {
                     "Largest accepted distance of a pulse from its prediction", true);
   declare_parameter("time_jump_limit_s", std::int64_t{2}, ros::ParameterRange{0, 86400},
                     "Largest change of a valid time that is taken over without an operator", true);
+  declare_parameter("clock", std::string("mission"), {"mission", "system"},
+                    "What is disciplined: a clock beside the system clock, or the system clock itself", true);
+  declare_parameter("not_before", std::string("2026-01-01T00:00:00Z"),
+                    "The receiver's dates are read as of the 1024 weeks from here on", true);
+  declare_parameter(
+      "oscillator_wander_ppm", 0.3, ros::ParameterRange{0.001, 50},
+      "By so much the oscillator may have left its measured rate: growth of the error in holdover", true);
   declare_parameter("leap_seconds", std::int64_t{default_leap_seconds}, ros::ParameterRange{30, 60},
                     "TAI minus UTC");
   declare_parameter("watchdog_timeout_s", std::int64_t{30}, ros::ParameterRange{1, 3600},
@@ -58,6 +68,8 @@ void TimingNode::declare_parameters() {
         if (name == "tick_period_ms" && !is_tick_period(milliseconds(std::get<std::int64_t>(value)))) {
           return Err(std::string("tick_period_ms: expected a divisor of 1000 or a multiple of it"));
         }
+        if (name == "not_before" && !from_iso8601(std::get<std::string>(value)))
+          return Err(std::string("not_before: expected a time like 2026-01-01T00:00:00Z"));
         return {};
       });
   on_parameter_change([this](const std::string& name) { on_parameter_changed(name); });
@@ -71,6 +83,8 @@ PulseClockSettings TimingNode::clock_settings() const {
   PulseClockSettings settings;
   settings.outlier_limit = microseconds(get_parameter<std::int64_t>("outlier_limit_us"));
   settings.jump_limit = seconds(get_parameter<std::int64_t>("time_jump_limit_s"));
+  settings.wander_ppm = get_parameter<double>("oscillator_wander_ppm");
+  settings.not_before = from_iso8601(get_parameter<std::string>("not_before")).value_or(settings.not_before);
   return settings;
 }
 
@@ -101,6 +115,10 @@ CallbackReturn TimingNode::on_configure() {
     set_failure_reason("parameter 'tick_period_ms': expected a divisor of 1000 or a multiple of it");
     return CallbackReturn::failure;
   }
+  if (!from_iso8601(get_parameter<std::string>("not_before"))) {
+    set_failure_reason("parameter 'not_before': expected a time like 2026-01-01T00:00:00Z");
+    return CallbackReturn::failure;
+  }
   auto pulse = hw::open_pulse(device("gps_pulse"), var().root);
   const auto baud = static_cast<std::uint32_t>(get_parameter<std::int64_t>("gps_baud"));
   auto serial = hw::open_serial(device("gps_serial"), baud, var().root);
@@ -119,8 +137,7 @@ CallbackReturn TimingNode::on_configure() {
   boot_id_ = kernel_boot_id().value_or("-");
   if (!boot_) stored_boot_ = boot_store_.load();
   const TimingRecord record = store_.load();
-  const CarriedTime start = carry_on(record, boot_id_, monotonic_now());
-  clock_.emplace(clock_settings(), start.utc, monotonic_now(), start.valid);
+  start_clock(record);
   if (!reservation_) {  // this process's own count goes on across a clean-up
     reservation_.emplace(record.cycle_ceiling);
     next_cycle_ = reservation_->first_cycle();
@@ -142,7 +159,34 @@ CallbackReturn TimingNode::on_configure() {
       housekeeping_period, [this] { publish_housekeeping(); }, "housekeeping");
   save_timer_ = create_timer(
       save_period, [this] { save_time(); }, "save time");
+  discipline_timer_ = create_timer(
+      discipline_period, [this] { discipline(); }, "discipline");
+  set_time_ = create_service<srfs_msgs::srv::SetTime>(
+      "~/set_time", [this](const auto& request, auto& response) { on_set_time(request, response); });
   return CallbackReturn::success;
+}
+
+void TimingNode::start_clock(const TimingRecord& record) {
+  const MonotonicTime t = monotonic_now();
+  const CarriedTime carried = carry_on(record, boot_id_, t);
+  ClockStart start{carried.utc, carried.valid, carried.error, carried.drift_ppm};
+  time_.reset();
+  system_clock_ = nullptr;
+  if (get_parameter<std::string>("clock") == "system") {
+    kernel_ = hw::open_kernel_clock();
+    auto clock = std::make_unique<SystemClockDiscipline>(*kernel_);
+    system_clock_ = clock.get();
+    clock_ = std::move(clock);
+    // Within one boot it has run on; after another nobody knows what it says.
+    if (start.valid) {
+      start.utc = clock_->utc_at(t);
+    } else {
+      clock_->step_to(start.utc, t);
+    }
+  } else {
+    clock_ = std::make_unique<MissionClock>(start.utc, t);
+  }
+  time_.emplace(clock_settings(), start, t, *clock_);
 }
 
 Result<void, std::string> TimingNode::prepare_critical_watch() {
@@ -207,6 +251,8 @@ CallbackReturn TimingNode::on_deactivate() {
 void TimingNode::close() {
   housekeeping_timer_.reset();
   save_timer_.reset();
+  discipline_timer_.reset();
+  set_time_.reset();
   pulse_watch_.reset();
   serial_watch_.reset();
   pulse_.reset();
@@ -256,25 +302,25 @@ void TimingNode::arm_tick() {
 
 void TimingNode::on_tick_due() {
   const MonotonicTime t = monotonic_now();
-  clock_->on_time_passing(t);
-  if (const auto grid = clock_->grid()) ticks_->follow(*grid);
+  if (const auto grid = time_->pulse_clock().grid()) ticks_->follow(*grid);
   const auto tick = ticks_->on_wakeup(t);
   if (tick) publish(*tick);
   arm_tick();
   if (!tick) return;
   feeding_->on_tick(tick->late, t);
   reserve_cycles();
-  report_sync_change();
 }
 
 void TimingNode::publish(const Tick& tick) {
   srfs_msgs::msg::TimeTick m;
   m.cycle = tick.cycle;
-  m.utc = ros::to_message(clock_->utc_at(tick.due));
-  m.time_valid = clock_->time_valid();
+  m.utc = ros::to_message(time_->utc_at(tick.due));
+  const PulseClock& pulses = time_->pulse_clock();
+  m.time_valid = pulses.time_valid();
   m.monotonic_ns = static_cast<std::uint64_t>(tick.due.ns());
-  m.sync_state = static_cast<std::uint8_t>(clock_->state());
-  m.offset_s = static_cast<double>(clock_->offset().count()) * 1e-9;
+  m.sync_state = static_cast<std::uint8_t>(pulses.state());
+  m.offset_s = static_cast<double>(pulses.offset().count()) * 1e-9;
+  m.estimated_error_s = static_cast<double>(estimated_error(tick.due).count()) * 1e-9;
   m.period_us = static_cast<std::uint32_t>(tick_period() / microseconds(1));
   m.incarnation = incarnation();
   m.published_ns = static_cast<std::uint64_t>(monotonic_now().ns());
@@ -292,7 +338,10 @@ void TimingNode::reserve_cycles() {
 
 TimingRecord TimingNode::record_now(MissionCycle ceiling) const {
   const MonotonicTime t = monotonic_now();
-  return {ceiling, clock_->utc_at(t), t, boot_id_, clock_->time_valid()};
+  const PulseClock& pulses = time_->pulse_clock();
+  TimingRecord record{ceiling, time_->utc_at(t), t, boot_id_, pulses.time_valid(), estimated_error(t)};
+  if (pulses.drift_known()) record.drift_ppm = pulses.drift_ppm();
+  return record;
 }
 
 void TimingNode::save_time() {
@@ -314,54 +363,103 @@ void TimingNode::save(MissionCycle ceiling) {
 
 // ---------------------------------------------------------------- GPS
 
-void TimingNode::on_pulse_input() {
-  while (const auto pulse = pulse_->read()) {
-    if (pulse->edge > monotonic_now())
-      continue;  // no edge can be in the future; it would shut out all true ones
-    clock_->on_pulse(pulse->edge);
-    last_pulse_ = pulse->edge;
-  }
+nanoseconds TimingNode::estimated_error(MonotonicTime t) const {
+  return std::min(time_->error_at(t).value_or(largest_error), largest_error);
+}
+
+void TimingNode::discipline() {
+  time_->on_time_passing(monotonic_now());
   report_sync_change();
 }
 
-void TimingNode::on_serial_input() {
-  on_pulse_input();  // the pulse a sentence belongs to comes first
-  std::array<std::uint8_t, 512> buffer;
-  const auto count = serial_->read(buffer);
-  if (!count || *count == 0) return;
-  for (const wire::NmeaTime& time : nmea_.push(OctetView(buffer).first(*count))) take_time_of_day(time);
+void TimingNode::on_pulse_input() {
+  while (const auto pulse = pulse_->read()) take_pulse(*pulse);
+  report_sync_change();
 }
 
-void TimingNode::take_time_of_day(const wire::NmeaTime& time) {
-  const bool whole_second = time.utc && time.utc->since_epoch() % seconds(1) == nanoseconds(0);
-  if (!time.fix_valid || !whole_second) return;
-  switch (clock_->on_time_of_day(*time.utc, now())) {
+void TimingNode::take_pulse(const hw::Pulse& pulse) {
+  const MonotonicTime t = monotonic_now();
+  if (pulse.edge > t) return;  // no edge can be in the future; it would shut out all true ones
+  const UtcTime before = time_->pulse_clock().utc_at(pulse.edge);
+  last_pulse_ = pulse.edge;
+  if (time_->on_pulse(pulse.edge, t) != PulseVerdict::adopted) return;
+  const double moved_us =
+      static_cast<double>((time_->pulse_clock().utc_at(pulse.edge) - before).count()) * 1e-3;
+  log::warn("the GPS pulse is elsewhere, by {:.0f} us: followed", moved_us);
+  raise(mission::TimingPulseMovedEvent{.moved_us = moved_us});
+}
+
+void TimingNode::on_serial_input() {
+  on_pulse_input();  // the pulse a message belongs to comes first
+  std::array<std::uint8_t, 512> buffer;
+  const auto count = serial_->read(buffer);
+  if (line_reopened_ != serial_->counters().reopened) {
+    line_reopened_ = serial_->counters().reopened;
+    gnss_.discard_partial();
+  }
+  if (!count || *count == 0) return;
+  const MonotonicTime received = monotonic_now();
+  for (const wire::GnssTime& time : gnss_.push(OctetView(buffer).first(*count)))
+    take_time_of_day(time, received);
+}
+
+void TimingNode::take_time_of_day(const wire::GnssTime& time, MonotonicTime received) {
+  switch (time_->on_time_of_day(time, received)) {
     case TimeOfDayVerdict::set:
-      log::info("time set to {}", to_iso8601(*time.utc));
-      raise(mission::TimingTimeSetEvent{
-          .utc = to_tai(*time.utc, static_cast<int>(get_parameter<std::int64_t>("leap_seconds")))});
-      save_time();
+    case TimeOfDayVerdict::corrected:
+      report_time_set(time_->pulse_clock().utc_at(received));
       break;
-    case TimeOfDayVerdict::jump_refused:
-      if (clock_->counters().jumps_refused % refused_jumps_per_event != 1) break;
-      log::warn("time of day differs by {} s, not taken over", clock_->refused_jump() / seconds(1));
-      raise(mission::TimingTimeJumpRefusedEvent{
-          .difference_s = static_cast<double>(clock_->refused_jump().count()) * 1e-9});
+    case TimeOfDayVerdict::jump_refused: {
+      if (time_->pulse_clock().counters().jumps_refused % refused_jumps_per_event != 1) break;
+      const nanoseconds difference = time_->pulse_clock().refused_jump();
+      log::warn("time of day differs by {} s, not taken over", difference / seconds(1));
+      raise(mission::TimingTimeJumpRefusedEvent{.difference_s =
+                                                    static_cast<double>(difference.count()) * 1e-9});
       break;
+    }
     case TimeOfDayVerdict::agrees:
     case TimeOfDayVerdict::waiting:
     case TimeOfDayVerdict::implausible:
     case TimeOfDayVerdict::no_pulse:
+    case TimeOfDayVerdict::not_a_second:
       break;
   }
 }
 
+void TimingNode::on_set_time(const srfs_msgs::srv::SetTime::Request& request,
+                             srfs_msgs::srv::SetTime::Response& response) {
+  const MonotonicTime t = monotonic_now();
+  const auto as_duration = [](std::uint64_t ns) {
+    return nanoseconds(static_cast<std::int64_t>(std::min<std::uint64_t>(ns, INT64_MAX)));
+  };
+  const TimeCommand command{
+      .utc = UtcTime(nanoseconds(request.utc_ns)),
+      .at = request.monotonic_ns == 0 ? t : MonotonicTime(as_duration(request.monotonic_ns)),
+      .accuracy = std::min(as_duration(request.accuracy_ns), largest_error),
+      .allow_jump = request.allow_jump};
+  const SetTimeVerdict verdict = time_->set_time(command, t);
+  response.outcome = static_cast<std::uint8_t>(verdict);
+  if (verdict == SetTimeVerdict::implausible) return;
+  response.difference_ns = time_->commanded_difference().count();
+  if (verdict == SetTimeVerdict::jump_refused) return;
+  ++times_commanded_;
+  report_time_set(command.utc);
+}
+
+void TimingNode::report_time_set(UtcTime utc) {
+  log::info("time set to {}", to_iso8601(utc));
+  raise(mission::TimingTimeSetEvent{
+      .utc = to_tai(utc, static_cast<int>(get_parameter<std::int64_t>("leap_seconds")))});
+  save_time();
+}
+
 void TimingNode::report_sync_change() {
-  if (clock_->state() == reported_state_) return;
-  reported_state_ = clock_->state();
+  const PulseClock& pulses = time_->pulse_clock();
+  if (pulses.state() == reported_state_) return;
+  reported_state_ = pulses.state();
   if (reported_state_ == SyncState::locked) {
-    const auto offset_us = static_cast<float>(clock_->offset().count()) * 1e-3F;
-    log::info("locked to the GPS pulse, offset {:.1f} us, drift {:.2f} ppm", offset_us, clock_->drift_ppm());
+    const auto offset_us = static_cast<float>(pulses.offset().count()) * 1e-3F;
+    log::info("locked to the GPS pulse, offset {:.1f} us, drift {:.2f} ppm", offset_us, pulses.drift_ppm());
     raise(mission::TimingLockedEvent{.offset_us = offset_us});
   } else if (reported_state_ == SyncState::holdover) {
     const nanoseconds silent = monotonic_now() - last_pulse_;
@@ -423,7 +521,8 @@ void TimingNode::save_boot_record() {
 void TimingNode::feed_watchdog() {
   if (critical_) critical_->ask(monotonic_now());
   const auto missing = feeding_->missing(monotonic_now());
-  const auto utc = clock_->time_valid() ? std::optional(clock_->utc_at(monotonic_now())) : std::nullopt;
+  const auto utc =
+      time_->pulse_clock().time_valid() ? std::optional(time_->utc_at(monotonic_now())) : std::nullopt;
   boot_->on_feeding(!missing, monotonic_now(), utc);
   save_boot_record();
   if (!missing) {
@@ -439,23 +538,31 @@ void TimingNode::feed_watchdog() {
 }
 
 void TimingNode::publish_housekeeping() {
-  const PulseClock::Counters& clock = clock_->counters();
-  const wire::NmeaReceiver::Counters& nmea = nmea_.counters();
+  const PulseClock& pulses = time_->pulse_clock();
+  const PulseClock::Counters& clock = pulses.counters();
+  const wire::GnssTimeStream::Counters& gnss = gnss_.counters();
   const MonotonicTime at = last_tick_ ? last_tick_->due : now();
-  const UtcTime utc = clock_->utc_at(at);
+  const UtcTime utc = time_->utc_at(at);
   mission::TimingHousekeeping hk;
   hk.cycle = last_tick_ ? last_tick_->cycle : next_cycle_;
   hk.ticks = ticks_published_;
-  hk.sync_state = static_cast<mission::SyncState>(clock_->state());
-  hk.time_valid = clock_->time_valid();
+  hk.sync_state = static_cast<mission::SyncState>(pulses.state());
+  hk.time_valid = pulses.time_valid();
   hk.utc = to_tai(utc, static_cast<int>(get_parameter<std::int64_t>("leap_seconds")));
-  hk.offset_us = static_cast<float>(clock_->offset().count()) * 1e-3F;
-  hk.drift_ppm = static_cast<float>(clock_->drift_ppm());
+  hk.offset_us = static_cast<float>(pulses.offset().count()) * 1e-3F;
+  hk.drift_ppm = static_cast<float>(pulses.drift_ppm());
   hk.pulses_seen = as_u32(clock.pulses);
   hk.pulses_rejected = as_u32(clock.outliers + clock.repeated_pulses);
-  hk.sentences_seen = as_u32(nmea.times);
-  hk.sentences_rejected = as_u32(nmea.bad_checksum + nmea.malformed + nmea.cut_short + nmea.too_long +
-                                 clock.implausible_times + clock.sentences_without_pulse);
+  hk.sentences_seen = as_u32(gnss.times);
+  hk.sentences_rejected = as_u32(gnss.rejected() + clock.implausible_times + clock.times_without_pulse);
+  hk.pulse_outliers = as_u32(clock.outliers);
+  hk.times_without_pulse = as_u32(clock.times_without_pulse);
+  hk.week_rollovers = as_u32(clock.week_rollovers);
+  hk.leap_seconds_seen = as_u32(gnss.leap_seconds);
+  hk.gps_line_reopened = as_u32(pulse_->counters().reopened + serial_->counters().reopened);
+  hk.estimated_error_us = static_cast<float>(estimated_error(at).count()) * 1e-3F;
+  hk.times_commanded = times_commanded_;
+  hk.kernel_clock_refused = as_u32(system_clock_ ? system_clock_->refused() : 0);
   hk.watchdog_feeds = watchdog_feeds_;
   hk.watchdog_withheld = watchdog_withheld_;
   hk.max_tick_lateness_us = as_us(max_lateness_);

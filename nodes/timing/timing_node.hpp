@@ -3,19 +3,22 @@
 #include <memory>
 #include <optional>
 
+#include <srfs_msgs/srv/set_time.hpp>
+
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
 #include "hw/watchdog.hpp"
 #include "nodes/timing/boot_keeper.hpp"
 #include "nodes/timing/critical_watch.hpp"
 #include "nodes/timing/cycle_reservation.hpp"
-#include "nodes/timing/pulse_clock.hpp"
+#include "nodes/timing/system_clock.hpp"
 #include "nodes/timing/tick_generator.hpp"
+#include "nodes/timing/time_discipline.hpp"
 #include "nodes/timing/timing_store.hpp"
 #include "nodes/timing/watchdog_feeding.hpp"
 #include "ros/boot_store.hpp"
 #include "ros/node.hpp"
-#include "wire/nmea.hpp"
+#include "wire/gnss_time.hpp"
 
 namespace srfs {
 
@@ -52,8 +55,15 @@ class TimingNode : public ros::LifecycleNode {
   [[nodiscard]] TimingRecord record_now(MissionCycle ceiling) const;
   void on_pulse_input();
   void on_serial_input();
-  void take_time_of_day(const wire::NmeaTime& time);
+  void take_pulse(const hw::Pulse& pulse);
+  void take_time_of_day(const wire::GnssTime& time, MonotonicTime received);
+  void start_clock(const TimingRecord& record);
+  void discipline();
+  void on_set_time(const srfs_msgs::srv::SetTime::Request& request,
+                   srfs_msgs::srv::SetTime::Response& response);
+  void report_time_set(UtcTime utc);
   void report_sync_change();
+  [[nodiscard]] nanoseconds estimated_error(MonotonicTime t) const;
   [[nodiscard]] Result<void, std::string> prepare_critical_watch();
   void start_feeding();
   void begin_boot();
@@ -74,7 +84,12 @@ class TimingNode : public ros::LifecycleNode {
   ros::Timer housekeeping_timer_;
   ros::Timer save_timer_;
 
-  std::optional<PulseClock> clock_;
+  std::unique_ptr<hw::KernelClock> kernel_;  ///< these two where the system clock is disciplined
+  SystemClockDiscipline* system_clock_ = nullptr;
+  std::unique_ptr<DisciplinedClock> clock_;
+  std::optional<TimeDiscipline> time_;  ///< refers to clock_
+  std::shared_ptr<ros::Service<srfs_msgs::srv::SetTime>> set_time_;
+  ros::Timer discipline_timer_;
   std::optional<TickGenerator> ticks_;
   std::optional<CycleReservation> reservation_;
   std::unique_ptr<CriticalWatch> critical_;  ///< none: the deployment has no ring
@@ -83,7 +98,9 @@ class TimingNode : public ros::LifecycleNode {
   ros::BootStore boot_store_;
   std::optional<wire::BootRecord> stored_boot_;  ///< found at the start
   std::optional<BootKeeper> boot_;               ///< from the first activation on
-  wire::NmeaReceiver nmea_;
+  wire::GnssTimeStream gnss_;
+  std::uint64_t line_reopened_ = 0;
+  std::uint32_t times_commanded_ = 0;
   MissionCycle next_cycle_ = 0;
   std::string boot_id_;
   SyncState reported_state_ = SyncState::unlocked;

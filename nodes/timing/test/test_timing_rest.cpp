@@ -34,7 +34,9 @@ TEST(CycleReservation, AsksAgainAfterAFailedWriteAndCountsWhatNoCeilingCovers) {
 }
 
 TEST(TimingRecord, ReadsWhatItWrites) {
-  const TimingRecord record{123456, UtcTime(seconds(1795248000)), MonotonicTime(seconds(77)), "b7-1", true};
+  const TimingRecord record{
+      123456, UtcTime(seconds(1795248000)), MonotonicTime(seconds(77)), "b7-1", true, microseconds(3),
+      -12.345};
   const auto read = decode_timing_record(encode_timing_record(record));
   ASSERT_TRUE(read.has_value());
   EXPECT_EQ(read->cycle_ceiling, record.cycle_ceiling);
@@ -42,6 +44,30 @@ TEST(TimingRecord, ReadsWhatItWrites) {
   EXPECT_TRUE(read->utc_valid);
   EXPECT_EQ(read->at, record.at);
   EXPECT_EQ(read->boot_id, record.boot_id);
+  EXPECT_EQ(read->error, record.error);
+  EXPECT_EQ(read->drift_ppm, record.drift_ppm);
+}
+
+TEST(TimingRecord, ReadsWhatAnEarlierVersionWrote) {
+  const auto read = decode_timing_record(
+      "srfs-timing 1\ncycle_ceiling 7\nutc_ns 1795248000000000000\nutc_valid 1\nmonotonic_ns 77\nboot_id "
+      "b7\ncrc "
+      "e400\n");
+  ASSERT_TRUE(read.has_value());
+  EXPECT_TRUE(read->utc_valid);
+  EXPECT_EQ(read->error, nanoseconds(0));
+  EXPECT_FALSE(read->drift_ppm.has_value());
+}
+
+TEST(TimingRecord, CarriesTheTimeOnAtTheMeasuredRate) {
+  const TimingRecord record{
+      1, UtcTime(seconds(1795248000)), MonotonicTime(seconds(77)), "b7-1", true, microseconds(3), 40.0};
+  const CarriedTime carried = carry_on(record, "b7-1", MonotonicTime(seconds(177)));
+  EXPECT_EQ(carried.utc, record.utc + seconds(100) - milliseconds(4));
+  EXPECT_EQ(carried.drift_ppm, 40.0);
+  EXPECT_EQ(carried.error, microseconds(103));
+  EXPECT_FALSE(carry_on(record, "b8", MonotonicTime(seconds(177))).drift_ppm.has_value())
+      << "another boot, another temperature";
 }
 
 TEST(TimingRecord, CarriesAValidTimeOnWithinOneBoot) {

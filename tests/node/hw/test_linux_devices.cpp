@@ -1,6 +1,8 @@
 // What can be said about the drivers of the board on a machine that lacks the devices: they say clearly that
 // they are gone, they do not block, and they end quickly.
 
+#include <cmath>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -37,6 +39,25 @@ TEST(PulsePerSecond, SaysWhyItIsGoneAndEndsQuickly) {
     EXPECT_FALSE(source->read());
   }
   EXPECT_LT(monotonic_now() - begin, seconds(2));
+}
+
+TEST(PulseOnAGpioLine, SaysWhyItIsGone) {
+  for (const char* chip : {"/dev/no_such_chip", "/dev/null"}) {
+    const auto source = open_pulse(std::string("gpiochip:") + chip + "?line=17", "/").value();
+    EXPECT_FALSE(source->read());
+    EXPECT_NE(source->reason().find(chip), std::string::npos) << source->reason();
+  }
+}
+
+TEST(KernelClock, TellsTheSystemsTimeAndRate) {
+  const auto clock = open_kernel_clock();
+  const UtcTime before = system_utc_now();
+  const UtcTime told = clock->utc_at(monotonic_now());
+  const UtcTime after = system_utc_now();
+  // What it holds between steps was read with this tolerance at worst.
+  EXPECT_GE(told, before - (after - before) - milliseconds(1));
+  EXPECT_LE(told, after + (after - before) + milliseconds(1));
+  EXPECT_LE(std::abs(clock->frequency_ppm()), KernelClock::frequency_limit_ppm);
 }
 
 TEST(GpioChip, SaysThatItIsGone) {

@@ -31,7 +31,13 @@ TEST(OpenDevice, NamesTheUnknownSchemeAndWhatWasExpected) {
   EXPECT_THAT(can.error().message, HasSubstr("foo:bar"));
 
   EXPECT_THAT(open_serial("can0", 9600, var).error().message, HasSubstr("no scheme, expected serial:"));
-  EXPECT_THAT(open_pulse("dev:/dev/pps0", var).error().message, HasSubstr("expected pps:, sim:"));
+  EXPECT_THAT(open_pulse("dev:/dev/pps0", var).error().message, HasSubstr("expected pps:, gpiochip:, sim:"));
+  for (const char* uri :
+       {"gpiochip:/dev/gpiochip0", "gpiochip:/dev/gpiochip0?line=", "gpiochip:/dev/gpiochip0?line=x",
+        "gpiochip:/dev/gpiochip0?0=17", "gpiochip:/dev/gpiochip0?line=1&line=2"}) {
+    EXPECT_THAT(open_pulse(uri, var).error().message, HasSubstr("expected ?line=")) << uri;
+  }
+  EXPECT_THAT(open_pulse("pps:/dev/pps0?line=1", var).error().message, HasSubstr("has no options"));
   EXPECT_THAT(open_gpio("pps:/dev/pps0", var).error().message, HasSubstr("expected gpiochip:, sim:"));
   EXPECT_THAT(open_watchdog("sim", var, seconds(5)).error().message, HasSubstr("expected dev:, sim:"));
 }

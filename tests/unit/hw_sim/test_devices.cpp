@@ -15,6 +15,10 @@ namespace {
 const UtcTime utc = *from_iso8601("2026-11-21T08:00:00Z");
 constexpr MonotonicTime origin{seconds(1000)};
 
+std::string text(const Octets& octets) {
+  return {octets.begin(), octets.end()};
+}
+
 TEST(GpsReceiver, PulsesAtEachWholeSecond) {
   GpsReceiver gps({});
   const TrueTime time(origin, utc + milliseconds(250), 0);
@@ -57,10 +61,10 @@ TEST(GpsReceiver, CountsThePulsesItMissedWhileStopped) {
 
 TEST(GpsReceiver, WritesSentencesThatTheFlightSoftwareReads) {
   GpsReceiver gps({});
-  EXPECT_EQ(gps.sentences(utc, {48.1173, -11.5166, 7612, 84.4}),
+  EXPECT_EQ(text(gps.messages(utc, {48.1173, -11.5166, 7612, 84.4})),
             "$GPRMC,080000.00,A,4807.0380,N,01130.9960,W,14796.5,84.4,211126,,,A*76\r\n$GPZDA,080000.00,21,"
             "11,2026,00,00*6B\r\n");
-  EXPECT_TRUE(gps.sentences(utc + milliseconds(100), {}).empty());
+  EXPECT_TRUE(gps.messages(utc + milliseconds(100), {}).empty());
 }
 
 TEST(GpsReceiver, NeverPrintsSixtyMinutes) {
@@ -70,13 +74,62 @@ TEST(GpsReceiver, NeverPrintsSixtyMinutes) {
 TEST(GpsReceiver, LosesPulseOrFixByFault) {
   GpsReceiver gps({});
   const TrueTime time(origin, utc, 0);
-  gps.set_fault(GpsFault::no_pulse);
+  gps.disturb({.fault = GpsFault::no_pulse});
   EXPECT_FALSE(gps.next_pulse(time, origin).emitted);
-  EXPECT_NE(gps.sentences(utc, {}).find("RMC,080000.00,A"), std::string::npos);
-  gps.set_fault(GpsFault::no_fix);
-  EXPECT_EQ(gps.sentences(utc, {}), "$GPRMC,,V,,,,,,,,,,N*53\r\n$GPZDA,,,,,,*48\r\n");
-  gps.set_fault(GpsFault::off);
-  EXPECT_TRUE(gps.sentences(utc, {}).empty());
+  EXPECT_NE(text(gps.messages(utc, {})).find("RMC,080000.00,A"), std::string::npos);
+  gps.disturb({.fault = GpsFault::no_fix});
+  EXPECT_EQ(text(gps.messages(utc, {})), "$GPRMC,,V,,,,,,,,,,N*53\r\n$GPZDA,,,,,,*48\r\n");
+  gps.disturb({.fault = GpsFault::off});
+  EXPECT_TRUE(gps.messages(utc, {}).empty());
+}
+
+TEST(GpsReceiver, ItsOscillatorSwingsWithTheTemperature) {
+  const TrueTime time(origin, utc, 0, 0.1, seconds(4000));
+  EXPECT_EQ(time.utc(origin + seconds(4000)), utc + seconds(4000));
+  EXPECT_NEAR(static_cast<double>((time.utc(origin + seconds(2000)) - (utc + seconds(2000))).count()),
+              127'324, 1);
+  EXPECT_EQ(time.monotonic(time.utc(origin + seconds(1234))), origin + seconds(1234));
+}
+
+TEST(GpsReceiver, IsDisturbedAsItIsTold) {
+  const TrueTime time(origin, utc, 0);
+  GpsReceiver gps({});
+  gps.disturb({.pulse_step = milliseconds(3), .second_receiver = milliseconds(200)});
+  const GpsPulse pulse = gps.next_pulse(time, origin);
+  EXPECT_EQ(pulse.edge, origin + milliseconds(1003));
+  EXPECT_EQ(pulse.strays[0], origin + milliseconds(1200));
+  EXPECT_FALSE(pulse.strays[1].has_value());
+
+  gps.disturb({.time_step = seconds(-5)});
+  EXPECT_NE(text(gps.messages(utc, {})).find("RMC,075955.00,A"), std::string::npos);
+  gps.disturb({.week_eras = -1});
+  EXPECT_NE(text(gps.messages(utc, {})).find("ZDA,080000.00,07,04,2007"), std::string::npos);
+  gps.disturb({.cut_short = 1});
+  EXPECT_EQ(text(gps.messages(utc, {})).find('\n'), std::string::npos);
+
+  gps.disturb({.lost_pulses = 0.5, .false_pulses = 0.5});
+  int lost = 0;
+  int added = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const GpsPulse next = gps.next_pulse(time, origin + seconds(i + 2));
+    lost += next.emitted ? 0 : 1;
+    added += next.strays[1] ? 1 : 0;
+  }
+  EXPECT_NEAR(lost, 500, 100);
+  EXPECT_NEAR(added, 500, 100);
+}
+
+TEST(GpsReceiver, InsertsALeapSecondAtTheEndOfTheMinute) {
+  GpsSettings settings;
+  settings.protocol = GpsProtocol::both;
+  GpsReceiver gps(settings);
+  gps.disturb({.leap_second = true});
+  const UtcTime end = *from_iso8601("2028-12-31T23:59:59Z");
+  EXPECT_NE(text(gps.messages(end, {})).find("ZDA,235959.00,31,12,2028"), std::string::npos);
+  const Octets leap = gps.messages(end + seconds(1), {});
+  EXPECT_NE(text(leap).find("ZDA,235960.00,31,12,2028"), std::string::npos);
+  EXPECT_EQ(leap[leap.size() - 4], 60) << "second of NAV-TIMEUTC";
+  EXPECT_NE(text(gps.messages(end + seconds(2), {})).find("ZDA,000000.00,01,01,2029"), std::string::npos);
 }
 
 TEST(SerialLine, CarriesOctetsAtTheLinesRate) {
@@ -189,9 +242,22 @@ TEST(Settings, RefuseAKeyThatIsUnknown) {
   EXPECT_EQ(plain.world.time_acceleration, 60);
   EXPECT_THROW((void)read_settings(ConfigSection::parse(devices + "simulation: {sed: 1}\n", "x.yaml")),
                ConfigError);
-  EXPECT_THROW((void)read_settings(
-                   ConfigSection::parse(devices + "simulation: {gps: {pulse_period_ms: 300}}\n", "x.yaml")),
-               ConfigError);
+  for (const char* gps :
+       {"{pulse_period_ms: 300}", "{wander_ppm: 0.1}", "{protocol: sirf}", "{script: [{at_s: 1, fault: of}]}",
+        "{script: [{at_s: 2}, {at_s: 1}]}", "{script: [{at_s: 1, lost: 1}]}"}) {
+    EXPECT_THROW(
+        (void)read_settings(ConfigSection::parse(devices + "simulation: {gps: " + gps + "}\n", "x.yaml")),
+        ConfigError)
+        << gps;
+  }
+  const SimulationSettings scripted = read_settings(ConfigSection::parse(
+      devices +
+          "simulation: {gps: {script: [{at_s: 20, fault: no_fix}, {at_s: 30.5, pulse_step_us: -70}]}}\n",
+      "x.yaml"));
+  ASSERT_EQ(scripted.gps.script.size(), 2U);
+  EXPECT_EQ(scripted.gps.script[0].disturbance.fault, GpsFault::no_fix);
+  EXPECT_EQ(scripted.gps.script[1].at, milliseconds(30'500));
+  EXPECT_EQ(scripted.gps.script[1].disturbance.pulse_step, microseconds(-70));
 }
 
 TEST(Settings, AreGoodInTheDeploymentsThatShip) {
