@@ -45,6 +45,9 @@ enum class FailureCode : std::uint16_t {
   no_report = 54,
   outbox_full = 55,
   disk_failed = 56,
+  no_version = 57,
+  time_jump_refused = 70,
+  time_implausible = 71,
 };
 
 /// A telecommand as it arrived.

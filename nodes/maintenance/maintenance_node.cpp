@@ -26,7 +26,6 @@ constexpr auto before_own_end = seconds(1);
 constexpr auto longest_job = seconds(10);  // a change of version waits for locks, an end and a start
 constexpr auto answer_deadline = seconds(2);
 constexpr std::uint32_t newest_report = UINT32_MAX;
-constexpr auto no_version = static_cast<FailureCode>(57);  // as in msgs/mission/mission.yaml
 
 FailureCode outcome_of(const Result<void, std::string>& result) {
   if (result) return FailureCode::none;
@@ -51,7 +50,7 @@ FailureCode change_version(
     const ros::VarPaths& var, const std::string& node, std::uint32_t version,
     Result<void, std::string> (update::VersionStore::*operation)(update::VersionNumber)) {
   const auto table = ros::read_versions(var, node).table;
-  if (table.find(version) == nullptr) return no_version;
+  if (table.find(version) == nullptr) return FailureCode::no_version;
   if (operation == &update::VersionStore::commit && table.last_good() == version) return FailureCode::none;
   return outcome_of(ros::change_versions(
       var, node, [&](update::VersionStore& store) { return (store.*operation)(version); }));
@@ -242,7 +241,7 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
         const auto table = ros::read_versions(var(), node).table;
         const auto wanted = version ? version : table.previous();
         if (!wanted || (*wanted != update::golden && table.find(*wanted) == nullptr)) {
-          *outcome = no_version;
+          *outcome = FailureCode::no_version;
           return;
         }
         const ros::LaunchRequest request{deployment(), var(), ros::own_bin_folder(),

@@ -33,7 +33,7 @@ std::uint32_t as_us(nanoseconds d) {
 }  // namespace
 
 TimingNode::TimingNode(ros::NodeContext& context)
-    : LifecycleNode(context), store_(state_dir()), boot_store_(var().boot()) {
+    : CommandedNode(context), store_(state_dir()), boot_store_(var().boot()) {
   declare_parameters();
 }
 
@@ -149,7 +149,7 @@ CallbackReturn TimingNode::on_configure() {
     reservation_->on_written(*ceiling, written.has_value());
   }
 
-  worker_ = create_worker("store", 4);
+  worker_ = create_worker("records", 4);
   tick_publisher_ = create_publisher(ros::topics::time_tick);
   pulse_watch_ = watch_fd(
       pulse_->fd(), EPOLLIN, [this](std::uint32_t) { on_pulse_input(); }, "gps pulse");

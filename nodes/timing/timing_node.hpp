@@ -5,6 +5,7 @@
 
 #include <srfs_msgs/srv/set_time.hpp>
 
+#include "commanding/commanded_node.hpp"
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
 #include "hw/watchdog.hpp"
@@ -17,13 +18,12 @@
 #include "nodes/timing/timing_store.hpp"
 #include "nodes/timing/watchdog_feeding.hpp"
 #include "ros/boot_store.hpp"
-#include "ros/node.hpp"
 #include "wire/gnss_time.hpp"
 
 namespace srfs {
 
 /// Takes the GPS pulse and the time of day, publishes the tick, feeds the watchdog (README.md).
-class TimingNode : public ros::LifecycleNode {
+class TimingNode : public CommandedNode {
  public:
   explicit TimingNode(ros::NodeContext& context);
 
@@ -39,6 +39,9 @@ class TimingNode : public ros::LifecycleNode {
   ros::CallbackReturn on_cleanup() override;
   ros::CallbackReturn on_shutdown() override;
   ros::CallbackReturn on_error() override;
+
+  [[nodiscard]] FailureCode check(std::uint16_t function, OctetView arguments) const override;
+  void execute(const StoredTelecommand& telecommand) override;
 
  private:
   void declare_parameters();
@@ -61,6 +64,7 @@ class TimingNode : public ros::LifecycleNode {
   void discipline();
   void on_set_time(const srfs_msgs::srv::SetTime::Request& request,
                    srfs_msgs::srv::SetTime::Response& response);
+  [[nodiscard]] SetTimeVerdict set_time(const TimeCommand& command);
   void report_time_set(UtcTime utc);
   void report_sync_change();
   [[nodiscard]] nanoseconds estimated_error(MonotonicTime t) const;
