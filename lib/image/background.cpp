@@ -1,0 +1,222 @@
+#include "image/background.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace srfs::image {
+namespace {
+
+constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
+constexpr float clip_sigma = 2.5F;
+/// Spread of a normal distribution cut off at clip_sigma, inverted.
+constexpr float clipped_spread = 1.0F / 0.95535F;
+
+struct CellStatistics {
+  float level = unknown;
+  float noise = unknown;
+};
+
+/// Median and quartile first, whatever stands in the cell; then mean and spread of what is near.
+CellStatistics clipped_statistics(std::vector<float>& values, float noise_least) {
+  if (values.size() < 8) return {};
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  const float median = *middle;
+  const auto quarter = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 4);
+  std::nth_element(values.begin(), quarter, middle);
+  float level = median;
+  // The lower half has fewer stars in it. Coarsely quantised values may make it zero wide.
+  float noise = std::max((median - *quarter) * 1.4826F, noise_least);
+  for (int round = 0; round < 4; ++round) {
+    const float low = level - clip_sigma * noise;
+    const float high = level + clip_sigma * noise;
+    double sum = 0;
+    double squares = 0;
+    double n = 0;
+    for (const float v : values) {
+      if (v < low || v > high) continue;
+      const double d = double(v) - double(median);
+      sum += d;
+      squares += d * d;
+      n += 1;
+    }
+    if (n < 4) break;
+    const double mean = sum / n;
+    const float spread = static_cast<float>(std::sqrt(std::max(0.0, squares / n - mean * mean)));
+    const float before = noise;
+    level = median + static_cast<float>(mean);
+    noise = std::max(spread * clipped_spread, noise_least);
+    if (std::abs(noise - before) < 0.01F * noise) break;
+  }
+  return {level, noise};
+}
+
+/// Unknown nodes get the mean of the known ones next to them, ring by ring.
+void fill_unknown(Plane& nodes) {
+  for (int round = 0; round < nodes.width() + nodes.height(); ++round) {
+    const Plane before = nodes;
+    bool more = false;
+    for (int y = 0; y < nodes.height(); ++y) {
+      for (int x = 0; x < nodes.width(); ++x) {
+        if (!std::isnan(before.at(x, y))) continue;
+        float sum = 0;
+        int n = 0;
+        for (int j = y - 1; j <= y + 1; ++j) {
+          for (int i = x - 1; i <= x + 1; ++i) {
+            if (!before.contains(i, j) || std::isnan(before.at(i, j))) continue;
+            sum += before.at(i, j);
+            ++n;
+          }
+        }
+        if (n > 0)
+          nodes.at(x, y) = sum / static_cast<float>(n);
+        else
+          more = true;
+      }
+    }
+    if (!more) return;
+  }
+  for (float& v : nodes.cells()) {
+    if (std::isnan(v)) v = 0;
+  }
+}
+
+/// Replaces nodes that a large star lifted: further than three spreads from the median of their neighbours.
+void smooth(Plane& nodes) {
+  const Plane before = nodes;
+  std::vector<float> around;
+  for (int y = 0; y < nodes.height(); ++y) {
+    for (int x = 0; x < nodes.width(); ++x) {
+      around.clear();
+      // Point-symmetric neighbours, so that a slope stays a slope at the edge.
+      for (int j = -1; j <= 1; ++j) {
+        for (int i = -1; i <= 1; ++i) {
+          if (before.contains(x + i, y + j) && before.contains(x - i, y - j))
+            around.push_back(before.at(x + i, y + j));
+        }
+      }
+      nodes.at(x, y) = median_of(around);
+    }
+  }
+}
+
+template <class Use>
+void for_each_cell(const Plane& pixels, int cell_px, float noise_least, Use&& use) {
+  const int columns = (pixels.width() + cell_px - 1) / cell_px;
+  const int rows = (pixels.height() + cell_px - 1) / cell_px;
+  std::vector<float> values;
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      values.clear();
+      const int x1 = std::min(pixels.width(), (i + 1) * cell_px);
+      const int y1 = std::min(pixels.height(), (j + 1) * cell_px);
+      const int step = (x1 - i * cell_px) * (y1 - j * cell_px) >= 1024 ? 2 : 1;
+      for (int y = j * cell_px; y < y1; y += step) {
+        const float* row = pixels.row(y);
+        // Every second pixel, shifted from row to row: column patterns and Bayer cells are seen whole.
+        for (int x = i * cell_px + (y / step) % step; x < x1; x += step) {
+          if (!std::isnan(row[x])) values.push_back(row[x]);
+        }
+      }
+      use(i, j, clipped_statistics(values, noise_least));
+    }
+  }
+}
+
+/// Catmull-Rom: exact for parabolas.
+std::array<float, 4> cubic_weights(float t) {
+  return {0.5F * t * (-1 + t * (2 - t)), 0.5F * (2 + t * t * (-5 + 3 * t)), 0.5F * t * (1 + t * (4 - 3 * t)),
+          0.5F * t * t * (t - 1)};
+}
+
+struct Between {
+  int first;
+  float t;
+};
+
+Between between(float at, int cell_px) {
+  const float u = (at + 0.5F) / static_cast<float>(cell_px) - 0.5F;
+  const float floor = std::floor(u);
+  return {static_cast<int>(floor), u - floor};
+}
+
+}  // namespace
+
+float median_of(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+int sky_cell_px(int width, int height) {
+  return std::clamp(std::min(width, height) / 4, 16, 64);
+}
+
+/// Beyond the last centre the surface goes on as between the last two.
+float Surface::node(int i, int j) const {
+  const int w = nodes_.width();
+  const int h = nodes_.height();
+  if (i < 0) return w > 1 ? node(0, j) + static_cast<float>(-i) * (node(0, j) - node(1, j)) : node(0, j);
+  if (i >= w)
+    return w > 1 ? node(w - 1, j) + static_cast<float>(i - w + 1) * (node(w - 1, j) - node(w - 2, j))
+                 : node(w - 1, j);
+  if (j < 0)
+    return h > 1 ? nodes_.at(i, 0) + static_cast<float>(-j) * (nodes_.at(i, 0) - nodes_.at(i, 1))
+                 : nodes_.at(i, 0);
+  if (j >= h)
+    return h > 1 ? nodes_.at(i, h - 1) +
+                       static_cast<float>(j - h + 1) * (nodes_.at(i, h - 1) - nodes_.at(i, h - 2))
+                 : nodes_.at(i, h - 1);
+  return nodes_.at(i, j);
+}
+
+void Surface::row(int y, std::vector<float>& out) const {
+  const auto [j, ty] = between(static_cast<float>(y), cell_px_);
+  const auto wy = cubic_weights(ty);
+  const int columns = nodes_.width();
+  std::vector<float> line(static_cast<std::size_t>(columns + 4));
+  for (int i = 0; i < columns + 4; ++i) {
+    float v = 0;
+    for (int k = 0; k < 4; ++k) v += wy[static_cast<std::size_t>(k)] * node(i - 2, j - 1 + k);
+    line[static_cast<std::size_t>(i)] = v;
+  }
+  for (int x = 0; x < static_cast<int>(out.size()); ++x) {
+    const auto [i, tx] = between(static_cast<float>(x), cell_px_);
+    const auto wx = cubic_weights(tx);
+    const float* p = line.data() + i + 1;
+    out[static_cast<std::size_t>(x)] = wx[0] * p[0] + wx[1] * p[1] + wx[2] * p[2] + wx[3] * p[3];
+  }
+}
+
+float Surface::at(double x, double y) const {
+  const auto [i, tx] = between(static_cast<float>(x), cell_px_);
+  const auto [j, ty] = between(static_cast<float>(y), cell_px_);
+  const float top = node(i, j) * (1 - tx) + node(i + 1, j) * tx;
+  const float bottom = node(i, j + 1) * (1 - tx) + node(i + 1, j + 1) * tx;
+  return top * (1 - ty) + bottom * ty;
+}
+
+SkyLevel measure_sky(const Plane& pixels, int cell_px, float noise_least) {
+  const int columns = (pixels.width() + cell_px - 1) / cell_px;
+  const int rows = (pixels.height() + cell_px - 1) / cell_px;
+  Plane level(columns, rows);
+  Plane noise(columns, rows);
+  for_each_cell(pixels, cell_px, noise_least, [&](int i, int j, const CellStatistics& cell) {
+    level.at(i, j) = cell.level;
+    noise.at(i, j) = cell.noise;
+  });
+  fill_unknown(level);
+  fill_unknown(noise);
+  smooth(level);
+  smooth(noise);
+  for (float& v : noise.cells()) v = std::max(v, noise_least);
+  return {Surface(std::move(level), cell_px), Surface(std::move(noise), cell_px)};
+}
+
+Surface measure_noise(const Plane& pixels, int cell_px, float noise_least) {
+  return measure_sky(pixels, cell_px, noise_least).noise;
+}
+
+}  // namespace srfs::image

@@ -1,0 +1,47 @@
+#pragma once
+
+#include "image/frame.hpp"
+
+namespace srfs::image {
+
+/// A smooth surface over a frame, known at the centres of square cells.
+class Surface {
+ public:
+  Surface() = default;
+  Surface(Plane nodes, int cell_px) : nodes_(std::move(nodes)), cell_px_(cell_px) {}
+
+  /// The surface along row @p y, cubic between the centres; @p out has one value a pixel.
+  void row(int y, std::vector<float>& out) const;
+  /// At a point, linear between the centres.
+  [[nodiscard]] float at(double x, double y) const;
+  [[nodiscard]] Plane& nodes() { return nodes_; }
+  [[nodiscard]] const Plane& nodes() const { return nodes_; }
+
+ private:
+  [[nodiscard]] float node(int i, int j) const;
+
+  Plane nodes_;
+  int cell_px_ = 1;
+};
+
+/// Level and spread of the sky without its stars.
+struct SkyLevel {
+  Surface level;
+  Surface noise;
+};
+
+/// Measures every cell by clipped statistics of a quarter of its pixels, then smooths over neighbouring cells
+/// by median. Pixels that are NaN do not count; cells without enough of them get their neighbours' values.
+/// @param noise_least  what the noise is at least: quantisation
+[[nodiscard]] SkyLevel measure_sky(const Plane& pixels, int cell_px, float noise_least);
+
+/// Spread only, of a plane whose level is zero.
+[[nodiscard]] Surface measure_noise(const Plane& pixels, int cell_px, float noise_least);
+
+/// The cell that suits a frame: 64 px, less in small frames.
+[[nodiscard]] int sky_cell_px(int width, int height);
+
+/// The middle value; rearranges @p values. @pre not empty
+[[nodiscard]] float median_of(std::vector<float>& values);
+
+}  // namespace srfs::image

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "image/psf.hpp"
+
+namespace srfs::image {
+
+struct Star {
+  double x;
+  double y;
+  double flux;     ///< ADU above the sky
+  double snr;      ///< flux over its noise from the sky alone
+  double fwhm_px;  ///< as the pixels show it
+};
+
+/// Ends of the middle line of a moving object's light.
+struct Streak {
+  double x1;
+  double y1;
+  double x2;
+  double y2;
+  double snr;       ///< of all its light over the noise of the sky in a matched filter
+  double flux;      ///< ADU above the sky
+  double width_px;  ///< FWHM across
+};
+
+/// What one frame holds, by whatever method was asked for.
+struct FrameFindings {
+  std::vector<Star> stars;      ///< brightest first
+  std::vector<Streak> streaks;  ///< most significant first
+  double background = 0;        ///< median, ADU
+  double noise = 0;             ///< median of the pixels' noise, ADU
+  double fwhm_px = 0;           ///< measured in the frame; 0: too few stars to tell
+  int spikes = 0;               ///< pixels taken for hot ones or cosmic rays
+  int saturated = 0;            ///< pixels
+  int invalid = 0;              ///< pixels without a value
+  std::vector<std::string> notes;
+};
+
+}  // namespace srfs::image

@@ -1,0 +1,102 @@
+#include "image/method.hpp"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "image/star_finder.hpp"
+
+namespace srfs::image {
+namespace {
+
+constexpr ParameterSpec stars_max{"max_stars", 10000, 1, 100000, "the brightest stars that are kept"};
+
+class StarCentroid final : public Method {
+ public:
+  explicit StarCentroid(const Parameters& parameters)
+      : options_{parameters["threshold"], static_cast<int>(parameters["max_stars"])} {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    findings.stars = find_stars(clean, options_).stars;
+    return findings;
+  }
+
+ private:
+  StarOptions options_;
+};
+
+constexpr std::array star_centroid_parameters{
+    ParameterSpec{"threshold", 0, 0, 1000,
+                  "least SNR of a star; 0: what leaves about one false star in 70, 4.2 to 5"},
+    stars_max,
+};
+
+template <class M>
+std::unique_ptr<Method> make(const Parameters& parameters) {
+  return std::make_unique<M>(parameters);
+}
+
+constexpr std::array entries{
+    MethodEntry{"star_centroid", "stars: position, flux, SNR and width", star_centroid_parameters,
+                make<StarCentroid>},
+};
+
+template <class Range>
+std::string names_of(const Range& range) {
+  std::vector<std::string_view> names;
+  for (const auto& entry : range) names.push_back(entry.name);
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+}  // namespace
+
+Result<Parameters, Refusal> Parameters::parse(std::span<const ParameterSpec> specs,
+                                              std::span<const std::string> given) {
+  Parameters parameters;
+  for (const std::string& text : given) {
+    const auto equals = text.find('=');
+    const std::string_view name = std::string_view(text).substr(0, equals);
+    const ParameterSpec* spec = nullptr;
+    for (const ParameterSpec& s : specs) {
+      if (s.name == name) spec = &s;
+    }
+    if (spec == nullptr)
+      return Err(Refusal{fmt::format("no parameter '{}': there are {}", name, names_of(specs))});
+    if (equals == std::string::npos)
+      return Err(Refusal{fmt::format("parameter '{}' has no value: expected {}=NUMBER", name, name)});
+    const std::string_view number = std::string_view(text).substr(equals + 1);
+    double value = 0;
+    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), value);
+    if (error != std::errc{} || end != number.data() + number.size() || !std::isfinite(value))
+      return Err(Refusal{fmt::format("parameter '{}': '{}' is not a number", name, number)});
+    if (value < spec->least || value > spec->most)
+      return Err(Refusal{
+          fmt::format("parameter '{}': {} is not within {} to {}", name, value, spec->least, spec->most)});
+    if (!parameters.values_.emplace(name, value).second)
+      return Err(Refusal{fmt::format("parameter '{}' is given twice", name)});
+  }
+  for (const ParameterSpec& spec : specs) parameters.values_.emplace(spec.name, spec.standard);
+  return parameters;
+}
+
+double Parameters::operator[](std::string_view name) const {
+  return values_.find(name)->second;
+}
+
+std::span<const MethodEntry> methods() {
+  return entries;
+}
+
+Result<const MethodEntry*, Refusal> find_method(std::string_view name) {
+  for (const MethodEntry& entry : entries) {
+    if (entry.name == name) return &entry;
+  }
+  return Err(Refusal{fmt::format("no method '{}': there are {}", name, names_of(entries))});
+}
+
+}  // namespace srfs::image

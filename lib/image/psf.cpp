@@ -1,0 +1,307 @@
+#include "image/psf.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <Eigen/Dense>
+
+namespace srfs::image {
+namespace {
+
+constexpr float height_least = 6;  ///< of a candidate, in noise
+constexpr std::size_t candidates_max = 4000;
+constexpr std::size_t stars_max = 60;
+/// What a pixel and the narrowest optics make: below it is one hot pixel.
+constexpr double sigma_least_px = 0.42;
+
+struct Candidate {
+  int x;
+  int y;
+  float height;
+  double sigma = 0;
+};
+
+/// Widths of a Gaussian through three pixels of a row and a column, @p d apart: exact wherever in the pixel
+/// the star is.
+std::optional<double> sigma_at(const Plane& signal, const Candidate& c, int d) {
+  if (c.x < d || c.y < d || c.x + d >= signal.width() || c.y + d >= signal.height()) return std::nullopt;
+  // A hot pixel has no light beside it; what counts as light is three times the noise of four pixels.
+  const float beside = (signal.at(c.x - 1, c.y) + signal.at(c.x + 1, c.y) + signal.at(c.x, c.y - 1) +
+                        signal.at(c.x, c.y + 1)) /
+                       4;
+  if (beside < 1.5F || beside < 0.12F * c.height) return std::nullopt;
+  const auto along = [&](int dx, int dy) -> std::optional<double> {
+    const double before = double(signal.at(c.x - dx, c.y - dy));
+    const double after = double(signal.at(c.x + dx, c.y + dy));
+    // Below the noise there is nothing to measure; at the noise it is narrow.
+    const double curve =
+        2 * std::log(double(c.height)) - std::log(std::max(before, 0.5)) - std::log(std::max(after, 0.5));
+    if (!(curve > 0.02)) return std::nullopt;
+    return d / std::sqrt(curve);
+  };
+  const auto sx = along(d, 0);
+  const auto sy = along(0, d);
+  if (!sx || !sy || std::min(*sx, *sy) < sigma_least_px) return std::nullopt;
+  if (std::max(*sx, *sy) > 2.2 * std::min(*sx, *sy)) return std::nullopt;
+  return std::sqrt(*sx * *sy);
+}
+
+/// The half-sample mode: where the values are densest.
+double mode_of(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  std::size_t from = 0;
+  std::size_t n = values.size();
+  while (n > 3) {
+    const std::size_t half = (n + 1) / 2;
+    std::size_t best = from;
+    // Narrower in the logarithm: wide shapes scatter more.
+    for (std::size_t i = from; i + half <= from + n; ++i) {
+      if (values[i + half - 1] / values[i] < values[best + half - 1] / values[best]) best = i;
+    }
+    from = best;
+    n = half;
+  }
+  return values[from + n / 2];
+}
+
+std::vector<Candidate> find_candidates(const Plane& signal, const Grid<std::uint8_t>& bad) {
+  std::vector<Candidate> found;
+  for (int y = 2; y + 2 < signal.height(); ++y) {
+    const float* row = signal.row(y);
+    const float* above = signal.row(y - 1);
+    const float* below = signal.row(y + 1);
+    for (int x = 2; x + 2 < signal.width(); ++x) {
+      const float v = row[x];
+      if (v < height_least) continue;
+      if (v < row[x - 1] || v <= row[x + 1] || v < above[x] || v <= below[x] || v < above[x - 1] ||
+          v < above[x + 1] || v <= below[x - 1] || v <= below[x + 1])
+        continue;
+      bool usable = true;
+      for (int j = -1; j <= 1; ++j) {
+        for (int i = -1; i <= 1; ++i) usable = usable && bad.at(x + i, y + j) == 0;
+      }
+      if (usable) found.push_back({x, y, v});
+    }
+  }
+  if (found.size() > candidates_max) {
+    std::nth_element(found.begin(), found.begin() + candidates_max, found.end(),
+                     [](const Candidate& a, const Candidate& b) { return a.height > b.height; });
+    found.resize(candidates_max);
+  }
+  return found;
+}
+
+/// The densest width of the candidates, measured over a distance that suits it.
+std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+  int d = 1;
+  for (int round = 0; round < 3; ++round) {
+    std::vector<double> sigmas;
+    for (Candidate& c : candidates) {
+      const auto sigma = sigma_at(signal, c, d);
+      c.sigma = sigma.value_or(0);
+      if (sigma) sigmas.push_back(*sigma);
+    }
+    if (sigmas.size() < 3) return std::nullopt;
+    const double mode = mode_of(sigmas);
+    const int better = std::clamp(static_cast<int>(std::lround(mode)), 1, 4);
+    if (better <= d || round == 2) return mode;
+    d = better;
+  }
+  return std::nullopt;
+}
+
+/// One star while the shape is being fitted.
+struct Sample {
+  double x;
+  double y;
+  double height;
+};
+
+struct Patch {
+  int x0;
+  int y0;
+  int x1;
+  int y1;
+};
+
+Patch patch_around(const Plane& signal, double x, double y, int radius) {
+  const int xi = static_cast<int>(std::lround(x));
+  const int yi = static_cast<int>(std::lround(y));
+  return {std::max(0, xi - radius), std::max(0, yi - radius), std::min(signal.width() - 1, xi + radius),
+          std::min(signal.height() - 1, yi + radius)};
+}
+
+/// Position and height of one star with the shape as it is, weighted as its own shot noise asks for.
+bool fit_position(const Plane& signal, const Grid<std::uint8_t>& bad, const Psf& psf, int radius, Sample& s) {
+  for (int round = 0; round < 4; ++round) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    const Patch p = patch_around(signal, s.x, s.y, radius);
+    for (int y = p.y0; y <= p.y1; ++y) {
+      for (int x = p.x0; x <= p.x1; ++x) {
+        if (bad.at(x, y) != 0) continue;
+        const auto dx = static_cast<float>(x - s.x);
+        const auto dy = static_cast<float>(y - s.y);
+        const auto [height, slope] = psf.value(psf.q(dx, dy));
+        const auto& k = psf.shape();
+        const Eigen::Vector3d gradient(-2 * s.height * double(slope) * (k.a * double(dx) + k.b * double(dy)),
+                                       -2 * s.height * double(slope) * (k.b * double(dx) + k.c * double(dy)),
+                                       double(height));
+        const double residual = double(signal.at(x, y)) - s.height * double(height);
+        normal += gradient * gradient.transpose();
+        right += gradient * residual;
+      }
+    }
+    const Eigen::Vector3d step = normal.ldlt().solve(right);
+    if (!step.allFinite() || std::hypot(step[0], step[1]) > 1.5) return false;
+    s.x += step[0];
+    s.y += step[1];
+    s.height += step[2];
+    if (!(s.height > 3)) return false;
+  }
+  return true;
+}
+
+/// One common shape for all samples: Gauss-Newton in log widths, ellipticities and gamma.
+Psf::Shape fit_shape(const Plane& signal, const Grid<std::uint8_t>& bad, const std::vector<Sample>& samples,
+                     Psf::Shape shape, int radius) {
+  // a = e^s (1+e1), c = e^s (1-e1), b = e^s e2
+  for (int round = 0; round < 12; ++round) {
+    const Psf psf(shape);
+    Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+    Eigen::Vector4d right = Eigen::Vector4d::Zero();
+    for (const Sample& s : samples) {
+      const Patch p = patch_around(signal, s.x, s.y, radius);
+      for (int y = p.y0; y <= p.y1; ++y) {
+        for (int x = p.x0; x <= p.x1; ++x) {
+          if (bad.at(x, y) != 0) continue;
+          const double dx = x - s.x;
+          const double dy = y - s.y;
+          const double q = shape.a * dx * dx + 2 * shape.b * dx * dy + shape.c * dy * dy;
+          const auto [height, slope] = psf.value(static_cast<float>(q));
+          const double g = std::max(shape.gamma, 1e-3);
+          // d/dgamma of (1 + g q)^(-1/g)
+          const double d_gamma = double(height) * (std::log1p(g * q) / (g * g) - q / (g * (1 + g * q)));
+          const Eigen::Vector4d gradient =
+              s.height * Eigen::Vector4d(double(slope) * dx * dx, 2 * double(slope) * dx * dy,
+                                         double(slope) * dy * dy, d_gamma);
+          const double residual = double(signal.at(x, y)) - s.height * double(height);
+          // Noise, and two per cent of the star: neighbours and what the model lacks do not decide.
+          const double expected = std::sqrt(1 + 0.0004 * s.height * s.height + 0.02 * s.height);
+          const double robust = std::min(1.0, 3 * expected / (std::abs(residual) + 1e-9));
+          const double weight = robust / (expected * expected);
+          normal += weight * gradient * gradient.transpose();
+          right += weight * gradient * residual;
+        }
+      }
+    }
+    normal(3, 3) += 25;  // gamma is 0.2 +- 0.2 where the stars do not say
+    right(3) += 25 * (0.2 - shape.gamma);
+    normal.diagonal() *= 1.0001;
+    const Eigen::Vector4d step = normal.ldlt().solve(right);
+    if (!step.allFinite()) break;
+    const double size = std::sqrt(shape.a * shape.c);
+    const double shorten =
+        std::min(1.0, 0.3 * size / (std::abs(step[0]) + std::abs(step[1]) + std::abs(step[2]) + 1e-12));
+    Psf::Shape next{shape.a + shorten * step[0], shape.b + shorten * step[1], shape.c + shorten * step[2],
+                    std::clamp(shape.gamma + shorten * step[3], 0.0, 0.6)};
+    if (next.a <= 0.005 || next.c <= 0.005 || next.a * next.c - next.b * next.b < 0.2 * next.a * next.c)
+      break;
+    const double moved =
+        (std::abs(next.a - shape.a) + std::abs(next.b - shape.b) + std::abs(next.c - shape.c)) / size;
+    const double turned = std::abs(next.gamma - shape.gamma);
+    shape = next;
+    if (moved < 1e-3 && turned < 2e-3) break;
+  }
+  return shape;
+}
+
+/// No other candidate of a tenth of its height within reach, and the whole patch in the frame and usable.
+bool stands_alone(const Plane& signal, const Grid<std::uint8_t>& bad, const Candidate& c, double sigma) {
+  const int reach = static_cast<int>(std::ceil(4 * sigma));
+  if (c.x < reach || c.y < reach || c.x + reach >= signal.width() || c.y + reach >= signal.height())
+    return false;
+  for (int y = c.y - reach; y <= c.y + reach; ++y) {
+    for (int x = c.x - reach; x <= c.x + reach; ++x) {
+      const double r = std::hypot(x - c.x, y - c.y);
+      if (bad.at(x, y) != 0) return false;
+      if (r > 2.5 * sigma + 1 && double(signal.at(x, y)) > std::max(5.0, 0.15 * double(c.height)))
+        return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+Psf::Psf(const Shape& shape)
+    : shape_(shape),
+      a_(static_cast<float>(shape.a)),
+      b_(static_cast<float>(shape.b)),
+      c_(static_cast<float>(shape.c)),
+      height_(table_size),
+      slope_(table_size) {
+  const double g = shape.gamma;
+  const bool gaussian = g < 1e-3;
+  for (std::size_t i = 0; i < table_size; ++i) {
+    const double q = static_cast<double>(i) / double(table_per_q);
+    const double height = gaussian ? std::exp(-q) : std::pow(1 + g * q, -1 / g);
+    height_[i] = static_cast<float>(height);
+    slope_[i] = static_cast<float>(gaussian ? -height : -height / (1 + g * q));
+  }
+  const double half = gaussian ? std::log(2.0) : (std::pow(2.0, g) - 1) / g;
+  const double root = std::sqrt(shape.a * shape.c - shape.b * shape.b);
+  fwhm_px_ = 2 * std::sqrt(half / root);
+  flux_ = std::numbers::pi / root / (1 - g);
+}
+
+Psf Psf::round_gaussian(double fwhm_px) {
+  const double k = 4 * std::log(2.0) / (fwhm_px * fwhm_px);
+  return Psf({k, 0, k, 0});
+}
+
+int Psf::fit_radius() const {
+  return std::clamp(static_cast<int>(std::ceil(1.25 * fwhm_px_)), 2, 12);
+}
+
+double Psf::radius_at(double height) const {
+  const double g = shape_.gamma;
+  const double q = g < 1e-3 ? -std::log(height) : (std::pow(height, -g) - 1) / g;
+  return std::sqrt(q / std::sqrt(shape_.a * shape_.c - shape_.b * shape_.b));
+}
+
+std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad) {
+  std::vector<Candidate> candidates = find_candidates(signal, bad);
+  const auto sigma = common_sigma(signal, candidates);
+  if (!sigma || *sigma > 6) return std::nullopt;
+  std::erase_if(candidates,
+                [&](const Candidate& c) { return c.sigma < 0.75 * *sigma || c.sigma > 1.35 * *sigma; });
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return a.height != b.height ? a.height > b.height : (a.y != b.y ? a.y < b.y : a.x < b.x);
+  });
+  const double k = 0.5 / (*sigma * *sigma);
+  Psf::Shape shape{k, 0, k, 0};
+  std::vector<Sample> samples;
+  {
+    const Psf first(shape);
+    const int radius = std::clamp(static_cast<int>(std::ceil(1.5 * *sigma)), 1, 6);
+    for (const Candidate& c : candidates) {
+      if (samples.size() >= stars_max) break;
+      if (!stands_alone(signal, bad, c, *sigma)) continue;
+      Sample s{double(c.x), double(c.y), double(c.height)};
+      if (fit_position(signal, bad, first, radius, s)) samples.push_back(s);
+    }
+  }
+  if (samples.size() < 3) return std::nullopt;
+  for (int round = 0; round < 3; ++round) {
+    const int radius = std::clamp(static_cast<int>(std::ceil((round == 0 ? 2.5 : 4) * *sigma)), 2, 14);
+    shape = fit_shape(signal, bad, samples, shape, radius);
+    const Psf psf(shape);
+    std::erase_if(samples, [&](Sample& s) { return !fit_position(signal, bad, psf, psf.fit_radius(), s); });
+    if (samples.size() < 3) return std::nullopt;
+  }
+  return Psf(shape);
+}
+
+}  // namespace srfs::image

@@ -1,0 +1,408 @@
+#include "image/star_finder.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "image/filter.hpp"
+
+namespace srfs::image {
+namespace {
+
+constexpr float candidate_least = 3.5F;  ///< in noise of the filtered frame
+constexpr std::size_t candidates_max = 60000;
+/// What a bright star's model may leave of it.
+constexpr double model_error = 0.06;
+
+struct Peak {
+  int x;
+  int y;
+  float value;
+};
+
+struct Fitted {
+  double x = 0;
+  double y = 0;
+  double height = 0;
+  double energy = 0;  ///< sum of the squared profile over the pixels used
+  double scale = 1;   ///< width beside the frame's
+  double scale_error = 0;
+  double noise = 1;  ///< of the filtered frame here
+  double significance = 0;
+  int radius = 0;
+};
+
+class Finder {
+ public:
+  Finder(const CleanFrame& clean, const StarOptions& options)
+      : clean_(clean), psf_(clean.psf), options_(options), residual_(clean.signal) {
+    energy_ = 0;
+    const int r = 3 * psf_.fit_radius();
+    for (int y = -r; y <= r; ++y) {
+      for (int x = -r; x <= r; ++x) {
+        const double h = double(psf_.height(static_cast<float>(x), static_cast<float>(y)));
+        energy_ += h * h;
+      }
+    }
+  }
+
+  StarField run() {
+    for (int pass = 0; pass < 2; ++pass) {
+      filtered_ = gaussian_filter(residual_, psf_.sigma_px());
+      if (pass == 0)
+        noise_ = measure_noise(filtered_, sky_cell_px(filtered_.width(), filtered_.height()), 0.05F);
+      const std::size_t known = stars_.size();
+      for (const Peak& peak : find_peaks()) try_peak(peak, pass);
+      if (stars_.size() == known) break;
+      if (pass == 0) measure_shot_noise();
+      refine();
+    }
+    select();
+    return result();
+  }
+
+ private:
+  [[nodiscard]] std::vector<Peak> find_peaks() const {
+    std::vector<Peak> peaks;
+    const int w = filtered_.width();
+    const int h = filtered_.height();
+    std::vector<float> noise(static_cast<std::size_t>(w));
+    for (int y = 0; y < h; ++y) {
+      noise_.row(y, noise);
+      const float* row = filtered_.row(y);
+      const float* above = filtered_.row(std::max(0, y - 1));
+      const float* below = filtered_.row(std::min(h - 1, y + 1));
+      for (int x = 0; x < w; ++x) {
+        const float v = row[x];
+        if (v < candidate_least * noise[static_cast<std::size_t>(x)] || v < 1) continue;
+        const int l = std::max(0, x - 1);
+        const int r = std::min(w - 1, x + 1);
+        if (v < row[l] || v < row[r] || v < above[l] || v < above[x] || v < above[r] || v < below[l] ||
+            v < below[x] || v < below[r])
+          continue;
+        // Of equal neighbours the last counts.
+        if ((r != x && v == row[r]) || (y + 1 < h && (v == below[l] || v == below[x] || v == below[r])))
+          continue;
+        peaks.push_back({x, y, v});
+      }
+    }
+    const auto brighter = [](const Peak& a, const Peak& b) {
+      return a.value != b.value ? a.value > b.value : (a.y != b.y ? a.y < b.y : a.x < b.x);
+    };
+    if (peaks.size() > candidates_max) {
+      std::nth_element(peaks.begin(), peaks.begin() + candidates_max, peaks.end(), brighter);
+      peaks.resize(candidates_max);
+    }
+    std::sort(peaks.begin(), peaks.end(), brighter);
+    return peaks;
+  }
+
+  /// Light at the same distance on two opposite sides, about as much as in the middle: a streak or a surface.
+  [[nodiscard]] bool drawn_out(const Peak& peak) const {
+    const double d = std::max(2.0, 1.5 * psf_.fwhm_px());
+    for (int k = 0; k < 8; ++k) {
+      const double angle = k * std::numbers::pi / 8;
+      const int dx = static_cast<int>(std::lround(d * std::cos(angle)));
+      const int dy = static_cast<int>(std::lround(d * std::sin(angle)));
+      if (!filtered_.contains(peak.x + dx, peak.y + dy) || !filtered_.contains(peak.x - dx, peak.y - dy))
+        continue;
+      const float one = filtered_.at(peak.x + dx, peak.y + dy);
+      const float other = filtered_.at(peak.x - dx, peak.y - dy);
+      if (std::min(one, other) > 0.5F * peak.value && std::max(one, other) < 1.3F * peak.value) return true;
+    }
+    return false;
+  }
+
+  void try_peak(const Peak& peak, int pass) {
+    Fitted star;
+    star.x = peak.x;
+    star.y = peak.y;
+    star.noise = std::max(0.5, double(noise_.at(peak.x, peak.y)));
+    star.radius = psf_.fit_radius();
+    star.height = double(peak.value) / std::sqrt(energy_);
+    int run = 0;  // half the width of a saturated patch
+    while (run < 40 && clean_.flaws.contains(peak.x + run, peak.y) &&
+           (clean_.flaws.at(peak.x + run, peak.y) & flaw_saturated) != 0)
+      ++run;
+    star.radius += run;
+    if (run == 0 && peak.value < 60 && drawn_out(peak)) return;
+    if (!fit(star, 4, 0)) return;
+    if (std::hypot(star.x - peak.x, star.y - peak.y) > std::max(1.5, 0.7 * psf_.fwhm_px()) + run) return;
+    if (star.energy < (run > 0 ? 0.02 : 0.4) * energy_) return;
+    judge(star, pass);
+    if (star.significance < double(candidate_least)) return;
+    if (run == 0 && (is_one_pixel(star) || !has_star_width(star))) return;
+    add_light(star, -1);
+    stars_.push_back(star);
+  }
+
+  /// Significance beside the noise and beside what brighter stars leave.
+  void judge(Fitted& star, int pass) const {
+    const double noise = star.noise / std::sqrt(star.energy);
+    const int x = std::clamp(static_cast<int>(std::lround(star.x)), 0, residual_.width() - 1);
+    const int y = std::clamp(static_cast<int>(std::lround(star.y)), 0, residual_.height() - 1);
+    double others = 0;
+    for (int j = std::max(0, y - 1); j <= std::min(residual_.height() - 1, y + 1); ++j) {
+      for (int i = std::max(0, x - 1); i <= std::min(residual_.width() - 1, x + 1); ++i)
+        others = std::max(others, double(clean_.signal.at(i, j)) - double(residual_.at(i, j)));
+    }
+    const double left_over = (pass == 0 ? 1 : 1.5) * model_error * others;
+    star.significance = star.height / std::hypot(noise, left_over);
+  }
+
+  struct Area {
+    int x0, y0, x1, y1;
+  };
+  [[nodiscard]] Area area(double x, double y, int radius) const {
+    const int xi = static_cast<int>(std::lround(x));
+    const int yi = static_cast<int>(std::lround(y));
+    return {std::max(0, xi - radius), std::max(0, yi - radius), std::min(residual_.width() - 1, xi + radius),
+            std::min(residual_.height() - 1, yi + radius)};
+  }
+
+  /// Least squares of position and height on the residual frame, @p shot: share of a pixel's light in its
+  /// variance.
+  [[nodiscard]] bool fit(Fitted& star, int rounds, double shot) const {
+    const auto& k = psf_.shape();
+    for (int round = 0; round < rounds; ++round) {
+      double xx = 0, xy = 0, yy = 0, xh = 0, yh = 0, hh = 0, rx = 0, ry = 0, rh = 0, energy = 0;
+      const Area a = area(star.x, star.y, star.radius);
+      for (int y = a.y0; y <= a.y1; ++y) {
+        const float* row = residual_.row(y);
+        const std::uint8_t* flaws = clean_.flaws.row(y);
+        const double dy = y - star.y;
+        for (int x = a.x0; x <= a.x1; ++x) {
+          if (flaws[x] != 0) continue;
+          const double dx = x - star.x;
+          const auto value = psf_.value(psf_.q(static_cast<float>(dx), static_cast<float>(dy)));
+          const double p = double(value.height);
+          const double s = -2 * star.height * double(value.slope);
+          const double gx = s * (k.a * dx + k.b * dy);
+          const double gy = s * (k.b * dx + k.c * dy);
+          const double weight = 1 / (1 + shot * std::max(0.0, star.height) * p);
+          const double r = weight * (double(row[x]) - star.height * p);
+          xx += weight * gx * gx;
+          xy += weight * gx * gy;
+          yy += weight * gy * gy;
+          xh += weight * gx * p;
+          yh += weight * gy * p;
+          hh += weight * p * p;
+          energy += p * p;
+          rx += gx * r;
+          ry += gy * r;
+          rh += p * r;
+        }
+      }
+      star.energy = energy;
+      // A star at the frame's edge or behind a saturated core leaves directions unseen.
+      xx *= 1.0001;
+      yy *= 1.0001;
+      hh *= 1.0001;
+      const double c00 = yy * hh - yh * yh;
+      const double c01 = xh * yh - xy * hh;
+      const double c02 = xy * yh - xh * yy;
+      const double det = xx * c00 + xy * c01 + xh * c02;
+      if (!(det > 0)) return false;
+      double dx = (c00 * rx + c01 * ry + c02 * rh) / det;
+      double dy = (c01 * rx + (xx * hh - xh * xh) * ry + (xy * xh - xx * yh) * rh) / det;
+      const double dh = (c02 * rx + (xy * xh - xx * yh) * ry + (xx * yy - xy * xy) * rh) / det;
+      if (!std::isfinite(dx + dy + dh)) return false;
+      const double longest = 0.4 * psf_.fwhm_px();
+      const double length = std::hypot(dx, dy);
+      if (length > longest) dx *= longest / length, dy *= longest / length;
+      star.x += dx;
+      star.y += dy;
+      star.height += length > longest ? 0.0 : dh;
+      if (!(star.height > 0)) return false;
+      if (length < 1e-4) break;
+    }
+    return star.x > -1 && star.y > -1 && star.x < residual_.width() && star.y < residual_.height();
+  }
+
+  void add_light(const Fitted& star, float sign) {
+    // As far as its light is a tenth of the noise.
+    const double reach = psf_.radius_at(std::clamp(0.1 / star.height, 1e-5, 0.5));
+    const Area a = area(star.x, star.y, std::min(200, static_cast<int>(std::ceil(reach))));
+    const auto height = sign * static_cast<float>(star.height);
+    for (int y = a.y0; y <= a.y1; ++y) {
+      float* row = residual_.row(y);
+      for (int x = a.x0; x <= a.x1; ++x)
+        row[x] += height * psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y));
+    }
+  }
+
+  /// Whether one pixel alone explains the peak better than a star does. The star is still in the residual.
+  [[nodiscard]] bool is_one_pixel(const Fitted& star) const {
+    const Area a = area(star.x, star.y, star.radius);
+    double product = 0;
+    double energy = 0;
+    double highest = 0;
+    for (int y = a.y0; y <= a.y1; ++y) {
+      for (int x = a.x0; x <= a.x1; ++x) {
+        if (clean_.flaws.at(x, y) != 0) continue;
+        const double p = double(psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y)));
+        const double v = double(residual_.at(x, y));
+        product += p * v;
+        energy += p * p;
+        if (p > 0.3) highest = std::max(highest, v);
+      }
+    }
+    return highest * highest > product * product / energy;
+  }
+
+  /// Measures the width beside the frame's. @return false for what is clearly no star
+  [[nodiscard]] bool has_star_width(Fitted& star) const {
+    double log_scale = 0;
+    double height = star.height;
+    double ss_last = 0;
+    const int radius = star.radius + 1;
+    for (int round = 0; round < 4; ++round) {
+      const double narrower = std::exp(-2 * log_scale);
+      double ss = 0, sh = 0, hh = 0, rs = 0, rh = 0;
+      const Area a = area(star.x, star.y, radius);
+      for (int y = a.y0; y <= a.y1; ++y) {
+        for (int x = a.x0; x <= a.x1; ++x) {
+          if (clean_.flaws.at(x, y) != 0) continue;
+          const double q =
+              narrower * double(psf_.q(static_cast<float>(x - star.x), static_cast<float>(y - star.y)));
+          const auto value = psf_.value(static_cast<float>(q));
+          const double g = -2 * height * double(value.slope) * q;
+          const double p = double(value.height);
+          const double r = double(residual_.at(x, y)) - height * p;
+          const double weight = 1 / (1 + shot_ * height * p);
+          ss += weight * g * g;
+          sh += weight * g * p;
+          hh += weight * p * p;
+          rs += weight * g * r;
+          rh += weight * p * r;
+        }
+      }
+      const double det = ss * hh - sh * sh;
+      if (!(det > 1e-9 * ss * hh)) break;
+      log_scale = std::clamp(log_scale + std::clamp((hh * rs - sh * rh) / det, -0.4, 0.4), -1.5, 1.2);
+      height = std::max(0.1 * star.height, height + (ss * rh - sh * rs) / det);
+      ss_last = det / hh;
+    }
+    star.scale = std::exp(log_scale);
+    star.scale_error = ss_last > 0 ? star.scale / std::sqrt(ss_last) : star.scale;
+    // Beyond three errors and beyond what blends and the field's corners do.
+    if (star.scale - 3 * star.scale_error > 1.9) return false;
+    return star.scale + 3 * star.scale_error > 0.6;
+  }
+
+  /// How much more bright pixels scatter than dark ones, from the bright stars' own residuals.
+  void measure_shot_noise() {
+    std::vector<float> shares;
+    for (const Fitted& star : stars_) {
+      if (star.height < 15 || shares.size() >= 200) continue;
+      double excess = 0;
+      double light = 0;
+      const Area a = area(star.x, star.y, star.radius);
+      for (int y = a.y0; y <= a.y1; ++y) {
+        for (int x = a.x0; x <= a.x1; ++x) {
+          if (clean_.flaws.at(x, y) != 0) continue;
+          const double r = double(residual_.at(x, y));
+          excess += r * r - 1;
+          light += star.height *
+                   double(psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y)));
+        }
+      }
+      shares.push_back(static_cast<float>(excess / light));
+    }
+    if (shares.size() >= 5) shot_ = std::clamp(double(median_of(shares)), 0.0, 0.5);
+  }
+
+  /// Every star again, with its neighbours taken away.
+  void refine() {
+    for (int round = 0; round < 2; ++round) {
+      for (Fitted& star : stars_) {
+        Fitted better = star;
+        add_light(star, 1);
+        if (fit(better, 2, shot_) && std::hypot(better.x - star.x, better.y - star.y) < psf_.fwhm_px())
+          star = better;
+        else
+          star.height = 0;
+        if (star.height > 0) {
+          if (round == 1) (void)has_star_width(star);
+          add_light(star, -1);
+        }
+      }
+      std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
+    }
+    for (Fitted& star : stars_) {
+      // Beside the other stars only.
+      add_light(star, 1);
+      judge(star, 1);
+      add_light(star, -1);
+    }
+  }
+
+  /// Keeps what is significant: the lower the limit, the more peaks of the noise come with it.
+  void select() {
+    double least = options_.snr_least;
+    if (least <= 0) {
+      const double area =
+          static_cast<double>(residual_.size()) / (4 * double(psf_.sigma_px()) * double(psf_.sigma_px()));
+      for (least = 4.2; least < 5; least += 0.05) {
+        const double false_ones = area * 0.0635 * least * std::exp(-least * least / 2);
+        const auto found = std::count_if(stars_.begin(), stars_.end(),
+                                         [&](const Fitted& s) { return s.significance >= least; });
+        if (false_ones <= 0.015 * static_cast<double>(found)) break;
+      }
+    }
+    for (const Fitted& star : stars_) {
+      if (star.significance < least) add_light(star, 1);
+    }
+    std::erase_if(stars_, [&](const Fitted& s) { return s.significance < least; });
+  }
+
+  [[nodiscard]] StarField result() {
+    StarField field;
+    field.masked = Grid<std::uint8_t>(residual_.width(), residual_.height());
+    for (const Fitted& s : stars_) {
+      const double unit = double(clean_.noise_adu.at(s.x, s.y));
+      const double noise = s.noise / std::sqrt(std::max(s.energy, 0.3 * energy_));
+      field.stars.push_back(
+          {s.x, s.y, s.height * psf_.flux() * unit, s.height / noise, psf_.fwhm_px() * s.scale});
+      mask(s, field.masked);
+    }
+    std::sort(field.stars.begin(), field.stars.end(), [](const Star& a, const Star& b) {
+      return a.flux != b.flux ? a.flux > b.flux : (a.y != b.y ? a.y < b.y : a.x < b.x);
+    });
+    const auto most = static_cast<std::size_t>(std::max(0, options_.stars_max));
+    if (field.stars.size() > most) field.stars.resize(most);
+    field.residual = std::move(residual_);
+    return field;
+  }
+
+  /// Where the model's error may be more than half the noise.
+  void mask(const Fitted& star, Grid<std::uint8_t>& masked) const {
+    const double reach =
+        std::max(0.6 * psf_.fwhm_px(), psf_.radius_at(std::clamp(0.5 / (0.15 * star.height), 1e-5, 0.9)));
+    const Area a = area(star.x, star.y, std::min(150, static_cast<int>(std::ceil(reach))));
+    for (int y = a.y0; y <= a.y1; ++y) {
+      for (int x = a.x0; x <= a.x1; ++x) {
+        if (std::hypot(x - star.x, y - star.y) <= reach) masked.at(x, y) = 1;
+      }
+    }
+  }
+
+  const CleanFrame& clean_;
+  const Psf& psf_;
+  const StarOptions& options_;
+  Plane residual_;
+  Plane filtered_;
+  Surface noise_;
+  double energy_ = 0;
+  double shot_ = 0;
+  std::vector<Fitted> stars_;
+};
+
+}  // namespace
+
+StarField find_stars(const CleanFrame& clean, const StarOptions& options) {
+  return Finder(clean, options).run();
+}
+
+}  // namespace srfs::image

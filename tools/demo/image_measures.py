@@ -1,0 +1,277 @@
+"""./run bench image: srfs-detect on simulated frames with known truth, beside source-extractor on the same frames.
+
+bench_image writes the frames, each with another optics, sky and detector. Both programs read the same FITS files; times are
+CPU seconds of the whole processes with one thread, measured alternately.
+"""
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from collections import defaultdict
+from pathlib import Path
+
+import mission
+
+SNR_BINS = ((6, 8), (8, 15), (15, 40), (40, 100), (100, 3000))
+PEER_SHARE = Path("/usr/share/source-extractor")
+PEER_COLUMNS = ("XWIN_IMAGE", "YWIN_IMAGE", "FLUX_AUTO", "FLUXERR_AUTO", "FLAGS")
+
+
+class Grid:
+    """Points by place."""
+
+    def __init__(self, points, cell=4.0):
+        self.cell, self.cells = cell, defaultdict(list)
+        for i, (x, y) in enumerate(points):
+            self.cells[int(x // cell), int(y // cell)].append((x, y, i))
+
+    def near(self, x, y, radius):
+        i, j = int(x // self.cell), int(y // self.cell)
+        found = []
+        for a in range(i - 1, i + 2):
+            for b in range(j - 1, j + 2):
+                found += [(math.hypot(x - u, y - v), k) for u, v, k in self.cells[a, b] if math.hypot(x - u, y - v) <= radius]
+        return sorted(found)
+
+
+def match(truth, found, radius):
+    """One to one, the brightest of the truth first. @return {index in truth: index in found}"""
+    grid, taken, pairs = Grid([(f["x"], f["y"]) for f in found]), set(), {}
+    for t in sorted(range(len(truth)), key=lambda i: -truth[i]["snr"]):
+        for _, f in grid.near(truth[t]["x"], truth[t]["y"], radius):
+            if f not in taken:
+                taken.add(f)
+                pairs[t] = f
+                break
+    return pairs
+
+
+class StarScore:
+    """Sums over frames."""
+
+    def __init__(self):
+        self.of, self.hit, self.errors = defaultdict(int), defaultdict(int), defaultdict(list)
+        self.found = self.real = 0
+
+    def add(self, frame, found):
+        truth, radius = frame["stars"], max(1.5, 0.6 * frame["fwhm"])
+        pairs = match(truth, found, radius)
+        inside = [f for f in found if 0 <= f["x"] <= frame["width"] - 1 and 0 <= f["y"] <= frame["height"] - 1]
+        self.found += len(inside)
+        everything = Grid([(t["x"], t["y"]) for t in truth])
+        # A fainter star of the truth makes a detection real as well.
+        self.real += sum(1 for f in inside if everything.near(f["x"], f["y"], radius))
+        stars = Grid([(t["x"], t["y"]) for t in truth])
+        for i, t in enumerate(truth):
+            margin = 2 * frame["fwhm"]
+            if not (margin <= t["x"] <= frame["width"] - 1 - margin and margin <= t["y"] <= frame["height"] - 1 - margin):
+                continue
+            name = next((b for b in SNR_BINS if b[0] <= t["snr"] < b[1]), None)
+            if name is None:
+                continue
+            self.of[name] += 1
+            self.hit[name] += i in pairs
+            alone = all(k == i or truth[k]["snr"] < 0.02 * t["snr"] for _, k in stars.near(t["x"], t["y"], min(3.9, 1 + 1.5 * frame["fwhm"])))
+            if i in pairs and alone:
+                f = found[pairs[i]]
+                self.errors[name] += [(f["x"] - t["x"]) / t["limit_x"], (f["y"] - t["y"]) / t["limit_y"]]
+
+    def result(self):
+        bins = {}
+        for b in SNR_BINS:
+            e = self.errors[b]
+            bins[f"{b[0]}-{b[1]}"] = {
+                "stars": self.of[b],
+                "completeness": round(self.hit[b] / self.of[b], 4) if self.of[b] else None,
+                "rms_over_limit": round(math.sqrt(sum(v * v for v in e) / len(e)), 3) if e else None,
+                # A blend or an outlier decides the rms; this is the core.
+                "core_over_limit": round(sorted(abs(v) for v in e)[len(e) * 68 // 100], 3) if e else None,
+            }
+        return {"bins": bins, "found": self.found, "purity": round(self.real / self.found, 4) if self.found else None}
+
+
+class StreakScore:
+    def __init__(self):
+        self.of = self.hit = self.wrong = self.frames = 0
+        self.cross, self.angle, self.length, self.missed = [], [], [], []
+
+    def add(self, frame, found):
+        self.frames += 1
+        taken = set()
+        for t in frame["streaks"]:
+            self.of += 1
+            best = None
+            for i, f in enumerate(found):
+                if i in taken:
+                    continue
+                share = covered(t, f)
+                if share > 0.5 and (best is None or share > best[0]):
+                    best = share, i
+            if best is None:
+                self.missed.append({"frame": frame["file"], **{k: round(v, 1) for k, v in t.items()}})
+                continue
+            self.hit += 1
+            taken.add(best[1])
+            self.measure(t, found[best[1]])
+        self.wrong += sum(1 for i, f in enumerate(found) if i not in taken)
+
+    def measure(self, t, f):
+        length = math.hypot(t["x2"] - t["x1"], t["y2"] - t["y1"])
+        if length < 40:
+            return
+        ux, uy = (t["x2"] - t["x1"]) / length, (t["y2"] - t["y1"]) / length
+        mx, my = (f["x1"] + f["x2"]) / 2 - t["x1"], (f["y1"] + f["y2"]) / 2 - t["y1"]
+        self.cross.append(abs(ux * my - uy * mx))
+        turn = math.degrees(math.atan2(f["y2"] - f["y1"], f["x2"] - f["x1"]) - math.atan2(uy, ux))
+        self.angle.append(abs((turn + 90) % 180 - 90))
+        self.length.append(abs(math.hypot(f["x2"] - f["x1"], f["y2"] - f["y1"]) - length))
+
+    def result(self):
+        def spread(values):
+            values = sorted(values)
+            return {"p50": round(values[len(values) // 2], 3), "p90": round(values[len(values) * 9 // 10], 3), "rms": round(math.sqrt(sum(v * v for v in values) / len(values)), 3)} if values else None
+
+        return {"streaks": self.of, "recall": round(self.hit / self.of, 4) if self.of else None, "frames": self.frames, "false_per_frame": round(self.wrong / self.frames, 4) if self.frames else None,
+                "cross_track_px": spread(self.cross), "angle_deg": spread(self.angle), "length_px": spread(self.length), "missed": self.missed[:20]}  # fmt: skip
+
+
+def covered(t, f):
+    """Share of the longer one that the two have in common, where they run along each other."""
+    length = math.hypot(t["x2"] - t["x1"], t["y2"] - t["y1"])
+    ux, uy = (t["x2"] - t["x1"]) / length, (t["y2"] - t["y1"]) / length
+    along, across = [], []
+    for k in "12":
+        dx, dy = f["x" + k] - t["x1"], f["y" + k] - t["y1"]
+        along.append(dx * ux + dy * uy)
+        across.append(abs(ux * dy - uy * dx))
+    if max(across) > 4:
+        return 0
+    low, high = sorted(along)
+    return max(0, min(high, length) - max(low, 0)) / max(length, high - low)
+
+
+def run_timed(command, **options):
+    """@return CPU seconds and standard output"""
+    before = os.times()
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=600, **options)
+    after = os.times()
+    if done.returncode != 0:
+        raise mission.MissionError(f"{command[0]}: {done.stderr.strip()[-500:]}")
+    return after.children_user + after.children_system - before.children_user - before.children_system, done.stdout
+
+
+def detect(bin_dir, method, fits):
+    cpu, out = run_timed([str(Path(bin_dir) / "srfs-detect"), "--method", method, "--json", str(fits)])
+    return cpu, json.loads(out)
+
+
+def peer(fits, folder):
+    """source-extractor with its defaults, smaller stars allowed, windowed positions. @return CPU seconds, stars"""
+    (folder / "out.param").write_text("\n".join(PEER_COLUMNS) + "\n")
+    catalogue = folder / "out.cat"
+    cpu, _ = run_timed(["source-extractor", str(fits), "-c", str(PEER_SHARE / "default.sex"), "-PARAMETERS_NAME", str(folder / "out.param"), "-FILTER_NAME",
+                        str(PEER_SHARE / "default.conv"), "-STARNNW_NAME", str(PEER_SHARE / "default.nnw"), "-CATALOG_NAME", str(catalogue), "-DETECT_MINAREA", "3",
+                        "-NTHREADS", "1", "-VERBOSE_TYPE", "QUIET"], cwd=folder)  # fmt: skip
+    rows = [line.split() for line in catalogue.read_text().splitlines() if not line.startswith("#")]
+    return cpu, [{"x": float(r[0]) - 1, "y": float(r[1]) - 1, "flux": float(r[2])} for r in rows]
+
+
+def frames_of(bin_dir, folder, name, options, **size):
+    """Makes the frames of a set. @return [(FITS file, truth)]"""
+    target = folder / name
+    target.mkdir()
+    command = [str(Path(bin_dir) / "bench_image"), str(target), "--set", name.split("_")[0], "--seed", str(options.seed), "--frames", str(size.pop("frames"))]
+    for key, value in size.items():
+        command += [f"--{key}", str(value)]
+    run_timed(command)
+    made = []
+    for fits in sorted(target.glob("*.fits")):
+        truth = json.loads(fits.with_suffix(".json").read_text())
+        made.append((fits, {**truth, "file": fits.name}))
+    return made
+
+
+def measure_stars(bin_dir, options, folder, frames):
+    ours, theirs, cpu = StarScore(), StarScore(), [0.0, 0.0]
+    has_peer = shutil.which("source-extractor") is not None
+    for fits, truth in frames:
+        used, found = detect(bin_dir, "star_centroid", fits)
+        truth["width"], truth["height"] = found["frames"][0]["width"], found["frames"][0]["height"]
+        ours.add(truth, found["stars"])
+        cpu[0] += used
+        if has_peer:
+            used, stars = peer(fits, folder)
+            theirs.add(truth, stars)
+            cpu[1] += used
+    result = {"frames": len(frames), "srfs": ours.result(), "srfs_cpu_s": round(cpu[0], 3)}
+    if has_peer:
+        result.update({"source_extractor": theirs.result(), "source_extractor_cpu_s": round(cpu[1], 3), "cpu_ratio": round(cpu[0] / cpu[1], 3)})
+    return result
+
+
+def measure_streaks(bin_dir, frames):
+    score = StreakScore()
+    for fits, truth in frames:
+        _, found = detect(bin_dir, "streak", fits)
+        score.add(truth, found["streaks"])
+    return score.result()
+
+
+def measure_time(bin_dir, options, folder):
+    """1920 x 1080, the best of several runs, alternately."""
+    fits, _ = frames_of(bin_dir, folder, "stars_large", options, frames=1, width=1920, height=1080)[0]
+    best = defaultdict(lambda: math.inf)
+    for _ in range(7):
+        for method in ("star_centroid", "streak"):
+            cpu, found = detect(bin_dir, method, fits)
+            best[method + "_process_cpu_ms"] = min(best[method + "_process_cpu_ms"], 1000 * cpu)
+            best[method + "_ms"] = min(best[method + "_ms"], found["frames"][0]["elapsed_ms"])
+        if shutil.which("source-extractor"):
+            best["source_extractor_process_cpu_ms"] = min(best["source_extractor_process_cpu_ms"], 1000 * peer(fits, folder)[0])
+    result = {key: round(value, 1) for key, value in best.items()}
+    if "source_extractor_process_cpu_ms" in result:
+        result["ratio"] = round(result["star_centroid_process_cpu_ms"] / result["source_extractor_process_cpu_ms"], 3)
+    return result
+
+
+def add_options(parser):
+    parser.add_argument("--frames", type=int, default=24, metavar="N", help="bench image: frames of each set")
+    parser.add_argument("--seed", type=int, default=int(time.time()), help="bench image: of the frames (default: another each time, reported)")
+
+
+def measure(bin_dir, options, say):
+    with tempfile.TemporaryDirectory(prefix="srfs-bench-image-") as name:
+        folder = Path(name)
+        result = {"seed": options.seed}
+        say(f"bench image: stars in {options.frames} frames, seed {options.seed}")
+        result["stars"] = measure_stars(bin_dir, options, folder, frames_of(bin_dir, folder, "stars", options, frames=options.frames))
+        for kind in ("streaks", "short", "empty"):
+            say(f"bench image: {kind}")
+            result[kind] = measure_streaks(bin_dir, frames_of(bin_dir, folder, kind, options, frames=options.frames))
+        say("bench image: time")
+        result["time_1920x1080"] = measure_time(bin_dir, options, folder)
+    return result
+
+
+def is_sound(result):
+    """Nothing that no load excuses went wrong."""
+    return result["stars"]["srfs"]["found"] > 0
+
+
+def show(result):
+    stars = result["stars"]
+    print(f"  seed {result['seed']}")
+    for name in ("srfs", "source_extractor"):
+        if name not in stars:
+            continue
+        print(f"  {name}: {stars[name]['found']} found, purity {stars[name]['purity']}")
+        for snr, row in stars[name]["bins"].items():
+            print(f"    SNR {snr:9} {row['stars']:6} stars, completeness {row['completeness']}, rms {row['rms_over_limit']} of the Cramer-Rao bound, 68 % within {row['core_over_limit']}")
+    for name in ("streaks", "short", "empty"):
+        row = result[name]
+        print(f"  {name}: recall {row['recall']} of {row['streaks']}, {row['false_per_frame']} false a frame; cross-track {row['cross_track_px']}, angle {row['angle_deg']}, length {row['length_px']}")
+    print(f"  1920 x 1080: {json.dumps(result['time_1920x1080'])}")

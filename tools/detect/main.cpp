@@ -1,0 +1,165 @@
+// srfs-detect: the on-board detection methods on files. Several files are one sequence, in the order given.
+
+#include <chrono>
+#include <cstdio>
+#include <new>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "image/frame_file.hpp"
+#include "image/method.hpp"
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using namespace srfs::image;
+
+enum ExitCode { done = 0, file_refused = 1, bad_usage = 2 };
+
+double rounded(double value, double unit) {
+  return std::round(value / unit) * unit;
+}
+
+Json to_json(const Star& s, int frame) {
+  return {{"frame", frame},
+          {"x", rounded(s.x, 1e-4)},
+          {"y", rounded(s.y, 1e-4)},
+          {"flux", rounded(s.flux, 1e-2)},
+          {"snr", rounded(s.snr, 1e-3)},
+          {"fwhm", rounded(s.fwhm_px, 1e-3)}};
+}
+
+Json to_json(const Streak& s, int frame) {
+  return {{"frame", frame},
+          {"x1", rounded(s.x1, 1e-3)},
+          {"y1", rounded(s.y1, 1e-3)},
+          {"x2", rounded(s.x2, 1e-3)},
+          {"y2", rounded(s.y2, 1e-3)},
+          {"snr", rounded(s.snr, 1e-3)},
+          {"flux", rounded(s.flux, 1e-2)},
+          {"width", rounded(s.width_px, 1e-3)}};
+}
+
+/// What was found so far, in the order of the files.
+struct Report {
+  Json frames = Json::array();
+  Json stars = Json::array();
+  Json streaks = Json::array();
+};
+
+void add(Report& report, const std::string& path, const Frame& frame, const FrameFindings& found,
+         double elapsed_ms) {
+  const int number = static_cast<int>(report.frames.size());
+  for (const Star& s : found.stars) report.stars.push_back(to_json(s, number));
+  for (const Streak& s : found.streaks) report.streaks.push_back(to_json(s, number));
+  report.frames.push_back({{"file", path},
+                           {"width", frame.pixels.width()},
+                           {"height", frame.pixels.height()},
+                           {"background", rounded(found.background, 1e-3)},
+                           {"noise", rounded(found.noise, 1e-3)},
+                           {"fwhm", rounded(found.fwhm_px, 1e-3)},
+                           {"stars", found.stars.size()},
+                           {"streaks", found.streaks.size()},
+                           {"spikes", found.spikes},
+                           {"saturated", found.saturated},
+                           {"invalid", found.invalid},
+                           {"notes", found.notes},
+                           {"elapsed_ms", rounded(elapsed_ms, 1e-2)}});
+}
+
+void print_text(const Report& report) {
+  for (std::size_t i = 0; i < report.frames.size(); ++i) {
+    const Json& f = report.frames[i];
+    fmt::print("{}: {} x {}, {} stars, {} streaks, sky {:.1f} +- {:.2f}, {:.0f} ms\n",
+               f["file"].get<std::string>(), f["width"].get<int>(), f["height"].get<int>(),
+               f["stars"].get<int>(), f["streaks"].get<int>(), f["background"].get<double>(),
+               f["noise"].get<double>(), f["elapsed_ms"].get<double>());
+    for (const Json& note : f["notes"]) fmt::print("  note: {}\n", note.get<std::string>());
+    for (const Json& s : report.streaks) {
+      if (s["frame"] == i)
+        fmt::print("  streak ({:.2f}, {:.2f}) - ({:.2f}, {:.2f})  snr {:.1f}\n", s["x1"].get<double>(),
+                   s["y1"].get<double>(), s["x2"].get<double>(), s["y2"].get<double>(),
+                   s["snr"].get<double>());
+    }
+    for (const Json& s : report.stars) {
+      if (s["frame"] == i)
+        fmt::print("  star ({:.2f}, {:.2f})  flux {:.0f}  snr {:.1f}  fwhm {:.2f}\n", s["x"].get<double>(),
+                   s["y"].get<double>(), s["flux"].get<double>(), s["snr"].get<double>(),
+                   s["fwhm"].get<double>());
+    }
+  }
+}
+
+std::string list_of_methods() {
+  std::string text = "Methods and their parameters:\n";
+  for (const MethodEntry& m : methods()) {
+    text += fmt::format("  {}: {}\n", m.name, m.description);
+    for (const ParameterSpec& p : m.parameters)
+      text += fmt::format("      {}={}  {} ({} to {})\n", p.name, p.standard, p.description, p.least, p.most);
+  }
+  return text;
+}
+
+int run(const std::string& name, const std::vector<std::string>& given, const std::vector<std::string>& files,
+        bool as_json) {
+  const auto refuse = [](const Refusal& why, ExitCode code) {
+    std::fprintf(stderr, "srfs-detect: %s\n", why.reason.c_str());
+    return code;
+  };
+  const auto entry = find_method(name);
+  if (!entry) return refuse(entry.error(), bad_usage);
+  const auto parameters = Parameters::parse((*entry)->parameters, given);
+  if (!parameters) return refuse(parameters.error(), bad_usage);
+  const auto method = (*entry)->make(*parameters);
+  Report report;
+  for (const std::string& file : files) {
+    const auto frame = read_frame(file);
+    if (!frame) return refuse(frame.error(), file_refused);
+    const auto begin = std::chrono::steady_clock::now();
+    const auto found = method->process(*frame);
+    if (!found) return refuse(Refusal{file + ": " + found.error().reason}, file_refused);
+    add(report, file, *frame, *found,
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+  }
+  if (as_json) {
+    const Json all{
+        {"method", name}, {"frames", report.frames}, {"stars", report.stars}, {"streaks", report.streaks}};
+    std::printf("%s\n", all.dump().c_str());
+  } else {
+    print_text(report);
+  }
+  return done;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Finds stars and debris in frames (FITS, TIFF, PNG, JPEG) as the spacecraft does. Pixel (0, 0) is the "
+      "centre of the first pixel."};
+  std::string method;
+  std::vector<std::string> parameters;
+  std::vector<std::string> files;
+  bool json = false;
+  app.add_option("--method", method, "What to look for; see below")->required();
+  app.add_option("--params", parameters, "name=value of the method, may be given several times")
+      ->allow_extra_args(false);
+  app.add_flag("--json", json, "One JSON object");
+  app.add_option("FILE", files, "Several are one sequence, in this order")->required();
+  app.footer(list_of_methods());
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? done : bad_usage;
+  }
+  try {
+    return run(method, parameters, files, json);
+  } catch (const std::bad_alloc&) {
+    std::fprintf(stderr, "srfs-detect: not enough memory for this frame\n");
+    return file_refused;
+  }
+}
