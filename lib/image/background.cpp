@@ -182,11 +182,23 @@ void Surface::row(int y, std::vector<float>& out) const {
     for (int k = 0; k < 4; ++k) v += wy[static_cast<std::size_t>(k)] * node(i - 2, j - 1 + k);
     line[static_cast<std::size_t>(i)] = v;
   }
-  for (int x = 0; x < static_cast<int>(out.size()); ++x) {
-    const auto [i, tx] = between(static_cast<float>(x), cell_px_);
-    const auto wx = cubic_weights(tx);
+  // One cubic from centre to centre, as a polynomial.
+  const int width = static_cast<int>(out.size());
+  const float unit = 1.0F / static_cast<float>(cell_px_);
+  for (int x = 0; x < width;) {
+    const auto [i, start] = between(static_cast<float>(x), cell_px_);
     const float* p = line.data() + i + 1;
-    out[static_cast<std::size_t>(x)] = wx[0] * p[0] + wx[1] * p[1] + wx[2] * p[2] + wx[3] * p[3];
+    const float c1 = 0.5F * (p[2] - p[0]);
+    const float c2 = p[0] - 2.5F * p[1] + 2 * p[2] - 0.5F * p[3];
+    const float c3 = 0.5F * (p[3] - p[0]) + 1.5F * (p[1] - p[2]);
+    const int end = std::min(width, x + std::max(1, static_cast<int>(std::ceil((1 - start) / unit - 1e-3F))));
+    float* to = out.data() + x;
+    const int n = end - x;
+    for (int k = 0; k < n; ++k) {
+      const float t = start + unit * static_cast<float>(k);
+      to[k] = p[1] + t * (c1 + t * (c2 + t * c3));
+    }
+    x = end;
   }
 }
 

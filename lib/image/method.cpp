@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "image/star_finder.hpp"
+#include "image/streak_finder.hpp"
 
 namespace srfs::image {
 namespace {
@@ -36,6 +36,31 @@ constexpr std::array star_centroid_parameters{
     stars_max,
 };
 
+class StreakSearch final : public Method {
+ public:
+  explicit StreakSearch(const Parameters& parameters)
+      : options_{parameters["threshold"], parameters["min_length"]}, with_stars_(parameters["stars"] != 0) {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    StarField field = find_stars(clean, {});
+    findings.streaks = find_streaks(clean, field, options_);
+    if (with_stars_) findings.stars = std::move(field.stars);
+    return findings;
+  }
+
+ private:
+  StreakOptions options_;
+  bool with_stars_;
+};
+
+constexpr std::array streak_parameters{
+    ParameterSpec{"threshold", 7, 3, 1000, "least SNR of a whole streak"},
+    ParameterSpec{"min_length", 10, 3, 10000, "px"},
+    ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
+};
+
 template <class M>
 std::unique_ptr<Method> make(const Parameters& parameters) {
   return std::make_unique<M>(parameters);
@@ -44,6 +69,8 @@ std::unique_ptr<Method> make(const Parameters& parameters) {
 constexpr std::array entries{
     MethodEntry{"star_centroid", "stars: position, flux, SNR and width", star_centroid_parameters,
                 make<StarCentroid>},
+    MethodEntry{"streak", "streaks of moving objects: ends, SNR, flux and width", streak_parameters,
+                make<StreakSearch>},
 };
 
 template <class Range>

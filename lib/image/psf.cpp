@@ -22,29 +22,58 @@ struct Candidate {
   double sigma = 0;
 };
 
-/// Widths of a Gaussian through three pixels of a row and a column, @p d apart: exact wherever in the pixel
-/// the star is.
-std::optional<double> sigma_at(const Plane& signal, const Candidate& c, int d) {
-  if (c.x < d || c.y < d || c.x + d >= signal.width() || c.y + d >= signal.height()) return std::nullopt;
-  // A hot pixel has no light beside it; what counts as light is three times the noise of four pixels.
+/// A hot pixel has no light beside it; what counts as light is three times the noise of four pixels.
+bool has_light_beside(const Plane& signal, const Candidate& c) {
   const float beside = (signal.at(c.x - 1, c.y) + signal.at(c.x + 1, c.y) + signal.at(c.x, c.y - 1) +
                         signal.at(c.x, c.y + 1)) /
                        4;
-  if (beside < 1.5F || beside < 0.12F * c.height) return std::nullopt;
-  const auto along = [&](int dx, int dy) -> std::optional<double> {
-    const double before = double(signal.at(c.x - dx, c.y - dy));
-    const double after = double(signal.at(c.x + dx, c.y + dy));
-    // Below the noise there is nothing to measure; at the noise it is narrow.
-    const double curve =
-        2 * std::log(double(c.height)) - std::log(std::max(before, 0.5)) - std::log(std::max(after, 0.5));
-    if (!(curve > 0.02)) return std::nullopt;
-    return d / std::sqrt(curve);
-  };
-  const auto sx = along(d, 0);
-  const auto sy = along(0, d);
-  if (!sx || !sy || std::min(*sx, *sy) < sigma_least_px) return std::nullopt;
-  if (std::max(*sx, *sy) > 2.2 * std::min(*sx, *sy)) return std::nullopt;
+  return beside >= 1.5F && beside >= 0.12F * c.height;
+}
+
+/// Nine pixels weighted 1 2 1 each way: as a Gaussian of variance 0.5, with 0.375 of a pixel's noise.
+float smoothed(const Plane& signal, int x, int y) {
+  float sum = 0;
+  for (int j = -1; j <= 1; ++j) {
+    for (int i = -1; i <= 1; ++i)
+      sum += static_cast<float>((2 - std::abs(i)) * (2 - std::abs(j))) * signal.at(x + i, y + j);
+  }
+  return sum / 16;
+}
+
+/// Width of a Gaussian through three values, @p d apart: exact wherever in the pixel the star is.
+std::optional<double> sigma_through(float before, float middle, float after, int d) {
+  if (!(middle > 0) || !(before > 0) || !(after > 0)) return std::nullopt;
+  const double curve = 2 * std::log(double(middle)) - std::log(double(before)) - std::log(double(after));
+  if (!(curve > 0.02)) return std::nullopt;
+  return d / std::sqrt(curve);
+}
+
+std::optional<double> round_sigma(std::optional<double> sx, std::optional<double> sy) {
+  if (!sx || !sy || std::max(*sx, *sy) > 2.2 * std::min(*sx, *sy)) return std::nullopt;
   return std::sqrt(*sx * *sy);
+}
+
+/// For stars of two pixels and less.
+std::optional<double> narrow_sigma(const Plane& signal, const Candidate& c) {
+  const auto floor = [](float v) { return std::max(v, 0.5F); };
+  const auto sigma =
+      round_sigma(sigma_through(floor(signal.at(c.x - 1, c.y)), c.height, floor(signal.at(c.x + 1, c.y)), 1),
+                  sigma_through(floor(signal.at(c.x, c.y - 1)), c.height, floor(signal.at(c.x, c.y + 1)), 1));
+  return sigma && *sigma >= sigma_least_px ? sigma : std::nullopt;
+}
+
+/// For wider stars, whose single pixels are noisy: through smoothed values, with light on all four sides.
+std::optional<double> wide_sigma(const Plane& signal, const Candidate& c, int d) {
+  if (c.x <= d || c.y <= d || c.x + d + 1 >= signal.width() || c.y + d + 1 >= signal.height())
+    return std::nullopt;
+  const float middle = smoothed(signal, c.x, c.y);
+  const std::array<float, 4> sides{smoothed(signal, c.x - d, c.y), smoothed(signal, c.x + d, c.y),
+                                   smoothed(signal, c.x, c.y - d), smoothed(signal, c.x, c.y + d)};
+  if (*std::min_element(sides.begin(), sides.end()) < std::max(1.0F, 0.2F * middle)) return std::nullopt;
+  const auto sigma =
+      round_sigma(sigma_through(sides[0], middle, sides[1], d), sigma_through(sides[2], middle, sides[3], d));
+  if (!sigma || *sigma * *sigma < 0.7) return std::nullopt;
+  return std::sqrt(*sigma * *sigma - 0.5);
 }
 
 /// The half-sample mode: where the values are densest.
@@ -92,23 +121,34 @@ std::vector<Candidate> find_candidates(const Plane& signal, const Grid<std::uint
   return found;
 }
 
-/// The densest width of the candidates, measured over a distance that suits it.
-std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
-  int d = 1;
-  for (int round = 0; round < 3; ++round) {
-    std::vector<double> sigmas;
-    for (Candidate& c : candidates) {
-      const auto sigma = sigma_at(signal, c, d);
-      c.sigma = sigma.value_or(0);
-      if (sigma) sigmas.push_back(*sigma);
-    }
-    if (sigmas.size() < 3) return std::nullopt;
-    const double mode = mode_of(sigmas);
-    const int better = std::clamp(static_cast<int>(std::lround(mode)), 1, 4);
-    if (better <= d || round == 2) return mode;
-    d = better;
+/// The densest of the widths that @p width_of finds. @return it, and how many there were
+template <class WidthOf>
+std::pair<double, std::size_t> densest_sigma(std::vector<Candidate>& candidates, WidthOf&& width_of) {
+  std::vector<double> sigmas;
+  for (Candidate& c : candidates) {
+    const auto sigma = width_of(c);
+    c.sigma = sigma.value_or(0);
+    if (sigma) sigmas.push_back(*sigma);
   }
-  return std::nullopt;
+  const std::size_t n = sigmas.size();
+  return {n < 3 ? 0 : mode_of(std::move(sigmas)), n};
+}
+
+/// Leaves each candidate with its width, measured over a distance that suits the common one.
+std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+  const auto wide = [&](int d) {
+    return [&signal, d](const Candidate& c) { return wide_sigma(signal, c, d); };
+  };
+  const auto [first, wide_ones] = densest_sigma(candidates, wide(2));
+  // Of narrow stars, only blends show light two pixels away on all sides.
+  if (first > 1.2 && wide_ones >= 5 && 4 * wide_ones >= candidates.size()) {
+    const int d = std::clamp(static_cast<int>(std::lround(1.2 * first)), 2, 5);
+    const auto [sigma, n] = densest_sigma(candidates, wide(d));
+    if (n >= 3) return sigma;
+  }
+  const auto [sigma, n] =
+      densest_sigma(candidates, [&](const Candidate& c) { return narrow_sigma(signal, c); });
+  return n >= 3 ? std::optional(sigma) : std::nullopt;
 }
 
 /// One star while the shape is being fitted.
@@ -273,6 +313,7 @@ double Psf::radius_at(double height) const {
 
 std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad) {
   std::vector<Candidate> candidates = find_candidates(signal, bad);
+  std::erase_if(candidates, [&](const Candidate& c) { return !has_light_beside(signal, c); });
   const auto sigma = common_sigma(signal, candidates);
   if (!sigma || *sigma > 6) return std::nullopt;
   std::erase_if(candidates,
@@ -301,6 +342,8 @@ std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& ba
     std::erase_if(samples, [&](Sample& s) { return !fit_position(signal, bad, psf, psf.fit_radius(), s); });
     if (samples.size() < 3) return std::nullopt;
   }
+  const double ratio = Psf(shape).fwhm_px() / (2.3548 * *sigma);
+  if (ratio < 0.7 || ratio > 1.6) return Psf({k, 0, k, 0});
   return Psf(shape);
 }
 

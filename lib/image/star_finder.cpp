@@ -31,6 +31,8 @@ struct Fitted {
   double noise = 1;  ///< of the filtered frame here
   double significance = 0;
   int radius = 0;
+  bool changed = true;  ///< it or its surroundings, since it was last fitted
+  bool crowded = false;
 };
 
 class Finder {
@@ -56,6 +58,7 @@ class Finder {
       for (const Peak& peak : find_peaks()) try_peak(peak, pass);
       if (stars_.size() == known) break;
       if (pass == 0) measure_shot_noise();
+      find_crowds(known);
       refine();
     }
     select();
@@ -313,29 +316,81 @@ class Finder {
     if (shares.size() >= 5) shot_ = std::clamp(double(median_of(shares)), 0.0, 0.5);
   }
 
-  /// Every star again, with its neighbours taken away.
+  /// Which stars have neighbours whose light matters, and which of those are new since @p known.
+  void find_crowds(std::size_t known) {
+    const int cell = std::max(2, static_cast<int>(std::lround(3 * psf_.fwhm_px())));
+    Grid<int> all(residual_.width() / cell + 3, residual_.height() / cell + 3);
+    Grid<int> fresh(all.width(), all.height());
+    const auto place = [cell](double v) { return static_cast<int>(std::floor((v + 1) / cell)) + 1; };
+    for (std::size_t i = 0; i < stars_.size(); ++i) {
+      ++all.at(place(stars_[i].x), place(stars_[i].y));
+      if (i >= known) ++fresh.at(place(stars_[i].x), place(stars_[i].y));
+    }
+    for (Fitted& star : stars_) {
+      int near = 0;
+      int new_ones = 0;
+      for (int j = place(star.y) - 1; j <= place(star.y) + 1; ++j) {
+        for (int i = place(star.x) - 1; i <= place(star.x) + 1; ++i) {
+          if (!all.contains(i, j)) continue;
+          near += all.at(i, j);
+          new_ones += fresh.at(i, j);
+        }
+      }
+      star.crowded = near > 1;
+      star.changed = new_ones > 0;
+    }
+  }
+
+  /// What changed again, with its neighbours taken away.
   void refine() {
     for (int round = 0; round < 2; ++round) {
       for (Fitted& star : stars_) {
+        if (!star.changed || (round > 0 && !star.crowded)) continue;
         Fitted better = star;
         add_light(star, 1);
         if (fit(better, 2, shot_) && std::hypot(better.x - star.x, better.y - star.y) < psf_.fwhm_px())
           star = better;
         else
           star.height = 0;
-        if (star.height > 0) {
-          if (round == 1) (void)has_star_width(star);
-          add_light(star, -1);
-        }
+        if (star.height > 0) add_light(star, -1);
       }
       std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
     }
     for (Fitted& star : stars_) {
+      if (!star.changed) continue;
       // Beside the other stars only.
       add_light(star, 1);
       judge(star, 1);
-      add_light(star, -1);
+      if (has_star_width(star) && !is_sharper(star)) {
+        add_light(star, -1);
+      } else {
+        sharp_.push_back(star);
+        star.height = 0;
+      }
     }
+    std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
+  }
+
+  /// Dark where a star of this brightness would give light: the track of a particle. The star is in the
+  /// residual.
+  [[nodiscard]] bool is_sharper(const Fitted& star) const {
+    double missing = 0;
+    double energy = 0;
+    int n = 0;
+    const Area a = area(star.x, star.y, star.radius);
+    for (int y = a.y0; y <= a.y1; ++y) {
+      for (int x = a.x0; x <= a.x1; ++x) {
+        const double p = double(psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y)));
+        if (p < 0.08 || clean_.flaws.at(x, y) != 0) continue;
+        const double r = std::min(0.0, double(residual_.at(x, y)) - star.height * p);
+        missing += r * r / (1 + shot_ * star.height * p);
+        energy += star.height * star.height * p * p;
+        ++n;
+      }
+    }
+    // Half of the pixels are below the model by their noise alone.
+    const double by_noise = 0.5 * n + 3.5 * std::sqrt(1.25 * n);
+    return missing > by_noise + sharper_share_ * energy;
   }
 
   /// Keeps what is significant: the lower the limit, the more peaks of the noise come with it.
@@ -370,6 +425,7 @@ class Finder {
     std::sort(field.stars.begin(), field.stars.end(), [](const Star& a, const Star& b) {
       return a.flux != b.flux ? a.flux > b.flux : (a.y != b.y ? a.y < b.y : a.x < b.x);
     });
+    for (const Fitted& s : sharp_) mask(s, field.masked);
     const auto most = static_cast<std::size_t>(std::max(0, options_.stars_max));
     if (field.stars.size() > most) field.stars.resize(most);
     field.residual = std::move(residual_);
@@ -396,7 +452,10 @@ class Finder {
   Surface noise_;
   double energy_ = 0;
   double shot_ = 0;
+  /// Unexplained energy that the model's own error may leave.
+  static constexpr double sharper_share_ = 0.02;
   std::vector<Fitted> stars_;
+  std::vector<Fitted> sharp_;  ///< taken for stars at first
 };
 
 }  // namespace

@@ -156,12 +156,15 @@ def covered(t, f):
 
 def run_timed(command, **options):
     """@return CPU seconds and standard output"""
-    before = os.times()
-    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=600, **options)
-    after = os.times()
-    if done.returncode != 0:
-        raise mission.MissionError(f"{command[0]}: {done.stderr.strip()[-500:]}")
-    return after.children_user + after.children_system - before.children_user - before.children_system, done.stdout
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as problem:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=problem, **options)
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        out.seek(0)
+        problem.seek(0)
+        if process.returncode != 0:
+            raise mission.MissionError(f"{command[0]}: {problem.read().decode(errors='replace').strip()[-500:]}")
+        return used.ru_utime + used.ru_stime, out.read().decode()
 
 
 def detect(bin_dir, method, fits):
