@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
+#include <new>
 
 #include <fitsio.h>
 #include <fmt/format.h>
@@ -492,7 +493,7 @@ bool starts_with(OctetView content, std::string_view magic) {
 
 }  // namespace
 
-Result<Frame, Refusal> decode_frame(OctetView content) {
+Result<Frame, Refusal> decode_frame(OctetView content) try {
   using namespace std::string_view_literals;
   if (content.empty()) return refuse("the file is empty");
   if (starts_with(content, "SIMPLE  =")) return decode_fits(content);
@@ -502,6 +503,8 @@ Result<Frame, Refusal> decode_frame(OctetView content) {
       starts_with(content, "MM\0+"sv))
     return decode_tiff(content);
   return refuse("neither FITS, TIFF, PNG nor JPEG");
+} catch (const std::bad_alloc&) {
+  return refuse("not enough memory for this frame");
 }
 
 Result<Frame, Refusal> read_frame(const std::filesystem::path& path) {

@@ -10,8 +10,8 @@ constexpr int shortest = 8;
 constexpr int longest = 128;
 constexpr float scale = 24;  // of the int16 sums: 128 cells of at most 8 stay below 32768
 constexpr float clip_low = -4;
-constexpr float clip_high = 8;  // one bright cell alone makes no line
-constexpr int block = 16;       // cells across, of which the best piece is kept
+constexpr float clip_most = 8;
+constexpr int block = 16;  // cells across, of which the best piece is kept
 
 /// Cells with the direction across the lines contiguous: [position along][position across].
 using Cells = std::vector<std::int16_t>;
@@ -107,12 +107,14 @@ class Octant {
 
 }  // namespace
 
-std::vector<LineHit> search_lines(const Plane& significance, double correlation_cells, double least) {
+std::vector<LineHit> search_lines(const Plane& significance, double correlation_cells, double least,
+                                  float clip) {
   std::vector<LineHit> hits;
   const int w = significance.width();
   const int h = significance.height();
   const auto quantised = [&](int x, int y) {
-    return static_cast<std::int16_t>(scale * std::clamp(significance.at(x, y), clip_low, clip_high));
+    return static_cast<std::int16_t>(scale *
+                                     std::clamp(significance.at(x, y), clip_low, std::min(clip, clip_most)));
   };
   for (const bool steep : {false, true}) {
     const int along = steep ? h : w;

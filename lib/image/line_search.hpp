@@ -18,7 +18,8 @@ struct LineHit {
 /// Sums along all pieces of lines of 8, 16 ... 128 cells in all directions (fast discrete Radon transform of
 /// dyadic strips), with the best piece of each neighbourhood.
 /// @param significance  noise 1, correlated over @p correlation_cells (sigma of the filter that made it)
+/// @param clip  what one cell counts at most, up to 8: one bright star makes no line
 [[nodiscard]] std::vector<LineHit> search_lines(const Plane& significance, double correlation_cells,
-                                                double least);
+                                                double least, float clip);
 
 }  // namespace srfs::image

@@ -12,8 +12,9 @@ namespace {
 constexpr float height_least = 6;  ///< of a candidate, in noise
 constexpr std::size_t candidates_max = 4000;
 constexpr std::size_t stars_max = 60;
-/// What a pixel and the narrowest optics make: below it is one hot pixel.
-constexpr double sigma_least_px = 0.42;
+/// What a pixel and the narrowest optics make: below it are hot pixels and particle tracks.
+constexpr double sigma_least_px = 0.5;
+constexpr double fwhm_least_px = 1.25;
 
 struct Candidate {
   int x;
@@ -343,8 +344,8 @@ std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& ba
     if (samples.size() < 3) return std::nullopt;
   }
   const double ratio = Psf(shape).fwhm_px() / (2.3548 * *sigma);
-  if (ratio < 0.7 || ratio > 1.6) return Psf({k, 0, k, 0});
-  return Psf(shape);
+  const Psf psf(ratio < 0.7 || ratio > 1.6 ? Psf::Shape{k, 0, k, 0} : shape);
+  return psf.fwhm_px() >= fwhm_least_px ? std::optional(psf) : std::nullopt;
 }
 
 }  // namespace srfs::image

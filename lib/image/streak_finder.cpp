@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include <Eigen/Dense>
 
@@ -67,17 +68,27 @@ class Finder {
         light_(field.residual) {}
 
   std::vector<Streak> run() {
-    prepare();
-    const int step = sigma_ >= 1 ? 2 : 1;
-    Plane cells(std::max(1, light_.width() / step), std::max(1, light_.height() / step));
-    for (int y = 0; y < cells.height(); ++y) {
-      for (int x = 0; x < cells.width(); ++x) cells.at(x, y) = filtered_.at(x * step, y * step);
+    mask_ = field_.masked;
+    for (std::size_t i = 0; i < mask_.size(); ++i)
+      mask_.cells()[i] = mask_.cells()[i] != 0 || clean_.flaws.cells()[i] != 0 ? 1 : 0;
+    high_pass(light_);
+    without_stars_ = significance(light_, mask_);
+    {
+      // With the stars: a bright streak looks like stars in a row to who looks for stars only.
+      Plane whole = clean_.signal;
+      high_pass(whole);
+      with_stars_ = significance(whole, clean_.flaws);
     }
-    const std::vector<LineHit> hits = search_lines(cells, sigma_ / step, hit_least);
+    taken_.assign(field_.stars.size(), false);
+    std::vector<Seed> seeds;
+    add_seeds(without_stars_, 8, false, seeds);
+    add_seeds(with_stars_, 5, true, seeds);
+    std::stable_sort(seeds.begin(), seeds.end(),
+                     [](const Seed& a, const Seed& b) { return a.significance > b.significance; });
     int fits = 0;
-    for (const LineHit& hit : hits) {
-      const Line seed{hit.x1 * step, hit.y1 * step, hit.x2 * step, hit.y2 * step};
-      if (is_known(seed)) continue;
+    for (const Seed& seed : seeds) {
+      if (is_known(seed.line, seed.with_stars)) continue;
+      if (seed.with_stars && !looks_like_streak(seed.line)) continue;
       if (++fits > fits_max) break;
       examine(seed);
     }
@@ -85,34 +96,71 @@ class Finder {
     return result();
   }
 
+  /// @param star  its index in the field
+  [[nodiscard]] bool is_part_of_streak(std::size_t star) const { return taken_[star]; }
+
  private:
-  void prepare() {
-    for (std::size_t i = 0; i < light_.size(); ++i) {
-      if (!usable(i)) light_.cells()[i] = 0;
+  struct Seed {
+    Line line;
+    double significance;
+    bool with_stars;
+  };
+
+  void add_seeds(const Plane& plane, float clip, bool with_stars, std::vector<Seed>& seeds) const {
+    const int step = sigma_ >= 1 ? 2 : 1;
+    Plane cells(std::max(1, plane.width() / step), std::max(1, plane.height() / step));
+    for (int y = 0; y < cells.height(); ++y) {
+      for (int x = 0; x < cells.width(); ++x) cells.at(x, y) = plane.at(x * step, y * step);
     }
-    high_pass(light_);
-    for (std::size_t i = 0; i < light_.size(); ++i) {
-      if (!usable(i)) light_.cells()[i] = 0;
-    }
-    filtered_ = gaussian_filter(light_, static_cast<float>(sigma_));
-    noise_ = measure_noise(filtered_, sky_cell_px(filtered_.width(), filtered_.height()), 0.05F);
-    std::vector<float> row_noise(static_cast<std::size_t>(filtered_.width()));
-    for (int y = 0; y < filtered_.height(); ++y) {
-      noise_.row(y, row_noise);
-      float* row = filtered_.row(y);
-      for (std::size_t x = 0; x < row_noise.size(); ++x) row[x] /= std::max(0.5F, row_noise[x]);
-    }
+    for (const LineHit& hit : search_lines(cells, sigma_ / step, hit_least, clip))
+      seeds.push_back(
+          {Line{hit.x1 * step, hit.y1 * step, hit.x2 * step, hit.y2 * step}, hit.significance, with_stars});
   }
 
-  [[nodiscard]] bool usable(std::size_t i) const {
-    return field_.masked.cells()[i] == 0 && clean_.flaws.cells()[i] == 0;
+  /// Through the matched filter, noise 1; masked pixels are sky.
+  [[nodiscard]] Plane significance(const Plane& plane, const Grid<std::uint8_t>& mask) {
+    Plane shown = plane;
+    for (std::size_t i = 0; i < shown.size(); ++i) {
+      if (mask.cells()[i] != 0) shown.cells()[i] = 0;
+    }
+    Plane filtered = gaussian_filter(shown, static_cast<float>(sigma_));
+    Surface noise = measure_noise(filtered, sky_cell_px(filtered.width(), filtered.height()), 0.05F);
+    std::vector<float> row_noise(static_cast<std::size_t>(filtered.width()));
+    for (int y = 0; y < filtered.height(); ++y) {
+      noise.row(y, row_noise);
+      float* row = filtered.row(y);
+      for (std::size_t x = 0; x < row_noise.size(); ++x) row[x] /= std::max(0.5F, row_noise[x]);
+    }
+    if (noise_.nodes().empty()) noise_ = std::move(noise);
+    return filtered;
   }
-  [[nodiscard]] bool usable(int x, int y) const {
-    return field_.masked.at(x, y) == 0 && clean_.flaws.at(x, y) == 0;
+
+  [[nodiscard]] bool usable(int x, int y) const { return mask_.at(x, y) == 0; }
+
+  /// Some light on every part of it and less beside it, quickly judged.
+  [[nodiscard]] bool looks_like_streak(const Line& l) const {
+    const double length = std::max(1e-6, l.length());
+    const double d = 1.5 * clean_.psf.fwhm_px();
+    const double nx = -(l.y2 - l.y1) / length * d;
+    const double ny = (l.x2 - l.x1) / length * d;
+    double middle = 0;
+    double beside = 0;
+    int dark = 0;
+    constexpr int n = 12;
+    for (int i = 0; i <= n; ++i) {
+      const double x = l.x1 + (l.x2 - l.x1) * i / n;
+      const double y = l.y1 + (l.y2 - l.y1) * i / n;
+      const double here = sample(with_stars_, x, y);
+      middle += std::min(here, 30.0);
+      beside += std::min(sample(with_stars_, x + nx, y + ny), 30.0) +
+                std::min(sample(with_stars_, x - nx, y - ny), 30.0);
+      dark += here < 1;
+    }
+    return dark <= n / 2 && beside / 2 < 0.6 * middle;
   }
 
   /// Within the light of a streak already found or refused.
-  [[nodiscard]] bool is_known(const Line& seed) const {
+  [[nodiscard]] bool is_known(const Line& seed, bool with_stars) const {
     const double mx = (seed.x1 + seed.x2) / 2;
     const double my = (seed.y1 + seed.y2) / 2;
     const auto covers = [&](const Line& l) {
@@ -128,33 +176,33 @@ class Finder {
              near(0.25 * seed.x1 + 0.75 * seed.x2, 0.25 * seed.y1 + 0.75 * seed.y2);
     };
     return std::any_of(found_.begin(), found_.end(), covers) ||
-           std::any_of(refused_.begin(), refused_.end(), covers);
+           std::any_of(refused_[with_stars ? 1 : 0].begin(), refused_[with_stars ? 1 : 0].end(), covers);
   }
 
-  [[nodiscard]] double sample(double x, double y) const {
+  [[nodiscard]] static double sample(const Plane& plane, double x, double y) {
     const int i = static_cast<int>(std::floor(x));
     const int j = static_cast<int>(std::floor(y));
-    if (i < 0 || j < 0 || i + 1 >= filtered_.width() || j + 1 >= filtered_.height()) return 0;
+    if (i < 0 || j < 0 || i + 1 >= plane.width() || j + 1 >= plane.height()) return 0;
     const double u = x - i;
     const double v = y - j;
-    return (1 - v) * ((1 - u) * double(filtered_.at(i, j)) + u * double(filtered_.at(i + 1, j))) +
-           v * ((1 - u) * double(filtered_.at(i, j + 1)) + u * double(filtered_.at(i + 1, j + 1)));
+    return (1 - v) * ((1 - u) * double(plane.at(i, j)) + u * double(plane.at(i + 1, j))) +
+           v * ((1 - u) * double(plane.at(i, j + 1)) + u * double(plane.at(i + 1, j + 1)));
   }
 
   /// Clipped, so that one star left over does not turn the line to itself.
-  [[nodiscard]] double mean_along(const Line& l) const {
+  [[nodiscard]] static double mean_along(const Plane& plane, const Line& l) {
     const int n = std::max(4, static_cast<int>(l.length()));
     double sum = 0;
     for (int i = 0; i <= n; ++i) {
       const double t = static_cast<double>(i) / n;
-      sum += std::min(sample(l.x1 + t * (l.x2 - l.x1), l.y1 + t * (l.y2 - l.y1)), 30.0);
+      sum += std::min(sample(plane, l.x1 + t * (l.x2 - l.x1), l.y1 + t * (l.y2 - l.y1)), 30.0);
     }
     return sum / (n + 1);
   }
 
   /// Moves the ends across the line to where most light is.
-  void turn(Line& l) const {
-    double best = mean_along(l);
+  void turn(const Plane& plane, Line& l) const {
+    double best = mean_along(plane, l);
     for (double step = std::max(1.0, sigma_); step > 0.2; step /= 2) {
       for (int round = 0; round < 6; ++round) {
         const double length = std::max(1e-6, l.length());
@@ -166,7 +214,7 @@ class Finder {
           Line moved_line = l;
           moved_line.x1 += a * nx, moved_line.y1 += a * ny;
           moved_line.x2 += b * nx, moved_line.y2 += b * ny;
-          const double value = mean_along(moved_line);
+          const double value = mean_along(plane, moved_line);
           if (value <= best) continue;
           best = value;
           l = moved_line;
@@ -179,11 +227,11 @@ class Finder {
   }
 
   /// Moves the ends along the line to where the light falls below half.
-  void stretch(Line& l) const {
+  void stretch(const Plane& plane, Line& l) const {
     const double length = std::max(1e-6, l.length());
     const double ux = (l.x2 - l.x1) / length;
     const double uy = (l.y2 - l.y1) / length;
-    const double half = 0.5 * std::min(mean_along(l), 12.0);
+    const double half = 0.5 * std::min(mean_along(plane, l), 12.0);
     if (half <= 0) return;
     const double mx = (l.x1 + l.x2) / 2;
     const double my = (l.y1 + l.y2) / 2;
@@ -191,12 +239,12 @@ class Finder {
       double sum = 0;
       double highest = 0;
       double at = 1;
-      const int most = filtered_.width() + filtered_.height();
+      const int most = plane.width() + plane.height();
       for (int t = 0; t < most; ++t) {
         const double x = mx + sign * t * ux;
         const double y = my + sign * t * uy;
-        if (x < 0 || y < 0 || x > filtered_.width() - 1 || y > filtered_.height() - 1) break;
-        sum += std::min(sample(x, y), 4 * half) - half;
+        if (x < 0 || y < 0 || x > plane.width() - 1 || y > plane.height() - 1) break;
+        sum += std::min(sample(plane, x, y), 4 * half) - half;
         if (sum > highest) highest = sum, at = t;
         if (highest - sum > std::max(8 * half, 0.25 * highest) && highest - sum > 6 * sigma_ * half) break;
       }
@@ -353,21 +401,118 @@ class Finder {
     return is_even(l, snr);
   }
 
-  void examine(const Line& seed) {
-    Line l = seed;
+  /// The line that fits best from here, on what a plane shows. @return its significance; 0: none
+  [[nodiscard]] double trace(const Plane& plane, Line& l) const {
     for (int round = 0; round < 3; ++round) {
-      turn(l);
-      stretch(l);
-      if (l.length() < 2) break;
+      turn(plane, l);
+      stretch(plane, l);
+      if (l.length() < 2) return 0;
     }
-    l.height = std::max(0.1, mean_along(l) * 0.4);
-    const double snr = l.length() >= 2 ? fit(l) : 0;
-    if (snr > 0 && is_streak(l, snr)) {
-      found_.push_back(l);
-      snrs_.push_back(snr);
-    } else {
-      refused_.push_back(seed);
+    l.height = std::max(0.1, mean_along(plane, l) * 0.4);
+    return 1;
+  }
+
+  void examine(const Seed& seed) {
+    if (!seed.with_stars) {
+      Line l = seed.line;
+      const double snr = trace(without_stars_, l) > 0 ? fit(l) : 0;
+      const bool alone = snr > 0 && is_streak(l, snr);
+      // Stars may have been fitted to its brighter parts.
+      if (try_with_stars(alone ? l : seed.line, alone ? snr : 0)) return;
+      if (alone) {
+        found_.push_back(l);
+        snrs_.push_back(snr);
+        return;
+      }
+    } else if (try_with_stars(seed.line, 0)) {
+      return;
     }
+    refused_[seed.with_stars ? 1 : 0].push_back(seed.line);
+  }
+
+  /// Gives the light of the stars on the line back to it. @return whether a streak explains it better than
+  /// the stars did
+  bool try_with_stars(const Line& seed, double snr_without) {
+    Line l = seed;
+    if (!(trace(with_stars_, l) > 0)) return false;
+    const std::vector<std::size_t> stars = stars_on(l);
+    if (stars.empty() && snr_without > 0) return false;
+    const Line area = l;
+    std::vector<std::pair<std::size_t, std::uint8_t>> masked_before;
+    give_back(stars, 1, &masked_before);
+    const double snr = fit(l);
+    bool better = snr > snr_without && is_streak(l, snr);
+    if (better && !stars.empty()) {
+      const double as_line = mismatch(area, l, &l);
+      give_back(stars, -1, nullptr);
+      const double as_stars = mismatch(area, l, nullptr);
+      give_back(stars, 1, nullptr);
+      better = as_line < as_stars + 4 * (3 * static_cast<double>(stars.size()) - 5);
+    }
+    if (!better) {
+      give_back(stars, -1, nullptr);
+      for (const auto& [at, value] : masked_before) mask_.cells()[at] = value;
+      return false;
+    }
+    for (const std::size_t i : stars) taken_[i] = true;
+    found_.push_back(l);
+    snrs_.push_back(snr);
+    return true;
+  }
+
+  /// Stars not brighter than a streak's piece could be, whose centres lie on the line.
+  [[nodiscard]] std::vector<std::size_t> stars_on(const Line& l) const {
+    std::vector<std::size_t> on;
+    const double length = std::max(1e-6, l.length());
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    const double fwhm = clean_.psf.fwhm_px();
+    for (std::size_t i = 0; i < field_.stars.size(); ++i) {
+      const Star& s = field_.stars[i];
+      const double t = (s.x - l.x1) * ux + (s.y - l.y1) * uy;
+      const double d = std::abs((s.y - l.y1) * ux - (s.x - l.x1) * uy);
+      if (!taken_[i] && t > -fwhm && t < length + fwhm && d < 0.75 * fwhm) on.push_back(i);
+    }
+    return on;
+  }
+
+  /// Adds the stars' light (@p sign 1) and unmasks their pixels, noting what was masked; or takes the light
+  /// away (-1).
+  void give_back(const std::vector<std::size_t>& stars, float sign,
+                 std::vector<std::pair<std::size_t, std::uint8_t>>* masked) {
+    for (const std::size_t i : stars) {
+      const Star& s = field_.stars[i];
+      const double height = s.flux / clean_.psf.flux() / double(clean_.noise_adu.at(s.x, s.y));
+      const int r = std::min(
+          100, static_cast<int>(std::ceil(clean_.psf.radius_at(std::clamp(0.1 / height, 1e-5, 0.5)))));
+      const int x0 = static_cast<int>(std::lround(s.x));
+      const int y0 = static_cast<int>(std::lround(s.y));
+      for (int y = std::max(0, y0 - r); y <= std::min(light_.height() - 1, y0 + r); ++y) {
+        for (int x = std::max(0, x0 - r); x <= std::min(light_.width() - 1, x0 + r); ++x) {
+          light_.at(x, y) += sign * static_cast<float>(height) *
+                             clean_.psf.height(static_cast<float>(x - s.x), static_cast<float>(y - s.y));
+          if (masked == nullptr || mask_.at(x, y) == 0 || clean_.flaws.at(x, y) != 0) continue;
+          masked->emplace_back(static_cast<std::size_t>(y) * static_cast<std::size_t>(light_.width()) +
+                                   static_cast<std::size_t>(x),
+                               mask_.at(x, y));
+          mask_.at(x, y) = 0;
+        }
+      }
+    }
+  }
+
+  /// Chi squared over the pixels of @p area, of the light minus @p model (or of the light alone). The weights
+  /// are those of the model @p expected in either case.
+  [[nodiscard]] double mismatch(const Line& area, const Line& expected, const Line* model) const {
+    double sum = 0;
+    const Model light(expected, sigma_);
+    for_pixels(area, [&](int x, int y) {
+      if (!usable(x, y)) return;
+      const double m = expected.height * light(x, y);
+      const double r = double(light_.at(x, y)) - (model != nullptr ? m : 0);
+      sum += r * r / (1 + 0.03 * m + 0.0025 * m * m);
+    });
+    return sum;
   }
 
   /// Two pieces that go on in each other's direction.
@@ -439,19 +584,25 @@ class Finder {
   const StarField& field_;
   const StreakOptions& options_;
   double sigma_;
-  Plane light_;     ///< without stars and background, in noise
-  Plane filtered_;  ///< the same through the matched filter, noise 1
+  Plane light_;  ///< without stars and background, in noise
+  Grid<std::uint8_t> mask_;
+  Plane without_stars_;  ///< through the matched filter, noise 1
+  Plane with_stars_;
   Surface noise_;
   std::vector<Line> found_;
   std::vector<double> snrs_;
-  std::vector<Line> refused_;
+  std::array<std::vector<Line>, 2> refused_;  ///< by kind of seed
+  std::vector<bool> taken_;                   ///< stars that are parts of streaks
 };
 
 }  // namespace
 
-std::vector<Streak> find_streaks(const CleanFrame& clean, const StarField& field,
-                                 const StreakOptions& options) {
-  return Finder(clean, field, options).run();
+std::vector<Streak> find_streaks(const CleanFrame& clean, StarField& field, const StreakOptions& options) {
+  Finder finder(clean, field, options);
+  std::vector<Streak> streaks = finder.run();
+  std::size_t i = 0;
+  std::erase_if(field.stars, [&](const Star&) { return finder.is_part_of_streak(i++); });
+  return streaks;
 }
 
 }  // namespace srfs::image

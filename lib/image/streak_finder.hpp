@@ -12,7 +12,7 @@ struct StreakOptions {
 /// Streaks of moving objects on the frame without its stars: search along all lines, then a fit of ends,
 /// brightness and width. What is sharper than the optics (particles), wider (background, clouds) or lit on
 /// one part only (stars in a row) is none. Pieces of one line become one streak. Most significant first.
-[[nodiscard]] std::vector<Streak> find_streaks(const CleanFrame& clean, const StarField& field,
+[[nodiscard]] std::vector<Streak> find_streaks(const CleanFrame& clean, StarField& field,
                                                const StreakOptions& options);
 
 }  // namespace srfs::image

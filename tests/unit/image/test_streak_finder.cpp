@@ -1,0 +1,97 @@
+#include "image/streak_finder.hpp"
+
+#include <cmath>
+
+#include <gmock/gmock.h>
+
+#include "tests/unit/image/skies.hpp"
+
+namespace srfs::image {
+namespace {
+
+using hw_sim::SkyScene;
+using hw_sim::SkyStar;
+using hw_sim::SkyStreak;
+
+std::vector<Streak> streaks_in(const Frame& frame) {
+  FrameFindings findings;
+  const CleanFrame clean = clean_frame(frame, findings);
+  StarField field = find_stars(clean, {});
+  return find_streaks(clean, field, {});
+}
+
+SkyStreak with_snr(const SkyScene& scene, SkyStreak streak, double snr) {
+  streak.flux_e = 1;
+  streak.flux_e = snr / hw_sim::streak_snr(scene, streak);
+  return streak;
+}
+
+double end_error(const Streak& found, const SkyStreak& truth) {
+  const double same = std::max(std::hypot(found.x1 - truth.x1, found.y1 - truth.y1),
+                               std::hypot(found.x2 - truth.x2, found.y2 - truth.y2));
+  const double turned = std::max(std::hypot(found.x1 - truth.x2, found.y1 - truth.y2),
+                                 std::hypot(found.x2 - truth.x1, found.y2 - truth.y1));
+  return std::min(same, turned);
+}
+
+class StreaksInEveryDirection : public testing::TestWithParam<int> {};
+
+TEST_P(StreaksInEveryDirection, AreFoundWithTheirEnds) {
+  const double angle = GetParam() * 3.14159265 / 180;
+  SkyScene scene = small_scene(2.2, 30 + static_cast<std::uint64_t>(GetParam()));
+  scene.gradient = 0.3;
+  const SkyStreak truth = with_snr(scene,
+                                   {160.3 - 40 * std::cos(angle), 120.6 - 40 * std::sin(angle),
+                                    160.3 + 40 * std::cos(angle), 120.6 + 40 * std::sin(angle), 0},
+                                   30);
+
+  const std::vector<Streak> found = streaks_in(frame_of(scene, lattice(scene, 50, 57.9), {truth}));
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 3);
+  EXPECT_NEAR(found[0].snr, 30, 8);
+  EXPECT_NEAR(found[0].flux, truth.flux_e, 0.3 * truth.flux_e);
+}
+
+INSTANTIATE_TEST_SUITE_P(Degrees, StreaksInEveryDirection, testing::Values(0, 20, 45, 70, 90, 115, 135, 160));
+
+TEST(StreakFinder, FindsNoneAmongStarsHotPixelsAndParticleTracks) {
+  SkyScene scene = small_scene(2.5, 77);
+  const std::vector<SkyStar> stars = lattice(scene, 60, 31.7);
+  scene.hot_pixels = 100;
+  scene.cosmic_rays = 8;
+
+  EXPECT_TRUE(streaks_in(frame_of(scene, stars)).empty());
+}
+
+TEST(StreakFinder, FindsNoneOnACurvedBackground) {
+  SkyScene scene = small_scene(2.5, 78);
+  scene.background_e = 3000;
+  scene.curvature = 0.9;
+  scene.gradient = 0.5;
+
+  EXPECT_TRUE(streaks_in(frame_of(scene, lattice(scene, 60, 45.7))).empty());
+}
+
+TEST(StreakFinder, MakesOneOfPiecesThatAStarSeparates) {
+  SkyScene scene = small_scene(2.2, 79);
+  const SkyStreak truth = with_snr(scene, {60, 60, 220, 140, 0}, 60);
+  std::vector<SkyStar> stars = lattice(scene, 50, 57.9);
+  stars.push_back({140, 100, hw_sim::flux_for_snr(scene, 140, 100, 400)});
+
+  const std::vector<Streak> found = streaks_in(frame_of(scene, stars, {truth}));
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 4);
+}
+
+TEST(StreakFinder, FindsNothingWhereThereIsNothing) {
+  for (const auto& [width, height] : {std::pair{1, 1}, {1, 200}, {5, 3}, {150, 130}}) {
+    Frame frame;
+    frame.pixels = Plane(width, height, 12.0F);
+    EXPECT_TRUE(streaks_in(frame).empty());
+  }
+}
+
+}  // namespace
+}  // namespace srfs::image
