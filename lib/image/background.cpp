@@ -83,8 +83,10 @@ void fill_unknown(Plane& nodes) {
   }
 }
 
-/// Replaces nodes that a large star lifted: further than three spreads from the median of their neighbours.
-void smooth(Plane& nodes) {
+/// Replaces nodes by the median of their neighbours: where a large star lifted them, not where the sky is
+/// curved.
+/// @param tolerance  of a node, beside the median; nullptr: none
+void smooth(Plane& nodes, const Plane* tolerance) {
   const Plane before = nodes;
   std::vector<float> around;
   for (int y = 0; y < nodes.height(); ++y) {
@@ -97,7 +99,9 @@ void smooth(Plane& nodes) {
             around.push_back(before.at(x + i, y + j));
         }
       }
-      nodes.at(x, y) = median_of(around);
+      const float median = median_of(around);
+      if (tolerance == nullptr || std::abs(before.at(x, y) - median) > tolerance->at(x, y))
+        nodes.at(x, y) = median;
     }
   }
 }
@@ -221,8 +225,8 @@ SkyLevel measure_sky(const Plane& pixels, int cell_px, float noise_least) {
   });
   fill_unknown(level);
   fill_unknown(noise);
-  smooth(level);
-  smooth(noise);
+  smooth(noise, nullptr);
+  smooth(level, &noise);
   for (float& v : noise.cells()) v = std::max(v, noise_least);
   return {Surface(std::move(level), cell_px), Surface(std::move(noise), cell_px)};
 }

@@ -213,8 +213,12 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
     }
   }
   // Equally spaced values have at least the noise of their rounding.
-  const float noise_least =
-      std::max({0.4F * frame.step, 1e-6F * span, std::numeric_limits<float>::min() * 1e6F});
+  // Equal values have the noise of their float representation.
+  const float noise_least = std::max({0.4F * frame.step,
+                                      span >= 0 && range.high >= range.low
+                                          ? 3e-6F * std::max(std::abs(range.low), std::abs(range.high))
+                                          : 0.0F,
+                                      std::numeric_limits<float>::min() * 1e6F});
   SkyLevel sky = measure_sky(out.signal, sky_cell_px(in.width(), in.height()), noise_least);
   std::vector<float> level(static_cast<std::size_t>(in.width()));
   std::vector<float> noise(static_cast<std::size_t>(in.width()));

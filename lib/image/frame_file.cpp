@@ -102,7 +102,12 @@ Decoded decode_fits(OctetView content) {
   const std::uint64_t octets = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
                                static_cast<std::uint64_t>(planes) *
                                static_cast<std::uint64_t>(std::abs(bits) / 8);
-  if (!compressed && octets > content.size())
+  LONGLONG header_at = 0;
+  LONGLONG pixels_at = 0;
+  LONGLONG end_at = 0;
+  if (fits_get_hduaddrll(file.handle, &header_at, &pixels_at, &end_at, &status) != 0)
+    return Err(Refusal{fits_reason(status)});
+  if (!compressed && static_cast<std::uint64_t>(pixels_at) + octets > content.size())
     return refuse("FITS: the header announces {} octets of pixels, the file has {}", octets, content.size());
   // A tile that decodes to more than a thousand times its octets does not come from a camera.
   if (compressed && octets / 1000 > content.size())

@@ -130,7 +130,7 @@ class Finder {
       ++run;
     star.radius += run;
     if (run == 0 && peak.value < 60 && drawn_out(peak)) return;
-    if (!fit(star, 4, 0)) return;
+    if (!fit(star, run > 0 ? 25 : 4, 0)) return;  // from flanks only, the height is found slowly
     if (std::hypot(star.x - peak.x, star.y - peak.y) > std::max(1.5, 0.7 * psf_.fwhm_px()) + run) return;
     if (star.energy < (run > 0 ? 0.02 : 0.4) * energy_) return;
     judge(star, pass);
@@ -218,7 +218,7 @@ class Finder {
       star.y += dy;
       star.height += length > longest ? 0.0 : dh;
       if (!(star.height > 0)) return false;
-      if (length < 1e-4) break;
+      if (length < 0.02 * psf_.fwhm_px() / std::max(3.0, star.height) && std::abs(dh) < 0.05) break;
     }
     return star.x > -1 && star.y > -1 && star.x < residual_.width() && star.y < residual_.height();
   }
@@ -283,9 +283,11 @@ class Finder {
       }
       const double det = ss * hh - sh * sh;
       if (!(det > 1e-9 * ss * hh)) break;
-      log_scale = std::clamp(log_scale + std::clamp((hh * rs - sh * rh) / det, -0.4, 0.4), -1.5, 1.2);
+      const double step = std::clamp((hh * rs - sh * rh) / det, -0.4, 0.4);
+      log_scale = std::clamp(log_scale + step, -1.5, 1.2);
       height = std::max(0.1 * star.height, height + (ss * rh - sh * rs) / det);
       ss_last = det / hh;
+      if (std::abs(step) < 0.01) break;
     }
     star.scale = std::exp(log_scale);
     star.scale_error = ss_last > 0 ? star.scale / std::sqrt(ss_last) : star.scale;

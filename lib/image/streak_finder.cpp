@@ -369,7 +369,7 @@ class Finder {
       product[part] += m * double(light_.at(x, y));
       energy[part] += m * m;
     });
-    if (seen < 0.5 * all || spikes > 0.15 * all) return false;
+    if (seen < (l.length() < 25 ? 0.75 : 0.5) * all || spikes > 0.15 * all) return false;
     int lit = 0;
     int looked = 0;
     for (std::size_t k = 0; k < parts; ++k) {
@@ -395,7 +395,9 @@ class Finder {
 
   [[nodiscard]] bool is_streak(const Line& l, double snr) const {
     const double fwhm = clean_.psf.fwhm_px();
-    if (snr < options_.snr_least || l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm))
+    // Between stars that touch there is room for something short and faint.
+    if (snr < options_.snr_least * (l.length() < 25 ? 1.2 : 1) ||
+        l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm))
       return false;
     if (l.scale > 1.8 || l.scale < 0.62) return false;
     return is_even(l, snr);
@@ -447,7 +449,7 @@ class Finder {
       give_back(stars, -1, nullptr);
       const double as_stars = mismatch(area, l, nullptr);
       give_back(stars, 1, nullptr);
-      better = as_line < as_stars + 4 * (3 * static_cast<double>(stars.size()) - 5);
+      better = as_line < as_stars + advantage(stars.size());
     }
     if (!better) {
       give_back(stars, -1, nullptr);
@@ -458,6 +460,15 @@ class Finder {
     found_.push_back(l);
     snrs_.push_back(snr);
     return true;
+  }
+
+  /// How much worse a line may fit than @p stars stars: it has fewer parameters, but in a crowded field stars
+  /// that touch are the likelier explanation.
+  [[nodiscard]] double advantage(std::size_t stars) const {
+    const double n = static_cast<double>(field_.stars.size());
+    const double reach = 1.5 * clean_.psf.fwhm_px();
+    const double touching_pairs = n * n * 1.57 * reach * reach / static_cast<double>(light_.size());
+    return std::min(4 * (3 * static_cast<double>(stars) - 5), 8.0) - 2 * std::log(1 + touching_pairs);
   }
 
   /// Stars not brighter than a streak's piece could be, whose centres lie on the line.

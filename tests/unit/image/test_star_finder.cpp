@@ -158,8 +158,12 @@ TEST(StarFinder, WorksAroundPixelsWithoutAValue) {
   for (const SkyStar& t : truth) {
     const bool visible = t.x > 155 || t.y < 95 || t.y > 205;
     const bool hidden = t.x < 145 && t.y > 105 && t.y < 195;
-    if (visible) EXPECT_NE(nearest(found, t.x, t.y, 0.5), nullptr) << t.x << ", " << t.y;
-    if (hidden) EXPECT_EQ(nearest(found, t.x, t.y, 2), nullptr) << t.x << ", " << t.y;
+    if (visible) {
+      EXPECT_NE(nearest(found, t.x, t.y, 0.5), nullptr) << t.x << ", " << t.y;
+    }
+    if (hidden) {
+      EXPECT_EQ(nearest(found, t.x, t.y, 2), nullptr) << t.x << ", " << t.y;
+    }
   }
 }
 
