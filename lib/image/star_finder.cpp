@@ -28,7 +28,8 @@ struct Fitted {
   double energy = 0;  ///< sum of the squared profile over the pixels used
   double scale = 1;   ///< width beside the frame's
   double scale_error = 0;
-  double noise = 1;  ///< of the filtered frame here
+  double noise = 1;      ///< of the filtered frame here
+  double left_over = 0;  ///< of brighter stars, here
   double significance = 0;
   int radius = 0;
   bool changed = true;  ///< it or its surroundings, since it was last fitted
@@ -52,8 +53,9 @@ class Finder {
   StarField run() {
     for (int pass = 0; pass < 2; ++pass) {
       filtered_ = gaussian_filter(residual_, psf_.sigma_px());
-      if (pass == 0)
-        noise_ = measure_noise(filtered_, sky_cell_px(filtered_.width(), filtered_.height()), 0.05F);
+      // The second time without the known stars, whose light counts as noise the first time.
+      noise_ = measure_noise(filtered_, sky_cell_px(filtered_.width(), filtered_.height()), 0.05F);
+      for (Fitted& star : stars_) star.noise = noise_at(star.x, star.y);
       const std::size_t known = stars_.size();
       for (const Peak& peak : find_peaks()) try_peak(peak, pass);
       if (stars_.size() == known) break;
@@ -66,6 +68,8 @@ class Finder {
   }
 
  private:
+  [[nodiscard]] double noise_at(double x, double y) const { return std::max(0.5, double(noise_.at(x, y))); }
+
   [[nodiscard]] std::vector<Peak> find_peaks() const {
     std::vector<Peak> peaks;
     const int w = filtered_.width();
@@ -121,7 +125,7 @@ class Finder {
     Fitted star;
     star.x = peak.x;
     star.y = peak.y;
-    star.noise = std::max(0.5, double(noise_.at(peak.x, peak.y)));
+    star.noise = noise_at(peak.x, peak.y);
     star.radius = psf_.fit_radius();
     star.height = double(peak.value) / std::sqrt(energy_);
     int run = 0;  // half the width of a saturated patch
@@ -132,7 +136,7 @@ class Finder {
     if (run == 0 && peak.value < 60 && drawn_out(peak)) return;
     if (!fit(star, run > 0 ? 25 : 4, 0)) return;  // from flanks only, the height is found slowly
     if (std::hypot(star.x - peak.x, star.y - peak.y) > std::max(1.5, 0.7 * psf_.fwhm_px()) + run) return;
-    if (star.energy < (run > 0 ? 0.02 : 0.4) * energy_) return;
+    if (star.energy < (run > 0 ? 0.001 : 0.4) * energy_) return;
     judge(star, pass);
     if (star.significance < double(candidate_least)) return;
     if (run == 0 && (is_one_pixel(star) || !has_star_width(star))) return;
@@ -140,9 +144,12 @@ class Finder {
     stars_.push_back(star);
   }
 
+  [[nodiscard]] static double significance_of(const Fitted& star) {
+    return star.height / std::hypot(star.noise / std::sqrt(star.energy), star.left_over);
+  }
+
   /// Significance beside the noise and beside what brighter stars leave.
   void judge(Fitted& star, int pass) const {
-    const double noise = star.noise / std::sqrt(star.energy);
     const int x = std::clamp(static_cast<int>(std::lround(star.x)), 0, residual_.width() - 1);
     const int y = std::clamp(static_cast<int>(std::lround(star.y)), 0, residual_.height() - 1);
     double others = 0;
@@ -150,8 +157,8 @@ class Finder {
       for (int i = std::max(0, x - 1); i <= std::min(residual_.width() - 1, x + 1); ++i)
         others = std::max(others, double(clean_.signal.at(i, j)) - double(residual_.at(i, j)));
     }
-    const double left_over = (pass == 0 ? 1 : 1.5) * model_error * others;
-    star.significance = star.height / std::hypot(noise, left_over);
+    star.left_over = (pass == 0 ? 1 : 1.5) * model_error * others;
+    star.significance = significance_of(star);
   }
 
   struct Area {
@@ -363,7 +370,8 @@ class Finder {
       // Beside the other stars only.
       add_light(star, 1);
       judge(star, 1);
-      if (has_star_width(star) && !is_sharper(star)) {
+      const bool saturated = star.radius > psf_.fit_radius();  // its core is unknown
+      if ((has_star_width(star) && !is_sharper(star)) || saturated) {
         add_light(star, -1);
       } else {
         sharp_.push_back(star);
@@ -397,6 +405,7 @@ class Finder {
 
   /// Keeps what is significant: the lower the limit, the more peaks of the noise come with it.
   void select() {
+    for (Fitted& star : stars_) star.significance = significance_of(star);
     double least = options_.snr_least;
     if (least <= 0) {
       const double area =

@@ -95,7 +95,7 @@ TEST(StreakFinder, MakesOneOfPiecesThatAStarSeparates) {
   const std::vector<Streak> found = streaks_in(frame_of(scene, stars, {truth}));
 
   ASSERT_EQ(found.size(), 1U);
-  EXPECT_LT(end_error(found[0], truth), 4);
+  EXPECT_LT(end_error(found[0], truth), 9);  // 5 % of its length
 }
 
 TEST(StreakFinder, FindsNothingWhereThereIsNothing) {
