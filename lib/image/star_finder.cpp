@@ -134,9 +134,9 @@ class Finder {
       ++run;
     star.radius += run;
     if (run == 0 && peak.value < 60 && drawn_out(peak)) return;
-    if (!fit(star, run > 0 ? 25 : 4, 0)) return;  // from flanks only, the height is found slowly
+    if (!fit(star, 4, 0)) return;
     if (std::hypot(star.x - peak.x, star.y - peak.y) > std::max(1.5, 0.7 * psf_.fwhm_px()) + run) return;
-    if (star.energy < (run > 0 ? 0.001 : 0.4) * energy_) return;
+    if (star.energy < (run > 0 ? 0.02 : 0.4) * energy_) return;
     judge(star, pass);
     if (star.significance < double(candidate_least)) return;
     if (run == 0 && (is_one_pixel(star) || !has_star_width(star))) return;

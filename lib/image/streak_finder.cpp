@@ -7,7 +7,6 @@
 
 #include <Eigen/Dense>
 
-#include "image/background.hpp"
 #include "image/filter.hpp"
 #include "image/line_search.hpp"
 
@@ -478,16 +477,11 @@ class Finder {
     const double length = std::max(1e-6, l.length());
     const double ux = (l.x2 - l.x1) / length;
     const double uy = (l.y2 - l.y1) / length;
-    std::vector<float> light;
-    for (double t = 0; t <= length; t += 1)
-      light.push_back(static_cast<float>(sample(with_stars_, l.x1 + t * ux, l.y1 + t * uy)));
-    const double brightest = 1.6 * double(median_of(light)) + 2;
     const double fwhm = clean_.psf.fwhm_px();
     for (std::size_t i = 0; i < field_.stars.size(); ++i) {
       const Star& s = field_.stars[i];
       const double t = (s.x - l.x1) * ux + (s.y - l.y1) * uy;
       const double d = std::abs((s.y - l.y1) * ux - (s.x - l.x1) * uy);
-      if (sample(with_stars_, s.x, s.y) > brightest) continue;  // a star that the streak passes
       if (!taken_[i] && t > -fwhm && t < length + fwhm && d < 0.75 * fwhm) on.push_back(i);
     }
     return on;
