@@ -57,13 +57,15 @@ std::string_view to_text(Stage stage) {
       return "failed";
     case Stage::timed_out:
       return "timed_out";
+    case Stage::not_sent:
+      return "not_sent";
   }
   return "?";
 }
 
 bool is_failure(Stage stage) {
   return stage == Stage::rejected || stage == Stage::start_failed || stage == Stage::progress_failed ||
-         stage == Stage::failed || stage == Stage::timed_out;
+         stage == Stage::failed || stage == Stage::timed_out || stage == Stage::not_sent;
 }
 
 bool is_final(Stage stage) {
@@ -97,6 +99,13 @@ std::optional<StageReport> Commanding::on_packet(const wire::TmPacket& packet, M
 void Commanding::extend(std::uint64_t tag, MonotonicTime now) {
   for (auto& telecommand : outstanding_) {
     if (telecommand.tag == tag)
+      telecommand.deadline = std::max(telecommand.deadline, now + telecommand.patience);
+  }
+}
+
+void Commanding::extend(const wire::RequestId& request, MonotonicTime now) {
+  for (auto& telecommand : outstanding_) {
+    if (telecommand.request == request)
       telecommand.deadline = std::max(telecommand.deadline, now + telecommand.patience);
   }
 }

@@ -13,7 +13,8 @@
 
 namespace srfs::ground {
 
-/// Where a telecommand stands; sent and timed_out are the ground's own, the others are PUS 1 reports.
+/// Where a telecommand stands; sent, not_sent and timed_out are the ground's own, the others are PUS 1
+/// reports.
 enum class Stage : std::uint8_t {
   sent,
   accepted,         ///< 1,1
@@ -25,6 +26,7 @@ enum class Stage : std::uint8_t {
   completed,        ///< 1,7
   failed,           ///< 1,8
   timed_out,        ///< no further report came in time
+  not_sent,         ///< the AD service ended before its first transmission
 };
 [[nodiscard]] std::string_view to_text(Stage stage);
 /// The telecommand is over and was not completed.
@@ -59,6 +61,7 @@ class Commanding {
   [[nodiscard]] std::optional<StageReport> on_packet(const wire::TmPacket& packet, MonotonicTime now);
   /// There is news of a telecommand that takes long: its patience begins anew.
   void extend(std::uint64_t tag, MonotonicTime now);
+  void extend(const wire::RequestId& request, MonotonicTime now);
   /// The telecommands whose time is over.
   [[nodiscard]] std::vector<StageReport> on_time(MonotonicTime now);
 

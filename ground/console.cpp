@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
+#include <utility>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -19,7 +21,9 @@ namespace srfs::ground {
 namespace {
 
 constexpr seconds stats_period{5};
+constexpr milliseconds progress_period{500};
 constexpr milliseconds default_acceptance{5000};
+constexpr milliseconds default_clcw{35000};  // the beacon comes every 30 s
 constexpr std::size_t longest_line = 4096;
 
 std::vector<std::string> words_of(const std::string& line) {
@@ -50,8 +54,14 @@ Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings&
       station_(dictionary, link, std::move(port), std::move(uplink),
                {.telemetry = [this](const auto& report) { on_telemetry(report); },
                 .stage = [this](const auto& report) { on_stage(report); },
-                .retrieval_over = [this](const auto& retrieval) { on_retrieval_over(retrieval); }}),
-      next_stats_(monotonic_now() + stats_period) {}
+                .retrieval_over = [this](const auto& retrieval) { on_retrieval_over(retrieval); },
+                .cop = [this](const auto& report) { on_cop(report); },
+                .file = [this](const auto& news) { on_file(news); },
+                .problem = [this](const auto& problem) { fail(problem); }},
+               options.fop),
+      next_stats_(monotonic_now() + stats_period) {
+  if (options.ad) station_.start_ad();
+}
 
 Exit Console::telecommand(const std::string& name, const std::vector<std::string>& arguments, bool wait,
                           std::optional<milliseconds> timeout) {
@@ -59,9 +69,9 @@ Exit Console::telecommand(const std::string& name, const std::vector<std::string
   if (!wait && !timeout) timeout = default_acceptance;
   send(name, arguments, timeout);
   if (failed_to_send_) return Exit::unusable;
-  const auto over = [&] { return is_final(last_stage_->stage) || (!wait && accepted_); };
+  const auto over = [&] { return last_stage_ && (is_final(last_stage_->stage) || (!wait && accepted_)); };
   if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
-  const bool success = wait ? last_stage_->stage == Stage::completed : accepted_;
+  const bool success = wait ? last_stage_ && last_stage_->stage == Stage::completed : accepted_;
   return success ? Exit::done : Exit::refused;
 }
 
@@ -70,12 +80,16 @@ Exit Console::ping(std::optional<milliseconds> timeout) {
   send("ttc.ping", {}, timeout);
   if (failed_to_send_) return Exit::unusable;
   const MonotonicTime sent = monotonic_now();
-  const auto over = [&] { return pong_ || is_failure(last_stage_->stage); };
-  const MonotonicTime deadline = sent + timeout.value_or(milliseconds(3000));
+  const auto over = [&] { return pong_ || (last_stage_ && is_failure(last_stage_->stage)); };
+  // By the AD service it may have to be repeated.
+  const milliseconds patience = timeout.value_or(
+      options_.ad ? options_.fop.timer * options_.fop.transmission_limit : milliseconds(3000));
+  const MonotonicTime deadline = sent + patience;
   if (!run(Watch::port, over, deadline)) return Exit::link_closed;
   if (!pong_) {
-    fail(is_failure(last_stage_->stage) ? "the ping was not answered: " + last_stage_->failure_text
-                                        : "the ping was not answered");
+    fail(last_stage_ && is_failure(last_stage_->stage)
+             ? "the ping was not answered: " + last_stage_->failure_text
+             : "the ping was not answered");
     return Exit::refused;
   }
   if (!options_.json)
@@ -103,15 +117,235 @@ Exit Console::retrieve(const std::string& store, const std::string& from, const 
   return last_retrieval_ && last_retrieval_->is_complete() ? Exit::done : Exit::refused;
 }
 
+void Console::carry_files(std::unique_ptr<cfdp::Postbox> postbox) {
+  station_.carry_files(std::move(postbox));
+}
+
+Exit Console::put(const std::string& file, const std::string& name, std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  const auto id = put_file(*station_.files(), file, name);
+  if (!id) {
+    fail(id.error());
+    return Exit::unusable;
+  }
+  awaited_file_ = *id;
+  const auto deadline = timeout ? std::optional(monotonic_now() + *timeout) : std::nullopt;
+  if (!run(
+          Watch::port, [&] { return awaited_arrived_.has_value(); }, deadline))
+    return Exit::link_closed;
+  if (!awaited_arrived_) {
+    fail("the file is not up yet; it goes on with the next put, files, listen or session");
+    return Exit::refused;
+  }
+  return *awaited_arrived_ ? Exit::done : Exit::refused;
+}
+
+Exit Console::files(std::optional<milliseconds> duration) {
+  quiet_telemetry_ = true;
+  // The spacecraft goes on with what rests there as soon as it hears the ground.
+  send("ttc.ping", {}, std::nullopt);
+  const auto deadline = duration ? std::optional(monotonic_now() + *duration) : std::nullopt;
+  const bool open = run(
+      Watch::port, [] { return false; }, deadline);
+  return open ? Exit::done : Exit::link_closed;
+}
+
+void Console::on_file(const cfdp::News& news) {
+  if (awaited_file_ == news.event.id && news.event.kind == cfdp::EventKind::finished)
+    awaited_arrived_ = has_arrived(news);
+  options_.json ? write_json(to_json(news)) : write_lines(to_line(news) + "\n");
+}
+
+bool Console::files_under_way() {
+  if (station_.files() == nullptr) return false;
+  const auto all = station_.files()->entity().transactions();
+  return std::any_of(all.begin(), all.end(), [](const auto& t) { return t.rest == cfdp::Rest::none; });
+}
+
+void Console::tell_progress() {
+  if (station_.files() == nullptr || monotonic_now() < next_progress_) return;
+  next_progress_ = monotonic_now() + progress_period;
+  std::string told;
+  for (const cfdp::Report& report : station_.files()->entity().transactions()) {
+    told += options_.json
+                ? to_json(report).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n"
+                : to_line(report) + "\n";
+  }
+  if (told.empty() || told == last_progress_) return;
+  last_progress_ = told;
+  if (options_.json) return write_lines(told);
+  if (!options_.colour) return;  // no terminal: what began and ended is told, not how far it is
+  // One line that is written over: the first file under way.
+  const std::string line = told.substr(0, told.find('\n'));
+  std::fputs(("\r\x1b[K" + line).c_str(), stdout);
+  std::fflush(stdout);
+  progress_shown_ = true;
+}
+
+bool Console::on_file_line(const std::string& verb, const std::vector<std::string>& words) {
+  cfdp::Postbox* const postbox = station_.files();
+  if (postbox == nullptr) return false;
+  if (verb == "put" && (words.size() == 1 || words.size() == 2)) {
+    const auto put =
+        put_file(*postbox, words[0],
+                 words.size() == 2 ? words[1] : std::filesystem::path(words[0]).filename().string());
+    if (!put) fail(put.error());
+    return true;
+  }
+  if (verb == "files" && words.empty()) {
+    for (const cfdp::Report& report : postbox->entity().transactions()) write_json(to_json(report));
+    return true;
+  }
+  if (words.size() != 1 || (verb != "suspend" && verb != "resume" && verb != "cancel")) return false;
+  const auto id = parse_transaction(words[0]);
+  if (!id) return false;
+  const MonotonicTime now = monotonic_now();
+  const bool known = verb == "suspend"  ? postbox->entity().suspend(*id)
+                     : verb == "resume" ? postbox->entity().resume(*id, now)
+                                        : postbox->entity().cancel(*id, now);
+  if (!known) fail(fmt::format("no file with the id {} is under way", words[0]));
+  return true;
+}
+
 Exit Console::session() {
   options_.json = true;
   const int flags = fcntl(STDIN_FILENO, F_GETFL);
   if (flags >= 0) fcntl(STDIN_FILENO, F_SETFL, flags | O_NONBLOCK);
   const bool open = run(
-      Watch::port_and_input, [&] { return input_ended_ && station_.idle(); }, std::nullopt);
+      Watch::port_and_input, [&] { return input_ended_ && station_.idle() && !files_under_way(); },
+      std::nullopt);
   if (flags >= 0) fcntl(STDIN_FILENO, F_SETFL, flags);
   write_stats();
   return open ? Exit::done : Exit::link_closed;
+}
+
+Exit Console::script(const std::vector<ScriptStep>& steps, bool keep_going) {
+  quiet_telemetry_ = true;
+  std::size_t run = 0;
+  std::size_t failed = 0;
+  auto exit = Exit::done;
+  for (const ScriptStep& step : steps) {
+    line_ = step.line;
+    const StepEnd end = run_step(step);
+    ++run;
+    tell_step(step, end);
+    if (end == StepEnd::as_expected) continue;
+    ++failed;
+    exit = end == StepEnd::link_closed ? Exit::link_closed : Exit::refused;
+    if (!keep_going || end != StepEnd::otherwise) break;
+  }
+  if (options_.json) {
+    write_json({{"type", "script_done"}, {"steps", steps.size()}, {"run", run}, {"failed", failed}});
+  } else {
+    write_lines(fmt::format("{} of {} lines run, {} not as expected\n", run, steps.size(), failed));
+  }
+  return exit;
+}
+
+Console::StepEnd Console::run_step(const ScriptStep& step) {
+  const auto wait_until = [&](MonotonicTime deadline) {
+    const bool open = this->run(
+        Watch::port, [] { return false; }, deadline);
+    return !open ? StepEnd::link_closed : interrupted_ ? StepEnd::interrupted : StepEnd::as_expected;
+  };
+  const auto initiated = [&] {
+    const Exit exit = finish_initiation();
+    if (exit == Exit::link_closed) return StepEnd::link_closed;
+    if (interrupted_) return StepEnd::interrupted;
+    return exit == Exit::done ? StepEnd::as_expected : StepEnd::otherwise;
+  };
+  switch (step.kind) {
+    case ScriptStep::Kind::telecommand:
+      return run_telecommand_step(step);
+    case ScriptStep::Kind::wait:
+      return wait_until(monotonic_now() + step.duration);
+    case ScriptStep::Kind::wait_until: {
+      const nanoseconds left = step.until.since_epoch() - system_utc_now().since_epoch();
+      return wait_until(monotonic_now() + std::max(left, nanoseconds(0)));
+    }
+    case ScriptStep::Kind::ad_on:
+      station_.start_ad();
+      return initiated();
+    case ScriptStep::Kind::ad_off:
+      station_.stop_ad();
+      return StepEnd::as_expected;
+    case ScriptStep::Kind::unlock:
+      station_.unlock();
+      return initiated();
+    case ScriptStep::Kind::set_vr:
+      station_.set_vr(step.vr);
+      return initiated();
+  }
+  return StepEnd::otherwise;
+}
+
+Console::StepEnd Console::run_telecommand_step(const ScriptStep& step) {
+  step_ = &step;
+  step_judgement_.reset();
+  send(step.name, step.arguments, step.timeout);
+  const bool open =
+      failed_to_send_ || run(
+                             Watch::port, [&] { return step_judgement_.has_value(); }, std::nullopt);
+  step_ = nullptr;
+  if (!open) return StepEnd::link_closed;
+  if (failed_to_send_) return StepEnd::otherwise;
+  if (!step_judgement_) return StepEnd::interrupted;
+  return *step_judgement_ ? StepEnd::as_expected : StepEnd::otherwise;
+}
+
+void Console::tell_step(const ScriptStep& step, StepEnd end) {
+  const std::string_view how = end == StepEnd::as_expected   ? "as expected"
+                               : end == StepEnd::otherwise   ? "NOT as expected"
+                               : end == StepEnd::interrupted ? "interrupted"
+                                                             : "the link was closed";
+  std::string expected =
+      step.kind == ScriptStep::Kind::telecommand ? std::string(to_text(step.expectation)) : "";
+  if (!step.failure.empty()) expected += " " + step.failure;
+  if (options_.json) {
+    return write_json({{"type", "script_step"},
+                       {"line", step.line},
+                       {"text", step.text},
+                       {"expected", expected},
+                       {"success", end == StepEnd::as_expected}});
+  }
+  write_lines(fmt::format("line {}: {}: {}{}\n", step.line, step.text, how,
+                          expected.empty() ? "" : " (expected: " + expected + ")"));
+}
+
+Exit Console::finish_initiation() {
+  if (!run(
+          Watch::port, [&] { return !station_.ad_starting(); }, std::nullopt))
+    return Exit::link_closed;
+  return station_.cop().phase == AdPhase::on ? Exit::done : Exit::refused;
+}
+
+Exit Console::unlock() {
+  quiet_telemetry_ = true;
+  station_.unlock();
+  return finish_initiation();
+}
+
+Exit Console::set_vr(std::uint8_t vr) {
+  quiet_telemetry_ = true;
+  station_.set_vr(vr);
+  return finish_initiation();
+}
+
+Exit Console::clcw(std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  const MonotonicTime deadline = monotonic_now() + timeout.value_or(default_clcw);
+  if (!run(
+          Watch::port, [&] { return station_.cop().clcw.has_value(); }, deadline))
+    return Exit::link_closed;
+  if (!station_.cop().clcw) {
+    fail("no CLCW of the telecommand channel came");
+    return Exit::refused;
+  }
+  return Exit::done;
+}
+
+void Console::on_cop(const CopReport& report) {
+  options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 
 void Console::send(const std::string& name, const std::vector<std::string>& arguments,
@@ -134,6 +368,8 @@ void Console::on_telemetry(const TelemetryReport& report) {
 
 void Console::on_stage(const StageReport& report) {
   last_stage_ = report;
+  if (step_ != nullptr && report.tag == step_->line && !step_judgement_)
+    step_judgement_ = judge(*step_, report);
   // Later reports prove the acceptance whose own was lost.
   accepted_ = accepted_ || report.stage == Stage::accepted || report.stage == Stage::started ||
               report.stage == Stage::progress || report.stage == Stage::completed;
@@ -171,13 +407,36 @@ void Console::on_line(const std::string& line) {
     const std::string store = words.size() == 3 ? words[2] : "housekeeping";
     return send("storage.retrieve", {"store=" + store, "from=" + words[0], "to=" + words[1]}, *timeout);
   }
+  if (on_cop_line(verb, words) || on_file_line(verb, words)) return;
   if (verb == "stats" && words.empty()) return write_stats();
   if (verb == "quit" && words.empty()) {
     interrupted_ = true;
     return;
   }
-  fail(fmt::format("'{}': expected ping | tc NAME [key=value ...] | retrieve FROM TO [STORE] | stats | quit",
-                   line));
+  fail(fmt::format(
+      "'{}': expected ping | tc NAME [key=value ...] | retrieve FROM TO [STORE] | ad on|off | unlock | "
+      "setvr N | clcw | put FILE [NAME] | files | suspend ID | resume ID | cancel ID | stats | quit",
+      line));
+}
+
+bool Console::on_cop_line(const std::string& verb, const std::vector<std::string>& words) {
+  if (verb == "ad" && words == std::vector<std::string>{"on"}) {
+    station_.start_ad();
+  } else if (verb == "ad" && words == std::vector<std::string>{"off"}) {
+    station_.stop_ad();
+  } else if (verb == "unlock" && words.empty()) {
+    station_.unlock();
+  } else if (verb == "setvr" && words.size() == 1) {
+    std::uint8_t vr = 0;
+    const auto [end, error] = std::from_chars(words[0].data(), words[0].data() + words[0].size(), vr);
+    if (error != std::errc() || end != words[0].data() + words[0].size()) return false;
+    station_.set_vr(vr);
+  } else if (verb == "clcw" && words.empty()) {
+    on_cop(station_.cop());
+  } else {
+    return false;
+  }
+  return true;
 }
 
 void Console::on_input() {
@@ -207,6 +466,7 @@ bool Console::run(Watch watch, const std::function<bool()>& over, std::optional<
     if (deadline && monotonic_now() >= *deadline) break;
     wait_once(watch, deadline, closed);
     station_.on_time();
+    tell_progress();
     if (watch == Watch::port_and_input && monotonic_now() >= next_stats_) write_stats();
   }
   return !closed;
@@ -236,6 +496,7 @@ void Console::write_json(const nlohmann::json& json) {
 }
 
 void Console::write_lines(const std::string& lines) {
+  if (std::exchange(progress_shown_, false)) std::fputs("\r\x1b[K", stdout);
   std::fputs(lines.c_str(), stdout);
   std::fflush(stdout);
 }
@@ -251,8 +512,49 @@ void Console::write_stats() {
   nlohmann::json json = to_json(station_.counters());
   json["telecommands_sent"] = station_.telecommands_sent();
   json["locked"] = station_.locked();
+  json["cop"] = to_json(station_.cop());
   if (station_.clcw()) json["clcw"] = fmt::format("{:08x}", *station_.clcw());
   write_json(json);
+}
+
+Exit run_bridge(Bridge& bridge, bool json) {
+  const Fd signals = termination_signals();
+  const auto tell = [&] {
+    const nlohmann::json counters = to_json(bridge.counters());
+    if (json) {
+      std::puts(counters.dump().c_str());
+    } else {
+      const BridgeCounters& c = bridge.counters();
+      std::puts(
+          fmt::format("{} TM frames down ({} bad, {} unsent), {} TC datagrams up ({} refused, {} unsent)",
+                      c.tm_frames, c.tm_bad, c.tm_unsent, c.tc_datagrams, c.tc_refused, c.tc_unsent)
+              .c_str());
+    }
+    std::fflush(stdout);
+  };
+  tell();  // it is ready
+  MonotonicTime next = monotonic_now() + stats_period;
+  while (true) {
+    std::array<pollfd, 3> fds{
+        {{bridge.line_fd(), POLLIN, 0}, {bridge.socket_fd(), POLLIN, 0}, {signals.get(), POLLIN, 0}}};
+    const auto left = std::chrono::ceil<milliseconds>(next - monotonic_now()).count();
+    static_cast<void>(
+        ::poll(fds.data(), fds.size(), static_cast<int>(std::clamp<std::int64_t>(left, 0, 5000))));
+    if (fds[2].revents != 0) break;
+    if (fds[0].revents != 0) {
+      if (const auto read = bridge.on_line(); !read) {
+        std::fprintf(stderr, "srfs-ground: %s\n", read.error().c_str());
+        return Exit::link_closed;
+      }
+    }
+    if (fds[1].revents != 0) bridge.on_socket();
+    if (monotonic_now() >= next) {
+      tell();
+      next = monotonic_now() + stats_period;
+    }
+  }
+  tell();
+  return Exit::done;
 }
 
 Result<std::filesystem::path, std::string> find_deployment(const std::string& text) {

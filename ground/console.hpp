@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "ground/bridge.hpp"
+#include "ground/script.hpp"
 #include "ground/station.hpp"
 
 namespace srfs::ground {
@@ -21,6 +23,8 @@ enum class Exit : int {
 struct ConsoleOptions {
   bool json = false;
   bool colour = false;
+  bool ad = false;  ///< telecommands by the AD service from the start
+  wire::FopSettings fop = {};
 };
 
 /// One run of the tool: a station, its output as lines or JSON, and the loop that waits for the port, the
@@ -38,6 +42,20 @@ class Console {
   [[nodiscard]] Exit listen(std::optional<milliseconds> duration);
   [[nodiscard]] Exit retrieve(const std::string& store, const std::string& from, const std::string& to,
                               std::optional<milliseconds> timeout);
+  /// Lines of a file, in order; a telecommand is followed to its end before the next line.
+  [[nodiscard]] Exit script(const std::vector<ScriptStep>& steps, bool keep_going);
+  /// COP-1 directives: until the AD service is on, or why not.
+  [[nodiscard]] Exit unlock();
+  [[nodiscard]] Exit set_vr(std::uint8_t vr);
+  /// The next CLCW of the channel.
+  [[nodiscard]] Exit clcw(std::optional<milliseconds> timeout);
+  /// What the following carry up and down besides. In order: before them.
+  void carry_files(std::unique_ptr<cfdp::Postbox> postbox);
+  /// One file up, until the spacecraft has it. What is not up by then stays in the queue.
+  [[nodiscard]] Exit put(const std::string& file, const std::string& name,
+                         std::optional<milliseconds> timeout);
+  /// Carries the queue up and what comes down. @param duration nullopt: until interrupted
+  [[nodiscard]] Exit files(std::optional<milliseconds> duration);
   /// Command lines from standard input; ends with "quit", or at its end when nothing is outstanding any more.
   [[nodiscard]] Exit session();
 
@@ -47,6 +65,20 @@ class Console {
   void on_telemetry(const TelemetryReport& report);
   void on_stage(const StageReport& report);
   void on_retrieval_over(const Retrieval& retrieval);
+  void on_cop(const CopReport& report);
+  void on_file(const cfdp::News& news);
+  void tell_progress();
+  [[nodiscard]] bool files_under_way();
+  /// @return whether the line was one about files
+  bool on_file_line(const std::string& verb, const std::vector<std::string>& words);
+  /// @return whether the line was one about COP-1
+  bool on_cop_line(const std::string& verb, const std::vector<std::string>& words);
+  /// Runs until the AD service is on or off.
+  [[nodiscard]] Exit finish_initiation();
+  enum class StepEnd : std::uint8_t { as_expected, otherwise, link_closed, interrupted };
+  [[nodiscard]] StepEnd run_step(const ScriptStep& step);
+  [[nodiscard]] StepEnd run_telecommand_step(const ScriptStep& step);
+  void tell_step(const ScriptStep& step, StepEnd end);
   void on_line(const std::string& line);
   void on_input();
   void send(const std::string& name, const std::vector<std::string>& arguments,
@@ -70,10 +102,20 @@ class Console {
   std::uint64_t line_ = 0;
   MonotonicTime next_stats_;
   std::optional<StageReport> last_stage_;
+  const ScriptStep* step_ = nullptr;  // the telecommand a script waits for
+  std::optional<bool> step_judgement_;
   bool accepted_ = false;
   bool pong_ = false;
   std::optional<Retrieval> last_retrieval_;
+  std::optional<cfdp::TransactionId> awaited_file_;
+  std::optional<bool> awaited_arrived_;
+  MonotonicTime next_progress_;
+  std::string last_progress_;
+  bool progress_shown_ = false;  // the terminal's cursor is in a progress line
 };
+
+/// Carries frames between line and UDP until a signal comes or the line ends.
+[[nodiscard]] Exit run_bridge(Bridge& bridge, bool json);
 
 /// The deployment file that @p text means: a file, or a name in launch_config ($SRFS_LAUNCH_DIR, beside the
 /// installed program, or in the source tree). The error is ready to print.

@@ -2,6 +2,8 @@
 
 #include <numeric>
 
+#include "cfdp/postbox.hpp"
+
 namespace srfs::ground {
 
 Downlink::Downlink(const ros::LinkSettings& link)
@@ -19,11 +21,17 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
     const auto frame = decoder_.decode(cadu.frame);
     if (!frame) continue;
     clcw_ = frame->ocf;
+    if (control_words_.size() == max_control_words) control_words_.erase(control_words_.begin());
+    control_words_.push_back(frame->ocf);
     if (frame->vc == wire::tm_idle_vc) {
       ++idle_frames_;
       continue;
     }
     for (const Octets& packet : channels_.at(frame->vc).push(*frame)) {
+      if (frame->vc == tm_channel::files) {
+        take_file_packet(packet);
+        continue;
+      }
       auto telemetry = wire::parse_tm_packet(packet);
       if (!telemetry) {
         ++bad_packets_;
@@ -34,6 +42,17 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
     }
   }
   return received;
+}
+
+void Downlink::take_file_packet(OctetView packet) {
+  const auto pdu = cfdp::pdu_in_packet(packet);
+  if (!pdu) {
+    ++bad_packets_;
+    return;
+  }
+  ++packets_;
+  if (file_pdus_.size() == max_file_pdus) file_pdus_.erase(file_pdus_.begin());
+  file_pdus_.emplace_back(pdu->begin(), pdu->end());
 }
 
 DownlinkCounters Downlink::counters() const {

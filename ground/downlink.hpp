@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "base/octets.hpp"
@@ -17,6 +18,7 @@ namespace srfs::ground {
 namespace tm_channel {
 inline constexpr std::uint8_t live = 0;
 inline constexpr std::uint8_t playback = 1;
+inline constexpr std::uint8_t files = 2;
 }  // namespace tm_channel
 
 struct ReceivedPacket {
@@ -33,7 +35,7 @@ struct DownlinkCounters {
   std::uint64_t corrected_octets = 0;
   std::uint64_t noise_octets = 0;
   std::uint64_t packets = 0;      ///< good ones
-  std::uint64_t bad_packets = 0;  ///< cut, or not a PUS telemetry packet
+  std::uint64_t bad_packets = 0;  ///< cut, or neither a PUS telemetry packet nor a PDU of files
 };
 
 /// Octets of the line to telemetry packets. Pure; memory: one CADU and one packet per channel.
@@ -43,16 +45,26 @@ class Downlink {
 
   /// @return the packets that end in these octets, in order of arrival
   [[nodiscard]] std::vector<ReceivedPacket> push(OctetView octets);
+  /// The control words of the frames since the last call, at most max_control_words, in order of arrival.
+  [[nodiscard]] std::vector<std::uint32_t> take_control_words() { return std::exchange(control_words_, {}); }
+  static constexpr std::size_t max_control_words = 1024;
+  /// The CFDP PDUs since the last call, in order; the oldest give way beyond max_file_pdus.
+  [[nodiscard]] std::vector<Octets> take_file_pdus() { return std::exchange(file_pdus_, {}); }
+  static constexpr std::size_t max_file_pdus = 1024;
   [[nodiscard]] DownlinkCounters counters() const;
   [[nodiscard]] bool locked() const { return synchroniser_.locked(); }
   /// The last control word of FARM-1, if a frame came.
   [[nodiscard]] std::optional<std::uint32_t> clcw() const { return clcw_; }
 
  private:
+  void take_file_packet(OctetView packet);
+
   wire::CaduSynchroniser synchroniser_;
   wire::TmFrameDecoder decoder_;
   std::array<wire::TmPacketReassembly, wire::tm_vc_count> channels_;
   std::optional<std::uint32_t> clcw_;
+  std::vector<std::uint32_t> control_words_;
+  std::vector<Octets> file_pdus_;
   std::uint64_t octets_ = 0;
   std::uint64_t idle_frames_ = 0;
   std::uint64_t packets_ = 0;

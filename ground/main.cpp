@@ -7,6 +7,7 @@
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
+#include "base/file.hpp"
 #include "ground/console.hpp"
 #include "ros/deployment.hpp"
 
@@ -28,6 +29,17 @@ struct Arguments {
   std::string from;
   std::string to;
   std::string store = "housekeeping";
+  bool ad = false;
+  unsigned window = wire::FopSettings{}.window;
+  double t1_s = std::chrono::duration<double>(wire::FopSettings{}.timer).count();
+  unsigned transmissions = wire::FopSettings{}.transmission_limit;
+  unsigned vr = 0;
+  std::string file;
+  bool keep_going = false;
+  std::string source;
+  std::string destination;
+  std::string tm = "127.0.0.1:10015";
+  std::string tc = "127.0.0.1:10025";
 };
 
 std::optional<milliseconds> duration(double value_s) {
@@ -42,6 +54,17 @@ void define(CLI::App& app, Arguments& a) {
       ->capture_default_str();
   app.add_option("--state", a.state, "Folder of the security counter (default: ground beside the port)");
   app.add_flag("--json", a.json, "One JSON object a line");
+  app.add_flag("--ad", a.ad,
+               "Send telecommands by the AD service (COP-1): in order, each once, repeated when lost");
+  app.add_option("--window", a.window, "AD: frames under way, K")
+      ->check(CLI::Range(1U, wire::farm_window_default / 2U))
+      ->capture_default_str();
+  app.add_option("--t1", a.t1_s, "AD: seconds without acknowledgement until frames are repeated")
+      ->check(CLI::Range(0.01, 3600.0))
+      ->capture_default_str();
+  app.add_option("--transmissions", a.transmissions, "AD: how often a frame is transmitted at most")
+      ->check(CLI::Range(1U, 255U))
+      ->capture_default_str();
   const auto timeout = [&a](CLI::App* sub) {
     sub->add_option("--timeout", a.timeout_s, "Seconds until the final report")
         ->check(CLI::Range(0.001, 86400.0));
@@ -62,6 +85,27 @@ void define(CLI::App& app, Arguments& a) {
   timeout(retrieve);
   app.add_subcommand("list", "Show the telecommands")->add_option("name", a.name, "Only this one");
   app.add_subcommand("session", "Command lines from standard input, everything that happens as JSON lines");
+  auto* script =
+      app.add_subcommand("script", "Run a file of commands, waits and expectations (ground/README.md)");
+  script->add_option("file", a.file, "The script")->required();
+  script->add_flag("--keep-going", a.keep_going, "Not end at the first line that does not end as expected");
+  app.add_subcommand("unlock", "Unlock FARM-1 and start the AD service");
+  app.add_subcommand("setvr", "Set FARM-1's V(R) and start the AD service")
+      ->add_option("vr", a.vr, "V(R)")
+      ->required()
+      ->check(CLI::Range(0U, 255U));
+  timeout(app.add_subcommand("clcw", "Show the state of FARM-1"));
+  auto* put = app.add_subcommand("put", "Send a file up, until the spacecraft has it (CFDP)");
+  put->add_option("file", a.source, "The file")->required()->check(CLI::ExistingFile);
+  put->add_option("name", a.destination, "Its name on board (default: the file's)");
+  timeout(put);
+  auto* files = app.add_subcommand("files", "Carry files up and down; what came is in STATE/files");
+  files->add_option("--duration", a.duration_s, "Seconds (default: until interrupted)")
+      ->check(CLI::PositiveNumber);
+  auto* bridge =
+      app.add_subcommand("bridge", "Carry TM frames and CLTUs or TC frames between the port and UDP");
+  bridge->add_option("--tm", a.tm, "Where TM frames go, [HOST:]PORT")->capture_default_str();
+  bridge->add_option("--tc", a.tc, "Where CLTUs or TC frames are taken, [HOST:]PORT")->capture_default_str();
   for (auto* sub : app.get_subcommands({})) sub->fallthrough();
 }
 
@@ -75,9 +119,41 @@ Exit fail(const Arguments& a, const std::string& message) {
   return Exit::unusable;
 }
 
+Result<std::vector<ScriptStep>, std::string> load_script(const mission::Dictionary& dictionary,
+                                                         const std::string& file) {
+  const auto text = read_file(file, script_octets_max);
+  if (!text) return Err(text.error().message);
+  auto steps =
+      parse_script(*text, [&](const auto& name, const auto& arguments) -> std::optional<std::string> {
+        const auto encoded = dictionary.encode(name, arguments);
+        return encoded ? std::nullopt : std::optional(encoded.error().message);
+      });
+  if (!steps) return Err(file + ":" + std::to_string(steps.error().line) + ": " + steps.error().message);
+  return std::move(*steps);
+}
+
+Exit bridge(const Arguments& a, const ros::LinkSettings& link, Port port) {
+  const auto tm = parse_udp_address(a.tm);
+  const auto tc = parse_udp_address(a.tc);
+  if (!tm || ntohs(tm->sin_port) == 0) return fail(a, a.tm + ": expected [HOST:]PORT, the host as a.b.c.d");
+  if (!tc) return fail(a, a.tc + ": expected [HOST:]PORT, the host as a.b.c.d");
+  auto opened = Bridge::open(link, std::move(port), *tm, *tc);
+  if (!opened) return fail(a, opened.error());
+  if (!a.json)
+    std::printf("TM frames go to %s, CLTUs or TC frames are taken at %s\n", to_text(*tm).c_str(),
+                to_text(opened->uplink_address()).c_str());
+  return run_bridge(*opened, a.json);
+}
+
 Exit operate(const CLI::App& app, const Arguments& a) {
   const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder());
   if (app.got_subcommand("list")) return list(dictionary, a.name, a.json);
+  std::vector<ScriptStep> steps;
+  if (app.got_subcommand("script")) {
+    auto loaded = load_script(dictionary, a.file);
+    if (!loaded) return fail(a, loaded.error());
+    steps = std::move(*loaded);
+  }
   const auto deployment = find_deployment(a.deployment);
   if (!deployment) return fail(a, deployment.error());
   const auto link = ros::Deployment::load(*deployment).link;
@@ -85,16 +161,42 @@ Exit operate(const CLI::App& app, const Arguments& a) {
   const auto var_dir = port_path.has_parent_path() ? port_path.parent_path() : std::filesystem::path(".");
   auto port = Port::open(port_path, link.baud);
   if (!port) return fail(a, port.error());
+  if (app.got_subcommand("bridge")) return bridge(a, link, std::move(*port));
   const std::filesystem::path state_dir =
       a.state.empty() ? var_dir / "ground" : std::filesystem::path(a.state);
   auto uplink = Uplink::open(link, var_dir, state_dir, system_utc_now());
   if (!uplink) return fail(a, uplink.error());
   const bool colour = !a.json && isatty(STDOUT_FILENO) == 1;
-  Console console(dictionary, link, std::move(*port), std::move(*uplink), {.json = a.json, .colour = colour});
+  const wire::FopSettings fop{.window = static_cast<std::uint8_t>(a.window),
+                              .timer = milliseconds(static_cast<std::int64_t>(a.t1_s * 1000)),
+                              .transmission_limit = static_cast<std::uint8_t>(a.transmissions)};
+  Console console(
+      dictionary, link, std::move(*port), std::move(*uplink),
+      {.json = a.json || app.got_subcommand("session"), .colour = colour, .ad = a.ad, .fop = fop});
+  const bool carries_files = app.got_subcommand("put") || app.got_subcommand("files") ||
+                             app.got_subcommand("listen") || app.got_subcommand("session");
+  if (carries_files) {
+    auto files = open_files(state_dir, system_utc_now(), monotonic_now());
+    if (!files) return fail(a, files.error());
+    if ((*files)->damaged())
+      std::fprintf(stderr, "srfs-ground: files under way begin again: checkpoint %s\n",
+                   std::string(cfdp::to_string(*(*files)->damaged())).c_str());
+    console.carry_files(std::move(*files));
+  }
+  if (app.got_subcommand("put")) {
+    const std::string name =
+        a.destination.empty() ? std::filesystem::path(a.source).filename().string() : a.destination;
+    return console.put(a.source, name, duration(a.timeout_s));
+  }
+  if (app.got_subcommand("files")) return console.files(duration(a.duration_s));
   if (app.got_subcommand("ping")) return console.ping(duration(a.timeout_s));
   if (app.got_subcommand("tc")) return console.telecommand(a.name, a.pairs, a.wait, duration(a.timeout_s));
   if (app.got_subcommand("listen")) return console.listen(duration(a.duration_s));
   if (app.got_subcommand("retrieve")) return console.retrieve(a.store, a.from, a.to, duration(a.timeout_s));
+  if (app.got_subcommand("script")) return console.script(steps, a.keep_going);
+  if (app.got_subcommand("unlock")) return console.unlock();
+  if (app.got_subcommand("setvr")) return console.set_vr(static_cast<std::uint8_t>(a.vr));
+  if (app.got_subcommand("clcw")) return console.clcw(duration(a.timeout_s));
   return console.session();
 }
 

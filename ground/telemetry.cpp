@@ -235,7 +235,7 @@ std::string to_lines(const StageReport& report, bool colour) {
   if (report.stage == Stage::progress || report.stage == Stage::progress_failed)
     line += fmt::format(" step {}", report.step);
   if (is_failure(report.stage)) {
-    if (report.stage != Stage::timed_out)
+    if (report.stage != Stage::timed_out && report.stage != Stage::not_sent)
       line += fmt::format(": code {} {}", report.failure_code, report.failure_name);
     line = coloured(red, line + ": " + report.failure_text, colour);
   } else if (report.stage == Stage::completed) {
@@ -248,6 +248,49 @@ std::string to_lines(const DownlinkCounters& c) {
   return fmt::format(
       "{} octets, {} frames ({} idle, {} bad, {} lost, {} octets corrected), {} packets ({} bad)\n", c.octets,
       c.frames, c.idle_frames, c.bad_frames, c.lost_frames, c.corrected_octets, c.packets, c.bad_packets);
+}
+
+nlohmann::json to_json(const CopReport& report) {
+  nlohmann::json json{{"type", "cop"},
+                      {"service", to_text(report.phase)},
+                      {"state", wire::to_string(report.state)},
+                      {"vs", report.vs},
+                      {"nnr", report.nnr},
+                      {"outstanding", report.outstanding},
+                      {"queued", report.queued},
+                      {"repeated", report.repeated},
+                      {"clcw", nullptr},
+                      {"bad_clcws", report.bad_clcws},
+                      {"problem", report.problem}};
+  if (report.clcw) {
+    json["clcw"] = {{"vc", report.clcw->vc},
+                    {"vr", report.clcw->report_value},
+                    {"lockout", report.clcw->lockout},
+                    {"wait", report.clcw->wait},
+                    {"retransmit", report.clcw->retransmit},
+                    {"farm_b", report.clcw->farm_b_counter},
+                    {"no_rf_available", report.clcw->no_rf_available},
+                    {"no_bit_lock", report.clcw->no_bit_lock}};
+  }
+  return json;
+}
+
+std::string to_lines(const CopReport& report, bool colour) {
+  std::string line =
+      fmt::format("AD service {}: FOP-1 {} V(S) {} NN(R) {}, {} outstanding, {} queued, {} repeated",
+                  to_text(report.phase), wire::to_string(report.state), report.vs, report.nnr,
+                  report.outstanding, report.queued, report.repeated);
+  if (!report.clcw) {
+    line += "; no CLCW yet";
+  } else {
+    line += fmt::format("; CLCW VC {} V(R) {} FARM-B {}", report.clcw->vc, report.clcw->report_value,
+                        report.clcw->farm_b_counter);
+    if (report.clcw->retransmit) line += " retransmit";
+    if (report.clcw->wait) line += " wait";
+    if (report.clcw->lockout) line = line + " " + coloured(red, "LOCKOUT", colour);
+  }
+  if (!report.problem.empty()) line = line + "; " + coloured(red, report.problem, colour);
+  return line + "\n";
 }
 
 std::string request_text(const wire::RequestId& request) {

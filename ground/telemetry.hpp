@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "ground/ad_service.hpp"
 #include "ground/commanding.hpp"
 #include "ground/downlink.hpp"
 #include "msgs/mission/dictionary.hpp"
@@ -44,10 +45,15 @@ struct TelemetryReport {
 /// {"type": "stats", ...}
 [[nodiscard]] nlohmann::json to_json(const DownlinkCounters& counters);
 
+/// {"type": "cop", service, state, vs, nnr, outstanding, queued, repeated, clcw {...} | null, bad_clcws,
+/// problem}
+[[nodiscard]] nlohmann::json to_json(const CopReport& report);
+
 /// Lines for people. @param colour limit states as terminal colours, else "(yellow)" behind the value
 [[nodiscard]] std::string to_lines(const TelemetryReport& report, bool colour);
 [[nodiscard]] std::string to_lines(const StageReport& report, bool colour);
 [[nodiscard]] std::string to_lines(const DownlinkCounters& counters);
+[[nodiscard]] std::string to_lines(const CopReport& report, bool colour);
 
 /// "1811c003": the request id as verification reports carry it.
 [[nodiscard]] std::string request_text(const wire::RequestId& request);

@@ -56,14 +56,15 @@ Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& 
   return state;
 }
 
-Result<void, std::string> UplinkState::save(std::uint64_t next_counter,
-                                            const SequenceCounts& next_sequence) const {
+Result<void, std::string> UplinkState::save(std::uint64_t next_counter, const SequenceCounts& next_sequence) {
   nlohmann::json json;
-  json["next_security_counter"] = next_counter;
+  const std::uint64_t saved = std::max(next_counter, saved_counter_);
+  json["next_security_counter"] = saved;
   for (const auto& [process, count] : next_sequence)
     json["next_sequence_counts"][fmt::format("{}", process)] = count;
   const auto written = write_file_atomically(file_, json.dump(2) + "\n");
   if (!written) return Err(written.error().message);
+  saved_counter_ = saved;
   return {};
 }
 
@@ -75,6 +76,28 @@ Result<UplinkState::Reserved, std::string> UplinkState::reserve(std::uint16_t ap
   next_counter_ = reserved.counter + 1;
   next_sequence_ = std::move(next);
   return reserved;
+}
+
+Result<std::uint16_t, std::string> UplinkState::reserve_sequence_count(std::uint16_t apid) {
+  const std::uint16_t count = next_sequence_[apid];
+  auto next = next_sequence_;
+  next[apid] = static_cast<std::uint16_t>((count + 1) % sequence_modulus);
+  if (const auto saved = save(next_counter_, next); !saved) return Err(saved.error());
+  next_sequence_ = std::move(next);
+  return count;
+}
+
+Result<std::uint64_t, std::string> UplinkState::reserve_counter() {
+  if (const auto saved = save(next_counter_ + 1, next_sequence_); !saved) return Err(saved.error());
+  return next_counter_++;
+}
+
+Result<std::uint64_t, std::string> UplinkState::reserve_counter_ahead() {
+  if (next_counter_ >= saved_counter_) {
+    if (const auto saved = save(next_counter_ + counters_ahead, next_sequence_); !saved)
+      return Err(saved.error());
+  }
+  return next_counter_++;
 }
 
 Result<void, std::string> UplinkState::raise(std::uint64_t counter) {
@@ -95,36 +118,87 @@ Result<Uplink, std::string> Uplink::open(const ros::LinkSettings& link, const st
   Uplink uplink({static_cast<std::uint16_t>(link.spacecraft_id),
                  static_cast<std::uint8_t>(chosen.virtual_channel), link.tc_randomizer},
                 std::move(*state));
-  if (chosen.security == ros::ChannelSecurity::sdls) {
-    auto key = read_key(var_dir / chosen.key_file);
+  for (const auto& entry : link.channels) {
+    if (entry.security != ros::ChannelSecurity::sdls || entry.virtual_channel != chosen.virtual_channel)
+      continue;
+    auto key = read_key(var_dir / entry.key_file);
     if (!key) return Err(key.error());
-    uplink.key_ = std::move(*key);
-    uplink.spi_ = static_cast<std::uint16_t>(chosen.spi);
+    (uplink.bd_ ? uplink.ad_ : uplink.bd_) =
+        Association{std::move(*key), static_cast<std::uint16_t>(entry.spi)};
   }
   return uplink;
+}
+
+wire::TcPacket Uplink::packet_of(const mission::EncodedCommand& command, std::uint16_t sequence_count) const {
+  return {.apid = command.command->apid,
+          .sequence_count = sequence_count,
+          .service = command.command->service,
+          .subtype = command.command->subtype,
+          .application = command.data};
 }
 
 Result<OutgoingTelecommand, std::string> Uplink::make(const mission::EncodedCommand& command) {
   const auto reserved = state_.reserve(command.command->apid);
   if (!reserved) return Err(reserved.error());
-  const wire::TcPacket packet{.apid = command.command->apid,
-                              .sequence_count = reserved->sequence_count,
-                              .service = command.command->service,
-                              .subtype = command.command->subtype,
-                              .application = command.data};
+  const wire::TcPacket packet = packet_of(command, reserved->sequence_count);
   std::optional<wire::SdlsSeal> seal;
-  if (key_) seal.emplace(wire::SdlsSeal{*key_, spi_, reserved->counter});
+  if (bd_) seal.emplace(wire::SdlsSeal{bd_->key, bd_->spi, reserved->counter});
   auto cltu = wire::make_uplink_cltu(channel_, wire::TcFrameType::bd, 0, seal ? &*seal : nullptr,
                                      wire::make_tc_packet(packet));
   if (!cltu) return Err(fmt::format("{}: {}", command.command->name, wire::to_string(cltu.error())));
   ++sent_;
-  return OutgoingTelecommand{wire::request_id(packet), key_ ? std::optional(reserved->counter) : std::nullopt,
+  return OutgoingTelecommand{wire::request_id(packet), bd_ ? std::optional(reserved->counter) : std::nullopt,
                              std::move(*cltu)};
 }
 
+Result<TelecommandPacket, std::string> Uplink::make_packet(const mission::EncodedCommand& command) {
+  const auto count = state_.reserve_sequence_count(command.command->apid);
+  if (!count) return Err(count.error());
+  const wire::TcPacket packet = packet_of(command, *count);
+  TelecommandPacket made{wire::request_id(packet), wire::make_tc_packet(packet)};
+  if (made.packet.size() > packet_octets_max())
+    return Err(fmt::format("{}: {}", command.command->name, wire::to_string(wire::TcUplinkError::too_long)));
+  ++sent_;
+  return made;
+}
+
+Result<Octets, std::string> Uplink::make_ad_cltu(std::uint8_t sequence, OctetView packet) {
+  std::optional<wire::SdlsSeal> seal;
+  if (bd_) {
+    const auto counter = state_.reserve_counter();
+    if (!counter) return Err(counter.error());
+    seal.emplace(wire::SdlsSeal{ad_association().key, ad_association().spi, *counter});
+  }
+  auto cltu =
+      wire::make_uplink_cltu(channel_, wire::TcFrameType::ad, sequence, seal ? &*seal : nullptr, packet);
+  if (!cltu) return Err(std::string(wire::to_string(cltu.error())));
+  return std::move(*cltu);
+}
+
+std::size_t Uplink::packet_octets_max() const {
+  return bd_ ? wire::sdls_packet_octets_max : wire::tc_data_octets_max - 1;
+}
+
+Result<Octets, std::string> Uplink::make_file_cltu(OctetView packet) {
+  std::optional<wire::SdlsSeal> seal;
+  if (bd_) {
+    const auto counter = state_.reserve_counter_ahead();
+    if (!counter) return Err(counter.error());
+    seal.emplace(wire::SdlsSeal{bd_->key, bd_->spi, *counter});
+  }
+  auto cltu = wire::make_uplink_cltu(channel_, wire::TcFrameType::bd, 0, seal ? &*seal : nullptr, packet);
+  if (!cltu) return Err(std::string(wire::to_string(cltu.error())));
+  return std::move(*cltu);
+}
+
+Octets Uplink::make_bc_cltu(wire::ControlCommand command) const {
+  return wire::make_control_cltu(channel_, command);
+}
+
 void Uplink::on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter) {
+  const bool ours = bd_ && (spi == bd_->spi || spi == ad_association().spi);
   // Not on disk is no loss yet: the next telecommand writes it, and the beacon says it again.
-  if (key_ && spi == spi_) (void)state_.raise(counter);
+  if (ours) (void)state_.raise(counter);
 }
 
 }  // namespace srfs::ground

@@ -33,6 +33,13 @@ class UplinkState {
   /// The counters of the next telecommand. They are on disk when this returns, so none is used twice. Blocks
   /// on the disk.
   [[nodiscard]] Result<Reserved, std::string> reserve(std::uint16_t apid);
+  /// The same for a packet without a frame yet, and for one more frame of a packet.
+  [[nodiscard]] Result<std::uint16_t, std::string> reserve_sequence_count(std::uint16_t apid);
+  [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter();
+  /// The same for one of many: only each counters_ahead-th call writes. What a crash leaves unused is
+  /// skipped.
+  [[nodiscard]] Result<std::uint64_t, std::string> reserve_counter_ahead();
+  static constexpr std::uint64_t counters_ahead = 256;
   /// The spacecraft has accepted @p counter: the next one is higher. Written when it grows; blocks on the
   /// disk. On an error it still holds for this run.
   Result<void, std::string> raise(std::uint64_t counter);
@@ -41,10 +48,12 @@ class UplinkState {
  private:
   using SequenceCounts = std::map<std::uint16_t, std::uint16_t>;
   [[nodiscard]] Result<void, std::string> save(std::uint64_t next_counter,
-                                               const SequenceCounts& next_sequence) const;
-  UplinkState(std::filesystem::path file, std::uint64_t next) : file_(std::move(file)), next_counter_(next) {}
+                                               const SequenceCounts& next_sequence);
+  UplinkState(std::filesystem::path file, std::uint64_t next)
+      : file_(std::move(file)), next_counter_(next), saved_counter_(next) {}
   std::filesystem::path file_;
   std::uint64_t next_counter_;
+  std::uint64_t saved_counter_;  ///< the file's: none below it is used again after a crash
   SequenceCounts next_sequence_;
 };
 
@@ -54,10 +63,18 @@ struct OutgoingTelecommand {
   Octets cltu;
 };
 
-/// Telecommands to octets for the line: PUS packet, SDLS, BD frame, CLTU.
+/// A telecommand before it is framed.
+struct TelecommandPacket {
+  wire::RequestId request;
+  Octets packet;
+};
+
+/// Telecommands to octets for the line: PUS packet, SDLS, BD or AD frame, CLTU. All errors are ready to
+/// print.
 class Uplink {
  public:
-  /// Takes the first secured TC channel of the link, or the first if none is.
+  /// Takes the first secured TC channel of the link, or the first if none is. Of two associations the first
+  /// secures BD frames and the second AD frames, as on board.
   /// @param var_dir where relative key files stand
   /// @param state_dir where the counters are kept
   /// @return the error is ready to print
@@ -66,7 +83,18 @@ class Uplink {
 
   /// Blocks on the disk. All verification reports are asked for.
   [[nodiscard]] Result<OutgoingTelecommand, std::string> make(const mission::EncodedCommand& command);
-  /// What the beacon says about an association; another SPI than ours is ignored.
+  /// A packet for the AD service. Blocks on the disk.
+  [[nodiscard]] Result<TelecommandPacket, std::string> make_packet(const mission::EncodedCommand& command);
+  /// One transmission of a packet as AD frame; every one is secured with a counter of its own. Blocks on the
+  /// disk.
+  [[nodiscard]] Result<Octets, std::string> make_ad_cltu(std::uint8_t sequence, OctetView packet);
+  /// A packet of files as BD frame: what gets lost CFDP repeats. Blocks on the disk now and then.
+  [[nodiscard]] Result<Octets, std::string> make_file_cltu(OctetView packet);
+  [[nodiscard]] std::size_t packet_octets_max() const;
+  [[nodiscard]] Octets make_bc_cltu(wire::ControlCommand command) const;
+  [[nodiscard]] std::uint8_t vc() const { return channel_.vc; }
+  /// What the beacon says about an association; another SPI than ours is ignored. One counter serves all
+  /// associations.
   void on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter);
   [[nodiscard]] std::uint64_t sent() const { return sent_; }
 
@@ -74,8 +102,15 @@ class Uplink {
   Uplink(wire::TcUplinkChannel channel, UplinkState state) : channel_(channel), state_(std::move(state)) {}
   wire::TcUplinkChannel channel_;
   UplinkState state_;
-  std::optional<wire::SdlsKey> key_;
-  std::uint16_t spi_ = 0;
+  struct Association {
+    wire::SdlsKey key;
+    std::uint16_t spi;
+  };
+  [[nodiscard]] wire::TcPacket packet_of(const mission::EncodedCommand& command,
+                                         std::uint16_t sequence_count) const;
+  [[nodiscard]] const Association& ad_association() const { return ad_ ? *ad_ : *bd_; }
+  std::optional<Association> bd_;  ///< nullopt: a channel without security
+  std::optional<Association> ad_;  ///< nullopt: bd_ serves both
   std::uint64_t sent_ = 0;
 };
 

@@ -48,6 +48,13 @@ std::string stat_fields(pid_t pid) {
 
 }  // namespace
 
+std::optional<std::string> kernel_boot_id() {
+  constexpr std::size_t octets = 36;  // a line end follows
+  const auto text = read_file("/proc/sys/kernel/random/boot_id", 64);
+  if (!text) return std::nullopt;
+  return text->substr(0, octets);
+}
+
 std::optional<char> process_state(pid_t pid) {
   const std::string fields = stat_fields(pid);
   return fields.empty() ? std::nullopt : std::optional(fields[0]);

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "base/fd.hpp"
 #include "base/time.hpp"
@@ -29,6 +30,10 @@ class Process {
   pid_t pid_;
   Fd fd_;
 };
+
+/// The kernel's id of this boot, 36 characters: monotonic times and pids of another one mean nothing.
+/// nullopt: it cannot be read. Blocks for a moment.
+[[nodiscard]] std::optional<std::string> kernel_boot_id();
 
 /// What the kernel says of a process' first thread: the letter of proc(5), 'R', 'S', 'D', 'T' (stopped), 't'
 /// (held by a debugger), 'Z'...; nullopt: there is no such process.

@@ -50,11 +50,11 @@ void RawCanBus::on_report(const CanErrorReport& report) {
     case CanTransition::state_changed:
       break;
     case CanTransition::went_bus_off:
-      // The driver flushes its echo buffers before it is on the bus again, and sends nothing until then.
-      drop_unconfirmed();
       restart_.on_bus_off(monotonic_now());
+      if (unconfirmed_ > 0) on_bus_off_with_frames();
       break;
     case CanTransition::restarted:
+      // The driver has flushed its echo buffers: those echoes never come.
       drop_unconfirmed();
       restart_.on_recovered(monotonic_now());
       break;

@@ -35,6 +35,8 @@ class RawCanBus : public CanBus {
   void opened_with(const CanController& controller);
   /// One try to restart the controller, which is bus-off. Success shows by an error frame or on_report().
   virtual void try_restart(int device) = 0;
+  /// The controller went bus-off with own frames that had no echo yet.
+  virtual void on_bus_off_with_frames() { on_withdrawn(0); }
   /// What a device that is not there is: gone or down.
   [[nodiscard]] virtual CanBusState absent_state() const { return CanBusState::gone; }
 

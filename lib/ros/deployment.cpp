@@ -29,6 +29,7 @@ NodeEntry read_node(const ConfigSection& section) {
                  read_scheduling(section.section("scheduling")),
                  section.integer("memory_limit_mib", 0, 65536, 0),
                  static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
+                 std::chrono::milliseconds(section.integer("worker_deadline_ms", 100, 3'600'000, 0)),
                  section.text("user", ""),
                  section.section("parameters")};
   const bool fine = !node.name.empty() && node.name.size() <= 32 &&
@@ -60,6 +61,7 @@ RingSettings read_ring(const ConfigSection& section) {
   ring.start_deadline = duration("start_deadline_ms", 100, ring.start_deadline);
   ring.absence_counts_misses = section.boolean("absence_counts_misses", ring.absence_counts_misses);
   ring.work_deadline = duration("work_deadline_ms", 100, ring.work_deadline);
+  ring.worker_deadline = duration("worker_deadline_ms", 100, ring.worker_deadline);
   ring.deaf_interval = duration("deaf_interval_ms", 0, ring.deaf_interval);
   ring.restarts = static_cast<int>(section.integer("restarts", 1, 1000, ring.restarts));
   ring.window = duration("window_ms", 1000, ring.window);
@@ -166,6 +168,9 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   root.finish();
   check_names(d, root);
   if (d.ring.enabled) check_ring(d, root.section("ring"));
+  for (NodeEntry& node : d.nodes) {
+    if (node.worker_deadline == node.worker_deadline.zero()) node.worker_deadline = d.ring.worker_deadline;
+  }
   return d;
 }
 

@@ -26,7 +26,8 @@ struct NodeEntry {
   Scheduling scheduling;
   std::int64_t memory_limit_mib = 0;  ///< private memory (RLIMIT_DATA); 0: none
   int oom_score_adj = 0;
-  std::string user;  ///< whom the process belongs to; empty: as its starter
+  std::chrono::milliseconds worker_deadline{};  ///< of a job of its workers; the ring's unless the file says
+  std::string user;                             ///< whom the process belongs to; empty: as its starter
   ConfigSection parameters;
 };
 
@@ -71,6 +72,8 @@ struct RingSettings {
   std::vector<std::string> critical;  ///< starve the watchdog when they cannot be raised
   std::chrono::milliseconds start_deadline{3000};  ///< from exec to the desired state
   std::chrono::milliseconds work_deadline{2000};   ///< age of undone work that is due
+  /// Of a worker thread's job, from when it runs, or could run: what is older is frozen.
+  std::chrono::milliseconds worker_deadline{3000};
   /// A node that never ran is missed `misses` times before it is started, as one that does not answer (the
   /// paper's rule: it raises a ring one after the other); else it is started at once.
   bool absence_counts_misses = false;

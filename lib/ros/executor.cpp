@@ -269,7 +269,7 @@ bool Executor::run_one_source() {
       source->queued_ = false;  // before taking: input that comes now queues it again
       if (source->record_ == nullptr) source->record_ = &statistics_.record(CallbackKind::other, "source");
       const bool more = run(*source->record_, [&] { return source->dispatch_one(now_); });
-      if (&queue != &ready_.front()) ++handled_;
+      if (more && &queue != &ready_.front()) ++handled_;
       if (more && !source->queued_.exchange(true)) {
         source->ready_since_ = now_;
         queue.push_back(source);

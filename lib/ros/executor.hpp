@@ -94,7 +94,7 @@ class Executor {
   /// Input that came and is not handled.
   struct Backlog {
     std::uint32_t waiting = 0;  ///< sources with input
-    std::uint64_t handled = 0;  ///< items of all sources since the start, without the liveness checks
+    std::uint32_t handled = 0;  ///< items since the start, modulo 2^32, without the liveness checks
     std::optional<MonotonicTime> oldest;
   };
   /// On the work thread.
@@ -164,7 +164,7 @@ class Executor {
   std::vector<std::weak_ptr<Source>> sources_;  // named ones
   std::vector<const Worker*> workers_;
   HeartbeatPage* heartbeat_ = nullptr;
-  std::uint64_t handled_ = 0;
+  std::uint32_t handled_ = 0;
   std::function<void(const CallbackRecord&, nanoseconds)> over_budget_;
   std::function<void(const CallbackRecord&, const std::string&)> failure_;
 };

@@ -333,8 +333,14 @@ void LifecycleNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sa
 }
 
 std::shared_ptr<Worker> LifecycleNode::create_worker(const std::string& worker_name, std::size_t capacity,
-                                                     milliseconds deadline) {
-  return std::make_shared<Worker>(context_.executor, worker_name, capacity, deadline);
+                                                     std::optional<milliseconds> deadline) {
+  return std::make_shared<Worker>(context_.executor, worker_name, capacity,
+                                  deadline.value_or(worker_deadline()));
+}
+
+milliseconds LifecycleNode::worker_deadline() const {
+  const NodeEntry* entry = deployment().find(name());
+  return entry != nullptr ? entry->worker_deadline : deployment().ring.worker_deadline;
 }
 
 CallbackReturn LifecycleNode::run_callback(State transition_state) {

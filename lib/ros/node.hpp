@@ -192,9 +192,12 @@ class LifecycleNode {
   /// Level-triggered epoll; dropping the handle unwatches. Drop it before closing the descriptor.
   [[nodiscard]] Executor::Handle watch_fd(int fd, std::uint32_t events, Executor::FdCallback callback,
                                           std::string_view fd_name = "descriptor");
-  /// @param deadline of one job; one that runs for longer counts as frozen, and the ring restarts this node
+  /// @param deadline of one job; one that runs for longer counts as frozen, and the ring restarts this node.
+  ///                 nullopt: worker_deadline()
   [[nodiscard]] std::shared_ptr<Worker> create_worker(const std::string& worker_name, std::size_t capacity,
-                                                      milliseconds deadline = Worker::usual_deadline);
+                                                      std::optional<milliseconds> deadline = std::nullopt);
+  /// The deployment's for a worker's job of this node.
+  [[nodiscard]] milliseconds worker_deadline() const;
 
   /// Declares a parameter (constructor only) and returns its start value. The type of @p fallback is the
   /// parameter's.

@@ -145,7 +145,8 @@ std::string NodeIntrospection::begin_save(const SaveParameters::Request& request
   if (text.size() > largest_parameter_file)
     return fmt::format("more than {} octets of stored parameters", largest_parameter_file);
 
-  if (!disk_) disk_ = std::make_unique<Worker>(node_.context().executor, "parameters", 1);
+  if (!disk_)
+    disk_ = std::make_unique<Worker>(node_.context().executor, "parameters", 1, node_.worker_deadline());
   auto written = std::make_shared<Result<void, FileError>>();
   saving_ = disk_->post(
       [file = path(parameter_file), text = std::move(text), written] {

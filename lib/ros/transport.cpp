@@ -97,15 +97,19 @@ class Channel {
       message.msg_control = incoming[i].control.data();
       message.msg_controllen = incoming[i].control.size();
     }
+    const MonotonicTime looked = monotonic_now();
     const int count = recvmmsg(fd_.get(), messages.data(), messages.size(), 0, nullptr);
     // A pending ICMP error (a peer that was killed) is reported once and is nothing to us.
     if (count < 0) return errno == ECONNREFUSED || errno == EINTR;
     const auto received = static_cast<std::size_t>(count);
     for (std::size_t i = 0; i < received; ++i) {
-      note(messages[i].msg_hdr);
+      note(messages[i].msg_hdr, looked - empty_at_);
+      state_->stats.last_datagram = looked;
       hand_over(incoming[i], messages[i].msg_len);
     }
-    return count == datagrams_a_call;
+    if (count == datagrams_a_call) return true;
+    empty_at_ = looked;
+    return false;
   }
 
   void hand_over(const Incoming& incoming, std::uint32_t length) {
@@ -117,7 +121,8 @@ class Channel {
                              remote);
   }
 
-  void note(msghdr& message) {
+  /// @param longest the datagram has not waited for longer
+  void note(msghdr& message, nanoseconds longest) {
     const UtcTime now = system_utc_now();
     UtcTime arrived = now;
     for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
@@ -134,7 +139,7 @@ class Channel {
       }
     }
     ++state_->stats.datagrams;
-    state_->arrivals.add(now, arrived);
+    state_->arrivals.add(now, arrived, longest);
   }
 
   Fd fd_;
@@ -143,6 +148,7 @@ class Channel {
   std::shared_ptr<TransportState> state_;
   std::span<std::uint8_t> buffer_;
   std::uint32_t dropped_ = 0;
+  MonotonicTime empty_at_ = monotonic_now();  ///< the socket was looked at, and nothing was left in it
   Executor::Handle watch_;
 };
 
@@ -284,8 +290,8 @@ void DiscoveryGate::pass() {
   changed_.wait_for(lock, seconds(1), [this] { return open_; });
 }
 
-void ArrivalLog::add(UtcTime read, UtcTime arrived) {
-  entries_[next_++ % entries_.size()] = {read, arrived};
+void ArrivalLog::add(UtcTime read, UtcTime arrived, nanoseconds longest) {
+  entries_[next_++ % entries_.size()] = {read, std::max(arrived, read - longest)};
 }
 
 UtcTime ArrivalLog::arrival_of(UtcTime looked_at) const {

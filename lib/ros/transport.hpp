@@ -22,8 +22,10 @@ namespace srfs::ros {
 class ArrivalLog {
  public:
   /// @param read when the datagram is handed to Fast DDS; not before that of the call before
-  /// @param arrived when the kernel had it whole
-  void add(UtcTime read, UtcTime arrived);
+  /// @param arrived when the kernel had it whole, by a clock that may have been set since
+  /// @param longest since the socket was last found empty, by a clock that nobody sets: it has not waited
+  ///                for longer
+  void add(UtcTime read, UtcTime arrived, nanoseconds longest);
   /// @param looked_at Fast DDS' reception time stamp of the sample
   [[nodiscard]] UtcTime arrival_of(UtcTime looked_at) const;
 
@@ -39,6 +41,7 @@ class ArrivalLog {
 /// What the transport counts.
 struct TransportStats {
   std::uint64_t datagrams = 0;
+  MonotonicTime last_datagram;   ///< when the newest one was read
   std::uint64_t overflowed = 0;  ///< dropped by the kernel because the socket's buffer was full
 };
 

@@ -31,13 +31,10 @@ struct WorkerProgress {
 /// where it counts as that of a callback.
 class Worker {
  public:
-  /// A job that runs for longer is frozen: liveness answers say so, and the node is restarted.
-  static constexpr milliseconds usual_deadline{10'000};
-
   /// On the work thread. @param name at most 15 characters (the thread's name); @param capacity jobs waiting
-  /// at most; further ones are refused; @param deadline of one job
-  Worker(Executor& executor, const std::string& name, std::size_t capacity,
-         milliseconds deadline = usual_deadline);
+  /// at most; further ones are refused; @param deadline of one job: when one runs for longer, or could run
+  /// and is not begun, the thread is frozen; liveness answers say so, and the node is restarted
+  Worker(Executor& executor, const std::string& name, std::size_t capacity, milliseconds deadline);
   ~Worker();
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;

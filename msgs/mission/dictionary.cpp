@@ -196,7 +196,8 @@ DecodedField interpret(const Dictionary& d, const Field& field, std::size_t inde
     value = unknown ? std::numeric_limits<double>::quiet_NaN()
                     : evaluate(field.calibration, as_number(value).value_or(0));
   }
-  const auto number = as_number(value);
+  const auto* truth = std::get_if<bool>(&value);
+  const auto number = truth != nullptr ? std::optional(*truth ? 1.0 : 0.0) : as_number(value);
   out.known = !(number && std::isnan(*number));
   if (number && out.known) out.limit = judge(field, *number);
   out.text = text_of(d, field, value);

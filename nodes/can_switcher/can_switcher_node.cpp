@@ -7,6 +7,7 @@
 #include <mission/structures.hpp>
 
 #include "hw/open.hpp"
+#include "ros/ring/heartbeat_page.hpp"
 
 namespace srfs {
 namespace {
@@ -15,6 +16,7 @@ using ros::CallbackReturn;
 
 constexpr nanoseconds housekeeping_period = seconds(1);
 constexpr nanoseconds failure_event_period = seconds(10);  // per payload
+constexpr const char* timing_node = "timing";              // whose ticks these are
 constexpr std::size_t slots_at_most = 16;                  // bound of TaskFlags.flags
 
 std::uint32_t as_us(nanoseconds d) {
@@ -104,6 +106,7 @@ void CanSwitcherNode::make_rotation() {
     }
     granted = inherited(holder_record_ ? holder_record_->read() : std::nullopt);
     rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now(), granted);
+    if (!granted) rotation_->await_empty_queue(monotonic_now());
     rotation_->set_recall_time(milliseconds(get_parameter<std::int64_t>("recall_ms")));
     rotation_->suspend();
     failure_reported_.resize(rotation_->slots().size());
@@ -192,6 +195,7 @@ void CanSwitcherNode::record_holder() {
 
 CallbackReturn CanSwitcherNode::on_activate() {
   rotation_->resume(monotonic_now());
+  flywheel_.rest();
   nanoseconds wait{0};
   for (const Slot& slot : rotation_->slots()) wait = std::max(wait, slot.lease());
   if (rotation_->counters().ticks == 0) {
@@ -204,10 +208,14 @@ CallbackReturn CanSwitcherNode::on_activate() {
 CallbackReturn CanSwitcherNode::on_deactivate() {
   // A running slot is still watched: its end, its overrun, its fence.
   rotation_->suspend();
+  flywheel_.rest();
+  arm_substitute();
   return CallbackReturn::success;
 }
 
 void CanSwitcherNode::close() {
+  substitute_timer_.reset();
+  substitute_armed_.reset();
   housekeeping_timer_.reset();
   listen_timer_.reset();
   drain_timer_.reset();
@@ -243,9 +251,10 @@ CallbackReturn CanSwitcherNode::on_error() {
 ros::WorkStatus CanSwitcherNode::work_status() const {
   ros::WorkStatus work;
   work.done = static_cast<std::uint32_t>(flag_latency_.count());
-  if (armed_ && *armed_ <= now()) {
-    work.due = 1;
-    work.oldest_due = armed_;
+  for (const auto& due : {armed_, substitute_armed_}) {
+    if (!due || *due > now()) continue;
+    ++work.due;
+    work.oldest_due = work.oldest_due ? std::min(*work.oldest_due, *due) : *due;
   }
   return work;
 }
@@ -253,15 +262,77 @@ ros::WorkStatus CanSwitcherNode::work_status() const {
 void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received) {
   time_.on_tick(tick);
   if (!is_active()) return;
+  const auto due = static_cast<std::int64_t>(std::min<std::uint64_t>(tick.monotonic_ns, INT64_MAX));
+  const TickFlywheel::Heard heard = flywheel_.on_tick({.cycle = tick.cycle,
+                                                       .due = MonotonicTime(nanoseconds(due)),
+                                                       .period = microseconds(tick.period_us),
+                                                       .received = received});
+  report_outage(heard.ended);
+  if (heard.verdict == TickFlywheel::Verdict::beat) {
+    const bool given = beat(received);
+    if (given) flag_latency_.add(monotonic_now() - received);
+  }
+  arm_substitute();
+}
+
+bool CanSwitcherNode::beat(MonotonicTime received) {
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
-  const Decision decision = rotation_->on_tick(monotonic_now(), tick.cycle, received);
-  if (const Grant* grant = std::get_if<Grant>(&decision)) {
-    give(*grant, received);
-    flag_latency_.add(monotonic_now() - received);
-  }
+  const Decision decision = rotation_->on_tick(monotonic_now(), flywheel_.cycle(), received);
+  const Grant* grant = std::get_if<Grant>(&decision);
+  if (grant != nullptr) give(*grant, received);
   if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall, received);
   arm_deadline();
+  return grant != nullptr;
+}
+
+void CanSwitcherNode::arm_substitute() {
+  const auto due = flywheel_.next_substitute();
+  if (due == substitute_armed_) return;
+  substitute_armed_ = due;
+  substitute_timer_.reset();
+  if (due)
+    substitute_timer_ = create_one_shot(
+        *due,
+        [this] {
+          substitute_armed_.reset();
+          on_tick_missing();
+        },
+        "substitute tick");
+}
+
+void CanSwitcherNode::on_tick_missing() {
+  // This thread may be the late one: a tick that waits in the reader is no missing one.
+  ticks_->take_waiting();
+  const MonotonicTime t = monotonic_now();
+  if (const auto due = flywheel_.next_substitute(); due && *due <= t) {
+    if (ticks_were_stopped()) {
+      report_outage(flywheel_.stop(t));
+    } else {
+      if (flywheel_.on_deadline(t) == TickFlywheel::Substitute::beat_in_outage) {
+        log::warn("no tick since cycle {}: the rotation goes on with its own", flywheel_.cycle());
+        raise(mission::CanSwitcherTicksMissingEvent{.cycle = flywheel_.cycle()});
+      }
+      beat(t);
+    }
+  }
+  arm_substitute();
+}
+
+bool CanSwitcherNode::ticks_were_stopped() const {
+  // Both on tmpfs or in the page cache, and asked for only while ticks are missing.
+  const auto page = ros::HeartbeatPage::read(var(), timing_node);
+  const bool by_command = page && page->desired != 0 &&  // 0: it starts, and is on its way to what it was
+                          page->desired != static_cast<std::uint32_t>(ros::State::active);
+  std::error_code ec;
+  return by_command || std::filesystem::exists(var().stopping_flag(), ec);
+}
+
+void CanSwitcherNode::report_outage(const std::optional<TickFlywheel::Outage>& ended) {
+  if (!ended) return;
+  const auto lasted_ms = static_cast<std::uint32_t>(ended->lasted / milliseconds(1));
+  log::info("no more substitute ticks: {} in {} ms", ended->substitutes, lasted_ms);
+  raise(mission::CanSwitcherTicksBackEvent{.substitutes = ended->substitutes, .lasted_ms = lasted_ms});
 }
 
 void CanSwitcherNode::give(const Grant& grant, MonotonicTime received) {
@@ -364,12 +435,16 @@ void CanSwitcherNode::on_deadline() {
   }
   // This thread may be the late one: a release that waits in the reader counts before anybody is accused.
   statuses_->take_waiting();
-  const Decision decision = rotation_->on_deadline(monotonic_now());
+  const std::uint32_t deaf_before = rotation_->counters().deaf_deadlines;
+  const Decision decision =
+      rotation_->on_deadline(monotonic_now(), context().participant.transport_stats().last_datagram);
+  if (rotation_->counters().deaf_deadlines != deaf_before)
+    log::warn("nothing is heard at the end of the lease of {}: it is not accused",
+              rotation_->current()->payload);
   if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
   if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f);
   if (const Recall* recall = std::get_if<Recall>(&decision)) {
-    log::warn("came {} ms late to the end of the lease of {}: asked before it is killed",
-              (monotonic_now() - *due) / milliseconds(1), recall->payload);
+    log::warn("was deaf, or late, at the end of the lease of {}: asked before it is killed", recall->payload);
     publish_recall(*recall, monotonic_now());
   }
   record_holder();
@@ -400,7 +475,8 @@ void CanSwitcherNode::fence(const Fence& f) {
 }
 
 void CanSwitcherNode::report_unproven(const std::string& why) {
-  const std::string& payload = rotation_->current()->payload;
+  const std::string& granted = rotation_->current()->payload;
+  const std::string payload = granted.empty() ? "somebody before this start" : granted;
   rotation_->on_fence_unproven();
   log::fatal("{} may still write, the bus stays blocked: {}", payload, why);
   raise(mission::CanSwitcherFenceUnprovenEvent{.payload = payload, .why = why});
@@ -462,6 +538,7 @@ void CanSwitcherNode::report_power_cut(const hw::Peripheral& peripheral,
 void CanSwitcherNode::publish_housekeeping() {
   if (listener_) publish_bus_statistics();
   const TaskFlagRotation::Counters& counters = rotation_->counters();
+  const TickFlywheel::Counters& ticks = flywheel_.counters();
   mission::CanSwitcherHousekeeping hk;
   hk.cycle = time_.cycle();
   for (std::size_t i = 0; i < rotation_->slots().size(); ++i) {
@@ -476,8 +553,8 @@ void CanSwitcherNode::publish_housekeeping() {
     hk.overruns += slot.overruns;
     hk.fences += slot.fences;
   }
-  hk.ticks = counters.ticks;
-  hk.repeated_ticks = counters.repeated_ticks;
+  hk.ticks = ticks.ticks;
+  hk.repeated_ticks = ticks.repeated;
   hk.waiting_ticks = counters.waiting_ticks;
   hk.idle_ticks = counters.idle_ticks;
   hk.blocked_ticks = counters.blocked_ticks;
@@ -489,7 +566,7 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.flag_latency_max_us = as_us(flag_latency_.max());
   hk.holder = rotation_->next_deadline() ? static_cast<std::uint8_t>(rotation_->current()->slot + 1)
                                          : std::uint8_t{0};
-  hk.ticks_missed = counters.missed_cycles;
+  hk.ticks_missed = ticks.missed_cycles;
   hk.status_rejected =
       counters.old_reports + counters.foreign_reports + counters.duplicate_reports + meaningless_statuses_;
   hk.dds_malformed = static_cast<std::uint32_t>(malformed_samples());
@@ -497,6 +574,9 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.flags_withheld = counters.withdrawn;
   hk.peripherals_cut = peripherals_cut_;
   hk.power_cuts_failed = failed_cuts_;
+  hk.ticks_substituted = ticks.substitutes;
+  hk.ticks_superseded = ticks.made;
+  hk.tick_outages = ticks.outages;
   publish_telemetry(ros::telemetry_message(name(), hk, hk.cycle, time_.utc_at(now()), time_.valid(), now()));
 }
 

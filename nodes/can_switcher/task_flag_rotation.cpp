@@ -45,13 +45,18 @@ void TaskFlagRotation::inherit(const InheritedGrant& granted, MonotonicTime now)
   phase_ = granted.process ? Phase::recalling : Phase::fencing;
 }
 
+void TaskFlagRotation::await_empty_queue(MonotonicTime now) {
+  current_ = Grant{.id = {incarnation_, next_counter_++},
+                   .slot = 0,
+                   .payload = {},
+                   .cycle = 0,
+                   .granted = now,
+                   .lease_end = now,
+                   .allotted = nanoseconds(0)};
+  phase_ = Phase::fencing;
+}
+
 Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
-  if (!follows(cycle)) {
-    ++counters_.repeated_ticks;
-    return Nothing{};
-  }
-  if (last_cycle_ && cycle > *last_cycle_)
-    counters_.missed_cycles += static_cast<std::uint32_t>(cycle - *last_cycle_ - 1);
   last_cycle_ = cycle;
   ++counters_.ticks;
 
@@ -73,18 +78,6 @@ Recall TaskFlagRotation::recall(MonotonicTime now) {
   return {current_->id, current_->payload};
 }
 
-bool TaskFlagRotation::follows(MissionCycle cycle) {
-  const auto plausible_after = [cycle](const std::optional<MissionCycle>& before, MissionCycle farthest) {
-    return before && cycle > *before && cycle - *before <= farthest;
-  };
-  if (!last_cycle_ || plausible_after(last_cycle_, longest_gap) || plausible_after(doubted_cycle_, 10)) {
-    doubted_cycle_.reset();
-    return true;
-  }
-  doubted_cycle_ = cycle;
-  return false;
-}
-
 Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   const bool from_before = resumed_ && received < *resumed_;
   if (suspended_ || from_before) {
@@ -101,7 +94,7 @@ Decision TaskFlagRotation::on_early_release(MonotonicTime now) {
     return Nothing{};
   if (had_this_tick_[order_[next_place_]]) return Nothing{};
   ++counters_.early_grants;
-  return grant(now, *last_cycle_);
+  return grant(now, last_cycle_);
 }
 
 Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle) {
@@ -138,7 +131,9 @@ bool TaskFlagRotation::set_order(const std::vector<std::string>& payloads) {
   if (order == order_) return true;
   order_ = std::move(order);
   // It goes on behind who had the bus last.
-  const auto last = current_ ? std::find(order_.begin(), order_.end(), current_->slot) : order_.end();
+  const auto last = current_ && !current_->payload.empty()
+                        ? std::find(order_.begin(), order_.end(), current_->slot)
+                        : order_.end();
   next_place_ =
       last == order_.end() ? 0 : static_cast<std::size_t>(last - order_.begin() + 1) % order_.size();
   return true;
@@ -168,7 +163,7 @@ std::optional<MonotonicTime> TaskFlagRotation::next_deadline() const {
 }
 
 std::optional<TaskFlagRotation::Holder> TaskFlagRotation::holder() const {
-  if (phase_ == Phase::free) return std::nullopt;
+  if (phase_ == Phase::free || current_->payload.empty()) return std::nullopt;
   const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
   return Holder{current_->slot, process.value_or(0)};
 }
@@ -179,10 +174,13 @@ void TaskFlagRotation::withdraw(GrantId id) {
   free_bus();
 }
 
-Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
+Decision TaskFlagRotation::on_deadline(MonotonicTime now, MonotonicTime last_heard) {
   const auto deadline = next_deadline();
   if (!deadline || now < *deadline) return Nothing{};
-  if (now >= current_->lease_end) return end_of_lease(now);
+  if (now >= current_->lease_end) {
+    if (waits_to_hear(now, last_heard)) return Nothing{};
+    return end_of_lease(now);
+  }
   // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
   assert(phase_ == Phase::taken);
   phase_ = Phase::reset_ordered;
@@ -190,10 +188,23 @@ Decision TaskFlagRotation::on_deadline(MonotonicTime now) {
   return OrderReset{current_->id, current_->payload, now - current_->granted};
 }
 
+bool TaskFlagRotation::waits_to_hear(MonotonicTime now, MonotonicTime last_heard) {
+  const bool deaf = deaf_since_ ? last_heard <= *deaf_since_ : now - last_heard > deaf_limit;
+  if (!deaf || (deaf_since_ && now - *deaf_since_ >= deaf_patience)) return false;
+  if (!deaf_since_) {
+    deaf_since_ = now;
+    ++counters_.deaf_deadlines;
+  }
+  current_->lease_end = now + deaf_look;
+  return true;
+}
+
 Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
   const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
-  if (phase_ != Phase::recalling && process && now - current_->lease_end > held_up_limit) {
-    // This process was stopped or starved, and so may the holder have been: it is asked before it is killed.
+  const bool was_deaf = std::exchange(deaf_since_, std::nullopt).has_value();
+  if (phase_ != Phase::recalling && process && (was_deaf || now - current_->lease_end > held_up_limit)) {
+    // This process was deaf, stopped or starved, and so may the holder have been: it is asked before it is
+    // killed.
     const bool long_ago = now - current_->lease_end > held_up_recall_time;
     inherit({current_->payload, process}, now);
     recalled_ = true;

@@ -108,13 +108,15 @@ class TaskFlagRotation {
   TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
                    const std::optional<InheritedGrant>& inherited = {});
 
+  /// A tick that TickFlywheel believed, or made.
   /// @param received  when the tick arrived, before now if it had to wait
-  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (a cycle already seen, suspended, a tick from
-  /// before resume())
+  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (suspended, a tick from before resume())
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
   /// time.
-  [[nodiscard]] Decision on_deadline(MonotonicTime now);
+  /// @param last_heard  when anything came in by the network; a switcher that hears nobody accuses nobody
+  [[nodiscard]] Decision on_deadline(MonotonicTime now, MonotonicTime last_heard);
+  [[nodiscard]] Decision on_deadline(MonotonicTime now) { return on_deadline(now, now); }
   ReportVerdict on_bus_status(const BusReport& report, MonotonicTime now);
   /// The next grant where the last report left a slot unused and early hand-over is on, else Nothing: the
   /// rest of the round until the next tick, every payload at most once a tick. To call after each report.
@@ -131,6 +133,9 @@ class TaskFlagRotation {
   /// Takes over a grant that nobody watched since. It is asked back from the next tick on, under a new id;
   /// who does not answer in time is fenced. Of a process that is gone, on_fenced() is awaited at once.
   void inherit(const InheritedGrant& granted, MonotonicTime now);
+  /// Nobody knows of a grant from before, but of frames nobody knows either: a suite that was killed and
+  /// started anew, a record that is gone. Blocked until on_fenced() of current().
+  void await_empty_queue(MonotonicTime now);
   /// A grant is out whose end can only be heard: not released, not recalled, not fenced.
   [[nodiscard]] bool awaits_release() const {
     return phase_ == Phase::granted || phase_ == Phase::taken || phase_ == Phase::reset_ordered;
@@ -180,8 +185,6 @@ class TaskFlagRotation {
   };
   struct Counters {
     std::uint32_t ticks = 0;
-    std::uint32_t repeated_ticks = 0;
-    std::uint32_t missed_cycles = 0;  ///< cycle numbers between two ticks that were never received
     std::uint32_t blocked_ticks = 0;
     std::uint32_t waiting_ticks = 0;
     std::uint32_t idle_ticks = 0;  ///< suspended, or a tick from before resume()
@@ -191,6 +194,7 @@ class TaskFlagRotation {
     std::uint32_t early_grants = 0;     ///< given on before the next tick
     std::uint32_t unproven_fences = 0;  ///< waits for the end of a fenced holder that ended without it
     std::uint32_t late_deadlines = 0;   ///< ends of leases this process came to so late that it asked first
+    std::uint32_t deaf_deadlines = 0;   ///< ends of leases at which this process heard nobody
     std::uint32_t withdrawn = 0;        ///< grants whose flag was not published
   };
   [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
@@ -202,15 +206,18 @@ class TaskFlagRotation {
   /// Later than this after the end of a lease this process was held up itself.
   static constexpr nanoseconds held_up_limit = milliseconds(50);
   static constexpr nanoseconds held_up_recall_time = milliseconds(500);
+  /// So long without any input at the end of a lease (a tick, a report, an acknowledgement) is deafness: the
+  /// release may have been missed. Until something is heard the bus stays blocked, then the holder is asked;
+  /// but after the patience, in which the ring replaces a deaf switcher, it is fenced as ever.
+  static constexpr nanoseconds deaf_limit = milliseconds(30);
+  static constexpr nanoseconds deaf_patience = seconds(2);
+  static constexpr nanoseconds deaf_look = milliseconds(20);
 
  private:
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
 
-  /// A tick of the timeline heard so far. A cycle far ahead or behind is doubted (a forged or misdelivered
-  /// tick must not stop the rotation), and believed when the next one goes on from there (timing lost its
-  /// count).
-  bool follows(MissionCycle cycle);
-  static constexpr MissionCycle longest_gap = 1'000'000;
+  /// Nothing came in around the end of the lease; it is looked at again a little later.
+  [[nodiscard]] bool waits_to_hear(MonotonicTime now, MonotonicTime last_heard);
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   Grant grant(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
@@ -219,7 +226,10 @@ class TaskFlagRotation {
   Decision end_of_lease(MonotonicTime now);
   Recall recall(MonotonicTime now);
   ReportVerdict on_recall_answer(const BusReport& report, MonotonicTime now);
-  void free_bus() { phase_ = Phase::free; }
+  void free_bus() {
+    phase_ = Phase::free;
+    deaf_since_.reset();
+  }
 
   std::vector<Slot> slots_;
   std::vector<std::size_t> order_;  ///< indices of slots_, never empty
@@ -240,9 +250,9 @@ class TaskFlagRotation {
   std::optional<std::uint32_t> holder_process_;
   MonotonicTime not_before_;
   nanoseconds recall_time_ = seconds(3);
-  bool recalled_ = false;  ///< a Recall was given out: its time runs
-  std::optional<MissionCycle> last_cycle_;
-  std::optional<MissionCycle> doubted_cycle_;
+  std::optional<MonotonicTime> deaf_since_;  ///< the end of this lease came, and nothing is heard
+  bool recalled_ = false;                    ///< a Recall was given out: its time runs
+  MissionCycle last_cycle_ = 0;
   Counters counters_;
 };
 

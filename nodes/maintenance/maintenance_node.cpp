@@ -1,7 +1,179 @@
 #include "nodes/maintenance/maintenance_node.hpp"
 
-namespace srfs {
+#include <array>
 
-MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : LifecycleNode(context) {}
+#include "nodes/maintenance/fault_line.hpp"
+#include "ros/mission_time.hpp"
+#include "ros/ring/node_record.hpp"
+
+namespace srfs {
+namespace {
+
+using ros::CallbackReturn;
+
+constexpr auto release_patience = milliseconds(2000);    // for a restart of the node that is under way
+constexpr auto between_fault_lines = milliseconds(150);  // a little above the structure's interval at ttc
+constexpr auto answer_deadline = seconds(2);
+
+FailureCode outcome_of(const Result<void, std::string>& result) {
+  if (result) return FailureCode::none;
+  log::error("{}", result.error());
+  return FailureCode::not_done;
+}
+
+template <class Command>
+FailureCode judge(OctetView arguments, const ros::Deployment& deployment) {
+  const auto command = Command::decode(arguments);
+  if (!command) {
+    return command.error().parameter == 0 ? FailureCode::bad_arguments_length : FailureCode::bad_argument;
+  }
+  if constexpr (requires { command->node; }) {
+    if (deployment.find(command->node) == nullptr) return FailureCode::unknown_node;
+  }
+  return FailureCode::none;
+}
+
+}  // namespace
+
+MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(context) {}
+
+CallbackReturn MaintenanceNode::on_configure() {
+  worker_ = create_worker("ring_files", 4);
+  open_commanding();
+  return CallbackReturn::success;
+}
+
+CallbackReturn MaintenanceNode::on_activate() {
+  resume_commanding();
+  return CallbackReturn::success;
+}
+
+CallbackReturn MaintenanceNode::on_cleanup() {
+  sending_.reset();
+  faults_.clear();
+  parameters_of_.reset();
+  close_commanding();
+  worker_.reset();
+  return CallbackReturn::success;
+}
+
+FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) const {
+  switch (function) {
+    case mission::RingHold::function_id:
+      return judge<mission::RingHold>(arguments, deployment());
+    case mission::RingRelease::function_id:
+      return judge<mission::RingRelease>(arguments, deployment());
+    case mission::RingReleaseInactive::function_id:
+      return judge<mission::RingReleaseInactive>(arguments, deployment());
+    case mission::RingReportFaults::function_id:
+      return judge<mission::RingReportFaults>(arguments, deployment());
+    case mission::NodeSetLogLevel::function_id:
+      return judge<mission::NodeSetLogLevel>(arguments, deployment());
+    default:
+      return FailureCode::unknown_function;
+  }
+}
+
+void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
+  const OctetView arguments = telecommand.arguments;
+  switch (telecommand.function) {
+    case mission::RingHold::function_id:
+      run([this, node = mission::RingHold::decode(arguments)->node] {
+        return outcome_of(ros::hold(var(), node, "held by telecommand"));
+      });
+      break;
+    case mission::RingRelease::function_id:
+      run([this, node = mission::RingRelease::decode(arguments)->node] {
+        return outcome_of(ros::release(var(), node, release_patience));
+      });
+      break;
+    case mission::RingReleaseInactive::function_id:
+      run([this, node = mission::RingReleaseInactive::decode(arguments)->node] {
+        if (ros::find_instance(var(), node)) return FailureCode::node_runs;
+        const FailureCode set = outcome_of(ros::set_desired_state(var(), node, ros::State::inactive));
+        return set != FailureCode::none ? set : outcome_of(ros::release(var(), node, release_patience));
+      });
+      break;
+    case mission::RingReportFaults::function_id:
+      report_faults(mission::RingReportFaults::decode(arguments)->count);
+      break;
+    case mission::NodeSetLogLevel::function_id:
+      set_log_level(*mission::NodeSetLogLevel::decode(arguments));
+      break;
+    default:
+      finished(FailureCode::unknown_function);  // stored by a version that knew it
+  }
+}
+
+void MaintenanceNode::run(std::function<FailureCode()> job) {
+  auto outcome = std::make_shared<FailureCode>(FailureCode::not_done);
+  const bool taken = worker_->post([job = std::move(job), outcome] { *outcome = job(); },
+                                   [this, outcome] { finished(*outcome); });
+  if (!taken) finished(FailureCode::queue_full);
+}
+
+// ---------------------------------------------------------------- the fault ledger
+
+void MaintenanceNode::report_faults(std::size_t count) {
+  auto lines = std::make_shared<std::deque<mission::RingFaultHousekeeping>>();
+  const bool taken = worker_->post(
+      [ledger = ros::FaultLedger(var()), count, lines] {
+        const auto content = ledger.read();
+        const std::size_t first = content.records.size() - std::min(count, content.records.size());
+        for (std::size_t i = first; i < content.records.size(); ++i)
+          lines->push_back(to_mission(content.records[i]));
+      },
+      [this, lines] {
+        faults_ = std::move(*lines);
+        send_next_fault();
+      });
+  if (!taken) finished(FailureCode::queue_full);
+}
+
+/// One at a time: ttc sends a structure live no more often than its interval.
+void MaintenanceNode::send_next_fault() {
+  if (faults_.empty()) {
+    sending_.reset();
+    finished(FailureCode::none);
+    return;
+  }
+  srfs_msgs::msg::PayloadTelemetry m;
+  m.source = name();
+  m.apid = mission::RingFaultHousekeeping::apid;
+  m.structure_id = mission::RingFaultHousekeeping::structure_id;
+  m.utc = ros::to_message(system_utc_now());
+  m.time_valid = false;  // the node's own clock; ttc stamps the report with mission time
+  m.monotonic_ns = static_cast<std::uint64_t>(now().ns());
+  m.data = faults_.front().encoded();
+  faults_.pop_front();
+  publish_telemetry(m);
+  sending_ = create_one_shot(
+      now() + between_fault_lines, [this] { send_next_fault(); }, "fault lines");
+}
+
+// ---------------------------------------------------------------- log levels
+
+void MaintenanceNode::set_log_level(const mission::NodeSetLogLevel& command) {
+  constexpr std::array names = {"debug", "info", "warn", "error"};
+  rcl_interfaces::msg::Parameter parameter;
+  parameter.name = "log_level";
+  parameter.value =
+      ros::to_message(ros::ParameterValue(std::string(names.at(static_cast<std::size_t>(command.level)))));
+  SetParameters::Request request;
+  request.parameters = {parameter};
+  parameters_of_ = create_client<SetParameters>("/" + command.node + "/set_parameters");
+  parameters_of_->call(
+      request, answer_deadline, 1, [this](const ros::Client<SetParameters>::Outcome& outcome) {
+        FailureCode code = FailureCode::none;
+        if (!outcome) {
+          code = FailureCode::node_silent;
+        } else if (outcome->results.empty() || !outcome->results.front().successful) {
+          log::error("log_level: {}",
+                     outcome->results.empty() ? "no result" : outcome->results.front().reason);
+          code = FailureCode::not_done;
+        }
+        finished(code);
+      });
+}
 
 }  // namespace srfs

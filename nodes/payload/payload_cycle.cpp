@@ -641,7 +641,7 @@ PayloadActions PayloadCycle::on_telecommand(StoredTelecommand telecommand, Monot
     journal_.refuse(telecommand.id, FailureCode::node_not_active);
   } else if (!command) {
     journal_.refuse(telecommand.id, command.error());
-  } else if (telecommand.expiry != MonotonicTime() && now > telecommand.expiry) {
+  } else if (telecommand.has_expired(now)) {
     journal_.refuse(telecommand.id, FailureCode::expired);
   } else {
     journal_.add(std::move(telecommand));

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "base/file.hpp"
+#include "commanding/messages.hpp"
 #include "hw/open.hpp"
 #include "wire/can_bits.hpp"
 
@@ -33,11 +34,6 @@ std::uint32_t as_u32(std::uint64_t value) {
 }
 std::uint32_t as_us(nanoseconds d) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d.count() / 1000, 0, 0xFFFFFFFF));
-}
-
-std::string boot_id() {
-  const auto text = read_file("/proc/sys/kernel/random/boot_id", 64);
-  return text ? text->substr(0, 36) : std::string("unknown");
 }
 
 wire::IsoTpFrame to_isotp(const hw::CanFrame& frame) {
@@ -158,16 +154,7 @@ bool PayloadNode::open_devices() {
 }
 
 void PayloadNode::restore() {
-  TelecommandJournal journal(boot_id());
-  const auto file = state_dir() / "telecommands";
-  if (std::filesystem::exists(file)) {
-    const auto content = read_file(file, 1U << 20U);
-    if (!content || !journal.restore(octets_of(*content))) {
-      log::error("{} cannot be used; stored telecommands and known ids are lost", file.string());
-    } else if (journal.pending() > 0) {
-      log::info("{} stored telecommands go on", journal.pending());
-    }
-  }
+  TelecommandJournal journal = read_journal(state_dir() / "telecommands");
   const auto state = state_dir() / "processing";
   if (std::filesystem::exists(state)) {
     if (const auto content = read_file(state, 65536)) profile_->restore_state(octets_of(*content));
@@ -334,15 +321,7 @@ void PayloadNode::on_flags(const srfs_msgs::msg::TaskFlags& flags, const ros::Me
 
 void PayloadNode::on_telecommand(const srfs_msgs::msg::Telecommand& m) {
   if (m.target != name()) return;
-  StoredTelecommand telecommand;
-  telecommand.id = m.id;
-  telecommand.function = m.function_id;
-  // A class that nobody defined is treated as the most careful one.
-  const bool known_class = m.repeat_class >= 1 && m.repeat_class <= 3;
-  telecommand.repeat = known_class ? static_cast<RepeatClass>(m.repeat_class) : RepeatClass::at_most_once;
-  telecommand.expiry = from_ns(m.expiry_ns);
-  telecommand.arguments = m.arguments;
-  run(cycle_->on_telecommand(std::move(telecommand), monotonic_now()));
+  run(cycle_->on_telecommand(from_message(m), monotonic_now()));
 }
 
 void PayloadNode::on_can_input() {
@@ -774,15 +753,7 @@ void PayloadNode::carry_out(const PayloadEvent& action) {
 }
 
 void PayloadNode::carry_out(const StageReport& action) {
-  srfs_msgs::msg::TelecommandReport m;
-  m.id = action.id;
-  m.node = name();
-  m.node_incarnation = incarnation();
-  m.stage = static_cast<std::uint8_t>(action.stage);
-  m.success = action.success;
-  m.failure_code = static_cast<std::uint16_t>(action.failure);
-  m.monotonic_ns = as_ns(monotonic_now());
-  unheard_.push(std::move(m));
+  unheard_.push(to_message(action, name(), incarnation(), monotonic_now()));
   flush_reports();
 }
 

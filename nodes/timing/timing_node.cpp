@@ -6,7 +6,7 @@
 
 #include <mission/structures.hpp>
 
-#include "base/file.hpp"
+#include "base/process.hpp"
 #include "hw/open.hpp"
 #include "ros/mission_time.hpp"
 
@@ -25,11 +25,6 @@ std::uint32_t as_u32(std::uint64_t v) {
 }
 std::uint32_t as_us(nanoseconds d) {
   return as_u32(static_cast<std::uint64_t>(std::max<std::int64_t>(0, d.count() / 1000)));
-}
-
-std::string read_boot_id() {
-  const auto text = read_file("/proc/sys/kernel/random/boot_id", 64);
-  return text ? text->substr(0, 36) : std::string("-");
 }
 
 }  // namespace
@@ -121,7 +116,7 @@ CallbackReturn TimingNode::on_configure() {
   pulse_ = std::move(*pulse);
   serial_ = std::move(*serial);
 
-  boot_id_ = read_boot_id();
+  boot_id_ = kernel_boot_id().value_or("-");
   if (!boot_) stored_boot_ = boot_store_.load();
   const TimingRecord record = store_.load();
   const CarriedTime start = carry_on(record, boot_id_, monotonic_now());

@@ -14,27 +14,54 @@ std::uint64_t first_telecommand_id(std::uint64_t stored, std::uint64_t known, Ut
   return std::max({stored, known, by_clock, std::uint64_t{1}});
 }
 
-bool CommandForwarder::has_room(const std::string& target) const {
+bool CommandForwarder::has_room(const std::string& target, std::size_t reserved) const {
   const auto found = nodes_.find(target);
-  if (found == nodes_.end()) return true;
+  if (found == nodes_.end()) return reserved < max_unacknowledged + max_queued;
   const Node& node = found->second;
-  const bool direct = node.unacknowledged.size() < max_unacknowledged && node.queued.empty();
-  return (direct || node.queued.size() < max_queued) && node.executing.size() < max_executing;
+  const std::size_t waiting = node.unacknowledged.size() + node.queued.size() + reserved;
+  return waiting < max_unacknowledged + max_queued && node.executing.size() < max_executing;
 }
 
-Result<std::uint64_t, ForwardError> CommandForwarder::submit(const TelecommandOrigin& origin,
-                                                             ForwardedCommand command, MonotonicTime now) {
+Result<void, ForwardError> CommandForwarder::submit(const TelecommandOrigin& origin, ForwardedCommand command,
+                                                    MonotonicTime now) {
   if (!has_room(command.target)) {
     ++counters_.refused;
     return Err(ForwardError::queue_full);
   }
   ++counters_.submitted;
-  command.id = next_id_++;
-  const std::uint64_t id = command.id;
+  command.id = origin.id;
   Node& node = nodes_[command.target];
-  node.queued.push_back(Entry{.origin = origin, .command = std::move(command), .publish_next = now});
+  const MonotonicTime expiry = command.expiry;
+  node.queued.push_back(
+      Entry{.origin = origin, .command = std::move(command), .publish_next = now, .give_up = expiry});
   fill(node, now);
-  return id;
+  return {};
+}
+
+void CommandForwarder::restore(const TelecommandOrigin& origin, ForwardedCommand command,
+                               const ForwardedProgress& progress, MonotonicTime now) {
+  ++counters_.submitted;
+  command.id = origin.id;
+  Node& node = nodes_[command.target];
+  Entry entry{.origin = origin,
+              .command = std::move(command),
+              .publish_next = now,
+              .give_up = {},
+              .taken = progress.taken,
+              .void_expiry = progress.other_boot,
+              .started = progress.started,
+              .last_step = progress.last_step};
+  if (progress.other_boot) entry.command.expiry = now;
+  // Its node may have it, or even have done it: only the node knows.
+  entry.give_up = std::max(entry.command.expiry, now) + completion_grace;
+  if (progress.taken) {
+    // Not all at once: as many as may be unacknowledged in each period.
+    const auto turn = static_cast<int>(node.executing.size() / max_unacknowledged);
+    entry.publish_next = now + republish_period * turn / 2;
+    node.executing.push_back(std::move(entry));
+  } else {
+    node.queued.push_back(std::move(entry));
+  }
 }
 
 void CommandForwarder::fill(Node& node, MonotonicTime now) {
@@ -46,9 +73,22 @@ void CommandForwarder::fill(Node& node, MonotonicTime now) {
 }
 
 void CommandForwarder::publish(Entry& entry, MonotonicTime now) {
-  entry.publish_next = now + republish_period;
+  constexpr std::uint8_t at_most_once = 3;  // srfs_msgs/Telecommand
+  entry.publish_next = now + (entry.taken ? ask_period : republish_period);
   ++counters_.published;
   publications_.push_back(entry.command);
+  // A node that knows the id says how far it got, whatever the expiry. One that does not know it must not
+  // begin what it, or the boot before, may have done already.
+  const bool may_not_begin = entry.void_expiry || (entry.taken && entry.command.repeat_class == at_most_once);
+  if (may_not_begin) publications_.back().expiry = MonotonicTime(nanoseconds(1));
+}
+
+void CommandForwarder::take(Node& node, Entry entry, MonotonicTime now) {
+  entry.taken = true;
+  entry.give_up = std::max(entry.give_up, entry.command.expiry + completion_grace);
+  entry.publish_next = now + ask_period;
+  taken_.push_back(entry.command.id);
+  node.executing.push_back(std::move(entry));
 }
 
 void CommandForwarder::on_report(const NodeReport& report, MonotonicTime now) {
@@ -61,7 +101,7 @@ void CommandForwarder::on_report(const NodeReport& report, MonotonicTime now) {
       // Any report proves that the node has the command.
       Entry entry = std::move(*waiting);
       node.unacknowledged.erase(waiting);
-      if (!apply(entry, report)) node.executing.push_back(std::move(entry));
+      if (!apply(entry, report)) take(node, std::move(entry), now);
       fill(node, now);
       return;
     }
@@ -69,6 +109,10 @@ void CommandForwarder::on_report(const NodeReport& report, MonotonicTime now) {
     if (executing != node.executing.end()) {
       if (report.stage == Stage::acceptance && report.success) {
         ++counters_.duplicate_reports;
+      } else if (report.stage == Stage::acceptance) {
+        // It had it, and refuses it as a new one: what it knew is lost, and with it what it did.
+        fail(*executing, Stage::completion, codes_.interrupted, {});
+        node.executing.erase(executing);
       } else if (apply(*executing, report)) {
         node.executing.erase(executing);
       }
@@ -132,8 +176,10 @@ void CommandForwarder::expire(const Entry& entry, Stage stage, std::uint16_t cod
 void CommandForwarder::on_time(MonotonicTime now) {
   for (auto& [name, node] : nodes_) {
     end_expired(node, now);
-    for (Entry& entry : node.unacknowledged) {
-      if (now >= entry.publish_next) publish(entry, now);
+    for (std::deque<Entry>* entries : {&node.unacknowledged, &node.executing}) {
+      for (Entry& entry : *entries) {
+        if (now >= entry.publish_next) publish(entry, now);
+      }
     }
     fill(node, now);
   }
@@ -141,12 +187,12 @@ void CommandForwarder::on_time(MonotonicTime now) {
 
 void CommandForwarder::end_expired(Node& node, MonotonicTime now) {
   const auto not_taken = [&](const Entry& entry) {
-    if (now < entry.command.expiry) return false;
+    if (now < entry.give_up) return false;
     expire(entry, Stage::start, codes_.not_taken);
     return true;
   };
   const auto not_completed = [&](const Entry& entry) {
-    if (now < entry.command.expiry + completion_grace) return false;
+    if (now < entry.give_up) return false;
     expire(entry, entry.started ? Stage::completion : Stage::start, codes_.no_completion);
     return true;
   };
@@ -159,9 +205,9 @@ std::optional<MonotonicTime> CommandForwarder::next_due() const {
   std::optional<MonotonicTime> next;
   const auto sooner = [&](MonotonicTime t) { next = next ? std::min(*next, t) : t; };
   for (const auto& [name, node] : nodes_) {
-    for (const Entry& entry : node.unacknowledged) sooner(std::min(entry.publish_next, entry.command.expiry));
-    for (const Entry& entry : node.queued) sooner(entry.command.expiry);
-    for (const Entry& entry : node.executing) sooner(entry.command.expiry + completion_grace);
+    for (const Entry& entry : node.unacknowledged) sooner(std::min(entry.publish_next, entry.give_up));
+    for (const Entry& entry : node.queued) sooner(entry.give_up);
+    for (const Entry& entry : node.executing) sooner(std::min(entry.publish_next, entry.give_up));
   }
   return next;
 }

@@ -17,7 +17,8 @@ namespace srfs {
 
 /// One telecommand on its way to another node, as published on /telecommand.
 struct ForwardedCommand {
-  std::uint64_t id = 0;  ///< unique for ever, counts up; payloads tell commands apart by the low 32 bits
+  std::uint64_t id = 0;  ///< unique for ever, counts up; payloads tell commands apart by the low 32 bits.
+                         ///< That of the origin
   std::string target;    ///< node name
   std::uint16_t apid = 0;
   std::uint16_t function_id = 0;
@@ -41,6 +42,15 @@ struct NodeReport {
 struct ForwardingFailureCodes {
   std::uint16_t not_taken = 0;      ///< the target did not accept it before it expired (1,4)
   std::uint16_t no_completion = 0;  ///< accepted, then no completion report in time (1,8)
+  std::uint16_t interrupted = 0;    ///< accepted, then its node did not know it any more (1,8)
+};
+
+/// How far a telecommand was known to be when the process before ended.
+struct ForwardedProgress {
+  bool taken = false;
+  bool started = false;
+  std::uint8_t last_step = 0;
+  bool other_boot = false;  ///< its expiry means nothing any more: it may not begin now
 };
 
 struct ForwardingCounters {
@@ -73,26 +83,31 @@ inline constexpr std::uint64_t reserved_telecommand_ids = 256;
 enum class ForwardError : std::uint8_t { queue_full };
 
 /// Brings telecommands to their nodes: publishes them until the node has accepted each, at most so many
-/// unacknowledged a node, and turns the nodes' reports into PUS 1 reports of the original request. Bounds are
-/// per node; a node that is silent costs only its own commands.
+/// unacknowledged a node, and turns the nodes' reports into PUS 1 reports of the original request. An
+/// accepted one is published now and then too: its node knows the id and reports again how far it got, so a
+/// report that was lost with a process comes all the same. Bounds are per node; a node that is silent costs
+/// only its own commands.
 class CommandForwarder {
  public:
   static constexpr std::size_t max_unacknowledged = 8;
   static constexpr std::size_t max_queued = 32;
   static constexpr std::size_t max_executing = 64;  ///< accepted by the node, not completed
   static constexpr milliseconds republish_period{500};
-  static constexpr seconds completion_grace{30};  ///< after the expiry
+  static constexpr milliseconds ask_period{2000};  ///< of an accepted one
+  static constexpr seconds completion_grace{30};   ///< after the expiry
 
   /// @param outbox takes the verification reports; outlives this
-  /// @param first_id see first_telecommand_id()
-  CommandForwarder(std::uint64_t first_id, ForwardingFailureCodes codes, ReportOutbox& outbox)
-      : next_id_(first_id), codes_(codes), outbox_(outbox) {}
+  CommandForwarder(ForwardingFailureCodes codes, ReportOutbox& outbox) : codes_(codes), outbox_(outbox) {}
 
-  /// Takes an accepted telecommand. @param command its id is filled in. @return the id
-  Result<std::uint64_t, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
-                                             MonotonicTime now);
-  /// Whether submit() for @p target would be taken.
-  [[nodiscard]] bool has_room(const std::string& target) const;
+  /// Takes an accepted telecommand. @param origin has its id
+  Result<void, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
+                                    MonotonicTime now);
+  /// Goes on with one of an earlier process, in the order of the ids and whatever the bounds: they held when
+  /// it was accepted. Its node is given time to say what became of it, also past its expiry.
+  void restore(const TelecommandOrigin& origin, ForwardedCommand command, const ForwardedProgress& progress,
+               MonotonicTime now);
+  /// Whether submit() for @p target would be taken after @p reserved others.
+  [[nodiscard]] bool has_room(const std::string& target, std::size_t reserved = 0) const;
   void on_report(const NodeReport& report, MonotonicTime now);
   /// Publishes again what is due, ends what expired.
   void on_time(MonotonicTime now);
@@ -104,8 +119,9 @@ class CommandForwarder {
   /// Commands that expired since the last call; at most those that were under way.
   [[nodiscard]] std::vector<ExpiredCommand> take_expired() { return std::exchange(expired_, {}); }
 
-  /// The id of the next command.
-  [[nodiscard]] std::uint64_t next_id() const { return next_id_; }
+  /// Ids of commands that their node has accepted since the last call.
+  [[nodiscard]] std::vector<std::uint64_t> take_taken() { return std::exchange(taken_, {}); }
+
   /// Commands not completed, of all nodes.
   [[nodiscard]] std::size_t under_way() const;
   [[nodiscard]] const ForwardingCounters& counters() const { return counters_; }
@@ -115,6 +131,9 @@ class CommandForwarder {
     TelecommandOrigin origin;
     ForwardedCommand command;
     MonotonicTime publish_next;
+    MonotonicTime give_up;  ///< not taken, or then not ended until then: it failed
+    bool taken = false;     ///< its node has it
+    bool void_expiry = false;
     bool started = false;
     std::uint8_t last_step = 0;
   };
@@ -124,6 +143,7 @@ class CommandForwarder {
     std::deque<Entry> executing;
   };
   void publish(Entry& entry, MonotonicTime now);
+  void take(Node& node, Entry entry, MonotonicTime now);
   void fill(Node& node, MonotonicTime now);
   void end_expired(Node& node, MonotonicTime now);
   void expire(const Entry& entry, Stage stage, std::uint16_t code);
@@ -132,12 +152,12 @@ class CommandForwarder {
   bool apply(Entry& entry, const NodeReport& report);
   void report_start(Entry& entry);
 
-  std::uint64_t next_id_;
   ForwardingFailureCodes codes_;
   ReportOutbox& outbox_;
   std::map<std::string, Node> nodes_;
   std::vector<ForwardedCommand> publications_;
   std::vector<ExpiredCommand> expired_;
+  std::vector<std::uint64_t> taken_;
   ForwardingCounters counters_;
 };
 

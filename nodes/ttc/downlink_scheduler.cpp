@@ -15,10 +15,12 @@ DownlinkScheduler::DownlinkScheduler(DownlinkConfig config)
       field_octets_(config.cadu.frame_octets - wire::tm_frame_overhead_octets),
       frames_({.spacecraft_id = config.spacecraft_id,
                .frame_octets = config.cadu.frame_octets,
-               .queue_octets_max = std::max(config.live_queue_octets, config.playback_queue_octets)}),
+               .queue_octets_max = std::max(
+                   {config.live_queue_octets, config.playback_queue_octets, config.files_queue_octets})}),
       pacer_(config.baud, wire::cadu_octets(config.cadu)) {
   channels_[vc(DownlinkChannel::live)].capacity = config.live_queue_octets;
   channels_[vc(DownlinkChannel::playback)].capacity = config.playback_queue_octets;
+  channels_[vc(DownlinkChannel::files)].capacity = config.files_queue_octets;
 }
 
 bool DownlinkScheduler::push(DownlinkChannel channel, Octets packet, bool urgent, MonotonicTime now) {
@@ -59,13 +61,17 @@ MonotonicTime DownlinkScheduler::ready_at(DownlinkChannel channel) const {
 std::optional<DownlinkChannel> DownlinkScheduler::choose(MonotonicTime now) {
   const bool live = ready_at(DownlinkChannel::live) <= now;
   const bool playback = ready_at(DownlinkChannel::playback) <= now;
-  if (!live && !playback) return std::nullopt;
-  if (live && (!playback || live_in_a_row_ < config_.live_frames_per_playback)) {
-    live_in_a_row_ = playback ? live_in_a_row_ + 1 : 0;
+  const bool files = ready_at(DownlinkChannel::files) <= now;
+  const bool other = playback || files;
+  if (!live && !other) return std::nullopt;
+  if (live && (!other || live_in_a_row_ < config_.live_frames_per_other)) {
+    live_in_a_row_ = other ? live_in_a_row_ + 1 : 0;
     return DownlinkChannel::live;
   }
   live_in_a_row_ = 0;
-  return DownlinkChannel::playback;
+  const bool take_files = files && (!playback || files_next_);
+  files_next_ = !take_files;
+  return take_files ? DownlinkChannel::files : DownlinkChannel::playback;
 }
 
 std::optional<Octets> DownlinkScheduler::next(MonotonicTime now, const std::function<std::uint32_t()>& clcw) {
@@ -90,7 +96,8 @@ std::optional<Octets> DownlinkScheduler::next(MonotonicTime now, const std::func
 }
 
 std::optional<MonotonicTime> DownlinkScheduler::next_due(MonotonicTime now) const {
-  MonotonicTime due = std::min(ready_at(DownlinkChannel::live), ready_at(DownlinkChannel::playback));
+  MonotonicTime due = std::min({ready_at(DownlinkChannel::live), ready_at(DownlinkChannel::playback),
+                                ready_at(DownlinkChannel::files)});
   if (control_word_by_) due = std::min(due, *control_word_by_);
   if (due == never) return std::nullopt;
   return std::max({due, pacer_.room_at(), now});

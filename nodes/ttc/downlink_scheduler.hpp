@@ -14,7 +14,8 @@
 namespace srfs {
 
 /// TM virtual channels of the downlink.
-enum class DownlinkChannel : std::uint8_t { live = 0, playback = 1 };
+enum class DownlinkChannel : std::uint8_t { live = 0, playback = 1, files = 2 };
+inline constexpr std::size_t downlink_channels = 3;
 
 struct DownlinkConfig {
   std::uint16_t spacecraft_id = 0;
@@ -22,18 +23,21 @@ struct DownlinkConfig {
   std::uint32_t baud = 921600;
   std::size_t live_queue_octets = 64U << 10;
   std::size_t playback_queue_octets = 64U << 10;
-  milliseconds flush_after{50};           ///< longest wait of a packet that does not fill a frame
-  unsigned live_frames_per_playback = 7;  ///< playback's minimum share: one frame after so many live ones
+  std::size_t files_queue_octets = 32U << 10;
+  milliseconds flush_after{50};        ///< longest wait of a packet that does not fill a frame
+  unsigned live_frames_per_other = 7;  ///< minimum share of the others: one frame after so many live ones
 };
 
 struct DownlinkCounters {
   std::uint64_t frames = 0;  ///< idle frames included
   std::uint64_t idle_frames = 0;
-  std::array<std::uint64_t, 2> packets{};  ///< framed, per channel
-  std::array<std::uint64_t, 2> dropped{};  ///< the channel's queue was full: the newest packet is refused
+  std::array<std::uint64_t, downlink_channels> packets{};  ///< framed, per channel
+  std::array<std::uint64_t, downlink_channels>
+      dropped{};  ///< the channel's queue was full: the newest packet is refused
 };
 
-/// Which frame goes down next. Live telemetry first, playback has a minimum share; a frame that is not full
+/// Which frame goes down next. Live telemetry first; playback and files have a minimum share and take turns
+/// over it and over what live telemetry leaves; a frame that is not full
 /// leaves after flush_after, or at once for an urgent packet. Hands a CADU out only when the line has nearly
 /// nothing left to send, so what is urgent waits for one CADU at most.
 class DownlinkScheduler {
@@ -73,9 +77,10 @@ class DownlinkScheduler {
   std::size_t field_octets_;
   wire::TmFrameBuilder frames_;
   LinePacer pacer_;
-  std::array<Channel, 2> channels_;
+  std::array<Channel, downlink_channels> channels_;
   std::optional<MonotonicTime> control_word_by_;
-  unsigned live_in_a_row_ = 0;  ///< live frames while playback was ready
+  unsigned live_in_a_row_ = 0;  ///< live frames while another channel was ready
+  bool files_next_ = false;     ///< when playback is ready too
   std::uint64_t frames_made_ = 0;
   std::uint64_t idle_frames_ = 0;
 };

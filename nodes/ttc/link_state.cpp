@@ -13,11 +13,8 @@ constexpr std::uint16_t version_without_telecommand_id = 1;
 
 }  // namespace
 
-Octets encode_link_state(const LinkState& state) {
+void write_link_state(OctetWriter& writer, const LinkState& state) {
   assert(state.channels.size() <= max_link_channels && state.associations.size() <= max_link_associations);
-  OctetWriter writer(link_state_octets);
-  writer.u32(link_state_magic);
-  writer.u16(link_state_version);
   writer.u64(state.generation);
   writer.u64(state.next_telecommand_id);
   writer.u8(static_cast<std::uint8_t>(state.channels.size()));
@@ -35,23 +32,12 @@ Octets encode_link_state(const LinkState& state) {
     writer.u16(association.spi);
     writer.u64(association.counter);
   }
-  while (writer.size() < link_state_octets - 4) writer.u8(0);
-  writer.u32(crc32c(writer.view()));
-  assert(writer.ok());
-  return writer.take();
 }
 
-std::optional<LinkState> decode_link_state(OctetView octets) {
-  if (octets.size() != link_state_octets) return std::nullopt;
-  OctetReader check(octets.last(4));
-  if (check.u32() != crc32c(octets.first(link_state_octets - 4))) return std::nullopt;
-  OctetReader reader(octets);
-  if (reader.u32() != link_state_magic) return std::nullopt;
-  const std::uint16_t version = reader.u16();
-  if (version != link_state_version && version != version_without_telecommand_id) return std::nullopt;
+std::optional<LinkState> read_link_state(OctetReader& reader, bool with_telecommand_id) {
   LinkState state;
   state.generation = reader.u64();
-  if (version != version_without_telecommand_id) state.next_telecommand_id = reader.u64();
+  if (with_telecommand_id) state.next_telecommand_id = reader.u64();
   const std::size_t channels = reader.u8();
   if (channels > max_link_channels) return std::nullopt;
   for (std::size_t i = 0; i < channels; ++i) {
@@ -77,6 +63,28 @@ std::optional<LinkState> decode_link_state(OctetView octets) {
   }
   if (!reader.ok()) return std::nullopt;
   return state;
+}
+
+Octets encode_link_state(const LinkState& state) {
+  OctetWriter writer(link_state_octets);
+  writer.u32(link_state_magic);
+  writer.u16(link_state_version);
+  write_link_state(writer, state);
+  while (writer.size() < link_state_octets - 4) writer.u8(0);
+  writer.u32(crc32c(writer.view()));
+  assert(writer.ok());
+  return writer.take();
+}
+
+std::optional<LinkState> decode_link_state(OctetView octets) {
+  if (octets.size() != link_state_octets) return std::nullopt;
+  OctetReader check(octets.last(4));
+  if (check.u32() != crc32c(octets.first(link_state_octets - 4))) return std::nullopt;
+  OctetReader reader(octets);
+  if (reader.u32() != link_state_magic) return std::nullopt;
+  const std::uint16_t version = reader.u16();
+  if (version != link_state_version && version != version_without_telecommand_id) return std::nullopt;
+  return read_link_state(reader, version != version_without_telecommand_id);
 }
 
 }  // namespace srfs

@@ -34,6 +34,11 @@ inline constexpr std::size_t link_state_octets = 512;
 inline constexpr std::size_t max_link_channels = 16;
 inline constexpr std::size_t max_link_associations = 16;
 
+/// Generation, next telecommand id, channels, associations: as short as it is.
+void write_link_state(OctetWriter& writer, const LinkState& state);
+/// @param with_telecommand_id  false: as version 1 of the copy on disk had it
+[[nodiscard]] std::optional<LinkState> read_link_state(OctetReader& reader, bool with_telecommand_id = true);
+
 /// One copy: magic, version, generation, next telecommand id, channels, associations, zeros, CRC-32C.
 [[nodiscard]] Octets encode_link_state(const LinkState& state);
 /// Version 1 had no telecommand id. nullopt: not a whole, undamaged copy of a known version.

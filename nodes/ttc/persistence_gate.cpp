@@ -5,15 +5,14 @@
 
 namespace srfs {
 
-bool PersistenceGate::enter(UplinkedPacket packet, std::uint64_t generation, MonotonicTime now) {
+bool PersistenceGate::enter(JudgedTelecommand judged, std::uint64_t generation, MonotonicTime now) {
   if (!has_room()) {
     ++counters_.refused;
     return false;
   }
-  waiting_.push_back(
-      Waiting{.packet = GatedPacket{.uplinked = std::move(packet), .received = now, .durable = true},
-              .generation = generation,
-              .deadline = now + deadline_});
+  waiting_.push_back(Waiting{.telecommand = {.judged = std::move(judged), .received = now, .durable = true},
+                             .generation = generation,
+                             .deadline = now + deadline_});
   while (!waiting_.empty() && waiting_.front().generation <= durable_) pass_front(true);
   return true;
 }
@@ -42,11 +41,11 @@ std::optional<MonotonicTime> PersistenceGate::next_due() const {
 }
 
 void PersistenceGate::pass_front(bool durable) {
-  GatedPacket packet = std::move(waiting_.front().packet);
+  GatedTelecommand telecommand = std::move(waiting_.front().telecommand);
   waiting_.pop_front();
-  packet.durable = durable;
+  telecommand.durable = durable;
   ++(durable ? counters_.passed : counters_.passed_undurable);
-  passed_.push_back(std::move(packet));
+  passed_.push_back(std::move(telecommand));
 }
 
 }  // namespace srfs

@@ -7,15 +7,15 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "nodes/ttc/uplink_chain.hpp"
+#include "nodes/ttc/telecommand_router.hpp"
 
 namespace srfs {
 
-/// A packet on its way to execution, with what measures and reports need.
-struct GatedPacket {
-  UplinkedPacket uplinked;
+/// A telecommand on its way to execution, with what measures and reports need.
+struct GatedTelecommand {
+  JudgedTelecommand judged;
   MonotonicTime received;  ///< when its last octet was read
-  bool durable = true;     ///< its anti-replay state is on disk
+  bool durable = true;     ///< its journal record is on disk
 };
 
 struct GateCounters {
@@ -25,7 +25,8 @@ struct GateCounters {
   std::uint64_t refused = 0;  ///< more waiting than the capacity
 };
 
-/// Holds packets back until the link state that excludes their repetition is on disk, at most for a deadline.
+/// Holds telecommands back until the journal that brings them back and excludes their repetition is on disk,
+/// at most for a deadline.
 /// One write at a time; it covers everything that came before it began.
 class PersistenceGate {
  public:
@@ -38,28 +39,30 @@ class PersistenceGate {
   explicit PersistenceGate(milliseconds deadline, std::uint64_t durable = 0)
       : deadline_(deadline), durable_(durable) {}
 
-  /// @param generation of the link state after this packet. @return false: full, the packet is dropped
-  /// (counted)
-  bool enter(UplinkedPacket packet, std::uint64_t generation, MonotonicTime now);
+  /// @param generation of the journal with this one. @return false: full, it is dropped (counted)
+  bool enter(JudgedTelecommand judged, std::uint64_t generation, MonotonicTime now);
+  void refuse() { ++counters_.refused; }
   [[nodiscard]] bool has_room(std::size_t packets = 1) const { return waiting_.size() + packets <= capacity; }
 
-  /// Whether a write of the link state with @p generation should begin now.
+  /// Whether a write may begin now.
+  [[nodiscard]] bool may_write() const { return !writing_ && !retry_; }
+  /// Whether a write of the journal with @p generation should begin now.
   [[nodiscard]] bool wants_write(std::uint64_t generation) const {
-    return !writing_ && !retry_ && generation > durable_;
+    return may_write() && generation > durable_;
   }
   void on_write_begun(std::uint64_t generation) { writing_ = generation; }
   /// The write ended. After a failure everything that waited for it passes as not durable.
   void on_write_done(bool success, MonotonicTime now);
-  /// Lets packets past their deadline go, and the next write after a failed one.
+  /// Lets what is past their deadline go, and the next write after a failed one.
   void on_time(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> next_due() const;
 
-  [[nodiscard]] std::vector<GatedPacket> take_passed() { return std::exchange(passed_, {}); }
+  [[nodiscard]] std::vector<GatedTelecommand> take_passed() { return std::exchange(passed_, {}); }
   [[nodiscard]] const GateCounters& counters() const { return counters_; }
 
  private:
   struct Waiting {
-    GatedPacket packet;
+    GatedTelecommand telecommand;
     std::uint64_t generation = 0;
     MonotonicTime deadline;
   };
@@ -67,7 +70,7 @@ class PersistenceGate {
 
   milliseconds deadline_;
   std::deque<Waiting> waiting_;
-  std::vector<GatedPacket> passed_;
+  std::vector<GatedTelecommand> passed_;
   std::uint64_t durable_;                 ///< generation on disk
   std::optional<std::uint64_t> writing_;  ///< generation of the write under way
   std::optional<MonotonicTime> retry_;    ///< no write before

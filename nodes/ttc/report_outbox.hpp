@@ -26,6 +26,16 @@ struct LastTelecommand {
   bool any = false;
 };
 
+/// A stage that an accepted telecommand reached, or missed, for the journal.
+struct StageReached {
+  std::uint64_t id = 0;
+  Stage stage = Stage::acceptance;
+  bool success = true;
+  std::uint16_t failure_code = 0;
+  std::uint8_t step = 0;
+  Octets data;
+};
+
 /// Reports on their way to the ground, in order. Everything that handles telecommands writes into one outbox,
 /// which also honours their acknowledgement flags.
 class ReportOutbox {
@@ -33,17 +43,24 @@ class ReportOutbox {
   void success(const TelecommandOrigin& origin, Stage stage, std::uint8_t step = 0);
   void failure(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code, OctetView data = {},
                std::uint8_t step = 0);
+  /// What was reported before, once more: neither counted nor remembered.
+  void success_again(const TelecommandOrigin& origin, Stage stage);
+  void failure_again(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code, OctetView data,
+                     std::uint8_t step);
   /// A report that is no verification: the answer to a request.
   void put(Report report) { reports_.push_back(std::move(report)); }
 
   [[nodiscard]] std::vector<Report> take() { return std::exchange(reports_, {}); }
+  /// Stages of telecommands with an id since the last call, whether somebody wanted them reported or not.
+  [[nodiscard]] std::vector<StageReached> take_stages() { return std::exchange(stages_, {}); }
   [[nodiscard]] const VerificationCounters& counters() const { return counters_; }
   [[nodiscard]] const LastTelecommand& last() const { return last_; }
 
  private:
-  void remember(const TelecommandOrigin& origin, Stage stage, bool success, std::uint16_t failure_code);
+  void remember(const TelecommandOrigin& origin, const StageReached& reached);
 
   std::vector<Report> reports_;
+  std::vector<StageReached> stages_;
   VerificationCounters counters_;
   LastTelecommand last_;
 };

@@ -19,6 +19,7 @@ constexpr std::uint8_t function_service = 8;
 constexpr std::uint8_t storage_service = 15;
 constexpr std::uint8_t test_service = 17;
 constexpr std::uint8_t perform_function = 1;
+constexpr std::string_view set_mode_command = "ttc.set_mode";
 
 std::uint16_t code_of(const mission::Dictionary& dictionary, std::string_view name) {
   for (const mission::FailureCode& code : dictionary.failure_codes()) {
@@ -58,6 +59,7 @@ FailureCodes::FailureCodes(const mission::Dictionary& dictionary)
       bad_time_range(code_of(dictionary, "bad_time_range")),
       store_unreadable(code_of(dictionary, "store_unreadable")),
       aborted(code_of(dictionary, "aborted")),
+      interrupted(code_of(dictionary, "interrupted")),
       completion_unknown(code_of(dictionary, "completion_unknown")) {}
 
 TelecommandRouter::TelecommandRouter(Parts parts, std::string own_node)
@@ -67,31 +69,80 @@ TelecommandRouter::TelecommandRouter(Parts parts, std::string own_node)
   own_apid_ = own->apid;
 }
 
-void TelecommandRouter::on_packet(OctetView packet, bool durable, MonotonicTime now) {
-  const auto parsed = wire::parse_tc_packet(packet);
-  if (!parsed) {
-    refuse_malformed(packet, parsed.error());
-    return;
-  }
-  TelecommandOrigin origin{.request = wire::request_id(*parsed),
-                           .apid = parsed->apid,
-                           .ack_flags = parsed->ack_flags,
-                           .source_id = parsed->source_id};
+TelecommandOrigin TelecommandRouter::origin_of(const wire::TcPacket& packet) const {
+  TelecommandOrigin origin{.request = wire::request_id(packet),
+                           .apid = packet.apid,
+                           .ack_flags = packet.ack_flags,
+                           .source_id = packet.source_id};
   // Nobody else can answer for an application process that does not exist.
   if (parts_.dictionary.apid(origin.apid) == nullptr) origin.apid = own_apid_;
+  return origin;
+}
 
-  auto request = judge(*parsed, durable);
+JudgedTelecommand TelecommandRouter::judge(OctetView packet, MonotonicTime now, bool room) {
+  const auto parsed = wire::parse_tc_packet(packet);
+  if (!parsed) return judge_malformed(packet, parsed.error());
+  JudgedTelecommand judged;
+  judged.origin = origin_of(*parsed);
+  auto request = check(*parsed, room);
   if (!request) {
-    refuse(origin, request.error());
+    judged.refusal = request.error();
+    return judged;
+  }
+  judged.command = request->command;
+  judged.arguments = std::move(request->arguments);
+  judged.expiry = now + judged.command->timeout;
+  if (judged.command->node != own_node_) ++waiting_[judged.command->node];
+  if (const auto mode = mode_of(*judged.command, judged.arguments)) modes_to_come_.push_back(*mode);
+  return judged;
+}
+
+void TelecommandRouter::carry_out(const JudgedTelecommand& judged, bool durable, MonotonicTime now) {
+  if (judged.command == nullptr) {
+    refuse(judged.origin, judged.refusal);
     return;
   }
-  request->origin = origin;
-  if (!durable) ++unstored_runs_;
-  if (request->command->node == own_node_) {
-    parts_.outbox.success(origin, Stage::acceptance);
-    execute(*request);
+  const mission::Command& command = *judged.command;
+  if (command.node != own_node_) --waiting_[command.node];
+  if (mode_of(command, judged.arguments)) modes_to_come_.erase(modes_to_come_.begin());
+  if (!durable && !command.recovery) {
+    refuse(judged.origin, Refusal{parts_.codes.storage_unavailable, {}});
+    return;
+  }
+  if (!durable) unstored_runs_.push_back(judged.origin.id);
+  parts_.outbox.success(judged.origin, Stage::acceptance);
+  const Request request{.origin = judged.origin, .command = &command, .arguments = judged.arguments};
+  const auto mode = static_cast<std::uint8_t>(parts_.mode.mode());
+  if (!command.allowed_in(mode)) {  // a mode change that it counted on did not come
+    parts_.outbox.failure(judged.origin, Stage::start, parts_.codes.wrong_mode, Octets{mode});
+  } else if (command.node == own_node_) {
+    execute(request);
   } else {
-    forward(*request, now);
+    forward(request, judged.expiry, now);
+  }
+}
+
+void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTime now) {
+  const auto parsed = wire::parse_tc_packet(restored.packet);
+  const auto found = parsed ? find_command(*parsed) : Err(Refusal{});
+  if (!found) {  // the dictionary of now does not have it
+    parts_.outbox.failure(restored.origin, Stage::completion, parts_.codes.interrupted);
+    return;
+  }
+  const mission::Command& command = **found;
+  const Request request{
+      .origin = restored.origin, .command = &command, .arguments = arguments_of(*parsed, command)};
+  if (command.node != own_node_) {
+    parts_.forwarder.restore(restored.origin, forwarded(request, restored.expiry), restored.progress, now);
+    return;
+  }
+  const bool again = command.repeat_class == mission::RepeatClass::idempotent &&
+                     !restored.progress.other_boot && now < restored.expiry &&
+                     command.allowed_in(static_cast<std::uint8_t>(parts_.mode.mode()));
+  if (again) {
+    execute(request);
+  } else {
+    parts_.outbox.failure(restored.origin, Stage::completion, parts_.codes.interrupted);
   }
 }
 
@@ -107,8 +158,7 @@ void TelecommandRouter::on_packet_without_room(OctetView packet) {
   refuse(origin, Refusal{parts_.codes.queue_full, {}});
 }
 
-Result<const mission::Command*, TelecommandRouter::Refusal> TelecommandRouter::find_command(
-    const wire::TcPacket& packet) const {
+Result<const mission::Command*, Refusal> TelecommandRouter::find_command(const wire::TcPacket& packet) const {
   const mission::Dictionary& dictionary = parts_.dictionary;
   if (dictionary.apid(packet.apid) == nullptr) return Err(Refusal{parts_.codes.unknown_apid, {}});
   if (packet.service == function_service && packet.subtype == perform_function) {
@@ -126,25 +176,41 @@ Result<const mission::Command*, TelecommandRouter::Refusal> TelecommandRouter::f
   return Err(Refusal{service_known ? parts_.codes.unknown_subtype : parts_.codes.unknown_service, {}});
 }
 
-Result<TelecommandRouter::Request, TelecommandRouter::Refusal> TelecommandRouter::judge(
-    const wire::TcPacket& packet, bool durable) const {
+Octets TelecommandRouter::arguments_of(const wire::TcPacket& packet, const mission::Command& command) {
+  OctetView arguments(packet.application);
+  if (command.is_function()) arguments = arguments.subspan(2);
+  return {arguments.begin(), arguments.end()};
+}
+
+std::optional<Mode> TelecommandRouter::mode_of(const mission::Command& command, OctetView arguments) {
+  if (command.name != set_mode_command || arguments.empty()) return std::nullopt;
+  return arguments.front() == static_cast<std::uint8_t>(Mode::nominal) ? Mode::nominal : Mode::safe;
+}
+
+std::size_t TelecommandRouter::waiting_for(const std::string& node) const {
+  const auto found = waiting_.find(node);
+  return found == waiting_.end() ? 0 : found->second;
+}
+
+Result<TelecommandRouter::Request, Refusal> TelecommandRouter::check(const wire::TcPacket& packet,
+                                                                     bool room) const {
   const auto command = find_command(packet);
   if (!command) return Err(command.error());
   const mission::Command& found = **command;
-  const auto mode = static_cast<std::uint8_t>(parts_.mode.mode());
+  const Mode to_come = modes_to_come_.empty() ? parts_.mode.mode() : modes_to_come_.back();
+  const auto mode = static_cast<std::uint8_t>(to_come);
   if (!found.allowed_in(mode)) return Err(Refusal{parts_.codes.wrong_mode, {mode}});
-  if (!durable && !found.recovery) return Err(Refusal{parts_.codes.storage_unavailable, {}});
 
-  OctetView arguments(packet.application);
-  if (found.is_function()) arguments = arguments.subspan(2);
+  Octets arguments = arguments_of(packet, found);
   if (const auto checked = parts_.dictionary.check_arguments(found, arguments); !checked) {
     const std::uint8_t position = checked.error().parameter;
     if (position == 0) return Err(Refusal{parts_.codes.bad_arguments_length, {}});
     return Err(Refusal{parts_.codes.bad_argument, {position}});
   }
-  if (found.node != own_node_ && !parts_.forwarder.has_room(found.node))
-    return Err(Refusal{parts_.codes.queue_full, {}});
-  return Request{.origin = {}, .command = &found, .arguments = {arguments.begin(), arguments.end()}};
+  const bool taken =
+      room && (found.node == own_node_ || parts_.forwarder.has_room(found.node, waiting_for(found.node)));
+  if (!taken) return Err(Refusal{parts_.codes.queue_full, {}});
+  return Request{.origin = {}, .command = &found, .arguments = std::move(arguments)};
 }
 
 void TelecommandRouter::refuse(const TelecommandOrigin& origin, const Refusal& refusal) {
@@ -156,33 +222,33 @@ void TelecommandRouter::refuse(const TelecommandOrigin& origin, const Refusal& r
       .code = refusal.code});
 }
 
-void TelecommandRouter::refuse_malformed(OctetView packet, wire::TcPacketError error) {
-  const auto request = wire::peek_request_id(packet);
-  TelecommandOrigin origin{
-      .request = request.value_or(wire::RequestId{}), .apid = own_apid_, .ack_flags = 0, .source_id = 0};
-  std::uint16_t code = parts_.codes.bad_length;
-  if (error == wire::TcPacketError::bad_checksum) code = parts_.codes.bad_checksum;
-  if (error == wire::TcPacketError::idle_packet) code = parts_.codes.unknown_apid;
+JudgedTelecommand TelecommandRouter::judge_malformed(OctetView packet, wire::TcPacketError error) const {
+  JudgedTelecommand judged;
+  judged.origin.request = wire::peek_request_id(packet).value_or(wire::RequestId{});
+  judged.origin.apid = own_apid_;
+  judged.refusal.code = parts_.codes.bad_length;
+  if (error == wire::TcPacketError::bad_checksum) judged.refusal.code = parts_.codes.bad_checksum;
+  if (error == wire::TcPacketError::idle_packet) judged.refusal.code = parts_.codes.unknown_apid;
   if (error == wire::TcPacketError::bad_pus_version || error == wire::TcPacketError::no_secondary_header) {
-    code = parts_.codes.unknown_service;
+    judged.refusal.code = parts_.codes.unknown_service;
   }
-  refuse(origin, Refusal{code, {}});
+  return judged;
 }
 
-void TelecommandRouter::forward(const Request& request, MonotonicTime now) {
+ForwardedCommand TelecommandRouter::forwarded(const Request& request, MonotonicTime expiry) {
   const mission::Command& command = *request.command;
-  // Accepted first: the node's reports must not overtake it.
-  parts_.outbox.success(request.origin, Stage::acceptance);
-  ForwardedCommand forwarded{.id = 0,
-                             .target = command.node,
-                             .apid = command.apid,
-                             .function_id = command.function_id,
-                             .repeat_class = static_cast<std::uint8_t>(command.repeat_class),
-                             .expiry = now + command.timeout,
-                             .arguments = request.arguments};
-  if (!parts_.forwarder.submit(request.origin, std::move(forwarded), now)) {
+  return ForwardedCommand{.id = request.origin.id,
+                          .target = command.node,
+                          .apid = command.apid,
+                          .function_id = command.function_id,
+                          .repeat_class = static_cast<std::uint8_t>(command.repeat_class),
+                          .expiry = expiry,
+                          .arguments = request.arguments};
+}
+
+void TelecommandRouter::forward(const Request& request, MonotonicTime expiry, MonotonicTime now) {
+  if (!parts_.forwarder.submit(request.origin, forwarded(request, expiry), now))
     parts_.outbox.failure(request.origin, Stage::start, parts_.codes.queue_full);
-  }
 }
 
 void TelecommandRouter::execute(const Request& request) {
@@ -207,7 +273,7 @@ void TelecommandRouter::execute(const Request& request) {
       execute_storage(request);
       return;
     case function_service:
-      if (command.name == "ttc.set_mode") {
+      if (command.name == set_mode_command) {
         set_mode(request);
         return;
       }

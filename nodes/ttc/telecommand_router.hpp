@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -24,7 +25,7 @@ struct FailureCodes {
 
   std::uint16_t unknown_apid, bad_length, bad_checksum, unknown_service, unknown_subtype, bad_argument,
       unknown_function, wrong_mode, queue_full, storage_unavailable, unknown_identifier, bad_arguments_length,
-      node_unavailable, busy, bad_time_range, store_unreadable, aborted, completion_unknown;
+      node_unavailable, busy, bad_time_range, store_unreadable, aborted, interrupted, completion_unknown;
 };
 
 /// A mode change that was commanded: to be stored, then reported with mode_stored().
@@ -41,9 +42,34 @@ struct RejectedTelecommand {
   std::uint16_t code = 0;
 };
 
+/// Why a telecommand is refused (1,2).
+struct Refusal {
+  std::uint16_t code = 0;
+  Octets parameter;
+};
+
+/// A telecommand packet after the decision and before anything is done.
+struct JudgedTelecommand {
+  TelecommandOrigin origin;                   ///< the id is filled in when it is recorded
+  const mission::Command* command = nullptr;  ///< of the dictionary; nullptr: refused
+  Octets arguments;
+  MonotonicTime expiry;  ///< not begun by its node after this
+  Refusal refusal;
+};
+
+/// How far a telecommand of an earlier process got.
+struct RestoredTelecommand {
+  TelecommandOrigin origin;
+  OctetView packet;
+  MonotonicTime expiry;
+  ForwardedProgress progress;
+};
+
 /// Decides what one telecommand packet causes: 1,2 with the reason, or 1,1 and then the services of ttc
-/// itself or a command for another node. Everything it causes is in the outbox, the forwarder, the retrieval,
-/// or taken from here. Never blocks.
+/// itself or a command for another node. Between the decision (judge) and what it causes (carry_out) the
+/// telecommand becomes durable; room in its node's queue is kept for it, and a mode change that waits counts
+/// as done for those behind it. Everything it causes is in the outbox, the forwarder, the retrieval, or taken
+/// from here. Never blocks.
 class TelecommandRouter {
  public:
   static constexpr std::size_t max_rejected = 16;
@@ -63,9 +89,15 @@ class TelecommandRouter {
   /// @param own_node name of the node whose commands are executed here
   TelecommandRouter(Parts parts, std::string own_node);
 
-  /// @param packet a space packet as it came up, not judged yet
-  /// @param durable whether what excludes its repetition is on disk; if not, only recovery commands run
-  void on_packet(OctetView packet, bool durable, MonotonicTime now);
+  /// @param packet a space packet as it came up
+  /// @param room whether an accepted one can be recorded; if not, it is refused (queue_full)
+  [[nodiscard]] JudgedTelecommand judge(OctetView packet, MonotonicTime now, bool room = true);
+  /// 1,1 and what is asked for, or 1,2. Once for each that judge() gave, in that order.
+  /// @param durable whether its record is on disk; if not, only recovery commands run
+  void carry_out(const JudgedTelecommand& judged, bool durable, MonotonicTime now);
+  /// Goes on with an accepted telecommand of an earlier process. One of ttc itself that may have begun is
+  /// done again if it is idempotent and not expired; else it ends as interrupted.
+  void restore(const RestoredTelecommand& restored, MonotonicTime now);
   /// A packet that came while too many wait for the disk: 1,2 queue_full, unseen.
   void on_packet_without_room(OctetView packet);
 
@@ -76,24 +108,25 @@ class TelecommandRouter {
   void mode_stored(const ModeChange& change, bool success);
   /// Telecommands refused since the last call, at most max_rejected (the newest).
   [[nodiscard]] std::vector<RejectedTelecommand> take_rejected() { return std::exchange(rejected_, {}); }
-  /// Recovery commands that ran without storage since the last call.
-  [[nodiscard]] std::uint32_t take_unstored_runs() { return std::exchange(unstored_runs_, 0); }
+  /// Ids of recovery commands that ran without storage since the last call.
+  [[nodiscard]] std::vector<std::uint64_t> take_unstored_runs() { return std::exchange(unstored_runs_, {}); }
 
  private:
-  struct Refusal {
-    std::uint16_t code = 0;
-    Octets parameter;
-  };
   struct Request {
     TelecommandOrigin origin;
     const mission::Command* command = nullptr;
     Octets arguments;
   };
   [[nodiscard]] Result<const mission::Command*, Refusal> find_command(const wire::TcPacket& packet) const;
-  [[nodiscard]] Result<Request, Refusal> judge(const wire::TcPacket& packet, bool durable) const;
+  [[nodiscard]] Result<Request, Refusal> check(const wire::TcPacket& packet, bool room) const;
+  [[nodiscard]] TelecommandOrigin origin_of(const wire::TcPacket& packet) const;
+  [[nodiscard]] static Octets arguments_of(const wire::TcPacket& packet, const mission::Command& command);
+  [[nodiscard]] static std::optional<Mode> mode_of(const mission::Command& command, OctetView arguments);
+  [[nodiscard]] std::size_t waiting_for(const std::string& node) const;
   void refuse(const TelecommandOrigin& origin, const Refusal& refusal);
-  void refuse_malformed(OctetView packet, wire::TcPacketError error);
-  void forward(const Request& request, MonotonicTime now);
+  [[nodiscard]] JudgedTelecommand judge_malformed(OctetView packet, wire::TcPacketError error) const;
+  void forward(const Request& request, MonotonicTime expiry, MonotonicTime now);
+  [[nodiscard]] static ForwardedCommand forwarded(const Request& request, MonotonicTime expiry);
   void execute(const Request& request);
   void execute_housekeeping(const Request& request);
   void execute_events(const Request& request);
@@ -106,7 +139,9 @@ class TelecommandRouter {
   std::uint16_t own_apid_ = 0;
   std::optional<ModeChange> mode_change_;
   std::vector<RejectedTelecommand> rejected_;
-  std::uint32_t unstored_runs_ = 0;
+  std::vector<std::uint64_t> unstored_runs_;
+  std::map<std::string, std::size_t> waiting_;  ///< judged and not carried out, per node
+  std::vector<Mode> modes_to_come_;             ///< of mode changes among them, in order
 };
 
 }  // namespace srfs

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 
 #include <mission/structures.hpp>
 
@@ -15,6 +16,8 @@ constexpr std::size_t read_octets = 512;
 constexpr std::size_t frames_per_read = read_octets / 26 + 2;  ///< the shortest CLTU has 26 octets
 constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
 constexpr std::uint8_t verification_service = 1;
+constexpr std::uint64_t cfdp_ground = 1;
+constexpr std::uint64_t cfdp_spacecraft = 2;
 
 std::optional<Stage> to_stage(std::uint8_t stage) {
   switch (stage) {
@@ -57,38 +60,100 @@ bool TtcNode::read_line() {
 void TtcNode::take_uplinked(std::vector<UplinkedPacket> packets) {
   const MonotonicTime received = monotonic_now();
   for (UplinkedPacket& packet : packets) {
-    if (!link_->gate.has_room()) link_->router.on_packet_without_room(packet.packet);
-    link_->gate.enter(std::move(packet), link_->uplink.state().generation, received);
+    link_->files.on_contact();
+    if (cfdp::is_pdu_packet(packet.packet)) {
+      link_->files.on_packet(packet.packet);  // repeated or lost, it does no harm: nothing waits for the disk
+    } else {
+      take_packet(std::move(packet), received);
+    }
+  }
+  for (const UplinkedPacket& refused : link_->uplink.take_refused()) {
+    const AcceptedTelecommand* known = link_->journal.find_repeated_frame(refused);
+    if (known != nullptr) AcceptanceJournal::tell_again(*known, 0, link_->outbox);
   }
 }
 
-void TtcNode::persist_link_state() {
-  if (!link_->gate.wants_write(link_->uplink.state().generation)) return;
-  LinkState state = link_->uplink.state();
-  state.next_telecommand_id = link_->forwarder.next_id() + reserved_telecommand_ids;
-  auto written = std::make_shared<Result<void, FileError>>();
-  const bool taken =
-      state_worker_->post([file = link_file_, state, written] { *written = file->store(state); },
-                          [this, written] { on_link_state_written(*written); });
-  if (taken) link_->gate.on_write_begun(state.generation);
+void TtcNode::take_packet(UplinkedPacket packet, MonotonicTime received) {
+  AcceptanceJournal& journal = link_->journal;
+  const LinkState& link = link_->uplink.state();
+  if (const AcceptedTelecommand* known = journal.find_repeated_packet(packet, received)) {
+    journal.on_link(link);
+    AcceptanceJournal::tell_again(*known, 0, link_->outbox);
+    return;
+  }
+  if (!link_->gate.has_room()) {
+    link_->gate.refuse();
+    journal.on_link(link);
+    link_->router.on_packet_without_room(packet.packet);
+    return;
+  }
+  JudgedTelecommand judged = link_->router.judge(packet.packet, received, journal.has_room());
+  if (judged.command != nullptr) {
+    judged.origin.id =
+        journal.accept(packet, judged.origin, judged.command->node, judged.expiry, link, received);
+  } else {
+    journal.on_link(link);
+  }
+  link_->gate.enter(std::move(judged), journal.revision(), received);
 }
 
-void TtcNode::on_link_state_written(const Result<void, FileError>& written) {
+void TtcNode::persist_journal(bool sync_all) {
+  AcceptanceJournal& journal = link_->journal;
+  journal.on_link(link_->uplink.state());
+  const bool awaited = link_->gate.wants_write(journal.revision());
+  const bool lazy = journal.wants_write() || (sync_all && journal.wants_sync());
+  if (!awaited && !(lazy && link_->gate.may_write())) return;
+  auto batch = std::make_shared<JournalBatch>(journal.take_batch(awaited || sync_all));
+  struct Outcome {
+    Result<void, FileError> written;
+    std::size_t used_octets = 0;
+  };
+  auto outcome = std::make_shared<Outcome>();
+  link_->gate.on_write_begun(batch->revision);
+  const bool taken = journal_worker_->post(
+      [disk = journal_file_, batch, outcome] {
+        outcome->written = batch->snapshot ? disk->log.snapshot(*batch->snapshot)
+                                           : disk->log.append(batch->records, batch->sync);
+        outcome->used_octets = disk->log.used_octets();
+      },
+      [this, batch, outcome] { on_journal_written(*batch, outcome->written, outcome->used_octets); });
+  if (!taken) on_journal_written(*batch, Err(FileError{"the journal's worker is busy"}), 0);
+}
+
+void TtcNode::on_journal_written(const JournalBatch& batch, const Result<void, FileError>& written,
+                                 std::size_t used_octets) {
+  link_->journal.on_written(batch, written.has_value(), used_octets);
   link_->gate.on_write_done(written.has_value(), monotonic_now());
-  note_storage(state_durable_, written.has_value(), written ? "" : written.error().message);
+  note_storage(journal_durable_, written.has_value(), written ? "" : written.error().message);
   if (is_active()) settle();
 }
 
 void TtcNode::execute_passed() {
-  for (const GatedPacket& gated : link_->gate.take_passed()) {
-    if (!gated.durable) note_storage(state_durable_, false, "the anti-replay state is not on disk");
-    link_->router.on_packet(gated.uplinked.packet, gated.durable, now());
+  for (const GatedTelecommand& gated : link_->gate.take_passed()) {
+    if (!gated.durable) note_storage(journal_durable_, false, "the journal of telecommands is not on disk");
+    link_->router.carry_out(gated.judged, gated.durable, now());
     send_reports(link_->outbox.take(), gated.received);
   }
-  for (std::uint32_t i = link_->router.take_unstored_runs(); i > 0; --i) {
+  for (const std::uint64_t id : link_->router.take_unstored_runs()) {
     mission::TtcRecoveryWithoutStorageEvent event;
+    event.telecommand = id;
     raise(event.severity, event.event_id, event.encoded());
   }
+}
+
+void TtcNode::record_progress() {
+  for (const std::uint64_t id : link_->forwarder.take_taken()) link_->journal.on_taken(id);
+  for (const StageReached& stage : link_->outbox.take_stages()) link_->journal.on_stage(stage);
+}
+
+void TtcNode::copy_link_state() {
+  LinkState state = link_->uplink.state();
+  if (state.generation == copied_generation_) return;
+  state.next_telecommand_id = link_->journal.next_id() + reserved_telecommand_ids;
+  state_worker_->post([file = link_file_, state] {
+    if (const auto written = file->store(state); !written) log::warn("{}", written.error().message);
+  });
+  copied_generation_ = state.generation;
 }
 
 void TtcNode::report_findings() {
@@ -110,13 +175,15 @@ void TtcNode::report_findings() {
 // ---- outputs
 
 void TtcNode::settle() {
-  persist_link_state();
+  persist_journal();
   execute_passed();
   publish_telecommands();
   send_reports(link_->outbox.take(), std::nullopt);
   store_mode_change();
   report_rejections();
   report_findings();
+  record_progress();
+  persist_journal();
   link_->uplink.set_buffer_available(link_->gate.has_room(frames_per_read));
   pump_downlink();
 }
@@ -217,11 +284,7 @@ void TtcNode::feed_playback() {
     event.store = done.store;
     event.packets = done.packets;
     event.octets = done.octets;
-    // Not by way of the event topic, whose rate limit could take it from the ground.
-    const auto report =
-        link_->events.on_event(dictionary_.apid_of_node(name())->apid, event.event_id,
-                               static_cast<std::uint8_t>(event.severity), event.encoded(), now());
-    if (report) send(report->report, report->live, true, false);
+    send_event(event.severity, event.event_id, event.encoded());
   }
 
   const auto batch = retrieval.next_batch(link_->downlink.room_octets(DownlinkChannel::playback));
@@ -268,6 +331,7 @@ bool TtcNode::write_outgoing() {
 void TtcNode::pump_downlink() {
   if (!is_active() && state() != ros::State::activating) return;
   feed_playback();
+  pump_files();
   while (write_outgoing()) {
     auto cadu = link_->downlink.next(monotonic_now(), [this] { return link_->uplink.next_clcw(); });
     if (!cadu) break;
@@ -289,6 +353,7 @@ void TtcNode::arm_timer() {
   sooner(link_->forwarder.next_due());
   sooner(link_->gate.next_due());
   sooner(link_->uplink.idle_deadline());
+  sooner(link_->files.next_due(link_->downlink.room_octets(DownlinkChannel::files)));
   if (!outgoing_.empty()) due = at + milliseconds(2);  // the driver is full: look again soon
   if (due == wake_up_at_) return;
   wake_up_at_ = due;
@@ -307,6 +372,96 @@ void TtcNode::arm_timer() {
         settle();
       },
       "deadlines");
+}
+
+// ---- files
+
+Result<cfdp::PostboxTurnResult, std::string> TtcNode::Files::take_turn(const cfdp::PostboxTurn& turn) {
+  if (!postbox) {
+    const cfdp::Settings settings{.own_entity = cfdp_spacecraft, .peer_entity = cfdp_ground};
+    // Above all that were ever used, should the checkpoint be lost: less than one file a second was sent.
+    const auto first = static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
+    auto opened = cfdp::Postbox::open(root, checkpoint, settings, first, monotonic_now());
+    if (!opened) return Err(opened.error().message);
+    postbox = std::move(*opened);
+    if (postbox->damaged()) {
+      log::error("files under way begin again: checkpoint {}", cfdp::to_string(*postbox->damaged()));
+    }
+  }
+  return cfdp::take_turn(*postbox, turn, monotonic_now());
+}
+
+void TtcNode::pump_files() {
+  auto turn = link_->files.next_turn(link_->downlink.room_octets(DownlinkChannel::files), monotonic_now());
+  if (!turn) return;
+  using Outcome = Result<cfdp::PostboxTurnResult, std::string>;
+  auto result = std::make_shared<Outcome>(Err(std::string("the turn failed")));
+  const bool taken =
+      files_worker_->post([files = files_, turn = std::make_shared<cfdp::PostboxTurn>(std::move(*turn)),
+                           result] { *result = files->take_turn(*turn); },
+                          [this, result] { on_files_turn(*result); });
+  if (!taken) link_->files.on_turn_refused(monotonic_now());
+}
+
+void TtcNode::on_files_turn(Result<cfdp::PostboxTurnResult, std::string>& result) {
+  note_storage(files_work_, result.has_value(), result ? "" : result.error());
+  if (!result) {
+    link_->files.on_turn_refused(monotonic_now());
+  } else {
+    for (Octets& packet : link_->files.on_turn(*result)) {
+      link_->downlink.push(DownlinkChannel::files, std::move(packet), false, now());
+    }
+    for (const cfdp::News& news : result->news) tell_of_file(news);
+    const cfdp::Counters& c = result->counters;
+    files_status_.transactions = static_cast<std::uint8_t>(result->transactions);
+    files_status_.resting = static_cast<std::uint8_t>(result->resting);
+    const std::uint64_t malformed = std::accumulate(c.malformed.begin(), c.malformed.end(), std::uint64_t{0});
+    files_status_.pdus_malformed = as_u32(malformed + link_->files.counters().malformed);
+    files_status_.pdus_refused =
+        as_u32(c.class_1 + c.not_for_us + c.no_room + c.no_transaction + c.late + c.unexpected);
+    files_status_.data_repeated = as_u32(c.duplicate_data);
+    files_status_.data_dropped = as_u32(c.dropped_data);
+    files_status_.checkpoints = as_u32(c.checkpoints);
+    files_status_.checkpoint_failures = as_u32(c.checkpoint_failures);
+  }
+  if (is_active()) settle();
+}
+
+void TtcNode::tell_of_file(const cfdp::News& news) {
+  constexpr std::size_t name_octets_max = 120;
+  const std::string name = news.file.destination_file.substr(0, name_octets_max);
+  const bool down = news.event.role == cfdp::Role::sending;
+  const auto direction = down ? mission::FileDirection::down : mission::FileDirection::up;
+  const auto condition = static_cast<mission::FileCondition>(news.event.outcome.condition);
+  if (news.event.kind == cfdp::EventKind::fault) {
+    mission::FileFaultEvent event;
+    event.name = name;
+    event.direction = direction;
+    event.condition = condition;
+    event.reaction = cfdp::to_string(news.event.handler);
+    return raise(event.severity, event.event_id, event.encoded());
+  }
+  if (news.event.kind != cfdp::EventKind::finished) return;
+  if (news.event.outcome.condition != wire::CfdpCondition::no_error || news.event.outcome.incomplete) {
+    ++files_status_.failed;
+    mission::FileFailedEvent event;
+    event.name = name;
+    event.direction = direction;
+    event.condition = condition;
+    return raise(event.severity, event.event_id, event.encoded());
+  }
+  const auto say = [&](auto event) {
+    event.name = name;
+    event.octets = news.file.file_octets.value_or(0);
+    raise(event.severity, event.event_id, event.encoded());
+  };
+  if (down) {
+    ++files_status_.sent;
+    say(mission::FileSentEvent{});
+  } else {
+    ++files_status_.received;
+    say(mission::FileReceivedEvent{});
+  }
 }
 
 // ---- inputs from other nodes
@@ -378,6 +533,10 @@ void TtcNode::commit_stores() {
     return;
   }
   commits_missed_ = 0;
+  persist_journal(true);
+  // What has left and is in this commit, the ground has or can ask for.
+  const bool all_left = link_->downlink.empty(DownlinkChannel::live) && outgoing_.empty();
+  const std::uint64_t told = all_left ? link_->journal.serial() : 0;
   auto status = std::make_shared<StoreRackStatus>();
   commit_running_ = store_worker_->post(
       [stores = stores_, items = std::make_shared<std::vector<StoreItem>>(to_store_), status] {
@@ -385,8 +544,9 @@ void TtcNode::commit_stores() {
         stores->commit();
         *status = stores->status();
       },
-      [this, status] {
+      [this, status, told] {
         commit_running_ = false;
+        if (status->failure.empty()) link_->journal.on_told(told);
         on_store_status(*status);
       });
   if (commit_running_) to_store_.clear();
@@ -418,6 +578,12 @@ void TtcNode::note_storage(bool& known, bool works, const std::string& why) {
     log::info("storage is available again");
   }
   known = works;
+}
+
+void TtcNode::send_event(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data) {
+  const auto report = link_->events.on_event(dictionary_.apid_of_node(name())->apid, event_id,
+                                             static_cast<std::uint8_t>(severity), data, now());
+  if (report) send(report->report, report->live, true, false);
 }
 
 void TtcNode::raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data) {
@@ -465,6 +631,14 @@ void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
   h.tc_forwarded_failed = as_u32(forwarded.failed);
   h.tc_expired = as_u32(forwarded.expired);
   h.reports_repeated = as_u32(forwarded.duplicate_reports);
+  const AcceptanceJournalCounters& journal = link_->journal.counters();
+  h.tc_open = as_u32(link_->journal.open());
+  h.tc_restored = as_u32(journal.restored);
+  h.tc_repeats = as_u32(journal.repeats);
+  h.journal_octets = journal.written_octets;
+  h.journal_syncs = as_u32(journal.syncs);
+  h.journal_write_failures = as_u32(journal.failed_writes);
+  h.journal_damaged_octets = as_u32(journal_damaged_octets_);
   h.start_sequences = as_u32(cltu.start_sequences);
   h.cltus = as_u32(cltu.cltus_decoded);
   h.bch_corrected = as_u32(cltu.corrected_bits);
@@ -529,6 +703,18 @@ void TtcNode::send_own_housekeeping() {
   h.dds_foreign = as_u32(link_->housekeeping.counters().unknown + link_->events.counters().unknown +
                          link_->forwarder.counters().stray_reports + foreign_samples_);
   add_latency(h);
+  if (const auto report = link_->housekeeping.on_sample(h.apid, h.structure_id, h.encoded(), now())) {
+    send(report->report, report->live, true, false);
+  }
+  settle();
+}
+
+void TtcNode::send_files_housekeeping() {
+  mission::TtcFilesHousekeeping h = files_status_;
+  const FileExchangeCounters& link = link_->files.counters();
+  h.pdus_received = as_u32(link.received);
+  h.pdus_sent = as_u32(link.sent);
+  h.pdus_dropped = as_u32(link.dropped);
   if (const auto report = link_->housekeeping.on_sample(h.apid, h.structure_id, h.encoded(), now())) {
     send(report->report, report->live, true, false);
   }

@@ -16,11 +16,14 @@
 #include "base/latency_histogram.hpp"
 #include "hw/open.hpp"
 #include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/acceptance_journal.hpp"
 #include "nodes/ttc/beacon_builder.hpp"
 #include "nodes/ttc/command_forwarder.hpp"
 #include "nodes/ttc/downlink_scheduler.hpp"
 #include "nodes/ttc/event_reporter.hpp"
+#include "nodes/ttc/file_exchange.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
+#include "nodes/ttc/journal_file.hpp"
 #include "nodes/ttc/link_state_file.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_maker.hpp"
@@ -53,12 +56,12 @@ class TtcNode : public ros::LifecycleNode {
  private:
   /// What is there from configure to cleanup. Order matters: later members use earlier ones.
   struct Link {
-    Link(const mission::Dictionary& dictionary, std::uint64_t first_telecommand_id,
-         UplinkConfig uplink_config, const LinkState& stored, DownlinkConfig downlink_config,
-         ModeKeeper mode_keeper, milliseconds persist_deadline, SpacecraftClock start,
-         const std::string& own_name);
+    Link(const mission::Dictionary& dictionary, AcceptanceJournal restored, UplinkConfig uplink_config,
+         DownlinkConfig downlink_config, ModeKeeper mode_keeper, milliseconds persist_deadline,
+         SpacecraftClock start, const std::string& own_name);
 
     FailureCodes codes;
+    AcceptanceJournal journal;
     HousekeepingScheduler housekeeping;
     EventReporter events;
     ModeKeeper mode;
@@ -69,6 +72,7 @@ class TtcNode : public ros::LifecycleNode {
     UplinkChain uplink;
     PersistenceGate gate;
     DownlinkScheduler downlink;
+    FileExchange files;
     BeaconBuilder beacon;
     PacketMaker packets;
     SpacecraftClock clock;
@@ -82,6 +86,8 @@ class TtcNode : public ros::LifecycleNode {
   [[nodiscard]] ModeKeeper load_mode(bool ran_before);
   [[nodiscard]] BootTold load_boot() const;
   [[nodiscard]] bool ran_before() const;
+  [[nodiscard]] AcceptanceJournal load_journal();
+  void restore_telecommands();
   void fill_from_dictionary();
   void subscribe();
   void say_how_the_link_is_secured() const;
@@ -90,8 +96,15 @@ class TtcNode : public ros::LifecycleNode {
   /// @return whether the line was found empty; false: more may wait
   bool read_line();
   void take_uplinked(std::vector<UplinkedPacket> packets);
-  void persist_link_state();
-  void on_link_state_written(const Result<void, FileError>& written);
+  void take_packet(UplinkedPacket packet, MonotonicTime received);
+  /// @param sync_all also what need not be on disk before something is executed
+  void persist_journal(bool sync_all = false);
+  void on_journal_written(const JournalBatch& batch, const Result<void, FileError>& written,
+                          std::size_t used_octets);
+  /// What was reported since the last call goes into the journal.
+  void record_progress();
+  /// The second home of the counters, should the journal be damaged.
+  void copy_link_state();
   void execute_passed();
   void report_findings();
 
@@ -105,6 +118,9 @@ class TtcNode : public ros::LifecycleNode {
   void send(const Report& report, bool live, bool stored, bool urgent);
   void feed_playback();
   void pump_downlink();
+  void pump_files();
+  void on_files_turn(Result<cfdp::PostboxTurnResult, std::string>& result);
+  void tell_of_file(const cfdp::News& news);
   bool write_outgoing();
   void arm_timer();
 
@@ -119,15 +135,26 @@ class TtcNode : public ros::LifecycleNode {
   void commit_stores();
   void on_store_status(const StoreRackStatus& status);
   void send_own_housekeeping();
+  void send_files_housekeeping();
   void add_link_counters(mission::TtcHousekeeping& h) const;
   void add_store_counters(mission::TtcHousekeeping& h) const;
   void add_latency(mission::TtcHousekeeping& h) const;
   void send_beacon();
   void look_at_nodes();
   void ask_for_state(const std::string& node);
+  /// An event that must not be held back by the rate limit of the event topic.
+  void send_event(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
   void raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
   /// @param known what was known before; only a change is said
   void note_storage(bool& known, bool works, const std::string& why);
+
+  /// The folder of files, opened again after the disk failed. Used on its worker only.
+  struct Files {
+    std::filesystem::path root;
+    std::filesystem::path checkpoint;
+    std::unique_ptr<cfdp::Postbox> postbox;
+    [[nodiscard]] Result<cfdp::PostboxTurnResult, std::string> take_turn(const cfdp::PostboxTurn& turn);
+  };
 
   mission::Dictionary dictionary_;
   std::unique_ptr<Link> link_;
@@ -135,10 +162,19 @@ class TtcNode : public ros::LifecycleNode {
 
   // Used on their worker threads only, one job at a time; shared so that a late job never outlives what it
   // uses.
+  struct JournalOnDisk {
+    explicit JournalOnDisk(std::filesystem::path path) : file(std::move(path)), log(file) {}
+    JournalFile file;
+    JournalLog log;
+  };
+  std::shared_ptr<JournalOnDisk> journal_file_;
   std::shared_ptr<LinkStateFile> link_file_;
   std::shared_ptr<StoreRack> stores_;
-  std::shared_ptr<ros::Worker> state_worker_;  ///< small synced writes: link state, mode
-  std::shared_ptr<ros::Worker> store_worker_;  ///< packet stores
+  std::shared_ptr<Files> files_;
+  std::shared_ptr<ros::Worker> files_worker_;    ///< CFDP: files and their checkpoint
+  std::shared_ptr<ros::Worker> journal_worker_;  ///< telecommands wait for it
+  std::shared_ptr<ros::Worker> state_worker_;    ///< small synced writes: mode, copy of the link state
+  std::shared_ptr<ros::Worker> store_worker_;    ///< packet stores
 
   std::vector<StoreItem> to_store_;  ///< since the last commit, bounded
   StoreRackStatus store_status_;
@@ -147,10 +183,15 @@ class TtcNode : public ros::LifecycleNode {
   Octets outgoing_;                ///< of a CADU the line did not take whole
   std::uint64_t lost_frames_ = 0;  ///< sent while the line was gone
   std::uint64_t unstored_packets_ = 0;
-  bool state_durable_ = true;  ///< the link state reaches the disk in time
+  bool journal_durable_ = true;  ///< the journal reaches the disk in time
   bool stores_work_ = true;
-  std::uint64_t foreign_samples_ = 0;      ///< ticks, telemetry and reports that cannot be what they say
-  std::uint64_t next_telecommand_id_ = 0;  ///< after the last clean-up, 0: none yet
+  bool files_work_ = true;
+  mission::TtcFilesHousekeeping files_status_;  ///< as of the last turn
+  std::uint64_t foreign_samples_ = 0;           ///< ticks, telemetry and reports that cannot be what they say
+  std::uint64_t next_telecommand_id_ = 0;       ///< after the last clean-up, 0: none yet
+  std::uint64_t copied_generation_ = 0;         ///< of the link state in its second home
+  std::size_t journal_damaged_octets_ = 0;
+  std::string journal_damage_;  ///< what it means, to be said; empty: none
   BootTold boot_{.count = 1, .cause = mission::ResetCause::unknown};
   std::uint64_t cycle_ = 0;
   std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event

@@ -13,8 +13,15 @@
 namespace srfs {
 namespace {
 
+constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::size_t state_worker_capacity = 8;
 constexpr std::size_t store_worker_capacity = 8;
+constexpr seconds link_state_copy_period{10};
+constexpr std::size_t files_worker_capacity = 1;
+/// File data in front of the line: long enough for a turn of the disk, short enough that an answer from the
+/// ground is not old when it comes.
+constexpr milliseconds files_queue_time{350};
+constexpr std::size_t files_queue_octets_min = 4096;
 
 std::optional<std::string> permission_problem(const std::filesystem::path& path) {
   struct stat info {};
@@ -30,14 +37,16 @@ std::optional<std::string> permission_problem(const std::filesystem::path& path)
 
 }  // namespace
 
-TtcNode::Link::Link(const mission::Dictionary& dictionary, std::uint64_t first_telecommand_id,
-                    UplinkConfig uplink_config, const LinkState& stored, DownlinkConfig downlink_config,
-                    ModeKeeper mode_keeper, milliseconds persist_deadline, SpacecraftClock start,
-                    const std::string& own_name)
+TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal restored,
+                    UplinkConfig uplink_config, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
+                    milliseconds persist_deadline, SpacecraftClock start, const std::string& own_name)
     : codes(dictionary),
+      journal(std::move(restored)),
       mode(std::move(mode_keeper)),
-      forwarder(first_telecommand_id,
-                {.not_taken = codes.node_unavailable, .no_completion = codes.completion_unknown}, outbox),
+      forwarder({.not_taken = codes.node_unavailable,
+                 .no_completion = codes.completion_unknown,
+                 .interrupted = codes.interrupted},
+                outbox),
       retrieval(outbox, codes.store_unreadable),
       router({.dictionary = dictionary,
               .codes = codes,
@@ -48,9 +57,10 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, std::uint64_t first_t
               .retrieval = retrieval,
               .outbox = outbox},
              own_name),
-      uplink(std::move(uplink_config), stored),
-      gate(persist_deadline, stored.generation),
+      uplink(std::move(uplink_config), journal.link()),
+      gate(persist_deadline, journal.revision()),
       downlink(downlink_config),
+      files(downlink_config.files_queue_octets / 2),
       beacon(dictionary),
       clock(start) {}
 
@@ -63,8 +73,9 @@ TtcNode::TtcNode(ros::NodeContext& context)
   declare_parameter("housekeeping_period_ms", std::int64_t{5000}, ros::ParameterRange{100, 600000},
                     "Period of the sample of the own link counters", true);
   declare_parameter("persist_deadline_ms", std::int64_t{1000}, ros::ParameterRange{10, 60000},
-                    "Longest wait for the anti-replay state to be on disk; then only recovery commands run",
-                    true);
+                    "Longest wait for the journal to be on disk; then only recovery commands run", true);
+  declare_parameter("repeat_window_ms", std::int64_t{60000}, ros::ParameterRange{0, 86'400'000},
+                    "The same packet on a secured channel within this time is a repeat", true);
 }
 
 Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) const {
@@ -128,6 +139,9 @@ Result<DownlinkConfig, std::string> TtcNode::read_downlink() const {
                  .reed_solomon = settings.tm_reed_solomon,
                  .interleave = static_cast<unsigned>(settings.tm_interleave),
                  .randomize = settings.tm_randomizer};
+  config.files_queue_octets =
+      std::clamp<std::size_t>(config.baud / 10 * static_cast<std::size_t>(files_queue_time.count()) / 1000,
+                              files_queue_octets_min, config.files_queue_octets);
   const bool fits = config.cadu.frame_octets >= wire::tm_frame_octets_min &&
                     config.cadu.frame_octets <= wire::tm_frame_octets_max && wire::is_valid(config.cadu);
   if (!fits) {
@@ -165,9 +179,8 @@ ModeKeeper TtcNode::load_mode(bool ran) {
 BootTold TtcNode::load_boot() const {
   const auto record = ros::BootStore(var().boot()).load();
   if (!record) return {.count = 1, .cause = mission::ResetCause::unknown};
-  constexpr std::size_t id_octets = 36;
-  const auto kernel = read_file("/proc/sys/kernel/random/boot_id", 64);
-  const bool same = kernel && record->boot_id.substr(0, id_octets) == kernel->substr(0, id_octets);
+  const auto kernel = kernel_boot_id();
+  const bool same = kernel && record->boot_id.substr(0, kernel->size()) == *kernel;
   if (!same) return {.count = record->count + 1, .cause = mission::ResetCause::unknown};
   return {.count = record->count, .cause = static_cast<mission::ResetCause>(record->reset_cause)};
 }
@@ -188,27 +201,72 @@ ros::CallbackReturn TtcNode::on_configure() {
   line_ = std::move(*line);
 
   const bool ran = ran_before();
-  link_file_ = std::make_shared<LinkStateFile>(state_dir() / "link_state");
-  const LinkStateFile::Found found = link_file_->load();
-  if (ran && (found.damaged_copies == 2 || !found.existed)) {
-    log::error("the anti-replay counters are lost: frames recorded earlier would be accepted once more");
-  }
-  const std::uint64_t first_id =
-      first_telecommand_id(found.state.next_telecommand_id, next_telecommand_id_, system_utc_now());
+  AcceptanceJournal journal = load_journal();
   link_ =
-      std::make_unique<Link>(dictionary_, first_id, std::move(*channels), found.state, *downlink,
-                             load_mode(ran), milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
+      std::make_unique<Link>(dictionary_, std::move(journal), std::move(*channels), *downlink, load_mode(ran),
+                             milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
                              SpacecraftClock(system_utc_now(), monotonic_now()), name());
   boot_ = load_boot();
   fill_from_dictionary();
   stores_ = std::make_shared<StoreRack>(dictionary_, var().root / "store");
+  journal_worker_ = create_worker("ttc_journal", journal_worker_capacity);
   state_worker_ = create_worker("ttc_state", state_worker_capacity);
   store_worker_ = create_worker("ttc_store", store_worker_capacity);
   store_worker_->post([stores = stores_] { stores->open(); });
+  files_ = std::make_shared<Files>();
+  files_->root = var().root / "files";
+  files_->checkpoint = state_dir() / "cfdp";
+  files_worker_ = create_worker("ttc_files", files_worker_capacity);
+  files_status_ = {};
   subscribe();
   say_how_the_link_is_secured();
+  restore_telecommands();
   malloc_trim(0);  // reading the dictionary took more than keeping it does
   return ros::CallbackReturn::success;
+}
+
+AcceptanceJournal TtcNode::load_journal() {
+  AcceptanceJournal journal(kernel_boot_id().value_or("unknown"),
+                            milliseconds(get_parameter<std::int64_t>("repeat_window_ms")));
+  journal_file_ = std::make_shared<JournalOnDisk>(state_dir() / "telecommands");
+  JournalLog::Found found = journal_file_->log.load();
+  journal_damaged_octets_ = found.damaged_octets;
+  for (const JournalRecord& record : found.records) {
+    if (!journal.apply(record)) journal_damaged_octets_ += record.payload.size() + journal_record_overhead;
+  }
+  link_file_ = std::make_shared<LinkStateFile>(state_dir() / "link_state");
+  const LinkStateFile::Found copy = link_file_->load();
+  const bool lost = found.existed && journal.link().generation == 0;
+  journal_damage_ = !lost                        ? journal_damaged_octets_ > 0 ? "the rest is read" : ""
+                    : copy.state.generation != 0 ? "telecommands lost, counters from their copy"
+                                                 : "telecommands and counters lost";
+  if (!journal_damage_.empty()) {
+    log::error("the journal of telecommands is damaged, {} octets skipped: {}", journal_damaged_octets_,
+               journal_damage_);
+  }
+  copied_generation_ = copy.state.generation;
+  journal.begin(copy.state,
+                first_telecommand_id(copy.state.next_telecommand_id, next_telecommand_id_, system_utc_now()),
+                monotonic_now());
+  return journal;
+}
+
+/// What was accepted and has not ended goes on; what may not have reached the ground is said again.
+void TtcNode::restore_telecommands() {
+  AcceptanceJournal& journal = link_->journal;
+  for (const AcceptedTelecommand* t : journal.known()) {
+    AcceptanceJournal::tell_again(*t, journal.told(), link_->outbox);
+    if (t->end) continue;
+    link_->router.restore({.origin = t->origin,
+                           .packet = t->packet,
+                           .expiry = t->expiry,
+                           .progress = {.taken = t->taken,
+                                        .started = t->started,
+                                        .last_step = t->last_step,
+                                        .other_boot = t->other_boot}},
+                          monotonic_now());
+  }
+  if (journal.open() > 0) log::info("{} accepted telecommands go on", journal.open());
 }
 
 void TtcNode::fill_from_dictionary() {
@@ -287,9 +345,19 @@ ros::CallbackReturn TtcNode::on_activate() {
   timers_.push_back(create_one_shot(
       monotonic_now() + seconds(6), [this] { send_beacon(); }, "beacon"));
   timers_.push_back(create_timer(
+      seconds(30), [this] { send_files_housekeeping(); }, "files housekeeping"));
+  timers_.push_back(create_timer(
       seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
+  timers_.push_back(create_timer(
+      link_state_copy_period, [this] { copy_link_state(); }, "copy link state"));
   look_at_nodes();
   publish_mode();
+  if (!journal_damage_.empty()) {
+    mission::TtcJournalDamagedEvent event;
+    event.skipped = static_cast<std::uint32_t>(std::min<std::size_t>(journal_damaged_octets_, UINT32_MAX));
+    event.what = std::exchange(journal_damage_, {});
+    send_event(event.severity, event.event_id, event.encoded());
+  }
   settle();
   return ros::CallbackReturn::success;
 }
@@ -314,14 +382,26 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   telecommands_.reset();
   mode_publisher_.reset();
   // Nothing that was accepted or collected is lost by an orderly end.
+  if (link_ && journal_worker_) {
+    record_progress();
+    journal_worker_->drain();
+    persist_journal(true);
+    journal_worker_->drain();
+    copy_link_state();
+  }
   if (state_worker_) state_worker_->drain();
   if (store_worker_) store_worker_->drain();
+  journal_worker_.reset();
+  if (files_worker_) files_worker_->drain();
+  files_worker_.reset();
+  files_.reset();
   state_worker_.reset();
   store_worker_.reset();
   stores_.reset();
+  journal_file_.reset();
   link_file_.reset();
   line_.reset();
-  if (link_) next_telecommand_id_ = link_->forwarder.next_id();
+  if (link_) next_telecommand_id_ = link_->journal.next_id();
   link_.reset();
   outgoing_.clear();
   commit_running_ = false;

@@ -100,8 +100,12 @@ std::optional<UplinkedPacket> UplinkChain::on_frame(OctetView octets) {
 
 std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& channel,
                                                          const wire::TcFrame& frame) {
-  UplinkedPacket packet{
-      .vc = channel.vc, .frame_type = frame.type, .spi = std::nullopt, .counter = 0, .packet = {}};
+  UplinkedPacket packet{.vc = channel.vc,
+                        .frame_type = frame.type,
+                        .spi = std::nullopt,
+                        .counter = 0,
+                        .frame_sequence = frame.sequence,
+                        .packet = {}};
   std::optional<wire::SdlsOpened> opened;
   if (!channel.associations.empty()) {
     opened = open_secured(channel, frame);
@@ -116,6 +120,12 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
   if (outcome.verdict != wire::FarmVerdict::accept_sequenced &&
       outcome.verdict != wire::FarmVerdict::accept_expedited) {
     ++counters_.farm_discarded;
+    if (opened) {
+      packet.packet = std::move(opened->packet);
+    } else if (const auto payload = wire::segment_payload(frame.data)) {
+      packet.packet.assign(payload->begin(), payload->end());
+    }
+    keep_refused(std::move(packet));
     return std::nullopt;
   }
   if (opened) {
@@ -155,6 +165,12 @@ std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& c
   if (!wire::is_fresh(counter(association->spi), opened->counter)) {
     ++counters_.replayed;
     find({.kind = SecurityFinding::Kind::replayed, .vc = channel.vc, .counter = opened->counter});
+    keep_refused({.vc = channel.vc,
+                  .frame_type = frame.type,
+                  .spi = opened->spi,
+                  .counter = opened->counter,
+                  .frame_sequence = frame.sequence,
+                  .packet = std::move(opened->packet)});
     return std::nullopt;
   }
   return std::move(*opened);
@@ -227,6 +243,11 @@ std::uint32_t UplinkChain::next_clcw() {
   if (config_.channels.empty()) return 0;
   const LinkState::Channel& channel = state_.channels[clcw_turn_++ % config_.channels.size()];
   return wire::encode_clcw(wire::make_clcw(channel.farm, channel.vc));
+}
+
+void UplinkChain::keep_refused(UplinkedPacket packet) {
+  if (refused_.size() == max_refused) refused_.erase(refused_.begin());
+  refused_.push_back(std::move(packet));
 }
 
 void UplinkChain::find(SecurityFinding finding) {

@@ -63,6 +63,7 @@ struct UplinkedPacket {
   wire::TcFrameType frame_type = wire::TcFrameType::bd;
   std::optional<std::uint16_t> spi;  ///< nullopt: channel without security
   std::uint64_t counter = 0;         ///< of the association
+  std::uint8_t frame_sequence = 0;   ///< N(S) of an AD frame
   Octets packet;                     ///< not judged yet
 };
 
@@ -80,6 +81,7 @@ struct SecurityFinding {
 class UplinkChain {
  public:
   static constexpr std::size_t max_findings = 16;
+  static constexpr std::size_t max_refused = 16;
 
   /// @param stored what was remembered. Channels and associations that are not configured are carried along
   /// while there is room, so that they keep their counters when they come back
@@ -106,13 +108,16 @@ class UplinkChain {
   [[nodiscard]] const wire::CltuDecoder::Counters& cltu_counters() const { return decoder_.counters(); }
   /// The newest findings since the last call, at most max_findings.
   [[nodiscard]] std::vector<SecurityFinding> take_findings() { return std::exchange(findings_, {}); }
+  /// Packets whose frame was whole (and authentic, where the channel is secured) but came before: its counter
+  /// was used, or FARM-1 discarded it. Perhaps somebody missed the reports. The newest, at most max_refused.
+  [[nodiscard]] std::vector<UplinkedPacket> take_refused() { return std::exchange(refused_, {}); }
 
  private:
   [[nodiscard]] std::vector<UplinkedPacket> on_frames(const std::vector<Octets>& frames);
   [[nodiscard]] std::optional<UplinkedPacket> on_frame(OctetView octets);
   [[nodiscard]] std::optional<UplinkedPacket> on_data_frame(const UplinkChannel& channel,
                                                             const wire::TcFrame& frame);
-  /// @return the opened field of a secured channel; nullopt: refused and counted
+  /// @return the opened field of a secured channel; nullopt: refused and counted, and kept if it is authentic
   [[nodiscard]] std::optional<wire::SdlsOpened> open_secured(const UplinkChannel& channel,
                                                              const wire::TcFrame& frame);
   void on_control_frame(std::uint8_t vc, const wire::TcFrame& frame);
@@ -121,6 +126,7 @@ class UplinkChain {
   void set_farm(std::uint8_t vc, const wire::FarmState& farm);
   void set_counter(std::uint16_t spi, std::uint64_t counter);
   void find(SecurityFinding finding);
+  void keep_refused(UplinkedPacket packet);
   void carry_along(const LinkState& stored);
 
   UplinkConfig config_;
@@ -130,6 +136,7 @@ class UplinkChain {
   std::size_t clcw_turn_ = 0;
   UplinkCounters counters_;
   std::vector<SecurityFinding> findings_;
+  std::vector<UplinkedPacket> refused_;
 };
 
 }  // namespace srfs

@@ -18,6 +18,7 @@ struct TelecommandOrigin {
   std::uint16_t apid = 0;       ///< addressed by the telecommand; its reports come from there
   std::uint8_t ack_flags = 0;   ///< wire::ack
   std::uint16_t source_id = 0;  ///< who asked; the destination of the reports
+  std::uint64_t id = 0;         ///< of the accepted telecommand; 0: none yet
 };
 
 /// Whether the sender wants the success report of @p stage. Failures are always reported.

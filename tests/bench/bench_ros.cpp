@@ -57,6 +57,11 @@ int main(int argc, char** argv) {
   c->add_option("--duration", duration_s, "s")->check(CLI::Range(1, 3600))->capture_default_str();
   c->callback([&] { result = measure_idle(bin, nodes, srfs::seconds(duration_s)); });
 
+  c = app.add_subcommand("ring", "CPU time of the liveness ring beside raw requests at its rate");
+  c->add_option("--nodes", nodes)->check(CLI::Range(2, 20))->capture_default_str();
+  c->add_option("--duration", duration_s, "s")->check(CLI::Range(1, 3600))->capture_default_str();
+  c->callback([&] { result = measure_ring(bin, nodes, srfs::seconds(duration_s)); });
+
   int cycles = 1000;
   int survivors = 8;
   c = app.add_subcommand("cycles", "kill -9 and restart of a node beside others");
@@ -68,13 +73,15 @@ int main(int argc, char** argv) {
   std::string name;
   int writers = 1;
   int readers = 1;
+  std::vector<std::string> asked;
   int exit_code = 0;
   c = app.add_subcommand("raw-node", "The peer that the others start")->group("");
   c->add_option("--domain", domain)->required();
   c->add_option("--name", name)->required();
   c->add_option("--writers", writers);
   c->add_option("--readers", readers);
-  c->callback([&] { exit_code = run_raw_node(domain, name, writers, readers); });
+  c->add_option("--ask", asked, "Whom it asks every 100 ms");
+  c->callback([&] { exit_code = run_raw_node(domain, name, writers, readers, asked); });
 
   try {
     app.parse(argc, argv);

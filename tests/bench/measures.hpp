@@ -33,6 +33,10 @@ struct ImageOptions {
 /// Memory and CPU time of idle nodes beside raw participants with as many endpoints.
 [[nodiscard]] Json measure_idle(const std::filesystem::path& bin, int nodes, seconds duration);
 
+/// CPU time of @p nodes idle nodes with the liveness ring (100 ms) above the same without it, beside raw
+/// participants that send the ring's requests at its rate above such that send none; all in the same time.
+[[nodiscard]] Json measure_ring(const std::filesystem::path& bin, int nodes, seconds duration);
+
 /// kill -9 and restart of one node beside @p survivors.
 [[nodiscard]] Json measure_cycles(const std::filesystem::path& bin, int cycles, int survivors);
 

@@ -1,177 +1,18 @@
 #include <csignal>
-#include <fstream>
 #include <map>
 #include <numeric>
 #include <stdexcept>
 #include <thread>
 
 #include <fmt/format.h>
-#include <lifecycle_msgs/srv/get_state.hpp>
 
-#include "ros/client.hpp"
-#include "ros/instance.hpp"
 #include "ros/publisher.hpp"
 #include "tests/bench/measures.hpp"
-#include "tests/bench/raw_dds.hpp"
-#include "tests/temporary_folder.hpp"
+#include "tests/bench/suite.hpp"
 
 namespace srfs::bench {
-namespace {
 
 namespace fs = std::filesystem;
-using lifecycle_msgs::srv::GetState;
-
-constexpr milliseconds patience_for_an_answer{
-    100};  // then the request is repeated, as clients of the suite do
-constexpr seconds longest_wait{20};
-
-double ms(nanoseconds t) {
-  return static_cast<double>(t.count()) / 1e6;
-}
-
-/// A DDS domain that the nodes started here share with the driver.
-ros::DomainLock shared_domain() {
-  auto lock = ros::DomainLock::allocate(std::nullopt, 60);
-  if (!lock) throw std::runtime_error(lock.error());
-  lock->downgrade();
-  return std::move(*lock);
-}
-
-/// Processes on one domain with one folder: nodes of lib/ros and raw participants.
-class Suite {
- public:
-  /// @param beat_period_ms 0: idle nodes
-  Suite(fs::path bin, int most_nodes, int beat_period_ms) : bin_(std::move(bin)), domain_(shared_domain()) {
-    std::ofstream out(deployment());
-    out << "deployment: bench\nnodes:\n";
-    for (int i = 0; i < most_nodes; ++i)
-      out << fmt::format("  - {{name: {}, executable: bench_node, parameters: {{beat_period_ms: {}}}}}\n",
-                         name(i), beat_period_ms);
-  }
-  [[nodiscard]] static std::string name(int i) { return fmt::format("bench_{}", i); }
-  [[nodiscard]] int domain() const { return domain_.domain(); }
-  [[nodiscard]] const fs::path& folder() const { return folder_.path(); }
-  [[nodiscard]] Child start_node(int i) const {
-    return Child({bin_ / "bench_node", "--name", name(i), "--deployment", deployment(), "--var", folder(),
-                  "--domain", std::to_string(domain())},
-                 folder() / "bench.log");
-  }
-  [[nodiscard]] Child start_raw(int i, int writers, int readers) const {
-    return Child({bin_ / "bench_ros", "raw-node", "--domain", std::to_string(domain()), "--name", name(i),
-                  "--writers", std::to_string(writers), "--readers", std::to_string(readers)},
-                 folder() / "bench.log");
-  }
-
- private:
-  [[nodiscard]] fs::path deployment() const { return folder_.path() / "bench.yaml"; }
-  fs::path bin_;
-  testing_support::TemporaryFolder folder_;
-  ros::DomainLock domain_;
-};
-
-/// Asks one node for its state, from a participant of its own.
-class StateClient {
- public:
-  StateClient(int domain, const std::string& node)
-      : participant_(ros::Participant::create({.domain = domain, .executor = &executor_}).value()),
-        client_(executor_, *participant_, "/" + node + "/get_state", {}, ros::Priority::normal) {}
-
-  /// Asks until an answer comes. @return when; nullopt after longest_wait
-  std::optional<MonotonicTime> ask() {
-    const MonotonicTime give_up = monotonic_now() + longest_wait;
-    bool answered = false;
-    while (!answered && monotonic_now() < give_up) {
-      bool ended = false;
-      client_.call(GetState::Request{}, patience_for_an_answer, 1,
-                   [&](const Result<GetState::Response, ros::CallError>& reply) {
-                     ended = true;
-                     answered = reply.has_value();
-                   });
-      executor_.spin_until([&] { return ended; }, give_up);
-    }
-    if (!answered) return std::nullopt;
-    return monotonic_now();
-  }
-  [[nodiscard]] bool is_ready() const { return client_.is_ready(); }
-  bool wait_until_gone() {
-    return executor_.spin_until([this] { return !client_.is_ready(); }, monotonic_now() + longest_wait);
-  }
-
- private:
-  ros::Executor executor_;
-  std::unique_ptr<ros::Participant> participant_;
-  ros::Client<GetState> client_;
-};
-
-/// The same for a raw node.
-class RawStateClient {
- public:
-  RawStateClient(int domain, const std::string& node)
-      : participant_(raw_participant(domain)), client_(*participant_, "bench_raw/" + node) {}
-  std::optional<MonotonicTime> ask() {
-    const MonotonicTime give_up = monotonic_now() + longest_wait;
-    while (monotonic_now() < give_up) {
-      if (client_.is_ready()) {
-        if (const auto answered = client_.call(1, patience_for_an_answer)) return answered;
-      } else {
-        std::this_thread::sleep_for(microseconds(200));
-      }
-    }
-    return std::nullopt;
-  }
-  void wait_until_gone() {
-    const MonotonicTime give_up = monotonic_now() + longest_wait;
-    while (client_.is_ready() && monotonic_now() < give_up) std::this_thread::sleep_for(milliseconds(1));
-  }
-
- private:
-  std::unique_ptr<ros::Participant> participant_;
-  RawClient client_;
-};
-
-struct Endpoints {
-  int writers = 0;
-  int readers = 0;
-};
-
-/// How many endpoints a node has, from what it tells the ROS graph, plus the writer it tells it with.
-Endpoints endpoints_of(int domain, const std::string& node) {
-  ros::Executor executor;
-  const auto participant = ros::Participant::create({.domain = domain, .executor = &executor}).value();
-  Endpoints found;
-  const auto graph = ros::TypedReader<ros::HumbleGraphMessage>::create(
-      executor, *participant, "ros_discovery_info", {.depth = 64, .transient_local = true},
-      ros::Priority::normal, [&](const ros::HumbleGraphMessage& m, const ros::MessageInfo&) {
-        for (const auto& entry : m.node_entities_info_seq) {
-          if (entry.node_name == node)
-            found = {static_cast<int>(entry.writer_gid_seq.size()) + 1,
-                     static_cast<int>(entry.reader_gid_seq.size())};
-        }
-      });
-  StateClient client(domain, node);
-  if (!client.ask()) throw std::runtime_error(node + " does not answer");
-  executor.spin_until([&] { return found.readers > 0; }, monotonic_now() + longest_wait);
-  graph->close();
-  if (found.readers == 0) throw std::runtime_error(node + " is not in the ROS graph");
-  return found;
-}
-
-std::vector<Child> start_nodes(const Suite& suite, int first, int count) {
-  std::vector<Child> nodes;
-  for (int i = first; i < first + count; ++i) nodes.push_back(suite.start_node(i));
-  for (int i = first; i < first + count; ++i) {
-    if (!StateClient(suite.domain(), Suite::name(i)).ask())
-      throw std::runtime_error(Suite::name(i) + " did not come up");
-  }
-  return nodes;
-}
-
-Json spread(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return {{"min", values.front()}, {"median", values[values.size() / 2]}, {"max", values.back()}};
-}
-
-}  // namespace
 
 Json measure_start(const fs::path& bin, int rounds, int others) {
   const Suite suite(bin, others + 1, 0);
@@ -216,18 +57,13 @@ Json measure_idle(const fs::path& bin, int nodes, seconds duration) {
     raw_nodes.push_back(peers.start_raw(i, endpoints.writers, endpoints.readers));
   for (int i = 0; i < nodes; ++i) RawStateClient(peers.domain(), Suite::name(i)).ask();
   std::this_thread::sleep_for(seconds(5));  // the clients' leases and the first announcements are over
-  const auto cpu = [](const std::vector<Child>& processes) {
-    std::vector<nanoseconds> times;
-    for (const Child& p : processes) times.push_back(cpu_time_of(p.pid()));
-    return times;
-  };
-  const auto before = cpu(our_nodes);
-  const auto raw_before = cpu(raw_nodes);
+  const auto before = cpu_times_of(our_nodes);
+  const auto raw_before = cpu_times_of(raw_nodes);
   const MonotonicTime begun = monotonic_now();
   std::this_thread::sleep_for(duration);
   const double elapsed_ms = ms(monotonic_now() - begun);
-  const auto after = cpu(our_nodes);
-  const auto raw_after = cpu(raw_nodes);
+  const auto after = cpu_times_of(our_nodes);
+  const auto raw_after = cpu_times_of(raw_nodes);
   const auto json = [&](const std::vector<Child>& processes, const auto& from, const auto& to) {
     std::vector<double> pss;
     std::vector<double> own;

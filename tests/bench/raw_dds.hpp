@@ -8,6 +8,8 @@
 #include <fastdds/dds/publisher/DataWriterListener.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 
+#include <srfs_msgs/srv/check_alive.hpp>
+
 #include "ros/participant.hpp"
 #include "ros/type_support.hpp"
 #include "tests/bench/messages.hpp"
@@ -107,7 +109,34 @@ class RawClient {
   RawWriter<Probe> requests_;
 };
 
-/// What stands for a node: a participant with as many endpoints, and one service. Runs until SIGTERM.
-int run_raw_node(int domain, const std::string& name, int writers, int readers);
+/// What the ring asks and answers, with nothing behind it: the same messages and QoS.
+class RawChecks {
+ public:
+  RawChecks(ros::Participant& participant, const std::string& name, const std::vector<std::string>& asked);
+  /// Asks everybody once.
+  void ask();
+  [[nodiscard]] std::uint64_t asked() const { return asked_count_; }
+  [[nodiscard]] std::uint64_t answered() const { return answered_; }
+
+ private:
+  using CheckAlive = srfs_msgs::srv::CheckAlive;
+  struct Peer {
+    std::unique_ptr<RawReader<CheckAlive::Response>> replies;
+    std::unique_ptr<RawWriter<CheckAlive::Request>> requests;
+  };
+  std::string name_;
+  RawWriter<CheckAlive::Response> replies_;
+  RawReader<CheckAlive::Request> requests_;
+  std::vector<Peer> peers_;
+  std::uint64_t asked_count_ = 0;
+  std::atomic<std::uint64_t> answered_{0};
+};
+
+constexpr milliseconds check_period{100};
+
+/// What stands for a node: a participant with as many endpoints, and one service. Asks @p asked each
+/// check_period. Runs until SIGTERM, and prints then how often it asked and was answered.
+int run_raw_node(int domain, const std::string& name, int writers, int readers,
+                 const std::vector<std::string>& asked);
 
 }  // namespace srfs::bench

@@ -111,7 +111,9 @@ def run_faults(options, out, seed, signals, say):
                         break
                     unsteady += 1
                     trial = campaign.failed(str(error))
-                if trial:
+                if trial is None:
+                    say(f"{number} of {len(jobs)}: not applicable")
+                else:
                     active = trial.seconds("active")
                     say(f"{number} of {len(jobs)}: {trial.kind} {','.join(trial.victims)}: "
                         + (f"Active again after {active:.3f} s" if active is not None else trial.note or "nobody restarted")

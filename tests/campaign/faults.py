@@ -19,13 +19,13 @@ import re
 import select
 import shutil
 import signal
-import socket
 import statistics
 import subprocess
 import tempfile
 import threading
 import time
 
+import executions
 import mission  # tools/demo
 import witness
 
@@ -39,7 +39,7 @@ ACTIVE = 3  # lifecycle_msgs/State
 SUBSETS = 2 ** len(NODES) - 2  # of nine nodes, but nobody and all
 
 # Commands of fault_injector.cpp.
-ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP = range(1, 13)
+ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP, IDLE = range(1, 14)
 HEALTHY = 0
 
 
@@ -51,6 +51,7 @@ class FaultClass:
     p50_s: float | None = None  # goals: fault to Active again
     max_s: float | None = None
     bound_s: float = 30  # later is a failure of the campaign whatever the goal
+    found_as: tuple = ()  # what the ring may call it; empty: anything
 
 
 EXIT, HANG = (0.3, 0.8), (0.7, 1.2)
@@ -67,7 +68,9 @@ CLASSES = (
     FaultClass("stale_nonce", "its answers name another question", "restart"),
     FaultClass("wrong_incarnation", "its answers name another incarnation", "restart"),
     FaultClass("wrong_state", "its answers name a state that there is not", "restart"),
-    FaultClass("worker", "a worker thread that does not come back", "restart"),
+    FaultClass("worker", "a worker thread that does not come back", "restart", bound_s=12, found_as=("worker frozen",)),
+    # A payload that has the bus is fenced by the switcher first.
+    FaultClass("idle", "answers in Active; its input stays where it is, its timers do nothing", "restart", bound_s=12, found_as=("not working", "exited")),
     FaultClass("memory", "grows by 64 MiB a second", "restart"),
     FaultClass("descriptors", "uses all file descriptors", "restart"),
     FaultClass("start_hang", "killed; its successors hang while they start, until the cause is gone", "mended", bound_s=120),
@@ -77,6 +80,11 @@ CLASSES = (
     FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
     FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
 )
+# The worker thread that is frozen: one that has work again each second. A restarter has an empty job then.
+WORKERS = {"ttc": "ttc_store", **dict.fromkeys(PAYLOADS, "store"), **dict.fromkeys(("timing", "can_switcher", *NODES[6:]), "ring")}
+WITHOUT_DUE_WORK = NODES[6:]
+KINDS = {"subset": "several nodes killed at once", "everybody": "all nine killed at once", "soak": "nothing but load",
+         "suite_stopped": "the whole suite stopped for 0.05 to 3 s and continued", "steady": "between two faults"}  # fmt: skip
 WINDOW_S = 1.5  # of the ring's death history
 NODE_PRIORITY, DEVICE_PRIORITY = 40, 50  # SCHED_FIFO
 LOAD = ("stress-ng", "--cpu", "4", "--io", "2", "--quiet")
@@ -90,6 +98,8 @@ TELECOMMANDS = {
 COMMAND_PERIOD_S = 0.25
 MOST_UNDER_WAY = 3
 FORGET_S = 20
+DELIVERY_NS = 500_000_000  # from a topic to the campaign, on a busy machine
+GROUND_PATIENCE_S = 40  # a ttc that cannot start for some seconds tells the ends when it can
 
 
 class _SigInfo(ctypes.Structure):
@@ -172,6 +182,7 @@ class Trial:
     accused: int | None = None  # the first accusation of a victim
     process: int | None = None  # all victims have a new process
     active: int | None = None  # all victims are Active again
+    found_as: str = ""  # by the first accusation
     false_restarts: tuple = ()
     slots_lost: int = 0
     telemetry_gap_s: float = 0.0
@@ -194,10 +205,9 @@ class FaultCampaign:
         self.random = random.Random(seed)
         self.say = say
         self.trials = []
+        self.not_applicable = {}  # class -> {node: why it cannot have this fault}
         self.messages = []
-        self.executed = {payload: [] for payload in PAYLOADS}
-        self._executed_counts = dict.fromkeys(PAYLOADS, 0)
-        self.unseen_executions = 0
+        self.executions = executions.Executions(flight.run_dir)
         self._lock = threading.Lock()
         self._alive = {}  # node -> (incarnation, state, time of the report)
         self._accusations = []  # (time, subject, observer, class)
@@ -250,22 +260,9 @@ class FaultCampaign:
                     under_way.pop(line, None)
                 if len(under_way) < MOST_UNDER_WAY:
                     with contextlib.suppress(mission.MissionError, ValueError):
-                        under_way[self._ground.send(f"tc {self.random.choice(TELECOMMANDS[payload])}")] = now
+                        under_way[self._ground.send(f"tc {self.random.choice(TELECOMMANDS[payload])} --timeout {GROUND_PATIENCE_S}")] = now
             with contextlib.suppress(OSError):
-                self.ask_peripherals()
-
-    def ask_peripherals(self):
-        names = {"payload_adcs": "adcs", "payload_eps": "eps", "payload_thermal": "thermal"}
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
-            control.settimeout(5)
-            control.connect(str(self.flight.run_dir / "sim_control.sock"))
-            control.send(b'{"query":"executed"}')
-            reply = json.loads(control.recv(1 << 18))["executed"]
-        for payload, name in names.items():
-            new = reply[name]["count"] - self._executed_counts[payload]
-            self.unseen_executions += max(0, new - len(reply[name]["last"]))
-            self.executed[payload] += reply[name]["last"][len(reply[name]["last"]) - min(new, len(reply[name]["last"])) :]
-            self._executed_counts[payload] = reply[name]["count"]
+                self.executions.ask()
 
     def _pids(self):
         return {node: seen[-1][1] for node, seen in self._processes.items() if seen}
@@ -311,7 +308,7 @@ class FaultCampaign:
         for thread in self._threads:
             thread.join(10)
         if kind is None:
-            self.ask_peripherals()
+            self.executions.ask()
 
     def _settle(self):
         with contextlib.suppress(mission.MissionError):  # the judge says what is missing
@@ -330,7 +327,7 @@ class FaultCampaign:
         """@return what ends the fault, to be called; None where nothing does"""
         signals = {"exit": signal.SIGTERM, "kill": signal.SIGKILL, "stop": signal.SIGSTOP}
         commands = {"abort": ABORT, "segfault": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
-                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS}  # fmt: skip
+                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS, "idle": IDLE}  # fmt: skip
         if kind in signals:
             self._signal(pid, signals[kind])
         elif kind in commands:
@@ -340,15 +337,19 @@ class FaultCampaign:
         elif kind == "memory":
             queue_to_thread(pid, pid, GROW, 64)
         elif kind == "worker":
-            found = threads(pid)
-            own = next((name for name in ("store", "ttc_store", "process", "ring", "disk") if name in found), None)
-            if own is None:
-                return "no worker"
-            queue_to_thread(pid, found[own], DEADLOCK)
+            queue_to_thread(pid, threads(pid)[WORKERS[node]], DEADLOCK)
         elif kind.startswith("clock_"):
             queue_to_thread(pid, pid, CLOCK_STEP, 180 if kind == "clock_forward" else -180)
             return lambda: queue_to_thread(pid, pid, HEALTHY)
         return None
+
+    def _why_not(self, kind, node):
+        """Why this node cannot have this fault; empty: it can."""
+        if kind == "worker" and WORKERS[node] not in threads(self._pids()[node]):
+            return f"no worker thread '{WORKERS[node]}'"
+        if kind == "idle" and node in WITHOUT_DUE_WORK:
+            return "no work of it is ever due: it does what it is told, by a caller who waits for it"
+        return ""
 
     def _break_start(self, kind, node):
         if kind == "start_hang":
@@ -362,8 +363,11 @@ class FaultCampaign:
 
     def trial(self, fault, node):
         self._wait_until_forgotten([node])
+        if why_not := self._why_not(fault.name, node):
+            self.not_applicable.setdefault(fault.name, {})[node] = why_not
+            return None
         trial = Trial(fault.name, (node,), fault.expected)
-        before = self._pids()
+        before, old = self._pids(), self._incarnations()
         begin = time.monotonic_ns()
         if fault.expected == "mended":
             self._break_start(fault.name, node)
@@ -371,25 +375,23 @@ class FaultCampaign:
             time.sleep(START_FAULT_S)  # what it does to the others in the meantime is seen below
             self.wrappers.mend(node)
             trial.begin = time.monotonic_ns()
-            self._watch(trial, fault, before)
+            self._watch(trial, fault, before, old)
         else:
             trial.begin = begin
             end = self._inject(fault.name, node, before[node])
-            if end == "no worker":
-                return None
             if fault.expected == "none":
                 time.sleep(1.5)
                 end()
                 time.sleep(1.5)
                 trial.false_restarts = self._changed(before)
             else:
-                self._watch(trial, fault, before)
+                self._watch(trial, fault, before, old)
         self._finish(trial, begin)
         return trial
 
-    def _watch(self, trial, fault, before):
-        """Until all victims have a process of a later incarnation that is Active, and for a while after that."""
-        old = {node: self._incarnation(node) for node in trial.victims}
+    def _watch(self, trial, fault, before, old):
+        """Until all victims have a process of a later incarnation that is Active, and for a while after that.
+        before, old: pids and incarnations from before the fault; what the ring restarts at once is new too."""
         deadline = time.monotonic() + fault.bound_s
         while time.monotonic() < deadline and not self.signals.asked:
             if trial.process is None:
@@ -412,9 +414,9 @@ class FaultCampaign:
         self.trials.append(Trial("steady", (), "none", begin=time.monotonic_ns(), note=why))
         return self.trials[-1]
 
-    def _incarnation(self, node):
+    def _incarnations(self):
         with self._lock:
-            return self._alive[node][0] if node in self._alive else 0
+            return {node: self._alive[node][0] if node in self._alive else 0 for node in NODES}
 
     def _changed(self, before, but=()):
         return tuple(node for node, pid in self._pids().items() if node not in but and before.get(node) != pid)
@@ -422,7 +424,11 @@ class FaultCampaign:
     def _finish(self, trial, begin):
         with self._lock:
             found = [a for a in self._accusations if a[0] >= begin and a[1] in trial.victims]
-        trial.accused = found[0][0] if found else None
+        if found:
+            trial.accused, trial.found_as = found[0][0], found[0][3]
+        allowed = next((fault.found_as for fault in CLASSES if fault.name == trial.kind), ())
+        if trial.active and allowed and trial.found_as not in allowed:
+            trial.note = f"found as '{trial.found_as}', expected: {', '.join(allowed)}"
         trial.slots_lost = slots_lost(self.messages, begin, time.monotonic_ns(), trial.victims)
         end = time.monotonic()
         for structure, times in list(self._telemetry.items()):
@@ -440,16 +446,17 @@ class FaultCampaign:
         self._wait_until_forgotten(victims)
         kind = FaultClass("subset" if len(victims) < len(NODES) else "everybody", "", "restart", bound_s=60)
         trial = Trial(kind.name, tuple(victims), "restart")
-        before = self._pids()
+        before, old = self._pids(), self._incarnations()
         handles = [os.pidfd_open(before[node]) for node in victims]
         trial.begin = time.monotonic_ns()
-        for handle in handles:
-            with contextlib.suppress(ProcessLookupError):
-                signal.pidfd_send_signal(handle, signal.SIGKILL)
+        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped first, or one could start another before it dies itself
+            for handle in handles:
+                with contextlib.suppress(ProcessLookupError):
+                    signal.pidfd_send_signal(handle, number)
         for handle in handles:
             select.select([handle], [], [], 2)
             os.close(handle)
-        self._watch(trial, kind, before)
+        self._watch(trial, kind, before, old)
         self._finish(trial, trial.begin)
         return trial
 
@@ -490,7 +497,7 @@ class FaultCampaign:
 def stress():
     """Load beside the mission, ended with the block."""
     if not shutil.which(LOAD[0]):
-        raise mission.MissionError(f"{LOAD[0]} is not installed: ./run build --packages installs it, or apt-get install {LOAD[0]}", code=2)
+        raise mission.MissionError(f"{LOAD[0]} is not installed: apt-get install {LOAD[0]}", code=2)
     with tempfile.TemporaryDirectory() as folder, subprocess.Popen(LOAD, cwd=folder, stdout=subprocess.DEVNULL) as load:
         try:
             yield load
@@ -528,19 +535,31 @@ def usage(pid):
 
 
 def slots_lost(messages, begin, end, victims):
-    """Grants in a time that did not end in a release, but for those of the victims; and whole ticks that granted nothing, where no victim is
-    part of the bus."""
-    flags = [m for m in messages if m["type"] == "flags" and m["holder"] and begin <= m["published_ns"] <= end]
+    """Slots that a fault took from others than its victims, in a time that begins with it:
+
+    - grants to others that did not end in a release,
+    - ticks without a grant, told by the time between two grants, unless a victim had the bus or gives the grants. The beat may move by half a
+      period when timing comes back; from 1.6 periods on a slot is missing.
+    """
+    flags = sorted((m for m in messages if m["type"] == "flags" and m["holder"] and m["published_ns"] <= end), key=lambda m: m["published_ns"])
     released = {(m["switcher"], m["grant"]) for m in messages if m["type"] == "bus" and m["status"] == "released"}
-    grants = {(m["switcher"], m["grant"]): m for m in flags}
+    inside = [m for m in flags if m["published_ns"] >= begin]
+    before = flags[: len(flags) - len(inside)]
+    grants = {(m["switcher"], m["grant"]): m for m in inside}
     last = max(grants, default=None)  # still running
     lost = sum(1 for key, m in grants.items() if m["holder"] not in victims and key not in released and key != last)
-    if set(victims) & {"can_switcher", *PAYLOADS} or len(flags) < 3:
+    gaps = gaps_of(before[-200:]) or gaps_of(inside)
+    if "can_switcher" in victims or len(gaps) < 3:
         return lost
-    times = sorted(m["published_ns"] for m in flags)
-    gaps = [b - a for a, b in zip(times, times[1:])]
     usual = statistics.median(gaps)
-    return lost + sum(max(0, round(gap / usual) - 1) for gap in gaps)
+    # The grant before the fault begins the first gap, the end of the record ends the last; what was granted a moment ago may be on its way here.
+    seen = [*before[-1:], *inside]
+    ends = [m["published_ns"] for m in seen[1:]] + [end - DELIVERY_NS]
+    return lost + sum(max(0, math.ceil((to - m["published_ns"]) / usual - 0.6) - 1) for m, to in zip(seen, ends) if m["holder"] not in victims)
+
+
+def gaps_of(flags):
+    return [b["published_ns"] - a["published_ns"] for a, b in zip(flags, flags[1:])]
 
 
 # --- the verdict --------------------------------------------------------------------------------------------------------
@@ -555,8 +574,8 @@ def figures(values):
 
 
 def sort_telecommands(stages, trials):
-    """(stages of telecommands whose end the ground must hear, accepted ones whose end went with a process of ttc, ones that were never accepted).
-    ttc keeps no journal yet: what it had accepted and not handed over, or not reported, when it died is known to nobody."""
+    """(stages of telecommands whose end the ground must hear, how many accepted ones have none after a death of ttc, ones that were never
+    accepted). The journal of ttc outlives its process: an end that is lost with it is a failure like any other."""
     by_line = collections.defaultdict(list)
     for m in stages:
         by_line[m["line"]].append(m)
@@ -567,38 +586,45 @@ def sort_telecommands(stages, trials):
         first, last = lines[0], lines[-1]
         if last["stage"] == "timed_out" and "accepted" not in names:
             unheard += 1  # a BD frame that nobody took
-        elif last["stage"] == "timed_out" and any(first["at_ns"] < back and last["at_ns"] > death for death, back in deaths):
-            with_ttc += 1
-        else:
-            kept += lines
+            continue
+        with_ttc += last["stage"] == "timed_out" and any(first["at_ns"] < back and last["at_ns"] > death for death, back in deaths)
+        kept += lines
     return kept, with_ttc, unheard
+
+
+def kinds_of(campaign):
+    """The kinds of faults of a campaign, in the order of their lists; trials come in a random one."""
+    seen = {*(trial.kind for trial in campaign.trials), *getattr(campaign, "not_applicable", ())}
+    return [name for name in (*(fault.name for fault in CLASSES), *KINDS) if name in seen]
 
 
 def summarize(campaign):
     by_name = {fault.name: fault for fault in CLASSES}
     table = []
-    for name in dict.fromkeys(trial.kind for trial in campaign.trials):
+    for name in kinds_of(campaign):
         trials = [t for t in campaign.trials if t.kind == name]
         fault = by_name.get(name)
         active = figures([t.seconds("active") for t in trials])
         goal = {"p50_s": fault.p50_s, "max_s": fault.max_s} if fault and fault.max_s else {"max_s": 2.5} if name == "subset" else None
         met = None if goal is None or not active["count"] else active["max_s"] <= goal["max_s"] and active["p50_s"] <= goal.get("p50_s", active["p50_s"])
         table.append({
-            "class": name, "what": fault.what if fault else "", "trials": len(trials), "recovered": sum(t.ok for t in trials),
-            "expected": trials[0].expected,
-            "detected": figures([t.seconds("accused") for t in trials]), "restarted": figures([t.seconds("process") for t in trials]),
+            "class": name, "what": fault.what if fault else KINDS.get(name, ""), "trials": len(trials), "recovered": sum(t.ok for t in trials),
+            "expected": trials[0].expected if trials else "", "not_applicable": campaign.not_applicable.get(name, {}),
+            # Of "mended" the time counts from the end of the cause, long after it was seen.
+            "detected": figures([t.seconds("accused") for t in trials if t.expected != "mended"]), "restarted": figures([t.seconds("process") for t in trials]),
             "active": active, "goal": goal, "goal_met": met,
             "false_restarts": sum(len(t.false_restarts) for t in trials), "slots_lost": sum(t.slots_lost for t in trials),
             "telemetry_gap_s": max((t.telemetry_gap_s for t in trials), default=0),
+            "found_as": dict(collections.Counter(t.found_as for t in trials if t.found_as)),
         })  # fmt: skip
     telecommands = witness.telecommands_of(campaign.messages)
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     checks = [
-        *witness.executed_once(telecommands, campaign.executed),
+        *witness.executed_once(telecommands, campaign.executions.of),
         witness.told_to_the_ground(others),
         witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
-        witness.check([f"{campaign.unseen_executions} executions"] if campaign.unseen_executions else [], "every execution was seen"),
+        witness.check([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),
     ]  # fmt: skip
     slopes = {}
     if len(campaign.usage) > 1:
@@ -609,19 +635,22 @@ def summarize(campaign):
                             "memory_kib": seen[-1][1][0], "descriptors": seen[-1][1][1]}  # fmt: skip
     return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
-                             "executed": sum(map(len, campaign.executed.values())),
+                             "executed": len(campaign.executions),
                              "not_accepted": unheard, "ends_lost_with_ttc": with_ttc}}  # fmt: skip
 
 
 def show(summary):
-    print(f"  {'class':18} {'ok':>7}  {'detected p50/max':>17}  {'restarted p50/max':>17}  {'Active p50/p90/max':>22}  goal    false  slots  telemetry gap")
+    print(f"  {'class':18} {'ok':>7}  {'detected p50/max':>17}  {'restarted p50/max':>17}  {'Active p50/p90/max':>22}  goal    false  slots    gap  found as")
     pair = lambda f: f"{f['p50_s']:.3f} / {f['max_s']:.3f}" if f["count"] else "-"  # noqa: E731
     for row in summary["table"]:
         a = row["active"]
         active = f"{a['p50_s']:.3f} / {a['p90_s']:.3f} / {a['max_s']:.3f}" if a["count"] else "-"
         goal = {True: "met", False: "MISSED", None: "-"}[row["goal_met"]]
         print(f"  {row['class']:18} {row['recovered']:3}/{row['trials']:3}  {pair(row['detected']):>17}  {pair(row['restarted']):>17}  {active:>22}  {goal:6} "
-              f"{row['false_restarts']:6} {row['slots_lost']:6}  {row['telemetry_gap_s']:.2f} s")  # fmt: skip
+              f"{row['false_restarts']:6} {row['slots_lost']:6}  {row['telemetry_gap_s']:4.2f} s  "
+              + ", ".join(f"{count} {name}" for name, count in row["found_as"].items()))  # fmt: skip
+        for node, why in row["not_applicable"].items():
+            print(f"  {'':18} not applicable to {node}: {why}")
     for result in summary["checks"]:
         count = f" ({result['of']})" if "of" in result else ""
         print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}{count}")
@@ -657,10 +686,10 @@ def report(summary):
 def write(folder, campaign):
     with open(folder / "trials.csv", "w", newline="") as file:
         rows = csv.writer(file)
-        rows.writerow(["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "note"])
+        rows.writerow(["class", "victims", "begin_ns", "detected_s", "restarted_s", "active_s", "false_restarts", "slots_lost", "telemetry_gap_s", "found_as", "note"])
         for t in campaign.trials:
             rows.writerow([t.kind, " ".join(t.victims), t.begin, *(t.seconds(what) for what in ("accused", "process", "active")),
-                           " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.note])  # fmt: skip
+                           " ".join(t.false_restarts), t.slots_lost, t.telemetry_gap_s, t.found_as, t.note])  # fmt: skip
     with open(folder / "record.jsonl", "w") as file:
         for message in campaign.messages:
             file.write(json.dumps({key: value for key, value in message.items() if key != "arrived"}) + "\n")
@@ -676,7 +705,7 @@ def draw(folder, campaign):
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    names = [n for n in dict.fromkeys(t.kind for t in campaign.trials) if any(t.active for t in campaign.trials if t.kind == n)]
+    names = [n for n in kinds_of(campaign) if any(t.active for t in campaign.trials if t.kind == n)]
     if not names:
         return
     figure, axis = pyplot.subplots(figsize=(10, 1.2 + 0.38 * len(names)))

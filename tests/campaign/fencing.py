@@ -11,15 +11,14 @@ import os
 import random
 import select
 import signal
-import socket
 import threading
 import time
 
+import executions
 import mission  # tools/demo
 import witness
 
 PAYLOADS = tuple(witness.ADDRESS)
-NAMES = {"payload_adcs": "adcs", "payload_eps": "eps", "payload_thermal": "thermal"}
 SWITCHER = "can_switcher"
 KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # of what `srfs record` prints
 
@@ -58,9 +57,7 @@ class Campaign:
         self.say = say
         self.faults = []
         self.messages = []  # of KEPT
-        self.executed = {payload: [] for payload in PAYLOADS}
-        self.executed_counts = dict.fromkeys(PAYLOADS, 0)
-        self.unseen_executions = 0
+        self.executions = executions.Executions(flight.run_dir)
         self._grants = set()
         self._holder = None  # (payload, time of the flag)
         self._flag = threading.Condition()
@@ -90,19 +87,6 @@ class Campaign:
         if message["type"] == "error" or (message["type"] == "tc_stage" and message["final"]):
             for under_way in self._under_way.values():
                 under_way.pop(message.get("line"), None)
-
-    def ask_peripherals(self):
-        """What they executed since the last time. Asked on the control socket itself: often, and without a process each time."""
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
-            control.settimeout(5)
-            control.connect(str(self.flight.run_dir / "sim_control.sock"))
-            control.send(b'{"query":"executed"}')
-            reply = json.loads(control.recv(1 << 18))["executed"]
-        for payload, name in NAMES.items():
-            new = reply[name]["count"] - self.executed_counts[payload]
-            self.unseen_executions += max(0, new - len(reply[name]["last"]))
-            self.executed[payload] += reply[name]["last"][len(reply[name]["last"]) - min(new, len(reply[name]["last"])) :]
-            self.executed_counts[payload] = reply[name]["count"]
 
     # --- processes --------------------------------------------------------------------------------------------------
 
@@ -149,7 +133,7 @@ class Campaign:
         return True
 
     def _start_what_is_missing(self):
-        """There is nobody on board who does it yet. Ends with the campaign."""
+        """The deployment has no ring: what is measured is the switcher's work alone. Ends with the campaign."""
         nodes = (SWITCHER, *PAYLOADS)
         while not self._quit.wait(0.02):
             if all(self.flight.node_pid(node) for node in nodes):
@@ -240,7 +224,7 @@ class Campaign:
             self._go_on(everybody=True)
             self._quit.set()
             starter.join(UP_DEADLINE_S + 40)
-        self.ask_peripherals()
+        self.executions.ask()
         self.lines = self.flight.can_log(until_ns=time.monotonic_ns(), deadline_s=5)
 
     def _disturb(self, ground):
@@ -254,11 +238,11 @@ class Campaign:
             now = time.monotonic()
             if now - asked > 1:
                 asked = now
-                self.ask_peripherals()
+                self.executions.ask()
             if now - shown > 5:
                 shown = now
                 self.say(f"{len(self._grants)} of {self.wanted} slots, {len(self.faults)} faults, {self._restarts} restarts, "
-                         f"{sum(map(len, self.executed.values()))} telecommands executed, {now - begin:.0f} s")  # fmt: skip
+                         f"{len(self.executions)} telecommands executed, {now - begin:.0f} s")  # fmt: skip
             self._command(ground)
             self._fault()
             self._sleep(self.random.uniform(*FAULT_PERIOD_S))
@@ -280,9 +264,9 @@ class Campaign:
     # --- files ------------------------------------------------------------------------------------------------------
 
     def judge(self):
-        verdict, found = witness.judge(self.lines, self.messages, self.executed, self.faults, int(BOUND_S * 1e9))
-        if self.unseen_executions:
-            verdict["checks"].append(witness.check([f"{self.unseen_executions} executions"], "every execution was seen"))
+        verdict, found = witness.judge(self.lines, self.messages, self.executions.of, self.faults, int(BOUND_S * 1e9))
+        if self.executions.unseen:
+            verdict["checks"].append(witness.check([f"{self.executions.unseen} executions"], "every execution was seen"))
             verdict["ok"] = False
         verdict["recorded_s"] = round((time.monotonic_ns() - self.begin) / 1e9, 1)
         verdict["restarts"] = self._restarts
@@ -291,7 +275,7 @@ class Campaign:
     def write(self, folder, found):
         """What the verdict is made of, to be looked at, and judged again."""
         (folder / "can.log").write_text("\n".join(self.lines) + "\n")
-        (folder / "executed.json").write_text(json.dumps(self.executed) + "\n")
+        (folder / "executed.json").write_text(json.dumps(self.executions.of) + "\n")
         with open(folder / "record.jsonl", "w") as file:
             for message in self.messages:
                 file.write(json.dumps({key: value for key, value in message.items() if key != "arrived"}) + "\n")

@@ -16,8 +16,8 @@ import yaml
 
 MISSION = pathlib.Path(__file__).resolve().parents[2] / "msgs" / "mission"
 ASM = bytes.fromhex("1acffc1d")
-FRAME_OCTETS = 223
-CODED_OCTETS = 255  # frame and the parity of RS(255,223); a clean line needs no correction
+FRAME_OCTETS = 223  # times the interleave
+CODED_OCTETS = 255  # frame and the parity of RS(255,223), times the interleave; a clean line needs no correction
 UNSECURED_VC = 1
 SEGMENT_HEADER = b"\xc0"
 
@@ -87,14 +87,17 @@ class Structure:
 class OpenStation:
     """Holds the operator's end of the line."""
 
-    def __init__(self, port):
+    def __init__(self, port, interleave=1):
+        self._frame_octets, self._coded_octets = interleave * FRAME_OCTETS, interleave * CODED_OCTETS
         self._line = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         tty.setraw(self._line)
-        self._noise = pseudo_noise(CODED_OCTETS)
+        self._noise = pseudo_noise(self._coded_octets)
         self._received = b""
         self._unfinished = {}  # virtual channel -> octets of a packet that goes on in the next frame
+        self._counts = {}  # virtual channel -> count of its last frame
         self._sequence = 0
         self.reports = []
+        self.control_words = []  # of every frame
         self.frames = 0
 
     def close(self):
@@ -132,20 +135,24 @@ class OpenStation:
 
     def _take(self, octets):
         self._received += octets
-        while (at := self._received.find(ASM)) >= 0 and len(self._received) >= at + len(ASM) + CODED_OCTETS:
-            coded = self._received[at + len(ASM) : at + len(ASM) + CODED_OCTETS]
-            frame = bytes(a ^ b for a, b in zip(coded, self._noise))[:FRAME_OCTETS]
+        while (at := self._received.find(ASM)) >= 0 and len(self._received) >= at + len(ASM) + self._coded_octets:
+            coded = self._received[at + len(ASM) : at + len(ASM) + self._coded_octets]
+            frame = bytes(a ^ b for a, b in zip(coded, self._noise))[:self._frame_octets]
             if cltu.crc(frame) != b"\0\0":  # the marker within other octets, or a damaged frame
                 self._received = self._received[at + 1 :]
                 continue
-            self._received = self._received[at + len(ASM) + CODED_OCTETS :]
+            self._received = self._received[at + len(ASM) + self._coded_octets :]
             self.frames += 1
             self._take_frame(frame)
 
     def _take_frame(self, frame):
         channel = frame[1] >> 1 & 0x7
         assert (frame[0] << 4 | frame[1] >> 4) & 0x3FF == 0xAB, "another spacecraft's frame"
+        self.control_words.append(struct.unpack(">I", frame[-6:-2])[0])
         first_header = struct.unpack(">H", frame[4:6])[0] & 0x7FF
+        if self._counts.get(channel, frame[3] - 1) + 1 & 0xFF != frame[3]:  # a frame of this channel was lost
+            self._unfinished.pop(channel, None)
+        self._counts[channel] = frame[3]
         if first_header == 0x7FE:  # only idle data
             return
         data = frame[6:-6]  # behind it: control word and checksum

@@ -2,9 +2,11 @@
 
 import contextlib
 import fcntl
+import json
 import os
 import pathlib
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
@@ -105,6 +107,19 @@ class SystemTest(unittest.TestCase):
         self.assertEqual(mission.processes_of(var), {})
         self.assertEqual([p.name for p in (var / "run").glob("*")], [])
         self.assertFalse((var / "rs422").is_symlink())
+
+
+class ToolTest(SystemTest):
+    """`srfs` on the deployment file self.file, without a simulation."""
+
+    def srfs(self, *arguments):
+        command = [str(BIN / "srfs"), *arguments, "--deployment", str(self.file), "--var", str(self.var)]
+        return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+
+    def json(self, *arguments):
+        result = self.srfs(*arguments, "--json")
+        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+        return json.loads(result.stdout)
 
 
 def slots(recorder, payload, status, since=0):

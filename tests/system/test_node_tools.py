@@ -1,10 +1,9 @@
 """What an engineer does with one node from outside: `srfs lifecycle`, `stats`, `param`, `status`; what becomes of a node that fails."""
 
 import json
-import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, wait_until
+from support import BIN, DEADLINE_S, ToolTest, wait_until
 
 DEPLOYMENT = """
 deployment: t
@@ -13,7 +12,7 @@ nodes:
 """
 
 
-class NodeToolsTest(SystemTest):
+class NodeToolsTest(ToolTest):
     def setUp(self):
         super().setUp()
         self.file = self.folder / "faulty.yaml"
@@ -22,15 +21,6 @@ class NodeToolsTest(SystemTest):
         result = self.srfs("up")
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
         self.addCleanup(lambda: self.srfs("down"))  # before the check that nothing is left
-
-    def srfs(self, *arguments):
-        command = [str(BIN / "srfs"), *arguments, "--deployment", str(self.file), "--var", str(self.var)]
-        return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
-
-    def json(self, *arguments):
-        result = self.srfs(*arguments, "--json")
-        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
-        return json.loads(result.stdout)
 
     def status(self):
         return json.loads(self.srfs("status", "--json").stdout)[0]
@@ -60,7 +50,7 @@ class NodeToolsTest(SystemTest):
     def test_a_transition_that_takes_longer_than_the_deadline_is_still_running_not_failed(self):
         self.assertEqual(self.srfs("lifecycle", "faulty", "deactivate").returncode, 0)
         self.assertEqual(self.srfs("lifecycle", "faulty", "cleanup").returncode, 0)
-        self.assertEqual(self.srfs("param", "set", "faulty", "configure_ms", "3000").returncode, 0)
+        self.assertEqual(self.srfs("param", "set", "faulty", "configure_ms", "8000").returncode, 0)
         result = self.srfs("lifecycle", "faulty", "configure", "--deadline", "500")
         self.assertEqual(result.returncode, 3, result.stderr)
         self.assertIn("/faulty is still configuring after 0.5 s", result.stderr)

@@ -3,9 +3,8 @@
 import json
 import os
 import signal
-import subprocess
 
-from support import BIN, DEADLINE_S, SystemTest, wait_until
+from support import DEADLINE_S, ToolTest, wait_until
 
 DEPLOYMENT = """
 deployment: t
@@ -36,22 +35,13 @@ def ledger_line(**changes):
     return f"{text}\t{crc32c(text.encode()):08x}\n"
 
 
-class RingToolsTest(SystemTest):
+class RingToolsTest(ToolTest):
     def setUp(self):
         super().setUp()
         self.file = self.folder / "t.yaml"
         self.file.write_text(DEPLOYMENT)
         self.var.mkdir()
         self.addCleanup(lambda: self.srfs("down"))
-
-    def srfs(self, *arguments):
-        command = [str(BIN / "srfs"), *arguments, "--deployment", str(self.file), "--var", str(self.var)]
-        return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
-
-    def json(self, *arguments):
-        result = self.srfs(*arguments, "--json")
-        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
-        return json.loads(result.stdout)
 
     def standing(self, node):
         return {n["name"]: n for n in self.json("ring", "status")}[node]["standing"]

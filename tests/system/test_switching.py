@@ -1,8 +1,13 @@
-"""The CAN rotation changed at run time, seen on the nodes' own topics."""
+"""The CAN rotation changed at run time, and without the ticks it lives on, seen on the nodes' own topics."""
 
+import os
+import signal
+import time
 import unittest
 
-from support import DEADLINE_S, PAYLOADS, SystemTest
+from support import DEADLINE_S, PAYLOADS, SystemTest, wait_for_slots
+
+TICKS_MISSING, TICKS_BACK = 310, 311  # events of can_switcher (msgs/mission/can_switcher.yaml)
 
 
 def holders(recorder, since, count):
@@ -61,6 +66,70 @@ class SwitchingTest(SystemTest):
             by_cycle.setdefault(cycle, []).append(holder)
         self.assertIn(["payload_eps", "payload_thermal"], list(by_cycle.values()), turns)
         self.assertTrue(all(len(set(cycle)) == len(cycle) for cycle in by_cycle.values()), "one turn a cycle each")
+
+
+class MissingTicksTest(SystemTest):
+    """Timing is held by the operator here, or the ring would have it back before the test has seen much."""
+
+    def deployment_with_a_patient_watchdog(self):
+        return self.deployment(("watchdog_timeout_s: 10", "watchdog_timeout_s: 120"), ("watchdog: { timeout_ms: 10000 }", "watchdog: { timeout_ms: 120000 }"))
+
+    def wait_for_event(self, recorder, number, since):
+        self.assertIsNotNone(recorder.wait_for(lambda m: m["type"] == "event" and m["event_id"] == number, DEADLINE_S, since))
+
+    def wait_for_every_payload(self, recorder, count):
+        since = recorder.position()
+        for payload in PAYLOADS:
+            wait_for_slots(recorder, payload, "released", count, since)
+
+    def test_the_rotation_goes_on_without_timing_whether_it_is_killed_or_stopped_and_with_it_when_it_is_back(self):
+        with self.flight(self.deployment_with_a_patient_watchdog()) as flight:
+            recorder = flight.recorder()
+            self.wait_for_every_payload(recorder, 2)
+            pids = {payload: flight.node_pid(payload) for payload in PAYLOADS}
+            for number in (signal.SIGKILL, signal.SIGSTOP):
+                with self.subTest(signal=number.name):
+                    held = flight.srfs("ring", "hold", "timing")
+                    self.assertEqual(held.returncode, 0, held.stdout + held.stderr)
+                    timing = flight.node_pid("timing")
+                    since = recorder.position()
+                    os.kill(timing, number)
+
+                    self.wait_for_event(recorder, TICKS_MISSING, since)
+                    without = time.monotonic_ns()
+                    self.wait_for_every_payload(recorder, 4)
+                    self.assertEqual(recorder.select(lambda m: m["type"] == "tick" and m["published_ns"] > without), [], "none of this was timing's doing")
+
+                    since = recorder.position()
+                    if number == signal.SIGSTOP:
+                        os.kill(timing, signal.SIGCONT)
+                        self.wait_for_event(recorder, TICKS_BACK, since)
+                    released = flight.srfs("ring", "release", "timing")
+                    self.assertEqual(released.returncode, 0, released.stdout + released.stderr)
+                    self.wait_for_event(recorder, TICKS_BACK, since)
+                    self.wait_for_every_payload(recorder, 4)
+            turns = [m["holder"] for m in recorder.select(lambda m: m["type"] == "flags" and m["holder"])]
+            self.assertEqual({payload: flight.node_pid(payload) for payload in PAYLOADS}, pids, "nobody else had to die")
+        for before, after in zip(turns, turns[1:]):
+            self.assertEqual(PAYLOADS.index(after), (PAYLOADS.index(before) + 1) % len(PAYLOADS), "every payload in its turn")
+
+    def test_a_timing_node_that_is_deactivated_by_command_stops_the_rotation_until_it_is_active_again(self):
+        with self.flight(self.deployment_with_a_patient_watchdog()) as flight:
+            recorder = flight.recorder()
+            self.wait_for_every_payload(recorder, 2)
+
+            self.assertEqual(flight.srfs("lifecycle", "timing", "deactivate").returncode, 0)
+            stopped, since = time.monotonic_ns(), recorder.position()
+            for _ in range(15):  # each a period of the ring, as long as that of the tick
+                asked = recorder.wait_for(lambda m: m["type"] == "liveness" and m["verdict"] == "alive" and m["subject"] == "can_switcher", DEADLINE_S, since)
+                self.assertIsNotNone(asked)
+                since = recorder.position()
+            flags = recorder.select(lambda m: m["type"] == "flags" and m["published_ns"] > stopped)
+            self.assertLessEqual(len(flags), 1, "but one that was decided on before")
+            self.assertEqual(recorder.select(lambda m: m["type"] == "event" and m["event_id"] == TICKS_MISSING), [])
+
+            self.assertEqual(flight.srfs("lifecycle", "timing", "activate").returncode, 0)
+            self.wait_for_every_payload(recorder, 2)
 
 
 if __name__ == "__main__":

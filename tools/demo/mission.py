@@ -442,7 +442,8 @@ class Mission:
             for part in (path.with_name("can.log.1"), path):
                 with contextlib.suppress(OSError):
                     lines += part.read_text().splitlines()
-            if not lines or (can_frames.last_time(lines[-100:]) or 0) > until_ns or time.monotonic() > end:
+            late = until_ns > 0 and (can_frames.last_time(lines[-100:]) or 0) <= until_ns  # what is kept is written with a delay
+            if not path.exists() or not late or time.monotonic() > end:
                 return lines
             time.sleep(0.1)
 

@@ -91,6 +91,7 @@ MEASURES = {
     "image_4_mib": lambda b, o: bench_ros(b, "image", "--octets", 4 * MIB, "--images", o.images),
     "start": lambda b, o: bench_ros(b, "start", "--rounds", o.starts, timeout=900),
     "idle": lambda b, o: bench_ros(b, "idle", "--duration", o.idle_s),
+    "ring": lambda b, o: bench_ros(b, "ring", "--duration", o.idle_s),
     "cycles": lambda b, o: bench_ros(b, "cycles", "--cycles", o.cycles, timeout=120 + 5 * o.cycles),
 }
 
@@ -100,7 +101,7 @@ def add_options(parser):
     parser.add_argument("--rounds", type=int, default=3000, metavar="N", help="of the latency measures")
     parser.add_argument("--images", type=int, default=200, metavar="N", help="of each size, ten a second")
     parser.add_argument("--starts", type=int, default=40, metavar="N")
-    parser.add_argument("--idle-s", type=int, default=60, metavar="S")
+    parser.add_argument("--idle-s", type=int, default=60, metavar="S", help="of idle and ring")
     parser.add_argument("--cycles", type=int, default=1000, metavar="N", help="kill -9 and restart; about 0.6 s each")
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="also write ros.json, ros.svg and ros.png there")
 
@@ -168,6 +169,18 @@ def idle_rows(name, result):
               f"<= 1.2x raw: {result['ratio_cpu']:.2f}x", result["ratio_cpu"] <= 1.2)
 
 
+def ring_rows(name, result):
+    yield row(name, f"checks of {result['nodes']} nodes, one each {result['period_ms']} ms: CPU, % of one", rounded(result["ring_cpu_percent"], 2),
+              rounded(result["raw_cpu_percent"], 2), f"<= 1.5x raw: {result['ratio']:.2f}x", result["ratio"] <= 1.5)
+    together = result["cpu_percent_together"]
+    yield row(name, "the whole processes, % of one", rounded(together["ring"], 2), rounded(together["raw"], 2), "", True)
+    answered = result["raw_requests"]["answered"] / max(1, result["raw_requests"]["asked"])
+    rate = result["nodes"] * 1000 / result["period_ms"]
+    yield row(name, "checks answered in a second", rounded(result["heard"]["checks_answered_per_s"], 1), rounded(answered * rate, 1), f">= {0.95 * rate:.0f}",
+              result["heard"]["checks_answered_per_s"] >= 0.95 * rate and answered >= 0.95)
+    yield row(name, "nobody was restarted", "yes" if result["nobody_died"] else "no", None, "yes", result["nobody_died"], hard=True)
+
+
 GROWTH_KB = 64  # of one survivor in 1000 cycles; less is the allocator's noise (16 pages)
 
 
@@ -188,7 +201,7 @@ def cycle_rows(name, result):
 
 
 ROWS = {"latency": latency_rows, "latency_pinned": latency_rows, "latency_under_load": load_rows, "image_1_mib": image_rows,
-        "image_4_mib": image_rows, "start": start_rows, "idle": idle_rows, "cycles": cycle_rows}
+        "image_4_mib": image_rows, "start": start_rows, "idle": idle_rows, "ring": ring_rows, "cycles": cycle_rows}
 
 
 def verdicts(measures):
@@ -264,6 +277,10 @@ def panels(measures):
         yield f"idle, {idle['nodes']} up", "MiB; % of a CPU", {
             "PSS of one": [(w, idle[w]["pss_mib"]["median"], None) for w in ("srfs", "raw")],
             "CPU of all": [(w, idle[w]["cpu_percent_together"], None) for w in ("srfs", "raw")]}
+    if "ring" in measures:
+        ring = measures["ring"]
+        yield f"checks of {ring['nodes']} nodes, {ring['period_ms']} ms", "% of a CPU", {
+            "CPU of all": [("srfs", ring["ring_cpu_percent"], None), ("raw", ring["raw_cpu_percent"], None)]}
 
 
 def draw(results, out):

@@ -34,7 +34,8 @@ using srfs_msgs::srv::GetNodeStatus;
 using srfs_msgs::srv::SaveParameters;
 
 constexpr milliseconds answer_deadline{2000};
-constexpr milliseconds discovery_deadline{1500};
+constexpr milliseconds discovery_deadline{5000};
+constexpr milliseconds word_deadline{2000};  ///< for the first word of a transition that was asked for
 
 int code(CommandExit e) {
   return static_cast<int>(e);
@@ -129,6 +130,9 @@ Transition request_transition(Bus& bus, const std::string& node, const std::stri
   request.transition.label = label;
   client->call(request, deadline, 1, [&](const auto& answer) { seen.answer = answer; });
   bus.executor.spin_until([&] { return seen.answer.has_value(); }, monotonic_now() + deadline + seconds(1));
+  const bool unanswered = !seen.answer || !seen.answer->has_value();
+  if (unanswered)
+    bus.executor.spin_until([&] { return !seen.goal.empty(); }, monotonic_now() + word_deadline);
   return seen;
 }
 

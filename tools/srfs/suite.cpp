@@ -214,8 +214,6 @@ UpReport up(const Target& suite, const UpOptions& options) {
   const auto before = local_status(suite);
   const bool running =
       std::any_of(before.begin(), before.end(), [](const NodeStatus& s) { return s.instance.has_value(); });
-  // Nobody runs: what was granted before (a power loss left the record) is nobody's.
-  if (!running) std::filesystem::remove(suite.var.can_holder(), ec);
   const auto domain = take_domain(suite, options, running);
   if (!domain) {
     report.problems.push_back(domain.error());

@@ -168,6 +168,7 @@ class SocketCan : public RawCanBus {
       const bool whole = r.size == static_cast<ssize_t>(sizeof(can_frame)) && r.raw.len <= CAN_MAX_DLEN;
       if (whole && is_error_frame(r.raw)) {
         on_report(decode_error_frame(r.raw));
+        if (std::exchange(take_back_, false) && withdraw()) return std::nullopt;  // another socket by now
       } else if (!whole || is_unwanted_remote(r.raw)) {
         ++counters_.malformed;
       } else if (auto frame = accept(r.raw, r.is_echo, r.at)) {
@@ -185,8 +186,10 @@ class SocketCan : public RawCanBus {
     ++counters_.withdrawals;
     on_withdrawn(0);
     // This socket is as dead as those of all other processes. The interface is there again: it is opened now.
+    waits_after_bus_off_ = state() == CanBusState::bus_off;
     interface_lost(ENETDOWN);
     (void)socket();
+    waits_after_bus_off_ = false;
     return true;
   }
 
@@ -201,9 +204,17 @@ class SocketCan : public RawCanBus {
     taken_down_ = false;
     // Error frames tell changes only: a controller that went bus-off before would look well.
     const auto link = query_can_link(found_.index);
-    opened_with(link ? to_controller(*link) : CanController{});
+    CanController controller = link ? to_controller(*link) : CanController{};
+    // Down and up restarted the controller: the wait before the next attempt stays all the same.
+    if (waits_after_bus_off_) controller.state = CanBusState::bus_off;
+    opened_with(controller);
     return socket;
   }
+
+  /// The driver flushes its echo buffers before it is on the bus again, but what waits in the interface's
+  /// queue would then leave, in whosever slot that is. Where it cannot be taken back the frames count as
+  /// waiting.
+  void on_bus_off_with_frames() override { take_back_ = true; }
 
   [[nodiscard]] CanBusState absent_state() const override {
     return found_.down ? CanBusState::down : CanBusState::gone;
@@ -265,6 +276,8 @@ class SocketCan : public RawCanBus {
   std::string interface_;
   Interface found_;
   bool taken_down_ = false;  // by withdraw(), and not up again
+  bool take_back_ = false;
+  bool waits_after_bus_off_ = false;  // while withdraw() opens the interface again
   bool said_what_to_set_ = false;
   std::uint32_t dropped_ = 0;
 };

@@ -20,6 +20,12 @@ std::string check_alive_name(std::string_view node) {
   return "/" + std::string(node) + "/check_alive";
 }
 
+DueWork due_work(const Executor::Backlog& input, const WorkStatus& own) {
+  const bool input_is_older = !own.oldest_due || (input.oldest && *input.oldest < *own.oldest_due);
+  return {input.waiting + own.due, input_is_older ? input.handled : own.done,
+          input_is_older ? input.oldest : own.oldest_due};
+}
+
 CheckAliveService::CheckAliveService(LifecycleNode& node) : node_(node) {
   service_ = node.create_service<srfs_msgs::srv::CheckAlive>(
       "~/check_alive", [this](const auto& request, auto& response) { answer(request, response); }, check_qos,
@@ -50,13 +56,10 @@ std::uint32_t CheckAliveService::age_ms(MonotonicTime since) const {
 }
 
 void CheckAliveService::fill_work(srfs_msgs::srv::CheckAlive_Response& response) {
-  const Executor::Backlog backlog = node_.context().executor.backlog();
-  const WorkStatus own = node_.work_status();
-  response.work_due = backlog.waiting + own.due;
-  response.work_done = static_cast<std::uint32_t>(backlog.handled) + own.done;
-  std::optional<MonotonicTime> oldest = own.oldest_due;
-  if (backlog.oldest && (!oldest || *backlog.oldest < *oldest)) oldest = backlog.oldest;
-  response.oldest_due_ms = oldest ? age_ms(*oldest) : 0;
+  const DueWork work = due_work(node_.context().executor.backlog(), node_.work_status());
+  response.work_due = work.due;
+  response.work_done = work.done;
+  response.oldest_due_ms = work.oldest ? age_ms(*work.oldest) : 0;
 }
 
 void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& response) {

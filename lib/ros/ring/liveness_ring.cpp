@@ -23,6 +23,8 @@ constexpr Qos check_qos{.depth = 8};
 constexpr seconds client_memory{60};  ///< an unused client is kept: its node may fall silent again
 constexpr std::size_t longest_detail = 128;
 constexpr std::size_t longest_event_detail = 80;
+/// A restart takes up to two (waits for ends, a slow exec); whoever makes one under load is not to be killed.
+constexpr milliseconds shortest_worker_deadline{5000};
 /// Of the caps; a node at its cap fails in ways of its own.
 constexpr std::uint64_t cap_percent = 90;
 
@@ -78,7 +80,7 @@ Footprint read_footprint(pid_t pid, const NodeEntry* entry) {
   Footprint footprint;
   if (entry != nullptr && entry->memory_limit_mib > 0) {
     const auto status = read_proc(pid, "status", buffer);
-    footprint.memory_octets = (number_after(status, "RssAnon:") + number_after(status, "VmSwap:")) * 1024;
+    footprint.memory_octets = number_after(status, "VmData:") * 1024;  // what RLIMIT_DATA counts
     footprint.memory_cap_octets =
         (static_cast<std::uint64_t>(entry->memory_limit_mib) << 20U) / 100 * cap_percent;
   }
@@ -143,7 +145,8 @@ LivenessRing::LivenessRing(LifecycleNode& node, Hooks hooks)
   reports_ = node.create_publisher(topics::liveness);
   report_.observer = node.name();
   report_.observer_incarnation = node.incarnation();
-  worker_ = std::make_unique<Worker>(executor_, "ring", Membership::most_members);
+  worker_ = std::make_unique<Worker>(executor_, "ring", Membership::most_members + 1,
+                                     std::max(node.worker_deadline(), shortest_worker_deadline));
   const RingPatience patience{settings_.period, settings_.misses, settings_.start_deadline,
                               settings_.work_deadline, settings_.absence_counts_misses};
   const MonotonicTime now = monotonic_now();
@@ -205,6 +208,9 @@ void LivenessRing::on_period() {
 }
 
 void LivenessRing::each_second() {
+  // A restarter that hangs is found out before it is needed.
+  if (!std::exchange(worker_tried_, true))
+    worker_tried_ = worker_->post([] {}, [this] { worker_tried_ = false; });
   review_membership();
   review_footprints();
   drop_unused_clients();

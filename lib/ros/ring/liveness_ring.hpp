@@ -93,6 +93,7 @@ class LivenessRing : private CheckAliveService::RingMember {
   srfs_msgs::msg::LivenessReport report_;  // reused: no allocation a round
   std::deque<Accusation> waiting_;         // exits first; at most one a member
   bool restarting_ = false;
+  bool worker_tried_ = false;  ///< an empty job is on its way through it
   MonotonicTime due_;
   MonotonicTime next_second_;
   std::string membership_stamp_;

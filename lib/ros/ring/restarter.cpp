@@ -56,11 +56,6 @@ bool is_being_started(const VarPaths& var) {
   return lock && flock(lock.get(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
 }
 
-std::string boot_id() {
-  const auto text = read_file("/proc/sys/kernel/random/boot_id", 64);
-  return text ? text->substr(0, text->find('\n')) : "unknown";
-}
-
 std::string signal_text(std::uint32_t number) {
   const char* name = sigabbrev_np(static_cast<int>(number));
   return name == nullptr ? fmt::format("signal {}", number) : fmt::format("signal {} (SIG{})", number, name);
@@ -445,7 +440,7 @@ void Restarter::record(const Case& c, const RestartOutcome& outcome) {
   const Accusation& a = c.accusation;
   const bool ours = c.acted || outcome.what == What::backing_off || outcome.what == What::quarantined ||
                     outcome.what == What::communication || outcome.what == What::not_believed ||
-                    outcome.what == What::cannot_start;
+                    outcome.what == What::cannot_start || outcome.what == What::held;
   if (!ours) return;
   const auto last = last_recorded_.find(a.subject);
   const bool repeated = last != last_recorded_.end() && last->second == outcome.what;
@@ -457,7 +452,7 @@ void Restarter::record(const Case& c, const RestartOutcome& outcome) {
   FaultRecord& r = job.record;
   r.utc = system_utc_now();
   r.monotonic = monotonic_now();
-  r.boot = boot_id();
+  r.boot = kernel_boot_id().value_or("unknown");
   r.observer = observer_;
   r.subject = a.subject;
   r.fault = a.fault;
@@ -495,7 +490,7 @@ void Restarter::on_recovered(const std::string& subject, std::uint32_t incarnati
   r.kind = FaultRecord::Kind::active;
   r.utc = system_utc_now();
   r.monotonic = active;
-  r.boot = boot_id();
+  r.boot = kernel_boot_id().value_or("unknown");
   r.observer = observer_;
   r.subject = subject;
   r.new_incarnation = incarnation;

@@ -97,6 +97,50 @@ TEST_F(TaskFlagRotationTest, AsksTheHolderFirstWhenItCameLateToTheEndOfTheLeaseI
   EXPECT_EQ(rotation.counters().late_deadlines, 1U);
 }
 
+TEST_F(TaskFlagRotationTest, AccusesNobodyWhileItHearsNobodyAndAsksTheHolderWhenItHearsAgain) {
+  const Grant grant = must_grant();
+  take(grant);
+  const MonotonicTime last_heard = grant.granted + milliseconds(40);
+  now = grant.granted + milliseconds(80);
+  EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now, last_heard)));
+  for (now = grant.lease_end; now < grant.lease_end + seconds(1); now = *rotation.next_deadline())
+    ASSERT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now, last_heard)));
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "and nobody else gets the bus";
+
+  now = *rotation.next_deadline();
+  const Decision decision = rotation.on_deadline(now, now - milliseconds(1));
+  ASSERT_TRUE(std::holds_alternative<Recall>(decision));
+  EXPECT_EQ(std::get<Recall>(decision).payload, grant.payload);
+  EXPECT_EQ(rotation.counters().deaf_deadlines, 1U);
+}
+
+TEST_F(TaskFlagRotationTest, TakesAReleaseThatIsHeardAfterADeafTimeAndStartsTheNextSlotWithCleanHands) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.lease_end;
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now, grant.granted)));
+  EXPECT_EQ(release(grant), ReportVerdict::applied);
+  const Grant next = must_grant();
+  take(next);
+  now = next.granted + milliseconds(80);
+  EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now, now)));
+  now = next.lease_end;
+  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now, now))) << "heard, and not released";
+}
+
+TEST_F(TaskFlagRotationTest, ThatHearsNobodyForLongFencesAfterAllOnceTheHolderDidNotAnswer) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.lease_end;
+  Decision decision = Nothing{};
+  while (now < grant.lease_end + seconds(5) && !std::holds_alternative<Fence>(decision)) {
+    decision = rotation.on_deadline(now, grant.granted);
+    now = rotation.next_deadline().value_or(now + milliseconds(20));
+  }
+  EXPECT_TRUE(std::holds_alternative<Fence>(decision));
+  EXPECT_GE(now, grant.lease_end + TaskFlagRotation::deaf_patience);
+}
+
 TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolderIsGone) {
   const Grant grant = must_grant();
   take(grant);
@@ -184,29 +228,6 @@ TEST_F(TaskFlagRotationTest, IgnoresAReleaseFromAnotherProcessOfTheHolder) {
   take(grant);
   EXPECT_EQ(report(BusReport::Kind::released, grant, 6), ReportVerdict::foreign);
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
-}
-
-TEST_F(TaskFlagRotationTest, IgnoresARepeatedOrOlderTick) {
-  must_grant();
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle, now)));
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, cycle - 1, now)));
-  EXPECT_EQ(rotation.counters().repeated_ticks, 2U);
-}
-
-TEST_F(TaskFlagRotationTest, ASingleAbsurdTickDoesNotStopTheRotation) {
-  const Grant grant = must_grant();
-  report(BusReport::Kind::released, grant);
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_tick(now, ~MissionCycle{0}, now)));
-  must_grant();
-}
-
-TEST_F(TaskFlagRotationTest, BelievesATimelineThatStartsAgainAfterItsSecondTick) {
-  cycle = 5000;
-  const Grant grant = must_grant();
-  report(BusReport::Kind::released, grant);
-  cycle = 0;  // timing lost its count
-  EXPECT_TRUE(std::holds_alternative<Nothing>(tick()));
-  must_grant();
 }
 
 TEST_F(TaskFlagRotationTest, GrantsNothingWhileSuspendedAndStillFencesTheHolder) {
@@ -384,6 +405,20 @@ TEST_F(Successor, AwaitsTheEmptyQueueOfAHolderWhoseProcessIsGoneAndAsksNobody) {
   EXPECT_FALSE(heir.holder());
   now += milliseconds(100);
   EXPECT_TRUE(std::holds_alternative<Grant>(heir.on_tick(now, 2, now)));
+}
+
+TEST_F(TaskFlagRotationTest, AwaitsTheEmptyQueueOfASuiteItKnowsNothingOfAndThenBeginsWithTheFirst) {
+  rotation.await_empty_queue(now);
+  EXPECT_TRUE(rotation.awaits_fence());
+  EXPECT_FALSE(rotation.next_deadline());
+  EXPECT_FALSE(rotation.holder()) << "nobody to remember for a successor: that one waits anyway";
+  now += seconds(1);
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "frames may wait for the bus";
+  EXPECT_TRUE(rotation.set_order({"thermal", "adcs", "eps"}));
+  rotation.on_fenced(rotation.current()->id, now);
+  EXPECT_TRUE(std::holds_alternative<WaitingOut>(tick())) << "guard time";
+  now += TaskFlagRotation::guard_time;
+  EXPECT_EQ(must_grant().payload, "thermal");
 }
 
 TEST_F(TaskFlagRotationTest, AsksForAGrantThatItDidNotWatchUnderANewIdAndAccusesNobody) {

@@ -10,6 +10,8 @@ namespace {
 
 constexpr std::uint16_t not_taken = 21;
 constexpr std::uint16_t no_completion = 40;
+constexpr std::uint16_t interrupted = 36;
+constexpr std::uint8_t at_most_once = 3;
 
 class Forwarding : public testing::Test {
  protected:
@@ -18,11 +20,24 @@ class Forwarding : public testing::Test {
     const TelecommandOrigin origin{.request = {0x1811, static_cast<std::uint16_t>(0xC000 + sequence_++)},
                                    .apid = 17,
                                    .ack_flags = wire::ack::all,
-                                   .source_id = 0};
+                                   .source_id = 0,
+                                   .id = next_id_};
     ForwardedCommand command;
     command.target = target;
     command.expiry = at(ms + lifetime_ms);
-    return forwarder_.submit(origin, command, at(ms)).value_or(0);
+    return forwarder_.submit(origin, command, at(ms)) ? next_id_++ : 0;
+  }
+  /// One of an earlier process, that expires at 10 s.
+  std::uint64_t restore(const ForwardedProgress& progress, int ms, std::uint8_t repeat_class = 2) {
+    const TelecommandOrigin origin{
+        .request = {0x1811, 0xC000}, .apid = 17, .ack_flags = wire::ack::all, .source_id = 0, .id = next_id_};
+    ForwardedCommand command;
+    command.target = "payload_eps";
+    command.expiry = at(10'000);
+    command.repeat_class = repeat_class;
+    forwarder_.restore(origin, command, progress, at(ms));
+    forwarder_.on_time(at(ms));
+    return next_id_++;
   }
   void report(std::uint64_t id, Stage stage, int ms, bool success = true, std::uint16_t code = 0,
               const std::string& node = "payload_eps") {
@@ -40,31 +55,21 @@ class Forwarding : public testing::Test {
     return found;
   }
   ReportOutbox outbox_;
-  CommandForwarder forwarder_{7, {.not_taken = not_taken, .no_completion = no_completion}, outbox_};
+  CommandForwarder forwarder_{
+      {.not_taken = not_taken, .no_completion = no_completion, .interrupted = interrupted}, outbox_};
+  std::uint64_t next_id_ = 7;
   int sequence_ = 0;
 };
 
-TEST_F(Forwarding, GivesEveryCommandAnIdOfItsOwn) {
-  std::set<std::uint64_t> ids;
-  for (int i = 0; i < 5; ++i) ids.insert(submit("payload_eps", 0));
-
-  EXPECT_EQ(ids.size(), 5U);
-  EXPECT_EQ(*ids.begin(), 7U);
-  EXPECT_EQ(forwarder_.next_id(), 12U);
-}
-
 TEST(TelecommandIds, NeverRepeatOverRestartsAndTheirLow32BitsDiffer) {
   const UtcTime utc(seconds(1'600'000'000));
-  ReportOutbox outbox;
   std::uint64_t stored = 0xFFFF'FFFF - 500;  // the low half wraps on the way
   std::vector<std::uint64_t> ids;
   for (int start = 0; start < 40; ++start) {
-    CommandForwarder forwarder(first_telecommand_id(stored, 0, utc), {}, outbox);
+    std::uint64_t next = first_telecommand_id(stored, 0, utc);
     for (int i = 0; i < 35; ++i) {
-      stored = forwarder.next_id() + reserved_telecommand_ids;  // what the write before execution holds
-      ForwardedCommand command;
-      command.target = "payload_eps";
-      ids.push_back(forwarder.submit({}, command, MonotonicTime{}).value_or(0));
+      stored = next + reserved_telecommand_ids;  // what the copy of the link state holds
+      ids.push_back(next++);
     }
   }
 
@@ -108,8 +113,71 @@ TEST_F(Forwarding, PublishesAgainEvery500MsUntilTheNodeHasAccepted) {
   EXPECT_EQ(forwarder_.take_publications().size(), 1U);
 
   report(id, Stage::acceptance, 600);
-  forwarder_.on_time(at(5000));
+  EXPECT_EQ(forwarder_.take_taken(), std::vector<std::uint64_t>{id});
+  forwarder_.on_time(at(2599));
   EXPECT_TRUE(forwarder_.take_publications().empty());
+}
+
+TEST_F(Forwarding, AsksTheNodeOfAnAcceptedCommandNowAndThenUntilItHasSaidTheEnd) {
+  const std::uint64_t id = submit("payload_eps", 0);
+  report(id, Stage::acceptance, 0);
+  (void)forwarder_.take_publications();
+  for (const int ms : {2000, 4000}) {
+    EXPECT_EQ(forwarder_.next_due(), at(ms));
+    forwarder_.on_time(at(ms));
+    const auto asked = forwarder_.take_publications();
+    ASSERT_EQ(asked.size(), 1U);
+    EXPECT_EQ(asked[0].id, id);
+    EXPECT_EQ(asked[0].expiry, at(10'000));
+    report(id, Stage::acceptance, ms);
+  }
+  report(id, Stage::completion, 4100);  // the report of which the first copy was lost
+  EXPECT_EQ(subtypes(), (std::vector<int>{3, 7}));
+  forwarder_.on_time(at(9000));
+  EXPECT_TRUE(forwarder_.take_publications().empty());
+}
+
+TEST_F(Forwarding, AfterARestartPublishesWhatNoNodeIsKnownToHaveWithTheSameId) {
+  const std::uint64_t id = restore({}, 1000);
+  const auto published = forwarder_.take_publications();
+  ASSERT_EQ(published.size(), 1U);
+  EXPECT_EQ(published[0].id, id);
+  EXPECT_EQ(published[0].expiry, at(10'000));
+  for (int i = 0; i < 20; ++i) restore({}, 1000);
+  EXPECT_EQ(forwarder_.take_publications().size(), 7U) << "eight unacknowledged";
+}
+
+TEST_F(Forwarding, AfterARestartANodeSaysWhatBecameOfACommandEvenPastItsExpiry) {
+  const std::uint64_t id = restore({}, 20'000);
+  EXPECT_EQ(forwarder_.take_publications().size(), 1U);
+  forwarder_.on_time(at(45'000));
+  EXPECT_TRUE(subtypes().empty());
+  report(id, Stage::acceptance, 45'000);
+  report(id, Stage::completion, 45'000);
+  EXPECT_EQ(subtypes(), (std::vector<int>{3, 7}));
+
+  restore({}, 50'000);
+  forwarder_.on_time(at(80'000));
+  EXPECT_EQ(subtypes(), std::vector<int>{4});
+}
+
+TEST_F(Forwarding, ACommandThatMayHaveBegunIsNotBegunByANodeThatForgotIt) {
+  restore({.taken = true}, 0, at_most_once);
+  EXPECT_EQ(forwarder_.take_publications().at(0).expiry, MonotonicTime(nanoseconds(1)));
+  restore({.taken = true}, 0);
+  EXPECT_EQ(forwarder_.take_publications().at(0).expiry, at(10'000)) << "its peripheral drops a repeat";
+  restore({.other_boot = true}, 0);
+  EXPECT_EQ(forwarder_.take_publications().at(0).expiry, MonotonicTime(nanoseconds(1)));
+}
+
+TEST_F(Forwarding, ANodeThatForgotWhatItHadAcceptedLeavesTheOutcomeUnknown) {
+  const std::uint64_t id = restore({.taken = true, .started = true}, 0, at_most_once);
+  report(id, Stage::acceptance, 10, false, 20);
+  const auto reports = outbox_.take();
+  ASSERT_EQ(reports.size(), 1U);
+  EXPECT_EQ(reports[0].subtype, 8);
+  EXPECT_EQ(reports[0].data.back(), interrupted);
+  EXPECT_EQ(forwarder_.under_way(), 0U);
 }
 
 TEST_F(Forwarding, ReportsEachStageOnceHoweverOftenTheNodeRepeatsIt) {

@@ -39,8 +39,25 @@ class Router : public testing::Test {
     packet.service = service;
     packet.subtype = subtype;
     packet.application = std::move(data);
-    router_.on_packet(wire::make_tc_packet(packet), durable, MonotonicTime{});
+    return process(wire::make_tc_packet(packet), durable);
+  }
+  std::vector<std::string> process(const Octets& packet, bool durable = true) {
+    router_.carry_out(judge(packet), durable, MonotonicTime{});
     return taken();
+  }
+  JudgedTelecommand judge(const Octets& packet) {
+    JudgedTelecommand judged = router_.judge(packet, MonotonicTime{});
+    judged.origin.id = ++id_;
+    return judged;
+  }
+  Octets packet_of(const std::string& name, const std::vector<std::string>& arguments) {
+    const auto encoded = dictionary_.encode(name, arguments);
+    wire::TcPacket packet;
+    packet.apid = encoded->command->apid;
+    packet.service = encoded->command->service;
+    packet.subtype = encoded->command->subtype;
+    packet.application = encoded->data;
+    return wire::make_tc_packet(packet);
   }
   std::vector<std::string> taken() {
     reports_ = outbox_.take();
@@ -67,8 +84,10 @@ class Router : public testing::Test {
   EventReporter events_;
   ModeKeeper mode_{StoredModeState::first_start, "", Mode::nominal};
   ReportOutbox outbox_;
-  CommandForwarder forwarder_{
-      1, {.not_taken = codes_.node_unavailable, .no_completion = codes_.completion_unknown}, outbox_};
+  CommandForwarder forwarder_{{.not_taken = codes_.node_unavailable,
+                               .no_completion = codes_.completion_unknown,
+                               .interrupted = codes_.interrupted},
+                              outbox_};
   PacketRetrieval retrieval_{outbox_, 38};
   TelecommandRouter router_{{.dictionary = dictionary_,
                              .codes = codes_,
@@ -80,6 +99,7 @@ class Router : public testing::Test {
                              .outbox = outbox_},
                             "ttc"};
   std::vector<Report> reports_;
+  std::uint64_t id_ = 0;
 };
 
 TEST_F(Router, AnswersAPing) {
@@ -151,13 +171,11 @@ TEST_F(Router, RefusesDamagedPacketsWithTheRequestIdAsItCame) {
   ping.subtype = 1;
   Octets damaged = wire::make_tc_packet(ping);
   damaged.back() ^= 1;
-  router_.on_packet(damaged, true, MonotonicTime{});
-  EXPECT_EQ(taken(), Names{"1,2"});
+  EXPECT_EQ(process(damaged), Names{"1,2"});
   EXPECT_EQ(failure(), code(codes_.bad_checksum));
   EXPECT_EQ(reports_[0].data[3], 5);
 
-  router_.on_packet(Octets{1, 2}, true, MonotonicTime{});
-  EXPECT_EQ(taken(), Names{"1,2"});
+  EXPECT_EQ(process({1, 2}), Names{"1,2"});
   EXPECT_EQ(failure(), code(codes_.bad_length));
 }
 
@@ -200,7 +218,77 @@ TEST_F(Router, WithoutStorageOnlyRecoveryCommandsRun) {
   EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}, wire::ack::all, false), Names{"1,2"});
   EXPECT_EQ(failure(), code(codes_.storage_unavailable));
   EXPECT_EQ(send("ttc.ping", {}, wire::ack::all, false).size(), 4U);
-  EXPECT_EQ(router_.take_unstored_runs(), 1U);
+  EXPECT_EQ(router_.take_unstored_runs(), std::vector<std::uint64_t>{id_});
+}
+
+TEST_F(Router, KeepsRoomForWhatWaitsForTheDisk) {
+  std::vector<JudgedTelecommand> waiting;
+  for (int i = 0; i < 40; ++i) waiting.push_back(judge(packet_of("eps.switch_load", {"load=2", "state=on"})));
+  EXPECT_NE(waiting.back().command, nullptr);
+  EXPECT_EQ(judge(packet_of("eps.switch_load", {"load=2", "state=on"})).refusal.code, codes_.queue_full);
+  EXPECT_TRUE(taken().empty()) << "nothing happens before it is carried out";
+  for (const JudgedTelecommand& judged : waiting) router_.carry_out(judged, true, MonotonicTime{});
+  EXPECT_EQ(taken(), Names(40, "1,1"));
+}
+
+TEST_F(Router, ATelecommandBehindAModeChangeIsJudgedByTheModeToCome) {
+  // No command of the dictionary is refused in safe mode yet, so one is made so.
+  const JudgedTelecommand change = judge(packet_of("ttc.set_mode", {"mode=safe"}));
+  JudgedTelecommand behind = judge(packet_of("eps.switch_load", {"load=2", "state=on"}));
+  mission::Command nominal_only = *behind.command;
+  nominal_only.modes = {static_cast<std::uint8_t>(Mode::nominal)};
+  behind.command = &nominal_only;
+  router_.carry_out(change, true, MonotonicTime{});
+  (void)taken();
+  router_.carry_out(behind, true, MonotonicTime{});
+  EXPECT_EQ(taken(), (Names{"1,1", "1,4"})) << "the mode changed between the decision and the act";
+  EXPECT_EQ(failure(), code(codes_.wrong_mode, {static_cast<std::uint8_t>(Mode::safe)}));
+}
+
+TEST_F(Router, RefusesWhatTheJournalHasNoRoomFor) {
+  const auto judged =
+      router_.judge(packet_of("eps.switch_load", {"load=2", "state=on"}), MonotonicTime{}, false);
+  EXPECT_EQ(judged.command, nullptr);
+  EXPECT_EQ(judged.refusal.code, codes_.queue_full);
+}
+
+TEST_F(Router, AfterARestartAnIdempotentCommandOfItsOwnIsDoneAgain) {
+  const Octets packet = packet_of("housekeeping.disable", {"structure=payload_adcs"});
+  const TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all, .id = 5};
+  const MonotonicTime expiry(seconds(10));
+  router_.restore({.origin = origin, .packet = packet, .expiry = expiry, .progress = {}}, MonotonicTime{});
+  EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
+  EXPECT_FALSE(housekeeping_.plan(16)->enabled);
+}
+
+TEST_F(Router, AfterARestartWhatMayNotBeDoneAgainHasAnUnknownOutcome) {
+  const Octets packet = packet_of("housekeeping.disable", {"structure=payload_adcs"});
+  const TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all, .id = 5};
+  const MonotonicTime expiry(seconds(10));
+  router_.restore({.origin = origin, .packet = packet, .expiry = expiry, .progress = {}}, expiry);
+  EXPECT_EQ(taken(), Names{"1,8"}) << "expired, and perhaps begun";
+  EXPECT_EQ(failure(), code(codes_.interrupted));
+  router_.restore({.origin = origin, .packet = packet, .expiry = expiry, .progress = {.other_boot = true}},
+                  MonotonicTime{});
+  EXPECT_EQ(taken(), Names{"1,8"});
+  router_.restore({.origin = origin, .packet = Octets{1, 2, 3}, .expiry = expiry, .progress = {}},
+                  MonotonicTime{});
+  EXPECT_EQ(taken(), Names{"1,8"}) << "unknown to the dictionary of now";
+  EXPECT_TRUE(housekeeping_.plan(16)->enabled);
+}
+
+TEST_F(Router, AfterARestartACommandOfANodeGoesOnWithItsId) {
+  const TelecommandOrigin origin{.request = {}, .apid = 17, .ack_flags = wire::ack::all, .id = 99};
+  router_.restore({.origin = origin,
+                   .packet = packet_of("eps.switch_load", {"load=2", "state=on"}),
+                   .expiry = MonotonicTime(seconds(10)),
+                   .progress = {}},
+                  MonotonicTime{});
+  forwarder_.on_time(MonotonicTime{});
+  const auto published = forwarder_.take_publications();
+  ASSERT_EQ(published.size(), 1U);
+  EXPECT_EQ(published[0].id, 99U);
+  EXPECT_EQ(published[0].arguments, (Octets{2, 1}));
 }
 
 TEST_F(Router, ControlsHousekeeping) {

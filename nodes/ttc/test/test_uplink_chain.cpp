@@ -111,6 +111,32 @@ TEST_F(Uplink, CountsEachKindOfBadInputAndTheNextGoodOneWorks) {
   EXPECT_EQ(chain_.counters().packets, 1U);
 }
 
+TEST_F(Uplink, KeepsThePacketsOfAuthenticFramesThatCameBefore) {
+  EXPECT_EQ(push(secured(5)), 1U);
+  EXPECT_TRUE(chain_.take_refused().empty());
+
+  EXPECT_EQ(push(secured(5)), 0U);
+  auto refused = chain_.take_refused();
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_EQ(refused[0].spi, 1);
+  EXPECT_EQ(refused[0].counter, 5U);
+  EXPECT_EQ(refused[0].packet, ping());
+
+  EXPECT_EQ(push(secured(6, wire::TcFrameType::ad, 0)), 1U);
+  EXPECT_EQ(push(secured(7, wire::TcFrameType::ad, 0)), 0U) << "FARM-1 has it";
+  refused = chain_.take_refused();
+  ASSERT_EQ(refused.size(), 1U);
+  EXPECT_EQ(refused[0].frame_type, wire::TcFrameType::ad);
+  EXPECT_EQ(refused[0].frame_sequence, 0);
+  EXPECT_EQ(refused[0].packet, ping());
+
+  Octets forged = secured(5);
+  forged[20] ^= 0x01;
+  for (int i = 0; i < 40; ++i) push(secured(5));
+  push(forged);
+  EXPECT_EQ(chain_.take_refused().size(), UplinkChain::max_refused);
+}
+
 TEST_F(Uplink, AHalfCltuFollowedBySilenceDoesNotHoldTheLine) {
   Octets half = open_bd(ping());
   half.resize(half.size() / 2);
@@ -273,18 +299,16 @@ TEST_F(Uplink, EveryGoodCltuComesThroughAHundredThousandRandomOctets) {
   EXPECT_EQ(received, sent);
 }
 
-UplinkedPacket uplinked() {
-  UplinkedPacket packet;
-  packet.packet = ping();
-  return packet;
+JudgedTelecommand judged() {
+  return {};
 }
 
-TEST(PersistenceGate, HoldsAPacketUntilItsStateIsOnDisk) {
+TEST(PersistenceGate, HoldsATelecommandUntilItsRecordIsOnDisk) {
   PersistenceGate gate(milliseconds(1000));
-  ASSERT_TRUE(gate.enter(uplinked(), 1, MonotonicTime{}));
+  ASSERT_TRUE(gate.enter(judged(), 1, MonotonicTime{}));
   ASSERT_TRUE(gate.wants_write(1));
   gate.on_write_begun(1);
-  ASSERT_TRUE(gate.enter(uplinked(), 2, MonotonicTime{}));
+  ASSERT_TRUE(gate.enter(judged(), 2, MonotonicTime{}));
   EXPECT_FALSE(gate.wants_write(2)) << "one write at a time";
   EXPECT_TRUE(gate.take_passed().empty());
 
@@ -299,16 +323,16 @@ TEST(PersistenceGate, HoldsAPacketUntilItsStateIsOnDisk) {
   EXPECT_TRUE(passed[0].durable);
 }
 
-TEST(PersistenceGate, AFailingOrHangingDiskLetsPacketsPassAsNotDurable) {
+TEST(PersistenceGate, AFailingOrHangingDiskLetsTelecommandsPassAsNotDurable) {
   PersistenceGate gate(milliseconds(1000));
-  ASSERT_TRUE(gate.enter(uplinked(), 1, MonotonicTime{}));
+  ASSERT_TRUE(gate.enter(judged(), 1, MonotonicTime{}));
   gate.on_write_begun(1);
   gate.on_write_done(false, MonotonicTime{});
   auto passed = gate.take_passed();
   ASSERT_EQ(passed.size(), 1U);
   EXPECT_FALSE(passed[0].durable);
 
-  ASSERT_TRUE(gate.enter(uplinked(), 2, MonotonicTime{}));
+  ASSERT_TRUE(gate.enter(judged(), 2, MonotonicTime{}));
   gate.on_write_begun(2);
   EXPECT_EQ(gate.next_due(), MonotonicTime(milliseconds(1000)));
   gate.on_time(MonotonicTime(milliseconds(1000)));
@@ -340,9 +364,9 @@ TEST(PersistenceGate, DoesNotWriteAgainWhatWasLoaded) {
 TEST(PersistenceGate, IsBounded) {
   PersistenceGate gate(milliseconds(1000));
   for (std::size_t i = 0; i < PersistenceGate::capacity; ++i)
-    ASSERT_TRUE(gate.enter(uplinked(), i + 1, MonotonicTime{}));
+    ASSERT_TRUE(gate.enter(judged(), i + 1, MonotonicTime{}));
   EXPECT_FALSE(gate.has_room());
-  EXPECT_FALSE(gate.enter(uplinked(), 100, MonotonicTime{}));
+  EXPECT_FALSE(gate.enter(judged(), 100, MonotonicTime{}));
   EXPECT_EQ(gate.counters().refused, 1U);
 }
 

@@ -42,7 +42,7 @@ class PowerCutTest : public ::testing::Test {
   void finish() { worker_.drain(); }
 
   ros::Executor executor_;
-  ros::Worker worker_{executor_, "gpio", 6};
+  ros::Worker worker_{executor_, "gpio", 6, seconds(3)};
   std::set<std::string_view> running_;
   bool chip_ = true;
   std::optional<hw::GpioError> fail_with_;

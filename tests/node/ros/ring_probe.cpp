@@ -1,15 +1,26 @@
-// A node of a ring that does nothing else (test_liveness_ring.cpp). SIGUSR1: its work thread loops for ever.
+// A node of a ring that does nothing else but give its worker a job now and then (test_liveness_ring.cpp).
+// SIGUSR1: its work thread loops for ever; SIGUSR2, to one thread: that one never comes back;
+// SIGHUP: it takes 950 MiB.
 
 #include <csignal>
 
+#include <sys/mman.h>
+#include <unistd.h>
+
 #include "ros/node.hpp"
 #include "ros/run_node.hpp"
+#include "ros/worker.hpp"
 
 namespace {
 
 class RingProbe : public srfs::ros::LifecycleNode {
  public:
   using LifecycleNode::LifecycleNode;
+
+ private:
+  std::shared_ptr<srfs::ros::Worker> worker_ = create_worker("probe", 2);
+  srfs::ros::Timer timer_ =
+      create_timer(std::chrono::milliseconds(100), [this] { (void)worker_->post([] {}); });
 };
 
 [[noreturn]] void loop(int) {
@@ -20,9 +31,19 @@ class RingProbe : public srfs::ros::LifecycleNode {
   }
 }
 
+void hang(int) {
+  while (true) pause();
+}
+
+void grow(int) {
+  (void)mmap(nullptr, 950U << 20U, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   std::signal(SIGUSR1, loop);
+  std::signal(SIGUSR2, hang);
+  std::signal(SIGHUP, grow);
   return srfs::ros::run_node<RingProbe>(argc, argv);
 }

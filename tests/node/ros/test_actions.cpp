@@ -103,7 +103,7 @@ class ActionTest : public testing::Test {
 };
 
 TEST_F(ActionTest, WorkOnAWorkerThreadSendsFeedbackAndAResult) {
-  Worker worker(executor_, "fibonacci", 4);
+  Worker worker(executor_, "fibonacci", 4, milliseconds(3000));
   serve({.accepted = [&](FibonacciGoal goal) {
     goal->run_on(worker, [](ServerGoal<Fibonacci>& work) {
       Fibonacci::Result result;
@@ -250,7 +250,7 @@ TEST_F(ActionTest, AllGoalsAreCanceledAtOnce) {
 
 TEST_F(ActionTest, AGoalWhoseWorkIsDroppedFailsOrFindsNoRoomIsAborted) {
   enum class Fate { dropped, thrown, no_room };
-  Worker worker(executor_, "fibonacci", 1);
+  Worker worker(executor_, "fibonacci", 1, milliseconds(3000));
   for (const Fate fate : {Fate::dropped, Fate::thrown}) {
     server_.reset();
     ASSERT_TRUE(wait([&] { return !client_->is_ready(); }));

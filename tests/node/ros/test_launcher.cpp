@@ -93,6 +93,7 @@ class Launching : public testing::Test {
   }
   void TearDown() override {
     for (const NodeEntry& node : plan_.nodes) end(node.name);
+    std::filesystem::remove_all(var().memory());
   }
   [[nodiscard]] LaunchRequest request() const { return {plan_, var(), "/nowhere", "up"}; }
   [[nodiscard]] VarPaths var() const { return VarPaths{folder_ / "var"}; }

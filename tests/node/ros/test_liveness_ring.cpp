@@ -30,9 +30,10 @@ class LivenessRingTest : public testing::Test {
   void SetUp() override {
     std::string pattern = (std::filesystem::temp_directory_path() / "srfs_ring_XXXXXX").string();
     var_.root = mkdtemp(pattern.data());
-    std::string text = "deployment: ring_test\nring: {period_ms: 50}\nnodes:\n";
+    std::string text = "deployment: ring_test\nring: {period_ms: 50, worker_deadline_ms: 2000}\nnodes:\n";
     for (const auto& name : names)
-      text += fmt::format("  - {{name: {}, executable: {}/tests/ring_probe}}\n", name, SRFS_BINARY_DIR);
+      text += fmt::format("  - {{name: {}, executable: {}/tests/ring_probe, memory_limit_mib: 1024}}\n", name,
+                          SRFS_BINARY_DIR);
     ASSERT_TRUE(write_file_atomically(var_.root / "d.yaml", text));
     ASSERT_TRUE(
         write_file_atomically(var_.domain_file(), fmt::format("{}\n", testing_support::own_domain())));
@@ -82,6 +83,19 @@ class LivenessRingTest : public testing::Test {
     const auto again = find_instance(var_, name);
     if (process && again && again->pid == instance->pid)
       syscall(SYS_pidfd_send_signal, process.get(), number, nullptr, 0);
+  }
+  [[nodiscard]] bool somebody_says(const std::string& text) const {
+    return std::any_of(names.begin(), names.end(), [&](const auto& name) {
+      return read_file(var_.log(name)).value_or("").find(text) != std::string::npos;
+    });
+  }
+  /// A thread of a process, by its name, never comes back.
+  static void hang(pid_t pid, const std::string& thread) {
+    for (const auto& task : std::filesystem::directory_iterator(fmt::format("/proc/{}/task", pid))) {
+      if (read_file(task.path() / "comm").value_or("") != thread + "\n") continue;
+      syscall(SYS_tgkill, pid, std::atoi(task.path().filename().c_str()), SIGUSR2);
+      return;
+    }
   }
   [[nodiscard]] pid_t pid_of(const std::string& name) const {
     const auto instance = find_instance(var_, name);
@@ -134,6 +148,31 @@ TEST_F(LivenessRingTest, RestartsAStoppedNodeAndALoopingOne) {
     ASSERT_TRUE(wait([&] { return is_up("c") && pid_of("c") != before; })) << number;
     ASSERT_TRUE(all_turn(50));
   }
+}
+
+TEST_F(LivenessRingTest, RestartsANodeWhoseWorkerHangsAndOneWhoseRestarterHangsBeforeItIsNeeded) {
+  start_all();
+  for (const std::string thread : {"probe", "ring"}) {
+    pid_t victim = 0;
+    ASSERT_TRUE(wait([&] {
+      if (is_up("b") && pid_of("b") != victim) hang(victim = pid_of("b"), thread);
+      return somebody_says(fmt::format("worker '{}' busy for", thread));
+    })) << thread;
+    ASSERT_TRUE(wait([&] { return is_up("b") && pid_of("b") != victim; })) << thread;
+  }
+}
+
+TEST_F(LivenessRingTest, RestartsANodeThatComesNearItsMemoryCapBeforeTheKernelRefusesIt) {
+  start_all();
+  pid_t victim = 0;
+  ASSERT_TRUE(wait([&] {
+    if (is_up("c") && pid_of("c") != victim) {
+      victim = pid_of("c");
+      signal("c", SIGHUP);
+    }
+    return somebody_says("c is too large");
+  }));
+  ASSERT_TRUE(wait([&] { return is_up("c") && pid_of("c") != victim; }));
 }
 
 TEST_F(LivenessRingTest, IsRaisedWholeByTheOneThatLives) {

@@ -377,7 +377,7 @@ TEST(Executor, ADroppedTimerNeverRunsAndADroppedWatchNeverFires) {
 
 TEST(Worker, RunsJobsElsewhereAndTheirResultsOnTheWorkThread) {
   Executor executor;
-  Worker worker(executor, "test", 4);
+  Worker worker(executor, "test", 4, milliseconds(3000));
   const auto work_thread = std::this_thread::get_id();
   std::thread::id job_thread;
   std::thread::id done_thread;
@@ -391,7 +391,7 @@ TEST(Worker, RunsJobsElsewhereAndTheirResultsOnTheWorkThread) {
 
 TEST(Worker, RefusesAndCountsWhatItsQueueCannotHold) {
   Executor executor;
-  Worker worker(executor, "test", 2);
+  Worker worker(executor, "test", 2, milliseconds(3000));
   std::mutex gate;
   gate.lock();
   int taken = 0;

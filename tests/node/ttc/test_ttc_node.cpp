@@ -84,6 +84,12 @@ class TtcNodeTest : public testing::Test {
     for (auto& received : downlink_->push(OctetView(octets.data(), static_cast<std::size_t>(n))))
       packets_.push_back(std::move(received.packet));
   }
+  /// As a kill does: nothing is told or written any more.
+  void end_without_a_word() {
+    line_watch_.reset();
+    node_.reset();
+    packets_.clear();
+  }
   /// @return its request id, as the reports carry it
   Octets send(std::uint16_t apid, std::uint8_t service, std::uint8_t subtype, Octets data = {}) {
     wire::TcPacket packet;
@@ -94,11 +100,23 @@ class TtcNodeTest : public testing::Test {
     packet.subtype = subtype;
     packet.application = std::move(data);
     const Octets octets = wire::make_tc_packet(packet);
-    const Octets cltu = wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = open_vc}, wire::TcFrameType::bd,
-                                               0, nullptr, octets)
-                            .value();
-    EXPECT_EQ(::write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
+    write_frame(wire::TcFrameType::bd, octets);
     return {octets.begin(), octets.begin() + 4};
+  }
+  void write_frame(wire::TcFrameType type, const Octets& packet) {
+    const Octets cltu =
+        wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = open_vc}, type, 0, nullptr, packet).value();
+    EXPECT_EQ(::write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
+  }
+  [[nodiscard]] std::ptrdiff_t count(std::uint8_t service, std::uint8_t subtype) const {
+    return std::count_if(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+      return p.service == service && p.subtype == subtype;
+    });
+  }
+  bool event_comes(std::uint16_t id, std::uint8_t severity) {
+    return comes(5, severity, [&](const wire::TmPacket& p) {
+      return p.source.size() >= 2 && (p.source[0] << 8 | p.source[1]) == id;
+    });
   }
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
@@ -171,6 +189,107 @@ TEST_F(TtcNodeTest, PublishesATelecommandUntilItsNodeHasItAndSendsDownWhatTheNod
   EXPECT_TRUE(verified(3, request));
   EXPECT_TRUE(verified(7, request));
   EXPECT_EQ(published.size(), 1U);
+}
+
+TEST_F(TtcNodeTest, AfterAKillPublishesAgainUnderTheSameIdAndTellsTheEndToTheOneWhoAsked) {
+  activate();
+  std::vector<std::uint64_t> ids;
+  ros::Subscription<Telecommand> telecommands(
+      executor_, *there_, ros::topics::telecommand,
+      [&](const Telecommand& m, const ros::MessageInfo&) { ids.push_back(m.id); });
+  const Octets request = send(mission::apid::payload_eps, 8, 1, {0, 1, 2, 1});
+  ASSERT_TRUE(verified(1, request));
+  ASSERT_TRUE(wait([&] { return !ids.empty(); }));
+  const std::uint64_t id = ids.front();
+
+  end_without_a_word();
+  ids.clear();
+  activate();
+  ASSERT_TRUE(wait([&] { return !ids.empty(); }));
+  EXPECT_EQ(ids.front(), id);
+  ros::Publisher<TelecommandReport> reports(*there_, ros::topics::telecommand_report);
+  ASSERT_TRUE(wait([&] { return reports.subscription_count() == 1; }));
+  TelecommandReport report;
+  report.id = id;
+  report.node = "payload_eps";
+  report.stage = TelecommandReport::COMPLETED;
+  report.success = true;
+  reports.publish(report);
+  EXPECT_TRUE(verified(3, request));
+  EXPECT_TRUE(verified(7, request));
+
+  end_without_a_word();
+  ids.clear();
+  activate();
+  const Octets ping = send(mission::apid::ttc, 17, 1);
+  EXPECT_TRUE(verified(7, ping));
+  EXPECT_TRUE(ids.empty()) << "it has ended";
+}
+
+TEST_F(TtcNodeTest, ARetransmittedFrameIsReportedAgainAndNotExecutedAgain) {
+  activate();
+  wire::TcPacket ping;
+  ping.apid = mission::apid::ttc;
+  ping.ack_flags = wire::ack::all;
+  ping.service = 17;
+  ping.subtype = 1;
+  const Octets packet = wire::make_tc_packet(ping);
+  const Octets request(packet.begin(), packet.begin() + 4);
+  write_frame(wire::TcFrameType::ad, packet);
+  ASSERT_TRUE(verified(7, request));
+
+  packets_.clear();
+  write_frame(wire::TcFrameType::ad, packet);
+  EXPECT_TRUE(verified(1, request));
+  EXPECT_TRUE(verified(7, request));
+  EXPECT_EQ(count(17, 2), 0) << "the answer is what the execution is seen by";
+
+  end_without_a_word();
+  activate();
+  write_frame(wire::TcFrameType::ad, packet);
+  EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  EXPECT_EQ(count(17, 2), 1) << "of the newer one: the frame is known over a restart too";
+}
+
+TEST_F(TtcNodeTest, ADamagedJournalIsSaidAndLocksNobodyOut) {
+  activate();
+  ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  end_without_a_word();
+  for (const char* file : {"telecommands.0", "telecommands.1"}) {
+    const std::filesystem::path path = folder_ / "state" / "ttc" / file;
+    if (std::filesystem::exists(path)) {
+      ASSERT_TRUE(write_file_atomically(path, std::string(4096, 'x')));
+    }
+  }
+  activate();
+  EXPECT_TRUE(event_comes(mission::event::ttc_journal_damaged, 4));
+  EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+}
+
+TEST_F(TtcNodeTest, WithoutAJournalRecoveryCommandsRunWithAnEventAndOthersAreRefused) {
+  for (const char* file : {"telecommands.0", "telecommands.1"})
+    std::filesystem::create_directories(folder_ / "state" / "ttc" / file);
+  activate();
+  EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  EXPECT_TRUE(event_comes(mission::event::ttc_recovery_without_storage, 3));
+  const Octets refused = send(mission::apid::ttc, 3, 5, {0, 1, 0, 1});
+  EXPECT_TRUE(comes(1, 2, [&](const wire::TmPacket& p) {
+    return p.source.size() == 6 && Octets(p.source.begin(), p.source.begin() + 4) == refused &&
+           p.source[5] == 11;
+  }));
+
+  for (const char* file : {"telecommands.0", "telecommands.1"})
+    std::filesystem::remove(folder_ / "state" / "ttc" / file);
+  bool accepted = false;
+  for (int attempt = 0; attempt < 20 && !accepted; ++attempt) {  // it is tried again each second
+    const Octets request = send(mission::apid::ttc, 3, 5, {0, 1, 0, 1});
+    const auto answered = [&](const wire::TmPacket& p) {
+      return p.service == 1 && p.subtype <= 2 && Octets(p.source.begin(), p.source.begin() + 4) == request;
+    };
+    ASSERT_TRUE(wait([&] { return std::any_of(packets_.begin(), packets_.end(), answered); }));
+    accepted = std::find_if(packets_.begin(), packets_.end(), answered)->subtype == 1;
+  }
+  EXPECT_TRUE(accepted);
 }
 
 TEST_F(TtcNodeTest, SendsDownTheTelemetryOfANodeAndCountsWhatClaimsToBeIt) {

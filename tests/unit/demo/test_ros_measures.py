@@ -24,6 +24,11 @@ def cycles(**changes):
             **changes}
 
 
+def ring(**changes):
+    return {"nodes": 9, "period_ms": 100, "ring_cpu_percent": 4.5, "raw_cpu_percent": 3.0, "ratio": 1.5, "cpu_percent_together": {"ring": 6.0, "raw": 4.5},
+            "raw_requests": {"asked": 1000, "answered": 1000}, "heard": {"checks_answered_per_s": 90.0}, "nobody_died": True, **changes}
+
+
 def missed(name, result):
     return [line["what"] for line in ros_measures.verdicts({name: result}) if not line["met"]]
 
@@ -52,6 +57,17 @@ class JudgementTest(unittest.TestCase):
         result = cycles(fresh_client={"srfs": quantiles(80, 400), "raw": quantiles(80, 200), "unanswered": 0})
         self.assertEqual(missed("cycles", result), ["fresh client answered, p99, ms"])
         self.assertTrue(ros_measures.is_sound({"verdicts": ros_measures.verdicts({"cycles": result})}))
+
+    def test_a_ring_of_one_and_a_half_raw_requests_is_met_and_a_dearer_one_missed(self):
+        self.assertEqual(missed("ring", ring()), [])
+        self.assertEqual(missed("ring", ring(ratio=1.51)), ["checks of 9 nodes, one each 100 ms: CPU, % of one"])
+
+    def test_a_ring_or_a_peer_that_did_not_check_is_no_measure(self):
+        for idle in ({"heard": {"checks_answered_per_s": 40.0}}, {"raw_requests": {"asked": 1000, "answered": 500}}):
+            self.assertEqual(missed("ring", ring(**idle)), ["checks answered in a second"])
+
+    def test_a_restart_makes_the_run_unsound(self):
+        self.assertFalse(ros_measures.is_sound({"verdicts": ros_measures.verdicts({"ring": ring(nobody_died=False)})}))
 
     def test_a_survivor_that_grows_is_missed(self):
         self.assertEqual(missed("cycles", cycles(own_memory_growth_kb_in_1000=[0, 500])), ["own memory of a survivor, kB more in 1000"])

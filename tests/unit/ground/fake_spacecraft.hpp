@@ -8,6 +8,7 @@
 #include "tests/temporary_folder.hpp"
 #include "wire/cadu.hpp"
 #include "wire/cltu.hpp"
+#include "wire/farm1.hpp"
 #include "wire/pus.hpp"
 #include "wire/sdls.hpp"
 #include "wire/tc_frame.hpp"
@@ -17,6 +18,9 @@ namespace srfs::ground {
 
 inline constexpr std::string_view test_key =
     "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f";
+
+inline constexpr std::string_view ad_test_key =
+    "202122232425262728292a2b2c2d2e2f303132333435363738393a3b3c3d3e3f";
 
 inline ros::LinkSettings secured_link() {
   ros::LinkSettings link;
@@ -31,19 +35,35 @@ class FakeSpacecraft {
   explicit FakeSpacecraft(const ros::LinkSettings& link)
       : link_(link),
         key_(*wire::SdlsKey::from_hex(test_key)),
+        ad_key_(*wire::SdlsKey::from_hex(ad_test_key)),
         cltus_({.randomized = link.tc_randomizer}),
         frames_({.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
                  .frame_octets = static_cast<std::size_t>(link.tm_frame_length)}) {}
 
-  /// The telecommands in the octets of the uplink. Only fresh, authentic ones.
+  /// The telecommands in the octets of the uplink. Only fresh, authentic ones that FARM-1 accepts.
   std::vector<wire::TcPacket> receive(OctetView octets) {
     std::vector<wire::TcPacket> packets;
     for (const auto& frame : cltus_.push(octets, MonotonicTime{})) {
       const auto decoded = wire::decode_tc_frame(frame, static_cast<std::uint16_t>(link_.spacecraft_id));
       if (!decoded) continue;
-      const auto opened = wire::sdls_open(key_, 1, decoded->vc, decoded->data);
-      if (!opened || !wire::is_fresh(last_counter, opened->counter)) continue;
-      last_counter = opened->counter;
+      if (decoded->type == wire::TcFrameType::ad && lose_ad_frames > 0) {
+        --lose_ad_frames;
+        continue;
+      }
+      if (decoded->type == wire::TcFrameType::bc) {
+        farm = wire::farm_receive(farm, *decoded, true).state;
+        continue;
+      }
+      const bool second = wire::sdls_claimed_spi(decoded->data) == 2;  // the association for AD frames
+      if (second && decoded->type != wire::TcFrameType::ad) continue;
+      auto& counter = second ? last_ad_counter : last_counter;
+      const auto opened =
+          wire::sdls_open(second ? ad_key_ : key_, second ? 2 : 1, decoded->vc, decoded->data);
+      if (!opened || !wire::is_fresh(counter, opened->counter)) continue;
+      const auto outcome = wire::farm_receive(farm, *decoded, true);
+      farm = outcome.state;
+      if (outcome.verdict == wire::FarmVerdict::discard) continue;
+      counter = opened->counter;
       if (auto packet = wire::parse_tc_packet(opened->packet)) packets.push_back(*packet);
     }
     return packets;
@@ -62,7 +82,7 @@ class FakeSpacecraft {
     Octets line;
     if (!frames_.queue_packet(vc, wire::make_tm_packet(packet))) return line;
     while (frames_.queued_octets(vc) > 0) {
-      const Octets cadu = wire::encode_cadu(frames_.build(vc, 0x01000000), format());
+      const Octets cadu = wire::encode_cadu(frames_.build(vc, clcw()), format());
       line.insert(line.end(), cadu.begin(), cadu.end());
     }
     return line;
@@ -76,11 +96,15 @@ class FakeSpacecraft {
     source.bytes(more);
     return send(packet.apid, 1, subtype, source.take());
   }
-  Octets idle() { return wire::encode_cadu(frames_.build_idle(0x01000000), format()); }
+  Octets idle() { return wire::encode_cadu(frames_.build_idle(clcw()), format()); }
 
   std::optional<std::uint64_t> last_counter;
+  std::optional<std::uint64_t> last_ad_counter;
+  wire::FarmState farm;
+  int lose_ad_frames = 0;  ///< on their way up
 
  private:
+  [[nodiscard]] std::uint32_t clcw() const { return wire::encode_clcw(wire::make_clcw(farm, 0)); }
   [[nodiscard]] wire::CaduFormat format() const {
     return {.frame_octets = static_cast<std::size_t>(link_.tm_frame_length),
             .reed_solomon = link_.tm_reed_solomon,
@@ -89,6 +113,7 @@ class FakeSpacecraft {
   }
   ros::LinkSettings link_;
   wire::SdlsKey key_;
+  wire::SdlsKey ad_key_;
   wire::CltuDecoder cltus_;
   wire::TmFrameBuilder frames_;
   std::uint16_t sequence_ = 0;

@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdio>
 #include <fstream>
+#include <numeric>
 #include <thread>
 
 #include <fcntl.h>
@@ -9,12 +10,14 @@
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <stdlib.h>
+#include <sys/socket.h>
 #include <termios.h>
 #include <unistd.h>
 #include <mission/structures.hpp>
 #include <nlohmann/json.hpp>
 
 #include "fake_spacecraft.hpp"
+#include "ground/bridge.hpp"
 #include "ground/link.hpp"
 
 namespace srfs::ground {
@@ -55,7 +58,9 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
     std::array<std::uint8_t, 4096> buffer{};
     const ssize_t got = read(pty.fd(), buffer.data(), buffer.size());
     if (got <= 0) return;
-    for (const auto& packet : spacecraft.receive({buffer.data(), static_cast<std::size_t>(got)})) {
+    const auto packets = spacecraft.receive({buffer.data(), static_cast<std::size_t>(got)});
+    put(spacecraft.idle());  // the CLCW
+    for (const auto& packet : packets) {
       if (packet.service == 8 && packet.application.at(2) == 3) {
         put(spacecraft.verify(packet, 2, *from_hex("0017")));
         continue;
@@ -160,6 +165,193 @@ TEST_F(GroundProgram, TellsASessionAsJsonLines) {
   EXPECT_EQ(types["pong"], 1);
   EXPECT_EQ(types["error"], 2);
   EXPECT_GE(types["stats"], 1);
+}
+
+TEST_F(GroundProgram, RepeatsLostFramesUntilEachTelecommandArrivedOnce) {
+  spacecraft_.farm.vr = 250;
+  spacecraft_.lose_ad_frames = 3;
+  std::string lines = "ad on\n";
+  for (int i = 0; i < 12; ++i) lines += "tc eps.switch_load load=2 state=off\n";
+  const Run session = run("--t1 0.2 --transmissions 200 session", lines);
+  EXPECT_EQ(session.exit_code, 0) << session.output;
+  std::vector<std::uint64_t> completed;
+  nlohmann::json cop;
+  std::istringstream out(session.output);
+  for (std::string line; std::getline(out, line);) {
+    const auto json = nlohmann::json::parse(line);
+    if (json["type"] == "tc_stage" && json["stage"] == "completed") completed.push_back(json["line"]);
+    if (json["type"] == "stats") cop = json["cop"];
+  }
+  std::vector<std::uint64_t> all(12);
+  std::iota(all.begin(), all.end(), 2U);
+  EXPECT_EQ(completed, all) << "in order, each once";
+  EXPECT_EQ(spacecraft_.farm.vr, (250 + 12) % 256);
+  EXPECT_TRUE(spacecraft_.last_ad_counter) << "AD frames have their own association";
+  EXPECT_FALSE(spacecraft_.last_counter);
+  EXPECT_GE(cop["repeated"], 3);
+  EXPECT_EQ(cop["service"], "on");
+}
+
+TEST_F(GroundProgram, SendsASingleTelecommandByTheAdService) {
+  spacecraft_.lose_ad_frames = 1;
+  const Run tc = run("--ad --t1 0.2 --transmissions 200 tc eps.switch_load load=1 state=on --wait");
+  EXPECT_EQ(tc.exit_code, 0) << tc.output;
+  EXPECT_THAT(tc.output, HasSubstr("AD service on"));
+  EXPECT_EQ(spacecraft_.farm.vr, 1);
+}
+
+TEST_F(GroundProgram, SaysThatTheFarmIsLockedOutAndUnlocksIt) {
+  spacecraft_.farm = {.mode = wire::FarmMode::lockout, .vr = 77, .lockout = true};
+  const Run refused = run("--ad --t1 0.2 --transmissions 200 tc eps.switch_load load=1 state=on --wait");
+  EXPECT_EQ(refused.exit_code, 1) << refused.output;
+  EXPECT_THAT(refused.output, HasSubstr("locked out: unlock"));
+  EXPECT_THAT(refused.output, HasSubstr("not_sent"));
+
+  const Run clcw = run("--json clcw");
+  EXPECT_EQ(clcw.exit_code, 0) << clcw.output;
+  EXPECT_THAT(clcw.output, HasSubstr("\"lockout\":true"));
+
+  const Run unlock = run("--t1 0.2 --transmissions 200 unlock");
+  EXPECT_EQ(unlock.exit_code, 0) << unlock.output;
+  EXPECT_FALSE(spacecraft_.farm.lockout);
+  EXPECT_EQ(spacecraft_.farm.vr, 77);
+
+  const Run set_vr = run("--t1 0.2 --transmissions 200 setvr 5");
+  EXPECT_EQ(set_vr.exit_code, 0) << set_vr.output;
+  EXPECT_EQ(spacecraft_.farm.vr, 5);
+  EXPECT_EQ(run("--ad --t1 0.2 --transmissions 200 tc eps.switch_load load=1 state=on --wait").exit_code, 0);
+}
+
+TEST_F(GroundProgram, RunsAScriptToItsEnd) {
+  const auto script = var_.path() / "script";
+  std::ofstream(script) << "# comment\n"
+                           "ping\n"
+                           "tc eps.switch_load load=2 state=on   # must complete\n"
+                           "tc eps.switch_load load=3 state=on\n"
+                           "  expect rejected busy\n"
+                           "wait 10ms\n"
+                           "wait until 2020-01-01T00:00:00Z\n"
+                           "ad on\n"
+                           "tc eps.switch_load load=2 state=off\n"
+                           "expect accepted\n"
+                           "ad off\n";
+  const Run done = run("--t1 0.2 --transmissions 200 script " + script.string());
+  EXPECT_EQ(done.exit_code, 0) << done.output;
+  EXPECT_THAT(done.output, HasSubstr("8 of 8 lines run, 0 not as expected"));
+}
+
+TEST_F(GroundProgram, StopsAScriptAtTheFirstSurpriseUnlessToldOtherwise) {
+  const auto script = var_.path() / "script";
+  std::ofstream(script) << "tc eps.switch_load load=2 state=on\n"
+                           "expect rejected\n"
+                           "ping\n";
+  const Run stopped = run("script " + script.string());
+  EXPECT_EQ(stopped.exit_code, 1) << stopped.output;
+  EXPECT_THAT(stopped.output, HasSubstr("line 1: tc eps.switch_load load=2 state=on: NOT as expected"));
+  EXPECT_THAT(stopped.output, HasSubstr("1 of 2 lines run, 1 not as expected"));
+  const Run all = run("--json script --keep-going " + script.string());
+  EXPECT_EQ(all.exit_code, 1) << all.output;
+  EXPECT_THAT(all.output, HasSubstr(R"({"failed":1,"run":2,"steps":2,"type":"script_done"})"));
+}
+
+TEST_F(GroundProgram, SendsNothingOfAScriptWithAnError) {
+  const auto script = var_.path() / "script";
+  std::ofstream(script) << "ping\ntc eps.switch_load load=77 state=on\n";
+  const Run wrong = run("script " + script.string());
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.output, HasSubstr("script:2: eps.switch_load: argument 'load'"));
+  EXPECT_FALSE(spacecraft_.last_counter);
+}
+
+/// A UDP socket of a ground station.
+class Udp {
+ public:
+  Udp() : fd_(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in any = *parse_udp_address("127.0.0.1:0");
+    EXPECT_EQ(bind(fd_.get(), reinterpret_cast<sockaddr*>(&any), sizeof any), 0);
+    socklen_t length = sizeof address;
+    getsockname(fd_.get(), reinterpret_cast<sockaddr*>(&address), &length);
+  }
+  void send(const Octets& datagram, const sockaddr_in& to) const {
+    EXPECT_EQ(sendto(fd_.get(), datagram.data(), datagram.size(), 0, reinterpret_cast<const sockaddr*>(&to),
+                     sizeof to),
+              static_cast<ssize_t>(datagram.size()));
+  }
+  /// The next datagram within 20 s, else nothing.
+  [[nodiscard]] Octets receive() const {
+    pollfd wait{fd_.get(), POLLIN, 0};
+    Octets octets(4096);
+    if (poll(&wait, 1, 20000) != 1) return {};
+    octets.resize(static_cast<std::size_t>(recv(fd_.get(), octets.data(), octets.size(), 0)));
+    return octets;
+  }
+  sockaddr_in address{};
+
+ private:
+  Fd fd_;
+};
+
+TEST_F(GroundProgram, BridgesFramesBetweenTheLineAndPlainUdpSockets) {
+  auto link = secured_link();
+  auto port = Port::open(var_.path() / "rs422", link.baud);
+  ASSERT_TRUE(port) << port.error();
+  const Udp station;
+  auto bridge = Bridge::open(link, std::move(*port), station.address, *parse_udp_address("0"));
+  ASSERT_TRUE(bridge) << bridge.error();
+  ASSERT_NE(bridge->uplink_address().sin_port, 0);
+  const auto down = [&](const Octets& octets) {
+    ASSERT_EQ(write(pty_.fd(), octets.data(), octets.size()), static_cast<ssize_t>(octets.size()));
+    pollfd wait{bridge->line_fd(), POLLIN, 0};
+    while (poll(&wait, 1, 1000) == 1) {
+      ASSERT_TRUE(bridge->on_line());
+      if (poll(&wait, 1, 0) == 0) break;
+    }
+  };
+
+  // Down: the frame as it was before coding; a damaged CADU is not passed on.
+  down(spacecraft_.idle());
+  Octets damaged = spacecraft_.idle();
+  for (std::size_t i = 20; i < 120; ++i) damaged[i] ^= 0x5A;
+  down(damaged);
+  down(spacecraft_.idle());
+  for (const int count : {0, 2}) {
+    const Octets datagram = station.receive();
+    const auto frame = wire::decode_tm_frame(datagram, 0xAB, 223);
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->master_count, count);
+    EXPECT_EQ(frame->vc, wire::tm_idle_vc);
+  }
+  EXPECT_EQ(bridge->counters().tm_frames, 2U);
+
+  // Up: frames are coded, CLTUs go as they are, anything else is refused.
+  const Octets frame = wire::encode_tc_frame(
+      {.type = wire::TcFrameType::bc, .spacecraft_id = 0xAB, .data = wire::encode_control_command({})});
+  const Octets cltu = wire::encode_cltu(frame, false);
+  Octets bad = frame;
+  bad.back() ^= 1;
+  const auto up = [&](const Octets& datagram) {
+    station.send(datagram, bridge->uplink_address());
+    pollfd wait{bridge->socket_fd(), POLLIN, 0};
+    ASSERT_EQ(poll(&wait, 1, 20000), 1);
+    bridge->on_socket();
+  };
+  for (const Octets& datagram : {frame, bad, Octets{}, Octets(3000, 0), cltu}) up(datagram);
+  EXPECT_EQ(bridge->counters().tc_datagrams, 2U);
+  EXPECT_EQ(bridge->counters().tc_refused, 3U);
+  Octets line(2 * cltu.size());
+  std::size_t got = 0;
+  for (pollfd wait{pty_.fd(), POLLIN, 0}; got < line.size() && poll(&wait, 1, 20000) == 1;) {
+    const ssize_t part = read(pty_.fd(), line.data() + got, line.size() - got);
+    ASSERT_GT(part, 0);
+    got += static_cast<std::size_t>(part);
+  }
+  EXPECT_EQ(to_hex(line), to_hex(cltu) + to_hex(cltu));
+}
+
+TEST_F(GroundProgram, BridgesWithoutALinkKeyAndRefusesAddressesItCannotRead) {
+  EXPECT_EQ(run("bridge --tm nowhere:1").exit_code, 2);
+  EXPECT_EQ(run("bridge --tm 0").exit_code, 2);
+  EXPECT_EQ(run("bridge --tc 127.0.0.1:99999").exit_code, 2);
 }
 
 TEST_F(GroundProgram, SaysThatThePortIsBusy) {

@@ -183,11 +183,11 @@ TEST(Settings, RefuseAKeyThatIsUnknown) {
 }
 
 TEST(Settings, AreGoodInTheDeploymentsThatShip) {
-  for (const char* name : {"sim", "sim_open", "vcan"}) {
+  for (const char* name : {"sim", "sim_open", "sim_open_i5", "vcan"}) {
     const auto file =
         std::filesystem::path(SRFS_SOURCE_DIR) / "launch_config" / (std::string(name) + ".yaml");
     EXPECT_EQ(read_settings(ConfigSection::load(file)).key_files,
-              std::vector<std::string>{"keys/tc_uplink.key"});
+              (std::vector<std::string>{"keys/tc_uplink.key", "keys/tc_uplink_ad.key"}));
   }
 }
 

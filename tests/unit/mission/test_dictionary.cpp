@@ -218,6 +218,21 @@ TEST(StructureText, CalibratesAndNamesWhatTheBeaconCarries) {
   EXPECT_EQ(by_name["last_failure_code"].text, "busy");
 }
 
+TEST(StructureText, JudgesATruthByItsLimits) {
+  const Dictionary& d = dictionary();
+  CanBusHousekeeping housekeeping;
+  const auto flooded = [&] {
+    const auto fields = d.decode(*d.structure("can_bus"), housekeeping.encoded());
+    for (const auto& field : *fields) {
+      if (field.name == "flooded") return field.limit;
+    }
+    return LimitState::none;
+  };
+  EXPECT_EQ(flooded(), LimitState::green);
+  housekeeping.flooded = true;
+  EXPECT_EQ(flooded(), LimitState::red);
+}
+
 TEST(StructureText, RefusesOctetsOfAnotherLength) {
   Octets octets = TimingHousekeeping{}.encoded();
   const auto* timing = dictionary().structure("timing");

@@ -22,6 +22,7 @@
 
 #include "hw/can_bus.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
+#include "nodes/can_switcher/tick_flywheel.hpp"
 #include "nodes/can_switcher/transmit_drain.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 
@@ -68,7 +69,8 @@ struct Event {
     drain,         ///< its timer while it waits for the transmit queue to be empty
     configure,     ///< of the switcher, which was unconfigured
     switcher_due,  ///< its timer
-    flag,          ///< to a payload; holder 255: a recall
+    substitute_due,
+    flag,  ///< to a payload; holder 255: a recall
     reset_order,
     payload_due,
     answer,
@@ -88,7 +90,7 @@ struct Event {
   std::uint32_t process = 0;  ///< the event is void for another process than this; 0: for whoever runs
   GrantId grant{};
   std::uint8_t holder = 0;
-  MonotonicTime granted{};
+  MonotonicTime granted{};  ///< of a tick: due
   MonotonicTime lease_end{};
   std::uint64_t number = 0;
   std::uint64_t queue = 0;       ///< of an answer: where its request waited,
@@ -177,6 +179,9 @@ struct Switcher : Process {
   std::unique_ptr<ModelBus> bus;
   std::optional<TransmitDrain> drain;
   std::optional<MonotonicTime> armed;
+  TickFlywheel flywheel;
+  std::optional<MonotonicTime> substitute_armed;
+  bool heard_a_tick = false;      ///< since it was activated
   std::optional<Grant> decided;   ///< stopped before the flag was given
   std::optional<Grant> recorded;  ///< stopped between the record and the flag
 };
@@ -198,6 +203,8 @@ struct Statistics {
   std::uint64_t frames_taken_back = 0;
   std::uint64_t unproven = 0;
   std::uint64_t reconfigured = 0;
+  std::uint64_t substitutes = 0;
+  std::uint64_t suite_restarts = 0;
 };
 
 class World {
@@ -355,21 +362,37 @@ class World {
   /// The world's beat: the tick to the switcher, telecommands from the ground, the judgement of liveness.
   void beat() {
     schedule({.at = now_ + tick_period, .kind = Kind::tick});
-    ++cycle_;
-    const int copies = !faults_on_ ? 1 : chance(300) ? 0 : chance(300) ? 2 : 1;
-    for (int i = 0; i < copies; ++i) {
-      schedule({.at = now_ + between(nanoseconds(0), microseconds(300)),
-                .kind = Kind::tick,
-                .who = switcher_index,
-                .process = switcher_.incarnation,
-                .number = cycle_});
-    }
+    send_tick();
     send_telecommands();
     if (faults_on_ && chance(50) && switcher_.alive && !switcher_.frozen) change_plan();
     if (faults_on_ && chance(400) && switcher_.alive && !switcher_.frozen && switcher_.configured)
       unconfigure_switcher();
     if (now_ - last_trouble_ > recovery) {
       ASSERT_LT(now_ - last_release_, seconds(1)) << "the rotation stands still without a reason";
+    }
+  }
+
+  /// Timing dies, too, for longer than the rotation may stand still, and comes back in another phase and with
+  /// another count.
+  void send_tick() {
+    if (faults_on_ && chance(300) && now_ >= timing_back_) {
+      timing_back_ = now_ + between(milliseconds(100), seconds(4));
+      tick_phase_ = between(nanoseconds(0), tick_period - milliseconds(1));
+      cycle_ = chance(10) ? 0 : cycle_ + random_() % 1000;
+    }
+    if (faults_on_ && now_ < timing_back_) {
+      if (!switcher_.heard_a_tick) trouble();  // it started without a tick, and needs a first one
+      return;
+    }
+    ++cycle_;
+    const int copies = !faults_on_ ? 1 : chance(300) ? 0 : chance(300) ? 2 : 1;
+    for (int i = 0; i < copies; ++i) {
+      schedule({.at = now_ + tick_phase_ + between(nanoseconds(0), microseconds(300)),
+                .kind = Kind::tick,
+                .who = switcher_index,
+                .process = switcher_.incarnation,
+                .granted = now_ + tick_phase_,
+                .number = cycle_});
     }
   }
 
@@ -382,6 +405,19 @@ class World {
     if (!faults_on_) return;
     schedule({.at = now_ + between(milliseconds(10), chance(10) ? seconds(6) : milliseconds(600)),
               .kind = Kind::fault});
+    if (chance(30)) {  // the whole suite is killed and started anew, and nobody knows of the last grant
+      ++statistics_.suite_restarts;
+      for (std::uint8_t i = 0; i < payload_count; ++i) {
+        const Payload& p = payloads_[i];
+        if (!p.alive || p.frozen || p.grant != newest_published_ || !p.leased->granted(now_)) continue;
+        bus_free_ = std::max(now_, bus_free_) + between(milliseconds(1), milliseconds(700));  // jammed
+        last_trouble_ = bus_free_;
+        queue_frame(i, p.incarnation, p.grant);
+      }
+      for (std::uint8_t i = 0; i <= payload_count; ++i) kill(i);
+      record_.reset();
+      return;
+    }
     const auto who = static_cast<std::uint8_t>(random_() % (payload_count + 1));
     if (!process(who).alive) return;
     if (chance(3)) {
@@ -456,11 +492,15 @@ class World {
     ++switcher_.incarnation;
     switcher_.alive = true;
     switcher_.armed.reset();
+    switcher_.flywheel = {};
+    switcher_.heard_a_tick = false;
+    switcher_.substitute_armed.reset();
     switcher_.configured = true;
     fencing_ = false;
     switcher_.bus = std::make_unique<ModelBus>(*this, switcher_index);
     switcher_.rotation =
         std::make_unique<TaskFlagRotation>(plan(), switcher_.incarnation, now_, inherited(record_));
+    if (!inherited(record_)) switcher_.rotation->await_empty_queue(now_);
     switcher_.rotation->set_recall_time(recall_time);
     switcher_.rotation->resume(now_);
     if (switcher_.rotation->awaits_fence()) drain();
@@ -479,7 +519,10 @@ class World {
     ++statistics_.reconfigured;
     switcher_.configured = false;
     switcher_.rotation->suspend();
+    switcher_.flywheel.rest();
+    switcher_.heard_a_tick = false;
     switcher_.armed.reset();
+    switcher_.substitute_armed.reset();
     for (Payload& p : payloads_) p.heard_by = 0;
     schedule({.at = now_ + between(milliseconds(1), milliseconds(300)),
               .kind = Kind::configure,
@@ -537,19 +580,19 @@ class World {
   // -----------------------------------------------------------------
 
   void to_switcher(const Event& event) {
-    TaskFlagRotation& rotation = *switcher_.rotation;
     if (event.kind == Kind::fenced) fencing_ = false;
     if (event.kind == Kind::frame_end) switcher_.bus->confirm();
     if (!switcher_.configured) return;
     switch (event.kind) {
-      case Kind::tick: {
-        switcher_deadline();
+      case Kind::tick:
+        take_tick(event);
         if (!switcher_.alive || switcher_.frozen) return;
-        const Decision decision = rotation.on_tick(now_, event.number, event.at);
-        if (const Grant* grant = std::get_if<Grant>(&decision)) on_grant(*grant);
-        if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall);
         break;
-      }
+      case Kind::substitute_due:
+        switcher_.substitute_armed.reset();
+        tick_missing();
+        if (!switcher_.alive || switcher_.frozen) return;
+        break;
       case Kind::status:
         take_status(event);
         break;
@@ -567,6 +610,42 @@ class World {
         break;
     }
     arm_switcher();
+  }
+
+  void take_tick(const Event& event) {
+    switcher_.heard_a_tick = true;
+    const auto heard = switcher_.flywheel.on_tick(
+        {.cycle = event.number, .due = event.granted, .period = tick_period, .received = event.at});
+    if (heard.verdict == TickFlywheel::Verdict::beat) switcher_beat(event.at);
+  }
+
+  void tick_missing() {
+    // take_waiting()
+    std::deque<Event> waiting;
+    for (auto e = switcher_.inbox.begin(); e != switcher_.inbox.end();) {
+      if (e->kind == Kind::tick) {
+        waiting.push_back(*e);
+        e = switcher_.inbox.erase(e);
+      } else {
+        ++e;
+      }
+    }
+    for (const Event& e : waiting) {
+      if (!switcher_.alive || switcher_.frozen) return;
+      take_tick(e);
+    }
+    if (!switcher_.alive || switcher_.frozen) return;
+    if (switcher_.flywheel.on_deadline(now_) == TickFlywheel::Substitute::not_due) return;
+    ++statistics_.substitutes;
+    switcher_beat(now_);
+  }
+
+  void switcher_beat(MonotonicTime received) {
+    switcher_deadline();
+    if (!switcher_.alive || switcher_.frozen) return;
+    const Decision decision = switcher_.rotation->on_tick(now_, switcher_.flywheel.cycle(), received);
+    if (const Grant* grant = std::get_if<Grant>(&decision)) on_grant(*grant);
+    if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall);
   }
 
   void drain() {
@@ -628,6 +707,15 @@ class World {
 
   void arm_switcher() {
     if (!switcher_.alive || switcher_.frozen || !switcher_.configured) return;
+    const auto substitute = switcher_.flywheel.next_substitute();
+    if (substitute != switcher_.substitute_armed) {
+      switcher_.substitute_armed = substitute;
+      if (substitute)
+        schedule({.at = std::max(now_, *substitute + between(nanoseconds(0), microseconds(200))),
+                  .kind = Kind::substitute_due,
+                  .who = switcher_index,
+                  .process = switcher_.incarnation});
+    }
     const auto deadline = switcher_.rotation->next_deadline();
     if (deadline == switcher_.armed) return;
     switcher_.armed = deadline;
@@ -1094,6 +1182,8 @@ class World {
   std::priority_queue<Event, std::vector<Event>, Later> queue_;
   std::uint64_t next_order_ = 0;
   MissionCycle cycle_ = 0;
+  nanoseconds tick_phase_{0};
+  MonotonicTime timing_back_{seconds(1)};
   bool faults_on_ = true;
   MonotonicTime last_trouble_{seconds(1)};
   MonotonicTime last_release_{seconds(1)};
@@ -1151,8 +1241,8 @@ TEST(BusSharing, NoStoppedKilledOrLateProcessEverDisturbsAnothersSlot) {
       s.withdrawn, s.refused_by_the_handle, s.completed, s.interrupted);
   fmt::print(
       "the bus jammed {} times, {} frames taken back, {} waits for an empty queue in vain; the switcher "
-      "reconfigured {} times\n",
-      s.jams, s.frames_taken_back, s.unproven, s.reconfigured);
+      "reconfigured {} times; {} substitute ticks\n",
+      s.jams, s.frames_taken_back, s.unproven, s.reconfigured, s.substitutes);
   if (slots < 30'000) return;
   EXPECT_GT(s.frozen_before_a_write, slots / 2000);
   EXPECT_GT(s.fences, slots / 100);
@@ -1161,6 +1251,8 @@ TEST(BusSharing, NoStoppedKilledOrLateProcessEverDisturbsAnothersSlot) {
   EXPECT_GT(s.frames_taken_back, slots / 10'000);
   EXPECT_GT(s.unproven, 0U);
   EXPECT_GT(s.reconfigured, slots / 2000);
+  EXPECT_GT(s.substitutes, slots / 100);
+  EXPECT_GT(s.suite_restarts, slots / 2000);
   EXPECT_GT(s.resets, slots / 200);
   EXPECT_GT(s.withdrawn, 0U);
   if (slots >= 300'000) {

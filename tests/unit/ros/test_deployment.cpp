@@ -1,5 +1,6 @@
 #include <filesystem>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/file.hpp"
@@ -79,6 +80,20 @@ TEST_F(DeploymentTest, TheRingIsTheStartOrderUnlessTheFileSaysOtherwiseAndOffWit
   EXPECT_NE(
       error_of(begin + "ring: {first_wait_ms: 100, longest_wait_ms: 50}\n").find("at least first_wait_ms"),
       std::string::npos);
+}
+
+TEST_F(DeploymentTest, AWorkersDeadlineIsTheRingsUnlessTheNodeHasItsOwn) {
+  const auto load = [&](const std::string& rest) {
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + rest));
+    std::vector<std::chrono::milliseconds> deadlines;
+    for (const NodeEntry& entry : Deployment::load(folder_ / "d.yaml").nodes)
+      deadlines.push_back(entry.worker_deadline);
+    return deadlines;
+  };
+  const std::string slow = "  - {name: slow, executable: x, worker_deadline_ms: 60000}\n";
+  EXPECT_THAT(load(slow), testing::ElementsAre(RingSettings().worker_deadline, seconds(60)));
+  EXPECT_THAT(load(slow + "ring: {worker_deadline_ms: 700}\n"),
+              testing::ElementsAre(milliseconds(700), seconds(60)));
 }
 
 TEST_F(DeploymentTest, TheGraphsDialectAndTheRuleForForeignersAreTheDeployments) {

@@ -1,3 +1,6 @@
+#include <array>
+#include <string>
+
 #include <gtest/gtest.h>
 
 #include "unit/wire/link_vectors.hpp"
@@ -17,6 +20,89 @@ TcFrame bc(Octets data) {
 }
 const FarmState locked{.mode = FarmMode::lockout, .vr = 10, .lockout = true, .retransmit = true};
 const FarmState waiting{.mode = FarmMode::wait, .vr = 10, .wait = true, .retransmit = true};
+
+// CCSDS 232.1-B-2, table 6-1, transcribed anew. Before each event every flag of the state is set that the
+// state can have, V(R) is 10 and the FARM-B counter 5. What is not named of V(R) and FARM-B stays.
+struct FarmRow {
+  std::string_view name;
+  FarmEvent event;
+  std::array<std::string_view, 3> cells;  // S1 open, S2 wait, S3 lockout
+};
+const std::array<FarmRow, 10> standard{{
+    {"E1", FarmEvent::e1_in_sequence, {"accept S1 vr=11", "discard S2 R W", "discard S3 R W L"}},
+    {"E2", FarmEvent::e2_in_sequence_no_buffer, {"discard S2 R W", "discard S2 R W", "discard S3 R W L"}},
+    {"E3", FarmEvent::e3_in_positive_window, {"discard S1 R", "discard S2 R W", "discard S3 R W L"}},
+    {"E4", FarmEvent::e4_in_negative_window, {"discard S1 R", "discard S2 R W", "discard S3 R W L"}},
+    {"E5", FarmEvent::e5_outside_window, {"discard S3 R L", "discard S3 R W L", "discard S3 R W L"}},
+    {"E6", FarmEvent::e6_expedited, {"accept S1 R b=6", "accept S2 R W b=6", "accept S3 R W L b=6"}},
+    {"E7", FarmEvent::e7_unlock, {"control S1 b=6", "control S1 b=6", "control S1 b=6"}},
+    {"E8", FarmEvent::e8_set_vr, {"control S1 vr=200 b=6", "control S1 vr=200 b=6", "control S3 R W L b=6"}},
+    {"E9", FarmEvent::e9_invalid, {"discard S1 R", "discard S2 R W", "discard S3 R W L"}},
+    {"E10", FarmEvent::e10_buffer_released, {"none S1 R", "none S1 R", "none S3 R L"}},
+}};
+const std::array<FarmState, 3> before{{
+    {.mode = FarmMode::open, .vr = 10, .retransmit = true, .farm_b_counter = 5},
+    {.mode = FarmMode::wait, .vr = 10, .wait = true, .retransmit = true, .farm_b_counter = 5},
+    {.mode = FarmMode::lockout,
+     .vr = 10,
+     .lockout = true,
+     .wait = true,
+     .retransmit = true,
+     .farm_b_counter = 5},
+}};
+
+std::string text(const FarmState& was, const FarmOutcome& outcome) {
+  std::string text = outcome.verdict == FarmVerdict::discard            ? "discard"
+                     : outcome.verdict == FarmVerdict::control_executed ? "control"
+                     : outcome.verdict == FarmVerdict::none             ? "none"
+                                                                        : "accept";
+  const FarmState& after = outcome.state;
+  text += " S" + std::to_string(static_cast<int>(after.mode) + 1);
+  if (after.retransmit) text += " R";
+  if (after.wait) text += " W";
+  if (after.lockout) text += " L";
+  if (after.vr != was.vr) text += " vr=" + std::to_string(after.vr);
+  if (after.farm_b_counter != was.farm_b_counter) text += " b=" + std::to_string(after.farm_b_counter);
+  return text;
+}
+
+TEST(FarmOneTable, IsTheStandardsRowByRowE1ToE10) {
+  for (const auto& row : standard) {
+    for (std::size_t state = 0; state < before.size(); ++state) {
+      EXPECT_EQ(text(before[state], farm_step(before[state], row.event, 200)), row.cells[state])
+          << row.name << " in S" << state + 1;
+    }
+  }
+}
+
+TEST(FarmOneTable, E11ReportsEachStateInTheBitsOfTheClcw) {
+  // 0 vvvvvv: type, version, status, COP 1; VC; two spare; no RF, no bit lock, lockout, wait, retransmit,
+  // FARM-B (2), spare; N(R). VC 9.
+  EXPECT_EQ(encode_clcw(make_clcw({.vr = 10}, 9)), 0x0124000AU);
+  EXPECT_EQ(encode_clcw(make_clcw({.vr = 10, .retransmit = true}, 9)), 0x0124080AU);
+  EXPECT_EQ(encode_clcw(make_clcw(before[0], 9)), 0x01240A0AU);
+  EXPECT_EQ(encode_clcw(make_clcw(before[1], 9)), 0x01241A0AU);
+  EXPECT_EQ(encode_clcw(make_clcw(before[2], 9)), 0x01243A0AU);
+}
+
+TEST(FarmOneTable, EveryFrameTypeIsItsEvent) {
+  const FarmState state{.vr = 10};
+  EXPECT_EQ(farm_window_default, 64);
+  EXPECT_EQ(classify(state, ad(10), true), FarmEvent::e1_in_sequence);
+  EXPECT_EQ(classify(state, ad(10), false), FarmEvent::e2_in_sequence_no_buffer);
+  EXPECT_EQ(classify(state, ad(11), true), FarmEvent::e3_in_positive_window);
+  EXPECT_EQ(classify(state, ad(10 + 31), true), FarmEvent::e3_in_positive_window);
+  EXPECT_EQ(classify(state, ad(9), true), FarmEvent::e4_in_negative_window);
+  EXPECT_EQ(classify(state, ad(static_cast<std::uint8_t>(10 - 32)), true), FarmEvent::e4_in_negative_window);
+  EXPECT_EQ(classify(state, ad(10 + 32), true), FarmEvent::e5_outside_window);
+  EXPECT_EQ(classify(state, ad(static_cast<std::uint8_t>(10 - 33)), true), FarmEvent::e5_outside_window);
+  EXPECT_EQ(classify(state, bd(), false), FarmEvent::e6_expedited);
+  EXPECT_EQ(classify(state, bc({0x00}), true), FarmEvent::e7_unlock);
+  EXPECT_EQ(classify(state, bc({0x82, 0x00, 0x2A}), true), FarmEvent::e8_set_vr);
+  for (const Octets& unknown : {Octets{0x01}, Octets{0x00, 0x00}, Octets{0x82}, Octets{0x82, 0x01, 0x2A},
+                                Octets{0x82, 0x00, 0x2A, 0x00}})
+    EXPECT_EQ(classify(state, bc(unknown), true), FarmEvent::e9_invalid);
+}
 
 TEST(FarmOne, AcceptsTheExpectedFrameAndCountsModulo256) {
   const auto outcome = farm_receive({.vr = 255, .retransmit = true}, ad(255), true);

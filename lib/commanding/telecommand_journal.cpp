@@ -1,4 +1,4 @@
-#include "nodes/payload/telecommand_journal.hpp"
+#include "commanding/telecommand_journal.hpp"
 
 #include <algorithm>
 #include <cassert>
@@ -31,10 +31,6 @@ std::pair<StageReport, bool> decode_report(OctetReader& in) {
   report.success = (flags & succeeded) != 0;
   report.failure = static_cast<FailureCode>(in.u16());
   return {report, (flags & reported) != 0};
-}
-
-bool expired(const StoredTelecommand& telecommand, MonotonicTime now) {
-  return telecommand.expiry != MonotonicTime() && now > telecommand.expiry;
 }
 
 }  // namespace
@@ -156,7 +152,7 @@ void TelecommandJournal::refuse(std::uint64_t id, FailureCode why) {
 }
 
 const StoredTelecommand* TelecommandJournal::next(MonotonicTime now) {
-  while (!pending_.empty() && pending_.front().accepted && expired(pending_.front().telecommand, now)) {
+  while (!pending_.empty() && pending_.front().accepted && pending_.front().telecommand.has_expired(now)) {
     ++counters_.expired;
     end_front({pending_.front().telecommand.id, TelecommandStage::started, false, FailureCode::expired});
   }

@@ -19,7 +19,7 @@ enum class RepeatClass : std::uint8_t { idempotent = 1, by_id = 2, at_most_once 
 /// Stages of srfs_msgs/TelecommandReport.
 enum class TelecommandStage : std::uint8_t { accepted = 1, started = 3, completed = 7 };
 
-/// The mission dictionary's failure codes that a payload uses.
+/// The mission dictionary's failure codes that nodes use.
 enum class FailureCode : std::uint16_t {
   none = 0,
   bad_argument = 6,
@@ -38,6 +38,10 @@ enum class FailureCode : std::uint16_t {
   interrupted = 36,
   power_switch_failed = 37,
   peripheral_off = 41,
+  unknown_node = 50,
+  node_runs = 51,
+  node_silent = 52,
+  not_done = 53,
 };
 
 /// A telecommand as it arrived.
@@ -47,6 +51,10 @@ struct StoredTelecommand {
   RepeatClass repeat = RepeatClass::by_id;
   MonotonicTime expiry;  ///< not started after this; zero: never expires
   Octets arguments;
+
+  [[nodiscard]] bool has_expired(MonotonicTime now) const {
+    return expiry != MonotonicTime() && now > expiry;
+  }
 };
 
 /// One stage reached or missed.

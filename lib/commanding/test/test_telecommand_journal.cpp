@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "nodes/payload/telecommand_journal.hpp"
+#include "commanding/telecommand_journal.hpp"
 
 namespace srfs {
 namespace {

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "cfdp/postbox.hpp"
+
+namespace srfs::ground {
+
+/// The ground's end of the file link: STATE/files holds what came and, in outbox, what is to go up;
+/// STATE/cfdp what is under way. The error is ready to print. Blocks on the disk.
+[[nodiscard]] Result<std::unique_ptr<cfdp::Postbox>, std::string> open_files(
+    const std::filesystem::path& state_dir, UtcTime utc, MonotonicTime now);
+
+/// Puts a copy of @p file into the outbox, to be called @p name on board. The error is ready to print.
+/// Blocks on the disk.
+[[nodiscard]] Result<cfdp::TransactionId, std::string> put_file(cfdp::Postbox& postbox,
+                                                                const std::filesystem::path& file,
+                                                                const std::string& name);
+
+/// "2:17": entity of the sender and number.
+[[nodiscard]] std::string to_text(cfdp::TransactionId id);
+[[nodiscard]] std::optional<cfdp::TransactionId> parse_transaction(const std::string& text);
+/// It is over and the file arrived whole.
+[[nodiscard]] bool has_arrived(const cfdp::News& news);
+
+/// {"type": "file", id, direction, name, octets, progress, missing, state}
+[[nodiscard]] nlohmann::json to_json(const cfdp::Report& report);
+/// The same with event, success, condition, reaction, problem.
+[[nodiscard]] nlohmann::json to_json(const cfdp::News& news);
+/// "up   1:17  image.fits  [#####.....]  52 %  104000 of 200000 octets, 950 missing, suspended"
+[[nodiscard]] std::string to_line(const cfdp::Report& report);
+[[nodiscard]] std::string to_line(const cfdp::News& news);
+
+}  // namespace srfs::ground

@@ -1,0 +1,190 @@
+#include "ground/script.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <sstream>
+
+#include <fmt/format.h>
+
+namespace srfs::ground {
+namespace {
+
+constexpr double longest_wait_s = 7 * 86400.0;
+
+using Words = std::vector<std::string>;
+
+Words words_of(std::string_view line) {
+  std::istringstream in{std::string(line.substr(0, line.find('#')))};
+  Words words;
+  for (std::string word; in >> word;) words.push_back(word);
+  return words;
+}
+
+/// "5", "5s", "200ms", "2min": seconds without a unit.
+std::optional<milliseconds> duration_of(std::string_view text) {
+  double factor_ms = 1000;
+  for (const auto& [unit, factor] :
+       {std::pair<std::string_view, double>{"ms", 1}, {"min", 60000}, {"s", 1000}}) {
+    if (text.size() <= unit.size() || !text.ends_with(unit)) continue;
+    text.remove_suffix(unit.size());
+    factor_ms = factor;
+    break;
+  }
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  if (!std::isfinite(value) || value < 0 || value * factor_ms > longest_wait_s * 1000) return std::nullopt;
+  return milliseconds(static_cast<std::int64_t>(value * factor_ms));
+}
+
+std::optional<Expectation> expectation_of(std::string_view text) {
+  for (const auto expectation :
+       {Expectation::completed, Expectation::accepted, Expectation::rejected, Expectation::failed}) {
+    if (to_text(expectation) == text) return expectation;
+  }
+  return std::nullopt;
+}
+
+/// Takes "--timeout S" out of the words. @return false: it is malformed
+bool take_timeout(Words& words, std::optional<milliseconds>& timeout) {
+  const auto option = std::find(words.begin(), words.end(), "--timeout");
+  if (option == words.end()) return true;
+  if (std::next(option) == words.end()) return false;
+  timeout = duration_of(*std::next(option));
+  if (!timeout || *timeout == milliseconds(0)) return false;
+  words.erase(option, option + 2);
+  return true;
+}
+
+constexpr std::string_view forms =
+    "expected ping | tc NAME [key=value ...] [--timeout S] | expect completed|accepted|rejected|failed "
+    "[CODE] | "
+    "wait DURATION | wait until UTC | ad on|off | unlock | setvr N";
+
+/// One line that is not an `expect`. The error is a message.
+Result<ScriptStep, std::string> step_of(Words words) {
+  ScriptStep step;
+  using Kind = ScriptStep::Kind;
+  const std::string verb = words.front();
+  words.erase(words.begin());
+  if (verb == "ping" || verb == "tc") {
+    if (!take_timeout(words, step.timeout)) return Err(std::string("--timeout needs a duration"));
+    if (verb == "ping") words.insert(words.begin(), "ttc.ping");
+    if (words.empty() || (verb == "ping" && words.size() > 1)) return Err(std::string(forms));
+    step.name = words.front();
+    step.arguments.assign(words.begin() + 1, words.end());
+    return step;
+  }
+  if (verb == "wait" && words.size() == 1) {
+    const auto duration = duration_of(words[0]);
+    if (!duration) return Err(fmt::format("'{}' is not a duration like 5s, 200ms or 2min", words[0]));
+    step.kind = Kind::wait;
+    step.duration = *duration;
+    return step;
+  }
+  if (verb == "wait" && words.size() == 2 && words[0] == "until") {
+    const auto until = from_iso8601(words[1]);
+    if (!until) return Err(fmt::format("'{}' is not a UTC time like 2026-11-21T08:00:00Z", words[1]));
+    step.kind = Kind::wait_until;
+    step.until = *until;
+    return step;
+  }
+  if (verb == "ad" && words.size() == 1 && (words[0] == "on" || words[0] == "off")) {
+    step.kind = words[0] == "on" ? Kind::ad_on : Kind::ad_off;
+    return step;
+  }
+  if (verb == "unlock" && words.empty()) {
+    step.kind = Kind::unlock;
+    return step;
+  }
+  if (verb == "setvr" && words.size() == 1) {
+    const std::string& number = words[0];
+    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), step.vr);
+    if (error != std::errc() || end != number.data() + number.size())
+      return Err(fmt::format("'{}' is not a V(R) of 0 to 255", number));
+    step.kind = Kind::set_vr;
+    return step;
+  }
+  return Err(std::string(forms));
+}
+
+}  // namespace
+
+std::string_view to_text(Expectation expectation) {
+  switch (expectation) {
+    case Expectation::completed:
+      return "completed";
+    case Expectation::accepted:
+      return "accepted";
+    case Expectation::rejected:
+      return "rejected";
+    case Expectation::failed:
+      return "failed";
+  }
+  return "?";
+}
+
+Result<std::vector<ScriptStep>, ScriptError> parse_script(
+    std::string_view text,
+    const std::function<std::optional<std::string>(const std::string&, const std::vector<std::string>&)>&
+        check) {
+  if (text.size() > script_octets_max) return Err(ScriptError{0, "the script is too long"});
+  std::vector<ScriptStep> steps;
+  std::uint64_t number = 0;
+  bool expectation_fits = false;  // the line before was a telecommand
+  while (!text.empty()) {
+    const std::string_view line = text.substr(0, text.find('\n'));
+    text.remove_prefix(std::min(text.size(), line.size() + 1));
+    if (++number > script_lines_max) return Err(ScriptError{number, "the script has too many lines"});
+    const Words words = words_of(line);
+    if (words.empty()) continue;
+    if (words[0] == "expect") {
+      const auto expectation =
+          words.size() == 2 || words.size() == 3 ? expectation_of(words[1]) : std::nullopt;
+      if (!expectation) return Err(ScriptError{number, std::string(forms)});
+      if (!expectation_fits) return Err(ScriptError{number, "expect belongs behind a telecommand"});
+      const bool fails = *expectation == Expectation::rejected || *expectation == Expectation::failed;
+      if (words.size() == 3 && !fails)
+        return Err(ScriptError{number, "only rejected and failed have a failure code"});
+      steps.back().expectation = *expectation;
+      if (words.size() == 3) steps.back().failure = words[2];
+      expectation_fits = false;
+      continue;
+    }
+    auto step = step_of(words);
+    if (!step) return Err(ScriptError{number, step.error()});
+    step->line = number;
+    for (const std::string& word : words) step->text += (step->text.empty() ? "" : " ") + word;
+    expectation_fits = step->kind == ScriptStep::Kind::telecommand;
+    if (expectation_fits) {
+      if (const auto problem = check(step->name, step->arguments)) return Err(ScriptError{number, *problem});
+    }
+    steps.push_back(std::move(*step));
+  }
+  return steps;
+}
+
+std::optional<bool> judge(const ScriptStep& step, const StageReport& report) {
+  const bool name_fits = step.failure.empty() || step.failure == report.failure_name;
+  const bool runs = report.stage == Stage::accepted || report.stage == Stage::started ||
+                    report.stage == Stage::progress || report.stage == Stage::completed;
+  switch (step.expectation) {
+    case Expectation::completed:
+      if (report.stage == Stage::completed) return true;
+      break;
+    case Expectation::accepted:
+      if (runs) return true;
+      break;
+    case Expectation::rejected:
+      if (report.stage == Stage::rejected) return name_fits;
+      if (runs) return false;
+      break;
+    case Expectation::failed:
+      if (report.stage == Stage::start_failed || report.stage == Stage::failed) return name_fits;
+      break;
+  }
+  return is_final(report.stage) ? std::optional(false) : std::nullopt;
+}
+
+}  // namespace srfs::ground

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/fd.hpp"
+#include "base/file.hpp"
+#include "cfdp/file_store.hpp"
+
+namespace srfs::cfdp {
+
+/// The files below one folder of a Linux file system. Names are relative, parts that are empty, "." or ".."
+/// or begin with a dot are refused, and no symbolic link is followed on the way (every folder is opened with
+/// O_NOFOLLOW), so no name leaves the root, whatever somebody puts below it. Temporary files stand in
+/// ROOT/.cfdp, so that giving them their name is one rename. Missing folders of a destination are refused.
+class PosixFileStore final : public FileStore {
+ public:
+  /// Makes the root and what it needs below it. @param checkpoint file of the checkpoint
+  [[nodiscard]] static Result<std::unique_ptr<PosixFileStore>, FileError> open(
+      const std::filesystem::path& root, const std::filesystem::path& checkpoint);
+
+  /// What save_checkpoint() wrote last; empty: nothing yet.
+  [[nodiscard]] Result<Octets, FileError> load_checkpoint() const;
+
+  FileResult<FileStamp> stamp(std::string_view name) override;
+  FileResult<std::size_t> read(std::string_view name, std::uint64_t offset,
+                               std::span<std::uint8_t> into) override;
+  FileResult<void> check_destination(std::string_view name) override;
+  FileResult<void> create_temporary(TransactionId id) override;
+  FileResult<void> reserve(TransactionId id, std::uint64_t octets) override;
+  FileResult<void> write_temporary(TransactionId id, std::uint64_t offset, OctetView data) override;
+  FileResult<std::size_t> read_temporary(TransactionId id, std::uint64_t offset,
+                                         std::span<std::uint8_t> into) override;
+  FileResult<void> sync_temporary(TransactionId id) override;
+  FileResult<void> commit(TransactionId id, std::uint64_t octets, std::string_view name) override;
+  void discard_temporary(TransactionId id) override;
+  void discard_temporaries_except(std::span<const TransactionId> kept) override;
+  FileResult<void> save_checkpoint(OctetView checkpoint) override;
+
+ private:
+  struct Place {
+    Fd folder;
+    std::string name;
+  };
+  struct OpenTemporary {
+    TransactionId id;
+    Fd fd;
+  };
+  PosixFileStore(Fd root, Fd temporaries, std::filesystem::path temporaries_path,
+                 std::filesystem::path checkpoint);
+  [[nodiscard]] FileResult<Place> locate(std::string_view name) const;
+  [[nodiscard]] FileResult<int> temporary(TransactionId id);
+  void close_temporary(TransactionId id);
+
+  Fd root_;
+  Fd temporaries_;
+  std::filesystem::path temporaries_path_;
+  std::filesystem::path checkpoint_;
+  std::vector<OpenTemporary> open_;  // newest last, bounded
+  std::string source_name_;          // of source_, the file read last
+  FileStamp source_stamp_;
+  Fd source_;
+};
+
+}  // namespace srfs::cfdp

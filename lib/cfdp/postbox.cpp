@@ -1,0 +1,173 @@
+#include "cfdp/postbox.hpp"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "wire/space_packet.hpp"
+
+namespace srfs::cfdp {
+namespace {
+
+constexpr std::string_view outbox_prefix = "outbox/";
+
+bool arrived(const Outcome& outcome) {
+  return outcome.condition == CfdpCondition::no_error && !outcome.incomplete;
+}
+
+}  // namespace
+
+Postbox::Postbox(std::filesystem::path root, std::unique_ptr<PosixFileStore> store, const Settings& settings,
+                 std::uint64_t first_sequence)
+    : root_(std::move(root)),
+      outbox_(root_ / "outbox"),
+      store_(std::move(store)),
+      entity_(settings, *store_, first_sequence) {}
+
+Result<std::unique_ptr<Postbox>, FileError> Postbox::open(const std::filesystem::path& root,
+                                                          const std::filesystem::path& checkpoint,
+                                                          const Settings& settings,
+                                                          std::uint64_t first_sequence, MonotonicTime now) {
+  auto store = PosixFileStore::open(root, checkpoint);
+  if (!store) return Err(store.error());
+  std::error_code ec;
+  for (const char* folder : {"outbox", "unsent"}) {
+    std::filesystem::create_directory(root / folder, ec);
+    if (ec) return Err(FileError{(root / folder).string() + ": " + ec.message()});
+  }
+  auto saved = (*store)->load_checkpoint();
+  if (!saved) return Err(saved.error());
+  std::unique_ptr<Postbox> postbox(new Postbox(root, std::move(*store), settings, first_sequence));
+  if (const auto restored = postbox->entity_.restore(*saved, now); !restored) {
+    postbox->damaged_ = restored.error();
+  }
+  postbox->look_at_transactions();
+  return postbox;
+}
+
+void Postbox::look_at_transactions() {
+  for (Report& report : entity_.transactions()) {
+    Report& known = known_[report.id];
+    known = std::move(report);
+  }
+}
+
+std::optional<TransactionId> Postbox::sending(const std::string& name) const {
+  const std::string source = std::string(outbox_prefix) + name;
+  for (const Report& report : entity_.transactions()) {
+    if (report.role == Role::sending && report.source_file == source) return report.id;
+  }
+  return std::nullopt;
+}
+
+void Postbox::scan() {
+  std::set<std::string> under_way;
+  for (const Report& report : entity_.transactions()) {
+    if (report.role == Role::sending) under_way.insert(report.source_file);
+  }
+  std::vector<std::string> found;
+  std::error_code ec;
+  for (std::filesystem::directory_iterator it(outbox_, ec), end; !ec && it != end; it.increment(ec)) {
+    if (found.size() == outbox_files_max) break;
+    const std::string name = it->path().filename().string();
+    if (name.starts_with('.') || it->symlink_status(ec).type() != std::filesystem::file_type::regular)
+      continue;
+    if (!under_way.contains(std::string(outbox_prefix) + name)) found.push_back(name);
+  }
+  std::sort(found.begin(), found.end());
+  for (const std::string& name : found) {
+    if (under_way.size() >= sending_max) break;
+    const std::string source = std::string(outbox_prefix) + name;
+    const auto id = entity_.put(source, name);
+    if (id) {
+      under_way.insert(source);
+      continue;
+    }
+    if (id.error() == PutError::no_room) break;
+    refused_.push_back(
+        {.event = {.kind = EventKind::finished,
+                   .outcome = {.condition = CfdpCondition::filestore_rejection,
+                               .incomplete = true,
+                               .file_status = wire::CfdpFileStatus::unreported}},
+         .file = {.id = {}, .source_file = source, .destination_file = name, .file_octets = {}}});
+    leave_outbox(source, false);
+  }
+  look_at_transactions();
+}
+
+void Postbox::on_pdu(OctetView pdu, MonotonicTime now) {
+  entity_.on_pdu(pdu, now);
+  look_at_transactions();
+}
+
+std::optional<Octets> Postbox::next_pdu(std::size_t octets_max, MonotonicTime now) {
+  return entity_.next_pdu(octets_max, now);
+}
+
+void Postbox::on_contact(MonotonicTime now) {
+  for (const Report& report : entity_.transactions()) {
+    if (report.rest == Rest::by_fault) entity_.resume(report.id, now);
+  }
+}
+
+std::vector<News> Postbox::take_news() {
+  look_at_transactions();
+  std::vector<News> news = std::exchange(refused_, {});
+  for (const Event& event : entity_.take_events()) {
+    const auto known = known_.find(event.id);
+    news.push_back({.event = event, .file = known == known_.end() ? Report{} : known->second});
+    if (event.kind != EventKind::finished || known == known_.end()) continue;
+    if (event.role == Role::sending) leave_outbox(known->second.source_file, arrived(event.outcome));
+    known_.erase(known);
+  }
+  return news;
+}
+
+void Postbox::leave_outbox(const std::string& source_file, bool sent) {
+  if (!source_file.starts_with(outbox_prefix)) return;
+  std::error_code ec;
+  if (!sent) {
+    std::filesystem::rename(root_ / source_file, root_ / "unsent" / source_file.substr(outbox_prefix.size()),
+                            ec);
+    if (!ec) return;
+  }
+  std::filesystem::remove(root_ / source_file, ec);  // gone already: nothing to do
+}
+
+PostboxTurnResult take_turn(Postbox& postbox, const PostboxTurn& turn, MonotonicTime now) {
+  PostboxTurnResult result;
+  if (turn.contact) postbox.on_contact(now);
+  for (const Octets& pdu : turn.received) postbox.on_pdu(pdu, now);
+  if (turn.scan) postbox.scan();
+  std::size_t room = turn.room_octets;
+  while (room >= turn.pdu_octets_max + turn.overhead_octets) {
+    auto pdu = postbox.next_pdu(turn.pdu_octets_max, now);
+    if (!pdu) break;
+    room -= pdu->size() + turn.overhead_octets;
+    result.pdus.push_back(std::move(*pdu));
+  }
+  postbox.entity().advance(now);
+  result.news = postbox.take_news();
+  result.next_due = postbox.entity().next_due(now);
+  result.counters = postbox.entity().counts();
+  for (const Report& report : postbox.entity().transactions()) {
+    ++result.transactions;
+    if (report.rest != Rest::none) ++result.resting;
+  }
+  return result;
+}
+
+bool is_pdu_packet(OctetView packet) {
+  return packet.size() >= wire::packet_header_octets &&
+         ((packet[0] & 0x07U) << 8U | packet[1]) == wire::cfdp_apid;
+}
+
+std::optional<OctetView> pdu_in_packet(OctetView packet) {
+  const auto view = wire::decode_space_packet(packet);
+  const bool whole = view && view->header.apid == wire::cfdp_apid && !view->header.has_secondary_header &&
+                     view->header.grouping == wire::PacketGrouping::unsegmented;
+  if (!whole) return std::nullopt;
+  return view->data;
+}
+
+}  // namespace srfs::cfdp

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <filesystem>
+
+#include <srfs_msgs/msg/telecommand.hpp>
+#include <srfs_msgs/msg/telecommand_report.hpp>
+
+#include "commanding/telecommand_journal.hpp"
+
+namespace srfs {
+
+/// A repeat class that nobody defined is treated as the most careful one, at_most_once.
+[[nodiscard]] StoredTelecommand from_message(const srfs_msgs::msg::Telecommand& message);
+/// @param node name and incarnation of the node that reports
+[[nodiscard]] srfs_msgs::msg::TelecommandReport to_message(const StageReport& report, const std::string& node,
+                                                           std::uint32_t incarnation, MonotonicTime now);
+
+/// What an earlier process of the node left in @p file, for this boot of the kernel. A file that cannot be
+/// used is said in the log: stored telecommands and known ids are lost. Blocks on the disk.
+[[nodiscard]] TelecommandJournal read_journal(const std::filesystem::path& file);
+
+}  // namespace srfs

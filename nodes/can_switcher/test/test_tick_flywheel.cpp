@@ -1,0 +1,287 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <vector>
+
+#include "nodes/can_switcher/tick_flywheel.hpp"
+
+namespace srfs {
+namespace {
+
+using Verdict = TickFlywheel::Verdict;
+using Substitute = TickFlywheel::Substitute;
+
+constexpr nanoseconds period = milliseconds(100);
+constexpr nanoseconds grace = milliseconds(25);
+
+struct World {
+  TickFlywheel flywheel;
+  MonotonicTime now{seconds(10)};
+  MissionCycle cycle = 500;
+
+  /// A tick that arrives at once. @param later  than the one before
+  Verdict tick(nanoseconds later = period) { return late_tick(later, nanoseconds(0)).verdict; }
+  TickFlywheel::Heard late_tick(nanoseconds later, nanoseconds late) {
+    now += later;
+    return flywheel.on_tick({.cycle = ++cycle, .due = now - late, .period = period, .received = now});
+  }
+  Verdict repeat(MissionCycle heard) {
+    return flywheel.on_tick({.cycle = heard, .due = now, .period = period, .received = now}).verdict;
+  }
+  Substitute wait_for_substitute() {
+    if (!flywheel.next_substitute()) return Substitute::not_due;
+    now = *flywheel.next_substitute();
+    return flywheel.on_deadline(now);
+  }
+};
+struct TickFlywheelTest : ::testing::Test, World {};
+
+TEST_F(TickFlywheelTest, MakesNoTickBeforeItHeardOne) {
+  EXPECT_FALSE(flywheel.next_substitute());
+  EXPECT_EQ(flywheel.on_deadline(now + seconds(100)), Substitute::not_due);
+  EXPECT_EQ(tick(), Verdict::beat);
+  EXPECT_EQ(flywheel.next_substitute(), now + period + grace);
+}
+
+TEST_F(TickFlywheelTest, GoesOnInTheSamePhaseWhileTicksAreMissing) {
+  tick();
+  const MonotonicTime last = now;
+  EXPECT_EQ(flywheel.on_deadline(last + period + grace - nanoseconds(1)), Substitute::not_due);
+  EXPECT_EQ(wait_for_substitute(), Substitute::beat);
+  EXPECT_EQ(now, last + period + grace);
+  EXPECT_EQ(wait_for_substitute(), Substitute::beat_in_outage) << "two in a row are no late tick any more";
+  EXPECT_EQ(now, last + 2 * period);
+  EXPECT_EQ(wait_for_substitute(), Substitute::beat) << "told once";
+  EXPECT_EQ(now, last + 3 * period);
+  EXPECT_EQ(flywheel.cycle(), cycle) << "a substitute has no number of its own";
+  EXPECT_EQ(flywheel.counters().substitutes, 3U);
+  EXPECT_EQ(flywheel.counters().outages, 1U);
+}
+
+TEST_F(TickFlywheelTest, ALateTickDoesNotBeatAgainAndIsNoOutage) {
+  tick();
+  const MonotonicTime due = now + period;
+  EXPECT_EQ(wait_for_substitute(), Substitute::beat);
+  const auto heard = late_tick(milliseconds(10), grace + milliseconds(10));
+  EXPECT_EQ(heard.verdict, Verdict::made);
+  EXPECT_FALSE(heard.ended);
+  EXPECT_EQ(flywheel.next_substitute(), due + period + grace) << "the phase is the tick's";
+  now = due + period;
+  EXPECT_EQ(tick(nanoseconds(0)), Verdict::beat);
+}
+
+TEST_F(TickFlywheelTest, TellsHowLongTheOutageWas) {
+  tick();
+  for (int i = 0; i < 5; ++i) (void)wait_for_substitute();
+  cycle += 1000;  // a restarted timing node
+  const auto heard = late_tick(period, nanoseconds(0));
+  EXPECT_EQ(heard.verdict, Verdict::beat);
+  ASSERT_TRUE(heard.ended);
+  EXPECT_EQ(heard.ended->substitutes, 5U);
+  EXPECT_EQ(heard.ended->lasted, 6 * period);
+  EXPECT_EQ(flywheel.next_substitute(), now + period + grace);
+  EXPECT_EQ(flywheel.counters().missed_cycles, 1000U);
+}
+
+TEST_F(TickFlywheelTest, AnotherPhaseAfterARestartMovesTheBeatWithoutADoubleOne) {
+  for (const int shift_ms : {1, 20, 49, 50, 51, 80, 99}) {
+    World world;
+    world.tick();
+    for (int i = 0; i < 3; ++i) (void)world.wait_for_substitute();
+    const MonotonicTime last_beat = world.now;
+    const bool soon = shift_ms < 50;
+    EXPECT_EQ(world.tick(milliseconds(shift_ms)), soon ? Verdict::made : Verdict::beat) << shift_ms;
+    if (soon) {
+      EXPECT_EQ(world.tick(), Verdict::beat) << shift_ms;
+    }
+    EXPECT_GE(world.now - last_beat, period / 2) << shift_ms;
+    EXPECT_LT(world.now - last_beat, period * 3 / 2) << shift_ms;
+    EXPECT_EQ(world.tick(), Verdict::beat) << shift_ms << ": and on from there";
+  }
+}
+
+TEST_F(TickFlywheelTest, AnotherPeriodAfterARestartIsKeptFromTheFirstTickOn) {
+  tick();
+  for (int i = 0; i < 3; ++i) (void)wait_for_substitute();
+  now += period;
+  const auto beat_at = [&](nanoseconds at) {
+    now += at;
+    return flywheel.on_tick({.cycle = ++cycle, .due = now, .period = milliseconds(20), .received = now})
+        .verdict;
+  };
+  EXPECT_EQ(beat_at(nanoseconds(0)), Verdict::beat);
+  EXPECT_EQ(beat_at(milliseconds(20)), Verdict::beat) << "faster ticks are not taken for repeated ones";
+  EXPECT_EQ(flywheel.next_substitute(), now + milliseconds(25));
+}
+
+TEST_F(TickFlywheelTest, ALongerPeriodBeginsWithTheTickThatSaysIt) {
+  tick();
+  now += period;
+  EXPECT_EQ(flywheel.on_tick({.cycle = ++cycle, .due = now, .period = seconds(1), .received = now}).verdict,
+            Verdict::beat);
+  EXPECT_EQ(flywheel.next_substitute(), now + milliseconds(1250));
+}
+
+TEST_F(TickFlywheelTest, RepeatedAndOlderTicksChangeNothing) {
+  tick();
+  const auto next = flywheel.next_substitute();
+  now += milliseconds(60);
+  EXPECT_EQ(repeat(cycle), Verdict::repeated);
+  EXPECT_EQ(repeat(cycle - 3), Verdict::repeated);
+  EXPECT_EQ(flywheel.next_substitute(), next);
+  EXPECT_EQ(flywheel.counters().repeated, 2U);
+}
+
+TEST_F(TickFlywheelTest, ASingleAbsurdTickNeitherBeatsNorMovesThePhase) {
+  tick();
+  const auto next = flywheel.next_substitute();
+  now += milliseconds(70);
+  EXPECT_EQ(repeat(~MissionCycle{0}), Verdict::repeated);
+  EXPECT_EQ(flywheel.next_substitute(), next);
+  EXPECT_EQ(tick(milliseconds(30)), Verdict::beat);
+}
+
+TEST_F(TickFlywheelTest, BelievesATimelineThatStartsAgainAfterItsSecondTickAlsoBetweenSubstitutes) {
+  tick();
+  (void)wait_for_substitute();
+  (void)wait_for_substitute();
+  cycle = 0;  // timing lost its count
+  EXPECT_EQ(tick(milliseconds(90)), Verdict::repeated);
+  EXPECT_EQ(wait_for_substitute(), Substitute::beat) << "until it is believed";
+  EXPECT_EQ(tick(milliseconds(90)), Verdict::beat);
+  EXPECT_EQ(flywheel.cycle(), 2U);
+}
+
+TEST_F(TickFlywheelTest, OfANonsenseDueTimeTheReceiptCounts) {
+  for (const MonotonicTime due : {MonotonicTime(seconds(0)), MonotonicTime(seconds(1'000'000))}) {
+    now += period;
+    EXPECT_EQ(flywheel.on_tick({.cycle = ++cycle, .due = due, .period = period, .received = now}).verdict,
+              Verdict::beat);
+    EXPECT_EQ(flywheel.next_substitute(), now + period + grace);
+  }
+}
+
+TEST_F(TickFlywheelTest, WithoutAPeriodItPassesTicksOnAndMakesNone) {
+  for (const nanoseconds unknown : {nanoseconds(0), nanoseconds(seconds(61))}) {
+    now += milliseconds(1);
+    EXPECT_EQ(flywheel.on_tick({.cycle = ++cycle, .due = now, .period = unknown, .received = now}).verdict,
+              Verdict::beat);
+    EXPECT_FALSE(flywheel.next_substitute());
+  }
+}
+
+TEST_F(TickFlywheelTest, StopsWithATimingNodeThatWasStoppedOnPurposeUntilItTicksAgain) {
+  tick();
+  EXPECT_FALSE(flywheel.stop(now + period + grace)) << "no outage ends with it: none was told";
+  EXPECT_FALSE(flywheel.next_substitute());
+  EXPECT_EQ(flywheel.on_deadline(now + seconds(9)), Substitute::not_due);
+  now += seconds(9);
+  EXPECT_EQ(tick(), Verdict::beat);
+  EXPECT_TRUE(flywheel.next_substitute());
+
+  (void)wait_for_substitute();
+  (void)wait_for_substitute();
+  const auto ended = flywheel.stop(now);
+  ASSERT_TRUE(ended);
+  EXPECT_EQ(ended->substitutes, 2U);
+}
+
+TEST_F(TickFlywheelTest, RestsUntilTheFirstTickAfterAnActivation) {
+  tick();
+  flywheel.rest();
+  EXPECT_FALSE(flywheel.next_substitute());
+  EXPECT_EQ(tick(milliseconds(1)), Verdict::beat) << "no beat of before the rest is in its way";
+}
+
+TEST_F(TickFlywheelTest, OfWhatItSleptThroughItMakesOneTickAndKeepsThePhase) {
+  tick();
+  const MonotonicTime last = now;
+  now += seconds(3) + milliseconds(40);
+  EXPECT_EQ(flywheel.on_deadline(now), Substitute::beat_in_outage);
+  EXPECT_EQ(flywheel.next_substitute(), last + seconds(3) + period);
+}
+
+/// Timing dies, hangs, comes late, comes back in another phase or with another count; ticks are repeated and
+/// forged. The beat does not care.
+TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    std::mt19937_64 random(seed);
+    const auto between = [&](std::int64_t low, std::int64_t high) {
+      return low + static_cast<std::int64_t>(random() % static_cast<std::uint64_t>(high - low + 1));
+    };
+    TickFlywheel flywheel;
+    MonotonicTime due{seconds(1)};  // of the next real tick
+    MonotonicTime arrives = due;
+    MissionCycle cycle = 100;
+    MissionCycle step = 1;
+    std::vector<MonotonicTime> beats;
+    const MonotonicTime end = due + seconds(60);
+    bool lost_count = false;
+
+    while (due < end) {
+      const auto substitute = flywheel.next_substitute();
+      if (substitute && *substitute < arrives) {
+        // A millisecond of lateness, as of a loaded machine.
+        const MonotonicTime at = std::min(*substitute + microseconds(between(0, 1000)), arrives);
+        ASSERT_NE(flywheel.on_deadline(at), Substitute::not_due);
+        beats.push_back(at);
+        continue;
+      }
+      cycle += step;
+      step = 1;
+      const HeardTick tick{.cycle = cycle, .due = due, .period = period, .received = arrives};
+      const Verdict verdict = flywheel.on_tick(tick).verdict;
+      if (verdict == Verdict::beat) beats.push_back(arrives);
+      ASSERT_TRUE(verdict != Verdict::repeated || lost_count) << "seed " << seed;
+      lost_count = verdict == Verdict::repeated;  // believed when the next one goes on from there
+      if (random() % 10 == 0) {
+        ASSERT_EQ(flywheel.on_tick(tick).verdict, Verdict::repeated);
+      }
+      if (random() % 50 == 0) {
+        HeardTick forged = tick;
+        forged.cycle = cycle + 5'000'000;
+        ASSERT_EQ(flywheel.on_tick(forged).verdict, Verdict::repeated);
+      }
+      due += period + microseconds(between(-1000, 1000));  // slewed
+      switch (random() % 20) {
+        case 0:  // killed: another phase, the count at its next reservation
+          due += milliseconds(between(1, 2000));
+          step = static_cast<MissionCycle>(between(1, 1000));
+          arrives = due + microseconds(between(0, 1000));
+          break;
+        case 1: {  // stopped: the same phase, and late
+          const std::int64_t missed = between(0, 20);
+          due += period * missed;
+          step = static_cast<MissionCycle>(missed) + 1;
+          arrives = due + milliseconds(between(0, 90));
+          break;
+        }
+        case 2:  // its disk is gone: it begins to count anew
+          due += milliseconds(between(1, 500));
+          cycle = random() % 50;
+          lost_count = true;
+          arrives = due;
+          break;
+        default:
+          arrives = due + microseconds(between(0, 1000));
+          break;
+      }
+    }
+
+    ASSERT_GT(beats.size(), 500U);
+    for (std::size_t i = 1; i < beats.size(); ++i) {
+      const nanoseconds apart = beats[i] - beats[i - 1];
+      // Lateness of a real tick, up to the grace where it still beats, comes on top and off.
+      ASSERT_GE(apart, period / 2 - grace - milliseconds(2)) << "seed " << seed << ", beat " << i;
+      ASSERT_LE(apart, period * 3 / 2 + grace + milliseconds(2)) << "seed " << seed << ", beat " << i;
+    }
+    // Phases move forwards by less than a period with each restart; nothing else is lost.
+    const double expected = static_cast<double>((beats.back() - beats.front()) / period);
+    ASSERT_GT(static_cast<double>(beats.size()), 0.93 * expected) << "seed " << seed;
+    ASSERT_LT(static_cast<double>(beats.size()), 1.07 * expected) << "seed " << seed;
+  }
+}
+
+}  // namespace
+}  // namespace srfs

@@ -1,0 +1,89 @@
+#include "nodes/can_switcher/tick_flywheel.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace srfs {
+
+nanoseconds TickFlywheel::grace(nanoseconds period) {
+  return std::max<nanoseconds>(period / 4, milliseconds(5));
+}
+
+TickFlywheel::Heard TickFlywheel::on_tick(const HeardTick& tick) {
+  if (!follows(tick.cycle)) {
+    ++counters_.repeated;
+    return {};
+  }
+  if (last_cycle_ && tick.cycle > *last_cycle_)
+    counters_.missed_cycles += static_cast<std::uint32_t>(tick.cycle - *last_cycle_ - 1);
+  last_cycle_ = tick.cycle;
+  ++counters_.ticks;
+
+  const bool known = tick.period > nanoseconds(0) && tick.period <= longest_period;
+  // Around a change of the period the shorter one counts: the first tick of the new one comes after the old.
+  const nanoseconds period =
+      known ? std::min(tick.period, period_ > nanoseconds(0) ? period_ : tick.period) : nanoseconds(0);
+  const bool plausible = tick.due <= tick.received && tick.received - tick.due <= tick.period;
+  const MonotonicTime due = plausible ? tick.due : tick.received;
+
+  Heard heard{.verdict = Verdict::beat, .ended = end_outage(due)};
+  if (last_beat_ && due < *last_beat_ + period / 2) {
+    ++counters_.made;
+    heard.verdict = Verdict::made;
+  } else {
+    last_beat_ = due;
+  }
+  period_ = known ? tick.period : nanoseconds(0);
+  phase_ = last_real_ = due;
+  turning_ = true;
+  return heard;
+}
+
+std::optional<TickFlywheel::Outage> TickFlywheel::end_outage(MonotonicTime at) {
+  const Outage outage{std::exchange(in_a_row_, 0), at - last_real_};
+  return std::exchange(told_, false) ? std::optional(outage) : std::nullopt;
+}
+
+std::optional<MonotonicTime> TickFlywheel::next_substitute() const {
+  if (!turning_ || period_ == nanoseconds(0)) return std::nullopt;
+  return phase_ + period_ + (in_a_row_ == 0 ? grace(period_) : nanoseconds(0));
+}
+
+TickFlywheel::Substitute TickFlywheel::on_deadline(MonotonicTime now) {
+  const auto due = next_substitute();
+  if (!due || now < *due) return Substitute::not_due;
+  phase_ = phase_ + period_ * ((now - phase_) / period_);
+  last_beat_ = now;
+  ++in_a_row_;
+  ++counters_.substitutes;
+  if (told_ || now - last_real_ < std::max(2 * period_, least_outage)) return Substitute::beat;
+  told_ = true;
+  ++counters_.outages;
+  return Substitute::beat_in_outage;
+}
+
+std::optional<TickFlywheel::Outage> TickFlywheel::stop(MonotonicTime now) {
+  turning_ = false;
+  return end_outage(now);
+}
+
+void TickFlywheel::rest() {
+  turning_ = false;
+  last_beat_.reset();
+  in_a_row_ = 0;
+  told_ = false;
+}
+
+bool TickFlywheel::follows(MissionCycle cycle) {
+  const auto plausible_after = [cycle](const std::optional<MissionCycle>& before, MissionCycle farthest) {
+    return before && cycle > *before && cycle - *before <= farthest;
+  };
+  if (!last_cycle_ || plausible_after(last_cycle_, longest_gap) || plausible_after(doubted_cycle_, 10)) {
+    doubted_cycle_.reset();
+    return true;
+  }
+  doubted_cycle_ = cycle;
+  return false;
+}
+
+}  // namespace srfs

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <mission/structures.hpp>
+
+#include "ros/ring/fault_ledger.hpp"
+
+namespace srfs {
+
+/// A line of the ledger as the ground gets it; what the structure has no room for is cut. Pure.
+[[nodiscard]] mission::RingFaultHousekeeping to_mission(const ros::FaultRecord& record);
+
+}  // namespace srfs

@@ -1,0 +1,187 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/time.hpp"
+#include "nodes/ttc/journal_log.hpp"
+#include "nodes/ttc/link_state.hpp"
+#include "nodes/ttc/report_outbox.hpp"
+#include "nodes/ttc/uplink_chain.hpp"
+
+namespace srfs {
+
+/// How a telecommand ended, as it was reported.
+struct TelecommandEnd {
+  Stage stage = Stage::completion;
+  bool success = true;
+  std::uint16_t failure_code = 0;
+  std::uint8_t step = 0;
+  Octets data;
+  friend bool operator==(const TelecommandEnd&, const TelecommandEnd&) = default;
+};
+
+/// An accepted telecommand and what is known of it.
+struct AcceptedTelecommand {
+  TelecommandOrigin origin;  ///< with its id
+  // The frame it came in.
+  std::uint8_t vc = 0;
+  bool sequenced = false;            ///< AD
+  std::uint8_t frame_sequence = 0;   ///< N(S)
+  std::optional<std::uint16_t> spi;  ///< nullopt: channel without security
+  std::uint64_t counter = 0;         ///< of the association: the IV
+  MonotonicTime accepted_at;         ///< of another boot: when it was restored
+  MonotonicTime expiry;
+  bool other_boot = false;  ///< accepted before this boot: the expiry means nothing any more
+  std::string target;       ///< node that executes it
+  std::uint32_t packet_crc = 0;
+  std::uint16_t packet_octets = 0;
+  Octets packet;  ///< kept until the end
+  // How far it got.
+  bool restored = false;  ///< accepted by an earlier process
+  bool reported = false;  ///< 1,1 was said
+  bool taken = false;     ///< its node has persisted it
+  bool started = false;
+  std::uint8_t last_step = 0;
+  std::optional<TelecommandEnd> end;
+  // Serials of what the ground is to be told.
+  std::uint64_t accepted_serial = 0;
+  std::uint64_t started_serial = 0;
+  std::uint64_t ended_serial = 0;
+};
+
+/// What is to be written: a whole state, or changes to the one before.
+struct JournalBatch {
+  std::optional<Octets> snapshot;
+  std::vector<JournalRecord> records;
+  bool sync = false;
+  std::uint64_t revision = 0;  ///< the journal's when this is written
+};
+
+struct AcceptanceJournalCounters {
+  std::uint64_t accepted = 0;
+  std::uint64_t restored = 0;   ///< not ended when the process before did
+  std::uint64_t repeats = 0;    ///< telecommands that were known: reported again, not executed
+  std::uint64_t forgotten = 0;  ///< ended ones whose outcome had to make room
+  std::uint64_t written_octets = 0;
+  std::uint64_t syncs = 0;
+  std::uint64_t snapshots = 0;
+  std::uint64_t failed_writes = 0;
+};
+
+/// The accepted telecommands, from 1,1 to the end that the ground was told, and what the link must remember
+/// with them: one record holds the packet, its id, the SDLS counters and the FARM states, so that one sync
+/// makes a telecommand and its anti-replay state durable. Recognises repeats and keeps their outcome.
+///
+/// Pure: apply() takes what was found on disk, take_batch() gives what must be written, on_written() says
+/// what became of it. Open telecommands are never forgotten (has_room() refuses first); of the ended ones
+/// the newest max_ended are kept.
+class AcceptanceJournal {
+ public:
+  static constexpr std::size_t max_open = 256;
+  static constexpr std::size_t max_ended = 256;
+  static constexpr std::size_t max_end_data = 64;
+  /// Changes not written yet; more (the disk hangs) are replaced by one snapshot.
+  static constexpr std::size_t max_pending_octets = 64U << 10;
+  /// A segment that is fuller is followed by the next one.
+  static constexpr std::size_t usual_fill_octets = 384U << 10;
+
+  /// @param boot_id       of this boot: monotonic times of another boot mean nothing
+  /// @param repeat_window in which the same packet on a secured channel is a repeat
+  AcceptanceJournal(std::string boot_id, milliseconds repeat_window,
+                    std::size_t fill_octets = usual_fill_octets)
+      : boot_id_(std::move(boot_id)), repeat_window_(repeat_window), fill_octets_(fill_octets) {}
+
+  // ---- start: apply() in the order of the records, then begin() once
+
+  /// @return false: not a record of this version (counted by the caller as damage)
+  bool apply(const JournalRecord& record);
+  /// @param older  the second home of the link state; of the two the newer one holds
+  /// @param first_id floor of the next id
+  void begin(const LinkState& older, std::uint64_t first_id, MonotonicTime now);
+  [[nodiscard]] const LinkState& link() const { return link_; }
+  [[nodiscard]] std::uint64_t next_id() const { return next_id_; }
+  /// In the order of their acceptance.
+  [[nodiscard]] std::vector<const AcceptedTelecommand*> known() const;
+
+  // ---- telecommands
+
+  [[nodiscard]] bool has_room() const { return open_ < max_open; }
+  /// @param link holds the counters of its frame. @return its id
+  std::uint64_t accept(const UplinkedPacket& uplinked, const TelecommandOrigin& origin,
+                       const std::string& target, MonotonicTime expiry, const LinkState& link,
+                       MonotonicTime now);
+  /// The link state changed without a telecommand, or with one that was refused.
+  void on_link(const LinkState& link);
+  void on_taken(std::uint64_t id);
+  /// What was reported of it. A failed acceptance: it was refused after all and must not come back from the
+  /// disk.
+  void on_stage(const StageReached& stage);
+
+  /// The accepted telecommand that a frame repeats which the link did not let through: same association and
+  /// counter, or same N(S) and packet on its channel.
+  [[nodiscard]] const AcceptedTelecommand* find_repeated_frame(const UplinkedPacket& uplinked);
+  /// The one that a packet on a secured channel repeats although its frame is new.
+  [[nodiscard]] const AcceptedTelecommand* find_repeated_packet(const UplinkedPacket& uplinked,
+                                                                MonotonicTime now);
+
+  // ---- what the ground was told
+
+  /// Rises with each acceptance, start and end.
+  [[nodiscard]] std::uint64_t serial() const { return serial_; }
+  /// Up to this serial everything was sent and stored; what came later is reported again after a restart.
+  void on_told(std::uint64_t serial);
+  [[nodiscard]] std::uint64_t told() const { return told_; }
+  /// Reports again how far @p telecommand got, of what came after serial @p told.
+  static void tell_again(const AcceptedTelecommand& telecommand, std::uint64_t told, ReportOutbox& outbox);
+
+  // ---- writing: one batch at a time
+
+  /// Rises with each change that must be on disk before a telecommand is executed.
+  [[nodiscard]] std::uint64_t revision() const { return revision_; }
+  [[nodiscard]] bool wants_write() const { return !writing_ && (snapshot_wanted_ || !pending_.empty()); }
+  [[nodiscard]] bool wants_sync() const { return unsynced_; }
+  [[nodiscard]] JournalBatch take_batch(bool sync);
+  /// @param used_octets of the segment. After a failure the next batch is a snapshot.
+  void on_written(const JournalBatch& batch, bool success, std::size_t used_octets);
+
+  [[nodiscard]] std::size_t open() const { return open_; }
+  [[nodiscard]] const AcceptanceJournalCounters& counters() const { return counters_; }
+
+ private:
+  using Entries = std::map<std::uint64_t, AcceptedTelecommand>;
+  void add(std::uint8_t kind, OctetWriter&& payload);
+  void withdraw(std::uint64_t id);
+  void end(AcceptedTelecommand& entry, TelecommandEnd end);
+  void forget_oldest();
+  [[nodiscard]] Octets encode_snapshot() const;
+  bool apply_snapshot(OctetReader& reader);
+  bool apply_change(std::uint8_t kind, OctetReader& reader);
+  AcceptedTelecommand* find(std::uint64_t id);
+
+  std::string boot_id_;
+  milliseconds repeat_window_;
+  std::size_t fill_octets_;
+  Entries entries_;                  ///< by id
+  std::deque<std::uint64_t> ended_;  ///< oldest first
+  std::size_t open_ = 0;
+  LinkState link_;
+  std::uint64_t next_id_ = 1;
+  std::uint64_t serial_ = 0;
+  std::uint64_t told_ = 0;
+  std::uint64_t revision_ = 0;
+  bool applied_same_boot_ = false;  ///< of the records applied last
+  std::vector<JournalRecord> pending_;
+  std::size_t pending_octets_ = 0;
+  bool snapshot_wanted_ = true;  ///< each process begins a segment: damage does not stay
+  bool writing_ = false;
+  bool unsynced_ = false;
+  AcceptanceJournalCounters counters_;
+};
+
+}  // namespace srfs

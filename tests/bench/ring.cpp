@@ -1,0 +1,170 @@
+#include <sys/file.h>
+
+#include <fcntl.h>
+#include <csignal>
+#include <numeric>
+#include <sstream>
+#include <stdexcept>
+
+#include "base/file.hpp"
+#include "ros/publisher.hpp"
+#include "ros/topics.hpp"
+#include "tests/bench/measures.hpp"
+#include "tests/bench/suite.hpp"
+
+namespace srfs::bench {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// As `srfs up` and `srfs down` do it: who is not started yet is not missing, and who is ended is not
+/// restarted.
+class UpAndDown {
+ public:
+  explicit UpAndDown(const Suite& suite) : suite_(suite) {
+    fs::create_directories(suite.var().run());
+    lock_ = Fd(open(suite.var().starting_lock().c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    if (!lock_ || flock(lock_.get(), LOCK_EX) != 0) throw std::runtime_error("no lock for the start");
+  }
+  void all_are_up() { lock_.reset(); }
+  void end() { (void)write_file_atomically(suite_.var().stopping_flag(), "bench\n"); }
+
+ private:
+  const Suite& suite_;
+  Fd lock_;
+};
+
+/// Nodes with the ring, all up.
+struct RingNodes {
+  RingNodes(const fs::path& bin, int count)
+      : suite(bin, count, 0, Suite::Ring::on), up_and_down(suite), nodes(start_nodes(suite, 0, count)) {
+    up_and_down.all_are_up();
+  }
+  ~RingNodes() { up_and_down.end(); }
+  RingNodes(const RingNodes&) = delete;
+  RingNodes& operator=(const RingNodes&) = delete;
+
+  Suite suite;
+  UpAndDown up_and_down;
+  std::vector<Child> nodes;
+};
+
+struct RawNodes {
+  enum class Asks : bool { nobody, the_next };
+  RawNodes(const fs::path& bin, int count, Endpoints endpoints, Asks asks) : suite(bin, count, 0) {
+    for (int i = 0; i < count; ++i) {
+      std::vector<int> asked;
+      if (asks == Asks::the_next) asked.push_back((i + 1) % count);
+      nodes.push_back(suite.start_raw(i, endpoints.writers, endpoints.readers, asked));
+    }
+    for (int i = 0; i < count; ++i) {
+      if (!RawStateClient(suite.domain(), Suite::name(i)).ask())
+        throw std::runtime_error("a raw peer did not come up");
+    }
+  }
+  /// What they asked and what was answered, until now; they end.
+  Json end() {
+    for (Child& node : nodes) node.end(SIGTERM);
+    std::ifstream log(suite.folder() / "bench.log");
+    std::uint64_t asked = 0;
+    std::uint64_t answered = 0;
+    for (std::string line; std::getline(log, line);) {
+      std::istringstream words(line);
+      std::string name;
+      std::string verb;
+      std::uint64_t a = 0;
+      std::uint64_t b = 0;
+      if (words >> name >> verb >> a && verb == "asked" && words >> verb >> b) {
+        asked += a;
+        answered += b;
+      }
+    }
+    return {{"asked", asked}, {"answered", answered}};
+  }
+
+  Suite suite;
+  std::vector<Child> nodes;
+};
+
+/// What the ring says of itself for a while.
+Json listen_to_the_ring(int domain, seconds time) {
+  ros::Executor executor;
+  const auto participant = ros::Participant::create({.domain = domain, .executor = &executor}).value();
+  std::uint64_t alive = 0;
+  std::uint64_t misses = 0;
+  std::uint64_t others = 0;
+  std::optional<MonotonicTime> first;
+  MonotonicTime last;
+  const ros::Subscription<srfs_msgs::msg::LivenessReport> reports(
+      executor, *participant, ros::topics::liveness,
+      [&](const srfs_msgs::msg::LivenessReport& r, const ros::MessageInfo&) {
+        if (!first) first = monotonic_now();
+        last = monotonic_now();
+        using Report = srfs_msgs::msg::LivenessReport;
+        ++(r.verdict == Report::ALIVE ? alive : r.verdict == Report::MISS ? misses : others);
+      });
+  executor.spin_until([] { return false; }, monotonic_now() + time);
+  const double heard_s = first ? ms(last - *first) / 1000 : 0;
+  return {{"checks_answered_per_s", heard_s > 0 ? static_cast<double>(alive) / heard_s : 0},
+          {"misses", misses},
+          {"other_verdicts", others}};
+}
+
+std::vector<std::uint32_t> incarnations(const Suite& suite, int nodes) {
+  std::vector<std::uint32_t> numbers;
+  for (int i = 0; i < nodes; ++i) {
+    const auto instance = ros::find_instance(suite.var(), Suite::name(i));
+    numbers.push_back(instance ? instance->incarnation : 0);
+  }
+  return numbers;
+}
+
+}  // namespace
+
+Json measure_ring(const fs::path& bin, int nodes, seconds duration) {
+  RingNodes with_ring(bin, nodes);
+  const Suite idle_suite(bin, nodes, 0);
+  const std::vector<Child> without_ring = start_nodes(idle_suite, 0, nodes);
+  const Endpoints endpoints = endpoints_of(idle_suite.domain(), Suite::name(0));
+  // As the ring does it while nobody is in doubt.
+  RawNodes raw(bin, nodes, endpoints, RawNodes::Asks::the_next);
+  const RawNodes raw_idle(bin, nodes, endpoints, RawNodes::Asks::nobody);
+  std::this_thread::sleep_for(seconds(5));  // the clients' leases and the first announcements are over
+
+  const std::vector<std::pair<const char*, const std::vector<Child>*>> kinds{{"ring", &with_ring.nodes},
+                                                                             {"no_ring", &without_ring},
+                                                                             {"raw", &raw.nodes},
+                                                                             {"raw_idle", &raw_idle.nodes}};
+  const auto started_as = incarnations(with_ring.suite, nodes);
+  std::vector<std::vector<nanoseconds>> before;
+  for (const auto& [name, processes] : kinds) before.push_back(cpu_times_of(*processes));
+  const MonotonicTime begun = monotonic_now();
+  std::this_thread::sleep_for(duration);
+  const double elapsed_ms = ms(monotonic_now() - begun);
+  Json percent;
+  for (std::size_t k = 0; k < kinds.size(); ++k) {
+    const auto after = cpu_times_of(*kinds[k].second);
+    double together = 0;
+    for (std::size_t i = 0; i < after.size(); ++i) together += 100 * ms(after[i] - before[k][i]) / elapsed_ms;
+    percent[kinds[k].first] = together;
+  }
+  const Json heard = listen_to_the_ring(with_ring.suite.domain(), seconds(3));
+  const bool nobody_died = started_as == incarnations(with_ring.suite, nodes);
+
+  const auto of = [&](const char* kind) { return percent[kind].get<double>(); };
+  const double ring = of("ring") - of("no_ring");
+  const double requests = of("raw") - of("raw_idle");
+  return {{"nodes", nodes},
+          {"period_ms", check_period.count()},
+          {"duration_s", duration.count()},
+          {"cpu_percent_together", percent},
+          {"ring_cpu_percent", ring},
+          {"raw_cpu_percent", requests},
+          {"ratio", ring / requests},
+          {"ratio_whole_processes", of("ring") / of("raw")},
+          {"heard", heard},
+          {"raw_requests", raw.end()},
+          {"nobody_died", nobody_died}};
+}
+
+}  // namespace srfs::bench

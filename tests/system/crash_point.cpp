@@ -1,0 +1,111 @@
+// Preloaded into ttc by test_once.py: ends the process with SIGKILL at the n-th system call after a
+// telecommand came, of the kinds by which it takes octets, writes its journal, speaks to other nodes and to
+// the line. What is armed stands in a mapped file, so that only one process ends.
+
+#include <atomic>
+#include <cstdint>
+#include <cstdlib>
+
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+namespace {
+
+struct CrashPoint {
+  std::atomic<std::uint64_t>
+      calls;  ///< 0: not armed. N: the process ends before its N-th call, and nobody is armed any more
+  std::atomic<std::uint64_t> begun;  ///< a telecommand came since it was armed: calls count
+};
+
+CrashPoint* crash_point() {
+  static CrashPoint* const mapped = []() -> CrashPoint* {
+    const char* path = std::getenv("SRFS_CRASH_POINT");
+    if (path == nullptr) return nullptr;
+    const int fd = open(path, O_RDWR | O_CLOEXEC);
+    if (fd < 0) return nullptr;
+    void* page = mmap(nullptr, sizeof(CrashPoint), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+    close(fd);
+    return page == MAP_FAILED ? nullptr : static_cast<CrashPoint*>(page);
+  }();
+  return mapped;
+}
+
+void count() {
+  CrashPoint* point = crash_point();
+  if (point == nullptr || point->begun == 0) return;
+  std::uint64_t before = point->calls.load();
+  while (before > 0 && !point->calls.compare_exchange_weak(before, before - 1)) {
+  }
+  if (before == 1) kill(getpid(), SIGKILL);
+}
+
+/// The start sequence of a CLTU in what was read.
+void look_for_a_telecommand(const void* data, ssize_t octets) {
+  CrashPoint* point = crash_point();
+  if (point == nullptr || point->calls == 0 || octets < 2) return;
+  const auto* bytes = static_cast<const std::uint8_t*>(data);
+  for (ssize_t i = 0; i + 1 < octets; ++i) {
+    if (bytes[i] == 0xEB && bytes[i + 1] == 0x90) point->begun = 1;
+  }
+}
+
+template <typename Function>
+Function* next(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+}  // namespace
+
+extern "C" {
+
+ssize_t read(int fd, void* data, size_t octets) {
+  static auto* const real = next<ssize_t(int, void*, size_t)>("read");
+  count();
+  const ssize_t taken = real(fd, data, octets);
+  look_for_a_telecommand(data, taken);
+  return taken;
+}
+
+ssize_t write(int fd, const void* data, size_t octets) {
+  static auto* const real = next<ssize_t(int, const void*, size_t)>("write");
+  count();
+  return real(fd, data, octets);
+}
+
+ssize_t pwrite64(int fd, const void* data, size_t octets, off64_t offset) {
+  static auto* const real = next<ssize_t(int, const void*, size_t, off64_t)>("pwrite64");
+  count();
+  return real(fd, data, octets, offset);
+}
+
+ssize_t pwrite(int fd, const void* data, size_t octets, off_t offset) {
+  static auto* const real = next<ssize_t(int, const void*, size_t, off_t)>("pwrite");
+  count();
+  return real(fd, data, octets, offset);
+}
+
+int fdatasync(int fd) {
+  static auto* const real = next<int(int)>("fdatasync");
+  count();
+  return real(fd);
+}
+
+ssize_t sendto(int fd, const void* data, size_t octets, int flags, const sockaddr* to, socklen_t length) {
+  static auto* const real =
+      next<ssize_t(int, const void*, size_t, int, const sockaddr*, socklen_t)>("sendto");
+  count();
+  return real(fd, data, octets, flags, to, length);
+}
+
+ssize_t sendmsg(int fd, const msghdr* message, int flags) {
+  static auto* const real = next<ssize_t(int, const msghdr*, int)>("sendmsg");
+  count();
+  return real(fd, message, flags);
+}
+
+}  // extern "C"

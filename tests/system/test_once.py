@@ -1,0 +1,137 @@
+"""ttc killed while telecommands run: what it accepted is executed once, and its end is told; a telecommand sent again is not executed again."""
+
+import collections
+import mmap
+import os
+import random
+import signal
+import struct
+import threading
+
+import unittest
+
+from support import BIN, DEADLINE_S, SystemTest, wait_for_slots, wait_until
+
+PERIPHERALS = {"eps": "eps.switch_load load=2 state={}", "adcs": "adcs.set_mode mode={}", "thermal": "thermal.set_setpoint heater=0 setpoint_k={}"}
+ARGUMENTS = {"eps": ("on", "off"), "adcs": ("point", "idle"), "thermal": ("291", "289")}
+PATIENCE_S = 90  # of the ground: the ring waits longer from death to death
+WINDOW_MS = 1000  # of the ring's patience with deaths, the shortest there is
+UNDER_WAY = 3  # telecommands of one payload
+INTERRUPTED = 36
+
+
+class OnceTest(SystemTest):
+    """Telecommands with an id, which their peripherals list when they execute them."""
+
+    def stages(self, ground, line):
+        return ground.select(lambda m: m["type"] == "tc_stage" and m["line"] == line)
+
+    def names(self, ground, line):
+        return [m["stage"] for m in self.stages(ground, line)]
+
+    def executed(self, flight, peripheral):
+        return flight.control({"query": "executed"})["executed"][peripheral]
+
+    def send(self, ground, number, peripheral=None):
+        peripheral = peripheral or tuple(PERIPHERALS)[number % len(PERIPHERALS)]
+        text = PERIPHERALS[peripheral].format(ARGUMENTS[peripheral][number // len(PERIPHERALS) % 2])
+        return ground.send(f"tc {text} --timeout {PATIENCE_S}")
+
+    def kill_ttc(self, flight):
+        pid = flight.node_pid("ttc")
+        if pid:
+            os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, "the ring has started ttc again")
+
+    def wait_for_the_end(self, ground, lines):
+        """Of those that were accepted; a frame that came to a dead ttc nobody took. What a restarted ttc says again stands before its first answer."""
+        wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
+        for line in lines:
+            if "accepted" in self.names(ground, line):
+                self.assertIsNotNone(ground.outcome(line, PATIENCE_S + DEADLINE_S), f"line {line}: {self.names(ground, line)}")
+
+    def judge(self, flight, ground, recorder, lines):
+        """Every accepted one has its end on the ground; every one is executed at most once, every completed one exactly once."""
+        self.wait_for_the_end(ground, lines)
+        accepted = [line for line in lines if "accepted" in self.names(ground, line)]
+        for line in accepted:
+            self.assertEqual(self.names(ground, line)[-1], "completed", f"line {line}: {self.stages(ground, line)}")
+        ids = {m["id"]: m["target"] for m in recorder.select(lambda m: m["type"] == "telecommand")}
+        for peripheral in PERIPHERALS:
+            found = self.executed(flight, peripheral)
+            self.assertEqual(found["count"], len(found["last"]), "the list is complete")
+            times = collections.Counter(found["last"])
+            self.assertEqual([number for number, n in times.items() if n > 1], [], f"executed twice at {peripheral}")
+            ours = {number & 0xFFFFFFFF for number, target in ids.items() if target == f"payload_{peripheral}"}
+            self.assertLessEqual(set(times), ours)
+            completed = sum(self.stages(ground, line)[0]["command"].startswith(peripheral) for line in accepted)
+            self.assertGreaterEqual(found["count"], completed)
+        return accepted
+
+
+class KilledTtcTest(OnceTest):
+    def test_every_accepted_telecommand_is_executed_once_and_its_end_is_told(self):
+        seed = random.randrange(1 << 32)
+        print(f"seed {seed}")
+        chance = random.Random(seed)
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            wait_for_slots(recorder, "payload_eps", "released", 2, 0)
+            lines = []
+            for _ in range(6):
+                for _ in range(UNDER_WAY):
+                    lines += [self.send(ground, len(lines) + k) for k in range(len(PERIPHERALS))]
+                # Anywhere between the first octet and the last report.
+                threading.Event().wait(chance.uniform(0, 0.4))
+                self.kill_ttc(flight)
+            accepted = self.judge(flight, ground, recorder, lines)
+            self.assertGreater(len(accepted), len(lines) // 4)
+            self.assertEqual([node["restarts"] for node in flight.status() if node["name"] != "ttc"], [0] * 8, "nobody else")
+
+    def test_a_payload_and_ttc_killed_together_lose_nothing(self):
+        with self.flight() as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            wait_for_slots(recorder, "payload_eps", "released", 2, 0)
+            lines = [self.send(ground, n, "eps") for n in range(6)]
+            self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "tc_stage" and m["stage"] == "accepted", DEADLINE_S))
+            payload = flight.node_pid("payload_eps")
+            os.kill(payload, signal.SIGKILL)
+            self.kill_ttc(flight)
+            self.assertTrue(self.judge(flight, ground, recorder, lines))
+
+
+class CrashPointTest(OnceTest):
+    CALLS = int(os.environ.get("SRFS_CRASH_POINTS", "16"))
+
+    def armed_deployment(self):
+        self.point = self.folder / "crash_point"
+        self.point.write_bytes(bytes(16))
+        wrapper = self.folder / "ttc_node"
+        wrapper.write_text(f'#!/bin/sh\nexport LD_PRELOAD={BIN.parent}/lib/libsrfs_crash_point.so SRFS_CRASH_POINT={self.point}\nexec {BIN}/ttc_node "$@"\n')
+        wrapper.chmod(0o755)
+        # It dies here more often than any node should: patience is for deaths that follow upon each other.
+        return self.deployment(("executable: ttc_node\n", f"executable: {wrapper}\n"), ("ring:", f"ring:\n  window_ms: {WINDOW_MS}"))
+
+    def test_killed_at_each_system_call_of_a_telecommand_it_is_executed_once(self):
+        with self.flight(self.armed_deployment()) as flight:
+            recorder, ground = flight.recorder(), flight.ground()
+            wait_for_slots(recorder, "payload_eps", "released", 2, 0)
+            lines, killed = [], 0
+            with open(self.point, "r+b") as file, mmap.mmap(file.fileno(), 16) as point:
+                for call in range(1, self.CALLS + 1):
+                    pid = flight.node_pid("ttc")
+                    point[:] = struct.pack("=QQ", call, 0)
+                    lines.append(self.send(ground, call))
+                    # Its other work goes on, so the call comes in any case.
+                    wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, f"ttc ended before call {call} and is back")
+                    killed += 1
+                    back = recorder.position()
+                    wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
+                    ticks = WINDOW_MS // 100 + 2
+                    wait_until(lambda: len(recorder.select(lambda m: m["type"] == "tick", back)) > ticks, DEADLINE_S, "the death is out of the window")
+            self.judge(flight, ground, recorder, lines)
+            self.assertEqual(killed, self.CALLS)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,142 @@
+#pragma once
+
+#include <algorithm>
+#include <cassert>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cfdp/file_store.hpp"
+
+namespace srfs::cfdp {
+
+/// The machine dies in the middle of a call of the store.
+struct Killed {};
+
+/// A disk in memory that forgets what was not synced, refuses what it is told to refuse, and can kill its
+/// user at any call.
+class MemoryFileStore final : public FileStore {
+ public:
+  struct File {
+    Octets octets;
+    FileStamp stamp;
+  };
+  std::map<std::string, File, std::less<>> files;
+  Octets checkpoint;
+  std::optional<FileFault> write_fault;
+  std::optional<FileFault> commit_fault;
+  std::optional<FileFault> reserve_fault;
+  std::optional<FileFault> sync_fault;
+  std::optional<FileFault> checkpoint_fault;
+  std::optional<std::size_t> calls_until_kill;  ///< of changing calls
+  bool kill_after_effect = false;               ///< the call that kills still reaches the disk
+  std::size_t largest_read = 0;
+
+  void add(const std::string& name, Octets octets) {
+    const std::size_t size = octets.size();
+    files[name] = {.octets = std::move(octets),
+                   .stamp = {.octets = size, .inode = ++last_inode_, .modified_ns = 0}};
+  }
+  [[nodiscard]] const Octets* content(const std::string& name) const {
+    const auto found = files.find(name);
+    return found == files.end() ? nullptr : &found->second.octets;
+  }
+  [[nodiscard]] std::size_t temporaries() const { return temporaries_.size(); }
+  /// Power loss, or the kill of a process whose writes never reached the disk.
+  void lose_unsynced() {
+    for (auto& [id, t] : temporaries_) t.now = t.synced;
+  }
+
+  FileResult<FileStamp> stamp(std::string_view name) override {
+    if (name.find("..") != std::string_view::npos) return Err(FileFault::bad_name);
+    const auto found = files.find(name);
+    if (found == files.end()) return Err(FileFault::not_found);
+    return found->second.stamp;
+  }
+  FileResult<std::size_t> read(std::string_view name, std::uint64_t offset,
+                               std::span<std::uint8_t> into) override {
+    const auto found = files.find(name);
+    if (found == files.end()) return Err(FileFault::not_found);
+    return copy(found->second.octets, offset, into);
+  }
+  FileResult<void> check_destination(std::string_view name) override {
+    if (name.empty() || name.front() == '/' || name.find("..") != std::string_view::npos) {
+      return Err(FileFault::bad_name);
+    }
+    return {};
+  }
+  FileResult<void> create_temporary(TransactionId id) override {
+    return change([&] { temporaries_[id] = {}; });
+  }
+  FileResult<void> reserve(TransactionId, std::uint64_t) override {
+    if (reserve_fault) return Err(*reserve_fault);
+    return {};
+  }
+  FileResult<void> write_temporary(TransactionId id, std::uint64_t offset, OctetView data) override {
+    if (write_fault) return Err(*write_fault);
+    if (!temporaries_.contains(id)) return Err(FileFault::not_found);
+    return change([&] {
+      Octets& octets = temporaries_[id].now;
+      octets.resize(std::max<std::size_t>(octets.size(), offset + data.size()));
+      std::copy(data.begin(), data.end(), octets.begin() + static_cast<std::ptrdiff_t>(offset));
+    });
+  }
+  FileResult<std::size_t> read_temporary(TransactionId id, std::uint64_t offset,
+                                         std::span<std::uint8_t> into) override {
+    const auto found = temporaries_.find(id);
+    if (found == temporaries_.end()) return Err(FileFault::not_found);
+    return copy(found->second.now, offset, into);
+  }
+  FileResult<void> sync_temporary(TransactionId id) override {
+    if (sync_fault) return Err(*sync_fault);
+    return change([&] { temporaries_[id].synced = temporaries_[id].now; });
+  }
+  FileResult<void> commit(TransactionId id, std::uint64_t octets, std::string_view name) override {
+    if (commit_fault) return Err(*commit_fault);
+    if (!temporaries_.contains(id)) return Err(FileFault::not_found);
+    return change([&] {
+      Octets content = temporaries_[id].now;
+      content.resize(octets);
+      temporaries_.erase(id);
+      add(std::string(name), std::move(content));
+    });
+  }
+  void discard_temporary(TransactionId id) override {
+    (void)change([&] { temporaries_.erase(id); });
+  }
+  void discard_temporaries_except(std::span<const TransactionId> kept) override {
+    std::erase_if(temporaries_,
+                  [&](const auto& t) { return std::find(kept.begin(), kept.end(), t.first) == kept.end(); });
+  }
+  FileResult<void> save_checkpoint(OctetView octets) override {
+    if (checkpoint_fault) return Err(*checkpoint_fault);
+    return change([&] { checkpoint.assign(octets.begin(), octets.end()); });
+  }
+
+ private:
+  struct Temporary {
+    Octets now;
+    Octets synced;
+  };
+  FileResult<void> change(const std::function<void()>& effect) {
+    const bool dies = calls_until_kill && (*calls_until_kill)-- == 0;
+    if (dies) calls_until_kill.reset();
+    if (!dies || kill_after_effect) effect();
+    if (dies) throw Killed{};
+    return {};
+  }
+  std::size_t copy(const Octets& from, std::uint64_t offset, std::span<std::uint8_t> into) {
+    largest_read = std::max(largest_read, into.size());
+    if (offset >= from.size()) return 0;
+    const std::size_t n = std::min<std::size_t>(into.size(), from.size() - offset);
+    std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(offset), n, into.begin());
+    return n;
+  }
+
+  std::map<TransactionId, Temporary> temporaries_;
+  std::uint64_t last_inode_ = 0;
+};
+
+}  // namespace srfs::cfdp

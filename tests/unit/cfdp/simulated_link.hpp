@@ -1,0 +1,189 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <random>
+
+#include "cfdp/entity.hpp"
+#include "unit/cfdp/memory_file_store.hpp"
+
+namespace srfs::cfdp {
+
+inline constexpr std::uint64_t ground = 1;
+inline constexpr std::uint64_t satellite = 2;
+
+inline Octets random_file(std::size_t octets, unsigned seed) {
+  std::mt19937 random(seed);
+  Octets file(octets);
+  for (auto& octet : file) octet = static_cast<std::uint8_t>(random());
+  return file;
+}
+
+struct LinkFaults {
+  double loss = 0;
+  double duplication = 0;
+  double octet_flips = 0;  ///< a flipped octet costs its PDU: frames have a CRC
+  milliseconds jitter{0};  ///< PDUs overtake one another
+};
+
+/// Two entities with their disks, and a line with a rate and a delay between them. Time is simulated.
+class SimulatedLink {
+ public:
+  struct End {
+    std::uint64_t id = 0;
+    Settings settings;
+    MemoryFileStore files;
+    std::unique_ptr<Entity> entity;  ///< none: killed
+    std::vector<Event> events;
+    MonotonicTime line_free_at;
+    MonotonicTime alive_again_at;
+    std::uint64_t pdus = 0;  ///< handed to the line
+    Counters counters_before;
+  };
+
+  explicit SimulatedLink(LinkFaults faults_ = {}, unsigned seed = 1) : faults(faults_), random_(seed) {
+    for (const std::size_t i : {0U, 1U}) {
+      ends[i].id = i == 0 ? ground : satellite;
+      ends[i].settings.own_entity = ends[i].id;
+      ends[i].settings.peer_entity = i == 0 ? satellite : ground;
+    }
+  }
+  void start() {
+    for (End& end : ends) boot(end);
+  }
+  End& at(std::uint64_t id) { return ends[id == ground ? 0 : 1]; }
+  Entity& entity(std::uint64_t id) { return *at(id).entity; }
+
+  /// Kills an end; it is back after @p pause with what its disk kept.
+  void kill(End& end, nanoseconds pause) {
+    if (!end.entity) return;
+    take_events(end);
+    end.entity.reset();
+    end.files.lose_unsynced();
+    end.alive_again_at = now + pause;
+  }
+
+  /// Runs until nothing is left to do, or @p until.
+  /// @return false: it was not done by then
+  bool run(MonotonicTime until) {
+    while (true) {
+      const auto next = next_time();
+      if (!next) return true;
+      if (*next > until) {
+        now = until;
+        return false;
+      }
+      now = std::max(now, *next);
+      step();
+    }
+  }
+  /// Runs for a while.
+  void run_for(milliseconds time) {
+    const MonotonicTime until = now + time;
+    (void)run(until);
+    now = until;
+  }
+  [[nodiscard]] bool idle() const {
+    return std::all_of(ends.begin(), ends.end(),
+                       [](const End& e) { return e.entity && e.entity->transactions().empty(); });
+  }
+  std::vector<Event> events_of(std::uint64_t id, EventKind kind) {
+    End& end = at(id);
+    if (end.entity) take_events(end);
+    std::vector<Event> found;
+    std::copy_if(end.events.begin(), end.events.end(), std::back_inserter(found),
+                 [&](const Event& e) { return e.kind == kind; });
+    return found;
+  }
+
+  std::array<End, 2> ends;
+  LinkFaults faults;
+  MonotonicTime now{seconds(1000)};
+  double octets_per_second = 20'000;
+  milliseconds delay{40};
+  std::size_t pdu_octets_max = 980;
+  /// Sees every PDU that is handed to the line; false loses it.
+  std::function<bool(std::uint64_t from, OctetView pdu)> on_line = [](std::uint64_t, OctetView) {
+    return true;
+  };
+
+ private:
+  void boot(End& end) {
+    end.entity = std::make_unique<Entity>(end.settings, end.files, 1);
+    try {
+      (void)end.entity->restore(end.files.checkpoint, now);
+    } catch (const Killed&) {
+      kill(end, milliseconds(10));
+    }
+  }
+  void take_events(End& end) {
+    const auto events = end.entity->take_events();
+    end.events.insert(end.events.end(), events.begin(), events.end());
+  }
+  std::optional<MonotonicTime> next_time() const {
+    std::optional<MonotonicTime> next;
+    const auto consider = [&](MonotonicTime t) {
+      if (!next || t < *next) next = t;
+    };
+    if (!flying_.empty()) consider(flying_.begin()->first);
+    for (const End& end : ends) {
+      if (!end.entity) {
+        consider(end.alive_again_at);
+      } else if (const auto due = end.entity->next_due(now)) {
+        consider(std::max(*due, end.line_free_at));
+      }
+    }
+    return next;
+  }
+  void step() {
+    for (End& end : ends) {
+      if (!end.entity && now >= end.alive_again_at) boot(end);
+    }
+    while (!flying_.empty() && flying_.begin()->first <= now) {
+      const auto [to, pdu] = flying_.begin()->second;
+      flying_.erase(flying_.begin());
+      if (ends[to].entity) guarded(ends[to], [&] { ends[to].entity->on_pdu(pdu, now); });
+    }
+    for (std::size_t i = 0; i < ends.size(); ++i) {
+      End& end = ends[i];
+      if (!end.entity || end.line_free_at > now) continue;
+      std::optional<Octets> pdu;
+      guarded(end, [&] { pdu = end.entity->next_pdu(pdu_octets_max, now); });
+      if (end.entity) take_events(end);
+      if (pdu) transmit(end, 1 - i, *pdu);
+    }
+  }
+  template <class F>
+  void guarded(End& end, F&& call) {
+    try {
+      call();
+    } catch (const Killed&) {
+      kill(end, milliseconds(10));
+    }
+  }
+  void transmit(End& from, std::size_t to, const Octets& pdu) {
+    ++from.pdus;
+    from.line_free_at =
+        now +
+        nanoseconds(static_cast<std::int64_t>(1e9 * static_cast<double>(pdu.size()) / octets_per_second));
+    if (!on_line(from.id, pdu)) return;
+    const double survives = std::pow(1 - faults.octet_flips, static_cast<double>(pdu.size()));
+    for (int copies = chance(faults.duplication) ? 2 : 1; copies > 0; --copies) {
+      if (chance(faults.loss) || !chance(survives)) continue;
+      const milliseconds late(
+          faults.jitter.count() == 0
+              ? 0
+              : static_cast<std::int64_t>(random_() % static_cast<std::uint64_t>(faults.jitter.count())));
+      flying_.emplace(from.line_free_at + delay + late, std::pair(to, pdu));
+    }
+  }
+  bool chance(double p) { return std::uniform_real_distribution<double>(0, 1)(random_) < p; }
+
+  std::mt19937_64 random_;
+  std::multimap<MonotonicTime, std::pair<std::size_t, Octets>> flying_;
+};
+
+}  // namespace srfs::cfdp

@@ -1,0 +1,134 @@
+// Files over a bad link between ends that die: whatever happens, the file arrives whole, soon, and without
+// much waste.
+#include <gtest/gtest.h>
+
+#include "unit/cfdp/simulated_link.hpp"
+
+namespace srfs::cfdp {
+namespace {
+
+constexpr std::size_t file_octets = 200'000;
+constexpr LinkFaults bad_link{
+    .loss = 0.10, .duplication = 0.02, .octet_flips = 1e-4, .jitter = milliseconds(100)};
+
+/// PDUs of a transfer that repeats nothing but what the link loses.
+double least_pdus(const Settings& settings, const LinkFaults& faults, std::size_t octets) {
+  const double data = std::ceil(static_cast<double>(octets) / static_cast<double>(settings.file_data_octets));
+  const double pdu_octets = static_cast<double>(settings.file_data_octets) + 16;
+  const double arrives = (1 - faults.loss) * std::pow(1 - faults.octet_flips, pdu_octets);
+  constexpr double others = 5;  // Metadata, EOF, Finished and the two ACKs
+  return data / arrives + others / (1 - faults.loss);
+}
+
+class BadLink : public testing::TestWithParam<unsigned> {};
+
+TEST_P(BadLink, BothEndsDieFiveTimesAndMoreAndTheFileArrivesWithin1Point5OfTheLeastPdus) {
+  const unsigned seed = GetParam();
+  SimulatedLink link(bad_link, seed);
+  link.start();
+  const std::uint64_t from = seed % 2 == 0 ? ground : satellite;
+  const std::uint64_t to = from == ground ? satellite : ground;
+  const Octets file = random_file(file_octets, seed);
+  link.at(from).files.add("image.fits", file);
+  const auto id = link.entity(from).put("image.fits", "arrived.fits");
+  ASSERT_TRUE(id);
+
+  // The transfer takes some 13 s on this line: both ends die in every two of its seconds.
+  std::mt19937 random(seed * 7919);
+  unsigned deaths = 0;
+  for (int second = 0; second < 10; second += 2) {
+    for (const std::uint64_t end : {from, to}) {
+      link.run_for(milliseconds(100 + random() % 900));
+      link.kill(link.at(end), milliseconds(random() % 60));
+      ++deaths;
+    }
+  }
+  const bool done = link.run(link.now + seconds(600));
+
+  ASSERT_GE(deaths, 10U);
+  ASSERT_TRUE(done && link.idle()) << "hangs";
+  ASSERT_NE(link.at(to).files.content("arrived.fits"), nullptr);
+  EXPECT_TRUE(*link.at(to).files.content("arrived.fits") == file);
+  EXPECT_EQ(link.entity(from).outcome_of(*id), Outcome{});
+  EXPECT_EQ(link.entity(to).outcome_of(*id), Outcome{});
+  EXPECT_EQ(link.at(to).files.temporaries(), 0U);
+  const auto pdus = static_cast<double>(link.ends[0].pdus + link.ends[1].pdus);
+  EXPECT_LE(pdus, 1.5 * least_pdus(link.at(from).settings, bad_link, file_octets));
+  ::testing::Test::RecordProperty(
+      "pdus_of_least_percent",
+      static_cast<int>(100 * pdus / least_pdus(link.at(from).settings, bad_link, file_octets)));
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, BadLink, testing::Range(1U, 101U));
+
+TEST(BadLinkOnAverage, WithoutDeathsTheFileCostsLittleMoreThanTheLeast) {
+  double pdus = 0;
+  constexpr unsigned runs = 20;
+  for (unsigned seed = 1; seed <= runs; ++seed) {
+    SimulatedLink link(bad_link, seed);
+    link.start();
+    link.at(satellite).files.add("a", random_file(file_octets, seed));
+    ASSERT_TRUE(link.entity(satellite).put("a", "b"));
+    ASSERT_TRUE(link.run(link.now + seconds(600)));
+    ASSERT_TRUE(link.at(ground).files.content("b") != nullptr);
+    pdus += static_cast<double>(link.ends[0].pdus + link.ends[1].pdus);
+  }
+  EXPECT_LE(pdus / runs, 1.2 * least_pdus(Settings{}, bad_link, file_octets));
+}
+
+TEST(BadLinkOnAverage, ManyTransactionsInBothDirectionsAtOnceAllArrive) {
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    SimulatedLink link(bad_link, seed);
+    link.start();
+    for (unsigned n = 0; n < 6; ++n) {
+      for (const std::uint64_t from : {ground, satellite}) {
+        const std::string name = "file" + std::to_string(n);
+        link.at(from).files.add(name, random_file(n * n * 2000, seed * 100 + n + (from == ground ? 50 : 0)));
+        ASSERT_TRUE(link.entity(from).put(name, "got_" + name));
+      }
+    }
+    for (int i = 0; i < 5; ++i) {
+      link.run_for(milliseconds(1700));
+      link.kill(link.ends[i % 2], milliseconds(20));
+    }
+    ASSERT_TRUE(link.run(link.now + seconds(600)));
+    ASSERT_TRUE(link.idle()) << "seed " << seed;
+    for (unsigned n = 0; n < 6; ++n) {
+      for (const std::uint64_t from : {ground, satellite}) {
+        const std::string name = "file" + std::to_string(n);
+        const auto* got = link.at(from == ground ? satellite : ground).files.content("got_" + name);
+        ASSERT_NE(got, nullptr) << name;
+        EXPECT_TRUE(*got == *link.at(from).files.content(name)) << name;
+      }
+    }
+  }
+}
+
+/// Dies at the n-th change of its disk, for every n there is, with and without that change.
+TEST(CrashPoints, AnEndThatDiesAtAnyChangeOfItsDiskGoesOnAfterwards) {
+  const Octets file = random_file(60'000, 5);
+  for (const std::uint64_t victim : {ground, satellite}) {
+    for (const bool effect : {false, true}) {
+      std::size_t point = 0;
+      for (;; ++point) {
+        SimulatedLink link({.loss = 0.05}, 3);
+        link.start();
+        link.at(ground).files.add("a", file);
+        ASSERT_TRUE(link.entity(ground).put("a", "b"));
+        link.at(victim).files.calls_until_kill = point;
+        link.at(victim).files.kill_after_effect = effect;
+        ASSERT_TRUE(link.run(link.now + seconds(600))) << "hangs after a death at " << point;
+        ASSERT_TRUE(link.idle()) << point;
+        ASSERT_NE(link.at(satellite).files.content("b"), nullptr) << point;
+        ASSERT_TRUE(*link.at(satellite).files.content("b") == file) << point;
+        ASSERT_EQ(link.at(satellite).files.temporaries(), 0U) << point;
+        // Above the last change nobody died any more.
+        if (link.at(victim).files.calls_until_kill) break;
+      }
+      EXPECT_GT(point, victim == ground ? 5U : 60U);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace srfs::cfdp

@@ -1,0 +1,138 @@
+#include <gtest/gtest.h>
+
+#include "ground/script.hpp"
+
+namespace srfs::ground {
+namespace {
+
+using Kind = ScriptStep::Kind;
+
+Result<std::vector<ScriptStep>, ScriptError> parse(std::string_view text) {
+  return parse_script(text, [](const auto& name, const auto&) -> std::optional<std::string> {
+    return name == "unknown" ? std::optional<std::string>("no such telecommand") : std::nullopt;
+  });
+}
+
+TEST(Script, ReadsEveryKindOfLine) {
+  const auto steps = parse(
+      "\n# comment\n  ping\ntc eps.switch_load load=1 state=on --timeout 3 # behind\nexpect failed "
+      "peripheral_silent\r\n"
+      "wait 5s\nwait 200ms\nwait 2min\nwait 0.5\nwait until 2026-11-21T08:00:00Z\nad on\nad "
+      "off\nunlock\nsetvr 255");
+  ASSERT_TRUE(steps) << steps.error().line << ": " << steps.error().message;
+  ASSERT_EQ(steps->size(), 11U);
+  EXPECT_EQ(steps->at(0).name, "ttc.ping");
+  EXPECT_EQ(steps->at(0).line, 3U);
+  EXPECT_EQ(steps->at(0).expectation, Expectation::completed);
+  const ScriptStep& tc = steps->at(1);
+  EXPECT_EQ(tc.arguments, (std::vector<std::string>{"load=1", "state=on"}));
+  EXPECT_EQ(tc.timeout, milliseconds(3000));
+  EXPECT_EQ(tc.expectation, Expectation::failed);
+  EXPECT_EQ(tc.failure, "peripheral_silent");
+  EXPECT_EQ(steps->at(2).duration, milliseconds(5000));
+  EXPECT_EQ(steps->at(3).duration, milliseconds(200));
+  EXPECT_EQ(steps->at(4).duration, milliseconds(120000));
+  EXPECT_EQ(steps->at(5).duration, milliseconds(500));
+  EXPECT_EQ(steps->at(6).until, from_iso8601("2026-11-21T08:00:00Z"));
+  EXPECT_EQ(steps->at(7).kind, Kind::ad_on);
+  EXPECT_EQ(steps->at(8).kind, Kind::ad_off);
+  EXPECT_EQ(steps->at(9).kind, Kind::unlock);
+  EXPECT_EQ(steps->at(10).vr, 255);
+}
+
+TEST(Script, NamesTheLineItCannotRead) {
+  for (const std::string_view wrong : {"nonsense",
+                                       "tc",
+                                       "tc unknown",
+                                       "ping now",
+                                       "tc a --timeout",
+                                       "tc a --timeout 0",
+                                       "tc a --timeout x",
+                                       "wait",
+                                       "wait 5h",
+                                       "wait -1",
+                                       "wait nan",
+                                       "wait 1e30",
+                                       "wait until",
+                                       "wait until soon",
+                                       "ad",
+                                       "ad maybe",
+                                       "unlock 1",
+                                       "setvr",
+                                       "setvr 256",
+                                       "setvr -1",
+                                       "expect",
+                                       "expect done",
+                                       "expect completed busy",
+                                       "expect rejected a b"}) {
+    const auto steps = parse("ping\n" + std::string(wrong) + "\nping\n");
+    ASSERT_FALSE(steps) << wrong;
+    EXPECT_EQ(steps.error().line, 2U) << wrong;
+    EXPECT_FALSE(steps.error().message.empty());
+  }
+}
+
+TEST(Script, AnExpectationBelongsToTheTelecommandBeforeIt) {
+  EXPECT_TRUE(parse("ping\n\n# why\nexpect accepted\n"));
+  EXPECT_FALSE(parse("expect accepted\n"));
+  EXPECT_FALSE(parse("ping\nwait 1\nexpect accepted\n"));
+  EXPECT_FALSE(parse("ping\nexpect accepted\nexpect completed\n"));
+}
+
+TEST(Script, IsBounded) {
+  std::string lines;
+  for (std::size_t i = 0; i <= script_lines_max; ++i) lines += "#\n";
+  EXPECT_FALSE(parse(lines));
+  EXPECT_FALSE(parse(std::string(script_octets_max + 1, ' ')));
+}
+
+TEST(Script, JudgesATelecommandByItsStages) {
+  struct Case {
+    Expectation expectation;
+    Stage stage;
+    std::optional<bool> judgement;
+  };
+  using E = Expectation;
+  using S = Stage;
+  for (const auto& [expectation, stage, judgement] : std::vector<Case>{
+           {E::completed, S::accepted, std::nullopt},
+           {E::completed, S::progress_failed, std::nullopt},
+           {E::completed, S::completed, true},
+           {E::completed, S::rejected, false},
+           {E::completed, S::timed_out, false},
+           {E::accepted, S::sent, std::nullopt},
+           {E::accepted, S::accepted, true},
+           {E::accepted, S::started, true},
+           {E::accepted, S::rejected, false},
+           {E::accepted, S::not_sent, false},
+           {E::rejected, S::rejected, true},
+           {E::rejected, S::accepted, false},
+           {E::rejected, S::timed_out, false},
+           {E::failed, S::accepted, std::nullopt},
+           {E::failed, S::start_failed, true},
+           {E::failed, S::failed, true},
+           {E::failed, S::completed, false},
+           {E::failed, S::rejected, false},
+       }) {
+    ScriptStep step;
+    step.expectation = expectation;
+    StageReport report;
+    report.stage = stage;
+    EXPECT_EQ(judge(step, report), judgement) << to_text(expectation) << ' ' << to_text(stage);
+  }
+}
+
+TEST(Script, JudgesTheFailureCodeWhenOneIsNamed) {
+  ScriptStep step;
+  step.expectation = Expectation::rejected;
+  step.failure = "busy";
+  StageReport report;
+  report.stage = Stage::rejected;
+  report.failure_name = "bad_argument";
+  EXPECT_EQ(judge(step, report), false);
+  report.failure_name = "busy";
+  EXPECT_EQ(judge(step, report), true);
+}
+
+}  // namespace
+}  // namespace srfs::ground

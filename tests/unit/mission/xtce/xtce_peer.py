@@ -1,0 +1,103 @@
+#!/usr/bin/python3
+"""Writes the C++ source of the peer: a program that makes packets of every structure, event and telecommand of a dictionary
+with the encoders of the flight code, and says what stands in them.
+
+usage: xtce_peer.py --generator FOLDER --dictionary FOLDER --out FILE [--verification]
+"""
+
+import argparse
+import pathlib
+import sys
+
+PARSER = argparse.ArgumentParser()
+PARSER.add_argument("--generator", required=True)
+PARSER.add_argument("--dictionary", required=True)
+PARSER.add_argument("--out", required=True)
+PARSER.add_argument("--verification", action="store_true", help="also the reports of ttc")
+ARGUMENTS = PARSER.parse_args()
+sys.path.insert(0, ARGUMENTS.generator)
+
+import jinja2  # noqa: E402
+
+from mission_dictionary import camel, linear, load, snake  # noqa: E402
+from mission_structures import CPP, identifier, structure_type  # noqa: E402
+
+D = load(ARGUMENTS.dictionary)
+NAME_OF_NODE = {a["node"]: a["name"] for a in D.apids}
+for entry in D.structures + D.commands:
+    if "node" in entry:
+        entry["node_name"] = NAME_OF_NODE[entry["node"]]
+
+
+def reference_values(kind):
+    if kind == "structure":
+        return [(s["id"], s["name"]) for s in D.structures if "id" in s]
+    if kind == "event":
+        return [(e["id"], e["name"]) for e in D.events]
+    if kind == "store":
+        return [(s["id"], s["name"]) for s in D.stores]
+    return [(0, "none")] + [(f["code"], f["name"]) for f in D.failure_codes]
+
+
+def random_value(field, argument):
+    """C++ expression for one element."""
+    kind = field["type"]
+    if "enum" in field:
+        labels = ", ".join(f"{camel(field['enum'])}::{identifier(k)}" for k in D.enums[field["enum"]]["labels"])
+        return f"random.pick<{camel(field['enum'])}>({{{labels}}})"
+    if "reference" in field:
+        return f"random.pick<{CPP[kind]}>({{{', '.join(str(v) for v, _ in reference_values(field['reference']))}}})"
+    if kind == "text":
+        return f"random.text({field['max']})"
+    if kind == "time":
+        return "random.time()"
+    if kind == "bool":
+        return "random.boolean()"
+    if linear(field):
+        offset, scale = linear(field)
+        unknown = str(field["unknown"]) if "unknown" in field else "std::nullopt"
+        return f"detail::from_raw<{CPP[kind]}>(random.integer<{CPP[kind]}>(), {offset}, {scale}, {unknown})"
+    low, high = field.get("range", (None, None)) if argument else (None, None)
+    if kind[0] == "f":
+        if low is None:
+            return f"random.real<{CPP[kind]}>({'true' if argument else 'false'})"
+        return f"random.between<{CPP[kind]}>({float(low)}, {float(high)})"
+    if low is None:
+        return f"random.integer<{CPP[kind]}>()"
+    return f"random.integer_between<{CPP[kind]}>({low}, {high})"
+
+
+def fill(fields, target, argument=False):
+    for field in fields:
+        if "structure" in field:
+            yield from fill(D.structure_of[field["structure"]]["fields"], f"{target}.{field['as']}", argument)
+        elif field.get("count", 1) > 1:
+            yield f"for (auto& element : {target}.{field['name']}) element = {random_value(field, argument)};"
+        else:
+            yield f"{target}.{field['name']} = {random_value(field, argument)};"
+
+
+def expect(fields, target, out):
+    """Lines that write the values as the ground should see them."""
+    for field in fields:
+        if "structure" in field:
+            yield from expect(D.structure_of[field["structure"]]["fields"], f"{target}.{field['as']}", out)
+            continue
+        names = f", names_of_{field['reference']}()" if "reference" in field else ""
+        if field.get("count", 1) == 1:
+            yield f"{out}[\"{field['name']}\"] = shown({target}.{field['name']}{names});"
+            continue
+        for i, label in enumerate(field.get("labels") or range(field["count"])):
+            yield f"{out}[\"{field['name']}_{label}\"] = shown({target}.{field['name']}[{i}]{names});"
+
+
+def main():
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
+                                     lstrip_blocks=True, undefined=jinja2.StrictUndefined)
+    environment.globals.update(d=D, camel=camel, cpp=CPP, snake=snake, structure_type=structure_type, fill=fill, expect=expect,
+                               reference_values=reference_values, verification=ARGUMENTS.verification)
+    pathlib.Path(ARGUMENTS.out).write_text(environment.get_template("xtce_peer.cpp.jinja").render() + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
