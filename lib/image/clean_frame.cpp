@@ -41,68 +41,99 @@ bool has_plateau(const Plane& pixels, float high) {
   return false;
 }
 
-/// Mean of what lies within three noises, and of how many pixels.
-struct LineMean {
-  double sum = 0;
-  int n = 0;
-  [[nodiscard]] float mean() const { return n > 0 ? static_cast<float>(sum / n) : 0; }
+/// How far a column or row is off its neighbours, in noise: the middle of what its pieces say, so that a
+/// streak along it, shorter than half of it, says nothing.
+struct LineOffset {
+  float value = 0;
+  float error = 0;
 };
 
-/// Offsets that columns or rows have beside their neighbours: fixed pattern, not sky. Taken away only where
-/// it is more than the pixels' noise makes.
-bool remove_line_offsets(std::vector<LineMean>& lines) {
-  std::vector<float> offsets;
-  offsets.reserve(lines.size());
+constexpr int pieces = 8;       ///< of a column or row
+constexpr int around_px = 8;    ///< columns or rows on each side that an offset is measured against
+constexpr float used_most = 3;  ///< pixels further from the sky do not count, in noise
+
+/// @param sums, counts  of each line's pixels within used_most, piece by piece
+std::vector<LineOffset> line_offsets(const Plane& sums, const Plane& counts) {
+  const int lines = sums.width();
+  Plane offsets(lines, pieces);
+  for (int k = 0; k < pieces; ++k) {
+    float sum = 0;
+    float n = 0;
+    for (int i = 0; i < std::min(lines, around_px); ++i) sum += sums.at(i, k), n += counts.at(i, k);
+    for (int i = 0; i < lines; ++i) {
+      if (i + around_px < lines) sum += sums.at(i + around_px, k), n += counts.at(i + around_px, k);
+      if (i > around_px) sum -= sums.at(i - around_px - 1, k), n -= counts.at(i - around_px - 1, k);
+      const float others = std::max(1.0F, n - counts.at(i, k));
+      offsets.at(i, k) = sums.at(i, k) / std::max(1.0F, counts.at(i, k)) - (sum - sums.at(i, k)) / others;
+    }
+  }
+  std::vector<LineOffset> result(static_cast<std::size_t>(lines));
+  std::vector<float> of_line(pieces);
+  for (int i = 0; i < lines; ++i) {
+    float n = 0;
+    for (int k = 0; k < pieces; ++k)
+      of_line[static_cast<std::size_t>(k)] = offsets.at(i, k), n += counts.at(i, k);
+    std::sort(of_line.begin(), of_line.end());
+    // The mean of the four in the middle scatters by 1.1 of what the mean of all does.
+    const float middle = (of_line[2] + of_line[3] + of_line[4] + of_line[5]) / 4;
+    result[static_cast<std::size_t>(i)] = {middle, n > 30 ? 1.13F / std::sqrt(n) : 1e9F};
+  }
+  return result;
+}
+
+/// What to take away from each line: only where it is more than the pixels' noise makes. @return whether any
+bool keep_significant(std::vector<LineOffset>& lines) {
   std::vector<float> scaled;
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    std::vector<float> around;
-    for (std::size_t k = i >= 8 ? i - 8 : 0; k <= std::min(lines.size() - 1, i + 8); ++k)
-      around.push_back(lines[k].mean());
-    offsets.push_back(lines[i].mean() - median_of(around));
-    if (lines[i].n > 30)
-      scaled.push_back(std::abs(offsets.back()) * std::sqrt(static_cast<float>(lines[i].n)));
+  for (const LineOffset& l : lines) {
+    if (l.error < 1) scaled.push_back(std::abs(l.value) / l.error);
   }
   // 1 within a random error: 0.6745 is the median of a normal distribution's size.
   const bool pattern = scaled.size() > 16 && median_of(scaled) > 1.35F * 0.6745F;
-  for (std::size_t i = 0; i < lines.size(); ++i) {
-    const float error = 1 / std::sqrt(static_cast<float>(std::max(1, lines[i].n)));
-    const bool alone = std::abs(offsets[i]) > 6 * error;  // a defect column in a good sensor
-    lines[i].sum = (pattern || alone) && lines[i].n > 30 ? double(offsets[i]) : 0.0;
-    lines[i].n = 1;
+  bool any = false;
+  for (LineOffset& l : lines) {
+    const bool alone = std::abs(l.value) > 6 * l.error;  // a defect column in a good sensor
+    if (!((pattern || alone) && l.error < 1)) l.value = 0;
+    any = any || l.value != 0;
   }
-  return std::any_of(lines.begin(), lines.end(), [](const LineMean& l) { return l.sum != 0; });
+  return any;
 }
 
 void remove_fixed_pattern(Plane& signal) {
-  if (signal.width() < 64 || signal.height() < 64) return;
-  std::vector<LineMean> columns(static_cast<std::size_t>(signal.width()));
-  std::vector<LineMean> rows(static_cast<std::size_t>(signal.height()));
-  std::vector<float> column_sum(columns.size(), 0.0F);
-  std::vector<float> column_n(columns.size(), 0.0F);
-  for (int y = 0; y < signal.height(); ++y) {
+  const int w = signal.width();
+  const int h = signal.height();
+  if (w < 64 || h < 64) return;
+  Plane column_sums(w, pieces);
+  Plane column_counts(w, pieces);
+  Plane row_sums(h, pieces);
+  Plane row_counts(h, pieces);
+  for (int y = 0; y < h; ++y) {
     const float* row = signal.row(y);
-    float row_sum = 0;
-    float row_n = 0;
-    for (std::size_t x = 0; x < columns.size(); ++x) {
-      const float v = row[x];
-      const float used = std::abs(v) < 3.0F ? 1.0F : 0.0F;  // NaN: 0
-      const float value = used > 0 ? v : 0.0F;
-      column_sum[x] += value;
-      column_n[x] += used;
-      row_sum += value;
-      row_n += used;
+    float* sums = column_sums.row(y * pieces / h);
+    float* counts = column_counts.row(y * pieces / h);
+    for (int k = 0; k < pieces; ++k) {
+      float row_sum = 0;
+      float row_n = 0;
+      for (int x = k * w / pieces; x < (k + 1) * w / pieces; ++x) {
+        const float used = std::abs(row[x]) < used_most ? 1.0F : 0.0F;
+        const float value = used > 0 ? row[x] : 0.0F;
+        sums[x] += value;
+        counts[x] += used;
+        row_sum += value;
+        row_n += used;
+      }
+      row_sums.at(y, k) = row_sum;
+      row_counts.at(y, k) = row_n;
     }
-    rows[static_cast<std::size_t>(y)] = {double(row_sum), static_cast<int>(row_n)};
   }
-  for (std::size_t x = 0; x < columns.size(); ++x)
-    columns[x] = {double(column_sum[x]), static_cast<int>(column_n[x])};
-  const bool by_column = remove_line_offsets(columns);
-  const bool by_row = remove_line_offsets(rows);
+  std::vector<LineOffset> columns = line_offsets(column_sums, column_counts);
+  std::vector<LineOffset> rows = line_offsets(row_sums, row_counts);
+  const bool by_column = keep_significant(columns);
+  const bool by_row = keep_significant(rows);
   if (!by_column && !by_row) return;
-  for (int y = 0; y < signal.height(); ++y) {
+  for (int y = 0; y < h; ++y) {
     float* row = signal.row(y);
-    const float offset = static_cast<float>(rows[static_cast<std::size_t>(y)].sum);
-    for (std::size_t x = 0; x < columns.size(); ++x) row[x] -= offset + static_cast<float>(columns[x].sum);
+    const float offset = rows[static_cast<std::size_t>(y)].value;
+    for (int x = 0; x < w; ++x) row[x] -= offset + columns[static_cast<std::size_t>(x)].value;
   }
 }
 
