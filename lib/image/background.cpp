@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "image/rows.hpp"
+
 namespace srfs::image {
 namespace {
 
@@ -12,43 +14,68 @@ constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 constexpr float clip_sigma = 2.5F;
 /// Spread of a normal distribution cut off at clip_sigma, inverted.
 constexpr float clipped_spread = 1.0F / 0.95535F;
+/// Level and spread of a cell start from so many of its pixels.
+constexpr int sample_of_cell = 256;
+constexpr std::size_t sample_least = 8;
 
 struct CellStatistics {
   float level = unknown;
   float noise = unknown;
 };
 
-/// Median and quartile first, whatever stands in the cell; then mean and spread of what is near.
-CellStatistics clipped_statistics(std::vector<float>& values, float noise_least) {
-  if (values.size() < 8) return {};
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
+struct Cell {
+  int x0, y0, x1, y1;
+};
+
+/// One of a few pixels, spread over the cell so that rows, columns and Bayer patterns are seen whole.
+void take_sample(const Plane& pixels, const Grid<std::uint8_t>* masked, const Cell& cell,
+                 std::vector<float>& sample) {
+  sample.clear();
+  const int width = cell.x1 - cell.x0;
+  const int size = width * (cell.y1 - cell.y0);
+  const int step = std::max(1, size / sample_of_cell);
+  // An odd step relative to the width visits all columns and rows.
+  for (int k = step / 2; k < size; k += step + (step % 2 == 0 ? 1 : 0)) {
+    const int x = cell.x0 + k % width;
+    const int y = cell.y0 + k / width;
+    if (std::isfinite(pixels.at(x, y)) && (masked == nullptr || masked->at(x, y) == 0))
+      sample.push_back(pixels.at(x, y));
+  }
+}
+
+/// Median and quartile of a sample first, whatever stands in the cell; then mean and spread of what is near,
+/// of all pixels.
+CellStatistics cell_statistics(const Plane& pixels, const Grid<std::uint8_t>* masked, const Cell& cell,
+                               float noise_least, std::vector<float>& sample) {
+  take_sample(pixels, masked, cell, sample);
+  if (sample.size() < sample_least) return {};
+  const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
+  std::nth_element(sample.begin(), middle, sample.end());
   const float median = *middle;
-  const auto quarter = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 4);
-  std::nth_element(values.begin(), quarter, middle);
+  const auto quarter = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 4);
+  std::nth_element(sample.begin(), quarter, middle);
   float level = median;
   // The lower half has fewer stars in it. Coarsely quantised values may make it zero wide.
   float noise = std::max((median - *quarter) * 1.4826F, noise_least);
   for (int round = 0; round < 4; ++round) {
-    const float low = level - clip_sigma * noise;
-    const float high = level + clip_sigma * noise;
+    double n = 0;
     double sum = 0;
     double squares = 0;
-    double n = 0;
-    for (const float v : values) {
-      if (v < low || v > high) continue;
-      const double d = double(v) - double(median);
-      sum += d;
-      squares += d * d;
-      n += 1;
+    for (int y = cell.y0; y < cell.y1; ++y) {
+      const float* row = pixels.row(y) + cell.x0;
+      const int width = cell.x1 - cell.x0;
+      const Moments m = masked != nullptr
+                            ? clipped_moments(row, masked->row(y) + cell.x0, width, level, clip_sigma * noise)
+                            : clipped_moments(row, width, level, clip_sigma * noise);
+      n += double(m.n), sum += double(m.sum), squares += double(m.squares);
     }
     if (n < 4) break;
     const double mean = sum / n;
     const float spread = static_cast<float>(std::sqrt(std::max(0.0, squares / n - mean * mean)));
     const float before = noise;
-    level = median + static_cast<float>(mean);
+    level += static_cast<float>(mean);
     noise = std::max(spread * clipped_spread, noise_least);
-    if (std::abs(noise - before) < 0.01F * noise) break;
+    if (std::abs(noise - before) < 0.02F * noise && std::abs(mean) < 0.02 * double(noise)) break;
   }
   return {level, noise};
 }
@@ -102,29 +129,6 @@ void smooth(Plane& nodes, const Plane* tolerance) {
       const float median = median_of(around);
       if (tolerance == nullptr || std::abs(before.at(x, y) - median) > tolerance->at(x, y))
         nodes.at(x, y) = median;
-    }
-  }
-}
-
-template <class Use>
-void for_each_cell(const Plane& pixels, int cell_px, float noise_least, Use&& use) {
-  const int columns = (pixels.width() + cell_px - 1) / cell_px;
-  const int rows = (pixels.height() + cell_px - 1) / cell_px;
-  std::vector<float> values;
-  for (int j = 0; j < rows; ++j) {
-    for (int i = 0; i < columns; ++i) {
-      values.clear();
-      const int x1 = std::min(pixels.width(), (i + 1) * cell_px);
-      const int y1 = std::min(pixels.height(), (j + 1) * cell_px);
-      const int step = (x1 - i * cell_px) * (y1 - j * cell_px) >= 1024 ? 2 : 1;
-      for (int y = j * cell_px; y < y1; y += step) {
-        const float* row = pixels.row(y);
-        // Every second pixel, shifted from row to row: column patterns and Bayer cells are seen whole.
-        for (int x = i * cell_px + (y / step) % step; x < x1; x += step) {
-          if (!std::isnan(row[x])) values.push_back(row[x]);
-        }
-      }
-      use(i, j, clipped_statistics(values, noise_least));
     }
   }
 }
@@ -214,25 +218,27 @@ float Surface::at(double x, double y) const {
   return top * (1 - ty) + bottom * ty;
 }
 
-SkyLevel measure_sky(const Plane& pixels, int cell_px, float noise_least) {
+SkyLevel measure_sky(const Plane& pixels, int cell_px, float noise_least, const Grid<std::uint8_t>* masked) {
   const int columns = (pixels.width() + cell_px - 1) / cell_px;
   const int rows = (pixels.height() + cell_px - 1) / cell_px;
   Plane level(columns, rows);
   Plane noise(columns, rows);
-  for_each_cell(pixels, cell_px, noise_least, [&](int i, int j, const CellStatistics& cell) {
-    level.at(i, j) = cell.level;
-    noise.at(i, j) = cell.noise;
-  });
+  std::vector<float> sample;
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      const Cell cell{i * cell_px, j * cell_px, std::min(pixels.width(), (i + 1) * cell_px),
+                      std::min(pixels.height(), (j + 1) * cell_px)};
+      const CellStatistics found = cell_statistics(pixels, masked, cell, noise_least, sample);
+      level.at(i, j) = found.level;
+      noise.at(i, j) = found.noise;
+    }
+  }
   fill_unknown(level);
   fill_unknown(noise);
   smooth(noise, nullptr);
   smooth(level, &noise);
   for (float& v : noise.cells()) v = std::max(v, noise_least);
   return {Surface(std::move(level), cell_px), Surface(std::move(noise), cell_px)};
-}
-
-Surface measure_noise(const Plane& pixels, int cell_px, float noise_least) {
-  return measure_sky(pixels, cell_px, noise_least).noise;
 }
 
 }  // namespace srfs::image

@@ -30,16 +30,17 @@ struct SkyLevel {
   Surface noise;
 };
 
-/// Measures every cell by clipped statistics of a quarter of its pixels, then smooths over neighbouring cells
-/// by median. Pixels that are NaN do not count; cells without enough of them get their neighbours' values.
+/// Measures every cell by clipped statistics, then smooths over neighbouring cells by median. Pixels that are
+/// not finite or masked (not 0) do not count; cells without enough of them get their neighbours' values.
 /// @param noise_least  what the noise is at least: quantisation
-[[nodiscard]] SkyLevel measure_sky(const Plane& pixels, int cell_px, float noise_least);
-
-/// Spread only, of a plane whose level is zero.
-[[nodiscard]] Surface measure_noise(const Plane& pixels, int cell_px, float noise_least);
+[[nodiscard]] SkyLevel measure_sky(const Plane& pixels, int cell_px, float noise_least,
+                                   const Grid<std::uint8_t>* masked = nullptr);
 
 /// The cell that suits a frame: 64 px, less in small frames.
 [[nodiscard]] int sky_cell_px(int width, int height);
+
+/// The noise changes so slowly that one row of it serves so many rows of the frame.
+inline constexpr int noise_rows = 8;
 
 /// The middle value; rearranges @p values. @pre not empty
 [[nodiscard]] float median_of(std::vector<float>& values);

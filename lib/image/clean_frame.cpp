@@ -7,35 +7,41 @@
 
 #include <fmt/format.h>
 
+#include "image/rows.hpp"
+
 namespace srfs::image {
 namespace {
 
-constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
-
+/// Values that are finite, over the whole frame.
 struct Range {
   float low = std::numeric_limits<float>::infinity();
   float high = -std::numeric_limits<float>::infinity();
-  std::size_t at_high = 0;
+  bool all_finite = true;
+  [[nodiscard]] float span() const { return high >= low ? high - low : 0; }
 };
 
 Range range_of(const Plane& pixels) {
   Range range;
-  for (const float v : pixels.cells()) {
-    if (!std::isfinite(v)) continue;
-    range.low = std::min(range.low, v);
-    if (v > range.high) range.high = v, range.at_high = 0;
-    if (v == range.high) ++range.at_high;
+  for (int y = 0; y < pixels.height(); ++y) {
+    const Extent row = extent_of(pixels.row(y), pixels.width());
+    if (row.low <= row.high) {
+      range.low = std::min(range.low, row.low);
+      range.high = std::max(range.high, row.high);
+    }
+    range.all_finite = range.all_finite && row.all_finite;
   }
   return range;
 }
 
 /// A plateau at the top: pixels of the highest value that touch, well above the sky.
 bool has_plateau(const Plane& pixels, float high) {
+  const float below = std::nextafter(high, -std::numeric_limits<float>::infinity());
+  std::vector<int> at;
   int pairs = 0;
   for (int y = 0; y < pixels.height(); ++y) {
-    const float* row = pixels.row(y);
-    for (int x = 0; x + 1 < pixels.width(); ++x) {
-      if (row[x] == high && row[x + 1] == high && ++pairs >= 3) return true;
+    find_above(pixels.row(y), below, pixels.width(), at);
+    for (std::size_t i = 0; i + 1 < at.size(); ++i) {
+      if (at[i + 1] == at[i] + 1 && ++pairs >= 3) return true;
     }
   }
   return false;
@@ -107,22 +113,13 @@ void remove_fixed_pattern(Plane& signal) {
   Plane row_sums(h, pieces);
   Plane row_counts(h, pieces);
   for (int y = 0; y < h; ++y) {
-    const float* row = signal.row(y);
-    float* sums = column_sums.row(y * pieces / h);
-    float* counts = column_counts.row(y * pieces / h);
+    const int piece = y * pieces / h;
     for (int k = 0; k < pieces; ++k) {
-      float row_sum = 0;
-      float row_n = 0;
-      for (int x = k * w / pieces; x < (k + 1) * w / pieces; ++x) {
-        const float used = std::abs(row[x]) < used_most ? 1.0F : 0.0F;
-        const float value = used > 0 ? row[x] : 0.0F;
-        sums[x] += value;
-        counts[x] += used;
-        row_sum += value;
-        row_n += used;
-      }
-      row_sums.at(y, k) = row_sum;
-      row_counts.at(y, k) = row_n;
+      const int from = k * w / pieces;
+      const Moments m = add_near_zero(signal.row(y) + from, used_most, column_sums.row(piece) + from,
+                                      column_counts.row(piece) + from, (k + 1) * w / pieces - from);
+      row_sums.at(y, k) = m.sum;
+      row_counts.at(y, k) = m.n;
     }
   }
   std::vector<LineOffset> columns = line_offsets(column_sums, column_counts);
@@ -130,10 +127,12 @@ void remove_fixed_pattern(Plane& signal) {
   const bool by_column = keep_significant(columns);
   const bool by_row = keep_significant(rows);
   if (!by_column && !by_row) return;
+  std::vector<float> offsets(static_cast<std::size_t>(w));
   for (int y = 0; y < h; ++y) {
-    float* row = signal.row(y);
-    const float offset = rows[static_cast<std::size_t>(y)].value;
-    for (int x = 0; x < w; ++x) row[x] -= offset + columns[static_cast<std::size_t>(x)].value;
+    for (int x = 0; x < w; ++x)
+      offsets[static_cast<std::size_t>(x)] =
+          rows[static_cast<std::size_t>(y)].value + columns[static_cast<std::size_t>(x)].value;
+    subtract(signal.row(y), offsets.data(), w);
   }
 }
 
@@ -154,13 +153,17 @@ class SpikeFinder {
     threshold_cross_ = 4.5F * std::sqrt(1 + ratio_ * ratio_ / 4);
   }
 
-  /// Twice, since a neighbour in a track hides it the first time. @return how many
+  /// Three times, since a neighbour in a track hides it the first time. @return how many
   int replace(Plane& signal, Grid<std::uint8_t>& flaws) const {
+    std::vector<Place> bright = bright_places(signal);
     int found = 0;
     for (int round = 0; round < 3; ++round) {
-      const std::vector<std::pair<int, int>> spikes = find(signal, flaws);
-      for (const auto& [x, y] : spikes) flaws.at(x, y) |= flaw_spike;
-      for (const auto& [x, y] : spikes) signal.at(x, y) = mean_around(signal, flaws, x, y);
+      std::vector<Place> spikes;
+      for (const Place& p : bright) {
+        if (flaws.at(p.x, p.y) == 0 && is_spike(signal, p)) spikes.push_back(p);
+      }
+      for (const Place& p : spikes) flaws.at(p.x, p.y) |= flaw_spike;
+      for (const Place& p : spikes) signal.at(p.x, p.y) = mean_around(signal, flaws, p.x, p.y);
       found += static_cast<int>(spikes.size());
       if (spikes.empty()) break;
     }
@@ -168,30 +171,34 @@ class SpikeFinder {
   }
 
  private:
-  [[nodiscard]] std::vector<std::pair<int, int>> find(const Plane& signal,
-                                                      const Grid<std::uint8_t>& flaws) const {
-    std::vector<std::pair<int, int>> spikes;
-    const float least = std::min(threshold_pair_, threshold_cross_);
+  struct Place {
+    int x, y;
+  };
+
+  [[nodiscard]] std::vector<Place> bright_places(const Plane& signal) const {
+    std::vector<Place> places;
+    std::vector<int> at;
+    for (int y = 0; y < signal.height(); ++y) {
+      find_above(signal.row(y), std::min(threshold_pair_, threshold_cross_), signal.width(), at);
+      for (const int x : at) places.push_back({x, y});
+    }
+    return places;
+  }
+
+  [[nodiscard]] bool is_spike(const Plane& signal, const Place& p) const {
     const int w = signal.width();
     const int h = signal.height();
-    for (int y = 0; y < h; ++y) {
-      const float* row = signal.row(y);
-      const float* above = signal.row(y > 0 ? y - 1 : std::min(1, h - 1));
-      const float* below = signal.row(y + 1 < h ? y + 1 : std::max(0, h - 2));
-      for (int x = 0; x < w; ++x) {
-        const float v = row[x];
-        if (v < least || flaws.at(x, y) != 0) continue;
-        const float left = row[x > 0 ? x - 1 : std::min(1, w - 1)];
-        const float right = row[x + 1 < w ? x + 1 : std::max(0, w - 2)];
-        const float horizontal = std::max(0.0F, (left + right) / 2);
-        const float vertical = std::max(0.0F, (above[x] + below[x]) / 2);
-        const float shot = 1 + 0.02F * v;  // bright pixels scatter more
-        if (v - ratio_ * std::min(horizontal, vertical) > threshold_pair_ * shot ||
-            v - ratio_ * (horizontal + vertical) / 2 > threshold_cross_ * shot)
-          spikes.emplace_back(x, y);
-      }
-    }
-    return spikes;
+    const float* row = signal.row(p.y);
+    const float above = signal.at(p.x, p.y > 0 ? p.y - 1 : std::min(1, h - 1));
+    const float below = signal.at(p.x, p.y + 1 < h ? p.y + 1 : std::max(0, h - 2));
+    const float left = row[p.x > 0 ? p.x - 1 : std::min(1, w - 1)];
+    const float right = row[p.x + 1 < w ? p.x + 1 : std::max(0, w - 2)];
+    const float horizontal = std::max(0.0F, (left + right) / 2);
+    const float vertical = std::max(0.0F, (above + below) / 2);
+    const float v = row[p.x];
+    const float shot = 1 + 0.02F * v;  // bright pixels scatter more
+    return v - ratio_ * std::min(horizontal, vertical) > threshold_pair_ * shot ||
+           v - ratio_ * (horizontal + vertical) / 2 > threshold_cross_ * shot;
   }
 
   static float mean_around(const Plane& signal, const Grid<std::uint8_t>& flaws, int x, int y) {
@@ -217,57 +224,76 @@ float median_node(const Surface& surface) {
   return median_of(nodes);
 }
 
+void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std::uint8_t>& flaws,
+                FrameFindings& findings) {
+  if (range.all_finite && range.high < saturation) return;
+  for (std::size_t i = 0; i < in.size(); ++i) {
+    const float v = in.cells()[i];
+    if (!std::isfinite(v)) {
+      flaws.cells()[i] |= flaw_invalid;
+      ++findings.invalid;
+    } else if (v >= saturation) {
+      flaws.cells()[i] |= flaw_saturated;
+      ++findings.saturated;
+    }
+  }
+}
+
+/// Takes the sky away and makes the noise 1.
+Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor) {
+  Plane signal(in.width(), in.height());
+  std::vector<float> level(static_cast<std::size_t>(in.width()));
+  std::vector<float> noise(level.size());
+  for (int y = 0; y < in.height(); ++y) {
+    sky.level.row(y, level);
+    if (y % noise_rows == 0) sky.noise.row(std::min(in.height() - 1, y + noise_rows / 2), noise);
+    normalise(in.row(y), level.data(), noise.data(), noise_floor, signal.row(y), in.width());
+  }
+  return signal;
+}
+
+void add_notes(const Plane& in, const Range& range, bool psf_measured, FrameFindings& findings) {
+  const auto all = static_cast<double>(in.size());
+  if (findings.invalid > 0)
+    findings.notes.push_back(fmt::format("{} pixels without a value", findings.invalid));
+  if (findings.invalid == static_cast<int>(in.size()))
+    findings.notes.emplace_back("no pixel has a value");
+  else if (range.span() == 0)
+    findings.notes.push_back(fmt::format("every pixel is {}: nothing can be found", range.high));
+  if (findings.saturated > 0.01 * all)
+    findings.notes.push_back(
+        fmt::format("{:.0f} % of the pixels are saturated", 100 * findings.saturated / all));
+  if (!psf_measured)
+    findings.notes.emplace_back("too few bright stars to measure their width; 2.5 px assumed");
+}
+
 }  // namespace
 
 CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   const Plane& in = frame.pixels;
-  CleanFrame out;
-  out.signal = in;
-  out.flaws = Grid<std::uint8_t>(in.width(), in.height());
   const Range range = range_of(in);
-  const float span = range.high >= range.low ? range.high - range.low : 0;
   float saturation = std::numeric_limits<float>::infinity();
   if (frame.saturation_adu)
     saturation = *frame.saturation_adu;
-  else if (span > 0 && has_plateau(in, range.high))
+  else if (range.span() > 0 && has_plateau(in, range.high))
     saturation = range.high;
+  CleanFrame out;
+  out.flaws = Grid<std::uint8_t>(in.width(), in.height());
+  mark_flaws(in, range, saturation, out.flaws, findings);
 
-  for (std::size_t i = 0; i < in.size(); ++i) {
-    const float v = in.cells()[i];
-    if (!std::isfinite(v)) {
-      out.signal.cells()[i] = nan_f;
-      out.flaws.cells()[i] |= flaw_invalid;
-      ++findings.invalid;
-    } else if (v >= saturation) {
-      out.flaws.cells()[i] |= flaw_saturated;
-      ++findings.saturated;
-    }
-  }
-  // Equally spaced values have at least the noise of their rounding.
-  // Equal values have the noise of their float representation.
-  const float noise_least = std::max({0.4F * frame.step,
-                                      span >= 0 && range.high >= range.low
-                                          ? 3e-6F * std::max(std::abs(range.low), std::abs(range.high))
-                                          : 0.0F,
-                                      std::numeric_limits<float>::min() * 1e6F});
-  SkyLevel sky = measure_sky(out.signal, sky_cell_px(in.width(), in.height()), noise_least);
-  std::vector<float> level(static_cast<std::size_t>(in.width()));
-  std::vector<float> noise(static_cast<std::size_t>(in.width()));
-  const float noise_floor = std::max(noise_least, 0.2F * median_node(sky.noise));
-  for (int y = 0; y < in.height(); ++y) {
-    sky.level.row(y, level);
-    sky.noise.row(y, noise);
-    float* row = out.signal.row(y);
-    for (std::size_t x = 0; x < level.size(); ++x) {
-      const float v = (row[x] - level[x]) / std::max(noise[x], noise_floor);
-      row[x] = v == v ? v : 0;  // NaN is sky
-    }
-  }
-  remove_fixed_pattern(out.signal);
+  // Equally spaced values have at least the noise of their rounding, equal ones that of their float
+  // representation.
+  const float largest = range.low <= range.high ? std::max(std::abs(range.low), std::abs(range.high)) : 0;
+  const float noise_least =
+      std::max({0.4F * frame.step, 3e-6F * largest, std::numeric_limits<float>::min() * 1e6F});
+  SkyLevel sky = measure_sky(in, sky_cell_px(in.width(), in.height()), noise_least);
   findings.background = double(median_node(sky.level));
   findings.noise = double(median_node(sky.noise));
+  const float noise_floor = std::max(noise_least, 0.2F * median_node(sky.noise));
+  out.signal = in_noise(in, sky, noise_floor);
   for (float& v : sky.noise.nodes().cells()) v = std::max(v, noise_floor);
   out.noise_adu = std::move(sky.noise);
+  remove_fixed_pattern(out.signal);
 
   if (auto psf = measure_psf(out.signal, out.flaws)) {
     out.psf = *std::move(psf);
@@ -276,19 +302,7 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   }
   findings.spikes =
       SpikeFinder(out.psf_measured ? out.psf : Psf::round_gaussian(1.6)).replace(out.signal, out.flaws);
-
-  const auto all = static_cast<double>(in.size());
-  if (findings.invalid > 0)
-    findings.notes.push_back(fmt::format("{} pixels without a value", findings.invalid));
-  if (findings.invalid == static_cast<int>(in.size()))
-    findings.notes.emplace_back("no pixel has a value");
-  else if (span == 0)
-    findings.notes.push_back(fmt::format("every pixel is {}: nothing can be found", range.high));
-  if (findings.saturated > 0.01 * all)
-    findings.notes.push_back(
-        fmt::format("{:.0f} % of the pixels are saturated", 100 * findings.saturated / all));
-  if (!out.psf_measured)
-    findings.notes.emplace_back("too few bright stars to measure their width; 2.5 px assumed");
+  add_notes(in, range, out.psf_measured, findings);
   return out;
 }
 

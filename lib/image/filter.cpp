@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "image/rows.hpp"
+
 namespace srfs::image {
 
 Plane gaussian_filter(const Plane& in, float sigma_px) {
-  const int radius = std::max(1, static_cast<int>(std::ceil(2.7F * sigma_px)));
+  const int radius = std::clamp(static_cast<int>(std::ceil(2.7F * sigma_px)), 1, filter_radius_max);
   std::vector<float> taps(static_cast<std::size_t>(radius) + 1);
   float squares = 0;
   for (int i = 0; i <= radius; ++i) {
@@ -19,27 +21,14 @@ Plane gaussian_filter(const Plane& in, float sigma_px) {
   const int width = in.width();
   const int height = in.height();
   Plane out(width, height);
-  std::vector<float> sums(static_cast<std::size_t>(width + 2 * radius), 0.0F);
-  float* line = sums.data() + radius;  // with zeros on both sides
+  const std::vector<float> dark(static_cast<std::size_t>(width), 0.0F);
+  std::vector<float> line(static_cast<std::size_t>(width + 2 * radius), 0.0F);  // with zeros on both sides
+  std::vector<const float*> rows(static_cast<std::size_t>(2 * radius + 1));
   for (int y = 0; y < height; ++y) {
-    const float* centre = in.row(y);
-    for (int x = 0; x < width; ++x) line[x] = taps[0] * centre[x];
-    for (int i = 1; i <= radius; ++i) {
-      const float t = taps[static_cast<std::size_t>(i)];
-      const float* above = y - i >= 0 ? in.row(y - i) : nullptr;
-      const float* below = y + i < height ? in.row(y + i) : nullptr;
-      if (above != nullptr && below != nullptr) {
-        for (int x = 0; x < width; ++x) line[x] += t * (above[x] + below[x]);
-      } else if (const float* only = above != nullptr ? above : below; only != nullptr) {
-        for (int x = 0; x < width; ++x) line[x] += t * only[x];
-      }
-    }
-    float* to = out.row(y);
-    for (int x = 0; x < width; ++x) to[x] = taps[0] * line[x];
-    for (int i = 1; i <= radius; ++i) {
-      const float t = taps[static_cast<std::size_t>(i)];
-      for (int x = 0; x < width; ++x) to[x] += t * (line[x - i] + line[x + i]);
-    }
+    for (int i = -radius; i <= radius; ++i)
+      rows[static_cast<std::size_t>(i + radius)] = y + i >= 0 && y + i < height ? in.row(y + i) : dark.data();
+    filter_column(rows.data(), taps.data(), radius, line.data() + radius, width);
+    filter_row(line.data() + radius, taps.data(), radius, out.row(y), width);
   }
   return out;
 }

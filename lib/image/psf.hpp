@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "image/frame.hpp"
+#include "image/profile.hpp"
 
 namespace srfs::image {
 
@@ -38,6 +39,7 @@ class Psf {
   [[nodiscard]] float height(float dx, float dy) const { return value(q(dx, dy)).height; }
 
   [[nodiscard]] const Shape& shape() const { return shape_; }
+  [[nodiscard]] Profile profile() const { return {a_, b_, c_, static_cast<float>(shape_.gamma)}; }
   [[nodiscard]] double fwhm_px() const { return fwhm_px_; }
   /// Light of a star of height 1.
   [[nodiscard]] double flux() const { return flux_; }

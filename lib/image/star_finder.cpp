@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "image/filter.hpp"
+#include "image/rows.hpp"
 
 namespace srfs::image {
 namespace {
@@ -14,6 +15,10 @@ constexpr float candidate_least = 3.5F;  ///< in noise of the filtered frame
 constexpr std::size_t candidates_max = 60000;
 /// What a bright star's model may leave of it.
 constexpr double model_error = 0.06;
+/// Unexplained energy that the model's own error may leave.
+constexpr double sharper_share = 0.02;
+/// A wrong level of the sky that matters, times the width of a star, both in noise and px.
+constexpr float level_least = 0.05F;
 
 struct Peak {
   int x;
@@ -39,8 +44,11 @@ struct Fitted {
 class Finder {
  public:
   Finder(const CleanFrame& clean, const StarOptions& options)
-      : clean_(clean), psf_(clean.psf), options_(options), residual_(clean.signal) {
-    energy_ = 0;
+      : clean_(clean),
+        psf_(clean.psf),
+        profile_(clean.psf.profile()),
+        options_(options),
+        residual_(clean.signal) {
     const int r = 3 * psf_.fit_radius();
     for (int y = -r; y <= r; ++y) {
       for (int x = -r; x <= r; ++x) {
@@ -52,9 +60,10 @@ class Finder {
 
   StarField run() {
     for (int pass = 0; pass < 2; ++pass) {
+      if (pass > 0) level_residual();
       filtered_ = gaussian_filter(residual_, psf_.sigma_px());
       // The second time without the known stars, whose light counts as noise the first time.
-      noise_ = measure_noise(filtered_, sky_cell_px(filtered_.width(), filtered_.height()), 0.05F);
+      noise_ = measure_sky(filtered_, sky_cell_px(filtered_.width(), filtered_.height()), 0.05F).noise;
       for (Fitted& star : stars_) star.noise = noise_at(star.x, star.y);
       const std::size_t known = stars_.size();
       for (const Peak& peak : find_peaks()) try_peak(peak, pass);
@@ -70,28 +79,37 @@ class Finder {
  private:
   [[nodiscard]] double noise_at(double x, double y) const { return std::max(0.5, double(noise_.at(x, y))); }
 
+  /// Sky that was hidden by stars: in crowded fields their light lifted the level that was taken away.
+  void level_residual() {
+    Grid<std::uint8_t> masked(residual_.width(), residual_.height());
+    for (const Fitted& star : stars_) mask(star, masked);
+    const Surface level =
+        measure_sky(residual_, sky_cell_px(residual_.width(), residual_.height()), 0.05F, &masked).level;
+    const auto [lowest, highest] =
+        std::minmax_element(level.nodes().cells().begin(), level.nodes().cells().end());
+    if (std::max(-*lowest, *highest) * psf_.sigma_px() < level_least) return;
+    std::vector<float> row(static_cast<std::size_t>(residual_.width()));
+    for (int y = 0; y < residual_.height(); ++y) {
+      level.row(y, row);
+      subtract(residual_.row(y), row.data(), residual_.width());
+    }
+    for (Fitted& star : stars_) star.changed = true;
+  }
+
   [[nodiscard]] std::vector<Peak> find_peaks() const {
     std::vector<Peak> peaks;
     const int w = filtered_.width();
     const int h = filtered_.height();
-    std::vector<float> noise(static_cast<std::size_t>(w));
+    std::vector<float> limit(static_cast<std::size_t>(w));
+    std::vector<int> above_limit;
     for (int y = 0; y < h; ++y) {
-      noise_.row(y, noise);
-      const float* row = filtered_.row(y);
-      const float* above = filtered_.row(std::max(0, y - 1));
-      const float* below = filtered_.row(std::min(h - 1, y + 1));
-      for (int x = 0; x < w; ++x) {
-        const float v = row[x];
-        if (v < candidate_least * noise[static_cast<std::size_t>(x)] || v < 1) continue;
-        const int l = std::max(0, x - 1);
-        const int r = std::min(w - 1, x + 1);
-        if (v < row[l] || v < row[r] || v < above[l] || v < above[x] || v < above[r] || v < below[l] ||
-            v < below[x] || v < below[r])
-          continue;
-        // Of equal neighbours the last counts.
-        if ((r != x && v == row[r]) || (y + 1 < h && (v == below[l] || v == below[x] || v == below[r])))
-          continue;
-        peaks.push_back({x, y, v});
+      if (y % noise_rows == 0) {
+        noise_.row(std::min(h - 1, y + noise_rows / 2), limit);
+        for (float& v : limit) v = std::max(1.0F, candidate_least * v);
+      }
+      find_above(filtered_.row(y), limit.data(), w, above_limit);
+      for (const int x : above_limit) {
+        if (is_peak(x, y)) peaks.push_back({x, y, filtered_.at(x, y)});
       }
     }
     const auto brighter = [](const Peak& a, const Peak& b) {
@@ -103,6 +121,20 @@ class Finder {
     }
     std::sort(peaks.begin(), peaks.end(), brighter);
     return peaks;
+  }
+
+  /// Of equal neighbours the last counts.
+  [[nodiscard]] bool is_peak(int x, int y) const {
+    const float v = filtered_.at(x, y);
+    for (int j = -1; j <= 1; ++j) {
+      for (int i = -1; i <= 1; ++i) {
+        if ((i == 0 && j == 0) || !filtered_.contains(x + i, y + j)) continue;
+        const float other = filtered_.at(x + i, y + j);
+        const bool later = j > 0 || (j == 0 && i > 0);
+        if (later ? v <= other : v < other) return false;
+      }
+    }
+    return true;
   }
 
   /// Light at the same distance on two opposite sides, about as much as in the middle: a streak or a surface.
@@ -139,7 +171,7 @@ class Finder {
     if (star.energy < (run > 0 ? 0.02 : 0.4) * energy_) return;
     judge(star, pass);
     if (star.significance < double(candidate_least)) return;
-    if (run == 0 && (is_one_pixel(star) || !has_star_width(star))) return;
+    if (run == 0 && (is_one_pixel(star) || !has_star_width(star, 3))) return;
     add_light(star, -1);
     stars_.push_back(star);
   }
@@ -171,44 +203,42 @@ class Finder {
             std::min(residual_.height() - 1, yi + radius)};
   }
 
-  /// Least squares of position and height on the residual frame, @p shot: share of a pixel's light in its
-  /// variance.
-  [[nodiscard]] bool fit(Fitted& star, int rounds, double shot) const {
-    const auto& k = psf_.shape();
+  /// The residual around a star, as far as it is fitted.
+  void take_patch(const Fitted& star, int radius) {
+    const int xi = static_cast<int>(std::lround(star.x));
+    const int yi = static_cast<int>(std::lround(star.y));
+    const int w = residual_.width();
+    patch_.x0 = xi - radius;
+    patch_.y0 = yi - radius;
+    patch_.rows = 2 * radius + 1;
+    patch_.width = (2 * radius + Patch::lanes) / Patch::lanes * Patch::lanes;
+    patch_.light.assign(patch_.size(), 0.0F);
+    patch_.use.assign(patch_.size(), 0.0F);
+    const int from = std::max(0, patch_.x0);
+    const int end = std::min(w, xi + radius + 1);
+    for (int j = 0; j < patch_.rows; ++j) {
+      const int y = patch_.y0 + j;
+      if (y < 0 || y >= residual_.height() || from >= end) continue;
+      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(j) * patch_.width + (from - patch_.x0);
+      std::copy_n(residual_.row(y) + from, end - from, patch_.light.begin() + at);
+      const std::uint8_t* flaws = clean_.flaws.row(y) + from;
+      for (int i = 0; i < end - from; ++i)
+        patch_.use[static_cast<std::size_t>(at + i)] = flaws[i] == 0 ? 1.0F : 0.0F;
+    }
+  }
+
+  /// Least squares of position and height on the residual frame. @param shot  share of a pixel's light in its
+  /// variance
+  [[nodiscard]] bool fit(Fitted& star, int rounds, double shot) {
+    take_patch(star, star.radius);
     for (int round = 0; round < rounds; ++round) {
-      double xx = 0, xy = 0, yy = 0, xh = 0, yh = 0, hh = 0, rx = 0, ry = 0, rh = 0, energy = 0;
-      const Area a = area(star.x, star.y, star.radius);
-      for (int y = a.y0; y <= a.y1; ++y) {
-        const float* row = residual_.row(y);
-        const std::uint8_t* flaws = clean_.flaws.row(y);
-        const double dy = y - star.y;
-        for (int x = a.x0; x <= a.x1; ++x) {
-          if (flaws[x] != 0) continue;
-          const double dx = x - star.x;
-          const auto value = psf_.value(psf_.q(static_cast<float>(dx), static_cast<float>(dy)));
-          const double p = double(value.height);
-          const double s = -2 * star.height * double(value.slope);
-          const double gx = s * (k.a * dx + k.b * dy);
-          const double gy = s * (k.b * dx + k.c * dy);
-          const double weight = 1 / (1 + shot * std::max(0.0, star.height) * p);
-          const double r = weight * (double(row[x]) - star.height * p);
-          xx += weight * gx * gx;
-          xy += weight * gx * gy;
-          yy += weight * gy * gy;
-          xh += weight * gx * p;
-          yh += weight * gy * p;
-          hh += weight * p * p;
-          energy += p * p;
-          rx += gx * r;
-          ry += gy * r;
-          rh += p * r;
-        }
-      }
-      star.energy = energy;
+      const FitSums f = fit_sums(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y),
+                                 static_cast<float>(star.height), static_cast<float>(shot));
+      star.energy = double(f.energy);
       // A star at the frame's edge or behind a saturated core leaves directions unseen.
-      xx *= 1.0001;
-      yy *= 1.0001;
-      hh *= 1.0001;
+      const double xx = double(f.xx) * 1.0001, yy = double(f.yy) * 1.0001, hh = double(f.hh) * 1.0001;
+      const double xy = double(f.xy), xh = double(f.xh), yh = double(f.yh);
+      const double rx = double(f.rx), ry = double(f.ry), rh = double(f.rh);
       const double c00 = yy * hh - yh * yh;
       const double c01 = xh * yh - xy * hh;
       const double c02 = xy * yh - xh * yy;
@@ -225,69 +255,58 @@ class Finder {
       star.y += dy;
       star.height += length > longest ? 0.0 : dh;
       if (!(star.height > 0)) return false;
-      if (length < 0.02 * psf_.fwhm_px() / std::max(3.0, star.height) && std::abs(dh) < 0.05) break;
+      if (length < 0.03 * psf_.fwhm_px() / std::max(3.0, star.height) && std::abs(dh) < 0.05) break;
+      if (std::hypot(star.x - patch_.x0 - star.radius, star.y - patch_.y0 - star.radius) > 0.8)
+        take_patch(star, star.radius);
     }
     return star.x > -1 && star.y > -1 && star.x < residual_.width() && star.y < residual_.height();
   }
 
   void add_light(const Fitted& star, float sign) {
     // As far as its light is a tenth of the noise.
-    const double reach = psf_.radius_at(std::clamp(0.1 / star.height, 1e-5, 0.5));
-    const Area a = area(star.x, star.y, std::min(200, static_cast<int>(std::ceil(reach))));
-    const auto height = sign * static_cast<float>(star.height);
+    const double reach =
+        std::min(200.0, std::ceil(psf_.radius_at(std::clamp(0.1 / star.height, 1e-5, 0.5)) + 0.5));
+    const Area a = area(star.x, star.y, static_cast<int>(reach));
     for (int y = a.y0; y <= a.y1; ++y) {
-      float* row = residual_.row(y);
-      for (int x = a.x0; x <= a.x1; ++x)
-        row[x] += height * psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y));
+      const double dy = y - star.y;
+      const int half = static_cast<int>(std::sqrt(std::max(1.0, reach * reach - dy * dy)));
+      const int from = std::max(a.x0, static_cast<int>(star.x) - half);
+      const int end = std::min(a.x1, static_cast<int>(star.x) + half) + 1;
+      if (from >= end) continue;
+      add_profile(profile_, sign * static_cast<float>(star.height), static_cast<float>(from - star.x),
+                  static_cast<float>(dy), residual_.row(y) + from, end - from);
     }
   }
 
   /// Whether one pixel alone explains the peak better than a star does. The star is still in the residual.
-  [[nodiscard]] bool is_one_pixel(const Fitted& star) const {
-    const Area a = area(star.x, star.y, star.radius);
-    double product = 0;
-    double energy = 0;
-    double highest = 0;
-    for (int y = a.y0; y <= a.y1; ++y) {
-      for (int x = a.x0; x <= a.x1; ++x) {
-        if (clean_.flaws.at(x, y) != 0) continue;
-        const double p = double(psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y)));
-        const double v = double(residual_.at(x, y));
-        product += p * v;
-        energy += p * p;
-        if (p > 0.3) highest = std::max(highest, v);
-      }
+  [[nodiscard]] bool is_one_pixel(const Fitted& star) {
+    take_patch(star, star.radius);
+    profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+    float product = 0;
+    float energy = 0;
+    float highest = 0;
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      const float p = heights_[i] * patch_.use[i];
+      const float v = patch_.light[i];
+      product += p * v;
+      energy += p * p;
+      if (p > 0.3F) highest = std::max(highest, v);
     }
     return highest * highest > product * product / energy;
   }
 
   /// Measures the width beside the frame's. @return false for what is clearly no star
-  [[nodiscard]] bool has_star_width(Fitted& star) const {
-    double log_scale = 0;
+  [[nodiscard]] bool has_star_width(Fitted& star, int rounds) {
+    take_patch(star, star.radius + 1);
+    double log_scale = std::log(star.scale);
     double height = star.height;
     double ss_last = 0;
-    const int radius = star.radius + 1;
-    for (int round = 0; round < 4; ++round) {
-      const double narrower = std::exp(-2 * log_scale);
-      double ss = 0, sh = 0, hh = 0, rs = 0, rh = 0;
-      const Area a = area(star.x, star.y, radius);
-      for (int y = a.y0; y <= a.y1; ++y) {
-        for (int x = a.x0; x <= a.x1; ++x) {
-          if (clean_.flaws.at(x, y) != 0) continue;
-          const double q =
-              narrower * double(psf_.q(static_cast<float>(x - star.x), static_cast<float>(y - star.y)));
-          const auto value = psf_.value(static_cast<float>(q));
-          const double g = -2 * height * double(value.slope) * q;
-          const double p = double(value.height);
-          const double r = double(residual_.at(x, y)) - height * p;
-          const double weight = 1 / (1 + shot_ * height * p);
-          ss += weight * g * g;
-          sh += weight * g * p;
-          hh += weight * p * p;
-          rs += weight * g * r;
-          rh += weight * p * r;
-        }
-      }
+    for (int round = 0; round < rounds; ++round) {
+      const WidthSums f = width_sums(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y),
+                                     static_cast<float>(height), static_cast<float>(std::exp(-2 * log_scale)),
+                                     static_cast<float>(shot_));
+      const double ss = double(f.ss), sh = double(f.sh), hh = double(f.hh), rs = double(f.rs),
+                   rh = double(f.rh);
       const double det = ss * hh - sh * sh;
       if (!(det > 1e-9 * ss * hh)) break;
       const double step = std::clamp((hh * rs - sh * rh) / det, -0.4, 0.4);
@@ -308,19 +327,15 @@ class Finder {
     std::vector<float> shares;
     for (const Fitted& star : stars_) {
       if (star.height < 15 || shares.size() >= 200) continue;
-      double excess = 0;
-      double light = 0;
-      const Area a = area(star.x, star.y, star.radius);
-      for (int y = a.y0; y <= a.y1; ++y) {
-        for (int x = a.x0; x <= a.x1; ++x) {
-          if (clean_.flaws.at(x, y) != 0) continue;
-          const double r = double(residual_.at(x, y));
-          excess += r * r - 1;
-          light += star.height *
-                   double(psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y)));
-        }
+      take_patch(star, star.radius);
+      profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+      float excess = 0;
+      float light = 0;
+      for (std::size_t i = 0; i < patch_.size(); ++i) {
+        excess += patch_.use[i] * (patch_.light[i] * patch_.light[i] - 1);
+        light += patch_.use[i] * static_cast<float>(star.height) * heights_[i];
       }
-      shares.push_back(static_cast<float>(excess / light));
+      shares.push_back(excess / light);
     }
     if (shares.size() >= 5) shot_ = std::clamp(double(median_of(shares)), 0.0, 0.5);
   }
@@ -371,7 +386,7 @@ class Finder {
       add_light(star, 1);
       judge(star, 1);
       const bool saturated = star.radius > psf_.fit_radius();  // its core is unknown
-      if ((has_star_width(star) && !is_sharper(star)) || saturated) {
+      if ((has_star_width(star, 4) && !is_sharper(star)) || saturated) {
         add_light(star, -1);
       } else {
         sharp_.push_back(star);
@@ -383,24 +398,24 @@ class Finder {
 
   /// Dark where a star of this brightness would give light: the track of a particle. The star is in the
   /// residual.
-  [[nodiscard]] bool is_sharper(const Fitted& star) const {
-    double missing = 0;
-    double energy = 0;
+  [[nodiscard]] bool is_sharper(const Fitted& star) {
+    take_patch(star, star.radius);
+    profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+    const auto height = static_cast<float>(star.height);
+    float missing = 0;
+    float energy = 0;
     int n = 0;
-    const Area a = area(star.x, star.y, star.radius);
-    for (int y = a.y0; y <= a.y1; ++y) {
-      for (int x = a.x0; x <= a.x1; ++x) {
-        const double p = double(psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y)));
-        if (p < 0.08 || clean_.flaws.at(x, y) != 0) continue;
-        const double r = std::min(0.0, double(residual_.at(x, y)) - star.height * p);
-        missing += r * r / (1 + shot_ * star.height * p);
-        energy += star.height * star.height * p * p;
-        ++n;
-      }
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      const float p = heights_[i];
+      if (p < 0.08F || patch_.use[i] == 0) continue;
+      const float r = std::min(0.0F, patch_.light[i] - height * p);
+      missing += r * r / (1 + static_cast<float>(shot_) * height * p);
+      energy += height * height * p * p;
+      ++n;
     }
     // Half of the pixels are below the model by their noise alone.
     const double by_noise = 0.5 * n + 3.5 * std::sqrt(1.25 * n);
-    return missing > by_noise + sharper_share_ * energy;
+    return double(missing) > by_noise + sharper_share * double(energy);
   }
 
   /// Keeps what is significant: the lower the limit, the more peaks of the noise come with it.
@@ -457,14 +472,15 @@ class Finder {
 
   const CleanFrame& clean_;
   const Psf& psf_;
+  Profile profile_;
   const StarOptions& options_;
   Plane residual_;
   Plane filtered_;
   Surface noise_;
+  Patch patch_;
+  std::vector<float> heights_;
   double energy_ = 0;
   double shot_ = 0;
-  /// Unexplained energy that the model's own error may leave.
-  static constexpr double sharper_share_ = 0.02;
   std::vector<Fitted> stars_;
   std::vector<Fitted> sharp_;  ///< taken for stars at first
 };

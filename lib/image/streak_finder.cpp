@@ -124,7 +124,7 @@ class Finder {
       if (mask.cells()[i] != 0) shown.cells()[i] = 0;
     }
     Plane filtered = gaussian_filter(shown, static_cast<float>(sigma_));
-    Surface noise = measure_noise(filtered, sky_cell_px(filtered.width(), filtered.height()), 0.05F);
+    Surface noise = measure_sky(filtered, sky_cell_px(filtered.width(), filtered.height()), 0.05F).noise;
     std::vector<float> row_noise(static_cast<std::size_t>(filtered.width()));
     for (int y = 0; y < filtered.height(); ++y) {
       noise.row(y, row_noise);
