@@ -165,19 +165,20 @@ double SkyRandom::poisson(double mean) {
 std::vector<float> render_sky(const SkyScene& scene, const std::vector<SkyStar>& stars,
                               const std::vector<SkyStreak>& streaks) {
   SkyRandom random(scene.seed);
+  SkyRandom pattern((scene.pattern_seed != 0 ? scene.pattern_seed : scene.seed) ^ 0x5DEECE66DU);
   Canvas canvas(scene);
   for (const SkyStar& star : stars) canvas.add(star);
   for (const SkyStreak& streak : streaks) canvas.add(streak);
   std::vector<double> e = canvas.electrons();
-  for (double& v : e) v = random.poisson(std::max(0.0, v * (1 + scene.prnu * random.normal())));
+  for (double& v : e) v = random.poisson(std::max(0.0, v * (1 + scene.prnu * pattern.normal())));
   for (int i = 0; i < scene.cosmic_rays; ++i) add_cosmic_ray(scene, random, e);
   const double noise_e = std::sqrt(noise_variance(scene, scene.width / 2.0, scene.height / 2.0));
   for (int i = 0; i < scene.hot_pixels; ++i) {
-    const auto at = static_cast<std::size_t>(random.uniform() * static_cast<double>(e.size()));
-    e[at] += noise_e * 5 * std::exp(random.uniform(0, 4));
+    const auto at = static_cast<std::size_t>(pattern.uniform() * static_cast<double>(e.size()));
+    e[at] += noise_e * 5 * std::exp(pattern.uniform(0, 4));
   }
   std::vector<double> column_adu(static_cast<std::size_t>(scene.width));
-  for (double& c : column_adu) c = scene.column_pattern_adu * random.normal();
+  for (double& c : column_adu) c = scene.column_pattern_adu * pattern.normal();
   std::vector<float> adu(e.size());
   for (std::size_t i = 0; i < e.size(); ++i) {
     const double v = scene.bias_adu + column_adu[i % column_adu.size()] +

@@ -29,6 +29,8 @@ struct SkyScene {
   double saturation_adu = 65535;
   double adu_step = 1;  ///< 16: 12 bits in 16
   std::uint64_t seed = 1;
+  /// Of what is the same in all frames of one detector: response, columns, hot pixels. 0: as seed.
+  std::uint64_t pattern_seed = 0;
 };
 
 struct SkyStar {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "image/rows.hpp"
 
@@ -12,6 +13,7 @@ namespace {
 
 constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
 constexpr float clip_sigma = 2.5F;
+constexpr int beyond = 2;  ///< nodes that a surface goes on for outside the frame
 /// Spread of a normal distribution cut off at clip_sigma, inverted.
 constexpr float clipped_spread = 1.0F / 0.95535F;
 /// Level and spread of a cell start from so many of its pixels.
@@ -28,8 +30,7 @@ struct Cell {
 };
 
 /// One of a few pixels, spread over the cell so that rows, columns and Bayer patterns are seen whole.
-void take_sample(const Plane& pixels, const Grid<std::uint8_t>* masked, const Cell& cell,
-                 std::vector<float>& sample) {
+void take_sample(const Plane& pixels, const Cell& cell, std::vector<float>& sample) {
   sample.clear();
   const int width = cell.x1 - cell.x0;
   const int size = width * (cell.y1 - cell.y0);
@@ -38,46 +39,51 @@ void take_sample(const Plane& pixels, const Grid<std::uint8_t>* masked, const Ce
   for (int k = step / 2; k < size; k += step + (step % 2 == 0 ? 1 : 0)) {
     const int x = cell.x0 + k % width;
     const int y = cell.y0 + k / width;
-    if (std::isfinite(pixels.at(x, y)) && (masked == nullptr || masked->at(x, y) == 0))
-      sample.push_back(pixels.at(x, y));
+    if (std::isfinite(pixels.at(x, y))) sample.push_back(pixels.at(x, y));
   }
 }
 
-/// Median and quartile of a sample first, whatever stands in the cell; then mean and spread of what is near,
-/// of all pixels.
-CellStatistics cell_statistics(const Plane& pixels, const Grid<std::uint8_t>* masked, const Cell& cell,
-                               float noise_least, std::vector<float>& sample) {
-  take_sample(pixels, masked, cell, sample);
-  if (sample.size() < sample_least) return {};
+/// Median and, from the quartile, spread of a sample. @return nothing of a cell without pixels
+std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell, float noise_least,
+                                          std::vector<float>& sample) {
+  take_sample(pixels, cell, sample);
+  if (sample.size() < sample_least) return std::nullopt;
   const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
   std::nth_element(sample.begin(), middle, sample.end());
   const float median = *middle;
   const auto quarter = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 4);
   std::nth_element(sample.begin(), quarter, middle);
-  float level = median;
   // The lower half has fewer stars in it. Coarsely quantised values may make it zero wide.
-  float noise = std::max((median - *quarter) * 1.4826F, noise_least);
-  for (int round = 0; round < 4; ++round) {
+  return CellStatistics{median, std::max((median - *quarter) * 1.4826F, noise_least)};
+}
+
+/// Mean and spread of the pixels that are near, again and again.
+CellStatistics settle(CellStatistics cell_is, const Plane& pixels, const Grid<std::uint8_t>* masked,
+                      const Cell& cell, float noise_least) {
+  const int width = cell.x1 - cell.x0;
+  for (int round = 0; round < 6; ++round) {
+    const float reach = clip_sigma * cell_is.noise;
     double n = 0;
     double sum = 0;
     double squares = 0;
     for (int y = cell.y0; y < cell.y1; ++y) {
       const float* row = pixels.row(y) + cell.x0;
-      const int width = cell.x1 - cell.x0;
       const Moments m = masked != nullptr
-                            ? clipped_moments(row, masked->row(y) + cell.x0, width, level, clip_sigma * noise)
-                            : clipped_moments(row, width, level, clip_sigma * noise);
+                            ? clipped_moments(row, masked->row(y) + cell.x0, width, cell_is.level, reach)
+                            : clipped_moments(row, width, cell_is.level, reach);
       n += double(m.n), sum += double(m.sum), squares += double(m.squares);
     }
-    if (n < 4) break;
+    if (n < double(sample_least)) return round == 0 ? CellStatistics{} : cell_is;
     const double mean = sum / n;
-    const float spread = static_cast<float>(std::sqrt(std::max(0.0, squares / n - mean * mean)));
-    const float before = noise;
-    level += static_cast<float>(mean);
-    noise = std::max(spread * clipped_spread, noise_least);
-    if (std::abs(noise - before) < 0.02F * noise && std::abs(mean) < 0.02 * double(noise)) break;
+    const auto spread = static_cast<float>(std::sqrt(std::max(0.0, squares / n - mean * mean)));
+    const float before = cell_is.noise;
+    cell_is.level += static_cast<float>(mean);
+    cell_is.noise = std::max(spread * clipped_spread, noise_least);
+    if (std::abs(cell_is.noise - before) < 0.02F * cell_is.noise &&
+        std::abs(mean) < 0.02 * double(cell_is.noise))
+      break;
   }
-  return {level, noise};
+  return cell_is;
 }
 
 /// Unknown nodes get the mean of the known ones next to them, ring by ring.
@@ -133,6 +139,31 @@ void smooth(Plane& nodes, const Plane* tolerance) {
   }
 }
 
+/// @param measure  (cell) -> CellStatistics
+template <class Measure>
+SkyLevel measure_cells(const Plane& pixels, float noise_least, Measure&& measure) {
+  const int cell_px = sky_cell_px(pixels.width(), pixels.height());
+  const int columns = (pixels.width() + cell_px - 1) / cell_px;
+  const int rows = (pixels.height() + cell_px - 1) / cell_px;
+  Plane level(columns, rows);
+  Plane noise(columns, rows);
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      const CellStatistics found =
+          measure(Cell{i * cell_px, j * cell_px, std::min(pixels.width(), (i + 1) * cell_px),
+                       std::min(pixels.height(), (j + 1) * cell_px)});
+      level.at(i, j) = found.level;
+      noise.at(i, j) = found.noise;
+    }
+  }
+  fill_unknown(level);
+  fill_unknown(noise);
+  smooth(noise, nullptr);
+  smooth(level, &noise);
+  for (float& v : noise.cells()) v = std::max(v, noise_least);
+  return {Surface(std::move(level), cell_px), Surface(std::move(noise), cell_px)};
+}
+
 /// Catmull-Rom: exact for parabolas.
 std::array<float, 4> cubic_weights(float t) {
   return {0.5F * t * (-1 + t * (2 - t)), 0.5F * (2 + t * t * (-5 + 3 * t)), 0.5F * t * (1 + t * (4 - 3 * t)),
@@ -163,49 +194,56 @@ int sky_cell_px(int width, int height) {
 }
 
 /// Beyond the last centre the surface goes on as between the last two.
-float Surface::node(int i, int j) const {
+Surface::Surface(Plane nodes, int cell_px) : nodes_(std::move(nodes)), cell_px_(cell_px) {
   const int w = nodes_.width();
   const int h = nodes_.height();
-  if (i < 0) return w > 1 ? node(0, j) + static_cast<float>(-i) * (node(0, j) - node(1, j)) : node(0, j);
-  if (i >= w)
-    return w > 1 ? node(w - 1, j) + static_cast<float>(i - w + 1) * (node(w - 1, j) - node(w - 2, j))
-                 : node(w - 1, j);
-  if (j < 0)
-    return h > 1 ? nodes_.at(i, 0) + static_cast<float>(-j) * (nodes_.at(i, 0) - nodes_.at(i, 1))
-                 : nodes_.at(i, 0);
-  if (j >= h)
-    return h > 1 ? nodes_.at(i, h - 1) +
-                       static_cast<float>(j - h + 1) * (nodes_.at(i, h - 1) - nodes_.at(i, h - 2))
-                 : nodes_.at(i, h - 1);
-  return nodes_.at(i, j);
+  extended_ = Plane(w + 2 * beyond, h + 2 * beyond);
+  const auto along = [](float last, float before, int steps) {
+    return last + static_cast<float>(steps) * (last - before);
+  };
+  for (int j = 0; j < h; ++j) {
+    float* row = extended_.row(j + beyond) + beyond;
+    std::copy_n(nodes_.row(j), w, row);
+    for (int k = 1; k <= beyond; ++k) {
+      row[-k] = w > 1 ? along(row[0], row[1], k) : row[0];
+      row[w - 1 + k] = w > 1 ? along(row[w - 1], row[w - 2], k) : row[0];
+    }
+  }
+  for (int i = 0; i < extended_.width(); ++i) {
+    const float first = extended_.at(i, beyond);
+    const float last = extended_.at(i, beyond + h - 1);
+    for (int k = 1; k <= beyond; ++k) {
+      extended_.at(i, beyond - k) = h > 1 ? along(first, extended_.at(i, beyond + 1), k) : first;
+      extended_.at(i, beyond + h - 1 + k) = h > 1 ? along(last, extended_.at(i, beyond + h - 2), k) : last;
+    }
+  }
+}
+
+Surface Surface::at_least(float value) const {
+  Plane nodes = nodes_;
+  for (float& v : nodes.cells()) v = std::max(v, value);
+  return {std::move(nodes), cell_px_};
 }
 
 void Surface::row(int y, std::vector<float>& out) const {
   const auto [j, ty] = between(static_cast<float>(y), cell_px_);
   const auto wy = cubic_weights(ty);
-  const int columns = nodes_.width();
-  std::vector<float> line(static_cast<std::size_t>(columns + 4));
-  for (int i = 0; i < columns + 4; ++i) {
-    float v = 0;
-    for (int k = 0; k < 4; ++k) v += wy[static_cast<std::size_t>(k)] * node(i - 2, j - 1 + k);
-    line[static_cast<std::size_t>(i)] = v;
+  // Nodes i - 1 .. i + 2 surround what lies between centres i and i + 1.
+  std::vector<float> line(static_cast<std::size_t>(extended_.width()), 0.0F);
+  for (int k = 0; k < 4; ++k) {
+    const float* nodes = extended_.row(std::clamp(j - 1 + k + beyond, 0, extended_.height() - 1));
+    for (std::size_t i = 0; i < line.size(); ++i) line[i] += wy[static_cast<std::size_t>(k)] * nodes[i];
   }
   // One cubic from centre to centre, as a polynomial.
   const int width = static_cast<int>(out.size());
   const float unit = 1.0F / static_cast<float>(cell_px_);
   for (int x = 0; x < width;) {
     const auto [i, start] = between(static_cast<float>(x), cell_px_);
-    const float* p = line.data() + i + 1;
-    const float c1 = 0.5F * (p[2] - p[0]);
-    const float c2 = p[0] - 2.5F * p[1] + 2 * p[2] - 0.5F * p[3];
-    const float c3 = 0.5F * (p[3] - p[0]) + 1.5F * (p[1] - p[2]);
+    const float* p = line.data() + std::clamp(i - 1 + beyond, 0, extended_.width() - 4);
+    const std::array<float, 4> cubic{p[1], 0.5F * (p[2] - p[0]), p[0] - 2.5F * p[1] + 2 * p[2] - 0.5F * p[3],
+                                     0.5F * (p[3] - p[0]) + 1.5F * (p[1] - p[2])};
     const int end = std::min(width, x + std::max(1, static_cast<int>(std::ceil((1 - start) / unit - 1e-3F))));
-    float* to = out.data() + x;
-    const int n = end - x;
-    for (int k = 0; k < n; ++k) {
-      const float t = start + unit * static_cast<float>(k);
-      to[k] = p[1] + t * (c1 + t * (c2 + t * c3));
-    }
+    fill_cubic(cubic.data(), start, unit, out.data() + x, end - x);
     x = end;
   }
 }
@@ -213,32 +251,28 @@ void Surface::row(int y, std::vector<float>& out) const {
 float Surface::at(double x, double y) const {
   const auto [i, tx] = between(static_cast<float>(x), cell_px_);
   const auto [j, ty] = between(static_cast<float>(y), cell_px_);
+  const auto node = [&](int column, int row) {
+    return extended_.at(std::clamp(column + beyond, 0, extended_.width() - 1),
+                        std::clamp(row + beyond, 0, extended_.height() - 1));
+  };
   const float top = node(i, j) * (1 - tx) + node(i + 1, j) * tx;
   const float bottom = node(i, j + 1) * (1 - tx) + node(i + 1, j + 1) * tx;
   return top * (1 - ty) + bottom * ty;
 }
 
-SkyLevel measure_sky(const Plane& pixels, int cell_px, float noise_least, const Grid<std::uint8_t>* masked) {
-  const int columns = (pixels.width() + cell_px - 1) / cell_px;
-  const int rows = (pixels.height() + cell_px - 1) / cell_px;
-  Plane level(columns, rows);
-  Plane noise(columns, rows);
+SkyLevel measure_sky(const Plane& pixels, float noise_least) {
   std::vector<float> sample;
-  for (int j = 0; j < rows; ++j) {
-    for (int i = 0; i < columns; ++i) {
-      const Cell cell{i * cell_px, j * cell_px, std::min(pixels.width(), (i + 1) * cell_px),
-                      std::min(pixels.height(), (j + 1) * cell_px)};
-      const CellStatistics found = cell_statistics(pixels, masked, cell, noise_least, sample);
-      level.at(i, j) = found.level;
-      noise.at(i, j) = found.noise;
-    }
-  }
-  fill_unknown(level);
-  fill_unknown(noise);
-  smooth(noise, nullptr);
-  smooth(level, &noise);
-  for (float& v : noise.cells()) v = std::max(v, noise_least);
-  return {Surface(std::move(level), cell_px), Surface(std::move(noise), cell_px)};
+  return measure_cells(pixels, noise_least, [&](const Cell& cell) {
+    const auto guess = first_guess(pixels, cell, noise_least, sample);
+    return guess ? settle(*guess, pixels, nullptr, cell, noise_least) : CellStatistics{};
+  });
+}
+
+SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked) {
+  constexpr float least = 0.05F;
+  return measure_cells(signal, least, [&](const Cell& cell) {
+    return settle({0, 1}, signal, masked, cell, least);
+  });
 }
 
 }  // namespace srfs::image

@@ -220,7 +220,7 @@ class SpikeFinder {
 };
 
 float median_node(const Surface& surface) {
-  std::vector<float> nodes = surface.nodes().cells();
+  std::vector<float> nodes(surface.nodes().cells().begin(), surface.nodes().cells().end());
   return median_of(nodes);
 }
 
@@ -241,7 +241,7 @@ void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std:
 
 /// Takes the sky away and makes the noise 1.
 Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor) {
-  Plane signal(in.width(), in.height());
+  Plane signal = Plane::unset(in.width(), in.height());
   std::vector<float> level(static_cast<std::size_t>(in.width()));
   std::vector<float> noise(level.size());
   for (int y = 0; y < in.height(); ++y) {
@@ -286,13 +286,12 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   const float largest = range.low <= range.high ? std::max(std::abs(range.low), std::abs(range.high)) : 0;
   const float noise_least =
       std::max({0.4F * frame.step, 3e-6F * largest, std::numeric_limits<float>::min() * 1e6F});
-  SkyLevel sky = measure_sky(in, sky_cell_px(in.width(), in.height()), noise_least);
+  const SkyLevel sky = measure_sky(in, noise_least);
   findings.background = double(median_node(sky.level));
   findings.noise = double(median_node(sky.noise));
   const float noise_floor = std::max(noise_least, 0.2F * median_node(sky.noise));
   out.signal = in_noise(in, sky, noise_floor);
-  for (float& v : sky.noise.nodes().cells()) v = std::max(v, noise_floor);
-  out.noise_adu = std::move(sky.noise);
+  out.noise_adu = sky.noise.at_least(noise_floor);
   remove_fixed_pattern(out.signal);
 
   if (auto psf = measure_psf(out.signal, out.flaws)) {

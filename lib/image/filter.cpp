@@ -7,7 +7,7 @@
 
 namespace srfs::image {
 
-Plane gaussian_filter(const Plane& in, float sigma_px) {
+void gaussian_filter(const Plane& in, float sigma_px, Plane& out) {
   const int radius = std::clamp(static_cast<int>(std::ceil(2.7F * sigma_px)), 1, filter_radius_max);
   std::vector<float> taps(static_cast<std::size_t>(radius) + 1);
   float squares = 0;
@@ -20,7 +20,7 @@ Plane gaussian_filter(const Plane& in, float sigma_px) {
   for (float& t : taps) t /= std::sqrt(squares);
   const int width = in.width();
   const int height = in.height();
-  Plane out(width, height);
+  if (out.width() != width || out.height() != height) out = Plane::unset(width, height);
   const std::vector<float> dark(static_cast<std::size_t>(width), 0.0F);
   std::vector<float> line(static_cast<std::size_t>(width + 2 * radius), 0.0F);  // with zeros on both sides
   std::vector<const float*> rows(static_cast<std::size_t>(2 * radius + 1));
@@ -30,7 +30,6 @@ Plane gaussian_filter(const Plane& in, float sigma_px) {
     filter_column(rows.data(), taps.data(), radius, line.data() + radius, width);
     filter_row(line.data() + radius, taps.data(), radius, out.row(y), width);
   }
-  return out;
 }
 
 }  // namespace srfs::image

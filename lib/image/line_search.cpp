@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "image/rows.hpp"
+
 namespace srfs::image {
 namespace {
 
-constexpr int shortest = 8;
+constexpr int shortest = 4;
 constexpr int longest = 128;
 constexpr float scale = 24;  // of the int16 sums: 128 cells of at most 8 stay below 32768
 constexpr float clip_low = -4;
@@ -49,7 +51,7 @@ class Octant {
         const std::int16_t* second = in.data() + line(2 * k + 1, slope / 2, length) + shift;
         std::int16_t* to = out.data() + line(k, slope, 2 * length);
         const int inside = std::max(0, across_ - shift);
-        for (int y = 0; y < inside; ++y) to[y] = static_cast<std::int16_t>(first[y] + second[y]);
+        add_sums(first, second, to, inside);
         for (int y = inside; y < across_; ++y) to[y] = first[y];
       }
     }
@@ -84,6 +86,7 @@ class Octant {
         const std::int16_t* row = sums.data() + line(k, slope, length);
         const float u = unit[static_cast<std::size_t>(slope)];
         const auto limit = static_cast<std::int16_t>(std::min(32767.0, least / double(u)));
+        if (highest_of(row, across_) <= limit) continue;
         for (int y0 = 0; y0 < across_; y0 += block) {
           const int y1 = std::min(across_, y0 + block);
           std::int16_t highest = row[y0];
@@ -105,6 +108,34 @@ class Octant {
   int across_;
 };
 
+Cells quantised(const Plane& significance, float clip) {
+  const float highest = std::min(clip, clip_most);
+  Cells cells(significance.size());
+  const float* from = significance.cells().data();
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const float v = from[i] < highest ? from[i] : highest;
+    cells[i] = static_cast<std::int16_t>(scale * (v > clip_low ? v : clip_low));
+  }
+  return cells;
+}
+
+/// Square by square, for the cache.
+Cells transposed(const Cells& cells, int width, int height) {
+  constexpr int side = 32;
+  Cells out(cells.size());
+  for (int y0 = 0; y0 < height; y0 += side) {
+    for (int x0 = 0; x0 < width; x0 += side) {
+      for (int x = x0; x < std::min(width, x0 + side); ++x) {
+        for (int y = y0; y < std::min(height, y0 + side); ++y)
+          out[static_cast<std::size_t>(x) * static_cast<std::size_t>(height) + static_cast<std::size_t>(y)] =
+              cells[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                    static_cast<std::size_t>(x)];
+      }
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 std::vector<LineHit> search_lines(const Plane& significance, double correlation_cells, double least,
@@ -112,24 +143,22 @@ std::vector<LineHit> search_lines(const Plane& significance, double correlation_
   std::vector<LineHit> hits;
   const int w = significance.width();
   const int h = significance.height();
-  const auto quantised = [&](int x, int y) {
-    return static_cast<std::int16_t>(scale *
-                                     std::clamp(significance.at(x, y), clip_low, std::min(clip, clip_most)));
-  };
+  const Cells upright = quantised(significance, clip);
+  const Cells turned = transposed(upright, w, h);
   for (const bool steep : {false, true}) {
     const int along = steep ? h : w;
     const int across = steep ? w : h;
     const Octant octant(along, across);
     for (const bool falling : {false, true}) {
+      const Cells& from_cells = steep ? upright : turned;
       Cells cells(static_cast<std::size_t>(octant.along()) * static_cast<std::size_t>(across));
-      // Row by row in the frame, for the cache; the transposed write is the smaller evil.
-      for (int y = 0; y < h; ++y) {
-        for (int x = 0; x < w; ++x) {
-          const int a = steep ? y : x;
-          const int c = steep ? x : y;
-          cells[static_cast<std::size_t>(a) * static_cast<std::size_t>(across) +
-                static_cast<std::size_t>(falling ? across - 1 - c : c)] = quantised(x, y);
-        }
+      for (int a = 0; a < along; ++a) {
+        const auto at = static_cast<std::ptrdiff_t>(a) * across;
+        const auto begin_at = from_cells.begin() + at;
+        if (falling)
+          std::reverse_copy(begin_at, begin_at + across, cells.begin() + at);
+        else
+          std::copy(begin_at, begin_at + across, cells.begin() + at);
       }
       octant.search(std::move(cells), correlation_cells, least,
                     [&](int from, int begin, int length, int slope, double value) {

@@ -3,6 +3,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -39,12 +40,13 @@ constexpr std::array star_centroid_parameters{
 class StreakSearch final : public Method {
  public:
   explicit StreakSearch(const Parameters& parameters)
-      : options_{parameters["threshold"], parameters["min_length"]}, with_stars_(parameters["stars"] != 0) {}
+      : options_{parameters["threshold"], parameters["min_length"], parameters["caution"]},
+        with_stars_(parameters["stars"] != 0) {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
     const CleanFrame clean = clean_frame(frame, findings);
-    StarField field = find_stars(clean, {});
+    StarField field = find_stars(clean, {.stars_max = std::numeric_limits<int>::max()});
     findings.streaks = find_streaks(clean, field, options_);
     if (with_stars_) findings.stars = std::move(field.stars);
     return findings;
@@ -58,7 +60,61 @@ class StreakSearch final : public Method {
 constexpr std::array streak_parameters{
     ParameterSpec{"threshold", 7, 3, 1000, "least SNR of a whole streak"},
     ParameterSpec{"min_length", 10, 3, 10000, "px"},
+    ParameterSpec{"caution", 8, -100, 1000,
+                  "by how much of chi squared a short streak has to be likelier than two stars"},
     ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
+};
+
+/// Moving objects in several frames.
+class TrackletSearch final : public Method {
+ public:
+  explicit TrackletSearch(const Parameters& parameters)
+      : streaks_{parameters["streak_threshold"], parameters["min_length"], parameters["caution"]},
+        links_{static_cast<int>(parameters["hits"]), parameters["threshold"], parameters["max_speed"]} {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    if (frames_.size() >= frames_most)
+      return Err(Refusal{fmt::format("more than {} frames in a sequence", frames_most)});
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    StarField field = find_stars(clean, {.snr_least = faint_least, .stars_max = faint_most});
+    FrameDetections of_frame;
+    of_frame.stars = field.stars;
+    of_frame.streaks = find_streaks(clean, field, streaks_);
+    of_frame.width = frame.pixels.width();
+    of_frame.height = frame.pixels.height();
+    of_frame.fwhm_px = clean.psf.fwhm_px();
+    of_frame.time_s = frame.time_s;
+    frames_.push_back(std::move(of_frame));
+    return findings;
+  }
+
+  SequenceFindings finish() override {
+    SequenceFindings found = link_tracklets(frames_, links_);
+    frames_.clear();
+    return found;
+  }
+
+ private:
+  static constexpr std::size_t frames_most = 200;
+  /// One frame's detections may be this faint: chance does not move evenly.
+  static constexpr double faint_least = 3.5;
+  static constexpr int faint_most = 50000;
+
+  StreakOptions streaks_;
+  LinkOptions links_;
+  std::vector<FrameDetections> frames_;
+};
+
+constexpr std::array tracklet_parameters{
+    ParameterSpec{"threshold", 8.5, 4, 1000, "least SNR of all points together"},
+    ParameterSpec{"hits", 5, 3, 200,
+                  "least number of points in eight frames and more; in fewer five eighths of them, but 3"},
+    ParameterSpec{"max_speed", 40, 0.1, 10000, "px per frame; four times that of what is seen as streaks"},
+    ParameterSpec{"streak_threshold", 7, 3, 1000, "least SNR of a streak in one frame"},
+    ParameterSpec{"min_length", 10, 3, 10000, "of streaks, px"},
+    ParameterSpec{"caution", -12, -100, 1000,
+                  "by how much of chi squared a streak has to be likelier than two stars in the one frame"},
 };
 
 template <class M>
@@ -71,6 +127,8 @@ constexpr std::array entries{
                 make<StarCentroid>},
     MethodEntry{"streak", "streaks of moving objects: ends, SNR, flux and width", streak_parameters,
                 make<StreakSearch>},
+    MethodEntry{"tracklet", "objects that move over several frames: points, velocity, SNR",
+                tracklet_parameters, make<TrackletSearch>},
 };
 
 template <class Range>

@@ -7,6 +7,7 @@
 
 #include "image/detections.hpp"
 #include "image/frame.hpp"
+#include "image/tracklet_linker.hpp"
 
 namespace srfs::image {
 
@@ -42,6 +43,8 @@ class Method {
   virtual ~Method() = default;
   /// @return what is in this frame, or why it cannot be in this sequence
   [[nodiscard]] virtual Result<FrameFindings, Refusal> process(const Frame& frame) = 0;
+  /// What the frames hold together; the next frame starts another sequence.
+  [[nodiscard]] virtual SequenceFindings finish() { return {}; }
 };
 
 /// A method as the mission names it. A new one is one class and one row in method.cpp.

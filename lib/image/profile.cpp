@@ -1,44 +1,15 @@
 #include "image/profile.hpp"
 
-#include <bit>
-#include <cstdint>
+#include <algorithm>
+#include <cmath>
 
 #include "image/simd.hpp"
+#include "image/vector_math.hpp"
 
 namespace srfs::image {
 namespace {
 
 constexpr float gaussian_below = 0.004F;
-
-/// 2^x for x <= 0.
-inline float power_of_two(float x) {
-  constexpr float to_integer = 12582912.0F;  // 1.5 * 2^23: the sum's last bit is worth 1
-  x = x < -126.0F ? -126.0F : x;
-  const float shifted = x + to_integer;
-  const std::int32_t exponent =
-      std::bit_cast<std::int32_t>(shifted) - std::bit_cast<std::int32_t>(to_integer);
-  const float f = x - (shifted - to_integer);
-  const float p =
-      1 + f * (0.69314718F + f * (0.24022651F + f * (0.05550411F + f * (0.00961813F + f * 0.00133336F))));
-  return std::bit_cast<float>((exponent + 127) << 23) * p;
-}
-
-/// log2(u) for u >= 1, finite. The polynomial is that of the Cephes library's logf.
-inline float log_of_two(float u) {
-  const std::int32_t bits = std::bit_cast<std::int32_t>(u);
-  const std::int32_t exponent = (bits - 0x3F3504F3) >> 23;  // so that the rest is 0.707 to 1.414
-  const float t = std::bit_cast<float>(bits - (exponent << 23)) - 1;
-  float p = 7.0376836292E-2F;
-  p = p * t - 1.1514610310E-1F;
-  p = p * t + 1.1676998740E-1F;
-  p = p * t - 1.2420140846E-1F;
-  p = p * t + 1.4249322787E-1F;
-  p = p * t - 1.6668057665E-1F;
-  p = p * t + 2.0000714765E-1F;
-  p = p * t - 2.4999993993E-1F;
-  p = p * t + 3.3333331174E-1F;
-  return (t - 0.5F * t * t + t * t * t * p) * 1.44269504F + static_cast<float>(exponent);
-}
 
 struct Shape {
   float a, b, c, gamma, exponent;
@@ -133,6 +104,53 @@ template <class Height>
 }
 
 template <class Height>
+[[gnu::always_inline]] inline ShapeSums sum_shape(const Height f, const Patch& patch, float x, float y,
+                                                  float height, float model_error) {
+  float aa = 0, ab = 0, ac = 0, ag = 0, bb = 0, bc = 0, bg = 0, cc = 0, cg = 0, gg = 0, ra = 0, rb = 0,
+        rc = 0, rg = 0;
+  const int n = patch.width;
+  const float left = static_cast<float>(patch.x0) - x;
+  const float gamma = f.gamma > 0.05F ? f.gamma : 0.05F;  // its derivative hardly changes below
+  const float variance = 1 + model_error * model_error * height * height;
+  for (int j = 0; j < patch.rows; ++j) {
+    const float* light = patch.light.data() + static_cast<std::ptrdiff_t>(j) * n;
+    const float* use = patch.use.data() + static_cast<std::ptrdiff_t>(j) * n;
+    const float dy = static_cast<float>(patch.y0 + j) - y;
+#pragma omp simd reduction(+ : aa, ab, ac, ag, bb, bc, bg, cc, cg, gg, ra, rb, rc, rg)
+    for (int i = 0; i < n; ++i) {
+      const float dx = left + static_cast<float>(i);
+      const float q = f.a * dx * dx + 2 * f.b * dx * dy + f.c * dy * dy;
+      const auto [p, slope] = f(q);
+      const float u = 1 + gamma * q;
+      const float by_a = height * slope * dx * dx;
+      const float by_b = height * slope * 2 * dx * dy;
+      const float by_c = height * slope * dy * dy;
+      const float by_gamma = height * p * (0.69314718F * log_of_two(u) / (gamma * gamma) - q / (gamma * u));
+      const float r = light[i] - height * p;
+      const float error = std::sqrt(variance);
+      const float size = std::abs(r) + 1e-9F;
+      const float robust = 3 * error < size ? 3 * error / size : 1.0F;
+      const float weight = use[i] * robust / variance;
+      aa += weight * by_a * by_a;
+      ab += weight * by_a * by_b;
+      ac += weight * by_a * by_c;
+      ag += weight * by_a * by_gamma;
+      bb += weight * by_b * by_b;
+      bc += weight * by_b * by_c;
+      bg += weight * by_b * by_gamma;
+      cc += weight * by_c * by_c;
+      cg += weight * by_c * by_gamma;
+      gg += weight * by_gamma * by_gamma;
+      ra += weight * r * by_a;
+      rb += weight * r * by_b;
+      rc += weight * r * by_c;
+      rg += weight * r * by_gamma;
+    }
+  }
+  return {{aa, ab, ac, ag, bb, bc, bg, cc, cg, gg}, {ra, rb, rc, rg}};
+}
+
+template <class Height>
 [[gnu::always_inline]] inline void fill_heights(const Height f, const Patch& patch, float x, float y,
                                                 float* out) {
   const int n = patch.width;
@@ -149,6 +167,27 @@ template <class Height>
 }
 
 template <class Height>
+[[gnu::always_inline]] inline void fill_gradients(const Height f, const Patch& patch, float x, float y,
+                                                  float* height, float* by_x, float* by_y) {
+  const int n = patch.width;
+  const float left = static_cast<float>(patch.x0) - x;
+  for (int j = 0; j < patch.rows; ++j) {
+    const float dy = static_cast<float>(patch.y0 + j) - y;
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(j) * n;
+#pragma omp simd
+    for (int i = 0; i < n; ++i) {
+      const float dx = left + static_cast<float>(i);
+      const float ax = f.a * dx + f.b * dy;
+      const float ay = f.b * dx + f.c * dy;
+      const auto [h, slope] = f(dx * ax + dy * ay);
+      height[at + i] = h;
+      by_x[at + i] = -2 * slope * ax;
+      by_y[at + i] = -2 * slope * ay;
+    }
+  }
+}
+
+template <class Height>
 [[gnu::always_inline]] inline void add_row(const Height f, float height, float left, float dy, float* row,
                                            int n) {
 #pragma omp simd
@@ -159,6 +198,40 @@ template <class Height>
 }
 
 }  // namespace
+
+void take_patch(const Grid<float>& light, const Grid<std::uint8_t>& flaws, double x, double y, int radius,
+                Patch& patch) {
+  const int xi = static_cast<int>(std::lround(x));
+  const int yi = static_cast<int>(std::lround(y));
+  patch.x0 = xi - radius;
+  patch.y0 = yi - radius;
+  patch.rows = 2 * radius + 1;
+  patch.width = (2 * radius + Patch::lanes) / Patch::lanes * Patch::lanes;
+  patch.light.assign(patch.size(), 0.0F);
+  patch.use.assign(patch.size(), 0.0F);
+  const int from = std::max(0, patch.x0);
+  const int end = std::min(light.width(), xi + radius + 1);
+  for (int j = 0; j < patch.rows; ++j) {
+    const int row = patch.y0 + j;
+    if (row < 0 || row >= light.height() || from >= end) continue;
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(j) * patch.width + (from - patch.x0);
+    const float* pixel = light.row(row) + from;
+    const std::uint8_t* flaw = flaws.row(row) + from;
+    float* to = patch.light.data() + at;
+    float* use = patch.use.data() + at;
+    for (int i = 0; i < end - from; ++i) {
+      to[i] = pixel[i];
+      use[i] = flaw[i] == 0 ? 1.0F : 0.0F;
+    }
+  }
+}
+
+SRFS_VECTORISED
+ShapeSums shape_sums(const Profile& profile, const Patch& patch, float x, float y, float height,
+                     float model_error) {
+  return profile.gamma < gaussian_below ? sum_shape(Gaussian(profile), patch, x, y, height, model_error)
+                                        : sum_shape(Moffat(profile), patch, x, y, height, model_error);
+}
 
 SRFS_VECTORISED
 FitSums fit_sums(const Profile& profile, const Patch& patch, float x, float y, float height, float shot) {
@@ -180,6 +253,15 @@ void profile_heights(const Profile& profile, const Patch& patch, float x, float 
     fill_heights(Gaussian(profile), patch, x, y, out.data());
   else
     fill_heights(Moffat(profile), patch, x, y, out.data());
+}
+
+SRFS_VECTORISED
+void profile_gradients(const Profile& profile, const Patch& patch, float x, float y, ProfileGradients& out) {
+  for (std::vector<float>* values : {&out.height, &out.x, &out.y}) values->resize(patch.size());
+  if (profile.gamma < gaussian_below)
+    fill_gradients(Gaussian(profile), patch, x, y, out.height.data(), out.x.data(), out.y.data());
+  else
+    fill_gradients(Moffat(profile), patch, x, y, out.height.data(), out.x.data(), out.y.data());
 }
 
 SRFS_VECTORISED

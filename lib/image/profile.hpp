@@ -1,7 +1,11 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
+
+#include "image/frame.hpp"
 
 namespace srfs::image {
 
@@ -30,6 +34,10 @@ struct Patch {
   }
 };
 
+/// Fills a patch with the pixels up to @p radius from (x, y).
+void take_patch(const Grid<float>& light, const Grid<std::uint8_t>& flaws, double x, double y, int radius,
+                Patch& patch);
+
 /// What the least-squares fit of a star at (x, y) of the frame needs to know of a patch: sums over its pixels
 /// of products of the derivatives by x, y and height and of the residuum. Weight of a pixel: 1 / (1 + shot *
 /// light of the model).
@@ -47,8 +55,25 @@ struct WidthSums {
 [[nodiscard]] WidthSums width_sums(const Profile& profile, const Patch& patch, float x, float y, float height,
                                    float narrower, float shot);
 
+/// The same for the profile itself: by a, b, c and gamma. Pixels that the profile explains badly count less,
+/// and so do those of bright stars: @p model_error is the share of their light that the profile may miss.
+struct ShapeSums {
+  std::array<float, 10> normal;  ///< aa, ab, ac, ag, bb, bc, bg, cc, cg, gg
+  std::array<float, 4> right;
+};
+[[nodiscard]] ShapeSums shape_sums(const Profile& profile, const Patch& patch, float x, float y, float height,
+                                   float model_error);
+
 /// Heights over the patch of a star at (x, y) of the frame. @param out  as large as the patch
 void profile_heights(const Profile& profile, const Patch& patch, float x, float y, std::vector<float>& out);
+
+/// Height and its derivatives by the place of the star, over a patch.
+struct ProfileGradients {
+  std::vector<float> height;
+  std::vector<float> x;
+  std::vector<float> y;
+};
+void profile_gradients(const Profile& profile, const Patch& patch, float x, float y, ProfileGradients& out);
 
 /// Adds a star's light to @p n pixels of a row, the first of which is @p dx from it.
 void add_profile(const Profile& profile, float height, float dx, float dy, float* row, int n);

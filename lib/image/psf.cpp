@@ -6,6 +6,8 @@
 
 #include <Eigen/Dense>
 
+#include "image/rows.hpp"
+
 namespace srfs::image {
 namespace {
 
@@ -97,13 +99,15 @@ double mode_of(std::vector<double> values) {
 
 std::vector<Candidate> find_candidates(const Plane& signal, const Grid<std::uint8_t>& bad) {
   std::vector<Candidate> found;
+  std::vector<int> bright;
   for (int y = 2; y + 2 < signal.height(); ++y) {
     const float* row = signal.row(y);
     const float* above = signal.row(y - 1);
     const float* below = signal.row(y + 1);
-    for (int x = 2; x + 2 < signal.width(); ++x) {
+    find_above(row, height_least, signal.width(), bright);
+    for (const int x : bright) {
+      if (x < 2 || x + 2 >= signal.width()) continue;
       const float v = row[x];
-      if (v < height_least) continue;
       if (v < row[x - 1] || v <= row[x + 1] || v < above[x] || v <= below[x] || v < above[x - 1] ||
           v < above[x + 1] || v <= below[x - 1] || v <= below[x + 1])
         continue;
@@ -159,81 +163,49 @@ struct Sample {
   double height;
 };
 
-struct Patch {
-  int x0;
-  int y0;
-  int x1;
-  int y1;
-};
-
-Patch patch_around(const Plane& signal, double x, double y, int radius) {
-  const int xi = static_cast<int>(std::lround(x));
-  const int yi = static_cast<int>(std::lround(y));
-  return {std::max(0, xi - radius), std::max(0, yi - radius), std::min(signal.width() - 1, xi + radius),
-          std::min(signal.height() - 1, yi + radius)};
-}
-
-/// Position and height of one star with the shape as it is, weighted as its own shot noise asks for.
+/// Position and height of one star with the shape as it is.
 bool fit_position(const Plane& signal, const Grid<std::uint8_t>& bad, const Psf& psf, int radius, Sample& s) {
+  Patch patch;
+  take_patch(signal, bad, s.x, s.y, radius, patch);
   for (int round = 0; round < 4; ++round) {
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    const Patch p = patch_around(signal, s.x, s.y, radius);
-    for (int y = p.y0; y <= p.y1; ++y) {
-      for (int x = p.x0; x <= p.x1; ++x) {
-        if (bad.at(x, y) != 0) continue;
-        const auto dx = static_cast<float>(x - s.x);
-        const auto dy = static_cast<float>(y - s.y);
-        const auto [height, slope] = psf.value(psf.q(dx, dy));
-        const auto& k = psf.shape();
-        const Eigen::Vector3d gradient(-2 * s.height * double(slope) * (k.a * double(dx) + k.b * double(dy)),
-                                       -2 * s.height * double(slope) * (k.b * double(dx) + k.c * double(dy)),
-                                       double(height));
-        const double residual = double(signal.at(x, y)) - s.height * double(height);
-        normal += gradient * gradient.transpose();
-        right += gradient * residual;
-      }
-    }
-    const Eigen::Vector3d step = normal.ldlt().solve(right);
+    const FitSums f = fit_sums(psf.profile(), patch, static_cast<float>(s.x), static_cast<float>(s.y),
+                               static_cast<float>(s.height), 0);
+    Eigen::Matrix3f normal;
+    normal << f.xx, f.xy, f.xh, f.xy, f.yy, f.yh, f.xh, f.yh, f.hh;
+    const Eigen::Vector3d step =
+        normal.cast<double>().ldlt().solve(Eigen::Vector3f(f.rx, f.ry, f.rh).cast<double>());
     if (!step.allFinite() || std::hypot(step[0], step[1]) > 1.5) return false;
     s.x += step[0];
     s.y += step[1];
     s.height += step[2];
     if (!(s.height > 3)) return false;
+    if (std::hypot(step[0], step[1]) < 1e-3) break;
   }
   return true;
 }
 
-/// One common shape for all samples: Gauss-Newton in log widths, ellipticities and gamma.
+/// One common shape for all samples: Gauss-Newton in the widths and gamma.
 Psf::Shape fit_shape(const Plane& signal, const Grid<std::uint8_t>& bad, const std::vector<Sample>& samples,
                      Psf::Shape shape, int radius) {
-  // a = e^s (1+e1), c = e^s (1-e1), b = e^s e2
+  std::vector<Patch> patches(samples.size());
+  for (std::size_t i = 0; i < samples.size(); ++i)
+    take_patch(signal, bad, samples[i].x, samples[i].y, radius, patches[i]);
   for (int round = 0; round < 12; ++round) {
-    const Psf psf(shape);
+    const Profile profile{static_cast<float>(shape.a), static_cast<float>(shape.b),
+                          static_cast<float>(shape.c), static_cast<float>(shape.gamma)};
     Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
     Eigen::Vector4d right = Eigen::Vector4d::Zero();
-    for (const Sample& s : samples) {
-      const Patch p = patch_around(signal, s.x, s.y, radius);
-      for (int y = p.y0; y <= p.y1; ++y) {
-        for (int x = p.x0; x <= p.x1; ++x) {
-          if (bad.at(x, y) != 0) continue;
-          const double dx = x - s.x;
-          const double dy = y - s.y;
-          const double q = shape.a * dx * dx + 2 * shape.b * dx * dy + shape.c * dy * dy;
-          const auto [height, slope] = psf.value(static_cast<float>(q));
-          const double g = std::max(shape.gamma, 1e-3);
-          // d/dgamma of (1 + g q)^(-1/g)
-          const double d_gamma = double(height) * (std::log1p(g * q) / (g * g) - q / (g * (1 + g * q)));
-          const Eigen::Vector4d gradient =
-              s.height * Eigen::Vector4d(double(slope) * dx * dx, 2 * double(slope) * dx * dy,
-                                         double(slope) * dy * dy, d_gamma);
-          const double residual = double(signal.at(x, y)) - s.height * double(height);
-          // Noise, and two per cent of the star: neighbours and what the model lacks do not decide.
-          const double expected = std::sqrt(1 + 0.0004 * s.height * s.height + 0.02 * s.height);
-          const double robust = std::min(1.0, 3 * expected / (std::abs(residual) + 1e-9));
-          const double weight = robust / (expected * expected);
-          normal += weight * gradient * gradient.transpose();
-          right += weight * gradient * residual;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      // Neighbours and what the model lacks do not decide.
+      const ShapeSums sums =
+          shape_sums(profile, patches[i], static_cast<float>(samples[i].x), static_cast<float>(samples[i].y),
+                     static_cast<float>(samples[i].height), 0.025F);
+      std::size_t k = 0;
+      for (int row = 0; row < 4; ++row) {
+        right[row] += double(sums.right[static_cast<std::size_t>(row)]);
+        for (int column = row; column < 4; ++column, ++k) {
+          normal(row, column) += double(sums.normal[k]);
+          if (column > row) normal(column, row) += double(sums.normal[k]);
         }
       }
     }

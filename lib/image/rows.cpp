@@ -108,9 +108,34 @@ void scale_down(float* row, const float* noise, float noise_floor, int n) {
 }
 
 SRFS_VECTORISED
+void fill_cubic(const float* coefficients, float start, float unit, float* out, int n) {
+  const float a = coefficients[0], b = coefficients[1], c = coefficients[2], d = coefficients[3];
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const float t = start + unit * static_cast<float>(i);
+    out[i] = a + t * (b + t * (c + t * d));
+  }
+}
+
+SRFS_VECTORISED
 void subtract(float* row, const float* level, int n) {
 #pragma omp simd
   for (int i = 0; i < n; ++i) row[i] -= level[i];
+}
+
+SRFS_VECTORISED
+void clip_row(const float* in, float limit, float* out, int n) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const float v = in[i] < limit ? in[i] : limit;
+    out[i] = v > -limit ? v : -limit;
+  }
+}
+
+SRFS_VECTORISED
+void add_row(const float* row, float* to, int n) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) to[i] += row[i];
 }
 
 SRFS_VECTORISED

@@ -31,8 +31,17 @@ void normalise(const float* in, const float* level, const float* noise, float no
 /// row *= factor / noise
 void scale_down(float* row, const float* noise, float noise_floor, int n);
 
+/// Values of a cubic polynomial at start, start + unit, ...
+void fill_cubic(const float* coefficients, float start, float unit, float* out, int n);
+
 /// row -= level
 void subtract(float* row, const float* level, int n);
+
+/// out = in, at most @p limit and at least -limit
+void clip_row(const float* in, float limit, float* out, int n);
+
+/// to += row
+void add_row(const float* row, float* to, int n);
 
 /// Places whose value is above @p limit (one, or one a place), in order. @param found  is overwritten
 void find_above(const float* row, float limit, int n, std::vector<int>& found);

@@ -3,94 +3,112 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
-#include <Eigen/Dense>
-
 #include "image/filter.hpp"
+#include "image/line_fit.hpp"
 #include "image/line_search.hpp"
+#include "image/rows.hpp"
+#include "image/two_stars.hpp"
 
 namespace srfs::image {
 namespace {
 
 constexpr double hit_least = 5.2;
-constexpr int fits_max = 300;   ///< candidates that are looked at
+constexpr float cell_clip = 5;  ///< what one cell counts at most in a line: a star makes none
+constexpr int fits_max = 400;   ///< candidates that are fitted
 constexpr int box_radius = 16;  ///< of the high-pass
-
-using Vector6 = Eigen::Matrix<double, 6, 1>;
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-
-/// Ends, height along the middle line, width beside the frame's.
-struct Line {
-  double x1, y1, x2, y2;
-  double height = 1;
-  double scale = 1;
-
-  [[nodiscard]] double length() const { return std::hypot(x2 - x1, y2 - y1); }
-};
+constexpr int cell_px = 2;      ///< of the line search
+/// A star that a piece of a streak was taken for is at most so much brighter than the streak.
+constexpr double piece_most = 2.2;
+constexpr double model_error = 0.05;
 
 /// Takes away what is larger than a streak is wide: the mean of the clipped surroundings.
 void high_pass(Plane& plane) {
   const int w = plane.width();
   const int h = plane.height();
+  const int ring = 2 * box_radius + 2;
   std::vector<float> column(static_cast<std::size_t>(w), 0.0F);
   std::vector<float> sums(static_cast<std::size_t>(w) + 1);
-  const Plane in = plane;
-  const auto add_row = [&](int y, float sign) {
-    const float* row = in.row(y);
-    for (int x = 0; x < w; ++x) column[static_cast<std::size_t>(x)] += sign * std::clamp(row[x], -3.0F, 3.0F);
-  };
+  Plane clipped(w, std::min(h, ring));  // the rows in the box, before they change
   int rows = 0;
-  for (int y = 0; y < std::min(h, box_radius); ++y) add_row(y, 1), ++rows;
+  const auto add = [&](int y) {
+    clip_row(plane.row(y), 3, clipped.row(y % ring), w);
+    add_row(clipped.row(y % ring), column.data(), w);
+    ++rows;
+  };
+  for (int y = 0; y < std::min(h, box_radius); ++y) add(y);
   for (int y = 0; y < h; ++y) {
-    if (y + box_radius < h) add_row(y + box_radius, 1), ++rows;
-    if (y - box_radius - 1 >= 0) add_row(y - box_radius - 1, -1), --rows;
-    for (int x = 0; x < w; ++x)
-      sums[static_cast<std::size_t>(x) + 1] =
-          sums[static_cast<std::size_t>(x)] + column[static_cast<std::size_t>(x)];
-    float* to = plane.row(y);
-    for (int x = 0; x < w; ++x) {
-      const int from = std::max(0, x - box_radius);
-      const int end = std::min(w, x + box_radius + 1);
-      to[x] -= (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(from)]) /
-               static_cast<float>(rows * (end - from));
+    if (y + box_radius < h) add(y + box_radius);
+    if (y - box_radius - 1 >= 0) {
+      subtract(column.data(), clipped.row((y - box_radius - 1) % ring), w);
+      --rows;
     }
+    float sum = 0;
+    for (int x = 0; x < w; ++x)
+      sums[static_cast<std::size_t>(x) + 1] = sum += column[static_cast<std::size_t>(x)];
+    float* to = plane.row(y);
+    const auto mean = [&](int from, int end) {
+      return (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(from)]) /
+             static_cast<float>(rows * (end - from));
+    };
+    const int inside_from = std::min(w, box_radius);
+    const int inside_end = std::max(inside_from, w - box_radius);
+    for (int x = 0; x < inside_from; ++x)
+      to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
+    const float share = 1 / static_cast<float>(rows * (2 * box_radius + 1));
+    for (int x = inside_from; x < inside_end; ++x)
+      to[x] -= share * (sums[static_cast<std::size_t>(x + box_radius) + 1] -
+                        sums[static_cast<std::size_t>(x - box_radius)]);
+    for (int x = inside_end; x < w; ++x)
+      to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
   }
 }
 
+/// What lies near a line.
+class Band {
+ public:
+  Band(const Line& l, double reach) : line_(l), length_(std::max(1e-6, l.length())), reach_(reach) {
+    ux_ = (l.x2 - l.x1) / length_;
+    uy_ = (l.y2 - l.y1) / length_;
+  }
+  [[nodiscard]] bool contains(double x, double y) const {
+    const double t = (x - line_.x1) * ux_ + (y - line_.y1) * uy_;
+    const double d = (y - line_.y1) * ux_ - (x - line_.x1) * uy_;
+    return std::abs(d) < reach_ && t > -reach_ - 3 && t < length_ + reach_ + 3;
+  }
+
+ private:
+  Line line_;
+  double length_;
+  double reach_;
+  double ux_;
+  double uy_;
+};
+
 class Finder {
  public:
-  Finder(const CleanFrame& clean, const StarField& field, const StreakOptions& options)
+  Finder(const CleanFrame& clean, StarField& field, const StreakOptions& options)
       : clean_(clean),
         field_(field),
         options_(options),
         sigma_(double(clean.psf.sigma_px())),
-        light_(field.residual) {}
+        fwhm_(clean.psf.fwhm_px()),
+        light_(std::move(field.residual)),
+        mask_(std::move(field.masked)),
+        fitter_(light_, mask_, clean.psf, {static_cast<float>(field.shot), static_cast<float>(model_error)}) {
+  }
 
   std::vector<Streak> run() {
-    mask_ = field_.masked;
-    for (std::size_t i = 0; i < mask_.size(); ++i)
-      mask_.cells()[i] = mask_.cells()[i] != 0 || clean_.flaws.cells()[i] != 0 ? 1 : 0;
-    high_pass(light_);
-    without_stars_ = significance(light_, mask_);
-    {
-      // With the stars: a bright streak looks like stars in a row to who looks for stars only.
-      Plane whole = clean_.signal;
-      high_pass(whole);
-      with_stars_ = significance(whole, clean_.flaws);
-    }
-    taken_.assign(field_.stars.size(), false);
-    std::vector<Seed> seeds;
-    add_seeds(without_stars_, 8, false, seeds);
-    add_seeds(with_stars_, 5, true, seeds);
-    std::stable_sort(seeds.begin(), seeds.end(),
-                     [](const Seed& a, const Seed& b) { return a.significance > b.significance; });
+    prepare();
+    std::vector<Seed> seeds = find_seeds();
     int fits = 0;
     for (const Seed& seed : seeds) {
-      if (is_known(seed.line, seed.with_stars)) continue;
-      if (seed.with_stars && !looks_like_streak(seed.line)) continue;
+      if (is_known(seed.line)) continue;
+      if (!looks_like_streak(seed.line)) continue;
       if (++fits > fits_max) break;
-      examine(seed);
+      examine(seed.line);
     }
     merge();
     return result();
@@ -103,276 +121,382 @@ class Finder {
   struct Seed {
     Line line;
     double significance;
-    bool with_stars;
   };
 
-  void add_seeds(const Plane& plane, float clip, bool with_stars, std::vector<Seed>& seeds) const {
-    const int step = sigma_ >= 1 ? 2 : 1;
-    Plane cells(std::max(1, plane.width() / step), std::max(1, plane.height() / step));
+  struct Found {
+    Line line;
+    double snr;
+  };
+
+  /// Each pixel's mask counts what hides it. Stars that are certain stay away from the light, doubtful ones
+  /// are in it.
+  void prepare() {
+    for (std::size_t i = 0; i < mask_.size(); ++i)
+      mask_.cells()[i] = mask_.cells()[i] != 0 || clean_.flaws.cells()[i] != 0 ? 1 : 0;
+    high_pass(light_);
+    const std::size_t n = field_.stars.size();
+    taken_.assign(n, false);
+    shown_.assign(n, false);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (field_.doubtful[i])
+        add_light(i, 1), shown_[i] = true;
+      else
+        hide(i, 1);
+    }
+  }
+
+  [[nodiscard]] double height_of(std::size_t star) const {
+    const Star& s = field_.stars[star];
+    return s.flux / clean_.psf.flux() / double(clean_.noise_adu.at(s.x, s.y));
+  }
+
+  void add_light(std::size_t star, float sign) {
+    const Star& s = field_.stars[star];
+    add_star(clean_.psf, sign * static_cast<float>(height_of(star)), s.x, s.y, light_);
+  }
+
+  /// Where a star's model may be wrong by half the noise. @param change  of the count
+  void hide(std::size_t star, int change) {
+    const Star& s = field_.stars[star];
+    for_star_core(clean_.psf, height_of(star), s.x, s.y, mask_.width(), mask_.height(),
+                  [&](int from, int end, int y) {
+                    std::uint8_t* row = mask_.row(y);
+                    for (int x = from; x < end; ++x)
+                      row[x] = static_cast<std::uint8_t>(std::clamp(row[x] + change, 0, 255));
+                  });
+  }
+
+  void show(std::size_t star) {
+    if (shown_[star]) return;
+    shown_[star] = true;
+    add_light(star, 1);
+    hide(star, -1);
+  }
+
+  void take_away(std::size_t star) {
+    if (!shown_[star]) return;
+    shown_[star] = false;
+    add_light(star, -1);
+    hide(star, 1);
+  }
+
+  // --- seeds ---
+
+  [[nodiscard]] std::vector<Seed> find_seeds() {
+    {
+      Plane shown = light_;
+      for (std::size_t i = 0; i < shown.size(); ++i) {
+        if (mask_.cells()[i] != 0) shown.cells()[i] = 0;
+      }
+      gaussian_filter(shown, static_cast<float>(sigma_), filtered_);
+    }
+    noise_ = measure_flattened(filtered_, nullptr).noise;
+    std::vector<float> noise(static_cast<std::size_t>(filtered_.width()));
+    for (int y = 0; y < filtered_.height(); ++y) {
+      if (y % noise_rows == 0) noise_.row(std::min(filtered_.height() - 1, y + noise_rows / 2), noise);
+      scale_down(filtered_.row(y), noise.data(), 0.5F, filtered_.width());
+    }
+    std::vector<Seed> seeds;
+    double correlation = 0;
+    const Plane cells = binned(correlation);
+    for (const LineHit& hit : search_lines(cells, correlation, hit_least, cell_clip)) {
+      const auto px = [](double cell) { return cell * cell_px + (cell_px - 1) / 2.0; };
+      seeds.push_back({Line{px(hit.x1), px(hit.y1), px(hit.x2), px(hit.y2)}, hit.significance});
+    }
+    add_wide_stars(seeds);
+    std::stable_sort(seeds.begin(), seeds.end(),
+                     [](const Seed& a, const Seed& b) { return a.significance > b.significance; });
+    return seeds;
+  }
+
+  /// Means of squares of pixels, noise 1 again. @param correlation  of neighbouring cells: sigma of the
+  /// filter that made it
+  [[nodiscard]] Plane binned(double& correlation) const {
+    Plane cells(std::max(1, filtered_.width() / cell_px), std::max(1, filtered_.height() / cell_px));
+    // Through the filter, neighbours one and two diagonal apart correlate so.
+    const double near = std::exp(-0.25 / (sigma_ * sigma_));
+    const auto unit = static_cast<float>(0.25 / std::sqrt((4 + 8 * near + 4 * near * near) / 16));
     for (int y = 0; y < cells.height(); ++y) {
-      for (int x = 0; x < cells.width(); ++x) cells.at(x, y) = plane.at(x * step, y * step);
+      const float* upper = filtered_.row(std::min(filtered_.height() - 1, cell_px * y));
+      const float* lower = filtered_.row(std::min(filtered_.height() - 1, cell_px * y + 1));
+      if (filtered_.width() < cell_px) continue;
+      float* to = cells.row(y);
+      for (int x = 0; x < cells.width(); ++x)
+        to[x] = unit *
+                (upper[cell_px * x] + upper[cell_px * x + 1] + lower[cell_px * x] + lower[cell_px * x + 1]);
     }
-    for (const LineHit& hit : search_lines(cells, sigma_ / step, hit_least, clip))
-      seeds.push_back(
-          {Line{hit.x1 * step, hit.y1 * step, hit.x2 * step, hit.y2 * step}, hit.significance, with_stars});
+    correlation = std::sqrt(sigma_ * sigma_ + 1.0 / 6) / cell_px;
+    return cells;
   }
 
-  /// Through the matched filter, noise 1; masked pixels are sky.
-  [[nodiscard]] Plane significance(const Plane& plane, const Grid<std::uint8_t>& mask) {
-    Plane shown = plane;
-    for (std::size_t i = 0; i < shown.size(); ++i) {
-      if (mask.cells()[i] != 0) shown.cells()[i] = 0;
+  /// A short streak is a star that is drawn out.
+  void add_wide_stars(std::vector<Seed>& seeds) const {
+    for (std::size_t i = 0; i < field_.stars.size(); ++i) {
+      const Star& s = field_.stars[i];
+      if (!shown_[i] || s.fwhm_px < 1.1 * fwhm_ || s.snr < options_.snr_least) continue;
+      const int r = static_cast<int>(std::ceil(2 * fwhm_));
+      double light = 0, xx = 0, xy = 0, yy = 0;
+      for (int y = std::max(0, static_cast<int>(s.y) - r);
+           y <= std::min(light_.height() - 1, static_cast<int>(s.y) + r); ++y) {
+        for (int x = std::max(0, static_cast<int>(s.x) - r);
+             x <= std::min(light_.width() - 1, static_cast<int>(s.x) + r); ++x) {
+          const double dx = x - s.x;
+          const double dy = y - s.y;
+          const double v = std::exp(-(dx * dx + dy * dy) / (2 * fwhm_ * fwhm_)) * double(light_.at(x, y));
+          light += v, xx += v * dx * dx, xy += v * dx * dy, yy += v * dy * dy;
+        }
+      }
+      if (!(light > 0)) continue;
+      const double angle = std::atan2(2 * xy, xx - yy) / 2;
+      const double half = std::max(3.0, fwhm_);
+      const double hx = half * std::cos(angle);
+      const double hy = half * std::sin(angle);
+      seeds.push_back({Line{s.x - hx, s.y - hy, s.x + hx, s.y + hy}, std::min(s.snr, 30.0) / 2});
     }
-    Plane filtered = gaussian_filter(shown, static_cast<float>(sigma_));
-    Surface noise = measure_sky(filtered, sky_cell_px(filtered.width(), filtered.height()), 0.05F).noise;
-    std::vector<float> row_noise(static_cast<std::size_t>(filtered.width()));
-    for (int y = 0; y < filtered.height(); ++y) {
-      noise.row(y, row_noise);
-      float* row = filtered.row(y);
-      for (std::size_t x = 0; x < row_noise.size(); ++x) row[x] /= std::max(0.5F, row_noise[x]);
-    }
-    if (noise_.nodes().empty()) noise_ = std::move(noise);
-    return filtered;
   }
 
-  [[nodiscard]] bool usable(int x, int y) const { return mask_.at(x, y) == 0; }
+  [[nodiscard]] double sample(double x, double y) const {
+    const int i = static_cast<int>(x + 0.5);
+    const int j = static_cast<int>(y + 0.5);
+    return filtered_.contains(i, j) ? double(filtered_.at(i, j)) : 0;
+  }
 
-  /// Some light on every part of it and less beside it, quickly judged.
+  /// More light than beside it, by more than chance and the stars make, quickly judged.
   [[nodiscard]] bool looks_like_streak(const Line& l) const {
     const double length = std::max(1e-6, l.length());
-    const double d = 1.5 * clean_.psf.fwhm_px();
-    const double nx = -(l.y2 - l.y1) / length * d;
-    const double ny = (l.x2 - l.x1) / length * d;
-    double middle = 0;
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    const double d = 1.7 * fwhm_ + 1.5;
+    // Through the filter, values this far apart know little of each other.
+    const int n = std::clamp(static_cast<int>(length / (2 * sigma_ + 1)), 2, 60);
+    double on = 0;
     double beside = 0;
-    int dark = 0;
-    constexpr int n = 12;
+    double squares = 0;
     for (int i = 0; i <= n; ++i) {
       const double x = l.x1 + (l.x2 - l.x1) * i / n;
       const double y = l.y1 + (l.y2 - l.y1) * i / n;
-      const double here = sample(with_stars_, x, y);
-      middle += std::min(here, 30.0);
-      beside += std::min(sample(with_stars_, x + nx, y + ny), 30.0) +
-                std::min(sample(with_stars_, x - nx, y - ny), 30.0);
-      dark += here < 1;
+      // The line may lie a little off.
+      const double here = std::max({sample(x, y), sample(x - uy, y + ux), sample(x + uy, y - ux)});
+      on += std::min(here, 12.0);
+      for (const double side : {-1.0, 1.0}) {
+        const double v = std::clamp(sample(x - side * d * uy, y + side * d * ux), -12.0, 12.0);
+        beside += v;
+        squares += v * v;
+      }
     }
-    return dark <= n / 2 && beside / 2 < 0.6 * middle;
+    const double count = n + 1;
+    const double spread = std::sqrt(std::max(1.0, squares / (2 * count) - std::pow(beside / (2 * count), 2)));
+    return on / count - beside / (2 * count) > 2.5 * spread / std::sqrt(count);
   }
 
-  /// Within the light of a streak already found or refused.
-  [[nodiscard]] bool is_known(const Line& seed, bool with_stars) const {
+  /// Within the light of a streak already found, or about the same as one refused.
+  [[nodiscard]] bool is_known(const Line& seed) const {
     const double mx = (seed.x1 + seed.x2) / 2;
     const double my = (seed.y1 + seed.y2) / 2;
-    const auto covers = [&](const Line& l) {
-      const double length = std::max(1e-6, l.length());
-      const double ux = (l.x2 - l.x1) / length;
-      const double uy = (l.y2 - l.y1) / length;
-      const auto near = [&](double x, double y) {
-        const double t = (x - l.x1) * ux + (y - l.y1) * uy;
-        const double d = std::abs((y - l.y1) * ux - (x - l.x1) * uy);
-        return t > -2 * sigma_ - 6 && t < length + 2 * sigma_ + 6 && d < 3 * sigma_ + 3;
-      };
-      return near(mx, my) || (near(0.75 * seed.x1 + 0.25 * seed.x2, 0.75 * seed.y1 + 0.25 * seed.y2)) ||
-             near(0.25 * seed.x1 + 0.75 * seed.x2, 0.25 * seed.y1 + 0.75 * seed.y2);
+    for (const Found& f : found_) {
+      if (is_on(f.line, mx, my, 3 * sigma_ + 3) ||
+          is_on(f.line, 0.75 * seed.x1 + 0.25 * seed.x2, 0.75 * seed.y1 + 0.25 * seed.y2, 3 * sigma_ + 3) ||
+          is_on(f.line, 0.25 * seed.x1 + 0.75 * seed.x2, 0.25 * seed.y1 + 0.75 * seed.y2, 3 * sigma_ + 3))
+        return true;
+    }
+    return std::any_of(refused_.begin(), refused_.end(), [&](const Line& l) {
+      const double reach = sigma_ + 2;
+      return l.length() < 2.2 * seed.length() && is_on(l, seed.x1, seed.y1, reach) &&
+             is_on(l, seed.x2, seed.y2, reach);
+    });
+  }
+
+  [[nodiscard]] static bool is_on(const Line& l, double x, double y, double reach) {
+    return Band(l, reach).contains(x, y);
+  }
+
+  // --- one candidate ---
+
+  /// With the light of the doubtful stars, then without.
+  void examine(const Line& seed) {
+    Line line = seed;
+    std::optional<double> snr = fit_among_stars(line);
+    if (!snr) {
+      line = seed;
+      snr = fit_without_stars(line);
+    }
+    if (snr)
+      found_.push_back({line, *snr});
+    else
+      refused_.push_back(seed);
+  }
+
+  [[nodiscard]] double noise_at(const Line& l) const {
+    return std::max(0.5, double(noise_.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2)));
+  }
+
+  /// Settles a line and judges it. @return its SNR
+  [[nodiscard]] std::optional<double> settled(Line& line) {
+    const auto significance = fitter_.settle(line, options_.snr_least * noise_at(line));
+    if (!significance) return std::nullopt;
+    return *significance / noise_at(line);
+  }
+
+  [[nodiscard]] std::optional<double> fit_among_stars(Line& line) {
+    if (!settled(line)) return std::nullopt;
+    // Stars that a line of this height cannot be go, certain ones that may be pieces of it come.
+    const auto too_bright = [&](std::size_t i) {
+      return shown_[i] && height_of(i) > piece_most * line.height;
     };
-    return std::any_of(found_.begin(), found_.end(), covers) ||
-           std::any_of(refused_[with_stars ? 1 : 0].begin(), refused_[with_stars ? 1 : 0].end(), covers);
-  }
-
-  [[nodiscard]] static double sample(const Plane& plane, double x, double y) {
-    const int i = static_cast<int>(std::floor(x));
-    const int j = static_cast<int>(std::floor(y));
-    if (i < 0 || j < 0 || i + 1 >= plane.width() || j + 1 >= plane.height()) return 0;
-    const double u = x - i;
-    const double v = y - j;
-    return (1 - v) * ((1 - u) * double(plane.at(i, j)) + u * double(plane.at(i + 1, j))) +
-           v * ((1 - u) * double(plane.at(i, j + 1)) + u * double(plane.at(i + 1, j + 1)));
-  }
-
-  /// Clipped, so that one star left over does not turn the line to itself.
-  [[nodiscard]] static double mean_along(const Plane& plane, const Line& l) {
-    const int n = std::max(4, static_cast<int>(l.length()));
-    double sum = 0;
-    for (int i = 0; i <= n; ++i) {
-      const double t = static_cast<double>(i) / n;
-      sum += std::min(sample(plane, l.x1 + t * (l.x2 - l.x1), l.y1 + t * (l.y2 - l.y1)), 30.0);
-    }
-    return sum / (n + 1);
-  }
-
-  /// Moves the ends across the line to where most light is.
-  void turn(const Plane& plane, Line& l) const {
-    double best = mean_along(plane, l);
-    for (double step = std::max(1.0, sigma_); step > 0.2; step /= 2) {
-      for (int round = 0; round < 6; ++round) {
-        const double length = std::max(1e-6, l.length());
-        const double nx = -(l.y2 - l.y1) / length * step;
-        const double ny = (l.x2 - l.x1) / length * step;
-        bool moved = false;
-        for (const auto& [a, b] :
-             {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, -1}, {1, -1}, {-1, 1}}) {
-          Line moved_line = l;
-          moved_line.x1 += a * nx, moved_line.y1 += a * ny;
-          moved_line.x2 += b * nx, moved_line.y2 += b * ny;
-          const double value = mean_along(plane, moved_line);
-          if (value <= best) continue;
-          best = value;
-          l = moved_line;
-          moved = true;
-          break;
-        }
-        if (!moved) break;
-      }
-    }
-  }
-
-  /// Moves the ends along the line to where the light falls below half.
-  void stretch(const Plane& plane, Line& l) const {
-    const double length = std::max(1e-6, l.length());
-    const double ux = (l.x2 - l.x1) / length;
-    const double uy = (l.y2 - l.y1) / length;
-    const double half = 0.5 * std::min(mean_along(plane, l), 12.0);
-    if (half <= 0) return;
-    const double mx = (l.x1 + l.x2) / 2;
-    const double my = (l.y1 + l.y2) / 2;
-    const auto reach = [&](double sign) {
-      double sum = 0;
-      double highest = 0;
-      double at = 1;
-      const int most = plane.width() + plane.height();
-      for (int t = 0; t < most; ++t) {
-        const double x = mx + sign * t * ux;
-        const double y = my + sign * t * uy;
-        if (x < 0 || y < 0 || x > plane.width() - 1 || y > plane.height() - 1) break;
-        sum += std::min(sample(plane, x, y), 4 * half) - half;
-        if (sum > highest) highest = sum, at = t;
-        if (highest - sum > std::max(8 * half, 0.25 * highest) && highest - sum > 6 * sigma_ * half) break;
-      }
-      return at;
+    const auto may_be_piece = [&](std::size_t i) {
+      return !shown_[i] && height_of(i) < piece_most * line.height &&
+             is_on(line, field_.stars[i].x, field_.stars[i].y, 0.75 * fwhm_);
     };
-    const double after = reach(1);
-    const double before = reach(-1);
-    l.x1 = mx - before * ux, l.y1 = my - before * uy;
-    l.x2 = mx + after * ux, l.y2 = my + after * uy;
-  }
-
-  /// Light of a line of height 1 at a pixel.
-  struct Model {
-    explicit Model(const Line& l, double sigma)
-        : line(l),
-          length(std::max(1e-3, l.length())),
-          ux((l.x2 - l.x1) / length),
-          uy((l.y2 - l.y1) / length),
-          along(1 / (std::sqrt(2.0) * sigma)),
-          across(0.5 / (sigma * sigma * l.scale * l.scale)) {}
-    [[nodiscard]] double operator()(double x, double y) const {
-      const double t = (x - line.x1) * ux + (y - line.y1) * uy;
-      const double d = (y - line.y1) * ux - (x - line.x1) * uy;
-      return 0.5 * (std::erf(t * along) - std::erf((t - length) * along)) * std::exp(-d * d * across);
-    }
-    Line line;
-    double length, ux, uy, along, across;
-  };
-
-  /// Calls use(x, y) for the pixels within the light of a line.
-  template <class Use>
-  void for_pixels(const Line& l, Use&& use) const {
-    const double length = std::max(1e-3, l.length());
-    const double ux = (l.x2 - l.x1) / length;
-    const double uy = (l.y2 - l.y1) / length;
-    const double reach = 3 * sigma_ * std::max(1.0, l.scale) + 1;
-    const int y0 = std::max(0, static_cast<int>(std::floor(std::min(l.y1, l.y2) - reach)));
-    const int y1 = std::min(light_.height() - 1, static_cast<int>(std::ceil(std::max(l.y1, l.y2) + reach)));
-    const int x0 = std::max(0, static_cast<int>(std::floor(std::min(l.x1, l.x2) - reach)));
-    const int x1 = std::min(light_.width() - 1, static_cast<int>(std::ceil(std::max(l.x1, l.x2) + reach)));
-    for (int y = y0; y <= y1; ++y) {
-      int from = x0;
-      int to = x1;
-      if (std::abs(uy) > 0.05) {  // where this row is near the line
-        const double middle = l.x1 + (y - l.y1) * ux / uy;
-        from = std::max(from, static_cast<int>(std::floor(middle - reach / std::abs(uy))));
-        to = std::min(to, static_cast<int>(std::ceil(middle + reach / std::abs(uy))));
-      }
-      for (int x = from; x <= to; ++x) {
-        const double d = (y - l.y1) * ux - (x - l.x1) * uy;
-        const double t = (x - l.x1) * ux + (y - l.y1) * uy;
-        if (std::abs(d) <= reach && t > -reach && t < length + reach) use(x, y);
-      }
-    }
-  }
-
-  /// Gauss-Newton of ends, height and width. @return how significant the light is; 0: not a line
-  [[nodiscard]] double fit(Line& l) const {
-    double energy = 0;
-    for (int round = 0; round < 15; ++round) {
-      Matrix6 normal = Matrix6::Zero();
-      Vector6 right = Vector6::Zero();
-      energy = 0;
-      constexpr double h = 0.02;
-      const auto moved = [&](double a, double b, double c, double d, double s) {
-        Line m = l;
-        m.x1 += a, m.y1 += b, m.x2 += c, m.y2 += d, m.scale += s;
-        return Model(m, sigma_);
-      };
-      const Model model(l, sigma_);
-      const std::array steps{moved(h, 0, 0, 0, 0), moved(0, h, 0, 0, 0), moved(0, 0, h, 0, 0),
-                             moved(0, 0, 0, h, 0), moved(0, 0, 0, 0, h)};
-      for_pixels(l, [&](int x, int y) {
-        if (!usable(x, y)) return;
-        const double m = model(x, y);
-        Vector6 gradient;
-        for (int k = 0; k < 5; ++k)
-          gradient[k] = l.height * (steps[static_cast<std::size_t>(k)](x, y) - m) / h;
-        gradient[5] = m;
-        const double r = double(light_.at(x, y)) - l.height * m;
-        const double weight = 1 / (1 + 0.03 * std::abs(l.height) * m);
-        normal.noalias() += weight * gradient * gradient.transpose();
-        right += weight * r * gradient;
-        energy += m * m;
+    const std::vector<std::size_t> gone = stars_near(line, too_bright);
+    const std::vector<std::size_t> come = stars_near(line, may_be_piece);
+    for (const std::size_t i : gone) take_away(i);
+    for (const std::size_t i : come) show(i);
+    const auto snr = settled(line);
+    if (snr && is_streak(line, *snr)) {
+      const std::vector<std::size_t> pieces = stars_near(line, [&](std::size_t i) {
+        return shown_[i] && !taken_[i] && is_on(line, field_.stars[i].x, field_.stars[i].y, 0.75 * fwhm_);
       });
-      if (!(energy > 0)) return 0;
-      normal(4, 4) += 4 * std::max(1.0, l.height * l.height);  // the width is the frame's but for good reason
-      right(4) += 4 * std::max(1.0, l.height * l.height) * (1 - l.scale);
-      normal.diagonal() *= 1.001;
-      const Vector6 step = normal.ldlt().solve(right);
-      if (!step.allFinite()) return 0;
-      const double longest =
-          std::max({std::abs(step[0]), std::abs(step[1]), std::abs(step[2]), std::abs(step[3])});
-      const double part = std::min(1.0, 2 * sigma_ / std::max(1e-9, longest));
-      l.x1 += part * step[0], l.y1 += part * step[1], l.x2 += part * step[2], l.y2 += part * step[3];
-      l.scale = std::clamp(l.scale + part * step[4], 0.3, 4.0);
-      l.height += part * step[5];
-      if (!(l.height > 0)) return 0;
-      if (longest < 0.02) break;
+      if (explains_better(line, pieces) && !are_two_stars(line)) {
+        for (const std::size_t i : pieces) taken_[i] = true;
+        return snr;
+      }
     }
-    return l.height * std::sqrt(energy) /
-           std::max(0.5, double(noise_.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2)));
+    for (const std::size_t i : gone) show(i);
+    for (const std::size_t i : come) take_away(i);
+    return std::nullopt;
+  }
+
+  [[nodiscard]] std::optional<double> fit_without_stars(Line& line) {
+    Line around = line;
+    const std::vector<std::size_t> stars =
+        stars_near(around, [&](std::size_t i) { return shown_[i] && !taken_[i]; });
+    if (stars.empty()) return std::nullopt;  // nothing new
+    for (const std::size_t i : stars) take_away(i);
+    const auto snr = settled(line);
+    if (snr && is_streak(line, *snr) && !are_two_stars(line)) return snr;
+    for (const std::size_t i : stars) show(i);
+    return std::nullopt;
+  }
+
+  /// Stars whose light reaches a line or what may be the rest of it.
+  template <class Which>
+  [[nodiscard]] std::vector<std::size_t> stars_near(const Line& l, Which&& which) const {
+    std::vector<std::size_t> near;
+    const Band band(l, 2.5 * fwhm_ + 2);
+    for (std::size_t i = 0; i < field_.stars.size(); ++i) {
+      if (band.contains(field_.stars[i].x, field_.stars[i].y) && which(i)) near.push_back(i);
+    }
+    return near;
+  }
+
+  /// Whether the line explains the light better than the stars that it would replace.
+  [[nodiscard]] bool explains_better(const Line& line, const std::vector<std::size_t>& pieces) {
+    if (pieces.empty()) return true;
+    const double reach = fitter_.reach_px(line) + 0.5 * fwhm_;
+    const LineShape shape = fitter_.shape_of(line);
+    const double unit = noise_at(line) * noise_at(line);
+    const double as_line =
+        line_mismatch(shape, 1, fitter_.collect(line, reach, reach), fitter_.noise()) / unit;
+    for (const std::size_t i : pieces) add_light(i, -1);
+    const double as_stars =
+        line_mismatch(shape, 0, fitter_.collect(line, reach, reach), fitter_.noise()) / unit;
+    for (const std::size_t i : pieces) add_light(i, 1);
+    return as_line < as_stars + advantage(pieces.size());
+  }
+
+  /// How much worse a line may fit than so many stars: it has fewer parameters, but in a crowded field stars
+  /// that touch are the likelier explanation.
+  [[nodiscard]] double advantage(std::size_t stars) const {
+    return std::min(4 * (3 * static_cast<double>(stars) - 5), 8.0) - 2 * std::log(1 + touching_pairs());
+  }
+
+  /// Whether two stars explain a short line's light about as well: then they are likelier.
+  [[nodiscard]] bool are_two_stars(const Line& line) const {
+    const double length = line.length();
+    if (length > 5 * fwhm_ + 10) return false;
+    const double x = (line.x1 + line.x2) / 2;
+    const double y = (line.y1 + line.y2) / 2;
+    Patch patch;
+    take_patch(light_, mask_, x, y, static_cast<int>(std::ceil(length / 2 + 1.3 * fwhm_)), patch);
+    const Band band(line, 1.3 * fwhm_);
+    LinePixels pixels;
+    std::vector<std::size_t> at;
+    for (std::size_t i = 0; i < patch.size(); ++i) {
+      const int px = patch.x0 + static_cast<int>(i) % patch.width;
+      const int py = patch.y0 + static_cast<int>(i) / patch.width;
+      if (!band.contains(px, py)) patch.use[i] = 0;
+      if (patch.use[i] == 0) continue;
+      at.push_back(i);
+      pixels.x.push_back(static_cast<float>(px));
+      pixels.y.push_back(static_cast<float>(py));
+      pixels.light.push_back(patch.light[i]);
+    }
+    TwoStars stars(clean_.psf.profile(), patch, field_.shot);
+    // As far apart as spreads their light like a line's.
+    const double dx = (line.x2 - line.x1) / std::sqrt(12);
+    const double dy = (line.y2 - line.y1) / std::sqrt(12);
+    const double height = line.height * std::max(1.0, 0.5 * length / fwhm_);
+    const auto found = stars.fit({{x - dx, x + dx}, {y - dy, y + dy}, {height, height}}, fwhm_);
+    if (!found) return false;
+    std::vector<float> heights;
+    line_heights(fitter_.shape_of(line), pixels, heights);
+    double as_line = 0;
+    double as_stars = 0;
+    for (std::size_t k = 0; k < at.size(); ++k) {
+      const double model = line.height * double(heights[k]);
+      const double of_stars = double(stars.light(found->stars, at[k]));
+      const double light = double(pixels.light[k]);
+      const double most = std::max(model, of_stars);
+      const double variance = 1 + field_.shot * most + model_error * model_error * most * most;
+      as_line += (light - model) * (light - model) / variance;
+      as_stars += (light - of_stars) * (light - of_stars) / variance;
+    }
+    const double unit = noise_at(line) * noise_at(line);
+    return as_stars < as_line + unit * options_.caution * (1 + 0.5 * std::log(1 + touching_pairs()));
+  }
+
+  /// Of stars, by chance.
+  [[nodiscard]] double touching_pairs() const {
+    const double n = static_cast<double>(field_.stars.size());
+    const double reach = 1.5 * fwhm_;
+    return n * n * 1.57 * reach * reach / static_cast<double>(light_.size());
   }
 
   /// Lit on its whole length, by nothing sharper than the optics, and mostly seen.
-  [[nodiscard]] bool is_even(const Line& l, double snr) const {
+  [[nodiscard]] bool is_even(const Line& l, double snr) {
     constexpr int parts = 4;
     std::array<double, parts> product{};
     std::array<double, parts> energy{};
     double seen = 0;
     double all = 0;
     double spikes = 0;
-    const Model model(l, sigma_);
-    for_pixels(l, [&](int x, int y) {
-      const double m = model(x, y);
+    const double reach = fitter_.reach_px(l);
+    const LinePixels& pixels = fitter_.collect(l, reach, reach);
+    std::vector<float> heights;
+    line_heights(fitter_.shape_of(l), pixels, heights);
+    const double length = std::max(1e-3, l.length());
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const double m = double(heights[i]);
+      seen += m;
+      const double t = ((double(pixels.x[i]) - l.x1) * ux + (double(pixels.y[i]) - l.y1) * uy) / length;
+      const auto part = static_cast<std::size_t>(std::clamp(static_cast<int>(t * parts), 0, parts - 1));
+      product[part] += m * double(pixels.light[i]);
+      energy[part] += m * m;
+    }
+    const double narrow = 0.5 / (sigma_ * sigma_ * l.scale * l.scale);
+    for_pixels_along(l, light_.width(), light_.height(), reach, 0, [&](int x, int y, double, double across) {
+      const double m = std::exp(-across * across * narrow);
       all += m;
       if ((clean_.flaws.at(x, y) & flaw_spike) != 0) spikes += m;
-      if (!usable(x, y)) return;
-      seen += m;
-      const double t = ((x - l.x1) * model.ux + (y - l.y1) * model.uy) / model.length;
-      const auto part = static_cast<std::size_t>(std::clamp(static_cast<int>(t * parts), 0, parts - 1));
-      product[part] += m * double(light_.at(x, y));
-      energy[part] += m * m;
     });
-    if (seen < (l.length() < 25 ? 0.75 : 0.5) * all || spikes > 0.15 * all) return false;
+    if (seen < (length < 25 ? 0.7 : 0.45) * all || spikes > 0.15 * all) return false;
     int lit = 0;
     int looked = 0;
+    std::size_t brightest = 0;
     for (std::size_t k = 0; k < parts; ++k) {
+      if (product[k] > product[brightest]) brightest = k;
       if (energy[k] < 0.05) continue;
       ++looked;
       const double height = product[k] / energy[k];
@@ -382,149 +506,37 @@ class Finder {
     // The part that shines most may be a star; the rest has to be a streak without it.
     double rest_product = 0;
     double rest_energy = 0;
-    std::size_t brightest = 0;
-    for (std::size_t k = 1; k < parts; ++k) {
-      if (product[k] > product[brightest]) brightest = k;
-    }
     for (std::size_t k = 0; k < parts; ++k) {
       if (k != brightest) rest_product += product[k], rest_energy += energy[k];
     }
-    const double rest = rest_energy > 0 ? rest_product / std::sqrt(rest_energy) : 0;
+    const double rest = rest_energy > 0 ? rest_product / std::sqrt(rest_energy) / noise_at(l) : 0;
     return looked >= 2 && lit >= looked - 1 && rest > 0.45 * snr;
   }
 
-  [[nodiscard]] bool is_streak(const Line& l, double snr) const {
-    const double fwhm = clean_.psf.fwhm_px();
+  [[nodiscard]] bool is_streak(const Line& l, double snr) {
     // Between stars that touch there is room for something short and faint.
     if (snr < options_.snr_least * (l.length() < 25 ? 1.2 : 1) ||
-        l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm))
+        l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm_))
       return false;
-    if (l.scale > 1.8 || l.scale < 0.62) return false;
-    return is_even(l, snr);
+    const double error = 2 / snr;
+    if (l.scale > 1.2 + error || l.scale < 0.85 - error) return false;
+    return is_even(l, snr) && (l.length() < 25 || stands_out(l, snr));
   }
 
-  /// The line that fits best from here, on what a plane shows. @return its significance; 0: none
-  [[nodiscard]] double trace(const Plane& plane, Line& l) const {
-    for (int round = 0; round < 3; ++round) {
-      turn(plane, l);
-      stretch(plane, l);
-      if (l.length() < 2) return 0;
-    }
-    l.height = std::max(0.1, mean_along(plane, l) * 0.4);
-    return 1;
+  /// Beside what lines next to it show: in crowds of faint stars every line has some light.
+  [[nodiscard]] bool stands_out(const Line& l, double snr) {
+    std::vector<double> beside = fitter_.heights_beside(l);
+    if (beside.size() < 3) return true;
+    std::sort(beside.begin(), beside.end());
+    const double middle = beside[beside.size() / 2];
+    double squares = 0;  // without the highest, which may be a star
+    for (std::size_t i = 0; i + 1 < beside.size(); ++i) squares += beside[i] * beside[i];
+    const double spread = std::sqrt(squares / static_cast<double>(beside.size() - 1));
+    const double error = l.height / snr;
+    return l.height - std::max(0.0, middle) > std::max(5 * error, 3 * spread);
   }
 
-  void examine(const Seed& seed) {
-    if (!seed.with_stars) {
-      Line l = seed.line;
-      const double snr = trace(without_stars_, l) > 0 ? fit(l) : 0;
-      const bool alone = snr > 0 && is_streak(l, snr);
-      // Stars may have been fitted to its brighter parts.
-      if (try_with_stars(alone ? l : seed.line, alone ? snr : 0)) return;
-      if (alone) {
-        found_.push_back(l);
-        snrs_.push_back(snr);
-        return;
-      }
-    } else if (try_with_stars(seed.line, 0)) {
-      return;
-    }
-    refused_[seed.with_stars ? 1 : 0].push_back(seed.line);
-  }
-
-  /// Gives the light of the stars on the line back to it. @return whether a streak explains it better than
-  /// the stars did
-  bool try_with_stars(const Line& seed, double snr_without) {
-    Line l = seed;
-    if (!(trace(with_stars_, l) > 0)) return false;
-    const std::vector<std::size_t> stars = stars_on(l);
-    if (stars.empty() && snr_without > 0) return false;
-    const Line area = l;
-    std::vector<std::pair<std::size_t, std::uint8_t>> masked_before;
-    give_back(stars, 1, &masked_before);
-    const double snr = fit(l);
-    bool better = snr > snr_without && is_streak(l, snr);
-    if (better && !stars.empty()) {
-      const double as_line = mismatch(area, l, &l);
-      give_back(stars, -1, nullptr);
-      const double as_stars = mismatch(area, l, nullptr);
-      give_back(stars, 1, nullptr);
-      better = as_line < as_stars + advantage(stars.size());
-    }
-    if (!better) {
-      give_back(stars, -1, nullptr);
-      for (const auto& [at, value] : masked_before) mask_.cells()[at] = value;
-      return false;
-    }
-    for (const std::size_t i : stars) taken_[i] = true;
-    found_.push_back(l);
-    snrs_.push_back(snr);
-    return true;
-  }
-
-  /// How much worse a line may fit than @p stars stars: it has fewer parameters, but in a crowded field stars
-  /// that touch are the likelier explanation.
-  [[nodiscard]] double advantage(std::size_t stars) const {
-    const double n = static_cast<double>(field_.stars.size());
-    const double reach = 1.5 * clean_.psf.fwhm_px();
-    const double touching_pairs = n * n * 1.57 * reach * reach / static_cast<double>(light_.size());
-    return std::min(4 * (3 * static_cast<double>(stars) - 5), 8.0) - 2 * std::log(1 + touching_pairs);
-  }
-
-  /// Stars not brighter than a streak's piece could be, whose centres lie on the line.
-  [[nodiscard]] std::vector<std::size_t> stars_on(const Line& l) const {
-    std::vector<std::size_t> on;
-    const double length = std::max(1e-6, l.length());
-    const double ux = (l.x2 - l.x1) / length;
-    const double uy = (l.y2 - l.y1) / length;
-    const double fwhm = clean_.psf.fwhm_px();
-    for (std::size_t i = 0; i < field_.stars.size(); ++i) {
-      const Star& s = field_.stars[i];
-      const double t = (s.x - l.x1) * ux + (s.y - l.y1) * uy;
-      const double d = std::abs((s.y - l.y1) * ux - (s.x - l.x1) * uy);
-      if (!taken_[i] && t > -fwhm && t < length + fwhm && d < 0.75 * fwhm) on.push_back(i);
-    }
-    return on;
-  }
-
-  /// Adds the stars' light (@p sign 1) and unmasks their pixels, noting what was masked; or takes the light
-  /// away (-1).
-  void give_back(const std::vector<std::size_t>& stars, float sign,
-                 std::vector<std::pair<std::size_t, std::uint8_t>>* masked) {
-    for (const std::size_t i : stars) {
-      const Star& s = field_.stars[i];
-      const double height = s.flux / clean_.psf.flux() / double(clean_.noise_adu.at(s.x, s.y));
-      const int r = std::min(
-          100, static_cast<int>(std::ceil(clean_.psf.radius_at(std::clamp(0.1 / height, 1e-5, 0.5)))));
-      const int x0 = static_cast<int>(std::lround(s.x));
-      const int y0 = static_cast<int>(std::lround(s.y));
-      for (int y = std::max(0, y0 - r); y <= std::min(light_.height() - 1, y0 + r); ++y) {
-        for (int x = std::max(0, x0 - r); x <= std::min(light_.width() - 1, x0 + r); ++x) {
-          light_.at(x, y) += sign * static_cast<float>(height) *
-                             clean_.psf.height(static_cast<float>(x - s.x), static_cast<float>(y - s.y));
-          if (masked == nullptr || mask_.at(x, y) == 0 || clean_.flaws.at(x, y) != 0) continue;
-          masked->emplace_back(static_cast<std::size_t>(y) * static_cast<std::size_t>(light_.width()) +
-                                   static_cast<std::size_t>(x),
-                               mask_.at(x, y));
-          mask_.at(x, y) = 0;
-        }
-      }
-    }
-  }
-
-  /// Chi squared over the pixels of @p area, of the light minus @p model (or of the light alone). The weights
-  /// are those of the model @p expected in either case.
-  [[nodiscard]] double mismatch(const Line& area, const Line& expected, const Line* model) const {
-    double sum = 0;
-    const Model light(expected, sigma_);
-    for_pixels(area, [&](int x, int y) {
-      if (!usable(x, y)) return;
-      const double m = expected.height * light(x, y);
-      const double r = double(light_.at(x, y)) - (model != nullptr ? m : 0);
-      sum += r * r / (1 + 0.03 * m + 0.0025 * m * m);
-    });
-    return sum;
-  }
+  // --- all of them ---
 
   /// Two pieces that go on in each other's direction.
   [[nodiscard]] static std::optional<Line> joined(const Line& a, const Line& b, double sigma) {
@@ -554,38 +566,36 @@ class Finder {
     for (bool again = true; again;) {
       again = false;
       for (std::size_t i = 0; i < found_.size() && !again; ++i) {
-        for (std::size_t j = i + 1; j < found_.size() && !again; ++j) {
-          auto whole = joined(found_[i], found_[j], sigma_);
-          if (!whole) continue;
-          Line fitted = *whole;
-          const double snr = fit(fitted);
-          const bool better = snr >= std::max(snrs_[i], snrs_[j]) && is_streak(fitted, snr);
-          // Pieces that do not make one whole lie beside each other; of those that overlap the better one
-          // stays.
-          const double overlap = found_[i].length() + found_[j].length() - whole->length();
-          if (!better && overlap < 0.3 * std::min(found_[i].length(), found_[j].length())) continue;
-          if (better)
-            found_[i] = fitted, snrs_[i] = snr;
-          else if (snrs_[j] > snrs_[i])
-            found_[i] = found_[j], snrs_[i] = snrs_[j];
-          found_.erase(found_.begin() + static_cast<std::ptrdiff_t>(j));
-          snrs_.erase(snrs_.begin() + static_cast<std::ptrdiff_t>(j));
-          again = true;
-        }
+        for (std::size_t j = i + 1; j < found_.size() && !again; ++j) again = merge(i, j);
       }
     }
   }
 
-  [[nodiscard]] std::vector<Streak> result() const {
+  /// @return whether j is no more
+  bool merge(std::size_t i, std::size_t j) {
+    const auto whole = joined(found_[i].line, found_[j].line, sigma_);
+    if (!whole) return false;
+    Line fitted = *whole;
+    const double snr = fitter_.fit(fitted).value_or(0) / noise_at(*whole);
+    const bool better = snr >= std::max(found_[i].snr, found_[j].snr) && is_streak(fitted, snr);
+    // Pieces that do not make one whole lie beside each other; of those that overlap the better one stays.
+    const double overlap = found_[i].line.length() + found_[j].line.length() - whole->length();
+    if (!better && overlap < 0.3 * std::min(found_[i].line.length(), found_[j].line.length())) return false;
+    if (better)
+      found_[i] = {fitted, snr};
+    else if (found_[j].snr > found_[i].snr)
+      found_[i] = found_[j];
+    found_.erase(found_.begin() + static_cast<std::ptrdiff_t>(j));
+    return true;
+  }
+
+  [[nodiscard]] std::vector<Streak> result() {
     std::vector<Streak> streaks;
-    for (std::size_t i = 0; i < found_.size(); ++i) {
-      const Line& l = found_[i];
-      double light = 0;
-      const Model model(l, sigma_);
-      for_pixels(l, [&](int x, int y) { light += model(x, y); });
+    for (const auto& [l, snr] : found_) {
       const double unit = double(clean_.noise_adu.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2));
-      streaks.push_back(
-          {l.x1, l.y1, l.x2, l.y2, snrs_[i], l.height * light * unit, 2.3548 * sigma_ * l.scale});
+      // Across the line a Gaussian; along it all light lies between the ends, on average.
+      const double light = l.length() * std::sqrt(2 * std::numbers::pi) * sigma_ * l.scale;
+      streaks.push_back({l.x1, l.y1, l.x2, l.y2, snr, l.height * light * unit, 2.3548 * sigma_ * l.scale});
     }
     std::sort(streaks.begin(), streaks.end(), [](const Streak& a, const Streak& b) { return a.snr > b.snr; });
     return streaks;
@@ -595,15 +605,16 @@ class Finder {
   const StarField& field_;
   const StreakOptions& options_;
   double sigma_;
-  Plane light_;  ///< without stars and background, in noise
+  double fwhm_;
+  Plane light_;  ///< without background and certain stars, in noise
   Grid<std::uint8_t> mask_;
-  Plane without_stars_;  ///< through the matched filter, noise 1
-  Plane with_stars_;
-  Surface noise_;
-  std::vector<Line> found_;
-  std::vector<double> snrs_;
-  std::array<std::vector<Line>, 2> refused_;  ///< by kind of seed
-  std::vector<bool> taken_;                   ///< stars that are parts of streaks
+  LineFitter fitter_;
+  Plane filtered_;  ///< the light through the matched filter, noise 1
+  Surface noise_;   ///< of the filtered light, before it was made 1
+  std::vector<Found> found_;
+  std::vector<Line> refused_;
+  std::vector<bool> taken_;  ///< stars that are parts of streaks
+  std::vector<bool> shown_;  ///< stars whose light is in light_
 };
 
 }  // namespace

@@ -7,6 +7,8 @@ namespace srfs::image {
 struct StreakOptions {
   double snr_least = 7;  ///< of the whole streak
   double length_least_px = 10;
+  /// How much better, in chi squared, a line has to explain what two stars that touch could be.
+  double caution = 8;
 };
 
 /// Streaks of moving objects on the frame without its stars: search along all lines, then a fit of ends,

@@ -1,5 +1,6 @@
-// Writes the frames of ./run bench image with their truth: NAME.fits and NAME.json each. Every frame has
-// another optics, sky and detector, so that nothing can be tuned to one of them.
+// Writes the frames of ./run bench image with their truth: NAME.fits and NAME.json each, of sequences
+// NAME_0.fits to NAME_7.fits and NAME.json. Every frame has another optics, sky and detector, so that nothing
+// can be tuned to one of them.
 
 #include <algorithm>
 #include <cmath>
@@ -113,15 +114,134 @@ Json truth_of(const SkyScene& scene, const std::vector<SkyStar>& stars,
 void write(const Options& o, int number, const SkyScene& scene, const std::vector<SkyStar>& stars,
            const std::vector<SkyStreak>& streaks) {
   image::Plane plane(scene.width, scene.height);
-  plane.cells() = render_sky(scene, stars, streaks);
+  const std::vector<float> adu = render_sky(scene, stars, streaks);
+  std::copy(adu.begin(), adu.end(), plane.cells().begin());
   const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
   if (const auto written = image::write_fits(name + ".fits", plane); !written)
     throw std::runtime_error(written.error().reason);
   std::ofstream(name + ".json") << truth_of(scene, stars, streaks).dump();
 }
 
+// --- sequences ---
+
+constexpr int frames_of_sequence = 8;
+
+/// How a frame of a sequence lies on the sky: sky = shift + turned pixel, around the frame's middle.
+struct Pointing {
+  double shift_x;
+  double shift_y;
+  double turn_rad;
+};
+
+SkyStar seen(const Options& o, const Pointing& p, const SkyStar& s) {
+  const double x = s.x - p.shift_x - o.width / 2.0;
+  const double y = s.y - p.shift_y - o.height / 2.0;
+  const double c = std::cos(p.turn_rad);
+  const double d = std::sin(p.turn_rad);
+  return {c * x + d * y + o.width / 2.0, c * y - d * x + o.height / 2.0, s.flux_e};
+}
+
+/// An object that moves evenly over the sky; in each frame it leaves a trail.
+struct SkyMover {
+  double x, y;    ///< in the middle of frame 0
+  double vx, vy;  ///< px a frame
+  double trail_px;
+  double snr;  ///< in each frame
+};
+
+std::vector<SkyMover> random_movers(const Options& o, SkyRandom& random) {
+  std::vector<SkyMover> movers;
+  const auto add = [&](double speed, double trail, double snr) {
+    const double angle = random.uniform(0, 2 * std::numbers::pi);
+    SkyMover m{0, 0, speed * std::cos(angle), speed * std::sin(angle), trail, snr};
+    const double middle = (frames_of_sequence - 1) / 2.0;
+    m.x = random.uniform(0.1, 0.9) * o.width - middle * m.vx;
+    m.y = random.uniform(0.1, 0.9) * o.height - middle * m.vy;
+    movers.push_back(m);
+  };
+  for (int i = 0; i < 3; ++i) {
+    const double speed = std::exp(random.uniform(std::log(1.5), std::log(20.0)));
+    add(speed, 0.1 * speed, random.uniform(4.5, 5.5));
+  }
+  for (int i = 0; i < 4; ++i) {
+    const double speed = std::exp(random.uniform(std::log(1.5), std::log(20.0)));
+    add(speed, 0.1 * speed, random.uniform(5.5, 15));
+  }
+  for (int i = 0; i < 2; ++i) {
+    const double trail = random.uniform(10, 20);
+    add(trail * random.uniform(1.2, 2.5), trail, random.uniform(12, 40));
+  }
+  return movers;
+}
+
+/// A mover's light in frame @p k.
+SkyStreak trail_of(const Options& o, const SkyScene& scene, const Pointing& p, const SkyMover& m, int k) {
+  const double speed = std::hypot(m.vx, m.vy);
+  const double hx = m.vx / speed * m.trail_px / 2;
+  const double hy = m.vy / speed * m.trail_px / 2;
+  const double x = m.x + k * m.vx;
+  const double y = m.y + k * m.vy;
+  const SkyStar a = seen(o, p, {x - hx, y - hy, 0});
+  const SkyStar b = seen(o, p, {x + hx, y + hy, 0});
+  SkyStreak streak{a.x, a.y, b.x, b.y, 1};
+  // As bright as in the middle of the frame, wherever it is.
+  SkyStreak there = streak;
+  const double dx = scene.width / 2.0 - (a.x + b.x) / 2;
+  const double dy = scene.height / 2.0 - (a.y + b.y) / 2;
+  there.x1 += dx, there.x2 += dx, there.y1 += dy, there.y2 += dy;
+  streak.flux_e = m.snr / streak_snr(scene, there);
+  return streak;
+}
+
+void make_sequence(const Options& o, SkyRandom& random, int number) {
+  SkyScene scene = random_scene(o, random);
+  scene.pattern_seed = scene.seed;
+  SkyScene wide = scene;  // the sky around the first frame, for where the pointing drifts to
+  const double margin = 150;
+  const double density = std::exp(random.uniform(std::log(150.0), std::log(1500.0)));
+  wide.width += static_cast<int>(2 * margin), wide.height += static_cast<int>(2 * margin);
+  std::vector<SkyStar> sky = random_stars(wide, random, density);
+  for (SkyStar& s : sky) s.x -= margin, s.y -= margin;
+  const std::vector<SkyMover> movers = random_movers(o, random);
+  const double drift = random.uniform(0, 12);
+  const double drift_angle = random.uniform(0, 2 * std::numbers::pi);
+  const double turn = random.uniform(-3e-4, 3e-4);
+  Json truth{{"fwhm", scene.fwhm_px},
+             {"width", o.width},
+             {"height", o.height},
+             {"frames", Json::array()},
+             {"movers", Json::array()}};
+  for (const SkyMover& m : movers)
+    truth["movers"].push_back({{"snr", m.snr}, {"trail", m.trail_px}, {"points", Json::array()}});
+  const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
+  for (int k = 0; k < frames_of_sequence; ++k) {
+    const Pointing p{k * drift * std::cos(drift_angle) + 0.5 * random.normal(),
+                     k * drift * std::sin(drift_angle) + 0.5 * random.normal(), k * turn};
+    std::vector<SkyStar> stars;
+    for (const SkyStar& s : sky) stars.push_back(seen(o, p, s));
+    std::vector<SkyStreak> trails;
+    for (std::size_t i = 0; i < movers.size(); ++i) {
+      trails.push_back(trail_of(o, scene, p, movers[i], k));
+      const SkyStreak& t = trails.back();
+      truth["movers"][i]["points"].push_back({{"x1", t.x1}, {"y1", t.y1}, {"x2", t.x2}, {"y2", t.y2}});
+    }
+    scene.seed = static_cast<std::uint64_t>(random.uniform() * 1e15);
+    image::Plane plane(scene.width, scene.height);
+    const std::vector<float> adu = render_sky(scene, stars, trails);
+    std::copy(adu.begin(), adu.end(), plane.cells().begin());
+    if (const auto written = image::write_fits(fmt::format("{}_{}.fits", name, k), plane); !written)
+      throw std::runtime_error(written.error().reason);
+    truth["frames"].push_back({{"shift_x", p.shift_x}, {"shift_y", p.shift_y}, {"turn_rad", p.turn_rad}});
+  }
+  std::ofstream(name + ".json") << truth.dump();
+}
+
 void make(const Options& o) {
   SkyRandom random(o.seed);
+  if (o.set == "sequence") {
+    for (int i = 0; i < o.frames; ++i) make_sequence(o, random, i);
+    return;
+  }
   for (int i = 0; i < o.frames; ++i) {
     const SkyScene scene = random_scene(o, random);
     const double density = std::exp(random.uniform(std::log(150.0), std::log(2500.0)));
@@ -140,9 +260,11 @@ int main(int argc, char** argv) {
   Options options;
   app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
   app.add_option("--set", options.set, "What is in them")
-      ->check(CLI::IsMember({"stars", "streaks", "short", "empty"}))
+      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence"}))
       ->capture_default_str();
-  app.add_option("--frames", options.frames)->check(CLI::Range(1, 999))->capture_default_str();
+  app.add_option("--frames", options.frames, "Frames, or sequences of eight")
+      ->check(CLI::Range(1, 999))
+      ->capture_default_str();
   app.add_option("--width", options.width)->check(CLI::Range(64, 8192))->capture_default_str();
   app.add_option("--height", options.height)->check(CLI::Range(64, 8192))->capture_default_str();
   app.add_option("--seed", options.seed)->capture_default_str();

@@ -41,6 +41,24 @@ class DetectProgramTest(unittest.TestCase):
         first, second = (json.loads(detect("--method", "streak", "--json", self.frames[0]).stdout) for _ in range(2))
         self.assertEqual(first["streaks"], second["streaks"])
 
+    def test_links_an_object_over_the_files_of_a_sequence(self):
+        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+            made = subprocess.run([BIN / "bench_image", folder, "--set", "sequence", "--frames", "1", "--width", "500", "--height", "400", "--seed", "8"],
+                                  capture_output=True, text=True, timeout=120)  # fmt: skip
+            self.assertEqual(made.returncode, 0, made.stderr)
+            truth = json.loads((Path(folder) / "sequence_000.json").read_text())
+            run = detect("--method", "tracklet", "--json", *(str(Path(folder) / f"sequence_000_{k}.fits") for k in range(8)))
+        self.assertEqual(run.returncode, 0, run.stderr)
+
+        found = json.loads(run.stdout)
+        self.assertTrue(all(f["registration"] for f in found["frames"]))
+        for mover in truth["movers"]:
+            places = [((p["x1"] + p["x2"]) / 2, (p["y1"] + p["y2"]) / 2) for p in mover["points"]]
+            if mover["snr"] < 7 or not all(10 < x < 490 and 10 < y < 390 for x, y in places):
+                continue
+            hits = [sum(abs(p["x"] - places[p["frame"]][0]) < 3 and abs(p["y"] - places[p["frame"]][1]) < 3 for p in t["points"]) for t in found["tracklets"]]
+            self.assertGreaterEqual(max(hits, default=0), 5, mover)
+
     def test_says_which_methods_and_parameters_there_are(self):
         run = detect("--method", "comets", self.frames[0])
         self.assertEqual((run.returncode, run.stdout), (2, ""))

@@ -139,6 +139,95 @@ class StreakScore:
                 "cross_track_px": spread(self.cross), "angle_deg": spread(self.angle), "length_px": spread(self.length), "missed": self.missed[:20]}  # fmt: skip
 
 
+class TrackletScore:
+    """Moving objects in sequences of frames."""
+
+    BINS = ((4.5, 5.5), (5.5, 1000))
+
+    def __init__(self):
+        self.of, self.hit = defaultdict(int), defaultdict(int)
+        self.found = self.wrong = self.sequences = self.unregistered = 0
+        self.squares, self.places = 0.0, 0
+        self.streaks = StreakScore()
+        self.missed = []
+
+    def add(self, truth, found):
+        """@param found: what srfs-detect --method tracklet printed"""
+        self.sequences += 1
+        taken = set()
+        for mover in truth["movers"]:
+            places = [((p["x1"] + p["x2"]) / 2, (p["y1"] + p["y2"]) / 2) for p in mover["points"]]
+            inside = [0 < x < truth["width"] - 1 and 0 < y < truth["height"] - 1 for x, y in places]
+            if sum(inside) < 5:
+                continue
+            name = "streaks" if mover["trail"] >= 10 else next(f"{low:g}-{high:g}" for low, high in self.BINS if low <= mover["snr"] < high)
+            self.of[name] += 1
+            for i, tracklet in enumerate(found["tracklets"]):
+                hits = sum(1 for p in tracklet["points"] if math.dist((p["x"], p["y"]), places[p["frame"]]) < max(2.0, truth["fwhm"], mover["trail"] / 3))
+                if i not in taken and hits >= 5 and 2 * hits > len(tracklet["points"]):
+                    self.hit[name] += 1
+                    taken.add(i)
+                    break
+            else:
+                self.missed.append({"sequence": truth["file"], "snr": round(mover["snr"], 2), "trail": round(mover["trail"], 2), "x": round(places[0][0]), "y": round(places[0][1]), "inside": sum(inside)})
+        self.found += len(found["tracklets"])
+        # What follows an object that leaves the frame too soon is none of the goal, but real.
+        self.wrong += sum(1 for i, t in enumerate(found["tracklets"]) if i not in taken and not self.follows_any(truth, t))
+        self.measure_registration(truth, found["frames"])
+        for k in range(len(truth["frames"])):
+            streaks = [{**m["points"][k], "snr": m["snr"]} for m in truth["movers"] if m["trail"] >= 10]
+            margin = 8
+            whole = [s for s in streaks if all(margin < s["x" + e] < truth["width"] - margin and margin < s["y" + e] < truth["height"] - margin for e in "12")]
+            found_here = [s for s in found["streaks"] if s["frame"] == k]
+            partly = [s for s in streaks if s not in whole]
+            self.streaks.add({"streaks": whole, "file": f"{truth['file']}:{k}"}, [f for f in found_here if not any(covered(p, f) > 0.2 for p in partly)])
+
+    @staticmethod
+    def follows_any(truth, tracklet):
+        for mover in truth["movers"]:
+            places = [((p["x1"] + p["x2"]) / 2, (p["y1"] + p["y2"]) / 2) for p in mover["points"]]
+            hits = sum(1 for p in tracklet["points"] if math.dist((p["x"], p["y"]), places[p["frame"]]) < max(2.0, truth["fwhm"], mover["trail"] / 3))
+            if 2 * hits > len(tracklet["points"]):
+                return True
+        return False
+
+    def measure_registration(self, truth, frames):
+        """Where each frame's corners and middle lie in the first one's pixels, beside the truth."""
+        reference = next((k for k, f in enumerate(frames) if f.get("registration") and f["registration"]["a"] == 1 and f["registration"]["rms"] == 0), 0)
+        w, h = truth["width"], truth["height"]
+
+        def to_sky(k, x, y):
+            p = truth["frames"][k]
+            c, s = math.cos(p["turn_rad"]), math.sin(p["turn_rad"])
+            u, v = x - w / 2, y - h / 2
+            return c * u - s * v + p["shift_x"] + w / 2, s * u + c * v + p["shift_y"] + h / 2
+
+        def from_sky(k, x, y):
+            p = truth["frames"][k]
+            c, s = math.cos(p["turn_rad"]), math.sin(p["turn_rad"])
+            u, v = x - p["shift_x"] - w / 2, y - p["shift_y"] - h / 2
+            return c * u + s * v + w / 2, c * v - s * u + h / 2
+
+        for k, frame in enumerate(frames):
+            r = frame.get("registration")
+            if not r:
+                self.unregistered += 1
+                continue
+            if k == reference:
+                continue
+            for x, y in ((0, 0), (w, 0), (0, h), (w, h), (w / 2, h / 2)):
+                tx, ty = from_sky(reference, *to_sky(k, x, y))
+                self.squares += (r["dx"] + r["a"] * x - r["b"] * y - tx) ** 2 + (r["dy"] + r["b"] * x + r["a"] * y - ty) ** 2
+                self.places += 2
+
+    def result(self):
+        streaks = self.streaks.result()
+        return {"sequences": self.sequences, "found": self.found, "false_per_sequence": round(self.wrong / self.sequences, 4) if self.sequences else None,
+                "recall": {name: {"of": self.of[name], "recall": round(self.hit[name] / self.of[name], 4)} for name in sorted(self.of)},
+                "registration_rms_px": round(math.sqrt(self.squares / self.places), 4) if self.places else None, "frames_not_registered": self.unregistered,
+                "streaks_10_20_after_veto": {key: streaks[key] for key in ("streaks", "recall", "false_per_frame")}, "missed": self.missed[:20]}  # fmt: skip
+
+
 def covered(t, f):
     """Share of the longer one that the two have in common, where they run along each other."""
     length = math.hypot(t["x2"] - t["x1"], t["y2"] - t["y1"])
@@ -167,8 +256,8 @@ def run_timed(command, **options):
         return used.ru_utime + used.ru_stime, out.read().decode()
 
 
-def detect(bin_dir, method, fits):
-    cpu, out = run_timed([str(Path(bin_dir) / "srfs-detect"), "--method", method, "--json", str(fits)])
+def detect(bin_dir, method, *files):
+    cpu, out = run_timed([str(Path(bin_dir) / "srfs-detect"), "--method", method, "--json", *map(str, files)])
     return cpu, json.loads(out)
 
 
@@ -183,6 +272,15 @@ def peer(fits, folder):
     return cpu, [{"x": float(r[0]) - 1, "y": float(r[1]) - 1, "flux": float(r[2])} for r in rows]
 
 
+def sequences_in(target):
+    """@return [(FITS files in order, truth)]"""
+    made = []
+    for path in sorted(target.glob("sequence_???.json")):
+        truth = json.loads(path.read_text())
+        made.append(([path.with_name(f"{path.stem}_{k}.fits") for k in range(len(truth["frames"]))], {**truth, "file": path.stem}))
+    return made
+
+
 def frames_of(bin_dir, folder, name, options, **size):
     """Makes the frames of a set. @return [(FITS file, truth)]"""
     target = folder / name
@@ -191,6 +289,8 @@ def frames_of(bin_dir, folder, name, options, **size):
     for key, value in size.items():
         command += [f"--{key}", str(value)]
     run_timed(command)
+    if name == "sequence":
+        return sequences_in(target)
     made = []
     for fits in sorted(target.glob("*.fits")):
         truth = json.loads(fits.with_suffix(".json").read_text())
@@ -224,6 +324,13 @@ def measure_streaks(bin_dir, frames):
     return score.result()
 
 
+def measure_tracklets(bin_dir, sequences):
+    score = TrackletScore()
+    for files, truth in sequences:
+        score.add(truth, detect(bin_dir, "tracklet", *files)[1])
+    return score.result()
+
+
 def measure_time(bin_dir, options, folder):
     """1920 x 1080, the best of several runs, alternately."""
     fits, _ = frames_of(bin_dir, folder, "stars_large", options, frames=1, width=1920, height=1080)[0]
@@ -232,7 +339,7 @@ def measure_time(bin_dir, options, folder):
         for method in ("star_centroid", "streak"):
             cpu, found = detect(bin_dir, method, fits)
             best[method + "_process_cpu_ms"] = min(best[method + "_process_cpu_ms"], 1000 * cpu)
-            best[method + "_ms"] = min(best[method + "_ms"], found["frames"][0]["elapsed_ms"])
+            best[method + "_ms"] = min(best[method + "_ms"], found["frames"][0]["cpu_ms"])
         if shutil.which("source-extractor"):
             best["source_extractor_process_cpu_ms"] = min(best["source_extractor_process_cpu_ms"], 1000 * peer(fits, folder)[0])
     result = {key: round(value, 1) for key, value in best.items()}
@@ -255,6 +362,8 @@ def measure(bin_dir, options, say):
         for kind in ("streaks", "short", "empty"):
             say(f"bench image: {kind}")
             result[kind] = measure_streaks(bin_dir, frames_of(bin_dir, folder, kind, options, frames=options.frames))
+        say("bench image: sequences of eight frames")
+        result["sequences"] = measure_tracklets(bin_dir, frames_of(bin_dir, folder, "sequence", options, frames=max(2, options.frames // 3)))
         say("bench image: time")
         result["time_1920x1080"] = measure_time(bin_dir, options, folder)
     return result
@@ -277,4 +386,7 @@ def show(result):
     for name in ("streaks", "short", "empty"):
         row = result[name]
         print(f"  {name}: recall {row['recall']} of {row['streaks']}, {row['false_per_frame']} false a frame; cross-track {row['cross_track_px']}, angle {row['angle_deg']}, length {row['length_px']}")
+    row = result["sequences"]
+    print(f"  tracklets in {row['sequences']} sequences of 8: recall {row['recall']}, {row['false_per_sequence']} false a sequence; registration {row['registration_rms_px']} px rms, {row['frames_not_registered']} frames not registered")
+    print(f"  streaks of 10 to 20 px after the veto of all frames: {row['streaks_10_20_after_veto']}")
     print(f"  1920 x 1080: {json.dumps(result['time_1920x1080'])}")

@@ -1,6 +1,9 @@
 // srfs-detect: the on-board detection methods on files. Several files are one sequence, in the order given.
 
+#include <time.h>
+
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <new>
 #include <string>
@@ -44,15 +47,59 @@ Json to_json(const Streak& s, int frame) {
           {"width", rounded(s.width_px, 1e-3)}};
 }
 
+Json to_json(const TrackPoint& p) {
+  Json point{{"frame", p.frame},
+             {"x", rounded(p.x, 1e-3)},
+             {"y", rounded(p.y, 1e-3)},
+             {"snr", rounded(p.snr, 1e-3)}};
+  if (p.streak) {
+    point["x1"] = rounded(p.streak->x1, 1e-3), point["y1"] = rounded(p.streak->y1, 1e-3);
+    point["x2"] = rounded(p.streak->x2, 1e-3), point["y2"] = rounded(p.streak->y2, 1e-3);
+  }
+  return point;
+}
+
+Json to_json(const Tracklet& t) {
+  Json points = Json::array();
+  for (const TrackPoint& p : t.points) points.push_back(to_json(p));
+  return {{"x", rounded(t.x0, 1e-3)},   {"y", rounded(t.y0, 1e-3)},    {"vx", rounded(t.vx, 1e-5)},
+          {"vy", rounded(t.vy, 1e-5)},  {"snr", rounded(t.snr, 1e-3)}, {"rms", rounded(t.rms_px, 1e-4)},
+          {"points", std::move(points)}};
+}
+
+/// Of pixel (x, y): X = dx + a x - b y, Y = dy + b x + a y in the reference frame.
+Json to_json(const FrameRegistration& r) {
+  if (!r.registered) return nullptr;
+  const FrameTransform& t = r.registration.to_reference;
+  return {{"dx", rounded(t.shift_x, 1e-4)},
+          {"dy", rounded(t.shift_y, 1e-4)},
+          {"a", t.a},
+          {"b", t.b},
+          {"stars", r.registration.stars},
+          {"rms", rounded(r.registration.rms_px, 1e-4)}};
+}
+
 /// What was found so far, in the order of the files.
 struct Report {
   Json frames = Json::array();
   Json stars = Json::array();
   Json streaks = Json::array();
+  Json tracklets = Json::array();
 };
 
+struct Elapsed {
+  double wall_ms;
+  double cpu_ms;  ///< of this thread
+};
+
+double cpu_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
+}
+
 void add(Report& report, const std::string& path, const Frame& frame, const FrameFindings& found,
-         double elapsed_ms) {
+         const Elapsed& elapsed) {
   const int number = static_cast<int>(report.frames.size());
   for (const Star& s : found.stars) report.stars.push_back(to_json(s, number));
   for (const Streak& s : found.streaks) report.streaks.push_back(to_json(s, number));
@@ -68,7 +115,20 @@ void add(Report& report, const std::string& path, const Frame& frame, const Fram
                            {"saturated", found.saturated},
                            {"invalid", found.invalid},
                            {"notes", found.notes},
-                           {"elapsed_ms", rounded(elapsed_ms, 1e-2)}});
+                           {"elapsed_ms", rounded(elapsed.wall_ms, 1e-2)},
+                           {"cpu_ms", rounded(elapsed.cpu_ms, 1e-2)}});
+}
+
+void add(Report& report, const SequenceFindings& found) {
+  for (std::size_t k = 0; k < found.streaks.size(); ++k) {
+    for (const Streak& s : found.streaks[k]) report.streaks.push_back(to_json(s, static_cast<int>(k)));
+    report.frames[k]["streaks"] = found.streaks[k].size();
+  }
+  for (std::size_t k = 0; k < found.registrations.size(); ++k)
+    report.frames[k]["registration"] = to_json(found.registrations[k]);
+  for (const Tracklet& t : found.tracklets) report.tracklets.push_back(to_json(t));
+  for (const std::string& note : found.notes)
+    report.frames[static_cast<std::size_t>(found.reference)]["notes"].push_back(note);
 }
 
 void print_text(const Report& report) {
@@ -91,6 +151,17 @@ void print_text(const Report& report) {
                    s["y"].get<double>(), s["flux"].get<double>(), s["snr"].get<double>(),
                    s["fwhm"].get<double>());
     }
+  }
+}
+
+void print_tracklets(const Report& report) {
+  for (const Json& t : report.tracklets) {
+    fmt::print("tracklet of {} points from ({:.2f}, {:.2f}), moving ({:.3f}, {:.3f}) px, snr {:.1f}\n",
+               t["points"].size(), t["x"].get<double>(), t["y"].get<double>(), t["vx"].get<double>(),
+               t["vy"].get<double>(), t["snr"].get<double>());
+    for (const Json& p : t["points"])
+      fmt::print("  frame {}: ({:.2f}, {:.2f})  snr {:.1f}\n", p["frame"].get<int>(), p["x"].get<double>(),
+                 p["y"].get<double>(), p["snr"].get<double>());
   }
 }
 
@@ -120,17 +191,24 @@ int run(const std::string& name, const std::vector<std::string>& given, const st
     const auto frame = read_frame(file);
     if (!frame) return refuse(frame.error(), file_refused);
     const auto begin = std::chrono::steady_clock::now();
+    const double cpu_before_ms = cpu_ms();
     const auto found = method->process(*frame);
     if (!found) return refuse(Refusal{file + ": " + found.error().reason}, file_refused);
     add(report, file, *frame, *found,
-        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count());
+        {std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count(),
+         cpu_ms() - cpu_before_ms});
   }
+  add(report, method->finish());
   if (as_json) {
-    const Json all{
-        {"method", name}, {"frames", report.frames}, {"stars", report.stars}, {"streaks", report.streaks}};
+    const Json all{{"method", name},
+                   {"frames", report.frames},
+                   {"stars", report.stars},
+                   {"streaks", report.streaks},
+                   {"tracklets", report.tracklets}};
     std::printf("%s\n", all.dump().c_str());
   } else {
     print_text(report);
+    print_tracklets(report);
   }
   return done;
 }

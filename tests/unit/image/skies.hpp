@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+
 #include "hw_sim/sky_frame.hpp"
 #include "image/frame.hpp"
 
@@ -10,7 +12,8 @@ namespace srfs::image {
                                     const std::vector<hw_sim::SkyStreak>& streaks = {}) {
   Frame frame;
   frame.pixels = Plane(scene.width, scene.height);
-  frame.pixels.cells() = hw_sim::render_sky(scene, stars, streaks);
+  const std::vector<float> adu = hw_sim::render_sky(scene, stars, streaks);
+  std::copy(adu.begin(), adu.end(), frame.pixels.cells().begin());
   frame.step = static_cast<float>(scene.adu_step);
   return frame;
 }

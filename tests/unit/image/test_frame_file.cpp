@@ -140,6 +140,77 @@ TEST_F(FrameFile, ReadsWhatItWroteAsFits) {
   EXPECT_EQ(frame->step, 1);
 }
 
+/// A file of one header and its data.
+std::string fits_of(const std::vector<std::string>& cards, const std::string& data) {
+  std::string content;
+  for (const std::string& card : cards) content += fmt::format("{:<80}", card);
+  content += fmt::format("{:<80}", "END");
+  content.resize((content.size() + 2879) / 2880 * 2880, ' ');
+  content += data;
+  content.resize((content.size() + 2879) / 2880 * 2880, '\0');
+  return content;
+}
+
+template <class T>
+std::string big_endian(const std::vector<T>& values) {
+  std::string octets;
+  for (const T v : values) {
+    std::array<char, sizeof(T)> one{};
+    std::memcpy(one.data(), &v, sizeof(T));
+    octets.append(one.rbegin(), one.rend());
+  }
+  return octets;
+}
+
+Frame decoded(const std::string& content) {
+  auto frame = decode_frame(OctetView(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()));
+  EXPECT_TRUE(frame) << frame.error().reason;
+  return frame ? *std::move(frame) : Frame{};
+}
+
+TEST_F(FrameFile, ReadsFitsOfEveryNumberFormatWithScaleAndBlank) {
+  const auto cards = [](int bitpix) {
+    return std::vector<std::string>{"SIMPLE  =                    T", fmt::format("BITPIX  = {:>20}", bitpix),
+                                    "NAXIS   =                    2 / two axes", "NAXIS1  =                    3",
+                                    "NAXIS2  =                    1", "BSCALE  =                  2.0",
+                                    "BZERO   =                 10.5", "DATE-OBS= '2026-11-22T07:52:30.5' / begin",
+                                    "SATURATE=                 500.", "COMMENT = this is none"};
+  };
+  const auto check = [](const Frame& frame) {
+    ASSERT_EQ(frame.pixels.width(), 3);
+    EXPECT_EQ(frame.pixels.at(0, 0), 12.5F);
+    EXPECT_EQ(frame.pixels.at(2, 0), 16.5F);
+    EXPECT_EQ(frame.saturation_adu, 500);
+    ASSERT_TRUE(frame.time_s);
+    EXPECT_DOUBLE_EQ(*frame.time_s, 1795333950.5);
+  };
+  for (const bool packed : {false, true}) {
+    // An axis of length 1 too many is for cfitsio.
+    const auto all = [&](int bitpix) {
+      auto c = cards(bitpix);
+      if (packed) c[2] = "NAXIS   =                    3", c.insert(c.begin() + 5, "NAXIS3  =                    1 / colour' = '");
+      return c;
+    };
+    check(decoded(fits_of(all(8), big_endian<std::uint8_t>({1, 2, 3}))));
+    check(decoded(fits_of(all(16), big_endian<std::int16_t>({1, -2, 3}))));
+    check(decoded(fits_of(all(32), big_endian<std::int32_t>({1, -2, 3}))));
+    check(decoded(fits_of(all(-32), big_endian<float>({1, -2, 3}))));
+    check(decoded(fits_of(all(-64), big_endian<double>({1, -2, 3}))));
+    auto with_blank = all(16);
+    with_blank.emplace_back("BLANK   =                   -2");
+    EXPECT_TRUE(std::isnan(decoded(fits_of(with_blank, big_endian<std::int16_t>({1, -2, 3}))).pixels.at(1, 0)));
+  }
+}
+
+TEST_F(FrameFile, ReadsFitsWhoseImageIsInAnExtension) {
+  const std::string first = fits_of({"SIMPLE  =                    T", "BITPIX  =                    8", "NAXIS   =                    0",
+                                     "EXTEND  =                    T"}, "");
+  const std::string second = fits_of({"XTENSION= 'IMAGE   '", "BITPIX  =                   16", "NAXIS   =                    2",
+                                      "NAXIS1  =                    2", "NAXIS2  =                    1", "PCOUNT  =                    0",
+                                      "GCOUNT  =                    1"}, big_endian<std::int16_t>({7, 9}));
+  EXPECT_EQ(decoded(first + second).pixels.at(1, 0), 9);
+}
+
 TEST_F(FrameFile, ReadsTiffOf16BitsAndFloatInStripsAndTiles) {
   for (const int bits : {16, 32}) {
     for (const bool tiled : {false, true}) {

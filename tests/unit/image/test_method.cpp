@@ -37,7 +37,7 @@ TEST(Methods, AreFoundByNameOrTheOnesThereAreAreNamed) {
   EXPECT_TRUE(find_method("star_centroid"));
   const auto unknown = find_method("stars");
   ASSERT_FALSE(unknown);
-  EXPECT_THAT(unknown.error().reason, HasSubstr("no method 'stars': there are star_centroid, streak"));
+  EXPECT_THAT(unknown.error().reason, HasSubstr("no method 'stars': there are star_centroid, streak, tracklet"));
 }
 
 TEST(Methods, AllTakeTheirStandardParametersAndAnEmptyFrame) {
@@ -46,10 +46,12 @@ TEST(Methods, AllTakeTheirStandardParametersAndAnEmptyFrame) {
     ASSERT_TRUE(parameters);
     Frame frame;
     frame.pixels = Plane(40, 30, 0.0F);
-    const auto found = entry.make(*parameters)->process(frame);
+    const auto method = entry.make(*parameters);
+    const auto found = method->process(frame);
     ASSERT_TRUE(found) << entry.name;
     EXPECT_TRUE(found->stars.empty());
     EXPECT_TRUE(found->streaks.empty());
+    EXPECT_TRUE(method->finish().tracklets.empty());
   }
 }
 
