@@ -138,6 +138,7 @@ Result<Frame, Refusal> decode(OctetView content) {
 }  // namespace
 }  // namespace srfs::image
 
-void srfs_decode_packed_fits(srfs::OctetView content, srfs::Result<srfs::image::Frame, srfs::image::Refusal>& decoded) {
+void srfs_decode_packed_fits(srfs::OctetView content,
+                             srfs::Result<srfs::image::Frame, srfs::image::Refusal>& decoded) {
   decoded = srfs::image::decode(content);
 }

@@ -54,7 +54,8 @@ bool take_card(std::string_view card, Header& header) {
   const std::string_view key = trimmed(card.substr(0, 8));
   if (card.substr(8, 2) != "= ") return true;  // a comment
   std::string_view value = card.substr(10);
-  if (const auto quote = value.find('\''); quote != std::string_view::npos && trimmed(value.substr(0, quote)).empty()) {
+  if (const auto quote = value.find('\'');
+      quote != std::string_view::npos && trimmed(value.substr(0, quote)).empty()) {
     const auto end = value.find('\'', quote + 1);
     if (end == std::string_view::npos) return false;
     if (key == "DATE-OBS") header.date = value.substr(quote + 1, end - quote - 1);
@@ -95,7 +96,8 @@ std::optional<Header> read_header(OctetView content) {
 
 /// Seconds of a date as FITS writes it: 2026-11-22T07:52:30.25.
 std::optional<double> seconds_of(std::string_view text) {
-  if (text.size() < 19 || text[4] != '-' || text[7] != '-' || text[10] != 'T' || text[13] != ':' || text[16] != ':')
+  if (text.size() < 19 || text[4] != '-' || text[7] != '-' || text[10] != 'T' || text[13] != ':' ||
+      text[16] != ':')
     return std::nullopt;
   const auto year = number<int>(text.substr(0, 4));
   const auto month = number<unsigned>(text.substr(5, 2));
@@ -150,15 +152,20 @@ void take(const Header& header, const std::uint8_t* in, std::size_t n, float* ou
 
 void take_plane(const Header& header, const std::uint8_t* in, std::size_t n, float* out) {
   switch (header.bitpix) {
-    case 8: return take<std::uint8_t>(header, in, n, out);
+    case 8:
+      return take<std::uint8_t>(header, in, n, out);
     case 16:
       // Exact in float where scale and zero are whole numbers.
-      if (!header.blank && header.scale == 1 && header.zero == std::round(header.zero) && std::abs(header.zero) < 1e6)
+      if (!header.blank && header.scale == 1 && header.zero == std::round(header.zero) &&
+          std::abs(header.zero) < 1e6)
         return take_16(in, out, n, {1, static_cast<float>(header.zero)});
       return take<std::int16_t>(header, in, n, out);
-    case 32: return take<std::int32_t>(header, in, n, out);
-    case -32: return take<float>(header, in, n, out);
-    default: return take<double>(header, in, n, out);
+    case 32:
+      return take<std::int32_t>(header, in, n, out);
+    case -32:
+      return take<float>(header, in, n, out);
+    default:
+      return take<double>(header, in, n, out);
   }
 }
 
@@ -167,7 +174,8 @@ bool is_plain(const Header& h, std::size_t file_octets) {
   if (h.axes != 2 && h.axes != 3) return false;
   if (refuse_size(h.size[0], h.size[1]) || h.size[2] < 1 || h.size[2] > 3) return false;
   const std::uint64_t octets = static_cast<std::uint64_t>(h.size[0]) * static_cast<std::uint64_t>(h.size[1]) *
-                               static_cast<std::uint64_t>(h.size[2]) * static_cast<std::uint64_t>(std::abs(h.bitpix) / 8);
+                               static_cast<std::uint64_t>(h.size[2]) *
+                               static_cast<std::uint64_t>(std::abs(h.bitpix) / 8);
   return h.octets <= file_octets && octets <= file_octets - h.octets;
 }
 
@@ -190,7 +198,8 @@ std::optional<Frame> decode_plain_fits(OctetView content) {
   if (planes > 1) {
     for (float& v : frame.pixels.cells()) v /= static_cast<float>(planes);
   }
-  if (header->bitpix > 0) frame.step = static_cast<float>(std::abs(header->scale)) / static_cast<float>(planes);
+  if (header->bitpix > 0)
+    frame.step = static_cast<float>(std::abs(header->scale)) / static_cast<float>(planes);
   if (header->saturation) frame.saturation_adu = static_cast<float>(*header->saturation);
   frame.time_s = seconds_of(header->date);
   if (!frame.time_s && header->mjd) frame.time_s = 86400 * *header->mjd;

@@ -49,7 +49,8 @@ void average_row(const T* in, int samples, int colours, float* out, int width) {
 Decoded decode_packed_fits(OctetView content) {
   static void* const library = dlopen(SRFS_FITS_LIBRARY, RTLD_NOW | RTLD_LOCAL);
   if (library == nullptr) return refuse("FITS: {}", dlerror());
-  static const auto decode = reinterpret_cast<decltype(&srfs_decode_packed_fits)>(dlsym(library, "srfs_decode_packed_fits"));
+  static const auto decode =
+      reinterpret_cast<decltype(&srfs_decode_packed_fits)>(dlsym(library, "srfs_decode_packed_fits"));
   if (decode == nullptr) return refuse("FITS: {}", dlerror());
   Decoded decoded = Frame{};
   decode(content, decoded);

@@ -67,13 +67,22 @@ double LineFitter::reach_px(const Line& line) const {
 }
 
 const LinePixels& LineFitter::collect(const Line& line, double reach, double beyond) {
-  pixels_.x.clear(), pixels_.y.clear(), pixels_.light.clear();
-  for_pixels_along(line, light_.width(), light_.height(), reach, beyond, [&](int x, int y, double, double) {
-    if (mask_.at(x, y) != 0) return;
-    pixels_.x.push_back(static_cast<float>(x));
-    pixels_.y.push_back(static_cast<float>(y));
-    pixels_.light.push_back(light_.at(x, y));
+  std::size_t n = 0;
+  for_rows_along(line, light_.width(), light_.height(), reach, beyond, [&](int y, int first, int last) {
+    const std::size_t most = n + static_cast<std::size_t>(last - first + 1);
+    if (pixels_.light.size() < most) {
+      for (std::vector<float>* values : {&pixels_.x, &pixels_.y, &pixels_.light}) values->resize(2 * most);
+    }
+    const float* light = light_.row(y);
+    const std::uint8_t* mask = mask_.row(y);
+    for (int x = first; x <= last; ++x) {
+      pixels_.x[n] = static_cast<float>(x);
+      pixels_.y[n] = static_cast<float>(y);
+      pixels_.light[n] = light[x];
+      n += mask[x] == 0;
+    }
   });
+  for (std::vector<float>* values : {&pixels_.x, &pixels_.y, &pixels_.light}) values->resize(n);
   return pixels_;
 }
 

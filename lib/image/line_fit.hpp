@@ -55,24 +55,23 @@ class LineFitter {
   LinePixels pixels_;
 };
 
-/// Calls use(x, y, along, across) for the pixels within @p reach of a line, up to @p beyond behind its ends.
+/// Calls use(y, first x, last x) for the rows of pixels within @p reach of a line, up to @p beyond behind its ends.
 template <class Use>
-void for_pixels_along(const Line& l, int width, int height, double reach, double beyond, Use&& use) {
+void for_rows_along(const Line& l, int width, int height, double reach, double beyond, Use&& use) {
   const double length = std::max(1e-3, l.length());
   const double ux = (l.x2 - l.x1) / length;
   const double uy = (l.y2 - l.y1) / length;
   // Of the rectangle around the line.
   const double dx = std::abs(ux) * beyond + std::abs(uy) * reach;
   const double dy = std::abs(uy) * beyond + std::abs(ux) * reach;
-  const int y0 = std::max(0, static_cast<int>(std::ceil(std::max(-1.0, std::min(l.y1, l.y2) - dy))));
-  const int y1 =
-      std::min(height - 1, static_cast<int>(std::floor(std::min(1.0 * height, std::max(l.y1, l.y2) + dy))));
-  const int x0 = std::max(0, static_cast<int>(std::ceil(std::max(-1.0, std::min(l.x1, l.x2) - dx))));
-  const int x1 =
-      std::min(width - 1, static_cast<int>(std::floor(std::min(1.0 * width, std::max(l.x1, l.x2) + dx))));
-  for (int y = y0; y <= y1; ++y) {
-    double from = x0;
-    double to = x1;
+  const auto first_of = [](double v, int size) { return static_cast<int>(std::ceil(std::clamp(v, 0.0, 1.0 * size))); };
+  const auto last_of = [](double v, int size) {
+    return static_cast<int>(std::floor(std::clamp(v, -1.0, size - 1.0)));
+  };
+  const int y1 = last_of(std::max(l.y1, l.y2) + dy, height);
+  for (int y = first_of(std::min(l.y1, l.y2) - dy, height); y <= y1; ++y) {
+    double from = std::min(l.x1, l.x2) - dx;
+    double to = std::max(l.x1, l.x2) + dx;
     // Where |across| <= reach and -beyond <= along <= length + beyond in this row.
     const double ry = y - l.y1;
     if (std::abs(uy) > 1e-6) {
@@ -90,11 +89,25 @@ void for_pixels_along(const Line& l, int width, int height, double reach, double
     } else if (ry * uy < -beyond || ry * uy > length + beyond) {
       continue;
     }
-    for (int x = static_cast<int>(std::ceil(from)); x <= static_cast<int>(std::floor(to)); ++x) {
+    const int first = first_of(from, width);
+    const int last = last_of(to, width);
+    if (first <= last) use(y, first, last);
+  }
+}
+
+/// Calls use(x, y, along, across) for those pixels.
+template <class Use>
+void for_pixels_along(const Line& l, int width, int height, double reach, double beyond, Use&& use) {
+  const double length = std::max(1e-3, l.length());
+  const double ux = (l.x2 - l.x1) / length;
+  const double uy = (l.y2 - l.y1) / length;
+  for_rows_along(l, width, height, reach, beyond, [&](int y, int first, int last) {
+    const double ry = y - l.y1;
+    for (int x = first; x <= last; ++x) {
       const double rx = x - l.x1;
       use(x, y, rx * ux + ry * uy, ry * ux - rx * uy);
     }
-  }
+  });
 }
 
 }  // namespace srfs::image

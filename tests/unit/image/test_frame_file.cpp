@@ -170,11 +170,16 @@ Frame decoded(const std::string& content) {
 
 TEST_F(FrameFile, ReadsFitsOfEveryNumberFormatWithScaleAndBlank) {
   const auto cards = [](int bitpix) {
-    return std::vector<std::string>{"SIMPLE  =                    T", fmt::format("BITPIX  = {:>20}", bitpix),
-                                    "NAXIS   =                    2 / two axes", "NAXIS1  =                    3",
-                                    "NAXIS2  =                    1", "BSCALE  =                  2.0",
-                                    "BZERO   =                 10.5", "DATE-OBS= '2026-11-22T07:52:30.5' / begin",
-                                    "SATURATE=                 500.", "COMMENT = this is none"};
+    return std::vector<std::string>{"SIMPLE  =                    T",
+                                    fmt::format("BITPIX  = {:>20}", bitpix),
+                                    "NAXIS   =                    2 / two axes",
+                                    "NAXIS1  =                    3",
+                                    "NAXIS2  =                    1",
+                                    "BSCALE  =                  2.0",
+                                    "BZERO   =                 10.5",
+                                    "DATE-OBS= '2026-11-22T07:52:30.5' / begin",
+                                    "SATURATE=                 500.",
+                                    "COMMENT = this is none"};
   };
   const auto check = [](const Frame& frame) {
     ASSERT_EQ(frame.pixels.width(), 3);
@@ -185,10 +190,10 @@ TEST_F(FrameFile, ReadsFitsOfEveryNumberFormatWithScaleAndBlank) {
     EXPECT_DOUBLE_EQ(*frame.time_s, 1795333950.5);
   };
   for (const bool packed : {false, true}) {
-    // An axis of length 1 too many is for cfitsio.
+    // Fortran's exponent is for cfitsio.
     const auto all = [&](int bitpix) {
       auto c = cards(bitpix);
-      if (packed) c[2] = "NAXIS   =                    3", c.insert(c.begin() + 5, "NAXIS3  =                    1 / colour' = '");
+      if (packed) c[5] = "BSCALE  =                2.0D0";
       return c;
     };
     check(decoded(fits_of(all(8), big_endian<std::uint8_t>({1, 2, 3}))));
@@ -198,16 +203,20 @@ TEST_F(FrameFile, ReadsFitsOfEveryNumberFormatWithScaleAndBlank) {
     check(decoded(fits_of(all(-64), big_endian<double>({1, -2, 3}))));
     auto with_blank = all(16);
     with_blank.emplace_back("BLANK   =                   -2");
-    EXPECT_TRUE(std::isnan(decoded(fits_of(with_blank, big_endian<std::int16_t>({1, -2, 3}))).pixels.at(1, 0)));
+    EXPECT_TRUE(
+        std::isnan(decoded(fits_of(with_blank, big_endian<std::int16_t>({1, -2, 3}))).pixels.at(1, 0)));
   }
 }
 
 TEST_F(FrameFile, ReadsFitsWhoseImageIsInAnExtension) {
-  const std::string first = fits_of({"SIMPLE  =                    T", "BITPIX  =                    8", "NAXIS   =                    0",
-                                     "EXTEND  =                    T"}, "");
-  const std::string second = fits_of({"XTENSION= 'IMAGE   '", "BITPIX  =                   16", "NAXIS   =                    2",
-                                      "NAXIS1  =                    2", "NAXIS2  =                    1", "PCOUNT  =                    0",
-                                      "GCOUNT  =                    1"}, big_endian<std::int16_t>({7, 9}));
+  const std::string first = fits_of({"SIMPLE  =                    T", "BITPIX  =                    8",
+                                     "NAXIS   =                    0", "EXTEND  =                    T"},
+                                    "");
+  const std::string second =
+      fits_of({"XTENSION= 'IMAGE   '", "BITPIX  =                   16", "NAXIS   =                    2",
+               "NAXIS1  =                    2", "NAXIS2  =                    1",
+               "PCOUNT  =                    0", "GCOUNT  =                    1"},
+              big_endian<std::int16_t>({7, 9}));
   EXPECT_EQ(decoded(first + second).pixels.at(1, 0), 9);
 }
 

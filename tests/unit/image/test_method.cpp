@@ -37,7 +37,8 @@ TEST(Methods, AreFoundByNameOrTheOnesThereAreAreNamed) {
   EXPECT_TRUE(find_method("star_centroid"));
   const auto unknown = find_method("stars");
   ASSERT_FALSE(unknown);
-  EXPECT_THAT(unknown.error().reason, HasSubstr("no method 'stars': there are star_centroid, streak, tracklet"));
+  EXPECT_THAT(unknown.error().reason,
+              HasSubstr("no method 'stars': there are star_centroid, streak, tracklet"));
 }
 
 TEST(Methods, AllTakeTheirStandardParametersAndAnEmptyFrame) {
