@@ -15,7 +15,8 @@ set(CMAKE_CXX_FLAGS_RELWITHDEBINFO "-O2 -g1 -DNDEBUG")
 
 find_program(SRFS_CCACHE ccache)
 if(SRFS_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${SRFS_CCACHE})
+  # what ccache asks for with precompiled headers
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${SRFS_CCACHE})
 endif()
 
 set(SRFS_SANITIZE "" CACHE STRING "Sanitizers: empty, 'address,undefined' or 'thread'")

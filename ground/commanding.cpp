@@ -39,6 +39,8 @@ std::string_view to_text(Stage stage) {
   switch (stage) {
     case Stage::sent:
       return "sent";
+    case Stage::scheduled:
+      return "scheduled";
     case Stage::accepted:
       return "accepted";
     case Stage::rejected:
@@ -77,6 +79,29 @@ StageReport Commanding::sent(const wire::RequestId& request, const mission::Comm
   if (outstanding_.size() == max_outstanding) outstanding_.pop_front();
   outstanding_.push_back({request, &command, tag, now, patience, now + patience});
   return report_of(outstanding_.back(), Stage::sent, now);
+}
+
+void Commanding::follow_scheduled(const wire::RequestId& request, const mission::Command& command,
+                                  milliseconds patience, std::uint64_t tag, MonotonicTime now) {
+  static_cast<void>(sent(request, command, patience, tag, now));
+  outstanding_.back().scheduled = true;
+}
+
+std::optional<StageReport> Commanding::on_inserted(const wire::RequestId& request, bool success,
+                                                   MonotonicTime now) {
+  const auto newest = std::find_if(outstanding_.rbegin(), outstanding_.rend(),
+                                   [&](const auto& t) { return t.scheduled && t.request == request; });
+  if (newest == outstanding_.rend()) return std::nullopt;
+  StageReport report = report_of(*newest, success ? Stage::scheduled : Stage::not_sent, now);
+  if (success) return report;
+  report.failure_text = "it could not be scheduled";
+  outstanding_.erase(std::next(newest).base());
+  return report;
+}
+
+std::size_t Commanding::outstanding() const {
+  return static_cast<std::size_t>(
+      std::count_if(outstanding_.begin(), outstanding_.end(), [](const auto& t) { return !t.scheduled; }));
 }
 
 std::optional<StageReport> Commanding::on_packet(const wire::TmPacket& packet, MonotonicTime now) {
@@ -153,6 +178,14 @@ void Commanding::read_failure(OctetReader& in, StageReport& report) const {
     report.failure_text += fmt::format(": argument {}", number);
     if (number >= 1 && number <= arguments.size())
       report.failure_text += fmt::format(" '{}'", arguments[number - 1].name);
+  } else if (report.failure_code == mission::failure::scheduled_request_refused && in.remaining() == 4) {
+    const unsigned activity = in.u8();
+    const std::uint16_t reason = in.u16();
+    const unsigned argument = in.u8();
+    const auto* inner = dictionary_.failure_code(reason);
+    report.failure_text += fmt::format(": activity {}: {}", activity,
+                                       inner == nullptr ? fmt::format("code {}", reason) : inner->text);
+    if (argument != 0) report.failure_text += fmt::format(": argument {}", argument);
   } else if (in.remaining() > 0) {
     report.failure_text += fmt::format(" ({})", to_hex(in.rest()));
   }

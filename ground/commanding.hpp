@@ -13,10 +13,11 @@
 
 namespace srfs::ground {
 
-/// Where a telecommand stands; sent, not_sent and timed_out are the ground's own, the others are PUS 1
-/// reports.
+/// Where a telecommand stands; sent, scheduled, not_sent and timed_out are the ground's own, the others are
+/// PUS 1 reports.
 enum class Stage : std::uint8_t {
   sent,
+  scheduled,        ///< time-tagged: it is in the schedule on board
   accepted,         ///< 1,1
   rejected,         ///< 1,2
   started,          ///< 1,3
@@ -26,7 +27,7 @@ enum class Stage : std::uint8_t {
   completed,        ///< 1,7
   failed,           ///< 1,8
   timed_out,        ///< no further report came in time
-  not_sent,         ///< the AD service ended before its first transmission
+  not_sent,         ///< the AD service ended before its first transmission, or it was not scheduled
 };
 [[nodiscard]] std::string_view to_text(Stage stage);
 /// The telecommand is over and was not completed.
@@ -43,6 +44,7 @@ struct StageReport {
   std::uint8_t step = 0;   ///< of progress
   std::uint16_t failure_code = 0;
   std::string failure_name;
+  bool insertion = false;    ///< of the request that schedules a time-tagged telecommand, not of that
   std::string failure_text;  ///< with the parameter: "an argument is out of its range: argument 1 'load'"
 };
 
@@ -57,6 +59,12 @@ class Commanding {
   /// @param patience until the next stage must be final
   StageReport sent(const wire::RequestId& request, const mission::Command& command, milliseconds patience,
                    std::uint64_t tag, MonotonicTime now);
+  /// A time-tagged telecommand: it is followed like one that was sent, and does not count as outstanding.
+  void follow_scheduled(const wire::RequestId& request, const mission::Command& command,
+                        milliseconds patience, std::uint64_t tag, MonotonicTime now);
+  /// What became of its insertion. @return stage scheduled or not_sent; nullopt: it is not followed any more
+  [[nodiscard]] std::optional<StageReport> on_inserted(const wire::RequestId& request, bool success,
+                                                       MonotonicTime now);
   /// @return nullopt for a packet that is no verification report of an outstanding telecommand
   [[nodiscard]] std::optional<StageReport> on_packet(const wire::TmPacket& packet, MonotonicTime now);
   /// There is news of a telecommand that takes long: its patience begins anew.
@@ -65,7 +73,7 @@ class Commanding {
   /// The telecommands whose time is over.
   [[nodiscard]] std::vector<StageReport> on_time(MonotonicTime now);
 
-  [[nodiscard]] std::size_t outstanding() const { return outstanding_.size(); }
+  [[nodiscard]] std::size_t outstanding() const;
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
 
  private:
@@ -76,6 +84,7 @@ class Commanding {
     MonotonicTime sent;
     milliseconds patience;
     MonotonicTime deadline;
+    bool scheduled = false;
   };
   [[nodiscard]] StageReport report_of(const Outstanding& telecommand, Stage stage, MonotonicTime now) const;
   void read_failure(OctetReader& in, StageReport& report) const;

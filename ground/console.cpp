@@ -45,6 +45,16 @@ Result<std::optional<milliseconds>, std::string> take_timeout(std::vector<std::s
   return std::optional(milliseconds(static_cast<std::int64_t>(value * 1000)));
 }
 
+/// Takes "--at TIME" out of the words of a session line.
+Result<std::optional<TimeTag>, std::string> take_time_tag(std::vector<std::string>& words) {
+  const auto option = std::find(words.begin(), words.end(), "--at");
+  if (option == words.end()) return std::optional<TimeTag>{};
+  const auto tag = std::next(option) == words.end() ? std::nullopt : parse_time_tag(*std::next(option));
+  if (!tag) return Err(fmt::format("--at needs {}", time_tag_forms));
+  words.erase(option, option + 2);
+  return tag;
+}
+
 }  // namespace
 
 Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port,
@@ -64,10 +74,10 @@ Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings&
 }
 
 Exit Console::telecommand(const std::string& name, const std::vector<std::string>& arguments, bool wait,
-                          std::optional<milliseconds> timeout) {
+                          std::optional<milliseconds> timeout, const std::optional<TimeTag>& at) {
   quiet_telemetry_ = true;
-  if (!wait && !timeout) timeout = default_acceptance;
-  send(name, arguments, timeout);
+  if (!wait && !timeout && !at) timeout = default_acceptance;
+  send(name, arguments, timeout, at);
   if (failed_to_send_) return Exit::unusable;
   const auto over = [&] { return last_stage_ && (is_final(last_stage_->stage) || (!wait && accepted_)); };
   if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
@@ -282,7 +292,7 @@ Console::StepEnd Console::run_step(const ScriptStep& step) {
 Console::StepEnd Console::run_telecommand_step(const ScriptStep& step) {
   step_ = &step;
   step_judgement_.reset();
-  send(step.name, step.arguments, step.timeout);
+  send(step.name, step.arguments, step.timeout, step.at);
   const bool open =
       failed_to_send_ || run(
                              Watch::port, [&] { return step_judgement_.has_value(); }, std::nullopt);
@@ -349,15 +359,17 @@ void Console::on_cop(const CopReport& report) {
 }
 
 void Console::send(const std::string& name, const std::vector<std::string>& arguments,
-                   std::optional<milliseconds> timeout) {
-  const auto sent = station_.send(name, arguments, timeout, line_);
+                   std::optional<milliseconds> timeout, const std::optional<TimeTag>& at) {
+  const auto sent = at ? station_.send_at(at->at(system_utc_now()), name, arguments, timeout, line_)
+                       : station_.send(name, arguments, timeout, line_);
   failed_to_send_ = !sent;
   if (!sent) fail(sent.error());
 }
 
 void Console::on_telemetry(const TelemetryReport& report) {
   pong_ = pong_ || report.kind == TelemetryKind::pong;
-  const bool wanted = report.kind == TelemetryKind::pong || report.vc == tm_channel::playback;
+  const bool wanted = report.kind == TelemetryKind::pong || report.kind == TelemetryKind::schedule ||
+                      report.vc == tm_channel::playback;
   if (quiet_telemetry_ && !wanted) return;
   if (options_.json) {
     write_json(to_json(report));
@@ -367,12 +379,15 @@ void Console::on_telemetry(const TelemetryReport& report) {
 }
 
 void Console::on_stage(const StageReport& report) {
-  last_stage_ = report;
+  // How the insertion goes on is the time-tagged telecommand's news only when it fails.
+  const bool news = !report.insertion || is_failure(report.stage);
+  if (news) last_stage_ = report;
   if (step_ != nullptr && report.tag == step_->line && !step_judgement_)
     step_judgement_ = judge(*step_, report);
   // Later reports prove the acceptance whose own was lost.
-  accepted_ = accepted_ || report.stage == Stage::accepted || report.stage == Stage::started ||
-              report.stage == Stage::progress || report.stage == Stage::completed;
+  accepted_ = accepted_ || (news && (report.stage == Stage::accepted || report.stage == Stage::scheduled ||
+                                     report.stage == Stage::started || report.stage == Stage::progress ||
+                                     report.stage == Stage::completed));
   options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 
@@ -397,12 +412,15 @@ void Console::on_line(const std::string& line) {
   std::vector<std::string> words = words_of(line);
   const auto timeout = take_timeout(words);
   if (!timeout) return fail(timeout.error());
+  const auto at = take_time_tag(words);
+  if (!at) return fail(at.error());
   std::erase(words, "--wait");  // a session never blocks; the stages come when they come
   if (words.empty() || words.front().starts_with('#')) return;
   const std::string verb = words.front();
   words.erase(words.begin());
   if (verb == "ping" && words.empty()) return send("ttc.ping", {}, *timeout);
-  if (verb == "tc" && !words.empty()) return send(words.front(), {words.begin() + 1, words.end()}, *timeout);
+  if (verb == "tc" && !words.empty())
+    return send(words.front(), {words.begin() + 1, words.end()}, *timeout, *at);
   if (verb == "retrieve" && (words.size() == 2 || words.size() == 3)) {
     const std::string store = words.size() == 3 ? words[2] : "housekeeping";
     return send("storage.retrieve", {"store=" + store, "from=" + words[0], "to=" + words[1]}, *timeout);
@@ -414,7 +432,8 @@ void Console::on_line(const std::string& line) {
     return;
   }
   fail(fmt::format(
-      "'{}': expected ping | tc NAME [key=value ...] | retrieve FROM TO [STORE] | ad on|off | unlock | "
+      "'{}': expected ping | tc NAME [key=value ...] [--at TIME] | retrieve FROM TO [STORE] | ad on|off | "
+      "unlock | "
       "setvr N | clcw | put FILE [NAME] | files | suspend ID | resume ID | cancel ID | stats | quit",
       line));
 }

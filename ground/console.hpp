@@ -34,9 +34,11 @@ class Console {
   Console(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port, Uplink uplink,
           ConsoleOptions options);
 
-  /// One telecommand. @param wait until completion, else until acceptance
+  /// One telecommand. @param wait until completion, else until acceptance, or with @p at until it is
+  /// scheduled
   [[nodiscard]] Exit telecommand(const std::string& name, const std::vector<std::string>& arguments,
-                                 bool wait, std::optional<milliseconds> timeout);
+                                 bool wait, std::optional<milliseconds> timeout,
+                                 const std::optional<TimeTag>& at = std::nullopt);
   /// 17,1 until 17,2.
   [[nodiscard]] Exit ping(std::optional<milliseconds> timeout);
   [[nodiscard]] Exit listen(std::optional<milliseconds> duration);
@@ -82,7 +84,7 @@ class Console {
   void on_line(const std::string& line);
   void on_input();
   void send(const std::string& name, const std::vector<std::string>& arguments,
-            std::optional<milliseconds> timeout);
+            std::optional<milliseconds> timeout, const std::optional<TimeTag>& at = std::nullopt);
   /// Runs until @p over says so, a signal, or the deadline. @return false when the link was closed
   bool run(Watch watch, const std::function<bool()>& over, std::optional<MonotonicTime> deadline);
   void wait_once(Watch watch, std::optional<MonotonicTime> deadline, bool& closed);

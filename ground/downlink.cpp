@@ -3,8 +3,22 @@
 #include <numeric>
 
 #include "cfdp/postbox.hpp"
+#include "wire/time_packet.hpp"
 
 namespace srfs::ground {
+namespace {
+
+/// The time packet has no secondary header; what it is stands in its APID.
+wire::TmPacket as_report(const wire::TimePacket& time) {
+  return {.apid = wire::time_apid,
+          .sequence_count = time.sequence_count,
+          .service = 9,
+          .subtype = 2,
+          .time = time.time,
+          .source = {time.rate}};
+}
+
+}  // namespace
 
 Downlink::Downlink(const ros::LinkSettings& link)
     : synchroniser_({.frame_octets = static_cast<std::size_t>(link.tm_frame_length),
@@ -33,11 +47,13 @@ std::vector<ReceivedPacket> Downlink::push(OctetView octets) {
         continue;
       }
       auto telemetry = wire::parse_tm_packet(packet);
+      if (const auto time = wire::parse_time_packet(packet)) telemetry = as_report(*time);
       if (!telemetry) {
         ++bad_packets_;
         continue;
       }
       ++packets_;
+      packet_octets_ += packet.size();
       received.push_back({frame->vc, std::move(*telemetry)});
     }
   }
@@ -51,6 +67,7 @@ void Downlink::take_file_packet(OctetView packet) {
     return;
   }
   ++packets_;
+  packet_octets_ += packet.size();
   if (file_pdus_.size() == max_file_pdus) file_pdus_.erase(file_pdus_.begin());
   file_pdus_.emplace_back(pdu->begin(), pdu->end());
 }
@@ -68,6 +85,7 @@ DownlinkCounters Downlink::counters() const {
   c.corrected_octets = cadu.corrected_octets;
   c.noise_octets = cadu.noise_octets;
   c.packets = packets_;
+  c.packet_octets = packet_octets_;
   c.bad_packets = bad_packets_;
   for (const auto& channel : channels_)
     c.bad_packets += channel.counters().bad_packets + channel.counters().cut_packets;

@@ -34,8 +34,9 @@ struct DownlinkCounters {
   std::uint64_t lost_frames = 0;  ///< missing by the master channel counter
   std::uint64_t corrected_octets = 0;
   std::uint64_t noise_octets = 0;
-  std::uint64_t packets = 0;      ///< good ones
-  std::uint64_t bad_packets = 0;  ///< cut, or neither a PUS telemetry packet nor a PDU of files
+  std::uint64_t packets = 0;        ///< good ones
+  std::uint64_t packet_octets = 0;  ///< in them, headers included
+  std::uint64_t bad_packets = 0;    ///< cut, or neither a PUS telemetry packet nor a PDU of files
 };
 
 /// Octets of the line to telemetry packets. Pure; memory: one CADU and one packet per channel.
@@ -68,6 +69,7 @@ class Downlink {
   std::uint64_t octets_ = 0;
   std::uint64_t idle_frames_ = 0;
   std::uint64_t packets_ = 0;
+  std::uint64_t packet_octets_ = 0;
   std::uint64_t bad_packets_ = 0;
 };
 

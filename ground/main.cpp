@@ -36,6 +36,9 @@ struct Arguments {
   unsigned vr = 0;
   std::string file;
   bool keep_going = false;
+  std::string at;
+  std::string action = "list";
+  std::vector<std::int64_t> values;
   std::string source;
   std::string destination;
   std::string tm = "127.0.0.1:10015";
@@ -74,7 +77,18 @@ void define(CLI::App& app, Arguments& a) {
   tc->add_option("name", a.name, "Telecommand, as in 'list'")->required();
   tc->add_option("arguments", a.pairs, "key=value ...");
   tc->add_flag("--wait", a.wait, "Until completion, not only acceptance");
+  tc->add_option("--at", a.at, "When the spacecraft releases it: UTC, or +30s, +5min from now");
   timeout(tc);
+  auto* schedule = app.add_subcommand("schedule", "The schedule of time-tagged telecommands on board");
+  schedule
+      ->add_option(
+          "action", a.action,
+          "list | groups | enable | disable | reset | delete APID COUNT [SOURCE] | shift SECONDS [APID "
+          "COUNT [SOURCE]]")
+      ->check(CLI::IsMember({"list", "groups", "enable", "disable", "reset", "delete", "shift"}))
+      ->capture_default_str();
+  schedule->add_option("values", a.values, "Numbers of the action; those of 'list' name an activity");
+  timeout(schedule);
   auto* listen = app.add_subcommand("listen", "Show telemetry, events and the beacon");
   listen->add_option("--duration", a.duration_s, "Seconds (default: until interrupted)")
       ->check(CLI::PositiveNumber);
@@ -145,6 +159,32 @@ Exit bridge(const Arguments& a, const ros::LinkSettings& link, Port port) {
   return run_bridge(*opened, a.json);
 }
 
+/// What 'schedule' sends: the telecommand and its arguments. nullopt: the numbers do not fit the action.
+std::optional<std::pair<std::string, std::vector<std::string>>> schedule_command(const Arguments& a) {
+  const auto id_from = [&a](std::size_t first) {
+    std::vector<std::string> arguments{"request_apid=" + std::to_string(a.values[first]),
+                                       "request_sequence=" + std::to_string(a.values[first + 1])};
+    if (a.values.size() == first + 3)
+      arguments.push_back("request_source=" + std::to_string(a.values[first + 2]));
+    return arguments;
+  };
+  const std::size_t given = a.values.size();
+  if (a.action == "delete") {
+    if (given != 2 && given != 3) return std::nullopt;
+    return {{"schedule.delete", id_from(0)}};
+  }
+  if (a.action == "shift") {
+    if (given != 1 && given != 3 && given != 4) return std::nullopt;
+    std::vector<std::string> arguments = given == 1 ? std::vector<std::string>{} : id_from(1);
+    arguments.push_back("offset_s=" + std::to_string(a.values[0]));
+    return {{given == 1 ? "schedule.shift_all" : "schedule.shift", arguments}};
+  }
+  if (given != 0) return std::nullopt;
+  if (a.action == "list") return {{"schedule.detail_all", {}}};
+  if (a.action == "groups") return {{"schedule.report_groups", {}}};
+  return {{"schedule." + a.action, {}}};
+}
+
 Exit operate(const CLI::App& app, const Arguments& a) {
   const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder());
   if (app.got_subcommand("list")) return list(dictionary, a.name, a.json);
@@ -154,6 +194,10 @@ Exit operate(const CLI::App& app, const Arguments& a) {
     if (!loaded) return fail(a, loaded.error());
     steps = std::move(*loaded);
   }
+  const auto at = a.at.empty() ? std::optional<TimeTag>{} : parse_time_tag(a.at);
+  if (!a.at.empty() && !at) return fail(a, "--at needs " + std::string(time_tag_forms));
+  const auto scheduling = schedule_command(a);
+  if (!scheduling) return fail(a, "schedule " + a.action + ": these numbers do not fit (--help)");
   const auto deployment = find_deployment(a.deployment);
   if (!deployment) return fail(a, deployment.error());
   const auto link = ros::Deployment::load(*deployment).link;
@@ -190,7 +234,10 @@ Exit operate(const CLI::App& app, const Arguments& a) {
   }
   if (app.got_subcommand("files")) return console.files(duration(a.duration_s));
   if (app.got_subcommand("ping")) return console.ping(duration(a.timeout_s));
-  if (app.got_subcommand("tc")) return console.telecommand(a.name, a.pairs, a.wait, duration(a.timeout_s));
+  if (app.got_subcommand("tc"))
+    return console.telecommand(a.name, a.pairs, a.wait, duration(a.timeout_s), at);
+  if (app.got_subcommand("schedule"))
+    return console.telecommand(scheduling->first, scheduling->second, true, duration(a.timeout_s));
   if (app.got_subcommand("listen")) return console.listen(duration(a.duration_s));
   if (app.got_subcommand("retrieve")) return console.retrieve(a.store, a.from, a.to, duration(a.timeout_s));
   if (app.got_subcommand("script")) return console.script(steps, a.keep_going);

@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <sstream>
 
 #include <fmt/format.h>
 
 namespace srfs::ground {
 namespace {
-
-constexpr double longest_wait_s = 7 * 86400.0;
 
 using Words = std::vector<std::string>;
 
@@ -21,26 +18,9 @@ Words words_of(std::string_view line) {
   return words;
 }
 
-/// "5", "5s", "200ms", "2min": seconds without a unit.
-std::optional<milliseconds> duration_of(std::string_view text) {
-  double factor_ms = 1000;
-  for (const auto& [unit, factor] :
-       {std::pair<std::string_view, double>{"ms", 1}, {"min", 60000}, {"s", 1000}}) {
-    if (text.size() <= unit.size() || !text.ends_with(unit)) continue;
-    text.remove_suffix(unit.size());
-    factor_ms = factor;
-    break;
-  }
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  if (!std::isfinite(value) || value < 0 || value * factor_ms > longest_wait_s * 1000) return std::nullopt;
-  return milliseconds(static_cast<std::int64_t>(value * factor_ms));
-}
-
 std::optional<Expectation> expectation_of(std::string_view text) {
-  for (const auto expectation :
-       {Expectation::completed, Expectation::accepted, Expectation::rejected, Expectation::failed}) {
+  for (const auto expectation : {Expectation::completed, Expectation::accepted, Expectation::rejected,
+                                 Expectation::failed, Expectation::scheduled}) {
     if (to_text(expectation) == text) return expectation;
   }
   return std::nullopt;
@@ -51,15 +31,26 @@ bool take_timeout(Words& words, std::optional<milliseconds>& timeout) {
   const auto option = std::find(words.begin(), words.end(), "--timeout");
   if (option == words.end()) return true;
   if (std::next(option) == words.end()) return false;
-  timeout = duration_of(*std::next(option));
+  timeout = parse_duration(*std::next(option));
   if (!timeout || *timeout == milliseconds(0)) return false;
   words.erase(option, option + 2);
   return true;
 }
 
+/// Takes "--at TIME" out of the words. @return false: it is malformed
+bool take_time_tag(Words& words, std::optional<TimeTag>& at) {
+  const auto option = std::find(words.begin(), words.end(), "--at");
+  if (option == words.end()) return true;
+  if (std::next(option) == words.end()) return false;
+  at = parse_time_tag(*std::next(option));
+  if (!at) return false;
+  words.erase(option, option + 2);
+  return true;
+}
+
 constexpr std::string_view forms =
-    "expected ping | tc NAME [key=value ...] [--timeout S] | expect completed|accepted|rejected|failed "
-    "[CODE] | "
+    "expected ping | tc NAME [key=value ...] [--timeout S] [--at TIME] | expect "
+    "completed|accepted|scheduled|rejected|failed [CODE] | "
     "wait DURATION | wait until UTC | ad on|off | unlock | setvr N";
 
 /// One line that is not an `expect`. The error is a message.
@@ -70,6 +61,8 @@ Result<ScriptStep, std::string> step_of(Words words) {
   words.erase(words.begin());
   if (verb == "ping" || verb == "tc") {
     if (!take_timeout(words, step.timeout)) return Err(std::string("--timeout needs a duration"));
+    if (!take_time_tag(words, step.at)) return Err(fmt::format("--at needs {}", time_tag_forms));
+    if (step.at) step.expectation = Expectation::scheduled;
     if (verb == "ping") words.insert(words.begin(), "ttc.ping");
     if (words.empty() || (verb == "ping" && words.size() > 1)) return Err(std::string(forms));
     step.name = words.front();
@@ -77,7 +70,7 @@ Result<ScriptStep, std::string> step_of(Words words) {
     return step;
   }
   if (verb == "wait" && words.size() == 1) {
-    const auto duration = duration_of(words[0]);
+    const auto duration = parse_duration(words[0]);
     if (!duration) return Err(fmt::format("'{}' is not a duration like 5s, 200ms or 2min", words[0]));
     step.kind = Kind::wait;
     step.duration = *duration;
@@ -121,6 +114,8 @@ std::string_view to_text(Expectation expectation) {
       return "rejected";
     case Expectation::failed:
       return "failed";
+    case Expectation::scheduled:
+      return "scheduled";
   }
   return "?";
 }
@@ -145,6 +140,8 @@ Result<std::vector<ScriptStep>, ScriptError> parse_script(
       if (!expectation) return Err(ScriptError{number, std::string(forms)});
       if (!expectation_fits) return Err(ScriptError{number, "expect belongs behind a telecommand"});
       const bool fails = *expectation == Expectation::rejected || *expectation == Expectation::failed;
+      if (*expectation == Expectation::scheduled && !steps.back().at)
+        return Err(ScriptError{number, "only a telecommand with --at is scheduled"});
       if (words.size() == 3 && !fails)
         return Err(ScriptError{number, "only rejected and failed have a failure code"});
       steps.back().expectation = *expectation;
@@ -169,7 +166,11 @@ std::optional<bool> judge(const ScriptStep& step, const StageReport& report) {
   const bool name_fits = step.failure.empty() || step.failure == report.failure_name;
   const bool runs = report.stage == Stage::accepted || report.stage == Stage::started ||
                     report.stage == Stage::progress || report.stage == Stage::completed;
+  if (report.insertion && !is_failure(report.stage)) return std::nullopt;
   switch (step.expectation) {
+    case Expectation::scheduled:
+      if (report.stage == Stage::scheduled || runs) return true;
+      break;
     case Expectation::completed:
       if (report.stage == Stage::completed) return true;
       break;

@@ -10,11 +10,12 @@
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "ground/commanding.hpp"
+#include "ground/time_tag.hpp"
 
 namespace srfs::ground {
 
 /// How a telecommand of a script must end.
-enum class Expectation : std::uint8_t { completed, accepted, rejected, failed };
+enum class Expectation : std::uint8_t { completed, accepted, rejected, failed, scheduled };
 [[nodiscard]] std::string_view to_text(Expectation expectation);
 
 /// One line of a script.
@@ -27,6 +28,7 @@ struct ScriptStep {
   std::string name;
   std::vector<std::string> arguments;
   std::optional<milliseconds> timeout;
+  std::optional<TimeTag> at;
   Expectation expectation = Expectation::completed;
   std::string failure;  ///< name of the failure code that is expected; empty: any
   // the others

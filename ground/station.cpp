@@ -30,6 +30,50 @@ Result<wire::RequestId, std::string> Station::send(const std::string& command,
                                                    std::optional<milliseconds> patience, std::uint64_t tag) {
   const auto encoded = dictionary_.encode(command, arguments);
   if (!encoded) return Err(encoded.error().message);
+  return dispatch(*encoded, patience, tag, std::nullopt);
+}
+
+Result<wire::RequestId, std::string> Station::send_at(UtcTime release, const std::string& command,
+                                                      const std::vector<std::string>& arguments,
+                                                      std::optional<milliseconds> patience,
+                                                      std::uint64_t tag) {
+  const auto encoded = dictionary_.encode(command, arguments);
+  if (!encoded) return Err(encoded.error().message);
+  const auto made = uplink_.make_packet(*encoded);
+  if (!made) return Err(made.error());
+  constexpr int decimals = 9;
+  const auto insertion =
+      dictionary_.encode(mission::ScheduleInsert::name,
+                         {"release=" + to_iso8601(release, decimals), "request=" + to_hex(made->packet)});
+  if (!insertion) return Err(insertion.error().message);
+  const auto left = std::chrono::ceil<milliseconds>(release - system_utc_now());
+  const milliseconds wait =
+      std::max(left, milliseconds(0)) + patience.value_or(encoded->command->timeout + report_margin);
+  return dispatch(*insertion, std::nullopt, tag, Scheduled{made->request, encoded->command, wait});
+}
+
+void Station::follow(const wire::RequestId& insertion, const std::optional<Scheduled>& scheduled,
+                     std::uint64_t tag, MonotonicTime now) {
+  if (!scheduled) return;
+  if (insertions_.size() == max_insertions) insertions_.erase(insertions_.begin());
+  insertions_[insertion] = scheduled->request;
+  commanding_.follow_scheduled(scheduled->request, *scheduled->command, scheduled->patience, tag, now);
+}
+
+void Station::on_insertion(const StageReport& report, MonotonicTime now) {
+  const wire::RequestId telecommand = insertions_.at(report.request);
+  if (!is_final(report.stage)) return;
+  insertions_.erase(report.request);
+  if (report.stage == Stage::timed_out) return;  // it may be there all the same
+  const auto inserted = commanding_.on_inserted(telecommand, report.stage == Stage::completed, now);
+  if (inserted && output_.stage) output_.stage(*inserted);
+}
+
+Result<wire::RequestId, std::string> Station::dispatch(const mission::EncodedCommand& encoded_command,
+                                                       std::optional<milliseconds> patience,
+                                                       std::uint64_t tag,
+                                                       const std::optional<Scheduled>& scheduled) {
+  const mission::EncodedCommand* const encoded = &encoded_command;
   const bool retrieves = encoded->command->service == mission::StorageRetrieve::service &&
                          encoded->command->subtype == mission::StorageRetrieve::subtype;
   if (retrieves && retrievals_.size() == max_retrievals)
@@ -42,7 +86,10 @@ Result<wire::RequestId, std::string> Station::send(const std::string& command,
   };
   if (ad_.phase() != AdPhase::off) {
     const auto request = send_by_ad(*encoded, wait, tag, monotonic_now());
-    if (request) expect_packets();
+    if (request) {
+      expect_packets();
+      follow(*request, scheduled, tag, monotonic_now());
+    }
     handle_ad();
     return request;
   }
@@ -52,6 +99,7 @@ Result<wire::RequestId, std::string> Station::send(const std::string& command,
     return Err(written.error());
   const MonotonicTime now = monotonic_now();
   expect_packets();
+  follow(telecommand->request, scheduled, tag, now);
   on_stage(commanding_.sent(telecommand->request, *encoded->command, wait, tag, now), now);
   return telecommand->request;
 }
@@ -236,8 +284,11 @@ void Station::on_packet(const ReceivedPacket& received, MonotonicTime now) {
   end_retrievals(now);
 }
 
-void Station::on_stage(const StageReport& report, MonotonicTime now) {
+void Station::on_stage(const StageReport& stage, MonotonicTime now) {
+  StageReport report = stage;
+  report.insertion = insertions_.contains(report.request);
   if (output_.stage) output_.stage(report);
+  if (report.insertion) on_insertion(report, now);
   for (auto& retrieval : retrievals_) retrieval.on_stage(report, now);
   end_retrievals(now);
 }

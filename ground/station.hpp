@@ -14,6 +14,7 @@
 #include "ground/files.hpp"
 #include "ground/link.hpp"
 #include "ground/telemetry.hpp"
+#include "ground/time_tag.hpp"
 #include "ground/uplink.hpp"
 
 namespace srfs::ground {
@@ -50,6 +51,14 @@ class Station {
                                                           const std::vector<std::string>& arguments,
                                                           std::optional<milliseconds> patience,
                                                           std::uint64_t tag);
+  /// The same for a telecommand that the spacecraft releases at @p release: it goes up in an insertion into
+  /// the schedule (11,4), whose stages come first, marked as such. Then its own: scheduled, and from its
+  /// release on as of any other.
+  /// @param patience from the release on
+  [[nodiscard]] Result<wire::RequestId, std::string> send_at(UtcTime release, const std::string& command,
+                                                             const std::vector<std::string>& arguments,
+                                                             std::optional<milliseconds> patience,
+                                                             std::uint64_t tag);
   /// The AD service (see AdService); news comes through the output.
   void start_ad();
   void stop_ad();
@@ -94,6 +103,19 @@ class Station {
     std::uint64_t tag;
     bool transmitted = false;
   };
+  /// A time-tagged telecommand while its insertion is under way.
+  struct Scheduled {
+    wire::RequestId request;
+    const mission::Command* command;
+    milliseconds patience;
+  };
+  [[nodiscard]] Result<wire::RequestId, std::string> dispatch(const mission::EncodedCommand& command,
+                                                              std::optional<milliseconds> patience,
+                                                              std::uint64_t tag,
+                                                              const std::optional<Scheduled>& scheduled);
+  void follow(const wire::RequestId& insertion, const std::optional<Scheduled>& scheduled, std::uint64_t tag,
+              MonotonicTime now);
+  void on_insertion(const StageReport& report, MonotonicTime now);
   [[nodiscard]] Result<wire::RequestId, std::string> send_by_ad(const mission::EncodedCommand& command,
                                                                 milliseconds patience, std::uint64_t tag,
                                                                 MonotonicTime now);
@@ -113,6 +135,8 @@ class Station {
   AdService ad_;
   std::map<std::uint64_t, AdTelecommand> ad_telecommands_;  // by number; bounded by AD queue and window
   std::uint64_t next_ad_number_ = 1;
+  std::map<wire::RequestId, wire::RequestId> insertions_;  // insertion -> its telecommand; bounded
+  static constexpr std::size_t max_insertions = Commanding::max_outstanding;
   std::vector<Retrieval> retrievals_;
   std::unique_ptr<cfdp::Postbox> files_;
   double octet_time_ns_;

@@ -75,6 +75,10 @@ std::string_view type_text(TelemetryKind kind) {
       return "event";
     case TelemetryKind::pong:
       return "pong";
+    case TelemetryKind::schedule:
+      return "schedule";
+    case TelemetryKind::time_report:
+      return "time_report";
     default:
       return "tm_packet";
   }
@@ -138,6 +142,17 @@ TelemetryReport decode_telemetry(const mission::Dictionary& dictionary, const Re
   if (packet.service == 5 && packet.subtype >= 1 && packet.subtype <= 4) decode_event(dictionary, in, report);
   if (packet.service == 17 && packet.subtype == 2) report.kind = TelemetryKind::pong;
   if (packet.service == 1) report.kind = TelemetryKind::verification;
+  if (packet.service == 9 && packet.subtype == 2) {
+    report.kind = TelemetryKind::time_report;
+    report.source = "time";
+  }
+  if (packet.service == 11) {
+    report.schedule = decode_schedule(dictionary, packet.subtype, packet.source);
+    if (report.schedule) {
+      report.kind = TelemetryKind::schedule;
+      report.undecoded.clear();
+    }
+  }
   return report;
 }
 
@@ -158,6 +173,7 @@ nlohmann::json to_json(const TelemetryReport& report) {
     json["structure"] = report.name;
   }
   if (!report.text.empty()) json["text"] = report.text;
+  if (report.schedule) json.update(to_json(*report.schedule));
   if (!report.undecoded.empty()) json["octets"] = to_hex(report.undecoded);
   if (report.fields.empty()) return clean(json);
   json["units"] = nlohmann::json::object();
@@ -181,6 +197,7 @@ nlohmann::json to_json(const StageReport& report) {
                       {"success", !is_failure(report.stage)},
                       {"final", is_final(report.stage)},
                       {"elapsed_ms", static_cast<double>(report.elapsed / microseconds(1)) / 1000.0}};
+  if (report.insertion) json["insertion"] = true;
   if (report.stage == Stage::progress || report.stage == Stage::progress_failed) json["step"] = report.step;
   if (is_failure(report.stage)) {
     json["code"] = report.failure_code;
@@ -200,6 +217,7 @@ nlohmann::json to_json(const DownlinkCounters& c) {
           {"corrected_octets", c.corrected_octets},
           {"noise_octets", c.noise_octets},
           {"packets", c.packets},
+          {"packet_octets", c.packet_octets},
           {"bad_packets", c.bad_packets}};
 }
 
@@ -216,6 +234,14 @@ std::string to_lines(const TelemetryReport& report, bool colour) {
     }
     case TelemetryKind::pong:
       return head + "  are-you-alive report (17,2)\n";
+    case TelemetryKind::schedule: {
+      const bool groups = report.schedule->kind == ScheduleReport::Kind::groups;
+      return fmt::format("{}  schedule: {} {}\n{}", head,
+                         groups ? report.schedule->groups.size() : report.schedule->activities.size(),
+                         groups ? "groups" : "activities", to_lines(*report.schedule));
+    }
+    case TelemetryKind::time_report:
+      return head + "  time report (9,2)\n";
     case TelemetryKind::housekeeping:
     case TelemetryKind::beacon:
       break;

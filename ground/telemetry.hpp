@@ -9,11 +9,21 @@
 #include "ground/ad_service.hpp"
 #include "ground/commanding.hpp"
 #include "ground/downlink.hpp"
+#include "ground/schedule.hpp"
 #include "msgs/mission/dictionary.hpp"
 
 namespace srfs::ground {
 
-enum class TelemetryKind : std::uint8_t { housekeeping, beacon, event, pong, verification, other };
+enum class TelemetryKind : std::uint8_t {
+  housekeeping,
+  beacon,
+  event,
+  pong,
+  verification,
+  schedule,     ///< 11,10 11,13 11,27
+  time_report,  ///< 9,2
+  other
+};
 
 /// One telemetry packet as people and programs read it.
 struct TelemetryReport {
@@ -29,6 +39,7 @@ struct TelemetryReport {
   std::string name;                 ///< structure or event
   std::string text;                 ///< event: rendered; other: why it could not be decoded
   std::vector<mission::DecodedField> fields;
+  std::optional<ScheduleReport> schedule;
   Octets undecoded;  ///< source data that the dictionary does not explain
 };
 
@@ -36,9 +47,9 @@ struct TelemetryReport {
 [[nodiscard]] TelemetryReport decode_telemetry(const mission::Dictionary& dictionary,
                                                const ReceivedPacket& received);
 
-/// {"type": "tm_packet" | "beacon" | "event" | "pong", vc, apid, source, service, subtype, sequence, time,
-/// structure | event, fields {name: value}, units {name: unit}, limits {name: yellow | red}}. Unknown values
-/// are null, enum values their labels.
+/// {"type": "tm_packet" | "beacon" | "event" | "pong" | "schedule" | "time_report", vc, apid, source,
+/// service, subtype, sequence, time, structure | event, fields {name: value}, units {name: unit}, limits
+/// {name: yellow | red}}. Unknown values are null, enum values their labels.
 [[nodiscard]] nlohmann::json to_json(const TelemetryReport& report);
 /// {"type": "tc_stage", id, command, stage, success, elapsed_ms, code, name, text, step}
 [[nodiscard]] nlohmann::json to_json(const StageReport& report);

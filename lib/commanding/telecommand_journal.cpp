@@ -69,7 +69,9 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
     Pending p;
     p.telecommand.id = in.u64();
     p.telecommand.function = in.u16();
-    p.telecommand.repeat = static_cast<RepeatClass>(in.u8());
+    const std::uint8_t repeat = in.u8();
+    if (repeat < 1 || repeat > 3) return Err(JournalError::damaged);
+    p.telecommand.repeat = static_cast<RepeatClass>(repeat);
     p.started = in.u8() != 0;
     p.telecommand.expiry = MonotonicTime(nanoseconds(static_cast<std::int64_t>(in.u64())));
     const OctetView arguments = in.bytes(in.u16());
@@ -82,6 +84,10 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
   std::vector<StageReport> unreported;
   for (std::size_t n = in.u8(); n > 0 && in.ok(); --n) {
     const auto [report, was_reported] = decode_report(in);
+    const bool is_stage = report.stage == TelecommandStage::accepted ||
+                          report.stage == TelecommandStage::started ||
+                          report.stage == TelecommandStage::completed;
+    if (!is_stage) return Err(JournalError::damaged);
     known.push_back(report);
     if (!was_reported) unreported.push_back(report);
   }
@@ -99,7 +105,7 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
     if (p.started) {
       remember({id, TelecommandStage::completed, false, FailureCode::interrupted});
     } else if (!same_boot) {
-      remember({id, TelecommandStage::started, false, FailureCode::expired});
+      remember(too_late(p));
     } else {
       pending_.push_back(std::move(p));
     }
@@ -151,10 +157,19 @@ void TelecommandJournal::refuse(std::uint64_t id, FailureCode why) {
   ready_.push_back({id, TelecommandStage::accepted, false, why});
 }
 
+StageReport TelecommandJournal::too_late(const Pending& pending) {
+  const std::uint64_t id = pending.telecommand.id;
+  if (pending.restored && pending.telecommand.repeat != RepeatClass::at_most_once)
+    return {id, TelecommandStage::completed, false, FailureCode::interrupted};
+  ++counters_.expired;
+  return {id, TelecommandStage::started, false, FailureCode::expired};
+}
+
 const StoredTelecommand* TelecommandJournal::next(MonotonicTime now) {
-  while (!pending_.empty() && pending_.front().accepted && pending_.front().telecommand.has_expired(now)) {
-    ++counters_.expired;
-    end_front({pending_.front().telecommand.id, TelecommandStage::started, false, FailureCode::expired});
+  // One that this process began in time goes on.
+  while (!pending_.empty() && pending_.front().accepted && pending_.front().attempts == 0 &&
+         pending_.front().telecommand.has_expired(now)) {
+    end_front(too_late(pending_.front()));
   }
   // Not accepted yet: it keeps its place, and so do those behind it.
   if (pending_.empty() || !pending_.front().accepted) return nullptr;

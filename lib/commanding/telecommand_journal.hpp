@@ -42,6 +42,9 @@ enum class FailureCode : std::uint16_t {
   node_runs = 51,
   node_silent = 52,
   not_done = 53,
+  no_report = 54,
+  outbox_full = 55,
+  disk_failed = 56,
 };
 
 /// A telecommand as it arrived.
@@ -80,9 +83,10 @@ class TelecommandJournal {
   /// @param boot_id  of this boot: monotonic times of another boot mean nothing
   explicit TelecommandJournal(std::string boot_id) : boot_id_(std::move(boot_id)) {}
 
-  /// Takes over what an earlier process of this node left. Begun at-most-once commands end as interrupted;
-  /// with another boot id all others end as expired, since their expiry can no longer be judged. Known ids
-  /// are kept in any case. Ends that may not have been reported are reported again.
+  /// Takes over what an earlier process of this node left. Begun at-most-once commands end as interrupted.
+  /// With another boot id expiry can no longer be judged, and all others end too: at-most-once ones as
+  /// expired, the others, which may have begun, as interrupted. Known ids are kept in any case. Ends that may
+  /// not have been reported are reported again.
   Result<void, JournalError> restore(OctetView content);
   [[nodiscard]] Octets encode() const;
 
@@ -95,7 +99,8 @@ class TelecommandJournal {
   /// Reports a telecommand refused before it was stored.
   void refuse(std::uint64_t id, FailureCode why);
 
-  /// The next to execute, after those that expired were ended; nullptr: none. Valid until the next change.
+  /// The next to execute, after those that expired before they began were ended (one that an earlier process
+  /// may have begun: as interrupted); nullptr: none. Valid until the next change.
   [[nodiscard]] const StoredTelecommand* next(MonotonicTime now);
   /// Records that the next one begins, for at-most-once commands. It may be sent once start_is_durable().
   void mark_started();
@@ -156,6 +161,9 @@ class TelecommandJournal {
   };
 
   void end_front(const StageReport& report);
+  /// Its expiry is past, or cannot be told. Of what may be repeated, no start is recorded: an earlier process
+  /// may have sent it, so that it did not start is no more than likely.
+  [[nodiscard]] StageReport too_late(const Pending& pending);
   void remember(const StageReport& report);
   void drop_unaccepted();
   /// It ended, and its end is not on disk yet: not reported.

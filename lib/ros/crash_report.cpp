@@ -4,9 +4,10 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <csignal>
 #include <cstring>
-#include <vector>
+#include <string_view>
 
 #include <execinfo.h>
 #include <fcntl.h>
@@ -24,6 +25,7 @@ namespace {
 constexpr int most_frames = 48;
 constexpr std::size_t most_reports = 5;
 constexpr off_t log_octets = 64 << 10;
+constexpr std::string_view report_extension = ".report";
 constexpr std::array fatal_signals{SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 constexpr const char* backtrace_begin = "*** fatal signal ";
 constexpr const char* backtrace_end = "*** end of backtrace\n";
@@ -102,24 +104,6 @@ std::string backtrace_of(pid_t pid, const std::string& log) {
   return log.substr(begin, end == std::string::npos ? end : end - begin);
 }
 
-void remove_oldest(const std::filesystem::path& folder) {
-  struct Report {
-    std::filesystem::file_time_type time;
-    std::filesystem::path path;
-  };
-  std::vector<Report> reports;
-  std::error_code ec;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, ec)) {
-    if (entry.path().extension() == ".report") reports.push_back({entry.last_write_time(ec), entry.path()});
-  }
-  if (reports.size() <= most_reports) return;
-  std::sort(reports.begin(), reports.end(), [](const Report& a, const Report& b) {
-    return std::pair(a.time, a.path) < std::pair(b.time, b.path);
-  });
-  reports.resize(reports.size() - most_reports);
-  for (const Report& report : reports) std::filesystem::remove(report.path, ec);
-}
-
 }  // namespace
 
 void install_crash_handler(HeartbeatPage& page) {
@@ -154,13 +138,41 @@ Result<std::filesystem::path, std::string> write_crash_report(const VarPaths& va
                                                               const LogEnd& log_end) {
   const std::string log = last_octets(log_end);
   const auto folder = var.state(process.node) / "reports";
-  const auto file = folder / fmt::format("{}.report", process.incarnation);
+  const auto file = folder / fmt::format("{}{}", process.incarnation, report_extension);
   const auto written =
       write_file_atomically(file, fmt::format("{}\n--- backtrace\n{}\n--- the last {} octets of its log\n{}",
                                               header, backtrace_of(process.pid, log), log.size(), log));
   if (!written) return Err(written.error().message);
-  remove_oldest(folder);
+  const auto reports = find_crash_reports(var, process.node);
+  std::error_code ec;
+  for (std::size_t i = 0; i + most_reports < reports.size(); ++i)
+    std::filesystem::remove(reports[i].file, ec);
   return file;
+}
+
+void sort_by_age(std::vector<CrashReport>& reports) {
+  std::sort(reports.begin(), reports.end(),
+            [](const CrashReport& a, const CrashReport& b) { return a.incarnation < b.incarnation; });
+  if (reports.empty() || reports.front().incarnation != 0) return;
+  if (reports.front().written > reports.back().written)
+    std::rotate(reports.begin(), reports.begin() + 1, reports.end());
+}
+
+std::vector<CrashReport> find_crash_reports(const VarPaths& var, const std::string& node) {
+  std::vector<CrashReport> reports;
+  std::error_code ec;
+  for (std::filesystem::directory_iterator it(var.state(node) / "reports", ec), end; !ec && it != end;
+       it.increment(ec)) {
+    const std::string name = it->path().filename().string();
+    std::uint32_t incarnation = 0;
+    const auto [rest, error] = std::from_chars(name.data(), name.data() + name.size(), incarnation);
+    if (error != std::errc() || std::string_view(rest) != report_extension) continue;
+    std::error_code gone;  // meanwhile, by another death
+    const auto written = it->last_write_time(gone);
+    if (!gone) reports.push_back({incarnation, it->path(), written});
+  }
+  sort_by_age(reports);
+  return reports;
 }
 
 }  // namespace srfs::ros

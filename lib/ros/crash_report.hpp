@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "base/fd.hpp"
 #include "base/result.hpp"
@@ -39,5 +41,16 @@ struct EndedProcess {
                                                                             const EndedProcess& process,
                                                                             const std::string& header,
                                                                             const LogEnd& log_end);
+
+struct CrashReport {
+  std::uint32_t incarnation = 0;  ///< 0: it ended before it had one
+  std::filesystem::path file;
+  std::filesystem::file_time_type written;
+};
+/// Oldest first, by incarnation: clocks are set back. The one without is in front, or at the end when it was
+/// written last.
+void sort_by_age(std::vector<CrashReport>& reports);
+/// Of a node, oldest first. Blocks on the disk.
+[[nodiscard]] std::vector<CrashReport> find_crash_reports(const VarPaths& var, const std::string& node);
 
 }  // namespace srfs::ros

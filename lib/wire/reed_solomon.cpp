@@ -108,13 +108,14 @@ using Syndromes = std::array<std::uint8_t, rs_parity_octets>;
 /// Coefficient of x^i at i.
 using Polynomial = std::array<std::uint8_t, rs_parity_octets + 1>;
 
-/// @param word conventional basis, highest power first
-Syndromes syndromes_of(std::span<const std::uint8_t> word) {
+/// A word and its remainder modulo the generator have the same value at the roots of the generator.
+/// @param remainder conventional basis, highest power first
+Syndromes syndromes_of(const Parity& remainder) {
   Syndromes syndromes{};
   for (unsigned j = 0; j < rs_parity_octets; ++j) {
     const std::uint8_t root = beta(first_root + j);
     std::uint8_t sum = 0;
-    for (const std::uint8_t octet : word) sum = multiply(sum, root) ^ octet;
+    for (const std::uint8_t octet : remainder) sum = multiply(sum, root) ^ octet;
     syndromes[j] = sum;
   }
   return syndromes;
@@ -184,9 +185,9 @@ std::uint8_t evaluate_derivative(const Polynomial& polynomial, std::uint8_t x) {
 }
 
 /// Corrects @p word (conventional basis, highest power first) in place; nullopt if it has too many errors.
-std::optional<unsigned> correct(std::span<std::uint8_t> word) {
-  const Syndromes syndromes = syndromes_of(word);
-  if (std::all_of(syndromes.begin(), syndromes.end(), [](std::uint8_t s) { return s == 0; })) return 0;
+/// @param remainder of the word, not zero
+std::optional<unsigned> correct(std::span<std::uint8_t> word, const Parity& remainder) {
+  const Syndromes syndromes = syndromes_of(remainder);
   const Locator locator = locate(syndromes);
   if (locator.degree > rs_correctable_octets) return std::nullopt;
   const Polynomial omega = evaluator(syndromes, locator);
@@ -245,10 +246,11 @@ Result<RsDecoded, RsError> rs_decode(OctetView codeblock, unsigned interleave) {
 
   for (unsigned codeword = 0; codeword < interleave; ++codeword) {
     // Most words arrive unharmed; encoding again is much cheaper than 32 syndromes.
-    const Parity expected = parity_of(data, codeword, interleave);
+    Parity remainder = parity_of(data, codeword, interleave);
     bool unharmed = true;
     for (std::size_t i = 0; i < rs_parity_octets; ++i) {
-      unharmed = unharmed && expected[i] == codeblock[data_octets + i * interleave + codeword];
+      remainder[i] = bases.from_dual[remainder[i] ^ codeblock[data_octets + i * interleave + codeword]];
+      unharmed = unharmed && remainder[i] == 0;
     }
     if (unharmed) continue;
 
@@ -256,7 +258,7 @@ Result<RsDecoded, RsError> rs_decode(OctetView codeblock, unsigned interleave) {
     const auto word = std::span(buffer).first(codeblock.size() / interleave);
     for (std::size_t i = 0; i < word.size(); ++i)
       word[i] = bases.from_dual[codeblock[i * interleave + codeword]];
-    const auto corrected = correct(word);
+    const auto corrected = correct(word, remainder);
     if (!corrected) return Err(RsError::uncorrectable);
     decoded.corrected_octets += *corrected;
     for (std::size_t i = 0; i < data_octets / interleave; ++i) {

@@ -14,6 +14,7 @@ OCTETS = {"u8": 1, "u16": 2, "u32": 4, "u64": 8, "i8": 1, "i16": 2, "i32": 4, "i
 MAX_STRUCTURE = 1024  # srfs_msgs/PayloadTelemetry.data
 MAX_EVENT = 200  # srfs_msgs/Event.data
 MAX_ARGUMENTS = 512  # srfs_msgs/Telecommand.arguments
+MAX_PACKET = 1024  # the same with a packet among them: never forwarded
 IDENTIFIER = re.compile(r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")
 
 
@@ -70,7 +71,7 @@ class Dictionary:
                     raise DictionaryError(f"{event['file']}: {event['name']}: text names the unknown field '{name}'")
         for command in self.commands:
             command.setdefault("arguments", [])
-            self._check_fields(command, command["arguments"], MAX_ARGUMENTS)
+            self._check_fields(command, command["arguments"], MAX_PACKET if has_packet(command) else MAX_ARGUMENTS)
             if command["node"] not in self.apid_of:
                 raise DictionaryError(f"{command['file']}: {command['name']}: unknown node '{command['node']}'")
 
@@ -91,7 +92,7 @@ class Dictionary:
                 continue
             if not IDENTIFIER.match(field["name"]):
                 raise DictionaryError(f"{where}: '{field['name']}' is not a lower-case identifier")
-            if field["type"] != "text" and field["type"] not in OCTETS:
+            if field["type"] not in ("text", "packet") and field["type"] not in OCTETS:
                 raise DictionaryError(f"{where}.{field['name']}: unknown type '{field['type']}'")
             if "enum" in field and field["enum"] not in self.enums:
                 raise DictionaryError(f"{where}.{field['name']}: unknown enum '{field['enum']}'")
@@ -107,7 +108,14 @@ class Dictionary:
             return self.size(self.structure_of[field["structure"]]["fields"])
         if field["type"] == "text":
             return 1 + field["max"]
+        if field["type"] == "packet":
+            return field["max"]
         return OCTETS[field["type"]] * field.get("count", 1)
+
+
+def has_packet(command):
+    """Whether one of its arguments is a whole packet."""
+    return any(a.get("type") == "packet" for a in command["arguments"])
 
 
 def linear(field):

@@ -25,7 +25,7 @@ def bounds(pair):
 def kind(field):
     if "structure" in field:
         return "structure"
-    name = f"text ≤ {field['max']}" if field["type"] == "text" else field["type"]
+    name = f"{field['type']} ≤ {field['max']}" if field["type"] in ("text", "packet") else field["type"]
     return f"{name}[{field['count']}]" if "count" in field else name
 
 

@@ -9,7 +9,7 @@ import pathlib
 
 import jinja2
 
-from mission_dictionary import OCTETS, camel, linear, load, snake
+from mission_dictionary import OCTETS, camel, has_packet, linear, load, snake
 
 CPP = {"u8": "std::uint8_t", "u16": "std::uint16_t", "u32": "std::uint32_t", "u64": "std::uint64_t", "i8": "std::int8_t",
        "i16": "std::int16_t", "i32": "std::int32_t", "i64": "std::int64_t", "f32": "float", "f64": "double", "bool": "bool",
@@ -46,10 +46,10 @@ class Emitter:
         unit = f" [{field['unit']}]" if "unit" in field else ""
         return f"{kind} {field['name']}{{}};  ///< {field.get('description', '')}{unit}"
 
-    def encode(self, field):
+    def encode(self, field, owner=""):
         if "structure" in field:
-            return f"{field['as']}.encode(out);"
-        name = "element" if "count" in field else field["name"]
+            return f"{owner}{field['as']}.encode(out);"
+        name = "element" if "count" in field else owner + field["name"]
         if field["type"] == "text":
             put = f"detail::put_text(out, {name}, {field['max']});"
         elif linear(field):
@@ -57,7 +57,7 @@ class Emitter:
             put = f"detail::put(out, detail::to_raw<{CPP[field['type']]}>({name}, {offset}, {scale}, {self.unknown(field)}));"
         else:
             put = f"detail::put(out, {name});"
-        return f"for (const auto& element : {field['name']}) {put}" if "count" in field else put
+        return f"for (const auto& element : {owner}{field['name']}) {put}" if "count" in field else put
 
     def decode(self, field, owner="value"):
         if "structure" in field:
@@ -120,7 +120,7 @@ def main():
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.globals.update(camel=camel, snake=snake, identifier=identifier, structure_type=structure_type, cpp=CPP,
-                               octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=dictionary)
+                               octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=dictionary, has_packet=has_packet)
     text = environment.get_template("mission_structures.hpp.jinja").render()
     out = pathlib.Path(arguments.out)
     out.parent.mkdir(parents=True, exist_ok=True)

@@ -15,7 +15,7 @@ import struct
 import sys
 import xml.etree.ElementTree as ET
 
-from mission_dictionary import OCTETS, DictionaryError, linear, load, snake
+from mission_dictionary import OCTETS, DictionaryError, has_packet, linear, load, snake
 
 NAMESPACE = "http://www.omg.org/spec/XTCE/20180204"
 SEVERITIES = {"info": 1, "low": 2, "medium": 3, "high": 4}
@@ -382,6 +382,21 @@ class Document:
         tm.bits("event_id", 16, "Event")
         tm.container("event_report", ["event_id"], "pus_tm", [("service", 5)], abstract=True, description="TM 5,1 to 5,4: event report")
         tm.container("are_you_alive_report", [], "pus_tm", [("service", 17), ("subtype", 2)], description="TM 17,2: yes")
+        self._schedule_and_time(tm)
+
+    @staticmethod
+    def _schedule_and_time(tm):
+        """Of the lists of the schedule only their number: XTCE has no word for a list of whole packets."""
+        tm.bits("schedule_count", 16, "Entries of the report")
+        for name, subtype, description in (("schedule_detail_report", 10, "activities with their requests"),
+                                           ("schedule_summary_report", 13, "activities"),
+                                           ("schedule_group_report", 27, "scheduling groups")):
+            tm.container(name, ["schedule_count"], "pus_tm", [("service", 11), ("subtype", subtype)],
+                         description=f"TM 11,{subtype}: {description}")
+        tm.bits("time_report_rate", 8, "N: a report every 2^N frames of virtual channel 0")
+        entries = tm.field({"name": "time_report_time", "type": "time", "description": "When the frame was made"})
+        tm.container("time_report", ["time_report_rate", *entries], "ccsds_packet",
+                     [("packet_type", 0), ("secondary_header_flag", 0), ("apid", 0)], description="TM 9,2: time packet")
 
     def _verification(self, tm):
         for name, bits, description in REQUEST_ID:
@@ -409,7 +424,7 @@ class Document:
     def _application_process(self, process):
         system = element(self.root, "SpaceSystem", {"name": process["name"],
                                                     "shortDescription": f"APID {process['apid']}: {process['description']}"})
-        commands = [c for c in self.d.commands if c["node"] == process["node"]]
+        commands = [c for c in self.d.commands if c["node"] == process["node"] and not has_packet(c)]
         if commands:
             made = Commands(self.tc_types, system)
             for command in commands:
@@ -503,7 +518,9 @@ class Document:
         element(container, "BaseContainer", {"containerRef": f"{self.root_path}/{base}"})
         fields = list(with_fields_in_place(self.d, command["arguments"]))
         if command.get("repeated"):
-            self._groups(made, name, command, fields, argument_list, entries)
+            head = command.get("head", 0)
+            self._arguments(made, name, fields[:head], argument_list, entries)
+            self._groups(made, name, command, fields[head:], argument_list, entries)
         else:
             self._arguments(made, name, fields, argument_list, entries)
         if len(argument_list) == 0:
@@ -544,7 +561,7 @@ class Document:
 
     def _groups(self, made, owner, command, fields, argument_list, entries):
         """A u16 count, then that many groups. Without its initial value the count follows from the array in Yamcs."""
-        self.tc_types.unsigned(made.types, f"{owner}_count", 16, 1, command.get("max_groups", MAX_GROUPS))
+        self.tc_types.unsigned(made.types, f"{owner}_count", 16, command.get("min_groups", 1), command.get("max_groups", MAX_GROUPS))
         members = []
         for field in fields:
             type_name = f"{owner}_{field['name']}"

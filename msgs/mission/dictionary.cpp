@@ -30,6 +30,7 @@ std::size_t octets_of(FieldType type) {
     case FieldType::time:
       return 8;
     case FieldType::text:
+    case FieldType::packet:
       return 0;
   }
   return 0;
@@ -67,6 +68,11 @@ std::optional<Value> take_raw(const Field& field, OctetReader& in) {
       std::string text;
       if (!detail::take_text(in, text, field.max_text)) return std::nullopt;
       return Value(std::move(text));
+    }
+    case FieldType::packet: {
+      Octets packet;
+      if (!detail::take_packet(in, packet, field.max_text)) return std::nullopt;
+      return Value(to_hex(packet));
     }
     case FieldType::time: {
       TaiTime time;
@@ -227,6 +233,7 @@ class ArgumentText {
   Result<void, CommandError> write(const Field& field, std::string_view text, OctetWriter& out) const {
     if (field.type == FieldType::text) return write_text(field, text, out);
     if (field.type == FieldType::time) return write_time(field, text, out);
+    if (field.type == FieldType::packet) return write_packet(field, text, out);
     if (field.type == FieldType::boolean) return write_bool(field, text, out);
     if (field.enumeration != nullptr) return write_label(field, text, out);
     if (is_float(field.type)) return write_float(field, text, out);
@@ -255,6 +262,16 @@ class ArgumentText {
       return error(field, "{} is outside the link's time, 1958 to 2094", text);
     }
     detail::put_time(out, tai);
+    return {};
+  }
+
+  Result<void, CommandError> write_packet(const Field& field, std::string_view text, OctetWriter& out) const {
+    const auto octets = from_hex(text);
+    OctetReader in(octets ? OctetView(*octets) : OctetView{});
+    Octets packet;
+    if (!detail::take_packet(in, packet, field.max_text) || in.remaining() != 0)
+      return error(field, "is not a whole packet in hexadecimal of at most {} octets", field.max_text);
+    out.bytes(packet);
     return {};
   }
 
@@ -393,6 +410,7 @@ std::string_view to_text(LimitState state) {
 }
 
 std::size_t Field::max_size() const {
+  if (type == FieldType::packet) return max_text;
   return type == FieldType::text ? 1 + max_text : octets_of(type) * count;
 }
 std::size_t Structure::max_size() const {
@@ -469,11 +487,17 @@ Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
       return Err(CommandError{fmt::format("{}: argument '{}' is given twice", name, key)});
     }
   }
-  OctetWriter out(512);
+  OctetWriter out(1024);
   const ArgumentText text(*this, *command);
   if (command->is_function()) out.u16(command->function_id);
-  if (command->repeated) out.u16(1);
+  const auto first_of_group = command->arguments.begin() + static_cast<std::ptrdiff_t>(command->head);
+  const bool no_group =
+      command->min_groups == 0 && std::none_of(first_of_group, command->arguments.end(),
+                                               [&](const auto& f) { return given.contains(f.name); });
+  std::size_t written_fields = 0;
   for (const auto& field : command->arguments) {
+    if (command->repeated && written_fields++ == command->head) out.u16(no_group ? 0 : 1);
+    if (no_group && written_fields > command->head) break;
     const auto found = given.find(field.name);
     if (found == given.end() && !field.has_default)
       return Err(CommandError{
@@ -486,20 +510,25 @@ Result<EncodedCommand, CommandError> Dictionary::encode(std::string_view name,
 
 Result<void, ArgumentError> Dictionary::check_arguments(const Command& command, OctetView arguments) const {
   OctetReader in(arguments);
-  const std::size_t groups = command.repeated ? in.u16() : 1;
-  if (!in.ok() || groups == 0 || groups > command.max_groups) return Err(ArgumentError{0});
-  for (std::size_t group = 0; group < groups; ++group) {
-    std::uint8_t number = 0;
-    for (const auto& field : command.arguments) {
-      ++number;
+  const auto check = [&](std::size_t first, std::size_t end) -> Result<void, ArgumentError> {
+    for (std::size_t index = first; index < end; ++index) {
+      const Field& field = command.arguments[index];
+      const ArgumentError bad{static_cast<std::uint8_t>(index + 1)};
       for (std::size_t i = 0; i < field.count; ++i) {
         const auto value = take_raw(field, in);
         if (!in.ok()) return Err(ArgumentError{0});
         const bool bad_bool =
             field.type == FieldType::boolean && arguments[arguments.size() - in.remaining() - 1] > 1;
-        if (!value || bad_bool || !is_allowed(*this, field, *value)) return Err(ArgumentError{number});
+        if (!value || bad_bool || !is_allowed(*this, field, *value)) return Err(bad);
       }
     }
+    return {};
+  };
+  if (auto head = check(0, command.head); !head) return head;
+  const std::size_t groups = command.repeated ? in.u16() : 1;
+  if (!in.ok() || groups < command.min_groups || groups > command.max_groups) return Err(ArgumentError{0});
+  for (std::size_t group = 0; group < groups; ++group) {
+    if (auto checked = check(command.head, command.arguments.size()); !checked) return checked;
   }
   if (in.remaining() != 0) return Err(ArgumentError{0});
   return {};

@@ -18,7 +18,23 @@
 /// structs that are generated from the same files (<mission/structures.hpp>).
 namespace srfs::mission {
 
-enum class FieldType : std::uint8_t { u8, u16, u32, u64, i8, i16, i32, i64, f32, f64, boolean, text, time };
+/// packet: a whole space packet, as long as its header says.
+enum class FieldType : std::uint8_t {
+  u8,
+  u16,
+  u32,
+  u64,
+  i8,
+  i16,
+  i32,
+  i64,
+  f32,
+  f64,
+  boolean,
+  text,
+  time,
+  packet
+};
 
 /// What a number in a field names, so that people write and read the name.
 enum class Reference : std::uint8_t { none, structure, event, store, failure_code };
@@ -44,7 +60,7 @@ struct Field {
   std::string description;
   std::size_t count = 1;            ///< elements of an array
   std::vector<std::string> labels;  ///< names of the elements; empty: [0], [1], ...
-  std::size_t max_text = 0;         ///< largest number of octets of a text
+  std::size_t max_text = 0;         ///< largest number of octets of a text or packet
   bool hex = false;                 ///< shown as hexadecimal
   const Enumeration* enumeration = nullptr;
   Reference reference = Reference::none;
@@ -118,7 +134,9 @@ struct Command {
   bool hazardous = false;
   bool recovery = false;       ///< runs without storage too
   bool repeated = false;       ///< a u16 count stands before the arguments; the group may come several times
+  std::size_t min_groups = 1;  ///< 0: the count may be zero
   std::size_t max_groups = 1;  ///< bound of that count; a request with more is refused
+  std::size_t head = 0;        ///< that many arguments stand before the count, once
   std::vector<std::uint8_t> modes;  ///< allowed mission modes
   milliseconds timeout{0};          ///< acceptance to completion
   std::vector<Field> arguments;
@@ -127,8 +145,8 @@ struct Command {
   [[nodiscard]] bool allowed_in(std::uint8_t mode) const;
 };
 
-/// One decoded element. The variant: integers as they are, calibrated and floating values as double, text, or
-/// a time.
+/// One decoded element. The variant: integers as they are, calibrated and floating values as double, text (a
+/// packet in hexadecimal), or a time.
 using Value = std::variant<std::uint64_t, std::int64_t, double, bool, std::string, TaiTime>;
 
 enum class LimitState : std::uint8_t { none, green, yellow, red };
@@ -196,8 +214,8 @@ class Dictionary {
 
   // Ground side: text to octets.
   /// @param arguments "key=value"; values are numbers (decimal, 0x...), enum labels, names of references,
-  /// true/false, or
-  ///   ISO 8601 times; a unit may follow a number directly ("1000ms")
+  /// true/false, ISO 8601 times, or packets in hexadecimal; a unit may follow a number directly ("1000ms").
+  /// One group of a repeated one, or none if none is given and none need be.
   [[nodiscard]] Result<EncodedCommand, CommandError> encode(std::string_view command,
                                                             const std::vector<std::string>& arguments) const;
 

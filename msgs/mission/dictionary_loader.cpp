@@ -15,7 +15,7 @@ namespace {
 
 constexpr int most_groups = 16;  // of one request with a repeated group
 
-constexpr std::array<std::pair<std::string_view, FieldType>, 13> type_names{{{"u8", FieldType::u8},
+constexpr std::array<std::pair<std::string_view, FieldType>, 14> type_names{{{"u8", FieldType::u8},
                                                                              {"u16", FieldType::u16},
                                                                              {"u32", FieldType::u32},
                                                                              {"u64", FieldType::u64},
@@ -27,14 +27,15 @@ constexpr std::array<std::pair<std::string_view, FieldType>, 13> type_names{{{"u
                                                                              {"f64", FieldType::f64},
                                                                              {"bool", FieldType::boolean},
                                                                              {"text", FieldType::text},
-                                                                             {"time", FieldType::time}}};
+                                                                             {"time", FieldType::time},
+                                                                             {"packet", FieldType::packet}}};
 
 FieldType parse_type(const ConfigSection& section) {
   const std::string name = section.text("type");
   for (const auto& [text, type] : type_names) {
     if (text == name) return type;
   }
-  throw section.bad("type", "one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64 bool text time");
+  throw section.bad("type", "one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64 bool text time packet");
 }
 
 /// [low, high], either may be null.
@@ -260,11 +261,16 @@ class DictionaryLoader {
     c.hazardous = section.boolean("hazardous", false);
     c.recovery = section.boolean("recovery", false);
     c.repeated = section.boolean("repeated", false);
-    if (c.repeated)
+    if (c.repeated) {
       c.max_groups = static_cast<std::size_t>(section.integer("max_groups", 1, most_groups, most_groups));
+      c.min_groups = static_cast<std::size_t>(section.integer("min_groups", 0, 1, 1));
+      c.head = static_cast<std::size_t>(section.integer("head", 0, 16, 0));
+    }
     c.timeout = milliseconds(section.integer("timeout_ms", 100, 86'400'000, 10'000));
     c.modes = read_modes(section);
     c.arguments = read_fields(section, "arguments", 0);
+    if (c.head >= std::max<std::size_t>(c.arguments.size(), 1))
+      throw section.bad("head", "fewer than there are arguments");
     section.finish();
     d_.commands_.push_back(std::move(c));
   }
@@ -322,6 +328,7 @@ class DictionaryLoader {
     f.labels = section.texts("labels");
     if (!f.labels.empty() && f.labels.size() != f.count)
       throw section.bad("labels", fmt::format("{} names, as count says", f.count));
+    if (f.type == FieldType::packet) f.max_text = static_cast<std::size_t>(section.integer("max", 7, 1000));
     if (f.type == FieldType::text) f.max_text = static_cast<std::size_t>(section.integer("max", 1, 255));
     f.hex = section.choice("format", {"decimal", "hex"}, "decimal") == "hex";
     if (section.has("enum")) {

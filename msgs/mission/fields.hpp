@@ -11,6 +11,7 @@
 #include "base/octets.hpp"
 #include "base/time.hpp"
 #include "wire/cuc.hpp"
+#include "wire/space_packet.hpp"
 
 namespace srfs::mission {
 
@@ -64,6 +65,19 @@ inline void put_text(OctetWriter& out, const std::string& text, std::size_t max)
   if (size > max) return false;
   const OctetView octets = in.bytes(size);
   text.assign(octets.begin(), octets.end());
+  return in.ok();
+}
+
+/// A whole space packet: its header tells the length.
+/// @return false if the octets end early or the packet is longer than @p max
+[[nodiscard]] inline bool take_packet(OctetReader& in, Octets& packet, std::size_t max) {
+  const OctetView header = in.bytes(wire::packet_header_octets);
+  if (!in.ok()) return false;
+  const std::size_t size = wire::packet_octets(header);
+  if (size > max) return false;
+  const OctetView data = in.bytes(size - header.size());
+  packet.assign(header.begin(), header.end());
+  packet.insert(packet.end(), data.begin(), data.end());
   return in.ok();
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 
 #include "nodes/maintenance/fault_line.hpp"
+#include "nodes/maintenance/report_downlink.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/ring/node_record.hpp"
 
@@ -14,11 +15,24 @@ using ros::CallbackReturn;
 constexpr auto release_patience = milliseconds(2000);    // for a restart of the node that is under way
 constexpr auto between_fault_lines = milliseconds(150);  // a little above the structure's interval at ttc
 constexpr auto answer_deadline = seconds(2);
+constexpr std::uint32_t newest_report = UINT32_MAX;
 
 FailureCode outcome_of(const Result<void, std::string>& result) {
   if (result) return FailureCode::none;
   log::error("{}", result.error());
   return FailureCode::not_done;
+}
+
+FailureCode to_failure_code(QueueError error) {
+  switch (error) {
+    case QueueError::gone:
+      return FailureCode::no_report;
+    case QueueError::full:
+      return FailureCode::outbox_full;
+    case QueueError::disk:
+      break;
+  }
+  return FailureCode::disk_failed;
 }
 
 template <class Command>
@@ -69,6 +83,8 @@ FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) 
       return judge<mission::RingReportFaults>(arguments, deployment());
     case mission::NodeSetLogLevel::function_id:
       return judge<mission::NodeSetLogLevel>(arguments, deployment());
+    case mission::NodeSendReport::function_id:
+      return judge<mission::NodeSendReport>(arguments, deployment());
     default:
       return FailureCode::unknown_function;
   }
@@ -99,6 +115,9 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       break;
     case mission::NodeSetLogLevel::function_id:
       set_log_level(*mission::NodeSetLogLevel::decode(arguments));
+      break;
+    case mission::NodeSendReport::function_id:
+      send_report(*mission::NodeSendReport::decode(arguments));
       break;
     default:
       finished(FailureCode::unknown_function);  // stored by a version that knew it
@@ -149,6 +168,42 @@ void MaintenanceNode::send_next_fault() {
   publish_telemetry(m);
   sending_ = create_one_shot(
       now() + between_fault_lines, [this] { send_next_fault(); }, "fault lines");
+}
+
+// ---------------------------------------------------------------- reports of deaths
+
+void MaintenanceNode::send_report(const mission::NodeSendReport& command) {
+  struct Outcome {
+    FailureCode code = FailureCode::no_report;
+    std::optional<QueuedReport> report;
+  };
+  auto outcome = std::make_shared<Outcome>();
+  const bool taken = worker_->post(
+      [var = var(), command, outcome] {
+        const auto incarnation =
+            command.incarnation == newest_report ? std::nullopt : std::optional(command.incarnation);
+        const auto reports = ros::find_crash_reports(var, command.node);
+        const ros::CrashReport* report = choose_report(reports, incarnation);
+        if (report == nullptr) return;
+        auto queued = queue_report(var.root / "files" / "outbox", command.node, *report);
+        if (!queued) {
+          log::error("the report of {} cannot go down: {}", command.node, queued.error().text);
+          outcome->code = to_failure_code(queued.error().error);
+          return;
+        }
+        outcome->code = FailureCode::none;
+        outcome->report = std::move(*queued);
+      },
+      [this, outcome] {
+        if (outcome->report) {
+          mission::MaintenanceReportQueuedEvent event;
+          event.name = outcome->report->name;
+          event.octets = static_cast<std::uint32_t>(outcome->report->octets);
+          raise(event);
+        }
+        finished(outcome->code);
+      });
+  if (!taken) finished(FailureCode::queue_full);
 }
 
 // ---------------------------------------------------------------- log levels

@@ -10,8 +10,8 @@
 
 namespace srfs {
 
-/// What the ground asks of the suite as such: the ring's hold and release, its fault ledger, log levels.
-/// (Parameters and nodes from uplinked source: not yet, README.md.)
+/// What the ground asks of the suite as such: the ring's hold and release, its fault ledger, reports of
+/// deaths, log levels. (Parameters and nodes from uplinked source: not yet, README.md.)
 class MaintenanceNode : public CommandedNode {
  public:
   explicit MaintenanceNode(ros::NodeContext& context);
@@ -32,6 +32,7 @@ class MaintenanceNode : public CommandedNode {
   /// A job that may wait for a disk or a lock; its outcome ends the telecommand.
   void run(std::function<FailureCode()> job);
   void report_faults(std::size_t count);
+  void send_report(const mission::NodeSendReport& command);
   void send_next_fault();
   void set_log_level(const mission::NodeSetLogLevel& command);
 

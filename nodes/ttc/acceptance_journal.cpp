@@ -9,7 +9,8 @@
 namespace srfs {
 namespace {
 
-constexpr std::uint8_t state_version = 1;
+constexpr std::uint8_t state_version = 2;
+constexpr std::uint8_t version_without_schedule = 1;
 
 enum Kind : std::uint8_t {
   snapshot = journal_snapshot_kind,
@@ -19,12 +20,14 @@ enum Kind : std::uint8_t {
   ended = 4,
   withdrawn = 5,
   told = 6,
+  schedule_changed = 7,
 };
 
 // Flags of an accepted telecommand.
 constexpr std::uint8_t flag_sequenced = 1;
 constexpr std::uint8_t flag_secured = 2;
 constexpr std::uint8_t flag_other_boot = 4;
+constexpr std::uint8_t flag_scheduled = 8;
 // How far it got.
 constexpr std::uint8_t flag_taken = 1;
 constexpr std::uint8_t flag_started = 2;
@@ -50,7 +53,9 @@ void write_telecommand(OctetWriter& writer, const AcceptedTelecommand& t) {
   writer.u16(t.origin.source_id);
   writer.u8(t.vc);
   writer.u8(static_cast<std::uint8_t>((t.sequenced ? flag_sequenced : 0) | (t.spi ? flag_secured : 0) |
-                                      (t.other_boot ? flag_other_boot : 0)));
+                                      (t.other_boot ? flag_other_boot : 0) |
+                                      (t.activity != 0 ? flag_scheduled : 0)));
+  if (t.activity != 0) writer.u64(t.activity);
   writer.u8(t.frame_sequence);
   writer.u16(t.spi.value_or(0));
   writer.u64(t.counter);
@@ -76,6 +81,7 @@ AcceptedTelecommand read_telecommand(OctetReader& reader) {
   const std::uint8_t flags = reader.u8();
   t.sequenced = (flags & flag_sequenced) != 0;
   t.other_boot = (flags & flag_other_boot) != 0;
+  if ((flags & flag_scheduled) != 0) t.activity = reader.u64();
   t.frame_sequence = reader.u8();
   const std::uint16_t spi = reader.u16();
   if ((flags & flag_secured) != 0) t.spi = spi;
@@ -131,6 +137,18 @@ TelecommandEnd read_end(OctetReader& reader, AcceptedTelecommand& t) {
   return end;
 }
 
+// What no version of this program writes is not taken over, whatever its checksum says.
+
+bool is_sound(const TelecommandEnd& end) {
+  return end.stage == Stage::acceptance || end.stage == Stage::start || end.stage == Stage::progress ||
+         end.stage == Stage::completion;
+}
+
+bool is_sound(const AcceptedTelecommand& t) {
+  const bool has_id = t.origin.id != 0 && t.origin.id != UINT64_MAX;
+  return has_id && (!t.end || is_sound(*t.end));
+}
+
 bool same_packet(const AcceptedTelecommand& t, OctetView packet) {
   const auto request = wire::peek_request_id(packet);
   return request == t.origin.request && packet.size() == t.packet_octets && crc32c(packet) == t.packet_crc;
@@ -151,7 +169,8 @@ bool AcceptanceJournal::apply(const JournalRecord& record) {
 }
 
 bool AcceptanceJournal::apply_snapshot(OctetReader& reader) {
-  if (reader.u8() != state_version) return false;
+  const std::uint8_t version = reader.u8();
+  if (version != state_version && version != version_without_schedule) return false;
   const bool same_boot = read_text(reader) == boot_id_;
   const std::uint64_t next_id = reader.u64();
   const std::uint64_t serial = reader.u64();
@@ -165,18 +184,21 @@ bool AcceptanceJournal::apply_snapshot(OctetReader& reader) {
     if (read_progress(reader, t)) t.end = read_end(reader, t);
     t.other_boot = t.other_boot || !same_boot;
     if (t.end) ended.push_back(t.origin.id);
-    entries[t.origin.id] = std::move(t);
+    if (!is_sound(t) || !entries.emplace(t.origin.id, std::move(t)).second) return false;
   }
-  if (!reader.ok() || reader.remaining() != 0) return false;
+  auto schedule = version == version_without_schedule ? TimeSchedule{} : TimeSchedule::read(reader);
+  if (!schedule || !reader.ok() || reader.remaining() != 0) return false;
   if (entries.size() - ended.size() > max_open || ended.size() > max_ended) return false;
   std::sort(ended.begin(), ended.end(), [&](std::uint64_t a, std::uint64_t b) {
     return entries[a].ended_serial < entries[b].ended_serial;
   });
   entries_ = std::move(entries);
+  schedule_ = std::move(*schedule);
   ended_.assign(ended.begin(), ended.end());
   open_ = entries_.size() - ended_.size();
   applied_same_boot_ = same_boot;
   next_id_ = std::max(next_id_, next_id);
+  if (!entries_.empty()) next_id_ = std::max(next_id_, entries_.rbegin()->first + 1);
   serial_ = serial;
   told_ = told;
   // A counter never goes back, also not when an older segment is all there is.
@@ -194,12 +216,19 @@ bool AcceptanceJournal::apply_change(std::uint8_t kind, OctetReader& reader) {
     told_ = std::max(told_, reader.u64());
     return reader.ok();
   }
+  if (kind == Kind::schedule_changed) {
+    const auto change = read_schedule_change(reader);
+    if (change) schedule_.apply(*change);
+    return change.has_value();
+  }
   if (kind == Kind::accepted) {
     AcceptedTelecommand t = read_telecommand(reader);
-    if (!newer(read_link_state(reader)) || entries_.contains(t.origin.id) || !has_room()) return false;
+    if (!is_sound(t) || !newer(read_link_state(reader)) || entries_.contains(t.origin.id) || !has_room())
+      return false;
     t.other_boot = t.other_boot || !applied_same_boot_;
     next_id_ = std::max(next_id_, t.origin.id + 1);
     serial_ = std::max(serial_, t.accepted_serial);
+    leave_schedule(t.activity);
     entries_[t.origin.id] = std::move(t);
     ++open_;
     return true;
@@ -219,7 +248,7 @@ bool AcceptanceJournal::apply_change(std::uint8_t kind, OctetReader& reader) {
   if (kind != Kind::ended) return false;
   TelecommandEnd end = read_end(reader, *t);
   serial_ = std::max(serial_, t->ended_serial);
-  if (!reader.ok()) return false;
+  if (!reader.ok() || !is_sound(end)) return false;
   this->end(*t, std::move(end));
   return true;
 }
@@ -246,7 +275,7 @@ std::vector<const AcceptedTelecommand*> AcceptanceJournal::known() const {
 
 std::uint64_t AcceptanceJournal::accept(const UplinkedPacket& uplinked, const TelecommandOrigin& origin,
                                         const std::string& target, MonotonicTime expiry,
-                                        const LinkState& link, MonotonicTime now) {
+                                        const LinkState& link, MonotonicTime now, std::uint64_t activity) {
   assert(has_room() && target.size() <= UINT8_MAX);
   AcceptedTelecommand t;
   t.origin = origin;
@@ -259,11 +288,13 @@ std::uint64_t AcceptanceJournal::accept(const UplinkedPacket& uplinked, const Te
   t.accepted_at = now;
   t.expiry = expiry;
   t.target = target;
+  t.activity = activity;
   t.packet = uplinked.packet;
   t.packet_crc = crc32c(uplinked.packet);
   t.packet_octets = static_cast<std::uint16_t>(uplinked.packet.size());
   t.accepted_serial = ++serial_;
   link_ = link;
+  leave_schedule(activity);
   ++revision_;
   ++open_;
   ++counters_.accepted;
@@ -272,6 +303,21 @@ std::uint64_t AcceptanceJournal::accept(const UplinkedPacket& uplinked, const Te
   write_link_state(writer, link_);
   add(Kind::accepted, std::move(writer));
   return entries_.emplace(t.origin.id, std::move(t)).first->first;
+}
+
+void AcceptanceJournal::leave_schedule(std::uint64_t activity) {
+  if (activity == 0) return;
+  ScheduleChange change;
+  change.removed.push_back(activity);
+  schedule_.apply(change);
+}
+
+std::uint64_t AcceptanceJournal::change_schedule(const ScheduleChange& change) {
+  schedule_.apply(change);
+  OctetWriter writer;
+  write_schedule_change(writer, change);
+  add(Kind::schedule_changed, std::move(writer));
+  return ++revision_;
 }
 
 void AcceptanceJournal::withdraw(std::uint64_t id) {
@@ -438,6 +484,7 @@ Octets AcceptanceJournal::encode_snapshot() const {
     write_progress(writer, t);
     if (t.end) write_end(writer, t);
   }
+  schedule_.write(writer);
   assert(writer.ok());
   return writer.take();
 }
@@ -477,7 +524,8 @@ void AcceptanceJournal::on_written(const JournalBatch& batch, bool success, std:
     counters_.written_octets += record.payload.size() + journal_record_overhead;
   unsynced_ = !batch.sync;
   if (batch.sync) ++counters_.syncs;
-  if (used_octets > fill_octets_) {
+  // A state that fills a segment by itself is not written again and again.
+  if (!batch.snapshot && used_octets > fill_octets_) {
     snapshot_wanted_ = true;
     pending_.clear();
     pending_octets_ = 0;

@@ -12,6 +12,7 @@
 #include "nodes/ttc/journal_log.hpp"
 #include "nodes/ttc/link_state.hpp"
 #include "nodes/ttc/report_outbox.hpp"
+#include "nodes/ttc/time_schedule.hpp"
 #include "nodes/ttc/uplink_chain.hpp"
 
 namespace srfs {
@@ -37,8 +38,9 @@ struct AcceptedTelecommand {
   std::uint64_t counter = 0;         ///< of the association: the IV
   MonotonicTime accepted_at;         ///< of another boot: when it was restored
   MonotonicTime expiry;
-  bool other_boot = false;  ///< accepted before this boot: the expiry means nothing any more
-  std::string target;       ///< node that executes it
+  bool other_boot = false;     ///< accepted before this boot: the expiry means nothing any more
+  std::string target;          ///< node that executes it
+  std::uint64_t activity = 0;  ///< of the schedule, which released it; 0: it came in a frame
   std::uint32_t packet_crc = 0;
   std::uint16_t packet_octets = 0;
   Octets packet;  ///< kept until the end
@@ -76,7 +78,8 @@ struct AcceptanceJournalCounters {
 
 /// The accepted telecommands, from 1,1 to the end that the ground was told, and what the link must remember
 /// with them: one record holds the packet, its id, the SDLS counters and the FARM states, so that one sync
-/// makes a telecommand and its anti-replay state durable. Recognises repeats and keeps their outcome.
+/// makes a telecommand and its anti-replay state durable. Recognises repeats and keeps their outcome. The
+/// time-based schedule stands in it too: one record takes an activity out of it and accepts its request.
 ///
 /// Pure: apply() takes what was found on disk, take_batch() gives what must be written, on_written() says
 /// what became of it. Open telecommands are never forgotten (has_room() refuses first); of the ended ones
@@ -112,10 +115,11 @@ class AcceptanceJournal {
   // ---- telecommands
 
   [[nodiscard]] bool has_room() const { return open_ < max_open; }
-  /// @param link holds the counters of its frame. @return its id
+  /// @param link holds the counters of its frame. @param activity that it is the request of; it leaves the
+  /// schedule. @return its id
   std::uint64_t accept(const UplinkedPacket& uplinked, const TelecommandOrigin& origin,
                        const std::string& target, MonotonicTime expiry, const LinkState& link,
-                       MonotonicTime now);
+                       MonotonicTime now, std::uint64_t activity = 0);
   /// The link state changed without a telecommand, or with one that was refused.
   void on_link(const LinkState& link);
   void on_taken(std::uint64_t id);
@@ -129,6 +133,12 @@ class AcceptanceJournal {
   /// The one that a packet on a secured channel repeats although its frame is new.
   [[nodiscard]] const AcceptedTelecommand* find_repeated_packet(const UplinkedPacket& uplinked,
                                                                 MonotonicTime now);
+
+  // ---- schedule
+
+  [[nodiscard]] const TimeSchedule& schedule() const { return schedule_; }
+  /// @return the revision that has the change on disk
+  std::uint64_t change_schedule(const ScheduleChange& change);
 
   // ---- what the ground was told
 
@@ -157,6 +167,7 @@ class AcceptanceJournal {
   using Entries = std::map<std::uint64_t, AcceptedTelecommand>;
   void add(std::uint8_t kind, OctetWriter&& payload);
   void withdraw(std::uint64_t id);
+  void leave_schedule(std::uint64_t activity);
   void end(AcceptedTelecommand& entry, TelecommandEnd end);
   void forget_oldest();
   [[nodiscard]] Octets encode_snapshot() const;
@@ -171,6 +182,7 @@ class AcceptanceJournal {
   std::deque<std::uint64_t> ended_;  ///< oldest first
   std::size_t open_ = 0;
   LinkState link_;
+  TimeSchedule schedule_;
   std::uint64_t next_id_ = 1;
   std::uint64_t serial_ = 0;
   std::uint64_t told_ = 0;

@@ -145,8 +145,8 @@ Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const
   beacon.farm_lockout = inputs.farm_lockout;
   beacon.command_loss_s = UINT32_MAX;  // no such timer runs
   beacon.can_errors = can_errors_;
-  beacon.next_scheduled_function = 0;
-  beacon.next_scheduled_in_s = UINT32_MAX;
+  beacon.next_scheduled_function = inputs.next_scheduled_function;
+  beacon.next_scheduled_in_s = inputs.next_scheduled_in_s.value_or(UINT32_MAX);
   return beacon.encoded();
 }
 

@@ -7,12 +7,21 @@ namespace srfs {
 namespace {
 
 constexpr MonotonicTime never = MonotonicTime(nanoseconds::max());
+constexpr std::array all_channels{DownlinkChannel::live, DownlinkChannel::playback, DownlinkChannel::files};
+
+nanoseconds flush_beside_others(const DownlinkConfig& config) {
+  constexpr std::int64_t bit_ns = 1'000'000'000;
+  const auto bits = static_cast<std::int64_t>(10 * wire::cadu_octets(config.cadu) * config.flush_after_cadus);
+  const nanoseconds cadus(bits * bit_ns / static_cast<std::int64_t>(config.baud));
+  return std::max<nanoseconds>(config.flush_after, std::min<nanoseconds>(cadus, seconds(1)));
+}
 
 }  // namespace
 
 DownlinkScheduler::DownlinkScheduler(DownlinkConfig config)
     : config_(config),
       field_octets_(config.cadu.frame_octets - wire::tm_frame_overhead_octets),
+      flush_beside_others_(flush_beside_others(config)),
       frames_({.spacecraft_id = config.spacecraft_id,
                .frame_octets = config.cadu.frame_octets,
                .queue_octets_max = std::max(
@@ -32,7 +41,7 @@ bool DownlinkScheduler::push(DownlinkChannel channel, Octets packet, bool urgent
     return false;
   }
   state.pushed_octets += octets;
-  if (was_empty) state.flush_by = now + config_.flush_after;
+  if (was_empty) state.waits_since = now;
   if (urgent) state.urgent_end = state.pushed_octets;
   return true;
 }
@@ -50,12 +59,19 @@ bool DownlinkScheduler::empty(DownlinkChannel channel) const {
   return frames_.queued_octets(vc(channel)) == 0;
 }
 
+bool DownlinkScheduler::fills_a_frame(DownlinkChannel channel) const {
+  return frames_.queued_octets(vc(channel)) >= field_octets_;
+}
+
 MonotonicTime DownlinkScheduler::ready_at(DownlinkChannel channel) const {
   const std::size_t queued = frames_.queued_octets(vc(channel));
   if (queued == 0) return never;
   const Channel& state = channels_[vc(channel)];
   const bool urgent = state.pushed_octets - queued < state.urgent_end;
-  return urgent || queued >= field_octets_ ? MonotonicTime{} : state.flush_by;
+  if (urgent || fills_a_frame(channel)) return {};
+  const bool others = std::any_of(all_channels.begin(), all_channels.end(),
+                                  [&](DownlinkChannel c) { return c != channel && fills_a_frame(c); });
+  return state.waits_since + (others ? flush_beside_others_ : nanoseconds(config_.flush_after));
 }
 
 std::optional<DownlinkChannel> DownlinkScheduler::choose(MonotonicTime now) {
@@ -81,7 +97,7 @@ std::optional<Octets> DownlinkScheduler::next(MonotonicTime now, const std::func
   if (channel) {
     frame = frames_.build(vc(*channel), clcw());
     // What did not fit waits for company again, unless it is urgent.
-    channels_[vc(*channel)].flush_by = now + config_.flush_after;
+    channels_[vc(*channel)].waits_since = now;
   } else if (control_word_by_ && *control_word_by_ <= now) {
     frame = frames_.build_idle(clcw());
     ++idle_frames_;

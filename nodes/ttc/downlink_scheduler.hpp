@@ -24,7 +24,10 @@ struct DownlinkConfig {
   std::size_t live_queue_octets = 64U << 10;
   std::size_t playback_queue_octets = 64U << 10;
   std::size_t files_queue_octets = 32U << 10;
-  milliseconds flush_after{50};        ///< longest wait of a packet that does not fill a frame
+  milliseconds flush_after{50};  ///< longest wait of a packet that does not fill a frame
+  /// The same while another channel has whole frames to send, in CADUs of the line: a frame half empty costs
+  /// that one its share. At most a second.
+  unsigned flush_after_cadus = 32;
   unsigned live_frames_per_other = 7;  ///< minimum share of the others: one frame after so many live ones
 };
 
@@ -38,8 +41,9 @@ struct DownlinkCounters {
 
 /// Which frame goes down next. Live telemetry first; playback and files have a minimum share and take turns
 /// over it and over what live telemetry leaves; a frame that is not full
-/// leaves after flush_after, or at once for an urgent packet. Hands a CADU out only when the line has nearly
-/// nothing left to send, so what is urgent waits for one CADU at most.
+/// leaves after flush_after (later when others could use the line meanwhile), or at once for an urgent
+/// packet. Hands a CADU out only when the line has nearly nothing left to send, so what is urgent waits for
+/// one CADU at most.
 class DownlinkScheduler {
  public:
   /// @param config its CADU format is valid and the frame long enough (wire::tm_frame_octets_min)
@@ -60,21 +64,27 @@ class DownlinkScheduler {
   [[nodiscard]] std::size_t room_octets(DownlinkChannel channel) const;
   [[nodiscard]] bool empty(DownlinkChannel channel) const;
   [[nodiscard]] DownlinkCounters counters() const;
+  /// Frames of the live channel.
+  [[nodiscard]] std::uint64_t live_frames() const {
+    return frames_.counters(vc(DownlinkChannel::live)).frames;
+  }
 
  private:
   struct Channel {
     std::uint64_t pushed_octets = 0;
     std::uint64_t urgent_end = 0;  ///< pushed_octets after the newest urgent packet
-    MonotonicTime flush_by;
+    MonotonicTime waits_since;     ///< for company in a frame
     std::size_t capacity = 0;
     std::uint64_t dropped = 0;
   };
   [[nodiscard]] static std::uint8_t vc(DownlinkChannel channel) { return static_cast<std::uint8_t>(channel); }
   [[nodiscard]] MonotonicTime ready_at(DownlinkChannel channel) const;
+  [[nodiscard]] bool fills_a_frame(DownlinkChannel channel) const;
   [[nodiscard]] std::optional<DownlinkChannel> choose(MonotonicTime now);
 
   DownlinkConfig config_;
   std::size_t field_octets_;
+  nanoseconds flush_beside_others_;
   wire::TmFrameBuilder frames_;
   LinePacer pacer_;
   std::array<Channel, downlink_channels> channels_;

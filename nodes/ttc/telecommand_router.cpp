@@ -130,6 +130,11 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
     return;
   }
   const mission::Command& command = **found;
+  if (command.service == ScheduleService::service_type && parts_.schedule.has_applied(restored.origin.id)) {
+    if (!restored.progress.started) parts_.outbox.success(restored.origin, Stage::start);
+    parts_.outbox.success(restored.origin, Stage::completion);
+    return;
+  }
   const Request request{
       .origin = restored.origin, .command = &command, .arguments = arguments_of(*parsed, command)};
   if (command.node != own_node_) {
@@ -207,10 +212,34 @@ Result<TelecommandRouter::Request, Refusal> TelecommandRouter::check(const wire:
     if (position == 0) return Err(Refusal{parts_.codes.bad_arguments_length, {}});
     return Err(Refusal{parts_.codes.bad_argument, {position}});
   }
+  if (auto refusal = refuse_insertion(found, arguments)) return Err(std::move(*refusal));
   const bool taken =
       room && (found.node == own_node_ || parts_.forwarder.has_room(found.node, waiting_for(found.node)));
   if (!taken) return Err(Refusal{parts_.codes.queue_full, {}});
   return Request{.origin = {}, .command = &found, .arguments = std::move(arguments)};
+}
+
+std::optional<Refusal> TelecommandRouter::refuse_insertion(const mission::Command& command,
+                                                           OctetView arguments) const {
+  if (command.is_function() || command.service != mission::ScheduleInsert::service ||
+      command.subtype != mission::ScheduleInsert::subtype)
+    return std::nullopt;
+  auto error = parts_.schedule.check_insertion(arguments,
+                                               [this](OctetView packet) { return check_scheduled(packet); });
+  if (!error) return std::nullopt;
+  return Refusal{error->code, std::move(error->parameter)};
+}
+
+/// What never changes between insertion and release; mode and room are looked at when it is released.
+std::optional<ScheduleService::RequestError> TelecommandRouter::check_scheduled(OctetView packet) const {
+  const auto parsed = wire::parse_tc_packet(packet);
+  if (!parsed) return {{judge_malformed(packet, parsed.error()).refusal.code, std::uint8_t{0}}};
+  const auto command = find_command(*parsed);
+  if (!command) return {{command.error().code, std::uint8_t{0}}};
+  const auto checked = parts_.dictionary.check_arguments(**command, arguments_of(*parsed, **command));
+  if (checked) return std::nullopt;
+  const std::uint8_t position = checked.error().parameter;
+  return {{position == 0 ? parts_.codes.bad_arguments_length : parts_.codes.bad_argument, position}};
 }
 
 void TelecommandRouter::refuse(const TelecommandOrigin& origin, const Refusal& refusal) {
@@ -271,6 +300,13 @@ void TelecommandRouter::execute(const Request& request) {
       return;
     case storage_service:
       execute_storage(request);
+      return;
+    case ScheduleService::service_type:
+      parts_.schedule.execute(request.origin, command.subtype, request.arguments);
+      return;
+    case TimeReporter::service_type:
+      parts_.time_reports.set_rate(request.arguments.front());
+      complete(request.origin);
       return;
     case function_service:
       if (command.name == set_mode_command) {

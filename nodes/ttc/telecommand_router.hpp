@@ -15,6 +15,8 @@
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_retrieval.hpp"
 #include "nodes/ttc/report_outbox.hpp"
+#include "nodes/ttc/schedule_service.hpp"
+#include "nodes/ttc/time_reporter.hpp"
 
 namespace srfs {
 
@@ -84,6 +86,8 @@ class TelecommandRouter {
     CommandForwarder& forwarder;
     PacketRetrieval& retrieval;
     ReportOutbox& outbox;
+    ScheduleService& schedule;
+    TimeReporter& time_reports;
   };
 
   /// @param own_node name of the node whose commands are executed here
@@ -119,6 +123,10 @@ class TelecommandRouter {
   };
   [[nodiscard]] Result<const mission::Command*, Refusal> find_command(const wire::TcPacket& packet) const;
   [[nodiscard]] Result<Request, Refusal> check(const wire::TcPacket& packet, bool room) const;
+  /// @return why an insertion into the schedule is refused; nullopt: it is not, or is another command
+  [[nodiscard]] std::optional<Refusal> refuse_insertion(const mission::Command& command,
+                                                        OctetView arguments) const;
+  [[nodiscard]] std::optional<ScheduleService::RequestError> check_scheduled(OctetView packet) const;
   [[nodiscard]] TelecommandOrigin origin_of(const wire::TcPacket& packet) const;
   [[nodiscard]] static Octets arguments_of(const wire::TcPacket& packet, const mission::Command& command);
   [[nodiscard]] static std::optional<Mode> mode_of(const mission::Command& command, OctetView arguments);

@@ -16,6 +16,7 @@ constexpr std::size_t read_octets = 512;
 constexpr std::size_t frames_per_read = read_octets / 26 + 2;  ///< the shortest CLTU has 26 octets
 constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
 constexpr std::uint8_t verification_service = 1;
+constexpr milliseconds schedule_retry_period{50};  ///< what is due and not released waits for room
 constexpr std::uint64_t cfdp_ground = 1;
 constexpr std::uint64_t cfdp_spacecraft = 2;
 
@@ -124,6 +125,7 @@ void TtcNode::on_journal_written(const JournalBatch& batch, const Result<void, F
                                  std::size_t used_octets) {
   link_->journal.on_written(batch, written.has_value(), used_octets);
   link_->gate.on_write_done(written.has_value(), monotonic_now());
+  link_->schedule.on_written(batch.revision, written.has_value());
   note_storage(journal_durable_, written.has_value(), written ? "" : written.error().message);
   if (is_active()) settle();
 }
@@ -175,6 +177,7 @@ void TtcNode::report_findings() {
 // ---- outputs
 
 void TtcNode::settle() {
+  run_schedule();
   persist_journal();
   execute_passed();
   publish_telecommands();
@@ -336,6 +339,7 @@ void TtcNode::pump_downlink() {
     auto cadu = link_->downlink.next(monotonic_now(), [this] { return link_->uplink.next_clcw(); });
     if (!cadu) break;
     outgoing_ = std::move(*cadu);
+    send_time_report();
   }
   // The last playback frame may just have left.
   if (link_->retrieval.busy() && link_->downlink.empty(DownlinkChannel::playback)) feed_playback();
@@ -353,6 +357,8 @@ void TtcNode::arm_timer() {
   sooner(link_->forwarder.next_due());
   sooner(link_->gate.next_due());
   sooner(link_->uplink.idle_deadline());
+  if (const auto in = link_->schedule.next_due_in())
+    sooner(at + (*in > nanoseconds(0) ? *in : schedule_retry_period));
   sooner(link_->files.next_due(link_->downlink.room_octets(DownlinkChannel::files)));
   if (!outgoing_.empty()) due = at + milliseconds(2);  // the driver is full: look again soon
   if (due == wake_up_at_) return;
@@ -478,6 +484,8 @@ void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
     return;
   }
   cycle_ = tick.cycle;
+  // The time may have become valid, or have made a step.
+  if (is_active() && !link_->schedule.schedule().empty()) settle();
 }
 
 void TtcNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) {
@@ -746,6 +754,7 @@ void TtcNode::send_beacon() {
       link_->uplink.farm(static_cast<std::uint8_t>(deployment().link.channels.front().virtual_channel));
   in.farm_vr = farm.vr;
   in.farm_lockout = farm.lockout;
+  fill_next_scheduled(in);
   using mission::Beacon;
   const auto report = link_->housekeeping.on_sample(Beacon::apid, Beacon::structure_id,
                                                     link_->beacon.build(in, now()), now());

@@ -30,9 +30,11 @@
 #include "nodes/ttc/packet_retrieval.hpp"
 #include "nodes/ttc/persistence_gate.hpp"
 #include "nodes/ttc/report_outbox.hpp"
+#include "nodes/ttc/schedule_service.hpp"
 #include "nodes/ttc/spacecraft_clock.hpp"
 #include "nodes/ttc/store_rack.hpp"
 #include "nodes/ttc/telecommand_router.hpp"
+#include "nodes/ttc/time_reporter.hpp"
 #include "nodes/ttc/uplink_chain.hpp"
 #include "ros/node.hpp"
 
@@ -58,7 +60,7 @@ class TtcNode : public ros::LifecycleNode {
   struct Link {
     Link(const mission::Dictionary& dictionary, AcceptanceJournal restored, UplinkConfig uplink_config,
          DownlinkConfig downlink_config, ModeKeeper mode_keeper, milliseconds persist_deadline,
-         SpacecraftClock start, const std::string& own_name);
+         milliseconds schedule_late_max, SpacecraftClock start, const std::string& own_name);
 
     FailureCodes codes;
     AcceptanceJournal journal;
@@ -68,6 +70,8 @@ class TtcNode : public ros::LifecycleNode {
     ReportOutbox outbox;
     CommandForwarder forwarder;
     PacketRetrieval retrieval;
+    ScheduleService schedule;
+    TimeReporter time_reports;
     TelecommandRouter router;
     UplinkChain uplink;
     PersistenceGate gate;
@@ -107,6 +111,16 @@ class TtcNode : public ros::LifecycleNode {
   void copy_link_state();
   void execute_passed();
   void report_findings();
+
+  // Schedule (ttc_schedule.cpp)
+  /// Releases what is due.
+  void run_schedule();
+  /// @return false: no room for it now
+  bool release(const ScheduledActivity& activity, MonotonicTime at);
+  void report_dropped();
+  void fill_next_scheduled(BeaconInputs& inputs);
+  void send_schedule_housekeeping();
+  void send_time_report();
 
   // Outputs: everything the logic wants done after an input
   void settle();

@@ -39,7 +39,8 @@ std::optional<std::string> permission_problem(const std::filesystem::path& path)
 
 TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal restored,
                     UplinkConfig uplink_config, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
-                    milliseconds persist_deadline, SpacecraftClock start, const std::string& own_name)
+                    milliseconds persist_deadline, milliseconds schedule_late_max, SpacecraftClock start,
+                    const std::string& own_name)
     : codes(dictionary),
       journal(std::move(restored)),
       mode(std::move(mode_keeper)),
@@ -48,6 +49,7 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
                  .interrupted = codes.interrupted},
                 outbox),
       retrieval(outbox, codes.store_unreadable),
+      schedule(dictionary, journal, outbox, schedule_late_max),
       router({.dictionary = dictionary,
               .codes = codes,
               .housekeeping = housekeeping,
@@ -55,7 +57,9 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
               .mode = mode,
               .forwarder = forwarder,
               .retrieval = retrieval,
-              .outbox = outbox},
+              .outbox = outbox,
+              .schedule = schedule,
+              .time_reports = time_reports},
              own_name),
       uplink(std::move(uplink_config), journal.link()),
       gate(persist_deadline, journal.revision()),
@@ -76,6 +80,8 @@ TtcNode::TtcNode(ros::NodeContext& context)
                     "Longest wait for the journal to be on disk; then only recovery commands run", true);
   declare_parameter("repeat_window_ms", std::int64_t{60000}, ros::ParameterRange{0, 86'400'000},
                     "The same packet on a secured channel within this time is a repeat", true);
+  declare_parameter("schedule_late_max_ms", std::int64_t{60000}, ros::ParameterRange{1000, 86'400'000},
+                    "A scheduled activity that is later than this is dropped", true);
 }
 
 Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) const {
@@ -205,6 +211,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   link_ =
       std::make_unique<Link>(dictionary_, std::move(journal), std::move(*channels), *downlink, load_mode(ran),
                              milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
+                             milliseconds(get_parameter<std::int64_t>("schedule_late_max_ms")),
                              SpacecraftClock(system_utc_now(), monotonic_now()), name());
   boot_ = load_boot();
   fill_from_dictionary();
@@ -346,6 +353,8 @@ ros::CallbackReturn TtcNode::on_activate() {
       monotonic_now() + seconds(6), [this] { send_beacon(); }, "beacon"));
   timers_.push_back(create_timer(
       seconds(30), [this] { send_files_housekeeping(); }, "files housekeeping"));
+  timers_.push_back(create_timer(
+      seconds(30), [this] { send_schedule_housekeeping(); }, "schedule housekeeping"));
   timers_.push_back(create_timer(
       seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
   timers_.push_back(create_timer(

@@ -50,6 +50,7 @@ NodeProcess::~NodeProcess() {
     testing_support::signal_child(pid_, SIGKILL);
     waitpid(pid_, &status, 0);
   }
+  std::filesystem::remove_all(ros::VarPaths{folder_.path()}.memory());
   EXPECT_TRUE(ended && WIFEXITED(status) && WEXITSTATUS(status) == 0) << name_ << ": status " << status;
 }
 

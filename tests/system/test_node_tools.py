@@ -50,10 +50,10 @@ class NodeToolsTest(ToolTest):
     def test_a_transition_that_takes_longer_than_the_deadline_is_still_running_not_failed(self):
         self.assertEqual(self.srfs("lifecycle", "faulty", "deactivate").returncode, 0)
         self.assertEqual(self.srfs("lifecycle", "faulty", "cleanup").returncode, 0)
-        self.assertEqual(self.srfs("param", "set", "faulty", "configure_ms", "8000").returncode, 0)
-        result = self.srfs("lifecycle", "faulty", "configure", "--deadline", "500")
+        self.assertEqual(self.srfs("param", "set", "faulty", "configure_ms", "10000").returncode, 0)
+        result = self.srfs("lifecycle", "faulty", "configure", "--deadline", "3000")
         self.assertEqual(result.returncode, 3, result.stderr)
-        self.assertIn("/faulty is still configuring after 0.5 s", result.stderr)
+        self.assertIn("/faulty is still configuring after 3.0 s", result.stderr)
         wait_until(lambda: self.status()["state"] == "inactive", DEADLINE_S, "the end of configuring")
 
     def test_a_refused_and_a_failed_transition_say_why(self):

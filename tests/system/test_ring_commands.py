@@ -46,6 +46,37 @@ class RingCommandsTest(SystemTest):
             self.complete(ground, "node.set_log_level node=timing level=debug")
             self.assertIn("debug", flight.srfs("param", "get", "timing", "log_level").stdout)
 
+    def test_the_report_of_a_death_comes_down_as_a_file(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+            self.assertIn("no report", self.refuse(ground, "node.send_report node=payload_eps"))
+            pid = flight.node_pid("payload_eps")
+            os.kill(pid, signal.SIGSEGV)
+            reports = flight.var / "state/payload_eps/reports"
+            (report,) = wait_until(lambda: list(reports.glob("*.report")), DEADLINE_S, "the report of its death")
+
+            since = ground.position()
+            self.complete(ground, "node.send_report node=payload_eps")
+            name = f"payload_eps_{report.stem}.report"
+            queued = ground.wait_for(lambda m: m.get("event") == "maintenance.report_queued", DEADLINE_S, since)
+            self.assertIsNotNone(queued)
+            self.assertEqual(queued["fields"]["name"], name)
+            came = ground.wait_for(
+                lambda m: m["type"] == "file" and m["event"] == "finished" and m["name"] == name, DEADLINE_S, since
+            )
+            self.assertIsNotNone(came, "the file did not come down")
+            self.assertTrue(came["success"], came)
+            text = (flight.var / "ground/files" / name).read_text(errors="replace")
+            self.assertIn(f"*** fatal signal 11 (SIGSEGV) in thread payload_eps_nod of pid {pid}", text)
+            self.assertIn("*** end of backtrace", text)
+            self.assertIn("octets of its log", text)
+            self.assertIn("lifecycle: active", text.partition("octets of its log")[2], "the log itself")
+            self.assertEqual(text, report.read_text(errors="replace"), "as it lies on board")
+
+            self.assertIn("no report", self.refuse(ground, "node.send_report node=payload_eps incarnation=4000"))
+            self.assertIn("no such node", self.refuse(ground, "node.send_report node=payload_xyz"))
+            self.complete(ground, f"node.send_report node=payload_eps incarnation={report.stem}")
+
 
 if __name__ == "__main__":
     unittest.main()

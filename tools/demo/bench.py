@@ -9,6 +9,7 @@ import tempfile
 import can_measures
 import demo
 import image_measures
+import link_measures
 import mission
 import ros_measures
 from display import Display
@@ -34,16 +35,17 @@ def show_flight(summary):
 
 def main():
     parser = argparse.ArgumentParser(prog="./run bench")
-    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can", "image"], metavar="ros|mission|can|image", help="default: everything")
+    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can", "link", "image"], metavar="ros|mission|can|link|image", help="default: everything")
     parser.add_argument("--duration", type=float, default=110, metavar="S", help="of the flight; 110 s have more than 1000 ticks")
     parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="of bench can, at each tick period")
     parser.add_argument("--fifo", action="store_true", help="bench can: timing, switcher and payloads under SCHED_FIFO, as on a board")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
     ros_measures.add_options(parser)
+    link_measures.add_options(parser)
     image_measures.add_options(parser)
     options = parser.parse_args()
-    wanted = options.what or ["ros", "mission", "can", "image"]
+    wanted = options.what or ["ros", "mission", "can", "link", "image"]
     results = {}
     if "ros" in wanted:
         results["ros"] = ros_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
@@ -59,6 +61,10 @@ def main():
         results["can"] = can_measures.measure(options.bin, options.slots_for, lambda text: print(text, file=sys.stderr, flush=True), options.fifo)
         if not options.json:
             can_measures.show(results["can"])
+    if "link" in wanted:
+        results["link"] = link_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
+        if not options.json:
+            link_measures.show(results["link"])
     if "image" in wanted:
         results["image"] = image_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
         if not options.json:
@@ -66,6 +72,7 @@ def main():
     if options.json:
         print(json.dumps(results))
     sound = ("ros" not in results or ros_measures.is_sound(results["ros"])) and ("can" not in results or can_measures.is_sound(results["can"]))
+    sound = sound and ("link" not in results or link_measures.is_sound(results["link"]))
     sound = sound and ("image" not in results or image_measures.is_sound(results["image"]))
     return 0 if sound and results.get("mission", {"ok": True})["ok"] else 1
 

@@ -66,6 +66,8 @@ class Experiment:
         end = time.monotonic() + DURATION_S[self.name]
         for k, text in enumerate(TELECOMMANDS if ground else ()):
             self.wait_until(end - DURATION_S[self.name] + 2 + 2.5 * k)
+            # while the last payload has the bus: the first is idle then, and its next slot is the next one
+            recorder.wait_for(lambda m: m["type"] == "bus" and m["status"] == "taken" and m["payload"] == PAYLOADS[-1], 2, recorder.position())
             self.say(f"telecommand {text}")
             ground.send(f"tc {text}")
         self.wait_until(end)

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
-#include <lifecycle_msgs/msg/transition_event.hpp>
 #include <lifecycle_msgs/srv/change_state.hpp>
 #include <nlohmann/json.hpp>
 #include <rcl_interfaces/srv/describe_parameters.hpp>
@@ -20,7 +19,7 @@
 #include "ros/callback_statistics.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/parameters.hpp"
-#include "ros/publisher.hpp"
+#include "ros/ring/heartbeat_page.hpp"
 #include "tools/srfs/bus.hpp"
 
 namespace srfs::tool {
@@ -35,7 +34,6 @@ using srfs_msgs::srv::SaveParameters;
 
 constexpr milliseconds answer_deadline{2000};
 constexpr milliseconds discovery_deadline{5000};
-constexpr milliseconds word_deadline{2000};  ///< for the first word of a transition that was asked for
 
 int code(CommandExit e) {
   return static_cast<int>(e);
@@ -110,30 +108,25 @@ std::string no_answer(const std::string& node, ros::CallError error) {
   return fmt::format("/{}: {}", node, ros::to_text(error));
 }
 
-/// What is known of a transition, from its topic and its service.
-struct Transition {
-  std::string goal;  ///< last state it was seen to go to
-  std::optional<Result<ChangeState::Response, ros::CallError>> answer;
-};
-
-Transition request_transition(Bus& bus, const std::string& node, const std::string& label,
-                              milliseconds deadline) {
-  using Event = lifecycle_msgs::msg::TransitionEvent;
-  Transition seen;
-  const ros::Subscription<Event> events(
-      bus.executor, *bus.participant, ros::Topic<Event>{"/" + node + "/transition_event", {}},
-      [&](const Event& e, const ros::MessageInfo&) { seen.goal = e.goal_state.label; });
+Result<ChangeState::Response, ros::CallError> request_transition(Bus& bus, const std::string& node,
+                                                                 const std::string& label,
+                                                                 milliseconds deadline) {
   const auto client = bus.client<ChangeState>("/" + node + "/change_state");
-  bus.executor.spin_until([&] { return client->is_ready() && events.publisher_count() > 0; },
-                          monotonic_now() + discovery_deadline);
+  bus.executor.spin_until([&] { return client->is_ready(); }, monotonic_now() + discovery_deadline);
   ChangeState::Request request;
   request.transition.label = label;
-  client->call(request, deadline, 1, [&](const auto& answer) { seen.answer = answer; });
-  bus.executor.spin_until([&] { return seen.answer.has_value(); }, monotonic_now() + deadline + seconds(1));
-  const bool unanswered = !seen.answer || !seen.answer->has_value();
-  if (unanswered)
-    bus.executor.spin_until([&] { return !seen.goal.empty(); }, monotonic_now() + word_deadline);
-  return seen;
+  std::optional<Result<ChangeState::Response, ros::CallError>> answer;
+  client->call(request, deadline, 1, [&](const auto& a) { answer = a; });
+  bus.executor.spin_until([&] { return answer.has_value(); }, monotonic_now() + deadline + seconds(1));
+  if (!answer) return Err(ros::CallError::timeout);
+  return *answer;
+}
+
+/// What the node wrote into its page: also of a node whose thread is busy with a transition and answers
+/// nobody.
+ros::State state_in_memory(const Target& target, const std::string& node) {
+  const auto page = ros::HeartbeatPage::read(target.var, node);
+  return page ? static_cast<ros::State>(page->state) : ros::State::unknown;
 }
 
 int print_outcome(const std::string& node, const std::string& state, CommandExit exit, const std::string& why,
@@ -207,22 +200,20 @@ int change_state(const Target& target, const std::string& node, const std::strin
                  milliseconds deadline, bool json) {
   const Reach r = reach(target, node);
   if (!r.bus) return fail(r.exit, r.problem, json);
-  const Transition seen = request_transition(*r.bus, node, label, deadline);
-  const bool answered = seen.answer && seen.answer->has_value();
-  if (!answered) {
-    const bool running = !seen.goal.empty() && !ros::primary_state(seen.goal);
-    if (running) {
-      return print_outcome(node, seen.goal, CommandExit::still_running,
-                           fmt::format("/{} is still {} after {:.1f} s", node, seen.goal,
-                                       static_cast<double>(deadline.count()) * 1e-3),
-                           json);
-    }
-    return print_outcome(node, seen.goal, CommandExit::no_answer,
-                         no_answer(node, seen.answer ? seen.answer->error() : ros::CallError::timeout), json);
+  const auto answer = request_transition(*r.bus, node, label, deadline);
+  if (!answer) {
+    const ros::State state = state_in_memory(target, node);
+    const std::string name(ros::label(state));
+    if (state == ros::State::unknown || ros::is_primary(state))
+      return print_outcome(node, name, CommandExit::no_answer, no_answer(node, answer.error()), json);
+    return print_outcome(node, name, CommandExit::still_running,
+                         fmt::format("/{} is still {} after {:.1f} s", node, name,
+                                     static_cast<double>(deadline.count()) * 1e-3),
+                         json);
   }
   const auto status = r.bus->ask<GetNodeStatus>("/" + node + "/get_status", {}, answer_deadline);
   const std::string state = status ? status->state_label : "not answering";
-  if ((*seen.answer)->success) return print_outcome(node, state, CommandExit::done, "", json);
+  if (answer->success) return print_outcome(node, state, CommandExit::done, "", json);
   const bool refused = status && status->last_outcome == GetNodeStatus::Response::REFUSED;
   return print_outcome(node, state, CommandExit::refused,
                        fmt::format("/{} {} '{}' and is {}: {}", node, refused ? "refused" : "failed to",

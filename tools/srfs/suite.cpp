@@ -151,6 +151,7 @@ void disarm_simulated_watchdog(const Target& target) {
   if (auto watchdog = hw::open_watchdog(uri->second, target.var.root, unused)) (void)(*watchdog)->disarm();
 }
 
+constexpr milliseconds between_looks{100};     // at locks and files of the nodes
 constexpr seconds patience_with_a_restart{4};  // by a neighbour, of a node that ended a moment ago
 
 /// Held while nodes are started one after the other: the ring does not miss who has not had its turn.
@@ -239,16 +240,21 @@ UpReport up(const Target& suite, const UpOptions& options) {
     processes.push_back({node.name, started ? Process::open(*started) : std::nullopt});
   }
   starting.reset();
-  const auto is_held = [&](const std::string& node) {
-    return ros::held_because(target.var, node).has_value();
+  // By node; a held one is not waited for. Read now and then only: the condition below is asked after every
+  // sample, and reading files each time, from a slow file system, leaves no time for the answers.
+  std::map<std::string, std::string> awaited;
+  const auto read_awaited = [&] {
+    awaited.clear();
+    for (const auto& node : target.deployment.nodes) {
+      if (!ros::held_because(target.var, node.name)) awaited[node.name] = desired(target, node.name);
+    }
   };
   const auto reached = [&] {
     bool all = true;
-    for (const auto& node : target.deployment.nodes) {
-      if (is_held(node.name)) continue;
-      if (questions.state(node.name) == desired(target, node.name)) continue;
+    for (const auto& [node, state] : awaited) {
+      if (questions.state(node) == state) continue;
       all = false;
-      questions.ask(node.name);
+      questions.ask(node);
     }
     return all;
   };
@@ -256,16 +262,17 @@ UpReport up(const Target& suite, const UpOptions& options) {
   MonotonicTime next_look = start;
   bool ended = false;
   const auto reached_or_ended = [&] {
+    if (monotonic_now() < next_look) return reached();
+    read_awaited();
     if (reached()) return true;
-    if (monotonic_now() < next_look) return false;
-    next_look = monotonic_now() + milliseconds(100);
     // One that has no instance lock yet may still be loading.
     const auto now = local_status(target);
     for (std::size_t i = 0; i < now.size(); ++i) {
-      if (is_held(now[i].name)) continue;
+      if (!awaited.contains(now[i].name)) continue;
       const auto& process = processes[i].process;
       ended = ended || (!now[i].instance && (!process || process->wait_for_exit(nanoseconds(0))));
     }
+    next_look = monotonic_now() + between_looks;
     return ended;
   };
   report.all_reached = bus.executor.spin_until(reached_or_ended, start + options.deadline) && !ended &&
@@ -275,9 +282,10 @@ UpReport up(const Target& suite, const UpOptions& options) {
   for (NodeStatus& s : report.nodes) {
     const std::string state = questions.state(s.name);
     if (!state.empty() && s.instance) s.state = state;
-    if (s.state != desired(target, s.name) && !is_held(s.name)) {
-      report.problems.push_back(fmt::format("{} is {} instead of {}; see {}", s.name, s.state,
-                                            desired(target, s.name), target.var.log(s.name).string()));
+    const auto wanted = awaited.find(s.name);
+    if (wanted != awaited.end() && s.state != wanted->second) {
+      report.problems.push_back(fmt::format("{} is {} instead of {}; see {}", s.name, s.state, wanted->second,
+                                            target.var.log(s.name).string()));
     }
   }
   return report;

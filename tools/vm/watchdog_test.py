@@ -1,7 +1,7 @@
 """Linux' watchdog devices really reset the machine: the suite in a virtual machine, stopped as a whole, comes up again after the reset.
 
 softdog: the kernel's own timer resets. i6300esb: QEMU plays the chip, which also tells the next boot that it was the cause. Twice two
-boots, about two minutes. The last line is "N passed, M failed".
+boots, a minute each. The last line is "N passed, M failed".
 
 Exit codes: 0 all passed, 1 some failed, 2 cannot be done here.
 """
@@ -35,7 +35,7 @@ def judge(driver, code, lines):
     return [
         (f"{driver}: two boots of the machine, the second ended well", code == 0 and len(boots) == 2),
         (f"{driver}: it was reset, not merely restarted", bool(first) and first["kernel"] != second["kernel"]),
-        (f"{driver}: all six nodes were stopped before", any(line.get("stopped") == 6 for line in lines)),
+        (f"{driver}: timing and all other nodes were stopped before", any("timing" in line.get("stopped", ()) for line in lines)),
         (f"{driver}: nobody could have disarmed it (nowayout)", bool(first) and first["nowayout"] and second["nowayout"]),
         (f"{driver}: its time-out is the one that was asked for", bool(first) and first["watchdog_timeout_s"] == 20),
         (f"{driver}: the boot is counted", bool(first) and second["boot_count"] == first["boot_count"] + 1),

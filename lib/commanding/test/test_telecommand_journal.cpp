@@ -176,14 +176,65 @@ TEST_F(TelecommandJournalTest, EndsOnlyAByIdCommandThatMayHaveBeenSentWhenItsPer
   EXPECT_EQ(journal.pending(), 1U) << "may be done twice";
 }
 
-TEST_F(TelecommandJournalTest, ExpiresWhatWaitedAcrossAReboot) {
-  store(command(2));
-  TelecommandJournal rebooted("boot-b");
-  ASSERT_TRUE(rebooted.restore(journal.encode()).has_value());
-  rebooted.on_written(rebooted.revision(), true);
-  EXPECT_THAT(rebooted.take_reports(),
-              ElementsAre(failed(2, FailureCode::expired, TelecommandStage::started)));
-  EXPECT_EQ(rebooted.next(now), nullptr);
+TEST_F(TelecommandJournalTest, DoesNotExpireWhatBeganInTime) {
+  store(command(1, RepeatClass::by_id, now));
+  ASSERT_NE(journal.next(now), nullptr);
+  journal.begin();
+  EXPECT_TRUE(journal.attempt_failed(FailureCode::peripheral_silent));
+  ASSERT_NE(journal.next(now + seconds(1)), nullptr) << "its second attempt";
+  journal.begin();
+  journal.finish(FailureCode::none);
+  write();
+  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), completed(1)));
+}
+
+TEST_F(TelecommandJournalTest, ExpiresACommandWhoseStartWasRecordedAndThatWasNotSent) {
+  store(command(1, RepeatClass::at_most_once, now));
+  journal.mark_started();
+  EXPECT_EQ(journal.next(now + seconds(1)), nullptr);
+  write();
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(failed(1, FailureCode::expired, TelecommandStage::started)));
+}
+
+struct JournalAfterACrash : Journal {
+  /// What the successor reports of a telecommand that was begun, or was not, before the process died.
+  std::vector<StageReport> reports_of(RepeatClass repeat, bool begun, const std::string& boot = "boot-a") {
+    store(command(1, repeat, now));
+    if (begun) {
+      journal.mark_started();
+      write();
+      journal.begin();
+    }
+    const Octets on_disk = journal.encode();
+    TelecommandJournal restarted(boot);
+    EXPECT_TRUE(restarted.restore(on_disk));
+    EXPECT_EQ(restarted.next(now + seconds(1)), nullptr) << "past its expiry it does not start";
+    restarted.on_written(restarted.revision(), true);
+    return restarted.take_reports();
+  }
+};
+using JournalAfterACrashTest = JournalAfterACrash;
+
+TEST_F(JournalAfterACrashTest, SaysThatTheOutcomeOfABegunCommandIsUnknownWhenItExpiredMeanwhile) {
+  for (const RepeatClass repeat : {RepeatClass::idempotent, RepeatClass::by_id, RepeatClass::at_most_once}) {
+    for (const char* boot : {"boot-a", "boot-b"}) {
+      journal = TelecommandJournal("boot-a");
+      EXPECT_THAT(reports_of(repeat, true, boot), ElementsAre(failed(1, FailureCode::interrupted)))
+          << static_cast<int>(repeat) << boot;
+    }
+  }
+}
+
+TEST_F(JournalAfterACrashTest, ClaimsThatACommandDidNotStartOnlyWhereItsStartWouldHaveBeenRecorded) {
+  for (const char* boot : {"boot-a", "boot-b"}) {
+    journal = TelecommandJournal("boot-a");
+    EXPECT_THAT(reports_of(RepeatClass::at_most_once, false, boot),
+                ElementsAre(failed(1, FailureCode::expired, TelecommandStage::started)));
+    journal = TelecommandJournal("boot-a");
+    EXPECT_THAT(reports_of(RepeatClass::by_id, false, boot),
+                ElementsAre(failed(1, FailureCode::interrupted)));
+  }
 }
 
 TEST_F(TelecommandJournalTest, NoticesADamagedFile) {

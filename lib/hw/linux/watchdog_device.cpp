@@ -84,9 +84,11 @@ class WatchdogDevice : public Watchdog {
     if (::ioctl(fd, WDIOC_GETSUPPORT, &info) == 0) {
       const auto* text = reinterpret_cast<const char*>(info.identity);
       facts.identity = std::string(text, strnlen(text, sizeof info.identity));
+      // Some drivers (i6300esb) tell it and do not list it among what they can tell.
       int status = 0;
-      if ((info.options & WDIOF_CARDRESET) != 0 && ::ioctl(fd, WDIOC_GETBOOTSTATUS, &status) == 0)
-        facts.reset_by_watchdog = (status & WDIOF_CARDRESET) != 0;
+      const bool told = ::ioctl(fd, WDIOC_GETBOOTSTATUS, &status) == 0;
+      const bool was_it = (status & WDIOF_CARDRESET) != 0;
+      if (told && (was_it || (info.options & WDIOF_CARDRESET) != 0)) facts.reset_by_watchdog = was_it;
     }
     facts.nowayout = read_nowayout(fd);
     return facts;

@@ -249,7 +249,7 @@ RestartOutcome Restarter::restart(const Accusation& accusation) {
   if (c.node == nullptr) return {What::not_believed, 0, {}, "no node of this deployment"};
   if (accusation.subject == observer_)
     return {What::not_believed, 0, {}, "an observer does not restart itself"};
-  const RestartOutcome outcome = decide_and_act(c);
+  RestartOutcome outcome = decide_and_act(c);
   record(c, outcome);
   return outcome;
 }

@@ -78,6 +78,7 @@ RingMonitor::Subject* RingMonitor::find(std::string_view name) {
 
 std::vector<std::string_view> RingMonitor::watched() const {
   std::vector<std::string_view> names;
+  names.reserve(subjects_.size());
   for (const Subject& s : subjects_) names.push_back(s.name);
   return names;
 }

@@ -57,6 +57,20 @@ TEST_F(Downlink, AFrameThatIsNotFullWaits50MsForCompany) {
   EXPECT_EQ(live_.push(*frame), std::vector<Octets>{packet(20)});
 }
 
+TEST_F(Downlink, BesideWholeFramesOfAnotherChannelAFrameThatIsNotFullWaits32Cadus) {
+  scheduler_.push(DownlinkChannel::live, packet(20), false, at_us(0));
+  std::int64_t live_at_us = 0;
+  for (std::int64_t us = 0; us < 200'000 && live_at_us == 0; us += 100) {
+    while (scheduler_.room_octets(DownlinkChannel::playback) > 1000)
+      scheduler_.push(DownlinkChannel::playback, packet(500), false, at_us(us));
+    const auto frame = next(at_us(us));
+    if (frame && frame->vc == 0) live_at_us = us;
+  }
+  constexpr std::int64_t cadu_us = 2811;  // 259 octets at 921600 baud
+  EXPECT_GE(live_at_us, 31 * cadu_us);
+  EXPECT_LE(live_at_us, 33 * cadu_us);
+}
+
 TEST_F(Downlink, AnUrgentPacketLeavesAtOnceWithWhatStandsBeforeIt) {
   scheduler_.push(DownlinkChannel::live, packet(20, 1), false, at_us(0));
   scheduler_.push(DownlinkChannel::live, packet(20, 2), true, at_us(5));

@@ -89,6 +89,9 @@ class Router : public testing::Test {
                                .interrupted = codes_.interrupted},
                               outbox_};
   PacketRetrieval retrieval_{outbox_, 38};
+  AcceptanceJournal journal_{"boot", seconds(60)};
+  ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
+  TimeReporter time_reports_;
   TelecommandRouter router_{{.dictionary = dictionary_,
                              .codes = codes_,
                              .housekeeping = housekeeping_,
@@ -96,7 +99,9 @@ class Router : public testing::Test {
                              .mode = mode_,
                              .forwarder = forwarder_,
                              .retrieval = retrieval_,
-                             .outbox = outbox_},
+                             .outbox = outbox_,
+                             .schedule = schedule_,
+                             .time_reports = time_reports_},
                             "ttc"};
   std::vector<Report> reports_;
   std::uint64_t id_ = 0;

@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <map>
+#include <set>
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -18,6 +19,7 @@
 #include "nodes/ttc/ttc_node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/temporary_folder.hpp"
+#include "wire/cuc.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace srfs {
@@ -46,6 +48,7 @@ class TtcNodeTest : public testing::Test {
       node_->go_to(ros::State::finalized);
     }
     node_.reset();
+    ticks_.reset();
   }
 
   void open_line() {
@@ -135,6 +138,51 @@ class TtcNodeTest : public testing::Test {
     return comes(1, subtype, [&](const wire::TmPacket& p) { return p.source == request; });
   }
 
+  /// A telecommand packet for a payload. @return it
+  Octets payload_packet() {
+    wire::TcPacket packet;
+    packet.apid = mission::apid::payload_eps;
+    packet.sequence_count = ++sequence_;
+    packet.ack_flags = wire::ack::all;
+    packet.service = 8;
+    packet.subtype = 1;
+    packet.application = {0, 1, 2, 1};
+    return wire::make_tc_packet(packet);
+  }
+  /// Schedules it. @return the request id of the insertion
+  Octets schedule(const Octets& packet, UtcTime release) {
+    OctetWriter data;
+    data.u16(1);
+    data.u8(0);
+    data.bytes(wire::encode_cuc(to_tai(release)));
+    data.bytes(packet);
+    return send(mission::apid::ttc, 11, 4, data.take());
+  }
+  /// Ticks say that it is @p utc, validly, until @p condition holds.
+  bool wait_at(UtcTime utc, const std::function<bool()>& condition) {
+    if (!ticks_)
+      ticks_ = std::make_unique<ros::Publisher<srfs_msgs::msg::TimeTick>>(*there_, ros::topics::time_tick);
+    const MonotonicTime deadline = monotonic_now() + seconds(20);
+    bool holds = false;
+    while (!holds && monotonic_now() < deadline) {
+      srfs_msgs::msg::TimeTick tick;
+      tick.cycle = ++cycle_;
+      tick.utc.sec = static_cast<std::int32_t>(utc.since_epoch() / seconds(1));
+      tick.monotonic_ns = static_cast<std::uint64_t>(monotonic_now().ns());
+      tick.period_us = 1'000'000;
+      tick.time_valid = true;
+      tick.sync_state = 2;
+      ticks_->publish(tick);
+      holds = executor_.spin_until(condition, monotonic_now() + milliseconds(200));
+    }
+    return holds;
+  }
+  [[nodiscard]] bool has_come(std::uint8_t subtype, const Octets& source) const {
+    return std::any_of(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+      return p.service == 1 && p.subtype == subtype && p.source == source;
+    });
+  }
+
   ros::Executor executor_;
   std::unique_ptr<ros::Participant> here_;
   std::unique_ptr<ros::Participant> there_;
@@ -148,6 +196,8 @@ class TtcNodeTest : public testing::Test {
   ros::Executor::Handle line_watch_;
   std::vector<wire::TmPacket> packets_;
   std::uint16_t sequence_ = 0;
+  std::unique_ptr<ros::Publisher<srfs_msgs::msg::TimeTick>> ticks_;
+  std::uint64_t cycle_ = 0;
 };
 
 TEST_F(TtcNodeTest, AnswersAPingFromTheLine) {
@@ -249,6 +299,73 @@ TEST_F(TtcNodeTest, ARetransmittedFrameIsReportedAgainAndNotExecutedAgain) {
   write_frame(wire::TcFrameType::ad, packet);
   EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
   EXPECT_EQ(count(17, 2), 1) << "of the newer one: the frame is known over a restart too";
+}
+
+TEST_F(TtcNodeTest, AScheduledTelecommandIsReleasedAtItsTimeAlsoAfterAKill) {
+  const UtcTime morning(seconds(1'795'000'000));
+  const UtcTime release = morning + seconds(3600);
+  activate();
+  std::vector<std::uint64_t> ids;
+  ros::Subscription<Telecommand> telecommands(
+      executor_, *there_, ros::topics::telecommand,
+      [&](const Telecommand& m, const ros::MessageInfo&) { ids.push_back(m.id); });
+  const Octets packet = payload_packet();
+  const Octets request(packet.begin(), packet.begin() + 4);
+  const Octets insertion = schedule(packet, release);
+  ASSERT_TRUE(wait_at(morning, [&] { return has_come(7, insertion); }));
+  EXPECT_FALSE(has_come(1, request));
+  EXPECT_TRUE(ids.empty());
+
+  end_without_a_word();
+  activate();
+  ASSERT_TRUE(wait_at(release + seconds(1), [&] { return has_come(1, request) && !ids.empty(); }));
+  const std::uint64_t id = ids.front();
+
+  // It is no longer scheduled, it is under way: under the same id, and released no more.
+  end_without_a_word();
+  ids.clear();
+  activate();
+  ASSERT_TRUE(wait_at(release + seconds(1), [&] { return !ids.empty(); }));
+  ros::Publisher<TelecommandReport> reports(*there_, ros::topics::telecommand_report);
+  ASSERT_TRUE(wait([&] { return reports.subscription_count() == 1; }));
+  TelecommandReport report;
+  report.id = id;
+  report.node = "payload_eps";
+  report.stage = TelecommandReport::COMPLETED;
+  report.success = true;
+  reports.publish(report);
+  EXPECT_TRUE(wait_at(release + seconds(2), [&] { return has_come(7, request); }));
+  EXPECT_EQ(std::set<std::uint64_t>(ids.begin(), ids.end()), std::set<std::uint64_t>{id});
+
+  const Octets list = send(mission::apid::ttc, 11, 17);
+  EXPECT_TRUE(verified(7, list));
+  EXPECT_TRUE(comes(11, 13, [](const wire::TmPacket& p) { return p.source == Octets{0, 0}; }));
+}
+
+TEST_F(TtcNodeTest, AScheduledTelecommandThatIsTooLateIsDroppedWithAnEventAndUnderItsOwnRequestId) {
+  const UtcTime morning(seconds(1'795'000'000));
+  activate();
+  const Octets packet = payload_packet();
+  const Octets insertion = schedule(packet, morning + seconds(10));
+  ASSERT_TRUE(wait_at(morning, [&] { return has_come(7, insertion); }));
+
+  Octets expired(packet.begin(), packet.begin() + 4);
+  expired.insert(expired.end(), {0, 20});
+  EXPECT_TRUE(wait_at(morning + seconds(10 + 61), [&] { return has_come(2, expired); })) << "the clock steps";
+  EXPECT_TRUE(event_comes(mission::event::schedule_activity_dropped, 3));
+}
+
+TEST_F(TtcNodeTest, SendsTimeReportsAtTheRateThatWasSet) {
+  activate();
+  const UtcTime noon(seconds(1'795'000'000));
+  const Octets rate = send(mission::apid::ttc, 9, 1, {1});
+  ASSERT_TRUE(wait_at(noon, [&] { return has_come(7, rate); }));
+  EXPECT_TRUE(wait_at(noon, [&] {
+    return std::any_of(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+      return p.apid == 0 && p.service == 9 && p.source == Octets{1} && p.time - to_tai(noon) < seconds(5) &&
+             to_tai(noon) - p.time < seconds(5);
+    });
+  }));
 }
 
 TEST_F(TtcNodeTest, ADamagedJournalIsSaidAndLocksNobodyOut) {

@@ -97,6 +97,30 @@ TEST_F(CommandingTest, WaitsAnewWhenThereIsNews) {
   EXPECT_EQ(commanding.on_time(start + seconds(18)).size(), 1U);
 }
 
+TEST_F(CommandingTest, FollowsAScheduledTelecommandWithoutHoldingAnybodyUp) {
+  const wire::RequestId later{0x1811, 0xc009};
+  commanding.follow_scheduled(later, *dictionary().command("eps.switch_load"), seconds(100), 8, start);
+  EXPECT_EQ(commanding.outstanding(), 1U) << "the other one";
+  EXPECT_EQ(commanding.on_inserted(request, true, start), std::nullopt) << "that was no time-tagged one";
+  const auto scheduled = commanding.on_inserted(later, true, start);
+  ASSERT_TRUE(scheduled);
+  EXPECT_EQ(scheduled->stage, Stage::scheduled);
+  EXPECT_EQ(scheduled->tag, 8U);
+  EXPECT_EQ(commanding.on_packet(report(7, "", "1811c009"), start + seconds(50))->stage, Stage::completed);
+
+  commanding.follow_scheduled(later, *dictionary().command("eps.switch_load"), seconds(100), 9, start);
+  const auto refused = commanding.on_inserted(later, false, start);
+  ASSERT_TRUE(refused);
+  EXPECT_EQ(refused->stage, Stage::not_sent);
+  EXPECT_EQ(commanding.on_packet(report(7, "", "1811c009"), start), std::nullopt);
+}
+
+TEST_F(CommandingTest, SaysWhichActivityWasRefusedAndWhy) {
+  EXPECT_EQ(commanding.on_packet(report(2, "003c02000601"), start)->failure_text,
+            "the request of an activity is not one that could be accepted: activity 2: an argument is out of "
+            "its range: argument 1");
+}
+
 TEST_F(CommandingTest, KeepsABoundedNumber) {
   for (std::size_t i = 0; i < Commanding::max_outstanding + 5; ++i) {
     static_cast<void>(commanding.sent({0x1811, static_cast<std::uint16_t>(i)},

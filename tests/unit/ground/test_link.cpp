@@ -7,6 +7,7 @@
 #include "fake_spacecraft.hpp"
 #include "ground/downlink.hpp"
 #include "ground/uplink.hpp"
+#include "wire/time_packet.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -137,6 +138,27 @@ TEST(Downlink, HandsOutPacketsOfLiveAndPlaybackChannel) {
   EXPECT_EQ(downlink.counters().packets, 2U);
   EXPECT_EQ(downlink.counters().bad_frames, 0U);
   EXPECT_EQ(downlink.clcw(), 0x01000000U);
+}
+
+TEST(Downlink, HandsOutTimePacketsAsTimeReports) {
+  const auto link = secured_link();
+  wire::TmFrameBuilder frames({.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
+                               .frame_octets = static_cast<std::size_t>(link.tm_frame_length)});
+  const TaiTime time = to_tai(*from_iso8601("2026-11-22T10:00:00.5Z"));
+  ASSERT_TRUE(frames.queue_packet(0, wire::make_time_packet({.sequence_count = 4, .rate = 3, .time = time})));
+  Downlink downlink(link);
+  const Octets cadu =
+      wire::encode_cadu(frames.build(0, 0), {.frame_octets = static_cast<std::size_t>(link.tm_frame_length),
+                                             .reed_solomon = link.tm_reed_solomon,
+                                             .interleave = static_cast<unsigned>(link.tm_interleave),
+                                             .randomize = link.tm_randomizer});
+  const auto packets = downlink.push(cadu);
+  ASSERT_EQ(packets.size(), 1U);
+  EXPECT_EQ(packets[0].packet.service, 9);
+  EXPECT_EQ(packets[0].packet.subtype, 2);
+  EXPECT_EQ(packets[0].packet.time, time);
+  EXPECT_EQ(packets[0].packet.source, Octets{3});
+  EXPECT_EQ(downlink.counters().bad_packets, 0U);
 }
 
 TEST(Downlink, CountsADamagedFrameAndGoesOn) {

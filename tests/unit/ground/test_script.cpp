@@ -122,6 +122,38 @@ TEST(Script, JudgesATelecommandByItsStages) {
   }
 }
 
+TEST(Script, ATimeTaggedTelecommandIsExpectedToBeScheduled) {
+  const auto steps = parse(
+      "tc a x=1 --at +30s\ntc b --at 2026-11-22T10:00:00Z --timeout 5\nexpect completed\nping --at "
+      "+5min\nexpect "
+      "scheduled");
+  ASSERT_TRUE(steps) << steps.error().message;
+  const UtcTime now(seconds(1000));
+  EXPECT_EQ(steps->at(0).at->at(now), now + seconds(30));
+  EXPECT_EQ(steps->at(0).expectation, Expectation::scheduled);
+  EXPECT_EQ(steps->at(0).arguments, std::vector<std::string>{"x=1"});
+  EXPECT_EQ(steps->at(1).at->at(now), from_iso8601("2026-11-22T10:00:00Z"));
+  EXPECT_EQ(steps->at(1).expectation, Expectation::completed);
+  EXPECT_EQ(steps->at(2).at->at(now), now + seconds(300));
+  for (const char* wrong : {"tc a --at", "tc a --at soon", "tc a --at 30s", "tc a --at +x", "tc a --at -5s",
+                            "tc a\nexpect scheduled"})
+    EXPECT_FALSE(parse(wrong)) << wrong;
+}
+
+TEST(Script, OfAnInsertionOnlyAFailureCounts) {
+  ScriptStep step;
+  StageReport report;
+  report.insertion = true;
+  report.stage = Stage::completed;
+  EXPECT_EQ(judge(step, report), std::nullopt) << "its telecommand is not completed";
+  report.stage = Stage::rejected;
+  EXPECT_EQ(judge(step, report), false);
+  step.expectation = Expectation::scheduled;
+  report = {};
+  report.stage = Stage::scheduled;
+  EXPECT_EQ(judge(step, report), true);
+}
+
 TEST(Script, JudgesTheFailureCodeWhenOneIsNamed) {
   ScriptStep step;
   step.expectation = Expectation::rejected;

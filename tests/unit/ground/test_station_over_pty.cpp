@@ -52,6 +52,7 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
     static_cast<void>(!write(pty.fd(), octets.data(), octets.size()));
   };
   put(spacecraft.idle());
+  static Octets schedule;  // kept from one run of the tool to the next
   while (!over) {
     pollfd wait{pty.fd(), POLLIN, 0};
     if (poll(&wait, 1, 20) <= 0) continue;
@@ -78,7 +79,15 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
         put(spacecraft.send(1, 5, 1, event.take()));
         put(spacecraft.send(2, 3, 25, stored.take(), 1));
       }
+      if (packet.service == 11 && packet.subtype == 16) put(spacecraft.send(1, 11, 10, schedule));
       put(spacecraft.verify(packet, 7));
+      if (packet.service == 11 && packet.subtype == 4) {
+        schedule = packet.application;  // its layout is that of the detail report
+        const auto request = wire::parse_tc_packet(OctetView(packet.application).subspan(2 + 1 + 8));
+        if (!request) continue;
+        for (const int subtype : {1, 3, 7})
+          put(spacecraft.verify(*request, static_cast<std::uint8_t>(subtype)));
+      }
     }
   }
 }
@@ -125,6 +134,39 @@ TEST_F(GroundProgram, ShowsTheStagesOfATelecommand) {
   EXPECT_THAT(tc.output, HasSubstr("eps.switch_load accepted"));
   EXPECT_THAT(tc.output, HasSubstr("eps.switch_load started"));
   EXPECT_THAT(tc.output, HasSubstr("eps.switch_load completed"));
+}
+
+TEST_F(GroundProgram, SchedulesATimeTaggedTelecommandAndFollowsItToItsEnd) {
+  const Run scheduled = run("tc eps.switch_load load=1 state=on --at 2030-01-01T00:00:00Z");
+  EXPECT_EQ(scheduled.exit_code, 0) << scheduled.output;
+  EXPECT_THAT(scheduled.output, HasSubstr("schedule.insert completed"));
+  EXPECT_THAT(scheduled.output, HasSubstr("eps.switch_load scheduled"));
+
+  const Run waited = run("tc eps.switch_load load=1 state=on --at +1s --wait");
+  EXPECT_EQ(waited.exit_code, 0) << waited.output;
+  EXPECT_THAT(waited.output, HasSubstr("eps.switch_load completed"));
+  EXPECT_EQ(run("tc eps.switch_load load=1 state=on --at tomorrow").exit_code, 2);
+
+  const Run bad = run("tc eps.switch_load load=1 state=on --at 2100-01-01T00:00:00Z");
+  EXPECT_EQ(bad.exit_code, 2) << bad.output;
+  EXPECT_THAT(bad.output, HasSubstr("outside the link's time"));
+}
+
+TEST_F(GroundProgram, ListsTheScheduleAndChangesIt) {
+  ASSERT_EQ(run("tc eps.switch_load load=1 state=on --at 2030-01-01T00:00:00Z").exit_code, 0);
+  const Run list = run("schedule");
+  EXPECT_EQ(list.exit_code, 0) << list.output;
+  EXPECT_THAT(list.output, HasSubstr("schedule: 1 activities"));
+  EXPECT_THAT(list.output, HasSubstr("2030-01-01T00:00:00.000Z"));
+  EXPECT_THAT(list.output, HasSubstr("apid 17"));
+  EXPECT_THAT(list.output, HasSubstr("eps.switch_load load=1 state=on"));
+  for (const char* action : {"enable", "disable", "reset", "delete 17 3", "delete 17 3 0", "shift 60",
+                             "shift -60 17 3", "groups"}) {
+    const Run done = run(std::string("schedule ") + action);
+    EXPECT_EQ(done.exit_code, 0) << action << ": " << done.output;
+  }
+  for (const char* action : {"delete", "delete 17", "shift", "shift 1 2", "list 4", "sort"})
+    EXPECT_EQ(run(std::string("schedule ") + action).exit_code, 2) << action;
 }
 
 TEST_F(GroundProgram, EndsWithOneWhenTheSpacecraftRefuses) {

@@ -167,6 +167,50 @@ TEST(ArgumentCheck, AgreesWithTheGeneratedDecoders) {
             ArgumentError{2});
 }
 
+TEST(CommandText, HasAHeadBeforeTheGroupsAndMayHaveNoGroup) {
+  const std::string from = "1f8193ae25000000";  // of the ground link's vectors
+  EXPECT_EQ(octets("schedule.shift", {"offset_s=-2", "request_apid=17", "request_sequence=3"}),
+            "fffffffe"
+            "0001"
+            "000000110003");
+  EXPECT_EQ(octets("schedule.delete_group", {}), "0000");
+  EXPECT_EQ(octets("schedule.delete_group", {"group_id=4"}), "000104");
+  const std::string all = octets("schedule.delete_filter", {});
+  EXPECT_EQ(all.substr(0, 2), "01");
+  EXPECT_EQ(all.substr(34), "0000");
+  EXPECT_EQ(octets("schedule.delete_filter", {"group_id=2"}), all.substr(0, 34) + "000102");
+  EXPECT_THAT(refusal("schedule.shift", {"request_apid=17", "request_sequence=3"}), HasSubstr("offset_s"));
+
+  const Command& shift = *dictionary().command("schedule.shift");
+  const auto check = [&](const std::string& hex) {
+    return dictionary().check_arguments(shift, *from_hex(hex));
+  };
+  EXPECT_TRUE(check("fffffffe0001000000110003"));
+  EXPECT_EQ(check("fffffffe000100000fff0003").error(), ArgumentError{3}) << "counted from the head on";
+  EXPECT_EQ(check("fffffffe0000").error(), ArgumentError{0}) << "no group";
+  EXPECT_EQ(check("fffffffe00010000001100").error(), ArgumentError{0});
+}
+
+TEST(CommandText, TakesAWholePacketInHexadecimal) {
+  const std::string packet = "1801c01600062f11010000ab62";  // 17,1 of the ground link's vectors
+  EXPECT_EQ(octets("schedule.insert", {"release=2026-11-22T10:00:00Z", "request=" + packet}).substr(0, 6),
+            "000100");
+  for (const std::string& wrong : {packet.substr(2), packet + "00", std::string("18"), std::string("xy")})
+    EXPECT_THAT(refusal("schedule.insert", {"release=2026-11-22T10:00:00Z", "request=" + wrong}),
+                HasSubstr("not a whole packet"));
+  const Command& insert = *dictionary().command("schedule.insert");
+  const auto good =
+      dictionary().encode("schedule.insert", {"release=2026-11-22T10:00:00Z", "request=" + packet});
+  ASSERT_TRUE(good);
+  EXPECT_TRUE(dictionary().check_arguments(insert, good->data));
+  Octets cut = good->data;
+  cut.pop_back();
+  EXPECT_EQ(dictionary().check_arguments(insert, cut).error(), ArgumentError{0});
+  Octets longer = good->data;
+  longer[2 + 1 + 8 + 4] = 0x7F;  // a length beyond all bounds
+  EXPECT_EQ(dictionary().check_arguments(insert, longer).error(), ArgumentError{3});
+}
+
 TEST(StructureText, ShowsValuesWithUnitsAndLimits) {
   PayloadEpsHousekeeping housekeeping;
   housekeeping.measurement.battery_voltage_v = 6.5F;

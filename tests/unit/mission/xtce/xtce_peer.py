@@ -19,7 +19,7 @@ sys.path.insert(0, ARGUMENTS.generator)
 
 import jinja2  # noqa: E402
 
-from mission_dictionary import camel, linear, load, snake  # noqa: E402
+from mission_dictionary import camel, has_packet, linear, load, snake  # noqa: E402
 from mission_structures import CPP, identifier, structure_type  # noqa: E402
 
 D = load(ARGUMENTS.dictionary)
@@ -95,7 +95,7 @@ def main():
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.globals.update(d=D, camel=camel, cpp=CPP, snake=snake, structure_type=structure_type, fill=fill, expect=expect,
-                               reference_values=reference_values, verification=ARGUMENTS.verification)
+                               reference_values=reference_values, has_packet=has_packet, verification=ARGUMENTS.verification)
     pathlib.Path(ARGUMENTS.out).write_text(environment.get_template("xtce_peer.cpp.jinja").render() + "\n", encoding="utf-8")
 
 

@@ -1,0 +1,4 @@
+// The source that a target which only holds precompiled headers must have (srfs_precompile in SrfsTargets.cmake).
+int main() {
+  return 0;
+}

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <optional>
+#include <string_view>
+
+#include "base/time.hpp"
+
+namespace srfs::ground {
+
+/// "5", "5s", "200ms", "2min": seconds without a unit, at most a week. nullopt: anything else.
+[[nodiscard]] std::optional<milliseconds> parse_duration(std::string_view text);
+
+/// When a telecommand is to be released on board: "2026-11-22T10:00:00Z", or "+30s" from when it is sent.
+struct TimeTag {
+  std::optional<UtcTime> absolute;
+  milliseconds after{0};  ///< without an absolute time
+
+  [[nodiscard]] UtcTime at(UtcTime now) const { return absolute.value_or(now + after); }
+};
+[[nodiscard]] std::optional<TimeTag> parse_time_tag(std::string_view text);
+inline constexpr std::string_view time_tag_forms =
+    "a UTC time like 2026-11-22T10:00:00Z, or +30s, +200ms, +5min";
+
+}  // namespace srfs::ground

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/result.hpp"
+#include "ros/crash_report.hpp"
+
+namespace srfs {
+
+/// Reports that may wait in the outbox; other files there do not count.
+constexpr std::size_t queued_reports_max = 16;
+
+/// Which of a node's reports goes down; nullptr: there is none. Pure.
+/// @param reports  oldest first, as find_crash_reports() gives them
+/// @param incarnation  nullopt: the newest
+[[nodiscard]] const ros::CrashReport* choose_report(const std::vector<ros::CrashReport>& reports,
+                                                    std::optional<std::uint32_t> incarnation);
+
+struct QueuedReport {
+  std::string name;  ///< NODE_INCARNATION.report, in the outbox and on the ground
+  std::uint64_t octets = 0;
+};
+enum class QueueError : std::uint8_t {
+  gone,  ///< the report, since it was looked for
+  full,
+  disk
+};
+struct QueueFailure {
+  QueueError error;
+  std::string text;
+};
+
+/// Puts a report where the file transfer looks for what to send (lib/cfdp/postbox.hpp): whole, and on the
+/// medium when it returns. One that waits there already stays as it is. A hard link, which a full disk allows
+/// too; a copy where there can be none. Blocks on the disk. One caller at a time.
+[[nodiscard]] Result<QueuedReport, QueueFailure> queue_report(const std::filesystem::path& outbox,
+                                                              const std::string& node,
+                                                              const ros::CrashReport& report);
+
+}  // namespace srfs

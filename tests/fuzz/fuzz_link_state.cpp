@@ -1,0 +1,62 @@
+// The file of SDLS counters and FARM-1 states: a copy with a right checksum and anything under it, and the
+// file's octets as they are. Checked: what is read is written as the same, and the uplink works on it.
+
+#include <cstdlib>
+
+#include "base/crc32c.hpp"
+#include "nodes/ttc/link_state.hpp"
+#include "nodes/ttc/uplink_chain.hpp"
+#include "wire/tc_uplink.hpp"
+
+namespace {
+
+using namespace srfs;
+
+void require(bool condition) {
+  if (!condition) std::abort();
+}
+
+wire::SdlsKey key(std::uint8_t octet) {
+  return wire::SdlsKey({octet});
+}
+
+void use(const LinkState& stored) {
+  const auto again = decode_link_state(encode_link_state(stored));
+  require(again && *again == stored);
+
+  UplinkConfig config;
+  config.spacecraft_id = 0xAB;
+  UplinkChannel channel{.vc = 0, .associations = {}};
+  channel.associations.push_back({.spi = 1, .key = key(1), .for_ad = true, .for_bd = true});
+  config.channels.push_back(std::move(channel));
+  UplinkChain uplink(std::move(config), stored);
+  require(uplink.state().channels.size() <= max_link_channels);
+  (void)uplink.next_clcw();
+
+  // Never a lock-out: a BD frame with a higher counter always passes.
+  const std::uint64_t last = uplink.counter(1).value_or(0);
+  if (last == UINT64_MAX) return;
+  const wire::SdlsKey sender = key(1);
+  const wire::SdlsSeal seal{sender, 1, last + 1};
+  const auto cltu = wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = 0}, wire::TcFrameType::bd, 0, &seal,
+                                           Octets{1, 2, 3});
+  const MonotonicTime now(seconds(1));
+  auto packets = uplink.push(*cltu, now);
+  for (auto& late : uplink.on_idle(now + seconds(1))) packets.push_back(std::move(late));
+  require(packets.size() == 1 && uplink.counter(1) == last + 1);
+  require(uplink.state().associations.size() <= max_link_associations);
+  (void)encode_link_state(uplink.state());
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t size) {
+  if (const auto state = decode_link_state({input, size})) use(*state);
+  Octets copy(input, input + std::min(size, link_state_octets - 4));
+  copy.resize(link_state_octets - 4);
+  OctetWriter check;
+  check.u32(crc32c(copy));
+  copy.insert(copy.end(), check.view().begin(), check.view().end());
+  if (const auto state = decode_link_state(copy)) use(*state);
+  return 0;
+}
