@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <charconv>
@@ -22,7 +23,7 @@ struct Header {
   std::size_t octets = 0;  ///< of the header, with its padding
   int bitpix = 0;
   int axes = -1;
-  std::array<std::int64_t, 3> size{1, 1, 1};
+  std::array<std::int64_t, 3> size{0, 0, 1};
   double scale = 1;
   double zero = 0;
   std::optional<std::int64_t> blank;
@@ -49,6 +50,10 @@ std::optional<T> number(std::string_view text) {
   return value;
 }
 
+/// Keys whose value is not a text.
+constexpr std::array<std::string_view, 11> numbers{"SIMPLE", "BITPIX", "NAXIS", "NAXIS1",   "NAXIS2", "NAXIS3",
+                                                   "BSCALE", "BZERO",  "BLANK", "SATURATE", "MJD-OBS"};
+
 /// @return false where the card is not understood
 bool take_card(std::string_view card, Header& header) {
   const std::string_view key = trimmed(card.substr(0, 8));
@@ -59,7 +64,7 @@ bool take_card(std::string_view card, Header& header) {
     const auto end = value.find('\'', quote + 1);
     if (end == std::string_view::npos) return false;
     if (key == "DATE-OBS") header.date = value.substr(quote + 1, end - quote - 1);
-    return true;
+    return std::find(numbers.begin(), numbers.end(), key) == numbers.end();
   }
   value = trimmed(value.substr(0, value.find('/')));
   const auto set = [](auto& to, auto&& found) {
