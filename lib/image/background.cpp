@@ -51,9 +51,11 @@ CellStatistics next(const CellStatistics& last, const Moments& m, float noise_le
   return {last.level + mean, std::max(spread * clipped_spread, noise_least)};
 }
 
-/// Level and spread of a sample: median and quartile first, whatever stands in the cell; then mean and spread of what is near.
+/// Level and spread of a sample: median and quartile first, whatever stands in the cell; then mean and spread
+/// of what is near.
 /// @return nothing of a cell without pixels
-std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell, float noise_least, std::vector<float>& sample) {
+std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell, float noise_least,
+                                          std::vector<float>& sample) {
   take_sample(pixels, cell, sample);
   if (sample.size() < sample_least) return std::nullopt;
   const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
@@ -64,27 +66,34 @@ std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell,
   // The lower half has fewer stars in it. Coarsely quantised values may make it zero wide.
   CellStatistics guess{median, std::max((median - *quarter) * 1.4826F, noise_least)};
   for (int round = 0; round < 3; ++round)
-    guess = next(guess, clipped_moments(sample.data(), static_cast<int>(sample.size()), guess.level, clip_sigma * guess.noise), noise_least);
+    guess = next(guess,
+                 clipped_moments(sample.data(), static_cast<int>(sample.size()), guess.level,
+                                 clip_sigma * guess.noise),
+                 noise_least);
   return guess;
 }
 
 /// Mean and spread of the pixels that are near, until they settle.
-CellStatistics settle(CellStatistics is, const Plane& pixels, const Grid<std::uint8_t>* masked, const Cell& cell, float noise_least) {
+CellStatistics settle(CellStatistics is, const Plane& pixels, const Grid<std::uint8_t>* masked,
+                      const Cell& cell, float noise_least) {
   const int width = cell.x1 - cell.x0;
   for (int round = 0; round < 6; ++round) {
     const float reach = clip_sigma * is.noise;
     Moments all{0, 0, 0};
     for (int y = cell.y0; y < cell.y1; ++y) {
       const float* row = pixels.row(y) + cell.x0;
-      const Moments m = masked != nullptr ? clipped_moments(row, masked->row(y) + cell.x0, width, is.level, reach)
-                                          : clipped_moments(row, width, is.level, reach);
+      const Moments m = masked != nullptr
+                            ? clipped_moments(row, masked->row(y) + cell.x0, width, is.level, reach)
+                            : clipped_moments(row, width, is.level, reach);
       all.n += m.n, all.sum += m.sum, all.squares += m.squares;
     }
     if (all.n < static_cast<float>(sample_least)) return round == 0 ? CellStatistics{} : is;
     const CellStatistics before = is;
     is = next(is, all, noise_least);
     // Where the clipping is off by a tenth, the spread is off by a hundredth.
-    if (std::abs(is.noise - before.noise) < 0.05F * is.noise && std::abs(is.level - before.level) < 0.1F * is.noise) break;
+    if (std::abs(is.noise - before.noise) < 0.05F * is.noise &&
+        std::abs(is.level - before.level) < 0.1F * is.noise)
+      break;
   }
   return is;
 }

@@ -51,8 +51,9 @@ std::optional<T> number(std::string_view text) {
 }
 
 /// Keys whose value is not a text.
-constexpr std::array<std::string_view, 11> numbers{"SIMPLE", "BITPIX", "NAXIS", "NAXIS1",   "NAXIS2", "NAXIS3",
-                                                   "BSCALE", "BZERO",  "BLANK", "SATURATE", "MJD-OBS"};
+constexpr std::array<std::string_view, 11> numbers{"SIMPLE", "BITPIX",   "NAXIS",  "NAXIS1",
+                                                   "NAXIS2", "NAXIS3",   "BSCALE", "BZERO",
+                                                   "BLANK",  "SATURATE", "MJD-OBS"};
 
 /// @return false where the card is not understood
 bool take_card(std::string_view card, Header& header) {

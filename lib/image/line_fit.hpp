@@ -55,7 +55,8 @@ class LineFitter {
   LinePixels pixels_;
 };
 
-/// Calls use(y, first x, last x) for the rows of pixels within @p reach of a line, up to @p beyond behind its ends.
+/// Calls use(y, first x, last x) for the rows of pixels within @p reach of a line, up to @p beyond behind its
+/// ends.
 template <class Use>
 void for_rows_along(const Line& l, int width, int height, double reach, double beyond, Use&& use) {
   const double length = std::max(1e-3, l.length());
@@ -64,7 +65,9 @@ void for_rows_along(const Line& l, int width, int height, double reach, double b
   // Of the rectangle around the line.
   const double dx = std::abs(ux) * beyond + std::abs(uy) * reach;
   const double dy = std::abs(uy) * beyond + std::abs(ux) * reach;
-  const auto first_of = [](double v, int size) { return static_cast<int>(std::ceil(std::clamp(v, 0.0, 1.0 * size))); };
+  const auto first_of = [](double v, int size) {
+    return static_cast<int>(std::ceil(std::clamp(v, 0.0, 1.0 * size)));
+  };
   const auto last_of = [](double v, int size) {
     return static_cast<int>(std::floor(std::clamp(v, -1.0, size - 1.0)));
   };

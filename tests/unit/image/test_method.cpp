@@ -1,5 +1,9 @@
 #include "image/method.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
 #include <gmock/gmock.h>
 
 #include "tests/unit/image/skies.hpp"
@@ -41,19 +45,94 @@ TEST(Methods, AreFoundByNameOrTheOnesThereAreAreNamed) {
               HasSubstr("no method 'stars': there are star_centroid, streak, tracklet"));
 }
 
-TEST(Methods, AllTakeTheirStandardParametersAndAnEmptyFrame) {
+/// What a camera, a broken file or a joker may give.
+Frame odd_frame(const std::string& kind) {
+  constexpr float nan = std::numeric_limits<float>::quiet_NaN();
+  constexpr float infinity = std::numeric_limits<float>::infinity();
+  Frame frame;
+  frame.pixels = Plane(kind == "one pixel" ? 1
+                       : kind == "one row" ? 300
+                       : kind == "two"     ? 2
+                                           : 90,
+                       kind == "one pixel" || kind == "one row" ? 1
+                       : kind == "one column"                   ? 400
+                                                                : 70,
+                       0.0F);
+  if (kind == "one column") frame.pixels = Plane(1, 400, 7.0F);
+  auto& cells = frame.pixels.cells();
+  std::uint32_t state = 1;
+  for (float& v : cells) {
+    state = state * 1664525U + 1013904223U;
+    const float random = static_cast<float>(state >> 8) / 16777216.0F;
+    if (kind == "white") v = 65535;
+    if (kind == "no value") v = nan;
+    if (kind == "infinite") v = infinity;
+    if (kind == "half without a value") v = random < 0.5F ? nan : 100 + random;
+    if (kind == "beyond all scales") v = (random - 0.5F) * 3e38F;
+    if (kind == "negative") v = -1e6F + random;
+    if (kind == "salt") v = random > 0.9F ? 255.0F : 0.0F;
+    if (kind == "tiny") v = random * 1e-38F;
+  }
+  if (kind == "one value") cells[2000] = 1e30F;
+  if (kind == "ramp") {
+    for (std::size_t i = 0; i < cells.size(); ++i) cells[i] = static_cast<float>(i);
+  }
+  return frame;
+}
+
+class OddFrames : public testing::TestWithParam<const char*> {};
+
+TEST_P(OddFrames, GiveFiniteFindingsOfEveryMethodAndInASequence) {
   for (const MethodEntry& entry : methods()) {
     const auto parameters = Parameters::parse(entry.parameters, {});
     ASSERT_TRUE(parameters);
-    Frame frame;
-    frame.pixels = Plane(40, 30, 0.0F);
     const auto method = entry.make(*parameters);
-    const auto found = method->process(frame);
+    for (int k = 0; k < 3; ++k) {
+      const auto found = method->process(odd_frame(GetParam()));
+      ASSERT_TRUE(found) << entry.name;
+      for (const Star& s : found->stars) EXPECT_TRUE(std::isfinite(s.x + s.y + s.flux + s.snr + s.fwhm_px));
+      for (const Streak& s : found->streaks)
+        EXPECT_TRUE(std::isfinite(s.x1 + s.y1 + s.x2 + s.y2 + s.flux + s.snr + s.width_px));
+      EXPECT_TRUE(std::isfinite(found->background) && std::isfinite(found->noise)) << entry.name;
+    }
+    EXPECT_TRUE(method->finish().tracklets.empty()) << entry.name;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, OddFrames,
+                         testing::Values("black", "white", "one pixel", "one row", "one column", "two",
+                                         "no value", "infinite", "half without a value", "beyond all scales",
+                                         "negative", "salt", "tiny", "one value", "ramp"));
+
+TEST(Methods, FindNothingInAFlatFrame) {
+  for (const MethodEntry& entry : methods()) {
+    const auto parameters = Parameters::parse(entry.parameters, {});
+    ASSERT_TRUE(parameters);
+    const auto found = entry.make(*parameters)->process(odd_frame("black"));
     ASSERT_TRUE(found) << entry.name;
     EXPECT_TRUE(found->stars.empty());
     EXPECT_TRUE(found->streaks.empty());
-    EXPECT_TRUE(method->finish().tracklets.empty());
   }
+}
+
+/// A consumer's camera: eight bits, sky noise below one step.
+TEST(Methods, FindTheStarsAndNoStreakInEightBits) {
+  hw_sim::SkyScene scene = small_scene(2.6, 5);
+  const std::vector<hw_sim::SkyStar> truth = lattice(scene, 60);
+  Frame frame = frame_of(scene, truth);
+  for (float& v : frame.pixels.cells()) v = std::clamp(std::round((v - 420) / 20), 0.0F, 255.0F);
+  frame.step = 1;
+  const auto parameters =
+      Parameters::parse(find_method("streak").value()->parameters, std::vector<std::string>{"stars=1"});
+  const auto found = find_method("streak").value()->make(*parameters)->process(frame);
+  ASSERT_TRUE(found);
+  EXPECT_TRUE(found->streaks.empty());
+  std::size_t hits = 0;
+  for (const hw_sim::SkyStar& t : truth) {
+    hits += std::any_of(found->stars.begin(), found->stars.end(),
+                        [&](const Star& s) { return std::hypot(s.x - t.x, s.y - t.y) < 0.5; });
+  }
+  EXPECT_EQ(hits, truth.size());
 }
 
 TEST(FrameSize, IsRefusedBelowOneAndAboveAHundredMegapixels) {

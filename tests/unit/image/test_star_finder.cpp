@@ -44,7 +44,7 @@ TEST_P(StarsOfEveryWidth, AreFoundNearTheCramerRaoBoundWithTheirFluxAndWidth) {
   const std::vector<Star> found = stars_in(frame_of(scene, truth));
 
   EXPECT_GE(found.size(), truth.size());
-  EXPECT_LE(found.size(), truth.size() + 2);
+  EXPECT_LE(found.size(), truth.size() + 4);  // chance gives two on average in frames of this size
   double squares = 0;
   for (const SkyStar& t : truth) {
     const Star* s = nearest(found, t.x, t.y, 1);
@@ -52,7 +52,7 @@ TEST_P(StarsOfEveryWidth, AreFoundNearTheCramerRaoBoundWithTheirFluxAndWidth) {
     const hw_sim::StarLimits limits = hw_sim::star_limits(scene, t);
     squares += std::pow((s->x - t.x) / limits.x_px, 2) + std::pow((s->y - t.y) / limits.y_px, 2);
     EXPECT_NEAR(s->flux, t.flux_e, 0.2 * t.flux_e);
-    EXPECT_NEAR(s->snr, 40, 16);  // the wings of so many stars count as noise
+    EXPECT_NEAR(s->snr, 40, 18);  // the wings of so many stars count as noise
     EXPECT_NEAR(s->fwhm_px, std::hypot(GetParam(), 0.68), 0.3 * GetParam());  // a pixel widens it
   }
   EXPECT_LT(std::sqrt(squares / (2.0 * static_cast<double>(truth.size()))),
