@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,10 +27,22 @@ struct Streak {
   double width_px;  ///< FWHM across
 };
 
+/// Where a frame looks and how it lies.
+struct Attitude {
+  double ra_deg;  ///< of the frame's middle, J2000
+  double dec_deg;
+  double roll_deg;          ///< direction of the frame's upper edge, from north over east
+  double scale_arcsec_px;   ///< in the middle
+  bool mirrored;            ///< east is to the right where north is up
+  int stars;                ///< that the catalogue explains
+  double rms_arcsec;        ///< of those, per axis
+};
+
 /// What one frame holds, by whatever method was asked for.
 struct FrameFindings {
   std::vector<Star> stars;      ///< brightest first
   std::vector<Streak> streaks;  ///< most significant first
+  std::optional<Attitude> attitude;
   double background = 0;        ///< median, ADU
   double noise = 0;             ///< median of the pixels' noise, ADU
   double fwhm_px = 0;           ///< measured in the frame; 0: too few stars to tell

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "image/plate_solver.hpp"
 #include "image/streak_finder.hpp"
 
 namespace srfs::image {
@@ -117,6 +118,37 @@ constexpr std::array tracklet_parameters{
                   "by how much of chi squared a streak has to be likelier than two stars in the one frame"},
 };
 
+/// The attitude from the stars.
+class PlateSolution final : public Method {
+ public:
+  explicit PlateSolution(const Parameters& parameters)
+      : options_{parameters["min_field"], parameters["max_field"]},
+        with_stars_(parameters["stars"] != 0),
+        solver_(bright_stars()) {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    findings.stars = find_stars(clean, {}).stars;
+    findings.attitude = solver_.solve(findings.stars, frame.pixels.width(), frame.pixels.height(), options_);
+    if (!findings.attitude)
+      findings.notes.push_back(fmt::format("no solution: {} stars, no attitude explains them", findings.stars.size()));
+    if (!with_stars_) findings.stars.clear();
+    return findings;
+  }
+
+ private:
+  PlateOptions options_;
+  bool with_stars_;
+  PlateSolver solver_;
+};
+
+constexpr std::array plate_parameters{
+    ParameterSpec{"min_field", 4, 1, 60, "least width of the field of view, degrees"},
+    ParameterSpec{"max_field", 20, 1, 60, "largest width of the field of view, degrees"},
+    ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
+};
+
 template <class M>
 std::unique_ptr<Method> make(const Parameters& parameters) {
   return std::make_unique<M>(parameters);
@@ -129,6 +161,8 @@ constexpr std::array entries{
                 make<StreakSearch>},
     MethodEntry{"tracklet", "objects that move over several frames: points, velocity, SNR",
                 tracklet_parameters, make<TrackletSearch>},
+    MethodEntry{"plate_solve", "attitude and scale from the stars, or none", plate_parameters,
+                make<PlateSolution>},
 };
 
 template <class Range>

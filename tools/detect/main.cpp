@@ -79,12 +79,24 @@ Json to_json(const FrameRegistration& r) {
           {"rms", rounded(r.registration.rms_px, 1e-4)}};
 }
 
+Json to_json(const std::optional<Attitude>& a) {
+  if (!a) return nullptr;
+  return {{"ra_deg", rounded(a->ra_deg, 1e-6)},
+          {"dec_deg", rounded(a->dec_deg, 1e-6)},
+          {"roll_deg", rounded(a->roll_deg, 1e-5)},
+          {"scale_arcsec_px", rounded(a->scale_arcsec_px, 1e-5)},
+          {"mirrored", a->mirrored},
+          {"stars", a->stars},
+          {"rms_arcsec", rounded(a->rms_arcsec, 1e-3)}};
+}
+
 /// What was found so far, in the order of the files.
 struct Report {
   Json frames = Json::array();
   Json stars = Json::array();
   Json streaks = Json::array();
   Json tracklets = Json::array();
+  Json solution = nullptr;  ///< of the first frame that has one
 };
 
 struct Elapsed {
@@ -103,6 +115,7 @@ void add(Report& report, const std::string& path, const Frame& frame, const Fram
   const int number = static_cast<int>(report.frames.size());
   for (const Star& s : found.stars) report.stars.push_back(to_json(s, number));
   for (const Streak& s : found.streaks) report.streaks.push_back(to_json(s, number));
+  if (report.solution.is_null()) report.solution = to_json(found.attitude);
   report.frames.push_back({{"file", path},
                            {"width", frame.pixels.width()},
                            {"height", frame.pixels.height()},
@@ -115,6 +128,7 @@ void add(Report& report, const std::string& path, const Frame& frame, const Fram
                            {"saturated", found.saturated},
                            {"invalid", found.invalid},
                            {"notes", found.notes},
+                           {"solution", to_json(found.attitude)},
                            {"elapsed_ms", rounded(elapsed.wall_ms, 1e-2)},
                            {"cpu_ms", rounded(elapsed.cpu_ms, 1e-2)}});
 }
@@ -139,6 +153,11 @@ void print_text(const Report& report) {
                f["stars"].get<int>(), f["streaks"].get<int>(), f["background"].get<double>(),
                f["noise"].get<double>(), f["elapsed_ms"].get<double>());
     for (const Json& note : f["notes"]) fmt::print("  note: {}\n", note.get<std::string>());
+    if (const Json& a = f["solution"]; !a.is_null())
+      fmt::print("  attitude: RA {:.4f}, Dec {:+.4f}, roll {:.3f} degrees, {:.3f} arcsec/px{}, {} stars\n",
+                 a["ra_deg"].get<double>(), a["dec_deg"].get<double>(), a["roll_deg"].get<double>(),
+                 a["scale_arcsec_px"].get<double>(), a["mirrored"].get<bool>() ? ", mirrored" : "",
+                 a["stars"].get<int>());
     for (const Json& s : report.streaks) {
       if (s["frame"] == i)
         fmt::print("  streak ({:.2f}, {:.2f}) - ({:.2f}, {:.2f})  snr {:.1f}\n", s["x1"].get<double>(),
@@ -204,7 +223,8 @@ int run(const std::string& name, const std::vector<std::string>& given, const st
                    {"frames", report.frames},
                    {"stars", report.stars},
                    {"streaks", report.streaks},
-                   {"tracklets", report.tracklets}};
+                   {"tracklets", report.tracklets},
+                   {"solution", report.solution}};
     std::printf("%s\n", all.dump().c_str());
   } else {
     print_text(report);
