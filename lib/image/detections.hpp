@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "image/psf.hpp"
@@ -31,11 +32,17 @@ struct Streak {
 struct Attitude {
   double ra_deg;  ///< of the frame's middle, J2000
   double dec_deg;
-  double roll_deg;          ///< direction of the frame's upper edge, from north over east
-  double scale_arcsec_px;   ///< in the middle
-  bool mirrored;            ///< east is to the right where north is up
-  int stars;                ///< that the catalogue explains
-  double rms_arcsec;        ///< of those, per axis
+  double roll_deg;         ///< direction of the frame's upper edge, from north over east
+  double scale_arcsec_px;  ///< in the middle
+  bool mirrored;           ///< east is to the right where north is up
+  int stars;               ///< that the catalogue explains
+  double rms_arcsec;       ///< of those, per axis
+};
+
+/// A piece of a frame, or the frame made small, as a product of its own.
+struct Cutout {
+  int x, y;                                        ///< its first pixel in the frame
+  std::variant<Grid<std::uint8_t>, Plane> pixels;  ///< for people to look at, or ADU
 };
 
 /// What one frame holds, by whatever method was asked for.
@@ -43,12 +50,13 @@ struct FrameFindings {
   std::vector<Star> stars;      ///< brightest first
   std::vector<Streak> streaks;  ///< most significant first
   std::optional<Attitude> attitude;
-  double background = 0;        ///< median, ADU
-  double noise = 0;             ///< median of the pixels' noise, ADU
-  double fwhm_px = 0;           ///< measured in the frame; 0: too few stars to tell
-  int spikes = 0;               ///< pixels taken for hot ones or cosmic rays
-  int saturated = 0;            ///< pixels
-  int invalid = 0;              ///< pixels without a value
+  std::optional<Cutout> cutout;
+  double background = 0;  ///< median, ADU
+  double noise = 0;       ///< median of the pixels' noise, ADU
+  double fwhm_px = 0;     ///< measured in the frame; 0: too few stars to tell
+  int spikes = 0;         ///< pixels taken for hot ones or cosmic rays
+  int saturated = 0;      ///< pixels
+  int invalid = 0;        ///< pixels without a value
   std::vector<std::string> notes;
 };
 

@@ -496,4 +496,22 @@ Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane&
   return {};
 }
 
+Result<void, Refusal> write_png(const std::filesystem::path& path, const Grid<std::uint8_t>& pixels) {
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  png.width = static_cast<png_uint_32>(pixels.width());
+  png.height = static_cast<png_uint_32>(pixels.height());
+  png.format = PNG_FORMAT_GRAY;
+  png_alloc_size_t octets = 0;
+  if (png_image_write_to_memory(&png, nullptr, &octets, 0, pixels.cells().data(), 0, nullptr) == 0)
+    return refuse("{}: PNG: {}", path.string(), png.message);
+  std::string content(octets, '\0');
+  if (png_image_write_to_memory(&png, content.data(), &octets, 0, pixels.cells().data(), 0, nullptr) == 0)
+    return refuse("{}: PNG: {}", path.string(), png.message);
+  content.resize(octets);
+  const auto written = write_file_atomically(path, content);
+  if (!written) return Err(Refusal{written.error().message});
+  return {};
+}
+
 }  // namespace srfs::image

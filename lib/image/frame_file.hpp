@@ -19,4 +19,8 @@ namespace srfs::image {
 /// Writes 16-bit FITS; values are rounded and cut off at 0 and 65535. Replaces the file.
 [[nodiscard]] Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane& pixels);
 
+/// Writes 8-bit grey PNG. Replaces the file.
+[[nodiscard]] Result<void, Refusal> write_png(const std::filesystem::path& path,
+                                              const Grid<std::uint8_t>& pixels);
+
 }  // namespace srfs::image

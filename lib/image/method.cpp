@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "image/picture.hpp"
 #include "image/plate_solver.hpp"
 #include "image/streak_finder.hpp"
 
@@ -132,7 +133,8 @@ class PlateSolution final : public Method {
     findings.stars = find_stars(clean, {}).stars;
     findings.attitude = solver_.solve(findings.stars, frame.pixels.width(), frame.pixels.height(), options_);
     if (!findings.attitude)
-      findings.notes.push_back(fmt::format("no solution: {} stars, no attitude explains them", findings.stars.size()));
+      findings.notes.push_back(
+          fmt::format("no solution: {} stars, no attitude explains them", findings.stars.size()));
     if (!with_stars_) findings.stars.clear();
     return findings;
   }
@@ -149,6 +151,95 @@ constexpr std::array plate_parameters{
     ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
 };
 
+/// Pixels of the detector that are not as the others, from several frames.
+class DefectMap final : public Method {
+ public:
+  explicit DefectMap(const Parameters& parameters)
+      : share_(parameters["share"]), most_(static_cast<std::size_t>(parameters["max_defects"])) {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    if (count_ && (count_->width() != frame.pixels.width() || count_->height() != frame.pixels.height()))
+      return Err(Refusal{fmt::format("{} x {} px after frames of {} x {}", frame.pixels.width(),
+                                     frame.pixels.height(), count_->width(), count_->height())});
+    if (count_ && count_->frames() >= frames_most)
+      return Err(Refusal{fmt::format("more than {} frames in a sequence", frames_most)});
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    if (!count_) count_.emplace(frame.pixels.width(), frame.pixels.height());
+    count_->add(frame, clean);
+    return findings;
+  }
+
+  SequenceFindings finish() override {
+    SequenceFindings found;
+    if (count_) found.defects = count_->defects(share_, most_);
+    if (count_ && count_->frames() < frames_least)
+      found.notes.push_back(fmt::format("in fewer than {} frames particles look like defects", frames_least));
+    count_.reset();
+    return found;
+  }
+
+ private:
+  static constexpr int frames_most = 1000;
+  static constexpr int frames_least = 3;
+  double share_;
+  std::size_t most_;
+  std::optional<DefectCount> count_;
+};
+
+constexpr std::array defect_parameters{
+    ParameterSpec{"share", 0.6, 0.05, 1, "share of the frames that have to show a defect"},
+    ParameterSpec{"max_defects", 10000, 1, 1000000, "the strongest defects that are kept"},
+};
+
+class Thumbnail final : public Method {
+ public:
+  explicit Thumbnail(const Parameters& parameters) : width_(static_cast<int>(parameters["width"])) {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    FrameFindings findings;
+    findings.cutout = Cutout{0, 0, thumbnail(frame.pixels, width_)};
+    return findings;
+  }
+
+ private:
+  int width_;
+};
+
+constexpr std::array thumbnail_parameters{
+    ParameterSpec{"width", 320, 1, 4096, "px; at most the frame's"},
+};
+
+class RegionOfInterest final : public Method {
+ public:
+  explicit RegionOfInterest(const Parameters& parameters)
+      : wanted_{static_cast<int>(parameters["x"]), static_cast<int>(parameters["y"]),
+                static_cast<int>(parameters["width"]), static_cast<int>(parameters["height"])} {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    const auto part = within(wanted_, frame.pixels.width(), frame.pixels.height());
+    if (!part)
+      return Err(Refusal{fmt::format("the region begins at ({}, {}), the frame has {} x {} px", wanted_.x,
+                                     wanted_.y, frame.pixels.width(), frame.pixels.height())});
+    FrameFindings findings;
+    if (part->width < wanted_.width || part->height < wanted_.height)
+      findings.notes.push_back(
+          fmt::format("only {} x {} px of the region are in the frame", part->width, part->height));
+    findings.cutout = Cutout{part->x, part->y, cut_out(frame.pixels, *part)};
+    return findings;
+  }
+
+ private:
+  Rectangle wanted_;
+};
+
+constexpr std::array roi_parameters{
+    ParameterSpec{"x", 0, 0, 1e6, "first column"},
+    ParameterSpec{"y", 0, 0, 1e6, "first row"},
+    ParameterSpec{"width", 128, 1, 1e6, "px"},
+    ParameterSpec{"height", 128, 1, 1e6, "px"},
+};
+
 template <class M>
 std::unique_ptr<Method> make(const Parameters& parameters) {
   return std::make_unique<M>(parameters);
@@ -163,6 +254,11 @@ constexpr std::array entries{
                 tracklet_parameters, make<TrackletSearch>},
     MethodEntry{"plate_solve", "attitude and scale from the stars, or none", plate_parameters,
                 make<PlateSolution>},
+    MethodEntry{"defect_map", "hot and dark pixels of the detector, from several frames", defect_parameters,
+                make<DefectMap>},
+    MethodEntry{"roi", "a piece of the frame as it is", roi_parameters, make<RegionOfInterest>},
+    MethodEntry{"thumbnail", "the frame made small, for people to look at", thumbnail_parameters,
+                make<Thumbnail>},
 };
 
 template <class Range>

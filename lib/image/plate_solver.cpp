@@ -71,8 +71,8 @@ std::optional<Shape> shape_of(const std::array<Vector2d, 4>& p, bool mirrored) {
   }
   return Shape{{static_cast<float>(c.x()), static_cast<float>(c.y()), static_cast<float>(d.x()),
                 static_cast<float>(d.y())},
-               {static_cast<std::uint8_t>(a), static_cast<std::uint8_t>(b), static_cast<std::uint8_t>(rest[0]),
-                static_cast<std::uint8_t>(rest[1])}};
+               {static_cast<std::uint8_t>(a), static_cast<std::uint8_t>(b),
+                static_cast<std::uint8_t>(rest[0]), static_cast<std::uint8_t>(rest[1])}};
 }
 
 /// Calls use(i, j, k) for all three of n.
@@ -99,14 +99,14 @@ double log_chance(std::size_t n, std::size_t hits, double p) {
   double sum = 0;
   for (std::size_t k = hits; k <= n; ++k) {
     const auto m = static_cast<double>(k);
-    sum += std::exp(std::lgamma(count + 1) - std::lgamma(m + 1) - std::lgamma(count - m + 1) + m * std::log(p) +
-                    (count - m) * std::log1p(-p));
+    sum += std::exp(std::lgamma(count + 1) - std::lgamma(m + 1) - std::lgamma(count - m + 1) +
+                    m * std::log(p) + (count - m) * std::log1p(-p));
   }
   return std::log(std::max(sum, 1e-300));
 }
 
 struct Camera {
-  Matrix3d to_sky;   ///< from the camera's axes (x right, y down, z ahead) to J2000
+  Matrix3d to_sky;  ///< from the camera's axes (x right, y down, z ahead) to J2000
   double focal_px;
   bool mirrored;  ///< x counts to the left
 };
@@ -241,7 +241,8 @@ class PlateSearch {
   }
 
   [[nodiscard]] std::optional<Attitude> try_pattern(const std::array<std::size_t, 4>& four) {
-    const std::array<Vector2d, 4> places{places_[four[0]], places_[four[1]], places_[four[2]], places_[four[3]]};
+    const std::array<Vector2d, 4> places{places_[four[0]], places_[four[1]], places_[four[2]],
+                                         places_[four[3]]};
     std::optional<Attitude> found;
     // With rows that count downwards, pixels have the handedness of east and north.
     for (const bool mirrored : {false, true}) {
@@ -364,8 +365,7 @@ class PlateSearch {
       // When the camera turns by this, the stars turn the other way in its axes.
       const Vector3d turn = step.head<3>();
       const double size = turn.norm();
-      if (size > 0)
-        camera.to_sky = camera.to_sky * Eigen::AngleAxisd(size, turn / size).toRotationMatrix();
+      if (size > 0) camera.to_sky = camera.to_sky * Eigen::AngleAxisd(size, turn / size).toRotationMatrix();
       camera.focal_px += step[3];
       if (size * camera.focal_px < 1e-4 && std::abs(step[3]) < 1e-4 * camera.focal_px) break;
     }
@@ -398,7 +398,8 @@ class PlateSearch {
     return attitude_of(camera, pairs.size(), rms);
   }
 
-  [[nodiscard]] bool is_beyond_chance(const Camera& camera, const std::vector<Pair>& pairs, double reach) const {
+  [[nodiscard]] bool is_beyond_chance(const Camera& camera, const std::vector<Pair>& pairs,
+                                      double reach) const {
     // Of the catalogue's stars around here, each takes its share of the frame.
     const Vector3d middle = camera.to_sky * Vector3d(0, 0, 1);
     const double half = std::atan(std::hypot(width_, height_) / 2.0 / camera.focal_px);
@@ -416,10 +417,12 @@ class PlateSearch {
       inside.push_back(k);
     });
     const double area = 2 * std::numbers::pi * (1 - std::cos(half));
-    const double p = std::clamp(around / area * std::numbers::pi * std::pow(reach / camera.focal_px, 2), 1e-6, 0.5);
+    const double p =
+        std::clamp(around / area * std::numbers::pi * std::pow(reach / camera.focal_px, 2), 1e-6, 0.5);
     const std::size_t n = std::min(judged_most, places_.size());
     // Four are the pattern's own, and four parameters are fitted to them.
-    if (log_chance(n - 4, pairs.size() - 4, p) + std::log(std::max(1, trials_)) > std::log(chance_most)) return false;
+    if (log_chance(n - 4, pairs.size() - 4, p) + std::log(std::max(1, trials_)) > std::log(chance_most))
+      return false;
     // The brightest stars that have to be in the frame are there.
     std::sort(inside.begin(), inside.end());
     if (inside.size() > 12) inside.resize(12);

@@ -19,8 +19,8 @@ struct PlateOptions {
 /// The attitude of a camera without distortion from its stars, without any idea of where it looks.
 ///
 /// Patterns of four stars (one and three of the six brightest around it) are compared by their shape with
-/// those of the catalogue; one that agrees gives an attitude, which is taken only if it explains so many other
-/// stars that chance cannot.
+/// those of the catalogue; one that agrees gives an attitude, which is taken only if it explains so many
+/// other stars that chance cannot.
 class PlateSolver {
  public:
   /// Takes a quarter of a second and 25 MB. @param catalogue  brightest first

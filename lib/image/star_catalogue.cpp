@@ -44,16 +44,17 @@ Eigen::Vector3d direction_of(double ra_deg, double dec_deg) {
 
 std::vector<CatalogueStar> bright_stars() {
   const std::span<const std::uint8_t> content(
-      srfs_bright_stars_begin, static_cast<std::size_t>(reinterpret_cast<std::uintptr_t>(srfs_bright_stars_end) -
-                                                        reinterpret_cast<std::uintptr_t>(srfs_bright_stars_begin)));
+      srfs_bright_stars_begin,
+      static_cast<std::size_t>(reinterpret_cast<std::uintptr_t>(srfs_bright_stars_end) -
+                               reinterpret_cast<std::uintptr_t>(srfs_bright_stars_begin)));
   std::vector<CatalogueStar> stars;
   stars.reserve(content.size() / star_octets);
   for (std::size_t at = 0; at + star_octets <= content.size(); at += star_octets) {
     const std::int32_t ra = take_24(&content[at]);
     std::int32_t dec = take_24(&content[at + 3]);
     if (dec >= 1 << 23) dec -= 1 << 24;
-    stars.push_back({direction_of(360 * turns_per_unit * ra, 360 * turns_per_unit * dec),
-                     content[at + 6] / 20.0});
+    stars.push_back(
+        {direction_of(360 * turns_per_unit * ra, 360 * turns_per_unit * dec), content[at + 6] / 20.0});
   }
   return stars;
 }

@@ -64,7 +64,8 @@ class SkyIndex {
       const Band& band = bands_[static_cast<std::size_t>(b)];
       const double per_cell = 2 * pi / band.cells;
       const int from = static_cast<int>(std::floor((ra - half + pi) / per_cell));
-      const int n = std::min(band.cells, static_cast<int>(std::floor((ra + half + pi) / per_cell)) - from + 1);
+      const int n =
+          std::min(band.cells, static_cast<int>(std::floor((ra + half + pi) / per_cell)) - from + 1);
       for (int k = 0; k < n; ++k) {
         const std::size_t cell =
             band.first_cell + static_cast<std::size_t>((from + k + 2 * band.cells) % band.cells);

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "image/defect_map.hpp"
 #include "image/detections.hpp"
 #include "image/registration.hpp"
 
@@ -50,6 +51,7 @@ struct SequenceFindings {
   std::vector<FrameRegistration> registrations;  ///< of each frame, to the reference frame
   int reference = 0;                             ///< the reference frame
   bool timed = false;                            ///< velocities are per second
+  std::vector<Defect> defects;                   ///< of the detector, strongest first
   std::vector<std::string> notes;
 };
 

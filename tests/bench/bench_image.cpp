@@ -11,10 +11,12 @@
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
+#include <Eigen/Dense>
 #include <nlohmann/json.hpp>
 
 #include "hw_sim/sky_frame.hpp"
 #include "image/frame_file.hpp"
+#include "image/star_catalogue.hpp"
 
 namespace {
 
@@ -112,14 +114,16 @@ Json truth_of(const SkyScene& scene, const std::vector<SkyStar>& stars,
 }
 
 void write(const Options& o, int number, const SkyScene& scene, const std::vector<SkyStar>& stars,
-           const std::vector<SkyStreak>& streaks) {
+           const std::vector<SkyStreak>& streaks, const Json& attitude = nullptr) {
   image::Plane plane(scene.width, scene.height);
   const std::vector<float> adu = render_sky(scene, stars, streaks);
   std::copy(adu.begin(), adu.end(), plane.cells().begin());
   const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
   if (const auto written = image::write_fits(name + ".fits", plane); !written)
     throw std::runtime_error(written.error().reason);
-  std::ofstream(name + ".json") << truth_of(scene, stars, streaks).dump();
+  Json truth = truth_of(scene, stars, streaks);
+  if (!attitude.is_null()) truth["attitude"] = attitude;
+  std::ofstream(name + ".json") << truth.dump();
 }
 
 // --- sequences ---
@@ -236,8 +240,56 @@ void make_sequence(const Options& o, SkyRandom& random, int number) {
   std::ofstream(name + ".json") << truth.dump();
 }
 
+// --- real sky ---
+
+/// The catalogue's stars and fainter ones by chance, as a camera that looks anywhere sees them.
+void make_plate(const Options& o, SkyRandom& random, int number) {
+  using Eigen::Vector3d;
+  SkyScene scene = random_scene(o, random);
+  scene.fwhm_px = random.uniform(1.4, 3.5);
+  const double field_deg = random.uniform(6, 15);
+  const double ra_deg = random.uniform(0, 360);
+  const double dec_deg = std::asin(random.uniform(-1, 1)) * 180 / std::numbers::pi;
+  const double roll_deg = random.uniform(0, 360);
+  const double faintest = random.uniform(8, 9.5);  // of SNR 6
+  const double focal_px = o.width / 2.0 / std::tan(field_deg * std::numbers::pi / 360);
+  const double roll = roll_deg * std::numbers::pi / 180;
+  const Vector3d middle = image::direction_of(ra_deg, dec_deg);
+  const Vector3d east = Vector3d(-middle.y(), middle.x(), 0).normalized();
+  const Vector3d north = middle.cross(east);
+  const Vector3d down = -std::cos(roll) * north - std::sin(roll) * east;
+  const Vector3d right = down.cross(middle);
+  const auto flux = [&](double x, double y, double magnitude) {
+    return flux_for_snr(scene, x, y, std::min(20000.0, 6 * std::pow(10, 0.4 * (faintest - magnitude))));
+  };
+  std::vector<SkyStar> stars;
+  for (const image::CatalogueStar& s : image::bright_stars()) {
+    const double ahead = s.direction.dot(middle);
+    if (ahead < 0.9) continue;
+    const double x = (o.width - 1) / 2.0 + focal_px * s.direction.dot(right) / ahead;
+    const double y = (o.height - 1) / 2.0 + focal_px * s.direction.dot(down) / ahead;
+    if (x > -5 && y > -5 && x < o.width + 4 && y < o.height + 4) stars.push_back({x, y, flux(x, y, s.magnitude)});
+  }
+  // Three times as many a magnitude.
+  const double known = static_cast<double>(stars.size());
+  const int fainter = static_cast<int>(known * (std::pow(3.0, faintest + 0.5 - 8.5) - 1));
+  for (int i = 0; i < fainter; ++i) {
+    const double x = random.uniform(0, o.width);
+    const double y = random.uniform(0, o.height);
+    const double share = random.uniform(std::pow(3.0, 8.5 - faintest - 0.5), 1);
+    stars.push_back({x, y, flux(x, y, faintest + 0.5 + std::log(share) / std::log(3.0))});
+  }
+  write(o, number, scene, stars, {},
+        {{"ra_deg", ra_deg}, {"dec_deg", dec_deg}, {"roll_deg", roll_deg}, {"field_deg", field_deg},
+         {"scale_arcsec_px", 180 * 3600 / std::numbers::pi / focal_px}});
+}
+
 void make(const Options& o) {
   SkyRandom random(o.seed);
+  if (o.set == "plate") {
+    for (int i = 0; i < o.frames; ++i) make_plate(o, random, i);
+    return;
+  }
   if (o.set == "sequence") {
     for (int i = 0; i < o.frames; ++i) make_sequence(o, random, i);
     return;
@@ -260,7 +312,7 @@ int main(int argc, char** argv) {
   Options options;
   app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
   app.add_option("--set", options.set, "What is in them")
-      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence"}))
+      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate"}))
       ->capture_default_str();
   app.add_option("--frames", options.frames, "Frames, or sequences of eight")
       ->check(CLI::Range(1, 999))

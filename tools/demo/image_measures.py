@@ -331,6 +331,34 @@ def measure_tracklets(bin_dir, sequences):
     return score.result()
 
 
+def measure_plates(bin_dir, frames):
+    """Attitude of fields 6 to 15 degrees wide; the time beside star_centroid on the same frames."""
+    errors, rolls, extra, wrong, unsolved = [], [], [], 0, []
+    for fits, truth in frames:
+        stars, found = detect(bin_dir, "star_centroid", fits)[1], detect(bin_dir, "plate_solve", fits)[1]
+        extra.append(found["frames"][0]["cpu_ms"] - stars["frames"][0]["cpu_ms"])
+        wanted, solution = truth["attitude"], found["solution"]
+        if not solution:
+            unsolved.append({"frame": truth["file"], "field_deg": round(wanted["field_deg"], 1), "stars": len(stars["stars"])})
+            continue
+        error = 3600 * apart_deg(wanted, solution)
+        if error > 30:
+            wrong += 1
+            continue
+        errors.append(error)
+        rolls.append(abs((solution["roll_deg"] - wanted["roll_deg"] + 180) % 360 - 180))
+    n = len(frames)
+    return {"frames": n, "solved": round(len(errors) / n, 4), "wrong": wrong, "arcsec": {"p50": round(sorted(errors)[len(errors) // 2], 2), "max": round(max(errors), 2)} if errors else None,
+            "roll_deg_max": round(max(rolls), 4) if rolls else None, "ms_after_centroids": {"p50": round(sorted(extra)[n // 2], 1), "max": round(max(extra), 1)}, "unsolved": unsolved[:20]}  # fmt: skip
+
+
+def apart_deg(a, b):
+    """Between two places on the sky."""
+    a_dec, b_dec, ra = math.radians(a["dec_deg"]), math.radians(b["dec_deg"]), math.radians(a["ra_deg"] - b["ra_deg"])
+    chord = math.sin((a_dec - b_dec) / 2) ** 2 + math.cos(a_dec) * math.cos(b_dec) * math.sin(ra / 2) ** 2
+    return math.degrees(2 * math.asin(min(1, math.sqrt(chord))))
+
+
 def measure_time(bin_dir, options, folder):
     """1920 x 1080, the best of several runs, alternately."""
     fits, _ = frames_of(bin_dir, folder, "stars_large", options, frames=1, width=1920, height=1080)[0]
@@ -364,6 +392,8 @@ def measure(bin_dir, options, say):
             result[kind] = measure_streaks(bin_dir, frames_of(bin_dir, folder, kind, options, frames=options.frames))
         say("bench image: sequences of eight frames")
         result["sequences"] = measure_tracklets(bin_dir, frames_of(bin_dir, folder, "sequence", options, frames=max(2, options.frames // 3)))
+        say("bench image: attitude")
+        result["plates"] = measure_plates(bin_dir, frames_of(bin_dir, folder, "plate", options, frames=2 * options.frames))
         say("bench image: time")
         result["time_1920x1080"] = measure_time(bin_dir, options, folder)
     return result
@@ -371,7 +401,7 @@ def measure(bin_dir, options, say):
 
 def is_sound(result):
     """Nothing that no load excuses went wrong."""
-    return result["stars"]["srfs"]["found"] > 0
+    return result["stars"]["srfs"]["found"] > 0 and result["plates"]["wrong"] == 0
 
 
 def show(result):
@@ -389,4 +419,6 @@ def show(result):
     row = result["sequences"]
     print(f"  tracklets in {row['sequences']} sequences of 8: recall {row['recall']}, {row['false_per_sequence']} false a sequence; registration {row['registration_rms_px']} px rms, {row['frames_not_registered']} frames not registered")
     print(f"  streaks of 10 to 20 px after the veto of all frames: {row['streaks_10_20_after_veto']}")
+    row = result["plates"]
+    print(f"  attitude of {row['frames']} fields 6 to 15 degrees wide: {row['solved']} solved, {row['wrong']} wrong, arcsec {row['arcsec']}, ms after the centroids {row['ms_after_centroids']}")
     print(f"  1920 x 1080: {json.dumps(result['time_1920x1080'])}")

@@ -5,8 +5,11 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <new>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include <fmt/format.h>
@@ -20,6 +23,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 using namespace srfs::image;
+using srfs::Result;
 
 enum ExitCode { done = 0, file_refused = 1, bad_usage = 2 };
 
@@ -90,12 +94,39 @@ Json to_json(const std::optional<Attitude>& a) {
           {"rms_arcsec", rounded(a->rms_arcsec, 1e-3)}};
 }
 
+Json to_json(const Defect& d) {
+  return {{"x", d.x},
+          {"y", d.y},
+          {"kind", d.kind == Defect::Kind::hot ? "hot" : "dark"},
+          {"level", rounded(d.level_adu, 1e-2)},
+          {"frames", d.frames}};
+}
+
+/// Writes what a frame's product shows: NAME_thumbnail.png, or NAME_roi.fits.
+Result<Json, Refusal> written(const Cutout& cutout, const std::string& source, const std::string& method,
+                              const std::string& folder) {
+  const auto size = [](const auto& pixels) { return std::pair(pixels.width(), pixels.height()); };
+  const auto [width, height] = std::visit(size, cutout.pixels);
+  Json json{{"x", cutout.x}, {"y", cutout.y}, {"width", width}, {"height", height}, {"file", nullptr}};
+  if (folder.empty()) return json;
+  const auto* const grey = std::get_if<srfs::image::Grid<std::uint8_t>>(&cutout.pixels);
+  const std::filesystem::path path =
+      std::filesystem::path(folder) / fmt::format("{}_{}.{}", std::filesystem::path(source).stem().string(),
+                                                  method, grey != nullptr ? "png" : "fits");
+  const auto done =
+      grey != nullptr ? write_png(path, *grey) : write_fits(path, std::get<Plane>(cutout.pixels));
+  if (!done) return srfs::Err(done.error());
+  json["file"] = path.string();
+  return json;
+}
+
 /// What was found so far, in the order of the files.
 struct Report {
   Json frames = Json::array();
   Json stars = Json::array();
   Json streaks = Json::array();
   Json tracklets = Json::array();
+  Json defects = Json::array();
   Json solution = nullptr;  ///< of the first frame that has one
 };
 
@@ -140,6 +171,7 @@ void add(Report& report, const SequenceFindings& found) {
   }
   for (std::size_t k = 0; k < found.registrations.size(); ++k)
     report.frames[k]["registration"] = to_json(found.registrations[k]);
+  for (const Defect& d : found.defects) report.defects.push_back(to_json(d));
   for (const Tracklet& t : found.tracklets) report.tracklets.push_back(to_json(t));
   for (const std::string& note : found.notes)
     report.frames[static_cast<std::size_t>(found.reference)]["notes"].push_back(note);
@@ -153,6 +185,8 @@ void print_text(const Report& report) {
                f["stars"].get<int>(), f["streaks"].get<int>(), f["background"].get<double>(),
                f["noise"].get<double>(), f["elapsed_ms"].get<double>());
     for (const Json& note : f["notes"]) fmt::print("  note: {}\n", note.get<std::string>());
+    if (f.contains("cutout") && !f["cutout"]["file"].is_null())
+      fmt::print("  {}\n", f["cutout"]["file"].get<std::string>());
     if (const Json& a = f["solution"]; !a.is_null())
       fmt::print("  attitude: RA {:.4f}, Dec {:+.4f}, roll {:.3f} degrees, {:.3f} arcsec/px{}, {} stars\n",
                  a["ra_deg"].get<double>(), a["dec_deg"].get<double>(), a["roll_deg"].get<double>(),
@@ -195,7 +229,7 @@ std::string list_of_methods() {
 }
 
 int run(const std::string& name, const std::vector<std::string>& given, const std::vector<std::string>& files,
-        bool as_json) {
+        const std::string& folder, bool as_json) {
   const auto refuse = [](const Refusal& why, ExitCode code) {
     std::fprintf(stderr, "srfs-detect: %s\n", why.reason.c_str());
     return code;
@@ -216,6 +250,10 @@ int run(const std::string& name, const std::vector<std::string>& given, const st
     add(report, file, *frame, *found,
         {std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count(),
          cpu_ms() - cpu_before_ms});
+    if (!found->cutout) continue;
+    auto cutout = written(*found->cutout, file, name, folder);
+    if (!cutout) return refuse(cutout.error(), file_refused);
+    report.frames.back()["cutout"] = *std::move(cutout);
   }
   add(report, method->finish());
   if (as_json) {
@@ -224,11 +262,15 @@ int run(const std::string& name, const std::vector<std::string>& given, const st
                    {"stars", report.stars},
                    {"streaks", report.streaks},
                    {"tracklets", report.tracklets},
+                   {"defects", report.defects},
                    {"solution", report.solution}};
     std::printf("%s\n", all.dump().c_str());
   } else {
     print_text(report);
     print_tracklets(report);
+    for (const Json& d : report.defects)
+      fmt::print("{} pixel ({}, {})  {:+.1f} ADU in {} frames\n", d["kind"].get<std::string>(),
+                 d["x"].get<int>(), d["y"].get<int>(), d["level"].get<double>(), d["frames"].get<int>());
   }
   return done;
 }
@@ -242,10 +284,13 @@ int main(int argc, char** argv) {
   std::string method;
   std::vector<std::string> parameters;
   std::vector<std::string> files;
+  std::string folder;
   bool json = false;
   app.add_option("--method", method, "What to look for; see below")->required();
   app.add_option("--params", parameters, "name=value of the method, may be given several times")
       ->allow_extra_args(false);
+  app.add_option("--out", folder, "Where pictures and cut-outs are written (thumbnail, roi)")
+      ->check(CLI::ExistingDirectory);
   app.add_flag("--json", json, "One JSON object");
   app.add_option("FILE", files, "Several are one sequence, in this order")->required();
   app.footer(list_of_methods());
@@ -255,7 +300,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? done : bad_usage;
   }
   try {
-    return run(method, parameters, files, json);
+    return run(method, parameters, files, folder, json);
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "srfs-detect: not enough memory for this frame\n");
     return file_refused;
