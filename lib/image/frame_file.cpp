@@ -1,9 +1,13 @@
 #include "image/frame_file.hpp"
 
 #include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <csetjmp>
 #include <cstdio>
@@ -16,6 +20,7 @@
 #include <png.h>
 #include <tiffio.h>
 
+#include "base/fd.hpp"
 #include "base/file.hpp"
 #include "image/fits.hpp"
 
@@ -435,6 +440,31 @@ Decoded decode_jpeg(OctetView content) {
   return std::move(reader.frame);
 }
 
+using Octets = std::vector<std::uint8_t, FrameAllocator<std::uint8_t>>;
+
+/// A file at once: its size is known, and a frame's may be large.
+Result<Octets, Refusal> read_octets(const std::filesystem::path& path) {
+  const auto problem = [&](const char* what) {
+    return refuse("cannot {} {}: {}", what, path.string(), std::strerror(errno));
+  };
+  const Fd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  struct stat status {};
+  if (!fd || fstat(fd.get(), &status) != 0) return problem("open");
+  if (static_cast<std::uint64_t>(status.st_size) > file_octets_max)
+    return refuse("{}: {} octets, more than {}", path.string(), status.st_size, file_octets_max);
+  Octets content(static_cast<std::size_t>(status.st_size));
+  std::size_t n = 0;
+  while (n < content.size()) {
+    const ssize_t got = read(fd.get(), content.data() + n, content.size() - n);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return problem("read");
+    if (got == 0) break;
+    n += static_cast<std::size_t>(got);
+  }
+  content.resize(n);  // shorter by now
+  return content;
+}
+
 bool starts_with(OctetView content, std::string_view magic) {
   return content.size() >= magic.size() && std::memcmp(content.data(), magic.data(), magic.size()) == 0;
 }
@@ -455,18 +485,19 @@ Result<Frame, Refusal> decode_frame(OctetView content) try {
   return refuse("not enough memory for this frame");
 }
 
-Result<Frame, Refusal> read_frame(const std::filesystem::path& path) {
+Result<Frame, Refusal> read_frame(const std::filesystem::path& path) try {
   std::error_code ec;
   if (std::filesystem::exists(path, ec) && !std::filesystem::is_regular_file(path, ec))
     return refuse("{}: not a file", path.string());
   if (const auto size = std::filesystem::file_size(path, ec); !ec && size > file_octets_max)
     return refuse("{}: {} octets, more than {}", path.string(), size, file_octets_max);
-  auto content = read_file(path, file_octets_max);
-  if (!content) return Err(Refusal{content.error().message});
-  auto frame =
-      decode_frame(OctetView(reinterpret_cast<const std::uint8_t*>(content->data()), content->size()));
+  const auto content = read_octets(path);
+  if (!content) return Err(content.error());
+  auto frame = decode_frame(OctetView(content->data(), content->size()));
   if (!frame) return refuse("{}: {}", path.string(), frame.error().reason);
   return frame;
+} catch (const std::bad_alloc&) {
+  return refuse("{}: not enough memory for this file", path.string());
 }
 
 Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane& pixels) {

@@ -131,8 +131,9 @@ class Finder {
   /// Each pixel's mask counts what hides it. Stars that are certain stay away from the light, doubtful ones
   /// are in it.
   void prepare() {
-    for (std::size_t i = 0; i < mask_.size(); ++i)
-      mask_.cells()[i] = mask_.cells()[i] != 0 || clean_.flaws.cells()[i] != 0 ? 1 : 0;
+    std::uint8_t* const masked = mask_.cells().data();
+    const std::uint8_t* const flawed = clean_.flaws.cells().data();
+    for (std::size_t i = 0; i < mask_.size(); ++i) masked[i] = (masked[i] | flawed[i]) != 0 ? 1 : 0;
     high_pass(light_);
     const std::size_t n = field_.stars.size();
     taken_.assign(n, false);
@@ -184,10 +185,11 @@ class Finder {
 
   [[nodiscard]] std::vector<Seed> find_seeds() {
     {
-      Plane shown = light_;
-      for (std::size_t i = 0; i < shown.size(); ++i) {
-        if (mask_.cells()[i] != 0) shown.cells()[i] = 0;
-      }
+      Plane shown = Plane::unset(light_.width(), light_.height());
+      float* const to = shown.cells().data();
+      const float* const from = light_.cells().data();
+      const std::uint8_t* const masked = mask_.cells().data();
+      for (std::size_t i = 0; i < shown.size(); ++i) to[i] = masked[i] != 0 ? 0.0F : from[i];
       gaussian_filter(shown, static_cast<float>(sigma_), filtered_);
     }
     noise_ = measure_flattened(filtered_, nullptr).noise;

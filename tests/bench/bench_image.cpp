@@ -268,7 +268,8 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
     if (ahead < 0.9) continue;
     const double x = (o.width - 1) / 2.0 + focal_px * s.direction.dot(right) / ahead;
     const double y = (o.height - 1) / 2.0 + focal_px * s.direction.dot(down) / ahead;
-    if (x > -5 && y > -5 && x < o.width + 4 && y < o.height + 4) stars.push_back({x, y, flux(x, y, s.magnitude)});
+    if (x > -5 && y > -5 && x < o.width + 4 && y < o.height + 4)
+      stars.push_back({x, y, flux(x, y, s.magnitude)});
   }
   // Three times as many a magnitude.
   const double known = static_cast<double>(stars.size());
@@ -280,7 +281,10 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
     stars.push_back({x, y, flux(x, y, faintest + 0.5 + std::log(share) / std::log(3.0))});
   }
   write(o, number, scene, stars, {},
-        {{"ra_deg", ra_deg}, {"dec_deg", dec_deg}, {"roll_deg", roll_deg}, {"field_deg", field_deg},
+        {{"ra_deg", ra_deg},
+         {"dec_deg", dec_deg},
+         {"roll_deg", roll_deg},
+         {"field_deg", field_deg},
          {"scale_arcsec_px", 180 * 3600 / std::numbers::pi / focal_px}});
 }
 

@@ -1,6 +1,7 @@
 """srfs-detect as an operator calls it."""
 
 import json
+import math
 import subprocess
 import tempfile
 import unittest
@@ -58,6 +59,52 @@ class DetectProgramTest(unittest.TestCase):
                 continue
             hits = [sum(abs(p["x"] - places[p["frame"]][0]) < 3 and abs(p["y"] - places[p["frame"]][1]) < 3 for p in t["points"]) for t in found["tracklets"]]
             self.assertGreaterEqual(max(hits, default=0), 5, mover)
+
+    def test_finds_where_a_camera_looks(self):
+        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+            made = subprocess.run([BIN / "bench_image", folder, "--set", "plate", "--frames", "2", "--width", "800", "--height", "600", "--seed", "12"],
+                                  capture_output=True, text=True, timeout=120)  # fmt: skip
+            self.assertEqual(made.returncode, 0, made.stderr)
+            for frame in sorted(Path(folder).glob("*.fits")):
+                truth = json.loads(frame.with_suffix(".json").read_text())["attitude"]
+                run = detect("--method", "plate_solve", "--json", str(frame))
+                self.assertEqual(run.returncode, 0, run.stderr)
+                solution = json.loads(run.stdout)["solution"]
+                self.assertLess(abs((solution["ra_deg"] - truth["ra_deg"] + 180) % 360 - 180) * math.cos(math.radians(truth["dec_deg"])), 30 / 3600)
+                self.assertLess(abs(solution["dec_deg"] - truth["dec_deg"]), 30 / 3600)
+                self.assertLess(abs((solution["roll_deg"] - truth["roll_deg"] + 180) % 360 - 180), 0.1)
+                self.assertAlmostEqual(solution["scale_arcsec_px"] / truth["scale_arcsec_px"], 1, places=2)
+
+        # Stars by chance are no sky.
+        run = detect("--method", "plate_solve", "--json", self.frames[0])
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIsNone(json.loads(run.stdout)["solution"])
+
+    def test_writes_pictures_and_cut_outs_where_it_is_told(self):
+        with tempfile.TemporaryDirectory(prefix="srfs_test_") as folder:
+            run = detect("--method", "thumbnail", "--params", "width=100", "--out", folder, "--json", self.frames[0])
+            self.assertEqual(run.returncode, 0, run.stderr)
+            cutout = json.loads(run.stdout)["frames"][0]["cutout"]
+            self.assertEqual((cutout["width"], cutout["height"]), (100, 75))
+            self.assertEqual(Path(cutout["file"]).read_bytes()[:8], b"\x89PNG\r\n\x1a\n")
+
+            run = detect("--method", "roi", "--params", "x=40", "--params", "y=50", "--params", "width=64", "--params", "height=32", "--out", folder, "--json", self.frames[0])
+            self.assertEqual(run.returncode, 0, run.stderr)
+            cutout = json.loads(run.stdout)["frames"][0]["cutout"]
+            self.assertEqual((cutout["x"], cutout["y"], cutout["width"], cutout["height"]), (40, 50, 64, 32))
+            whole, part = Path(self.frames[0]).read_bytes(), Path(cutout["file"]).read_bytes()
+            self.assertEqual(part[2880:2880 + 2 * 64], whole[2880 + 2 * (50 * 400 + 40):][:2 * 64])
+
+            run = detect("--method", "roi", "--out", folder + "/none", self.frames[0])
+            self.assertEqual((run.returncode, run.stdout), (2, ""))
+
+    def test_lists_the_defects_of_a_detector(self):
+        run = detect("--method", "defect_map", "--json", *self.frames)
+        self.assertEqual(run.returncode, 0, run.stderr)
+
+        found = json.loads(run.stdout)
+        self.assertEqual({d["kind"] for d in found["defects"]} - {"hot", "dark"}, set())
+        self.assertTrue(any("particles look like defects" in note for f in found["frames"] for note in f["notes"]))
 
     def test_says_which_methods_and_parameters_there_are(self):
         run = detect("--method", "comets", self.frames[0])

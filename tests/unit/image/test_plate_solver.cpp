@@ -1,5 +1,6 @@
 #include "image/plate_solver.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
