@@ -406,6 +406,20 @@ struct JpegReader {
   ~JpegReader() { jpeg_destroy_decompress(&jpeg); }
 };
 
+/// What compression makes of neighbouring values: steps between the levels of blocks, which the eye does not
+/// see and a search for lines does, and the coarse waves within them (the first nine, of which a pixel sees a
+/// quarter).
+float jpeg_step(const jpeg_decompress_struct& jpeg) {
+  constexpr std::array coarse{1, 2, 3, 8, 9, 10, 16, 17, 24};  // row by row in the table
+  const JQUANT_TBL* const table = jpeg.quant_tbl_ptrs[0];
+  if (table == nullptr) return 1;
+  float sum = 0;
+  for (const int k : coarse) sum += static_cast<float>(table->quantval[k]);
+  const float waves = sum / static_cast<float>(coarse.size()) / 4;
+  const float levels = static_cast<float>(table->quantval[0]) / 8;
+  return std::max({1.0F, waves, 2.5F * levels});
+}
+
 void read_jpeg(JpegReader& r, OctetView content) {
   jpeg_create_decompress(&r.jpeg);
   jpeg_mem_src(&r.jpeg, content.data(), content.size());
@@ -425,7 +439,7 @@ void read_jpeg(JpegReader& r, OctetView content) {
     jpeg_read_scanlines(&r.jpeg, &row, 1);
     average_row(row, samples, samples >= 3 ? 3 : 1, r.frame.pixels.row(y), width);
   }
-  r.frame.step = 1;
+  r.frame.step = jpeg_step(r.jpeg);
   jpeg_finish_decompress(&r.jpeg);
 }
 

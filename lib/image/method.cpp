@@ -125,7 +125,7 @@ class PlateSolution final : public Method {
   explicit PlateSolution(const Parameters& parameters)
       : options_{parameters["min_field"], parameters["max_field"]},
         with_stars_(parameters["stars"] != 0),
-        solver_(bright_stars()) {}
+        solver_(bright_star_solver()) {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
@@ -141,8 +141,14 @@ class PlateSolution final : public Method {
 
  private:
   PlateOptions options_;
+  /// Built once in a process, when first asked for.
+  static const PlateSolver& bright_star_solver() {
+    static const PlateSolver solver(bright_stars());
+    return solver;
+  }
+
   bool with_stars_;
-  PlateSolver solver_;
+  const PlateSolver& solver_;
 };
 
 constexpr std::array plate_parameters{

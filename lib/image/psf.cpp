@@ -139,11 +139,42 @@ std::pair<double, std::size_t> densest_sigma(std::vector<Candidate>& candidates,
   return {n < 3 ? 0 : mode_of(std::move(sigmas)), n};
 }
 
+/// The width that the brightest have in common if they have light on all four sides at all, as no particle
+/// has: grains of a compressed picture or of a textured foreground outnumber the stars, but are not brighter.
+std::optional<double> sigma_of_brightest(const Plane& signal, std::vector<Candidate> candidates) {
+  constexpr std::size_t brightest = 60;
+  constexpr std::size_t agreeing = 6;
+  const std::size_t n = std::min(brightest, candidates.size() / 3);
+  if (n < agreeing) return std::nullopt;
+  std::nth_element(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(n), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.height > b.height; });
+  candidates.resize(n);
+  for (const int d : {5, 4, 3, 2}) {
+    const auto [sigma, measured] =
+        densest_sigma(candidates, [&](const Candidate& c) { return wide_sigma(signal, c, d); });
+    if (measured < agreeing || sigma < 0.65 * d) continue;
+    const auto alike = std::count_if(candidates.begin(), candidates.end(), [&](const Candidate& c) {
+      return c.sigma > 0.8 * sigma && c.sigma < 1.25 * sigma;
+    });
+    if (static_cast<std::size_t>(alike) >= std::max(agreeing, measured * 7 / 10)) return sigma;
+  }
+  return std::nullopt;
+}
+
 /// Leaves each candidate with its width, measured over a distance that suits the common one.
-std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+/// @param ask_brightest  whether those decide
+std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates,
+                                   bool ask_brightest) {
   const auto wide = [&](int d) {
     return [&signal, d](const Candidate& c) { return wide_sigma(signal, c, d); };
   };
+  if (ask_brightest) {
+    const auto bright = sigma_of_brightest(signal, candidates);
+    if (!bright) return std::nullopt;
+    const int d = std::clamp(static_cast<int>(std::lround(1.2 * *bright)), 2, 5);
+    const auto [sigma, n] = densest_sigma(candidates, wide(d));
+    return n >= 3 && sigma > 0.7 * *bright && sigma < 1.4 * *bright ? sigma : *bright;
+  }
   const auto [first, wide_ones] = densest_sigma(candidates, wide(2));
   // Of narrow stars, only blends show light two pixels away on all sides.
   if (first > 1.2 && wide_ones >= 5 && 4 * wide_ones >= candidates.size()) {
@@ -284,10 +315,12 @@ double Psf::radius_at(double height) const {
   return std::sqrt(q / std::sqrt(shape_.a * shape_.c - shape_.b * shape_.b));
 }
 
-std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad) {
-  std::vector<Candidate> candidates = find_candidates(signal, bad);
-  std::erase_if(candidates, [&](const Candidate& c) { return !has_light_beside(signal, c); });
-  const auto sigma = common_sigma(signal, candidates);
+namespace {
+
+/// The shape of the stars among the candidates.
+std::optional<Psf> shape_of_stars(const Plane& signal, const Grid<std::uint8_t>& bad,
+                                  std::vector<Candidate> candidates, bool ask_brightest) {
+  const auto sigma = common_sigma(signal, candidates, ask_brightest);
   if (!sigma || *sigma > 6) return std::nullopt;
   std::erase_if(candidates,
                 [&](const Candidate& c) { return c.sigma < 0.75 * *sigma || c.sigma > 1.35 * *sigma; });
@@ -318,6 +351,15 @@ std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& ba
   const double ratio = Psf(shape).fwhm_px() / (2.3548 * *sigma);
   const Psf psf(ratio < 0.7 || ratio > 1.6 ? Psf::Shape{k, 0, k, 0} : shape);
   return psf.fwhm_px() >= fwhm_least_px ? std::optional(psf) : std::nullopt;
+}
+
+}  // namespace
+
+std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad) {
+  std::vector<Candidate> candidates = find_candidates(signal, bad);
+  std::erase_if(candidates, [&](const Candidate& c) { return !has_light_beside(signal, c); });
+  if (auto psf = shape_of_stars(signal, bad, candidates, true)) return psf;
+  return shape_of_stars(signal, bad, std::move(candidates), false);
 }
 
 }  // namespace srfs::image

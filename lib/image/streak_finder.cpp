@@ -23,6 +23,17 @@ constexpr int cell_px = 2;      ///< of the line search
 /// A star that a piece of a streak was taken for is at most so much brighter than the streak.
 constexpr double piece_most = 2.2;
 constexpr double model_error = 0.05;
+/// Where the noise is so many times that of the calm quarter of the frame there are trees, buildings or the
+/// Earth, and edges in all directions.
+constexpr float unrest_most = 5;
+
+/// What a quarter of the frame's cells stay below.
+float calm_noise(const Surface& noise) {
+  std::vector<float> nodes(noise.nodes().cells().begin(), noise.nodes().cells().end());
+  const auto quarter = nodes.begin() + static_cast<std::ptrdiff_t>(nodes.size() / 4);
+  std::nth_element(nodes.begin(), quarter, nodes.end());
+  return *quarter;
+}
 
 /// Takes away what is larger than a streak is wide: the mean of the clipped surroundings.
 void high_pass(Plane& plane) {
@@ -95,6 +106,7 @@ class Finder {
         options_(options),
         sigma_(double(clean.psf.sigma_px())),
         fwhm_(clean.psf.fwhm_px()),
+        calm_noise_adu_(calm_noise(clean.noise_adu)),
         light_(std::move(field.residual)),
         mask_(std::move(field.masked)),
         fitter_(light_, mask_, clean.psf, {static_cast<float>(field.shot), static_cast<float>(model_error)}) {
@@ -105,7 +117,7 @@ class Finder {
     std::vector<Seed> seeds = find_seeds();
     int fits = 0;
     for (const Seed& seed : seeds) {
-      if (is_known(seed.line)) continue;
+      if (is_known(seed.line) || is_in_unrest(seed.line)) continue;
       if (!looks_like_streak(seed.line)) continue;
       if (++fits > fits_max) break;
       examine(seed.line);
@@ -306,6 +318,13 @@ class Finder {
       return l.length() < 2.2 * seed.length() && is_on(l, seed.x1, seed.y1, reach) &&
              is_on(l, seed.x2, seed.y2, reach);
     });
+  }
+
+  [[nodiscard]] bool is_in_unrest(const Line& l) const {
+    const auto restless = [&](double x, double y) {
+      return clean_.noise_adu.at(x, y) > unrest_most * calm_noise_adu_;
+    };
+    return restless(l.x1, l.y1) || restless(l.x2, l.y2) || restless((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2);
   }
 
   [[nodiscard]] static bool is_on(const Line& l, double x, double y, double reach) {
@@ -611,6 +630,7 @@ class Finder {
   const StreakOptions& options_;
   double sigma_;
   double fwhm_;
+  float calm_noise_adu_;
   Plane light_;  ///< without background and certain stars, in noise
   Grid<std::uint8_t> mask_;
   LineFitter fitter_;

@@ -86,6 +86,31 @@ TEST(StreakFinder, FindsNoneOnACurvedBackground) {
   EXPECT_TRUE(streaks_in(frame_of(scene, lattice(scene, 60, 45.7))).empty());
 }
 
+/// Trees, a building, the Earth: bars of light and dark in all directions below a horizon.
+TEST(StreakFinder, FindsNoneInATexturedForegroundButThatInTheSkyAboveIt) {
+  SkyScene scene = small_scene(2.2, 80);
+  const SkyStreak truth = with_snr(scene, {60, 40, 140, 70, 0}, 40);
+  Frame frame = frame_of(scene, beside(lattice(scene, 50, 57.9), truth), {truth});
+  hw_sim::SkyRandom random(5);
+  for (int bar = 0; bar < 1500; ++bar) {
+    const double x = random.uniform(0, 320);
+    const double y = random.uniform(150, 240);
+    const double angle = random.uniform(0, 3.14159);
+    const auto light = static_cast<float>(random.uniform(-1000, 3600));
+    const double length = random.uniform(10, 60);
+    for (double t = 0; t < length; t += 0.5) {
+      const int i = static_cast<int>(x + t * std::cos(angle));
+      const int j = static_cast<int>(y + t * std::sin(angle));
+      if (frame.pixels.contains(i, j) && j > 145) frame.pixels.at(i, j) += light;
+    }
+  }
+
+  const std::vector<Streak> found = streaks_in(frame);
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 4);
+}
+
 TEST(StreakFinder, MakesOneOfPiecesThatAStarSeparates) {
   SkyScene scene = small_scene(2.2, 79);
   const SkyStreak truth = with_snr(scene, {60, 60, 220, 140, 0}, 60);
