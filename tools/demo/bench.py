@@ -8,6 +8,7 @@ import tempfile
 
 import can_measures
 import demo
+import image_measures
 import link_measures
 import mission
 import ros_measures
@@ -35,7 +36,7 @@ def show_flight(summary):
 
 def main():
     parser = argparse.ArgumentParser(prog="./run bench")
-    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can", "link", "time"], metavar="ros|mission|can|link|time", help="default: everything")
+    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can", "link", "time", "image"], metavar="ros|mission|can|link|time|image", help="default: everything")
     parser.add_argument("--duration", type=float, default=110, metavar="S", help="of the flight; 110 s have more than 1000 ticks")
     parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="of bench can, at each tick period")
     parser.add_argument("--fifo", action="store_true", help="bench can: timing, switcher and payloads under SCHED_FIFO, as on a board")
@@ -44,8 +45,9 @@ def main():
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
     ros_measures.add_options(parser)
     link_measures.add_options(parser)
+    image_measures.add_options(parser)
     options = parser.parse_args()
-    wanted = options.what or ["ros", "mission", "can", "link", "time"]
+    wanted = options.what or ["ros", "mission", "can", "link", "time", "image"]
     results = {}
     if "ros" in wanted:
         results["ros"] = ros_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
@@ -69,11 +71,16 @@ def main():
         results["time"] = time_measures.measure(options.bin, options.seeds)
         if not options.json:
             time_measures.show(results["time"])
+    if "image" in wanted:
+        results["image"] = image_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
+        if not options.json:
+            image_measures.show(results["image"])
     if options.json:
         print(json.dumps(results))
     sound = ("ros" not in results or ros_measures.is_sound(results["ros"])) and ("can" not in results or can_measures.is_sound(results["can"]))
     sound = sound and ("link" not in results or link_measures.is_sound(results["link"]))
     sound = sound and ("time" not in results or time_measures.is_sound(results["time"]))
+    sound = sound and ("image" not in results or image_measures.is_sound(results["image"]))
     return 0 if sound and results.get("mission", {"ok": True})["ok"] else 1
 
 

@@ -1,0 +1,290 @@
+#include "image/background.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "image/rows.hpp"
+
+namespace srfs::image {
+namespace {
+
+constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
+constexpr float clip_sigma = 2.5F;
+constexpr int beyond = 2;  ///< nodes that a surface goes on for outside the frame
+/// Spread of a normal distribution cut off at clip_sigma, inverted.
+constexpr float clipped_spread = 1.0F / 0.95535F;
+/// Level and spread of a cell start from so many of its pixels.
+constexpr int sample_of_cell = 256;
+constexpr std::size_t sample_least = 8;
+
+struct CellStatistics {
+  float level = unknown;
+  float noise = unknown;
+};
+
+struct Cell {
+  int x0, y0, x1, y1;
+};
+
+/// One of a few pixels, spread over the cell so that rows, columns and Bayer patterns are seen whole.
+void take_sample(const Plane& pixels, const Cell& cell, std::vector<float>& sample) {
+  sample.clear();
+  const int width = cell.x1 - cell.x0;
+  const int size = width * (cell.y1 - cell.y0);
+  const int step = std::max(1, size / sample_of_cell);
+  // An odd step relative to the width visits all columns and rows.
+  for (int k = step / 2; k < size; k += step + (step % 2 == 0 ? 1 : 0)) {
+    const int x = cell.x0 + k % width;
+    const int y = cell.y0 + k / width;
+    if (std::isfinite(pixels.at(x, y))) sample.push_back(pixels.at(x, y));
+  }
+}
+
+/// Mean and spread of the values around the last ones.
+CellStatistics next(const CellStatistics& last, const Moments& m, float noise_least) {
+  if (m.n < static_cast<float>(sample_least)) return last;
+  const float mean = m.sum / m.n;
+  const float spread = std::sqrt(std::max(0.0F, m.squares / m.n - mean * mean));
+  return {last.level + mean, std::max(spread * clipped_spread, noise_least)};
+}
+
+/// Level and spread of a sample: median and quartile first, whatever stands in the cell; then mean and spread
+/// of what is near.
+/// @return nothing of a cell without pixels
+std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell, float noise_least,
+                                          std::vector<float>& sample) {
+  take_sample(pixels, cell, sample);
+  if (sample.size() < sample_least) return std::nullopt;
+  const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
+  std::nth_element(sample.begin(), middle, sample.end());
+  const float median = *middle;
+  const auto quarter = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 4);
+  std::nth_element(sample.begin(), quarter, middle);
+  // The lower half has fewer stars in it. Coarsely quantised values may make it zero wide.
+  CellStatistics guess{median, std::max((median - *quarter) * 1.4826F, noise_least)};
+  for (int round = 0; round < 3; ++round)
+    guess = next(guess,
+                 clipped_moments(sample.data(), static_cast<int>(sample.size()), guess.level,
+                                 clip_sigma * guess.noise),
+                 noise_least);
+  return guess;
+}
+
+/// Mean and spread of the pixels that are near, until they settle.
+CellStatistics settle(CellStatistics is, const Plane& pixels, const Grid<std::uint8_t>* masked,
+                      const Cell& cell, float noise_least) {
+  const int width = cell.x1 - cell.x0;
+  for (int round = 0; round < 6; ++round) {
+    const float reach = clip_sigma * is.noise;
+    Moments all{0, 0, 0};
+    for (int y = cell.y0; y < cell.y1; ++y) {
+      const float* row = pixels.row(y) + cell.x0;
+      const Moments m = masked != nullptr
+                            ? clipped_moments(row, masked->row(y) + cell.x0, width, is.level, reach)
+                            : clipped_moments(row, width, is.level, reach);
+      all.n += m.n, all.sum += m.sum, all.squares += m.squares;
+    }
+    if (all.n < static_cast<float>(sample_least)) return round == 0 ? CellStatistics{} : is;
+    const CellStatistics before = is;
+    is = next(is, all, noise_least);
+    // Where the clipping is off by a tenth, the spread is off by a hundredth.
+    if (std::abs(is.noise - before.noise) < 0.05F * is.noise &&
+        std::abs(is.level - before.level) < 0.1F * is.noise)
+      break;
+  }
+  return is;
+}
+
+/// Unknown nodes get the mean of the known ones next to them, ring by ring.
+void fill_unknown(Plane& nodes) {
+  for (int round = 0; round < nodes.width() + nodes.height(); ++round) {
+    const Plane before = nodes;
+    bool more = false;
+    for (int y = 0; y < nodes.height(); ++y) {
+      for (int x = 0; x < nodes.width(); ++x) {
+        if (!std::isnan(before.at(x, y))) continue;
+        float sum = 0;
+        int n = 0;
+        for (int j = y - 1; j <= y + 1; ++j) {
+          for (int i = x - 1; i <= x + 1; ++i) {
+            if (!before.contains(i, j) || std::isnan(before.at(i, j))) continue;
+            sum += before.at(i, j);
+            ++n;
+          }
+        }
+        if (n > 0)
+          nodes.at(x, y) = sum / static_cast<float>(n);
+        else
+          more = true;
+      }
+    }
+    if (!more) return;
+  }
+  for (float& v : nodes.cells()) {
+    if (std::isnan(v)) v = 0;
+  }
+}
+
+/// Replaces nodes by the median of their neighbours: where a large star lifted them, not where the sky is
+/// curved.
+/// @param tolerance  of a node, beside the median; nullptr: none
+void smooth(Plane& nodes, const Plane* tolerance) {
+  const Plane before = nodes;
+  std::vector<float> around;
+  for (int y = 0; y < nodes.height(); ++y) {
+    for (int x = 0; x < nodes.width(); ++x) {
+      around.clear();
+      // Point-symmetric neighbours, so that a slope stays a slope at the edge.
+      for (int j = -1; j <= 1; ++j) {
+        for (int i = -1; i <= 1; ++i) {
+          if (before.contains(x + i, y + j) && before.contains(x - i, y - j))
+            around.push_back(before.at(x + i, y + j));
+        }
+      }
+      const float median = median_of(around);
+      if (tolerance == nullptr || std::abs(before.at(x, y) - median) > tolerance->at(x, y))
+        nodes.at(x, y) = median;
+    }
+  }
+}
+
+/// @param measure  (cell) -> CellStatistics
+template <class Measure>
+SkyLevel measure_cells(const Plane& pixels, float noise_least, Measure&& measure) {
+  const int cell_px = sky_cell_px(pixels.width(), pixels.height());
+  const int columns = (pixels.width() + cell_px - 1) / cell_px;
+  const int rows = (pixels.height() + cell_px - 1) / cell_px;
+  Plane level(columns, rows);
+  Plane noise(columns, rows);
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      const CellStatistics found =
+          measure(Cell{i * cell_px, j * cell_px, std::min(pixels.width(), (i + 1) * cell_px),
+                       std::min(pixels.height(), (j + 1) * cell_px)});
+      level.at(i, j) = found.level;
+      noise.at(i, j) = found.noise;
+    }
+  }
+  fill_unknown(level);
+  fill_unknown(noise);
+  smooth(noise, nullptr);
+  smooth(level, &noise);
+  for (float& v : noise.cells()) v = std::max(v, noise_least);
+  return {Surface(std::move(level), cell_px), Surface(std::move(noise), cell_px)};
+}
+
+/// Catmull-Rom: exact for parabolas.
+std::array<float, 4> cubic_weights(float t) {
+  return {0.5F * t * (-1 + t * (2 - t)), 0.5F * (2 + t * t * (-5 + 3 * t)), 0.5F * t * (1 + t * (4 - 3 * t)),
+          0.5F * t * t * (t - 1)};
+}
+
+struct Between {
+  int first;
+  float t;
+};
+
+Between between(float at, int cell_px) {
+  const float u = (at + 0.5F) / static_cast<float>(cell_px) - 0.5F;
+  const float floor = std::floor(u);
+  return {static_cast<int>(floor), u - floor};
+}
+
+}  // namespace
+
+float median_of(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+int sky_cell_px(int width, int height) {
+  return std::clamp(std::min(width, height) / 4, 16, 64);
+}
+
+/// Beyond the last centre the surface goes on as between the last two.
+Surface::Surface(Plane nodes, int cell_px) : nodes_(std::move(nodes)), cell_px_(cell_px) {
+  const int w = nodes_.width();
+  const int h = nodes_.height();
+  extended_ = Plane(w + 2 * beyond, h + 2 * beyond);
+  const auto along = [](float last, float before, int steps) {
+    return last + static_cast<float>(steps) * (last - before);
+  };
+  for (int j = 0; j < h; ++j) {
+    float* row = extended_.row(j + beyond) + beyond;
+    std::copy_n(nodes_.row(j), w, row);
+    for (int k = 1; k <= beyond; ++k) {
+      row[-k] = w > 1 ? along(row[0], row[1], k) : row[0];
+      row[w - 1 + k] = w > 1 ? along(row[w - 1], row[w - 2], k) : row[0];
+    }
+  }
+  for (int i = 0; i < extended_.width(); ++i) {
+    const float first = extended_.at(i, beyond);
+    const float last = extended_.at(i, beyond + h - 1);
+    for (int k = 1; k <= beyond; ++k) {
+      extended_.at(i, beyond - k) = h > 1 ? along(first, extended_.at(i, beyond + 1), k) : first;
+      extended_.at(i, beyond + h - 1 + k) = h > 1 ? along(last, extended_.at(i, beyond + h - 2), k) : last;
+    }
+  }
+}
+
+Surface Surface::at_least(float value) const {
+  Plane nodes = nodes_;
+  for (float& v : nodes.cells()) v = std::max(v, value);
+  return {std::move(nodes), cell_px_};
+}
+
+void Surface::row(int y, std::vector<float>& out) const {
+  const auto [j, ty] = between(static_cast<float>(y), cell_px_);
+  const auto wy = cubic_weights(ty);
+  // Nodes i - 1 .. i + 2 surround what lies between centres i and i + 1.
+  std::vector<float> line(static_cast<std::size_t>(extended_.width()), 0.0F);
+  for (int k = 0; k < 4; ++k) {
+    const float* nodes = extended_.row(std::clamp(j - 1 + k + beyond, 0, extended_.height() - 1));
+    for (std::size_t i = 0; i < line.size(); ++i) line[i] += wy[static_cast<std::size_t>(k)] * nodes[i];
+  }
+  // One cubic from centre to centre, as a polynomial.
+  const int width = static_cast<int>(out.size());
+  const float unit = 1.0F / static_cast<float>(cell_px_);
+  for (int x = 0; x < width;) {
+    const auto [i, start] = between(static_cast<float>(x), cell_px_);
+    const float* p = line.data() + std::clamp(i - 1 + beyond, 0, extended_.width() - 4);
+    const std::array<float, 4> cubic{p[1], 0.5F * (p[2] - p[0]), p[0] - 2.5F * p[1] + 2 * p[2] - 0.5F * p[3],
+                                     0.5F * (p[3] - p[0]) + 1.5F * (p[1] - p[2])};
+    const int end = std::min(width, x + std::max(1, static_cast<int>(std::ceil((1 - start) / unit - 1e-3F))));
+    fill_cubic(cubic.data(), start, unit, out.data() + x, end - x);
+    x = end;
+  }
+}
+
+float Surface::at(double x, double y) const {
+  const auto [i, tx] = between(static_cast<float>(x), cell_px_);
+  const auto [j, ty] = between(static_cast<float>(y), cell_px_);
+  const auto node = [&](int column, int row) {
+    return extended_.at(std::clamp(column + beyond, 0, extended_.width() - 1),
+                        std::clamp(row + beyond, 0, extended_.height() - 1));
+  };
+  const float top = node(i, j) * (1 - tx) + node(i + 1, j) * tx;
+  const float bottom = node(i, j + 1) * (1 - tx) + node(i + 1, j + 1) * tx;
+  return top * (1 - ty) + bottom * ty;
+}
+
+SkyLevel measure_sky(const Plane& pixels, float noise_least) {
+  std::vector<float> sample;
+  return measure_cells(pixels, noise_least, [&](const Cell& cell) {
+    const auto guess = first_guess(pixels, cell, noise_least, sample);
+    return guess ? settle(*guess, pixels, nullptr, cell, noise_least) : CellStatistics{};
+  });
+}
+
+SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked) {
+  constexpr float least = 0.05F;
+  return measure_cells(signal, least, [&](const Cell& cell) {
+    return settle({0, 1}, signal, masked, cell, least);
+  });
+}
+
+}  // namespace srfs::image

@@ -1,0 +1,308 @@
+#include "image/clean_frame.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "image/rows.hpp"
+
+namespace srfs::image {
+namespace {
+
+/// Values that are finite, over the whole frame.
+struct Range {
+  float low = std::numeric_limits<float>::infinity();
+  float high = -std::numeric_limits<float>::infinity();
+  bool all_finite = true;
+  [[nodiscard]] float span() const { return high >= low ? high - low : 0; }
+};
+
+Range range_of(const Plane& pixels) {
+  Range range;
+  for (int y = 0; y < pixels.height(); ++y) {
+    const Extent row = extent_of(pixels.row(y), pixels.width());
+    if (row.low <= row.high) {
+      range.low = std::min(range.low, row.low);
+      range.high = std::max(range.high, row.high);
+    }
+    range.all_finite = range.all_finite && row.all_finite;
+  }
+  return range;
+}
+
+/// A plateau at the top: pixels of the highest value that touch, well above the sky.
+bool has_plateau(const Plane& pixels, float high) {
+  const float below = std::nextafter(high, -std::numeric_limits<float>::infinity());
+  std::vector<int> at;
+  int pairs = 0;
+  for (int y = 0; y < pixels.height(); ++y) {
+    find_above(pixels.row(y), below, pixels.width(), at);
+    for (std::size_t i = 0; i + 1 < at.size(); ++i) {
+      if (at[i + 1] == at[i] + 1 && ++pairs >= 3) return true;
+    }
+  }
+  return false;
+}
+
+/// How far a column or row is off its neighbours, in noise: the middle of what its pieces say, so that a
+/// streak along it, shorter than half of it, says nothing.
+struct LineOffset {
+  float value = 0;
+  float error = 0;
+};
+
+constexpr int pieces = 8;       ///< of a column or row
+constexpr int around_px = 8;    ///< columns or rows on each side that an offset is measured against
+constexpr float used_most = 3;  ///< pixels further from the sky do not count, in noise
+
+/// @param sums, counts  of each line's pixels within used_most, piece by piece
+std::vector<LineOffset> line_offsets(const Plane& sums, const Plane& counts) {
+  const int lines = sums.width();
+  Plane offsets(lines, pieces);
+  for (int k = 0; k < pieces; ++k) {
+    float sum = 0;
+    float n = 0;
+    for (int i = 0; i < std::min(lines, around_px); ++i) sum += sums.at(i, k), n += counts.at(i, k);
+    for (int i = 0; i < lines; ++i) {
+      if (i + around_px < lines) sum += sums.at(i + around_px, k), n += counts.at(i + around_px, k);
+      if (i > around_px) sum -= sums.at(i - around_px - 1, k), n -= counts.at(i - around_px - 1, k);
+      const float others = std::max(1.0F, n - counts.at(i, k));
+      offsets.at(i, k) = sums.at(i, k) / std::max(1.0F, counts.at(i, k)) - (sum - sums.at(i, k)) / others;
+    }
+  }
+  std::vector<LineOffset> result(static_cast<std::size_t>(lines));
+  std::vector<float> of_line(pieces);
+  for (int i = 0; i < lines; ++i) {
+    float n = 0;
+    for (int k = 0; k < pieces; ++k)
+      of_line[static_cast<std::size_t>(k)] = offsets.at(i, k), n += counts.at(i, k);
+    std::sort(of_line.begin(), of_line.end());
+    // The mean of the four in the middle scatters by 1.1 of what the mean of all does.
+    const float middle = (of_line[2] + of_line[3] + of_line[4] + of_line[5]) / 4;
+    result[static_cast<std::size_t>(i)] = {middle, n > 30 ? 1.13F / std::sqrt(n) : 1e9F};
+  }
+  return result;
+}
+
+/// What to take away from each line: only where it is more than the pixels' noise makes. @return whether any
+bool keep_significant(std::vector<LineOffset>& lines) {
+  std::vector<float> scaled;
+  for (const LineOffset& l : lines) {
+    if (l.error < 1) scaled.push_back(std::abs(l.value) / l.error);
+  }
+  // 1 within a random error: 0.6745 is the median of a normal distribution's size.
+  const bool pattern = scaled.size() > 16 && median_of(scaled) > 1.35F * 0.6745F;
+  bool any = false;
+  for (LineOffset& l : lines) {
+    const bool alone = std::abs(l.value) > 6 * l.error;  // a defect column in a good sensor
+    if (!((pattern || alone) && l.error < 1)) l.value = 0;
+    any = any || l.value != 0;
+  }
+  return any;
+}
+
+void remove_fixed_pattern(Plane& signal) {
+  const int w = signal.width();
+  const int h = signal.height();
+  if (w < 64 || h < 64) return;
+  Plane column_sums(w, pieces);
+  Plane column_counts(w, pieces);
+  Plane row_sums(h, pieces);
+  Plane row_counts(h, pieces);
+  for (int y = 0; y < h; ++y) {
+    const int piece = y * pieces / h;
+    for (int k = 0; k < pieces; ++k) {
+      const int from = k * w / pieces;
+      const Moments m = add_near_zero(signal.row(y) + from, used_most, column_sums.row(piece) + from,
+                                      column_counts.row(piece) + from, (k + 1) * w / pieces - from);
+      row_sums.at(y, k) = m.sum;
+      row_counts.at(y, k) = m.n;
+    }
+  }
+  std::vector<LineOffset> columns = line_offsets(column_sums, column_counts);
+  std::vector<LineOffset> rows = line_offsets(row_sums, row_counts);
+  const bool by_column = keep_significant(columns);
+  const bool by_row = keep_significant(rows);
+  if (!by_column && !by_row) return;
+  std::vector<float> offsets(static_cast<std::size_t>(w));
+  for (int y = 0; y < h; ++y) {
+    for (int x = 0; x < w; ++x)
+      offsets[static_cast<std::size_t>(x)] =
+          rows[static_cast<std::size_t>(y)].value + columns[static_cast<std::size_t>(x)].value;
+    subtract(signal.row(y), offsets.data(), w);
+  }
+}
+
+/// Finds pixels sharper than the optics allow. Of a Gaussian, the mean of two opposite neighbours is nowhere
+/// less than exp(-d^2 / 2 sigma^2) of the pixel between them, in whatever direction, so neither of a star nor
+/// of a streak.
+class SpikeFinder {
+ public:
+  explicit SpikeFinder(const Psf& psf) {
+    const auto& k = psf.shape();
+    const double g = k.gamma;
+    // The steepest fall over a pixel is along the shorter axis; a tenth is for what the model lacks.
+    const double half_difference = std::hypot((k.a - k.c) / 2, k.b);
+    const double steepest = (k.a + k.c) / 2 + half_difference;
+    const double side = g < 1e-3 ? std::exp(-steepest) : std::pow(1 + g * steepest, -1 / g);
+    ratio_ = static_cast<float>(1.1 / side);
+    threshold_pair_ = 5 * std::sqrt(1 + ratio_ * ratio_ / 2);
+    threshold_cross_ = 4.5F * std::sqrt(1 + ratio_ * ratio_ / 4);
+  }
+
+  /// Three times, since a neighbour in a track hides it the first time. @return how many
+  int replace(Plane& signal, Grid<std::uint8_t>& flaws) const {
+    std::vector<Place> bright = bright_places(signal);
+    int found = 0;
+    for (int round = 0; round < 3; ++round) {
+      std::vector<Place> spikes;
+      for (const Place& p : bright) {
+        if (flaws.at(p.x, p.y) == 0 && is_spike(signal, p)) spikes.push_back(p);
+      }
+      for (const Place& p : spikes) flaws.at(p.x, p.y) |= flaw_spike;
+      for (const Place& p : spikes) signal.at(p.x, p.y) = mean_around(signal, flaws, p.x, p.y);
+      found += static_cast<int>(spikes.size());
+      if (spikes.empty()) break;
+    }
+    return found;
+  }
+
+ private:
+  struct Place {
+    int x, y;
+  };
+
+  [[nodiscard]] std::vector<Place> bright_places(const Plane& signal) const {
+    std::vector<Place> places;
+    std::vector<int> at;
+    for (int y = 0; y < signal.height(); ++y) {
+      find_above(signal.row(y), std::min(threshold_pair_, threshold_cross_), signal.width(), at);
+      for (const int x : at) places.push_back({x, y});
+    }
+    return places;
+  }
+
+  [[nodiscard]] bool is_spike(const Plane& signal, const Place& p) const {
+    const int w = signal.width();
+    const int h = signal.height();
+    const float* row = signal.row(p.y);
+    const float above = signal.at(p.x, p.y > 0 ? p.y - 1 : std::min(1, h - 1));
+    const float below = signal.at(p.x, p.y + 1 < h ? p.y + 1 : std::max(0, h - 2));
+    const float left = row[p.x > 0 ? p.x - 1 : std::min(1, w - 1)];
+    const float right = row[p.x + 1 < w ? p.x + 1 : std::max(0, w - 2)];
+    const float horizontal = std::max(0.0F, (left + right) / 2);
+    const float vertical = std::max(0.0F, (above + below) / 2);
+    const float v = row[p.x];
+    const float shot = 1 + 0.02F * v;  // bright pixels scatter more
+    return v - ratio_ * std::min(horizontal, vertical) > threshold_pair_ * shot ||
+           v - ratio_ * (horizontal + vertical) / 2 > threshold_cross_ * shot;
+  }
+
+  static float mean_around(const Plane& signal, const Grid<std::uint8_t>& flaws, int x, int y) {
+    float sum = 0;
+    int n = 0;
+    for (int j = y - 1; j <= y + 1; ++j) {
+      for (int i = x - 1; i <= x + 1; ++i) {
+        if (!signal.contains(i, j) || flaws.at(i, j) != 0) continue;
+        sum += signal.at(i, j);
+        ++n;
+      }
+    }
+    return n > 0 ? sum / static_cast<float>(n) : 0;
+  }
+
+  float ratio_;
+  float threshold_pair_;
+  float threshold_cross_;
+};
+
+float median_node(const Surface& surface) {
+  std::vector<float> nodes(surface.nodes().cells().begin(), surface.nodes().cells().end());
+  return median_of(nodes);
+}
+
+void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std::uint8_t>& flaws,
+                FrameFindings& findings) {
+  if (range.all_finite && range.high < saturation) return;
+  for (std::size_t i = 0; i < in.size(); ++i) {
+    const float v = in.cells()[i];
+    if (!std::isfinite(v)) {
+      flaws.cells()[i] |= flaw_invalid;
+      ++findings.invalid;
+    } else if (v >= saturation) {
+      flaws.cells()[i] |= flaw_saturated;
+      ++findings.saturated;
+    }
+  }
+}
+
+/// Takes the sky away and makes the noise 1.
+Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor) {
+  Plane signal = Plane::unset(in.width(), in.height());
+  std::vector<float> level(static_cast<std::size_t>(in.width()));
+  std::vector<float> noise(level.size());
+  for (int y = 0; y < in.height(); ++y) {
+    sky.level.row(y, level);
+    if (y % noise_rows == 0) sky.noise.row(std::min(in.height() - 1, y + noise_rows / 2), noise);
+    normalise(in.row(y), level.data(), noise.data(), noise_floor, signal.row(y), in.width());
+  }
+  return signal;
+}
+
+void add_notes(const Plane& in, const Range& range, bool psf_measured, FrameFindings& findings) {
+  const auto all = static_cast<double>(in.size());
+  if (findings.invalid > 0)
+    findings.notes.push_back(fmt::format("{} pixels without a value", findings.invalid));
+  if (findings.invalid == static_cast<int>(in.size()))
+    findings.notes.emplace_back("no pixel has a value");
+  else if (range.span() == 0)
+    findings.notes.push_back(fmt::format("every pixel is {}: nothing can be found", range.high));
+  if (findings.saturated > 0.01 * all)
+    findings.notes.push_back(
+        fmt::format("{:.0f} % of the pixels are saturated", 100 * findings.saturated / all));
+  if (!psf_measured)
+    findings.notes.emplace_back("too few bright stars to measure their width; 2.5 px assumed");
+}
+
+}  // namespace
+
+CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
+  const Plane& in = frame.pixels;
+  const Range range = range_of(in);
+  float saturation = std::numeric_limits<float>::infinity();
+  if (frame.saturation_adu)
+    saturation = *frame.saturation_adu;
+  else if (range.span() > 0 && has_plateau(in, range.high))
+    saturation = range.high;
+  CleanFrame out;
+  out.flaws = Grid<std::uint8_t>(in.width(), in.height());
+  mark_flaws(in, range, saturation, out.flaws, findings);
+
+  // Equally spaced values have at least the noise of their rounding, equal ones that of their float
+  // representation.
+  const float largest = range.low <= range.high ? std::max(std::abs(range.low), std::abs(range.high)) : 0;
+  const float noise_least =
+      std::max({0.4F * frame.step, 3e-6F * largest, std::numeric_limits<float>::min() * 1e6F});
+  const SkyLevel sky = measure_sky(in, noise_least);
+  findings.background = double(median_node(sky.level));
+  findings.noise = double(median_node(sky.noise));
+  const float noise_floor = std::max(noise_least, 0.2F * median_node(sky.noise));
+  out.signal = in_noise(in, sky, noise_floor);
+  out.noise_adu = sky.noise.at_least(noise_floor);
+  remove_fixed_pattern(out.signal);
+
+  if (auto psf = measure_psf(out.signal, out.flaws)) {
+    out.psf = *std::move(psf);
+    out.psf_measured = true;
+    findings.fwhm_px = out.psf.fwhm_px();
+  }
+  findings.spikes =
+      SpikeFinder(out.psf_measured ? out.psf : Psf::round_gaussian(1.6)).replace(out.signal, out.flaws);
+  add_notes(in, range, out.psf_measured, findings);
+  return out;
+}
+
+}  // namespace srfs::image

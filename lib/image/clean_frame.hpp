@@ -1,0 +1,24 @@
+#pragma once
+
+#include "image/background.hpp"
+#include "image/detections.hpp"
+
+namespace srfs::image {
+
+/// Why a pixel is not used, as bits.
+enum PixelFlaw : std::uint8_t { flaw_invalid = 1, flaw_saturated = 2, flaw_spike = 4 };
+
+/// A frame ready for detection: sky and fixed pattern taken away, in units of the local noise, single bright
+/// pixels and particle tracks replaced.
+struct CleanFrame {
+  Plane signal;
+  Grid<std::uint8_t> flaws;
+  Surface noise_adu;
+  Psf psf = Psf::round_gaussian(2.5);
+  bool psf_measured = false;
+};
+
+/// @param findings  gets the figures of the frame and notes on what is unusual in it
+[[nodiscard]] CleanFrame clean_frame(const Frame& frame, FrameFindings& findings);
+
+}  // namespace srfs::image

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "image/psf.hpp"
+
+namespace srfs::image {
+
+struct Star {
+  double x;
+  double y;
+  double flux;     ///< ADU above the sky
+  double snr;      ///< flux over its noise from the sky alone
+  double fwhm_px;  ///< as the pixels show it
+};
+
+/// Ends of the middle line of a moving object's light.
+struct Streak {
+  double x1;
+  double y1;
+  double x2;
+  double y2;
+  double snr;       ///< of all its light over the noise of the sky in a matched filter
+  double flux;      ///< ADU above the sky
+  double width_px;  ///< FWHM across
+};
+
+/// Where a frame looks and how it lies.
+struct Attitude {
+  double ra_deg;  ///< of the frame's middle, J2000
+  double dec_deg;
+  double roll_deg;         ///< direction of the frame's upper edge, from north over east
+  double scale_arcsec_px;  ///< in the middle
+  bool mirrored;           ///< east is to the right where north is up
+  int stars;               ///< that the catalogue explains
+  double rms_arcsec;       ///< of those, per axis
+};
+
+/// A piece of a frame, or the frame made small, as a product of its own.
+struct Cutout {
+  int x, y;                                        ///< its first pixel in the frame
+  std::variant<Grid<std::uint8_t>, Plane> pixels;  ///< for people to look at, or ADU
+};
+
+/// What one frame holds, by whatever method was asked for.
+struct FrameFindings {
+  std::vector<Star> stars;      ///< brightest first
+  std::vector<Streak> streaks;  ///< most significant first
+  std::optional<Attitude> attitude;
+  std::optional<Cutout> cutout;
+  double background = 0;  ///< median, ADU
+  double noise = 0;       ///< median of the pixels' noise, ADU
+  double fwhm_px = 0;     ///< measured in the frame; 0: too few stars to tell
+  int spikes = 0;         ///< pixels taken for hot ones or cosmic rays
+  int saturated = 0;      ///< pixels
+  int invalid = 0;        ///< pixels without a value
+  std::vector<std::string> notes;
+};
+
+}  // namespace srfs::image

@@ -1,0 +1,35 @@
+#include "image/filter.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "image/rows.hpp"
+
+namespace srfs::image {
+
+void gaussian_filter(const Plane& in, float sigma_px, Plane& out) {
+  const int radius = std::clamp(static_cast<int>(std::ceil(2.7F * sigma_px)), 1, filter_radius_max);
+  std::vector<float> taps(static_cast<std::size_t>(radius) + 1);
+  float squares = 0;
+  for (int i = 0; i <= radius; ++i) {
+    const float u = static_cast<float>(i) / sigma_px;
+    const float v = std::exp(-0.5F * u * u);
+    taps[static_cast<std::size_t>(i)] = v;
+    squares += (i == 0 ? 1.0F : 2.0F) * v * v;
+  }
+  for (float& t : taps) t /= std::sqrt(squares);
+  const int width = in.width();
+  const int height = in.height();
+  if (out.width() != width || out.height() != height) out = Plane::unset(width, height);
+  const std::vector<float> dark(static_cast<std::size_t>(width), 0.0F);
+  std::vector<float> line(static_cast<std::size_t>(width + 2 * radius), 0.0F);  // with zeros on both sides
+  std::vector<const float*> rows(static_cast<std::size_t>(2 * radius + 1));
+  for (int y = 0; y < height; ++y) {
+    for (int i = -radius; i <= radius; ++i)
+      rows[static_cast<std::size_t>(i + radius)] = y + i >= 0 && y + i < height ? in.row(y + i) : dark.data();
+    filter_column(rows.data(), taps.data(), radius, line.data() + radius, width);
+    filter_row(line.data() + radius, taps.data(), radius, out.row(y), width);
+  }
+}
+
+}  // namespace srfs::image

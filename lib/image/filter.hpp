@@ -1,0 +1,12 @@
+#pragma once
+
+#include "image/frame.hpp"
+
+namespace srfs::image {
+
+/// @p in correlated with a round Gaussian whose squares sum to 1: white noise of spread 1 stays one of
+/// spread 1. Edges count as zero.
+/// @param out  another plane, of any size before
+void gaussian_filter(const Plane& in, float sigma_px, Plane& out);
+
+}  // namespace srfs::image

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <filesystem>
+
+#include "base/octets.hpp"
+#include "image/frame.hpp"
+
+namespace srfs::image {
+
+/// Reads a frame: FITS (first image of the file, tile compression too), TIFF (8, 16, 32 bit, float), PNG,
+/// JPEG. The content says which, not the name. Colours are averaged. The size is judged before pixels are
+/// decoded.
+/// @return the frame, or why there is none; never throws
+[[nodiscard]] Result<Frame, Refusal> decode_frame(OctetView content);
+
+/// The same for a file, which may have up to 1 GiB. Blocks on the disk.
+[[nodiscard]] Result<Frame, Refusal> read_frame(const std::filesystem::path& path);
+
+/// Writes 16-bit FITS; values are rounded and cut off at 0 and 65535. Replaces the file.
+[[nodiscard]] Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane& pixels);
+
+/// Writes 8-bit grey PNG. Replaces the file.
+[[nodiscard]] Result<void, Refusal> write_png(const std::filesystem::path& path,
+                                              const Grid<std::uint8_t>& pixels);
+
+}  // namespace srfs::image

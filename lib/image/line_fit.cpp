@@ -1,0 +1,227 @@
+#include "image/line_fit.hpp"
+
+#include <Eigen/Dense>
+
+namespace srfs::image {
+namespace {
+
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+/// So much of a line is looked at behind its ends for the rest of it, at least, and as a share of its length.
+constexpr double beyond_least_px = 60;
+constexpr double beyond_share = 1.2;
+/// What counts of a bin's light along a line above the mean, in errors: the rest may be a star.
+constexpr double bin_clip = 1;
+
+/// Ends and direction as the fit changes them.
+void move(Line& line, const LineShape& from, const Vector6& step) {
+  const double x = double(from.x) - step[2] * double(from.uy);
+  const double y = double(from.y) + step[2] * double(from.ux);
+  const double turn = std::clamp(step[3], -0.5, 0.5);
+  const double ux = double(from.ux) * std::cos(turn) - double(from.uy) * std::sin(turn);
+  const double uy = double(from.uy) * std::cos(turn) + double(from.ux) * std::sin(turn);
+  const double t1 = double(from.from) + step[0];
+  const double t2 = double(from.to) + step[1];
+  line.x1 = x + t1 * ux, line.y1 = y + t1 * uy;
+  line.x2 = x + t2 * ux, line.y2 = y + t2 * uy;
+  line.height += step[4];
+}
+
+}  // namespace
+
+double Line::length() const {
+  return std::hypot(x2 - x1, y2 - y1);
+}
+
+LineFitter::LineFitter(const Plane& light, const Grid<std::uint8_t>& mask, const Psf& psf, LineNoise noise)
+    : light_(light), mask_(mask), shape_(psf.shape()), sigma_(double(psf.sigma_px())), noise_(noise) {
+  // Summed along a line, a profile with wings (1 + gamma q)^(-1/gamma) is (1 + gamma q)^(1/2 - 1/gamma).
+  const double g = shape_.gamma;
+  if (g > 1e-3) sigma_ *= std::sqrt((std::pow(2.0, 1 / (1 / g - 0.5)) - 1) / (std::pow(2.0, g) - 1));
+}
+
+LineShape LineFitter::shape_of(const Line& l) const {
+  const double length = std::max(1e-3, l.length());
+  const double ux = (l.x2 - l.x1) / length;
+  const double uy = (l.y2 - l.y1) / length;
+  // Width of an elliptic star in a direction, beside that of a round one of the same area.
+  const auto& k = shape_;
+  const double root = std::sqrt(k.a * k.c - k.b * k.b);
+  const auto width = [&](double x, double y) {
+    return std::sqrt((k.c * x * x - 2 * k.b * x * y + k.a * y * y) / root);
+  };
+  return {static_cast<float>((l.x1 + l.x2) / 2),
+          static_cast<float>((l.y1 + l.y2) / 2),
+          static_cast<float>(ux),
+          static_cast<float>(uy),
+          static_cast<float>(-length / 2),
+          static_cast<float>(length / 2),
+          static_cast<float>(sigma_ * width(ux, uy)),
+          static_cast<float>(sigma_ * width(-uy, ux) * l.scale),
+          static_cast<float>(l.height)};
+}
+
+double LineFitter::reach_px(const Line& line) const {
+  return 3 * sigma_ * std::max(1.0, line.scale) + 1;
+}
+
+const LinePixels& LineFitter::collect(const Line& line, double reach, double beyond) {
+  std::size_t n = 0;
+  for_rows_along(line, light_.width(), light_.height(), reach, beyond, [&](int y, int first, int last) {
+    const std::size_t most = n + static_cast<std::size_t>(last - first + 1);
+    if (pixels_.light.size() < most) {
+      for (std::vector<float>* values : {&pixels_.x, &pixels_.y, &pixels_.light}) values->resize(2 * most);
+    }
+    const float* light = light_.row(y);
+    const std::uint8_t* mask = mask_.row(y);
+    for (int x = first; x <= last; ++x) {
+      pixels_.x[n] = static_cast<float>(x);
+      pixels_.y[n] = static_cast<float>(y);
+      pixels_.light[n] = light[x];
+      n += mask[x] == 0;
+    }
+  });
+  for (std::vector<float>* values : {&pixels_.x, &pixels_.y, &pixels_.light}) values->resize(n);
+  return pixels_;
+}
+
+std::optional<double> LineFitter::fit(Line& line, double blur, bool with_ends, int rounds) {
+  double energy = 0;
+  double moved_since = 1e9;  // since the pixels were collected
+  for (int round = 0; round < rounds; ++round) {
+    if (moved_since > 1) {
+      collect(line, blur * reach_px(line), blur * reach_px(line));
+      moved_since = 0;
+    }
+    LineShape shape = shape_of(line);
+    shape.sigma_across *= static_cast<float>(blur);
+    const LineSums sums = line_sums(shape, pixels_, noise_);
+    energy = sums.energy;
+    if (!(energy > 0)) return std::nullopt;
+    Matrix6 normal;
+    Vector6 right;
+    for (int a = 0; a < 6; ++a) {
+      right[a] = sums.right[static_cast<std::size_t>(a)];
+      for (int b = a; b < 6; ++b)
+        normal(a, b) = normal(b, a) = sums.normal[static_cast<std::size_t>(a)][static_cast<std::size_t>(b)];
+    }
+    // The width is the frame's but for good reason.
+    const double stiff = 4 * std::max(1.0, line.height * line.height) / (sigma_ * sigma_);
+    normal(5, 5) += blur > 1 ? 1e9 : stiff;
+    right[5] += blur > 1 ? 0 : stiff * sigma_ * (1 - line.scale);
+    if (!with_ends) normal(0, 0) += 1e9, normal(1, 1) += 1e9;
+    normal.diagonal() *= 1.001;
+    Vector6 step = normal.ldlt().solve(right);
+    if (!step.allFinite()) return std::nullopt;
+    const double half = line.length() / 2;
+    const double across = std::abs(step[2]) + std::abs(step[3]) * half;
+    const double along = std::max(std::abs(step[0]), std::abs(step[1]));
+    const double part =
+        std::min({1.0, 1.5 * blur * sigma_ / std::max(1e-9, across), 4 * sigma_ / std::max(1e-9, along)});
+    step *= part;
+    if (step[1] - step[0] < -0.8 * line.length()) return std::nullopt;  // the ends meet
+    move(line, shape, step);
+    line.scale = std::clamp(line.scale + step[5] / sigma_, 0.3, 3.0);
+    if (!(line.height > 0)) return std::nullopt;
+    moved_since += part * (across + along);
+    if (across < 0.01 && along < 0.05 && part == 1) break;
+  }
+  return line.height * std::sqrt(energy);
+}
+
+/// The light along the line in steps of a pixel; then the piece that a line of this height explains best.
+void LineFitter::find_ends(Line& line) {
+  const double beyond = std::max(beyond_least_px, beyond_share * line.length());
+  const double length = line.length();
+  const auto bins = static_cast<std::size_t>(length + 2 * beyond) + 2;
+  std::vector<double> light(bins, 0.0);
+  std::vector<double> energy(bins, 0.0);
+  const double narrow = 0.5 / (sigma_ * sigma_ * line.scale * line.scale);
+  for_pixels_along(line, light_.width(), light_.height(), 2.2 * sigma_, beyond,
+                   [&](int x, int y, double along, double across) {
+                     if (mask_.at(x, y) != 0) return;
+                     const auto bin = static_cast<std::size_t>(
+                         std::clamp(along + beyond + 0.5, 0.0, static_cast<double>(bins) - 1));
+                     const double p = std::exp(-across * across * narrow);
+                     light[bin] += p * double(light_.at(x, y));
+                     energy[bin] += p * p;
+                   });
+  double height = line.height;
+  double from = beyond;
+  double to = beyond + length;
+  for (int round = 0; round < 4; ++round) {
+    // The piece of the largest sum (Kadane), of what each bin speaks for a line here.
+    double sum = 0, best = 0;
+    std::size_t start = 0, best_from = 0, best_to = 0;
+    for (std::size_t i = 0; i < bins; ++i) {
+      const double most = height * energy[i] + bin_clip * std::sqrt(energy[i]);
+      const double gain = height * (2 * std::min(light[i], most) - height * energy[i]);
+      if (sum <= 0) sum = 0, start = i;
+      sum += gain;
+      if (sum > best) best = sum, best_from = start, best_to = i;
+    }
+    if (best <= 0 || static_cast<double>(best_to) < from || static_cast<double>(best_from) > to) return;
+    from = static_cast<double>(best_from) - 0.5;
+    to = static_cast<double>(best_to) + 0.5;
+    double all = 0, weight = 0;
+    for (std::size_t i = best_from; i <= best_to; ++i) {
+      all += std::min(light[i], height * energy[i] + bin_clip * std::sqrt(energy[i]));
+      weight += energy[i];
+    }
+    if (!(weight > 0) || !(all > 0)) return;
+    const double before = height;
+    height = all / weight;
+    if (std::abs(height - before) < 0.02 * before) break;
+  }
+  const double ux = (line.x2 - line.x1) / std::max(1e-3, length);
+  const double uy = (line.y2 - line.y1) / std::max(1e-3, length);
+  const double x = line.x1;
+  const double y = line.y1;
+  line.x1 = x + (from - beyond) * ux, line.y1 = y + (from - beyond) * uy;
+  line.x2 = x + (to - beyond) * ux, line.y2 = y + (to - beyond) * uy;
+  line.height = height;
+}
+
+std::vector<double> LineFitter::heights_beside(const Line& line) {
+  std::vector<double> heights;
+  const double length = std::max(1e-3, line.length());
+  const double step = 3.2 * sigma_ * std::max(1.0, line.scale) + 1;
+  std::vector<float> of_line;
+  for (const int k : {-4, -3, -2, 2, 3, 4}) {
+    Line beside = line;
+    const double dx = -(line.y2 - line.y1) / length * step * k / 1.6;
+    const double dy = (line.x2 - line.x1) / length * step * k / 1.6;
+    beside.x1 += dx, beside.x2 += dx, beside.y1 += dy, beside.y2 += dy;
+    collect(beside, reach_px(line), 0);
+    line_heights(shape_of(beside), pixels_, of_line);
+    double product = 0;
+    double energy = 0;
+    for (std::size_t i = 0; i < of_line.size(); ++i) {
+      product += double(of_line[i]) * double(pixels_.light[i]);
+      energy += double(of_line[i]) * double(of_line[i]);
+    }
+    // At least half of it.
+    if (energy > 0.5 * 1.77 * sigma_ * length) heights.push_back(product / energy);
+  }
+  return heights;
+}
+
+std::optional<double> LineFitter::settle(Line& line, double least) {
+  const double blur = std::max(1.6, 1.8 / sigma_);
+  if (!fit(line, blur, false, 4)) return std::nullopt;
+  const auto piece = fit(line, 1, false, 3);
+  if (!piece || *piece < 0.45 * least) return std::nullopt;
+  double length = 0;
+  for (int round = 0; round < 3; ++round) {
+    find_ends(line);
+    if (line.length() < 2) return std::nullopt;
+    const auto whole = fit(line, 1, false, 3);
+    if (!whole || *whole < 0.8 * least) return std::nullopt;
+    if (std::abs(line.length() - length) < 2) break;
+    length = line.length();
+  }
+  return fit(line);
+}
+
+}  // namespace srfs::image

@@ -1,0 +1,141 @@
+#include "image/line_profile.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "image/simd.hpp"
+#include "image/vector_math.hpp"
+
+namespace srfs::image {
+namespace {
+
+constexpr int block = 256;
+constexpr std::size_t parameters = LineSums::parameters;
+
+/// One block of pixels: what the sums are made of.
+struct Terms {
+  alignas(64) std::array<std::array<float, block>, parameters> gradient;
+  alignas(64) std::array<float, block> residuum;
+  alignas(64) std::array<float, block> weight;
+  alignas(64) std::array<float, block> unit;  ///< light for height 1
+};
+
+struct Place {
+  float along;
+  float across;
+};
+
+[[gnu::always_inline]] inline Place place_of(const LineShape& l, float x, float y) {
+  const float dx = x - l.x;
+  const float dy = y - l.y;
+  return {dx * l.ux + dy * l.uy, dy * l.ux - dx * l.uy};
+}
+
+[[gnu::always_inline]] inline void fill_terms(const LineShape l, const float* x, const float* y,
+                                              const float* light, int n, const LineNoise noise, Terms& t) {
+  const float per_along = 1 / l.sigma_along;
+  const float per_across = 1 / l.sigma_across;
+  constexpr float density = 0.39894228F;  // of a normal distribution in its middle
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const Place p = place_of(l, x[i], y[i]);
+    const float u1 = (p.along - l.from) * per_along;
+    const float u2 = (p.along - l.to) * per_along;
+    const float b1 = bell(u1);
+    const float b2 = bell(u2);
+    const float v = p.across * per_across;
+    const float across = bell(v);
+    const float inside = share_below(u1, b1) - share_below(u2, b2);
+    const float unit = inside * across;
+    const float model = l.height * unit;
+    const float by_offset = model * v * per_across;
+    t.gradient[0][i] = -l.height * density * per_along * b1 * across;
+    t.gradient[1][i] = l.height * density * per_along * b2 * across;
+    t.gradient[2][i] = by_offset;
+    t.gradient[3][i] = by_offset * p.along;
+    t.gradient[4][i] = unit;
+    t.gradient[5][i] = model * v * v * per_across;
+    const float size = model < 0 ? -model : model;
+    const float variance = 1 + noise.shot * size + noise.model_error * noise.model_error * model * model;
+    const float r = light[i] - model;
+    const float far = r * r / variance;
+    // Three errors away: less.
+    t.weight[i] = (far > 9 ? 3 / std::sqrt(far) : 1.0F) / variance;
+    t.residuum[i] = r;
+    t.unit[i] = unit;
+  }
+}
+
+[[gnu::always_inline]] inline float dot(const float* a, const float* b, int n) {
+  float sum = 0;
+#pragma omp simd reduction(+ : sum)
+  for (int i = 0; i < n; ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+}  // namespace
+
+SRFS_VECTORISED
+LineSums line_sums(const LineShape& line, const LinePixels& pixels, const LineNoise& noise) {
+  LineSums sums;
+  Terms t;
+  std::array<float, block> weighted;
+  const int size = static_cast<int>(pixels.size());
+  for (int from = 0; from < size; from += block) {
+    const int n = std::min(block, size - from);
+    fill_terms(line, pixels.x.data() + from, pixels.y.data() + from, pixels.light.data() + from, n, noise, t);
+    for (std::size_t a = 0; a < parameters; ++a) {
+#pragma omp simd
+      for (int i = 0; i < n; ++i) weighted[i] = t.weight[i] * t.gradient[a][i];
+      for (std::size_t b = a; b < parameters; ++b)
+        sums.normal[a][b] += double(dot(weighted.data(), t.gradient[b].data(), n));
+      sums.right[a] += double(dot(weighted.data(), t.residuum.data(), n));
+    }
+    sums.energy += double(dot(t.unit.data(), t.unit.data(), n));
+  }
+  return sums;
+}
+
+SRFS_VECTORISED
+double line_mismatch(const LineShape& line, float model, const LinePixels& pixels, const LineNoise& noise) {
+  Terms t;
+  double sum = 0;
+  const int size = static_cast<int>(pixels.size());
+  for (int from = 0; from < size; from += block) {
+    const int n = std::min(block, size - from);
+    const float* light = pixels.light.data() + from;
+    fill_terms(line, pixels.x.data() + from, pixels.y.data() + from, light, n, noise, t);
+    float part = 0;
+#pragma omp simd reduction(+ : part)
+    for (int i = 0; i < n; ++i) {
+      const float expected = line.height * t.unit[i];
+      const float size_of = expected < 0 ? -expected : expected;
+      const float variance =
+          1 + noise.shot * size_of + noise.model_error * noise.model_error * expected * expected;
+      const float r = light[i] - model * expected;
+      part += r * r / variance;
+    }
+    sum += double(part);
+  }
+  return sum;
+}
+
+SRFS_VECTORISED
+void line_heights(const LineShape& line, const LinePixels& pixels, std::vector<float>& out) {
+  out.resize(pixels.size());
+  const float per_along = 1 / line.sigma_along;
+  const float per_across = 1 / line.sigma_across;
+  const int n = static_cast<int>(pixels.size());
+  const float* x = pixels.x.data();
+  const float* y = pixels.y.data();
+  float* to = out.data();
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const Place p = place_of(line, x[i], y[i]);
+    const float u1 = (p.along - line.from) * per_along;
+    const float u2 = (p.along - line.to) * per_along;
+    to[i] = (share_below(u1, bell(u1)) - share_below(u2, bell(u2))) * bell(p.across * per_across);
+  }
+}
+
+}  // namespace srfs::image

@@ -1,0 +1,323 @@
+#include "image/method.hpp"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "image/picture.hpp"
+#include "image/plate_solver.hpp"
+#include "image/streak_finder.hpp"
+
+namespace srfs::image {
+namespace {
+
+constexpr ParameterSpec stars_max{"max_stars", 10000, 1, 100000, "the brightest stars that are kept"};
+
+class StarCentroid final : public Method {
+ public:
+  explicit StarCentroid(const Parameters& parameters)
+      : options_{parameters["threshold"], static_cast<int>(parameters["max_stars"])} {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    findings.stars = find_stars(clean, options_).stars;
+    return findings;
+  }
+
+ private:
+  StarOptions options_;
+};
+
+constexpr std::array star_centroid_parameters{
+    ParameterSpec{"threshold", 0, 0, 1000,
+                  "least SNR of a star; 0: what leaves about one false star in 70, 4.2 to 5"},
+    stars_max,
+};
+
+class StreakSearch final : public Method {
+ public:
+  explicit StreakSearch(const Parameters& parameters)
+      : options_{parameters["threshold"], parameters["min_length"], parameters["caution"]},
+        with_stars_(parameters["stars"] != 0) {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    StarField field = find_stars(clean, {.stars_max = std::numeric_limits<int>::max()});
+    findings.streaks = find_streaks(clean, field, options_);
+    if (with_stars_) findings.stars = std::move(field.stars);
+    return findings;
+  }
+
+ private:
+  StreakOptions options_;
+  bool with_stars_;
+};
+
+constexpr std::array streak_parameters{
+    ParameterSpec{"threshold", 7, 3, 1000, "least SNR of a whole streak"},
+    ParameterSpec{"min_length", 10, 3, 10000, "px"},
+    ParameterSpec{"caution", 8, -100, 1000,
+                  "by how much of chi squared a short streak has to be likelier than two stars"},
+    ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
+};
+
+/// Moving objects in several frames.
+class TrackletSearch final : public Method {
+ public:
+  explicit TrackletSearch(const Parameters& parameters)
+      : streaks_{parameters["streak_threshold"], parameters["min_length"], parameters["caution"]},
+        links_{static_cast<int>(parameters["hits"]), parameters["threshold"], parameters["max_speed"]} {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    if (frames_.size() >= frames_most)
+      return Err(Refusal{fmt::format("more than {} frames in a sequence", frames_most)});
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    StarField field = find_stars(clean, {.snr_least = faint_least, .stars_max = faint_most});
+    FrameDetections of_frame;
+    of_frame.stars = field.stars;
+    of_frame.streaks = find_streaks(clean, field, streaks_);
+    of_frame.width = frame.pixels.width();
+    of_frame.height = frame.pixels.height();
+    of_frame.fwhm_px = clean.psf.fwhm_px();
+    of_frame.time_s = frame.time_s;
+    frames_.push_back(std::move(of_frame));
+    return findings;
+  }
+
+  SequenceFindings finish() override {
+    SequenceFindings found = link_tracklets(frames_, links_);
+    frames_.clear();
+    return found;
+  }
+
+ private:
+  static constexpr std::size_t frames_most = 200;
+  /// One frame's detections may be this faint: chance does not move evenly.
+  static constexpr double faint_least = 3.5;
+  static constexpr int faint_most = 50000;
+
+  StreakOptions streaks_;
+  LinkOptions links_;
+  std::vector<FrameDetections> frames_;
+};
+
+constexpr std::array tracklet_parameters{
+    ParameterSpec{"threshold", 8.5, 4, 1000, "least SNR of all points together"},
+    ParameterSpec{"hits", 5, 3, 200,
+                  "least number of points in eight frames and more; in fewer five eighths of them, but 3"},
+    ParameterSpec{"max_speed", 40, 0.1, 10000, "px per frame; four times that of what is seen as streaks"},
+    ParameterSpec{"streak_threshold", 7, 3, 1000, "least SNR of a streak in one frame"},
+    ParameterSpec{"min_length", 10, 3, 10000, "of streaks, px"},
+    ParameterSpec{"caution", -12, -100, 1000,
+                  "by how much of chi squared a streak has to be likelier than two stars in the one frame"},
+};
+
+/// The attitude from the stars.
+class PlateSolution final : public Method {
+ public:
+  explicit PlateSolution(const Parameters& parameters)
+      : options_{parameters["min_field"], parameters["max_field"]},
+        with_stars_(parameters["stars"] != 0),
+        solver_(bright_star_solver()) {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    findings.stars = find_stars(clean, {}).stars;
+    findings.attitude = solver_.solve(findings.stars, frame.pixels.width(), frame.pixels.height(), options_);
+    if (!findings.attitude)
+      findings.notes.push_back(
+          fmt::format("no solution: {} stars, no attitude explains them", findings.stars.size()));
+    if (!with_stars_) findings.stars.clear();
+    return findings;
+  }
+
+ private:
+  PlateOptions options_;
+  /// Built once in a process, when first asked for.
+  static const PlateSolver& bright_star_solver() {
+    static const PlateSolver solver(bright_stars());
+    return solver;
+  }
+
+  bool with_stars_;
+  const PlateSolver& solver_;
+};
+
+constexpr std::array plate_parameters{
+    ParameterSpec{"min_field", 4, 1, 60, "least width of the field of view, degrees"},
+    ParameterSpec{"max_field", 20, 1, 60, "largest width of the field of view, degrees"},
+    ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
+};
+
+/// Pixels of the detector that are not as the others, from several frames.
+class DefectMap final : public Method {
+ public:
+  explicit DefectMap(const Parameters& parameters)
+      : share_(parameters["share"]), most_(static_cast<std::size_t>(parameters["max_defects"])) {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    if (count_ && (count_->width() != frame.pixels.width() || count_->height() != frame.pixels.height()))
+      return Err(Refusal{fmt::format("{} x {} px after frames of {} x {}", frame.pixels.width(),
+                                     frame.pixels.height(), count_->width(), count_->height())});
+    if (count_ && count_->frames() >= frames_most)
+      return Err(Refusal{fmt::format("more than {} frames in a sequence", frames_most)});
+    FrameFindings findings;
+    const CleanFrame clean = clean_frame(frame, findings);
+    if (!count_) count_.emplace(frame.pixels.width(), frame.pixels.height());
+    count_->add(frame, clean);
+    return findings;
+  }
+
+  SequenceFindings finish() override {
+    SequenceFindings found;
+    if (count_) found.defects = count_->defects(share_, most_);
+    if (count_ && count_->frames() < frames_least)
+      found.notes.push_back(fmt::format("in fewer than {} frames particles look like defects", frames_least));
+    count_.reset();
+    return found;
+  }
+
+ private:
+  static constexpr int frames_most = 1000;
+  static constexpr int frames_least = 3;
+  double share_;
+  std::size_t most_;
+  std::optional<DefectCount> count_;
+};
+
+constexpr std::array defect_parameters{
+    ParameterSpec{"share", 0.6, 0.05, 1, "share of the frames that have to show a defect"},
+    ParameterSpec{"max_defects", 10000, 1, 1000000, "the strongest defects that are kept"},
+};
+
+class Thumbnail final : public Method {
+ public:
+  explicit Thumbnail(const Parameters& parameters) : width_(static_cast<int>(parameters["width"])) {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    FrameFindings findings;
+    findings.cutout = Cutout{0, 0, thumbnail(frame.pixels, width_)};
+    return findings;
+  }
+
+ private:
+  int width_;
+};
+
+constexpr std::array thumbnail_parameters{
+    ParameterSpec{"width", 320, 1, 4096, "px; at most the frame's"},
+};
+
+class RegionOfInterest final : public Method {
+ public:
+  explicit RegionOfInterest(const Parameters& parameters)
+      : wanted_{static_cast<int>(parameters["x"]), static_cast<int>(parameters["y"]),
+                static_cast<int>(parameters["width"]), static_cast<int>(parameters["height"])} {}
+
+  Result<FrameFindings, Refusal> process(const Frame& frame) override {
+    const auto part = within(wanted_, frame.pixels.width(), frame.pixels.height());
+    if (!part)
+      return Err(Refusal{fmt::format("the region begins at ({}, {}), the frame has {} x {} px", wanted_.x,
+                                     wanted_.y, frame.pixels.width(), frame.pixels.height())});
+    FrameFindings findings;
+    if (part->width < wanted_.width || part->height < wanted_.height)
+      findings.notes.push_back(
+          fmt::format("only {} x {} px of the region are in the frame", part->width, part->height));
+    findings.cutout = Cutout{part->x, part->y, cut_out(frame.pixels, *part)};
+    return findings;
+  }
+
+ private:
+  Rectangle wanted_;
+};
+
+constexpr std::array roi_parameters{
+    ParameterSpec{"x", 0, 0, 1e6, "first column"},
+    ParameterSpec{"y", 0, 0, 1e6, "first row"},
+    ParameterSpec{"width", 128, 1, 1e6, "px"},
+    ParameterSpec{"height", 128, 1, 1e6, "px"},
+};
+
+template <class M>
+std::unique_ptr<Method> make(const Parameters& parameters) {
+  return std::make_unique<M>(parameters);
+}
+
+constexpr std::array entries{
+    MethodEntry{"star_centroid", "stars: position, flux, SNR and width", star_centroid_parameters,
+                make<StarCentroid>},
+    MethodEntry{"streak", "streaks of moving objects: ends, SNR, flux and width", streak_parameters,
+                make<StreakSearch>},
+    MethodEntry{"tracklet", "objects that move over several frames: points, velocity, SNR",
+                tracklet_parameters, make<TrackletSearch>},
+    MethodEntry{"plate_solve", "attitude and scale from the stars, or none", plate_parameters,
+                make<PlateSolution>},
+    MethodEntry{"defect_map", "hot and dark pixels of the detector, from several frames", defect_parameters,
+                make<DefectMap>},
+    MethodEntry{"roi", "a piece of the frame as it is", roi_parameters, make<RegionOfInterest>},
+    MethodEntry{"thumbnail", "the frame made small, for people to look at", thumbnail_parameters,
+                make<Thumbnail>},
+};
+
+template <class Range>
+std::string names_of(const Range& range) {
+  std::vector<std::string_view> names;
+  for (const auto& entry : range) names.push_back(entry.name);
+  return fmt::format("{}", fmt::join(names, ", "));
+}
+
+}  // namespace
+
+Result<Parameters, Refusal> Parameters::parse(std::span<const ParameterSpec> specs,
+                                              std::span<const std::string> given) {
+  Parameters parameters;
+  for (const std::string& text : given) {
+    const auto equals = text.find('=');
+    const std::string_view name = std::string_view(text).substr(0, equals);
+    const ParameterSpec* spec = nullptr;
+    for (const ParameterSpec& s : specs) {
+      if (s.name == name) spec = &s;
+    }
+    if (spec == nullptr)
+      return Err(Refusal{fmt::format("no parameter '{}': there are {}", name, names_of(specs))});
+    if (equals == std::string::npos)
+      return Err(Refusal{fmt::format("parameter '{}' has no value: expected {}=NUMBER", name, name)});
+    const std::string_view number = std::string_view(text).substr(equals + 1);
+    double value = 0;
+    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), value);
+    if (error != std::errc{} || end != number.data() + number.size() || !std::isfinite(value))
+      return Err(Refusal{fmt::format("parameter '{}': '{}' is not a number", name, number)});
+    if (value < spec->least || value > spec->most)
+      return Err(Refusal{
+          fmt::format("parameter '{}': {} is not within {} to {}", name, value, spec->least, spec->most)});
+    if (!parameters.values_.emplace(name, value).second)
+      return Err(Refusal{fmt::format("parameter '{}' is given twice", name)});
+  }
+  for (const ParameterSpec& spec : specs) parameters.values_.emplace(spec.name, spec.standard);
+  return parameters;
+}
+
+double Parameters::operator[](std::string_view name) const {
+  return values_.find(name)->second;
+}
+
+std::span<const MethodEntry> methods() {
+  return entries;
+}
+
+Result<const MethodEntry*, Refusal> find_method(std::string_view name) {
+  for (const MethodEntry& entry : entries) {
+    if (entry.name == name) return &entry;
+  }
+  return Err(Refusal{fmt::format("no method '{}': there are {}", name, names_of(entries))});
+}
+
+}  // namespace srfs::image

@@ -1,0 +1,275 @@
+#include "image/profile.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "image/simd.hpp"
+#include "image/vector_math.hpp"
+
+namespace srfs::image {
+namespace {
+
+constexpr float gaussian_below = 0.004F;
+
+struct Shape {
+  float a, b, c, gamma, exponent;
+};
+
+struct HeightAndSlope {
+  float height;
+  float slope;  ///< d height / d q
+};
+
+struct Gaussian : Shape {
+  explicit Gaussian(const Profile& p) : Shape{p.a, p.b, p.c, 0, -1.44269504F} {}
+  [[nodiscard]] HeightAndSlope operator()(float q) const {
+    const float h = power_of_two(exponent * q);
+    return {h, -h};
+  }
+};
+
+struct Moffat : Shape {
+  explicit Moffat(const Profile& p) : Shape{p.a, p.b, p.c, p.gamma, -1 / p.gamma} {}
+  [[nodiscard]] HeightAndSlope operator()(float q) const {
+    const float u = 1 + gamma * q;
+    const float h = power_of_two(exponent * log_of_two(u));
+    return {h, -h / u};
+  }
+};
+
+// The bodies are inlined into each of the compiled variants below.
+
+template <class Height>
+[[gnu::always_inline]] inline FitSums sum_fit(const Height f, const Patch& patch, float x, float y,
+                                              float height, float shot) {
+  float xx = 0, xy = 0, yy = 0, xh = 0, yh = 0, hh = 0, rx = 0, ry = 0, rh = 0, energy = 0;
+  const int n = patch.width;
+  const float left = static_cast<float>(patch.x0) - x;
+  for (int j = 0; j < patch.rows; ++j) {
+    const float* light = patch.light.data() + static_cast<std::ptrdiff_t>(j) * n;
+    const float* use = patch.use.data() + static_cast<std::ptrdiff_t>(j) * n;
+    const float dy = static_cast<float>(patch.y0 + j) - y;
+#pragma omp simd reduction(+ : xx, xy, yy, xh, yh, hh, rx, ry, rh, energy)
+    for (int i = 0; i < n; ++i) {
+      const float dx = left + static_cast<float>(i);
+      const float ax = f.a * dx + f.b * dy;
+      const float ay = f.b * dx + f.c * dy;
+      const auto [p, slope] = f(dx * ax + dy * ay);
+      const float s = -2 * height * slope;
+      const float gx = s * ax;
+      const float gy = s * ay;
+      const float weight = use[i] / (1 + shot * height * p);
+      const float r = weight * (light[i] - height * p);
+      xx += weight * gx * gx;
+      xy += weight * gx * gy;
+      yy += weight * gy * gy;
+      xh += weight * gx * p;
+      yh += weight * gy * p;
+      hh += weight * p * p;
+      rx += gx * r;
+      ry += gy * r;
+      rh += p * r;
+      energy += use[i] * p * p;
+    }
+  }
+  return {xx, xy, yy, xh, yh, hh, rx, ry, rh, energy};
+}
+
+template <class Height>
+[[gnu::always_inline]] inline WidthSums sum_width(const Height f, const Patch& patch, float x, float y,
+                                                  float height, float narrower, float shot) {
+  float ss = 0, sh = 0, hh = 0, rs = 0, rh = 0;
+  const int n = patch.width;
+  const float left = static_cast<float>(patch.x0) - x;
+  for (int j = 0; j < patch.rows; ++j) {
+    const float* light = patch.light.data() + static_cast<std::ptrdiff_t>(j) * n;
+    const float* use = patch.use.data() + static_cast<std::ptrdiff_t>(j) * n;
+    const float dy = static_cast<float>(patch.y0 + j) - y;
+#pragma omp simd reduction(+ : ss, sh, hh, rs, rh)
+    for (int i = 0; i < n; ++i) {
+      const float dx = left + static_cast<float>(i);
+      const float q = narrower * (f.a * dx * dx + 2 * f.b * dx * dy + f.c * dy * dy);
+      const auto [p, slope] = f(q);
+      const float g = -2 * height * slope * q;
+      const float weight = use[i] / (1 + shot * height * p);
+      const float r = weight * (light[i] - height * p);
+      ss += weight * g * g;
+      sh += weight * g * p;
+      hh += weight * p * p;
+      rs += g * r;
+      rh += p * r;
+    }
+  }
+  return {ss, sh, hh, rs, rh};
+}
+
+template <class Height>
+[[gnu::always_inline]] inline ShapeSums sum_shape(const Height f, const Patch& patch, float x, float y,
+                                                  float height, float model_error) {
+  float aa = 0, ab = 0, ac = 0, ag = 0, bb = 0, bc = 0, bg = 0, cc = 0, cg = 0, gg = 0, ra = 0, rb = 0,
+        rc = 0, rg = 0;
+  const int n = patch.width;
+  const float left = static_cast<float>(patch.x0) - x;
+  const float gamma = f.gamma > 0.05F ? f.gamma : 0.05F;  // its derivative hardly changes below
+  const float variance = 1 + model_error * model_error * height * height;
+  for (int j = 0; j < patch.rows; ++j) {
+    const float* light = patch.light.data() + static_cast<std::ptrdiff_t>(j) * n;
+    const float* use = patch.use.data() + static_cast<std::ptrdiff_t>(j) * n;
+    const float dy = static_cast<float>(patch.y0 + j) - y;
+#pragma omp simd reduction(+ : aa, ab, ac, ag, bb, bc, bg, cc, cg, gg, ra, rb, rc, rg)
+    for (int i = 0; i < n; ++i) {
+      const float dx = left + static_cast<float>(i);
+      const float q = f.a * dx * dx + 2 * f.b * dx * dy + f.c * dy * dy;
+      const auto [p, slope] = f(q);
+      const float u = 1 + gamma * q;
+      const float by_a = height * slope * dx * dx;
+      const float by_b = height * slope * 2 * dx * dy;
+      const float by_c = height * slope * dy * dy;
+      const float by_gamma = height * p * (0.69314718F * log_of_two(u) / (gamma * gamma) - q / (gamma * u));
+      const float r = light[i] - height * p;
+      const float error = std::sqrt(variance);
+      const float size = std::abs(r) + 1e-9F;
+      const float robust = 3 * error < size ? 3 * error / size : 1.0F;
+      const float weight = use[i] * robust / variance;
+      aa += weight * by_a * by_a;
+      ab += weight * by_a * by_b;
+      ac += weight * by_a * by_c;
+      ag += weight * by_a * by_gamma;
+      bb += weight * by_b * by_b;
+      bc += weight * by_b * by_c;
+      bg += weight * by_b * by_gamma;
+      cc += weight * by_c * by_c;
+      cg += weight * by_c * by_gamma;
+      gg += weight * by_gamma * by_gamma;
+      ra += weight * r * by_a;
+      rb += weight * r * by_b;
+      rc += weight * r * by_c;
+      rg += weight * r * by_gamma;
+    }
+  }
+  return {{aa, ab, ac, ag, bb, bc, bg, cc, cg, gg}, {ra, rb, rc, rg}};
+}
+
+template <class Height>
+[[gnu::always_inline]] inline void fill_heights(const Height f, const Patch& patch, float x, float y,
+                                                float* out) {
+  const int n = patch.width;
+  const float left = static_cast<float>(patch.x0) - x;
+  for (int j = 0; j < patch.rows; ++j) {
+    const float dy = static_cast<float>(patch.y0 + j) - y;
+    float* to = out + static_cast<std::ptrdiff_t>(j) * n;
+#pragma omp simd
+    for (int i = 0; i < n; ++i) {
+      const float dx = left + static_cast<float>(i);
+      to[i] = f(f.a * dx * dx + 2 * f.b * dx * dy + f.c * dy * dy).height;
+    }
+  }
+}
+
+template <class Height>
+[[gnu::always_inline]] inline void fill_gradients(const Height f, const Patch& patch, float x, float y,
+                                                  float* height, float* by_x, float* by_y) {
+  const int n = patch.width;
+  const float left = static_cast<float>(patch.x0) - x;
+  for (int j = 0; j < patch.rows; ++j) {
+    const float dy = static_cast<float>(patch.y0 + j) - y;
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(j) * n;
+#pragma omp simd
+    for (int i = 0; i < n; ++i) {
+      const float dx = left + static_cast<float>(i);
+      const float ax = f.a * dx + f.b * dy;
+      const float ay = f.b * dx + f.c * dy;
+      const auto [h, slope] = f(dx * ax + dy * ay);
+      height[at + i] = h;
+      by_x[at + i] = -2 * slope * ax;
+      by_y[at + i] = -2 * slope * ay;
+    }
+  }
+}
+
+template <class Height>
+[[gnu::always_inline]] inline void add_row(const Height f, float height, float left, float dy, float* row,
+                                           int n) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const float dx = left + static_cast<float>(i);
+    row[i] += height * f(f.a * dx * dx + 2 * f.b * dx * dy + f.c * dy * dy).height;
+  }
+}
+
+}  // namespace
+
+void take_patch(const Grid<float>& light, const Grid<std::uint8_t>& flaws, double x, double y, int radius,
+                Patch& patch) {
+  const int xi = static_cast<int>(std::lround(x));
+  const int yi = static_cast<int>(std::lround(y));
+  patch.x0 = xi - radius;
+  patch.y0 = yi - radius;
+  patch.rows = 2 * radius + 1;
+  patch.width = (2 * radius + Patch::lanes) / Patch::lanes * Patch::lanes;
+  patch.light.assign(patch.size(), 0.0F);
+  patch.use.assign(patch.size(), 0.0F);
+  const int from = std::max(0, patch.x0);
+  const int end = std::min(light.width(), xi + radius + 1);
+  for (int j = 0; j < patch.rows; ++j) {
+    const int row = patch.y0 + j;
+    if (row < 0 || row >= light.height() || from >= end) continue;
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(j) * patch.width + (from - patch.x0);
+    const float* pixel = light.row(row) + from;
+    const std::uint8_t* flaw = flaws.row(row) + from;
+    float* to = patch.light.data() + at;
+    float* use = patch.use.data() + at;
+    for (int i = 0; i < end - from; ++i) {
+      to[i] = pixel[i];
+      use[i] = flaw[i] == 0 ? 1.0F : 0.0F;
+    }
+  }
+}
+
+SRFS_VECTORISED
+ShapeSums shape_sums(const Profile& profile, const Patch& patch, float x, float y, float height,
+                     float model_error) {
+  return profile.gamma < gaussian_below ? sum_shape(Gaussian(profile), patch, x, y, height, model_error)
+                                        : sum_shape(Moffat(profile), patch, x, y, height, model_error);
+}
+
+SRFS_VECTORISED
+FitSums fit_sums(const Profile& profile, const Patch& patch, float x, float y, float height, float shot) {
+  return profile.gamma < gaussian_below ? sum_fit(Gaussian(profile), patch, x, y, height, shot)
+                                        : sum_fit(Moffat(profile), patch, x, y, height, shot);
+}
+
+SRFS_VECTORISED
+WidthSums width_sums(const Profile& profile, const Patch& patch, float x, float y, float height,
+                     float narrower, float shot) {
+  return profile.gamma < gaussian_below ? sum_width(Gaussian(profile), patch, x, y, height, narrower, shot)
+                                        : sum_width(Moffat(profile), patch, x, y, height, narrower, shot);
+}
+
+SRFS_VECTORISED
+void profile_heights(const Profile& profile, const Patch& patch, float x, float y, std::vector<float>& out) {
+  out.resize(patch.size());
+  if (profile.gamma < gaussian_below)
+    fill_heights(Gaussian(profile), patch, x, y, out.data());
+  else
+    fill_heights(Moffat(profile), patch, x, y, out.data());
+}
+
+SRFS_VECTORISED
+void profile_gradients(const Profile& profile, const Patch& patch, float x, float y, ProfileGradients& out) {
+  for (std::vector<float>* values : {&out.height, &out.x, &out.y}) values->resize(patch.size());
+  if (profile.gamma < gaussian_below)
+    fill_gradients(Gaussian(profile), patch, x, y, out.height.data(), out.x.data(), out.y.data());
+  else
+    fill_gradients(Moffat(profile), patch, x, y, out.height.data(), out.x.data(), out.y.data());
+}
+
+SRFS_VECTORISED
+void add_profile(const Profile& profile, float height, float dx, float dy, float* row, int n) {
+  if (profile.gamma < gaussian_below)
+    add_row(Gaussian(profile), height, dx, dy, row, n);
+  else
+    add_row(Moffat(profile), height, dx, dy, row, n);
+}
+
+}  // namespace srfs::image

@@ -1,0 +1,602 @@
+#include "image/star_finder.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "image/filter.hpp"
+#include "image/rows.hpp"
+#include "image/two_stars.hpp"
+
+namespace srfs::image {
+namespace {
+
+constexpr float candidate_least = 3.5F;  ///< in noise of the filtered frame
+constexpr std::size_t candidates_max = 60000;
+/// What a bright star's model may leave of it.
+constexpr double model_error = 0.06;
+/// Unexplained energy that the model's own error may leave.
+constexpr double sharper_share = 0.02;
+/// What chi squared has to gain by a second star: so much, and a share of the first one's energy for what its
+/// model lacks.
+constexpr double split_least = 25;
+constexpr double split_share = 0.002;
+/// A wrong level of the sky that matters, times the width of a star, both in noise and px.
+constexpr float level_least = 0.05F;
+
+struct Peak {
+  int x;
+  int y;
+  float value;
+};
+
+struct Fitted {
+  double x = 0;
+  double y = 0;
+  double height = 0;
+  double energy = 0;  ///< sum of the squared profile over the pixels used
+  double scale = 1;   ///< width beside the frame's
+  double scale_error = 0;
+  double noise = 1;      ///< of the filtered frame here
+  double left_over = 0;  ///< of brighter stars, here
+  double significance = 0;
+  int radius = 0;
+  bool changed = true;   ///< it or its surroundings, since it was last fitted
+  bool crowded = false;  ///< has neighbours
+  bool touched = false;  ///< by one of similar brightness
+  bool settled = false;  ///< the last fit changed nothing
+};
+
+class Finder {
+ public:
+  Finder(const CleanFrame& clean, const StarOptions& options)
+      : clean_(clean),
+        psf_(clean.psf),
+        profile_(clean.psf.profile()),
+        options_(options),
+        residual_(clean.signal) {
+    const int r = 3 * psf_.fit_radius();
+    for (int y = -r; y <= r; ++y) {
+      for (int x = -r; x <= r; ++x) {
+        const double h = double(psf_.height(static_cast<float>(x), static_cast<float>(y)));
+        energy_ += h * h;
+      }
+    }
+  }
+
+  StarField run() {
+    for (int pass = 0; pass < 2; ++pass) {
+      if (pass > 0) level_residual();
+      gaussian_filter(residual_, psf_.sigma_px(), filtered_);
+      // The second time without the known stars, whose light counts as noise the first time.
+      noise_ = measure_flattened(filtered_, nullptr).noise;
+      for (Fitted& star : stars_) star.noise = noise_at(star.x, star.y);
+      const std::size_t known = stars_.size();
+      for (const Peak& peak : find_peaks()) try_peak(peak, pass);
+      if (stars_.size() == known) break;
+      if (pass == 0) measure_shot_noise();
+      find_crowds(known);
+      refine();
+    }
+    select();
+    return result();
+  }
+
+ private:
+  [[nodiscard]] double noise_at(double x, double y) const { return std::max(0.5, double(noise_.at(x, y))); }
+
+  /// Sky that was hidden by stars: in crowded fields their light lifted the level that was taken away.
+  void level_residual() {
+    Grid<std::uint8_t> masked(residual_.width(), residual_.height());
+    for (const Fitted& star : stars_) mask(star, masked);
+    const Surface level = measure_flattened(residual_, &masked).level;
+    const auto [lowest, highest] =
+        std::minmax_element(level.nodes().cells().begin(), level.nodes().cells().end());
+    if (std::max(-*lowest, *highest) * psf_.sigma_px() < level_least) return;
+    std::vector<float> row(static_cast<std::size_t>(residual_.width()));
+    for (int y = 0; y < residual_.height(); ++y) {
+      level.row(y, row);
+      subtract(residual_.row(y), row.data(), residual_.width());
+    }
+    for (Fitted& star : stars_) star.changed = true;
+  }
+
+  [[nodiscard]] std::vector<Peak> find_peaks() const {
+    std::vector<Peak> peaks;
+    const int w = filtered_.width();
+    const int h = filtered_.height();
+    std::vector<float> limit(static_cast<std::size_t>(w));
+    std::vector<int> above_limit;
+    for (int y = 0; y < h; ++y) {
+      if (y % noise_rows == 0) {
+        noise_.row(std::min(h - 1, y + noise_rows / 2), limit);
+        for (float& v : limit) v = std::max(1.0F, candidate_least * v);
+      }
+      find_above(filtered_.row(y), limit.data(), w, above_limit);
+      for (const int x : above_limit) {
+        if (is_peak(x, y)) peaks.push_back({x, y, filtered_.at(x, y)});
+      }
+    }
+    const auto brighter = [](const Peak& a, const Peak& b) {
+      return a.value != b.value ? a.value > b.value : (a.y != b.y ? a.y < b.y : a.x < b.x);
+    };
+    if (peaks.size() > candidates_max) {
+      std::nth_element(peaks.begin(), peaks.begin() + candidates_max, peaks.end(), brighter);
+      peaks.resize(candidates_max);
+    }
+    std::sort(peaks.begin(), peaks.end(), brighter);
+    return peaks;
+  }
+
+  /// Of equal neighbours the last counts.
+  [[nodiscard]] bool is_peak(int x, int y) const {
+    const float v = filtered_.at(x, y);
+    for (int j = -1; j <= 1; ++j) {
+      for (int i = -1; i <= 1; ++i) {
+        if ((i == 0 && j == 0) || !filtered_.contains(x + i, y + j)) continue;
+        const float other = filtered_.at(x + i, y + j);
+        const bool later = j > 0 || (j == 0 && i > 0);
+        if (later ? v <= other : v < other) return false;
+      }
+    }
+    return true;
+  }
+
+  /// Light at the same distance on two opposite sides, about as much as in the middle: a streak or a surface.
+  [[nodiscard]] bool drawn_out(const Peak& peak) const {
+    const double d = std::max(2.0, 1.5 * psf_.fwhm_px());
+    for (int k = 0; k < 8; ++k) {
+      const double angle = k * std::numbers::pi / 8;
+      const int dx = static_cast<int>(std::lround(d * std::cos(angle)));
+      const int dy = static_cast<int>(std::lround(d * std::sin(angle)));
+      if (!filtered_.contains(peak.x + dx, peak.y + dy) || !filtered_.contains(peak.x - dx, peak.y - dy))
+        continue;
+      const float one = filtered_.at(peak.x + dx, peak.y + dy);
+      const float other = filtered_.at(peak.x - dx, peak.y - dy);
+      if (std::min(one, other) > 0.5F * peak.value && std::max(one, other) < 1.3F * peak.value) return true;
+    }
+    return false;
+  }
+
+  void try_peak(const Peak& peak, int pass) {
+    Fitted star;
+    star.x = peak.x;
+    star.y = peak.y;
+    star.noise = noise_at(peak.x, peak.y);
+    star.radius = psf_.fit_radius();
+    star.height = double(peak.value) / std::sqrt(energy_);
+    int run = 0;  // half the width of a saturated patch
+    while (run < 40 && clean_.flaws.contains(peak.x + run, peak.y) &&
+           (clean_.flaws.at(peak.x + run, peak.y) & flaw_saturated) != 0)
+      ++run;
+    star.radius += run;
+    if (run == 0 && peak.value < 60 && drawn_out(peak)) return;
+    if (!fit(star, 4, 0)) return;
+    if (std::hypot(star.x - peak.x, star.y - peak.y) > std::max(1.5, 0.7 * psf_.fwhm_px()) + run) return;
+    if (star.energy < (run > 0 ? 0.02 : 0.4) * energy_) return;
+    judge(star, pass, 0);
+    if (star.significance < double(candidate_least)) return;
+    if (run == 0) {
+      take_patch(residual_, clean_.flaws, star.x, star.y, star.radius + 1, patch_);
+      if (is_few_pixels(star) || !has_star_width(star, 2)) return;
+    }
+    add_light(star, -1);
+    stars_.push_back(star);
+  }
+
+  [[nodiscard]] static double significance_of(const Fitted& star) {
+    return star.height / std::hypot(star.noise / std::sqrt(star.energy), star.left_over);
+  }
+
+  /// Significance beside the noise and beside what brighter stars leave.
+  /// @param own  height of the star's own light that was taken away from the residual
+  void judge(Fitted& star, int pass, double own) const {
+    const int x = std::clamp(static_cast<int>(std::lround(star.x)), 0, residual_.width() - 1);
+    const int y = std::clamp(static_cast<int>(std::lround(star.y)), 0, residual_.height() - 1);
+    double others = 0;
+    for (int j = std::max(0, y - 1); j <= std::min(residual_.height() - 1, y + 1); ++j) {
+      for (int i = std::max(0, x - 1); i <= std::min(residual_.width() - 1, x + 1); ++i) {
+        const double own_light =
+            own * double(psf_.height(static_cast<float>(i - star.x), static_cast<float>(j - star.y)));
+        others = std::max(others, double(clean_.signal.at(i, j)) - double(residual_.at(i, j)) - own_light);
+      }
+    }
+    star.left_over = (pass == 0 ? 1 : 1.5) * model_error * others;
+    star.significance = significance_of(star);
+  }
+
+  struct Area {
+    int x0, y0, x1, y1;
+  };
+  [[nodiscard]] Area area(double x, double y, int radius) const {
+    const int xi = static_cast<int>(std::lround(x));
+    const int yi = static_cast<int>(std::lround(y));
+    return {std::max(0, xi - radius), std::max(0, yi - radius), std::min(residual_.width() - 1, xi + radius),
+            std::min(residual_.height() - 1, yi + radius)};
+  }
+
+  /// Least squares of position and height on the residual frame. @param shot  share of a pixel's light in its
+  /// variance
+  [[nodiscard]] bool fit(Fitted& star, int rounds, double shot) {
+    take_patch(residual_, clean_.flaws, star.x, star.y, star.radius, patch_);
+    return fit_patch(star, rounds, shot);
+  }
+
+  /// The patch around a star that was taken away, with its light.
+  void take_with_light(const Fitted& star, int radius) {
+    take_patch(residual_, clean_.flaws, star.x, star.y, radius, patch_);
+    profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+    const auto height = static_cast<float>(star.height);
+    for (std::size_t i = 0; i < patch_.size(); ++i) patch_.light[i] += height * heights_[i];
+  }
+
+  [[nodiscard]] bool fit_patch(Fitted& star, int rounds, double shot) {
+    for (int round = 0; round < rounds; ++round) {
+      const FitSums f = fit_sums(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y),
+                                 static_cast<float>(star.height), static_cast<float>(shot));
+      star.energy = double(f.energy);
+      // A star at the frame's edge or behind a saturated core leaves directions unseen.
+      const double xx = double(f.xx) * 1.0001, yy = double(f.yy) * 1.0001, hh = double(f.hh) * 1.0001;
+      const double xy = double(f.xy), xh = double(f.xh), yh = double(f.yh);
+      const double rx = double(f.rx), ry = double(f.ry), rh = double(f.rh);
+      const double c00 = yy * hh - yh * yh;
+      const double c01 = xh * yh - xy * hh;
+      const double c02 = xy * yh - xh * yy;
+      const double det = xx * c00 + xy * c01 + xh * c02;
+      if (!(det > 0)) return false;
+      double dx = (c00 * rx + c01 * ry + c02 * rh) / det;
+      double dy = (c01 * rx + (xx * hh - xh * xh) * ry + (xy * xh - xx * yh) * rh) / det;
+      const double dh = (c02 * rx + (xy * xh - xx * yh) * ry + (xx * yy - xy * xy) * rh) / det;
+      if (!std::isfinite(dx + dy + dh)) return false;
+      const double longest = 0.4 * psf_.fwhm_px();
+      const double length = std::hypot(dx, dy);
+      if (length > longest) dx *= longest / length, dy *= longest / length;
+      star.x += dx;
+      star.y += dy;
+      star.height += length > longest ? 0.0 : dh;
+      if (!(star.height > 0)) return false;
+      if (length < 0.03 * psf_.fwhm_px() / std::max(3.0, star.height) && std::abs(dh) < 0.05) break;
+    }
+    return star.x > -1 && star.y > -1 && star.x < residual_.width() && star.y < residual_.height();
+  }
+
+  void add_light(const Fitted& star, float sign) {
+    add_star(psf_, sign * static_cast<float>(star.height), star.x, star.y, residual_);
+  }
+
+  /// Whether one pixel alone, or two that touch, explain the peak better than a star does. The star is in the
+  /// patch.
+  [[nodiscard]] bool is_few_pixels(const Fitted& star) {
+    profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+    float product = 0;
+    float energy = 0;
+    float of_one = 0;
+    float of_two = 0;
+    const auto square = [&](std::size_t i) {
+      const float v = std::max(0.0F, patch_.light[i]) * patch_.use[i];
+      return v * v;
+    };
+    const auto row = static_cast<std::size_t>(patch_.width);
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      const float p = heights_[i] * patch_.use[i];
+      product += p * patch_.light[i];
+      energy += p * p;
+      if (p <= 0.3F) continue;
+      const float here = square(i);
+      of_one = std::max(of_one, here);
+      // Padding separates the rows: the last column is never lit.
+      for (const std::size_t next : {i + 1, i + row - 1, i + row, i + row + 1}) {
+        if (next < patch_.size()) of_two = std::max(of_two, here + square(next));
+      }
+    }
+    const float of_star = product * product / energy;
+    return of_one > of_star || of_two > of_star + 3;
+  }
+
+  /// Measures the width beside the frame's, on the patch. @return false for what is clearly no star
+  [[nodiscard]] bool has_star_width(Fitted& star, int rounds) {
+    double log_scale = std::log(star.scale);
+    double height = star.height;
+    double ss_last = 0;
+    for (int round = 0; round < rounds; ++round) {
+      const WidthSums f = width_sums(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y),
+                                     static_cast<float>(height), static_cast<float>(std::exp(-2 * log_scale)),
+                                     static_cast<float>(shot_));
+      const double ss = double(f.ss), sh = double(f.sh), hh = double(f.hh), rs = double(f.rs),
+                   rh = double(f.rh);
+      const double det = ss * hh - sh * sh;
+      if (!(det > 1e-9 * ss * hh)) break;
+      const double step = std::clamp((hh * rs - sh * rh) / det, -0.4, 0.4);
+      log_scale = std::clamp(log_scale + step, -1.5, 1.2);
+      height = std::max(0.1 * star.height, height + (ss * rh - sh * rs) / det);
+      ss_last = det / hh;
+      if (std::abs(step) < 0.01) break;
+    }
+    star.scale = std::exp(log_scale);
+    star.scale_error = ss_last > 0 ? star.scale / std::sqrt(ss_last) : star.scale;
+    // Beyond three errors and beyond what blends and the field's corners do.
+    if (star.scale - 3 * star.scale_error > 1.9) return false;
+    return star.scale + 3 * star.scale_error > 0.6;
+  }
+
+  /// How much more bright pixels scatter than dark ones, from the bright stars' own residuals.
+  void measure_shot_noise() {
+    std::vector<float> shares;
+    for (const Fitted& star : stars_) {
+      if (star.height < 15 || shares.size() >= 200) continue;
+      take_patch(residual_, clean_.flaws, star.x, star.y, star.radius, patch_);
+      profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+      float excess = 0;
+      float light = 0;
+      for (std::size_t i = 0; i < patch_.size(); ++i) {
+        excess += patch_.use[i] * (patch_.light[i] * patch_.light[i] - 1);
+        light += patch_.use[i] * static_cast<float>(star.height) * heights_[i];
+      }
+      shares.push_back(excess / light);
+    }
+    if (shares.size() >= 5) shot_ = std::clamp(double(median_of(shares)), 0.0, 0.5);
+  }
+
+  /// Which stars have neighbours whose light matters, which of those are new since @p known, and which touch.
+  void find_crowds(std::size_t known) {
+    const double reach = 3 * psf_.fwhm_px();
+    const double touch = 2.2 * psf_.fwhm_px();
+    const int cell = std::max(2, static_cast<int>(std::ceil(reach)));
+    Grid<std::vector<int>> places(residual_.width() / cell + 3, residual_.height() / cell + 3);
+    const auto place = [cell](double v) { return static_cast<int>(std::floor((v + 1) / cell)) + 1; };
+    for (std::size_t i = 0; i < stars_.size(); ++i)
+      places.at(place(stars_[i].x), place(stars_[i].y)).push_back(static_cast<int>(i));
+    for (std::size_t i = 0; i < stars_.size(); ++i) {
+      Fitted& star = stars_[i];
+      star.crowded = star.touched = false;
+      star.changed = star.changed || i >= known;
+      for (int y = place(star.y) - 1; y <= place(star.y) + 1; ++y) {
+        for (int x = place(star.x) - 1; x <= place(star.x) + 1; ++x) {
+          if (!places.contains(x, y)) continue;
+          for (const int k : places.at(x, y)) {
+            const auto other = static_cast<std::size_t>(k);
+            const double distance = std::hypot(stars_[other].x - star.x, stars_[other].y - star.y);
+            if (other == i || distance > reach) continue;
+            star.crowded = true;
+            star.changed = star.changed || other >= known;
+            star.touched = star.touched || (distance < touch && stars_[other].height < 6 * star.height &&
+                                            stars_[other].height > star.height / 6);
+          }
+        }
+      }
+    }
+  }
+
+  /// What changed again, with its neighbours taken away.
+  void refine() {
+    for (int round = 0; round < 4; ++round) {
+      double farthest = 0;
+      for (Fitted& star : stars_) {
+        if (!star.changed || (round > 0 && (!star.crowded || star.settled))) continue;
+        Fitted better = star;
+        take_with_light(star, star.radius);
+        const bool fits = fit_patch(better, 2, shot_);
+        const double moved = std::hypot(better.x - star.x, better.y - star.y);
+        if (!fits || moved > psf_.fwhm_px()) {
+          add_light(star, 1);
+          star.height = 0;
+          continue;
+        }
+        // In noise, of what the frame without its stars changes by.
+        const double change = moved / psf_.fwhm_px() * star.height + std::abs(better.height - star.height);
+        better.settled = change < 0.1;
+        if (change > 0.02) {
+          add_light(star, 1);
+          star = better;
+          add_light(star, -1);
+        }
+        farthest = std::max(farthest, change);
+      }
+      std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
+      if (farthest < 0.1) break;
+    }
+    judge_changed();
+  }
+
+  /// Beside the other stars only.
+  void judge_changed() {
+    std::vector<Fitted> second_stars;
+    for (Fitted& star : stars_) {
+      if (!star.changed) continue;
+      star.changed = false;
+      judge(star, 1, star.height);
+      const bool saturated = star.radius > psf_.fit_radius();  // its core is unknown
+      take_with_light(star, star.radius + 1);
+      const bool is_star = saturated || (has_star_width(star, 4) && !is_sharper(star));
+      if (!is_star) {
+        add_light(star, 1);
+        sharp_.push_back(star);
+        star.height = 0;
+        continue;
+      }
+      if (saturated || star.scale - 2.5 * star.scale_error < 1.1) continue;
+      Fitted first = star;
+      Fitted second = star;
+      if (!split(first, second)) continue;
+      add_light(star, 1);
+      add_light(first, -1);
+      add_light(second, -1);
+      star = first;
+      second_stars.push_back(second);
+    }
+    std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
+    stars_.insert(stars_.end(), second_stars.begin(), second_stars.end());
+  }
+
+  /// Two stars where one is too wide: least squares of both together. @return whether they explain the light
+  /// of the patch so much better that it is two
+  [[nodiscard]] bool split(Fitted& first, Fitted& second) {
+    TwoStars two(profile_, patch_, shot_);
+    const double before = two.mismatch({{first.x, first.x}, {first.y, first.y}, {first.height, 0}});
+    const auto [angle, distance] = elongation(first);
+    const double dx = distance / 2 * std::cos(angle);
+    const double dy = distance / 2 * std::sin(angle);
+    const double half = 0.6 * first.height;
+    const auto found =
+        two.fit({{first.x - dx, first.x + dx}, {first.y - dy, first.y + dy}, {half, half}}, psf_.fwhm_px());
+    if (!found) return false;
+    const StarPair& s = found->stars;
+    const double apart = std::hypot(s.x[1] - s.x[0], s.y[1] - s.y[0]);
+    if (apart < 0.35 * psf_.fwhm_px()) return false;
+    for (std::size_t k = 0; k < 2; ++k) {
+      if (std::hypot(s.x[k] - first.x, s.y[k] - first.y) > 1.2 * psf_.fwhm_px()) return false;
+      if (s.height[k] < 4 * found->height_errors[k] * first.noise) return false;
+    }
+    const double gained = before - found->mismatch;
+    const double energy = first.height * first.height * first.energy;
+    if (gained < split_least * first.noise * first.noise + split_share * energy) return false;
+    first.x = s.x[0], first.y = s.y[0], first.height = s.height[0];
+    second.x = s.x[1], second.y = s.y[1], second.height = s.height[1];
+    for (Fitted* star : {&first, &second}) {
+      star->scale = 1;
+      star->scale_error = 0.3;
+      star->changed = true;
+      star->significance = significance_of(*star);
+    }
+    return true;
+  }
+
+  /// Direction in which the light around a star is drawn out, and how far two equal stars would be apart for
+  /// that.
+  [[nodiscard]] std::pair<double, double> elongation(const Fitted& star) {
+    profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+    double xx = 0, xy = 0, yy = 0, light = 0, xx_of_star = 0, yy_of_star = 0, star_light = 0;
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      if (patch_.use[i] == 0) continue;
+      const double dx = patch_.x0 + static_cast<int>(i) % patch_.width - star.x;
+      const double dy = patch_.y0 + static_cast<int>(i) / patch_.width - star.y;
+      const double weight = std::sqrt(double(heights_[i]));  // a window wider than the star
+      const double v = weight * double(patch_.light[i]);
+      const double m = weight * double(heights_[i]) * star.height;
+      xx += v * dx * dx, xy += v * dx * dy, yy += v * dy * dy, light += v;
+      xx_of_star += m * dx * dx, yy_of_star += m * dy * dy, star_light += m;
+    }
+    const double angle = std::atan2(2 * xy, xx - yy) / 2;
+    const double along = (xx + yy) / 2 + std::hypot((xx - yy) / 2, xy);
+    const double excess =
+        along / std::max(light, 1e-6) - (xx_of_star + yy_of_star) / 2 / std::max(star_light, 1e-6);
+    return {angle, std::clamp(2 * std::sqrt(std::max(0.0, 2.5 * excess)), 0.5 * psf_.fwhm_px(),
+                              1.2 * psf_.fwhm_px())};
+  }
+
+  /// Dark where a star of this brightness would give light: the track of a particle. The star is in the
+  /// patch.
+  [[nodiscard]] bool is_sharper(const Fitted& star) {
+    profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+    const auto height = static_cast<float>(star.height);
+    float missing = 0;
+    float energy = 0;
+    int n = 0;
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      const float p = heights_[i];
+      if (p < 0.08F || patch_.use[i] == 0) continue;
+      const float r = std::min(0.0F, patch_.light[i] - height * p);
+      missing += r * r / (1 + static_cast<float>(shot_) * height * p);
+      energy += height * height * p * p;
+      ++n;
+    }
+    // Half of the pixels are below the model by their noise alone.
+    const double by_noise = 0.5 * n + 3.5 * std::sqrt(1.25 * n);
+    return double(missing) > by_noise + sharper_share * double(energy);
+  }
+
+  /// Keeps what is significant: the lower the limit, the more peaks of the noise come with it.
+  void select() {
+    for (Fitted& star : stars_) star.significance = significance_of(star);
+    double least = options_.snr_least;
+    if (least <= 0) {
+      // Maxima of white noise through a Gaussian filter: second spectral moment 1 / (2 sigma^2).
+      const double area =
+          static_cast<double>(residual_.size()) / (2 * double(psf_.sigma_px()) * double(psf_.sigma_px()));
+      for (least = 4.1; least < 5; least += 0.05) {
+        const double false_ones = area * 0.0635 * least * std::exp(-least * least / 2);
+        const auto found = std::count_if(stars_.begin(), stars_.end(),
+                                         [&](const Fitted& s) { return s.significance >= least; });
+        if (false_ones <= 0.018 * static_cast<double>(found)) break;
+      }
+    }
+    for (const Fitted& star : stars_) {
+      if (star.significance < least) add_light(star, 1);
+    }
+    std::erase_if(stars_, [&](const Fitted& s) { return s.significance < least; });
+  }
+
+  [[nodiscard]] StarField result() {
+    std::sort(stars_.begin(), stars_.end(), [this](const Fitted& a, const Fitted& b) {
+      const double one = a.height * unit_at(a);
+      const double other = b.height * unit_at(b);
+      return one != other ? one > other : (a.y != b.y ? a.y < b.y : a.x < b.x);
+    });
+    StarField field;
+    field.shot = shot_;
+    field.masked = Grid<std::uint8_t>(residual_.width(), residual_.height());
+    const std::size_t kept =
+        std::min(stars_.size(), static_cast<std::size_t>(std::max(0, options_.stars_max)));
+    find_crowds(stars_.size());
+    for (const Fitted& s : stars_) {
+      if (field.stars.size() >= kept) break;
+      const double noise = s.noise / std::sqrt(std::max(s.energy, 0.3 * energy_));
+      field.stars.push_back(
+          {s.x, s.y, s.height * psf_.flux() * unit_at(s), s.height / noise, psf_.fwhm_px() * s.scale});
+      field.doubtful.push_back(s.touched || s.scale - s.scale_error > 1.06);
+    }
+    for (const Fitted& s : sharp_) mask(s, field.masked);
+    field.residual = std::move(residual_);
+    return field;
+  }
+
+  [[nodiscard]] double unit_at(const Fitted& star) const {
+    return double(clean_.noise_adu.at(star.x, star.y));
+  }
+
+  void mask(const Fitted& star, Grid<std::uint8_t>& masked) const {
+    for_star_core(psf_, star.height, star.x, star.y, masked.width(), masked.height(),
+                  [&](int from, int end, int y) {
+                    std::fill(masked.row(y) + from, masked.row(y) + end, std::uint8_t{1});
+                  });
+  }
+
+  const CleanFrame& clean_;
+  const Psf& psf_;
+  Profile profile_;
+  const StarOptions& options_;
+  Plane residual_;
+  Plane filtered_;
+  Surface noise_;
+  Patch patch_;
+  std::vector<float> heights_;
+  double energy_ = 0;
+  double shot_ = 0;
+  std::vector<Fitted> stars_;
+  std::vector<Fitted> sharp_;  ///< taken for stars at first
+};
+
+}  // namespace
+
+void add_star(const Psf& psf, float height, double x, double y, Plane& plane) {
+  const double reach =
+      std::min(200.0, std::ceil(psf.radius_at(std::clamp(0.1 / std::abs(double(height)), 1e-5, 0.5)) + 0.5));
+  const int y0 = std::max(0, static_cast<int>(std::ceil(y - reach)));
+  const int y1 = std::min(plane.height() - 1, static_cast<int>(std::floor(y + reach)));
+  for (int row = y0; row <= y1; ++row) {
+    const double dy = row - y;
+    const double half = std::sqrt(std::max(0.0, reach * reach - dy * dy));
+    const int from = std::max(0, static_cast<int>(std::ceil(x - half)));
+    const int end = std::min(plane.width() - 1, static_cast<int>(std::floor(x + half))) + 1;
+    if (from < end)
+      add_profile(psf.profile(), height, static_cast<float>(from - x), static_cast<float>(dy),
+                  plane.row(row) + from, end - from);
+  }
+}
+
+StarField find_stars(const CleanFrame& clean, const StarOptions& options) {
+  return Finder(clean, options).run();
+}
+
+}  // namespace srfs::image

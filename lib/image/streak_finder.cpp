@@ -1,0 +1,655 @@
+#include "image/streak_finder.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "image/filter.hpp"
+#include "image/line_fit.hpp"
+#include "image/line_search.hpp"
+#include "image/rows.hpp"
+#include "image/two_stars.hpp"
+
+namespace srfs::image {
+namespace {
+
+constexpr double hit_least = 5.2;
+constexpr float cell_clip = 5;  ///< what one cell counts at most in a line: a star makes none
+constexpr int fits_max = 400;   ///< candidates that are fitted
+constexpr int box_radius = 16;  ///< of the high-pass
+constexpr int cell_px = 2;      ///< of the line search
+/// A star that a piece of a streak was taken for is at most so much brighter than the streak.
+constexpr double piece_most = 2.2;
+constexpr double model_error = 0.05;
+/// Where the noise is so many times that of the calm quarter of the frame there are trees, buildings or the
+/// Earth, and edges in all directions.
+constexpr float unrest_most = 5;
+
+/// What a quarter of the frame's cells stay below.
+float calm_noise(const Surface& noise) {
+  std::vector<float> nodes(noise.nodes().cells().begin(), noise.nodes().cells().end());
+  const auto quarter = nodes.begin() + static_cast<std::ptrdiff_t>(nodes.size() / 4);
+  std::nth_element(nodes.begin(), quarter, nodes.end());
+  return *quarter;
+}
+
+/// Takes away what is larger than a streak is wide: the mean of the clipped surroundings.
+void high_pass(Plane& plane) {
+  const int w = plane.width();
+  const int h = plane.height();
+  const int ring = 2 * box_radius + 2;
+  std::vector<float> column(static_cast<std::size_t>(w), 0.0F);
+  std::vector<float> sums(static_cast<std::size_t>(w) + 1);
+  Plane clipped(w, std::min(h, ring));  // the rows in the box, before they change
+  int rows = 0;
+  const auto add = [&](int y) {
+    clip_row(plane.row(y), 3, clipped.row(y % ring), w);
+    add_row(clipped.row(y % ring), column.data(), w);
+    ++rows;
+  };
+  for (int y = 0; y < std::min(h, box_radius); ++y) add(y);
+  for (int y = 0; y < h; ++y) {
+    if (y + box_radius < h) add(y + box_radius);
+    if (y - box_radius - 1 >= 0) {
+      subtract(column.data(), clipped.row((y - box_radius - 1) % ring), w);
+      --rows;
+    }
+    float sum = 0;
+    for (int x = 0; x < w; ++x)
+      sums[static_cast<std::size_t>(x) + 1] = sum += column[static_cast<std::size_t>(x)];
+    float* to = plane.row(y);
+    const auto mean = [&](int from, int end) {
+      return (sums[static_cast<std::size_t>(end)] - sums[static_cast<std::size_t>(from)]) /
+             static_cast<float>(rows * (end - from));
+    };
+    const int inside_from = std::min(w, box_radius);
+    const int inside_end = std::max(inside_from, w - box_radius);
+    for (int x = 0; x < inside_from; ++x)
+      to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
+    const float share = 1 / static_cast<float>(rows * (2 * box_radius + 1));
+    for (int x = inside_from; x < inside_end; ++x)
+      to[x] -= share * (sums[static_cast<std::size_t>(x + box_radius) + 1] -
+                        sums[static_cast<std::size_t>(x - box_radius)]);
+    for (int x = inside_end; x < w; ++x)
+      to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
+  }
+}
+
+/// What lies near a line.
+class Band {
+ public:
+  Band(const Line& l, double reach) : line_(l), length_(std::max(1e-6, l.length())), reach_(reach) {
+    ux_ = (l.x2 - l.x1) / length_;
+    uy_ = (l.y2 - l.y1) / length_;
+  }
+  [[nodiscard]] bool contains(double x, double y) const {
+    const double t = (x - line_.x1) * ux_ + (y - line_.y1) * uy_;
+    const double d = (y - line_.y1) * ux_ - (x - line_.x1) * uy_;
+    return std::abs(d) < reach_ && t > -reach_ - 3 && t < length_ + reach_ + 3;
+  }
+
+ private:
+  Line line_;
+  double length_;
+  double reach_;
+  double ux_;
+  double uy_;
+};
+
+class Finder {
+ public:
+  Finder(const CleanFrame& clean, StarField& field, const StreakOptions& options)
+      : clean_(clean),
+        field_(field),
+        options_(options),
+        sigma_(double(clean.psf.sigma_px())),
+        fwhm_(clean.psf.fwhm_px()),
+        calm_noise_adu_(calm_noise(clean.noise_adu)),
+        light_(std::move(field.residual)),
+        mask_(std::move(field.masked)),
+        fitter_(light_, mask_, clean.psf, {static_cast<float>(field.shot), static_cast<float>(model_error)}) {
+  }
+
+  std::vector<Streak> run() {
+    prepare();
+    std::vector<Seed> seeds = find_seeds();
+    int fits = 0;
+    for (const Seed& seed : seeds) {
+      if (is_known(seed.line) || is_in_unrest(seed.line)) continue;
+      if (!looks_like_streak(seed.line)) continue;
+      if (++fits > fits_max) break;
+      examine(seed.line);
+    }
+    merge();
+    return result();
+  }
+
+  /// @param star  its index in the field
+  [[nodiscard]] bool is_part_of_streak(std::size_t star) const { return taken_[star]; }
+
+ private:
+  struct Seed {
+    Line line;
+    double significance;
+  };
+
+  struct Found {
+    Line line;
+    double snr;
+  };
+
+  /// Each pixel's mask counts what hides it. Stars that are certain stay away from the light, doubtful ones
+  /// are in it.
+  void prepare() {
+    std::uint8_t* const masked = mask_.cells().data();
+    const std::uint8_t* const flawed = clean_.flaws.cells().data();
+    for (std::size_t i = 0; i < mask_.size(); ++i) masked[i] = (masked[i] | flawed[i]) != 0 ? 1 : 0;
+    high_pass(light_);
+    const std::size_t n = field_.stars.size();
+    taken_.assign(n, false);
+    shown_.assign(n, false);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (field_.doubtful[i])
+        add_light(i, 1), shown_[i] = true;
+      else
+        hide(i, 1);
+    }
+  }
+
+  [[nodiscard]] double height_of(std::size_t star) const {
+    const Star& s = field_.stars[star];
+    return s.flux / clean_.psf.flux() / double(clean_.noise_adu.at(s.x, s.y));
+  }
+
+  void add_light(std::size_t star, float sign) {
+    const Star& s = field_.stars[star];
+    add_star(clean_.psf, sign * static_cast<float>(height_of(star)), s.x, s.y, light_);
+  }
+
+  /// Where a star's model may be wrong by half the noise. @param change  of the count
+  void hide(std::size_t star, int change) {
+    const Star& s = field_.stars[star];
+    for_star_core(clean_.psf, height_of(star), s.x, s.y, mask_.width(), mask_.height(),
+                  [&](int from, int end, int y) {
+                    std::uint8_t* row = mask_.row(y);
+                    for (int x = from; x < end; ++x)
+                      row[x] = static_cast<std::uint8_t>(std::clamp(row[x] + change, 0, 255));
+                  });
+  }
+
+  void show(std::size_t star) {
+    if (shown_[star]) return;
+    shown_[star] = true;
+    add_light(star, 1);
+    hide(star, -1);
+  }
+
+  void take_away(std::size_t star) {
+    if (!shown_[star]) return;
+    shown_[star] = false;
+    add_light(star, -1);
+    hide(star, 1);
+  }
+
+  // --- seeds ---
+
+  [[nodiscard]] std::vector<Seed> find_seeds() {
+    {
+      Plane shown = Plane::unset(light_.width(), light_.height());
+      float* const to = shown.cells().data();
+      const float* const from = light_.cells().data();
+      const std::uint8_t* const masked = mask_.cells().data();
+      for (std::size_t i = 0; i < shown.size(); ++i) to[i] = masked[i] != 0 ? 0.0F : from[i];
+      gaussian_filter(shown, static_cast<float>(sigma_), filtered_);
+    }
+    noise_ = measure_flattened(filtered_, nullptr).noise;
+    std::vector<float> noise(static_cast<std::size_t>(filtered_.width()));
+    for (int y = 0; y < filtered_.height(); ++y) {
+      if (y % noise_rows == 0) noise_.row(std::min(filtered_.height() - 1, y + noise_rows / 2), noise);
+      scale_down(filtered_.row(y), noise.data(), 0.5F, filtered_.width());
+    }
+    std::vector<Seed> seeds;
+    double correlation = 0;
+    const Plane cells = binned(correlation);
+    for (const LineHit& hit : search_lines(cells, correlation, hit_least, cell_clip)) {
+      const auto px = [](double cell) { return cell * cell_px + (cell_px - 1) / 2.0; };
+      seeds.push_back({Line{px(hit.x1), px(hit.y1), px(hit.x2), px(hit.y2)}, hit.significance});
+    }
+    add_wide_stars(seeds);
+    std::stable_sort(seeds.begin(), seeds.end(),
+                     [](const Seed& a, const Seed& b) { return a.significance > b.significance; });
+    return seeds;
+  }
+
+  /// Means of squares of pixels, noise 1 again. @param correlation  of neighbouring cells: sigma of the
+  /// filter that made it
+  [[nodiscard]] Plane binned(double& correlation) const {
+    Plane cells(std::max(1, filtered_.width() / cell_px), std::max(1, filtered_.height() / cell_px));
+    // Through the filter, neighbours one and two diagonal apart correlate so.
+    const double near = std::exp(-0.25 / (sigma_ * sigma_));
+    const auto unit = static_cast<float>(0.25 / std::sqrt((4 + 8 * near + 4 * near * near) / 16));
+    for (int y = 0; y < cells.height(); ++y) {
+      const float* upper = filtered_.row(std::min(filtered_.height() - 1, cell_px * y));
+      const float* lower = filtered_.row(std::min(filtered_.height() - 1, cell_px * y + 1));
+      if (filtered_.width() < cell_px) continue;
+      float* to = cells.row(y);
+      for (int x = 0; x < cells.width(); ++x)
+        to[x] = unit *
+                (upper[cell_px * x] + upper[cell_px * x + 1] + lower[cell_px * x] + lower[cell_px * x + 1]);
+    }
+    correlation = std::sqrt(sigma_ * sigma_ + 1.0 / 6) / cell_px;
+    return cells;
+  }
+
+  /// A short streak is a star that is drawn out.
+  void add_wide_stars(std::vector<Seed>& seeds) const {
+    for (std::size_t i = 0; i < field_.stars.size(); ++i) {
+      const Star& s = field_.stars[i];
+      if (!shown_[i] || s.fwhm_px < 1.1 * fwhm_ || s.snr < options_.snr_least) continue;
+      const int r = static_cast<int>(std::ceil(2 * fwhm_));
+      double light = 0, xx = 0, xy = 0, yy = 0;
+      for (int y = std::max(0, static_cast<int>(s.y) - r);
+           y <= std::min(light_.height() - 1, static_cast<int>(s.y) + r); ++y) {
+        for (int x = std::max(0, static_cast<int>(s.x) - r);
+             x <= std::min(light_.width() - 1, static_cast<int>(s.x) + r); ++x) {
+          const double dx = x - s.x;
+          const double dy = y - s.y;
+          const double v = std::exp(-(dx * dx + dy * dy) / (2 * fwhm_ * fwhm_)) * double(light_.at(x, y));
+          light += v, xx += v * dx * dx, xy += v * dx * dy, yy += v * dy * dy;
+        }
+      }
+      if (!(light > 0)) continue;
+      const double angle = std::atan2(2 * xy, xx - yy) / 2;
+      const double half = std::max(3.0, fwhm_);
+      const double hx = half * std::cos(angle);
+      const double hy = half * std::sin(angle);
+      seeds.push_back({Line{s.x - hx, s.y - hy, s.x + hx, s.y + hy}, std::min(s.snr, 30.0) / 2});
+    }
+  }
+
+  [[nodiscard]] double sample(double x, double y) const {
+    const int i = static_cast<int>(x + 0.5);
+    const int j = static_cast<int>(y + 0.5);
+    return filtered_.contains(i, j) ? double(filtered_.at(i, j)) : 0;
+  }
+
+  /// More light than beside it, by more than chance and the stars make, quickly judged.
+  [[nodiscard]] bool looks_like_streak(const Line& l) const {
+    const double length = std::max(1e-6, l.length());
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    const double d = 1.7 * fwhm_ + 1.5;
+    // Through the filter, values this far apart know little of each other.
+    const int n = std::clamp(static_cast<int>(length / (2 * sigma_ + 1)), 2, 60);
+    double on = 0;
+    double beside = 0;
+    double squares = 0;
+    for (int i = 0; i <= n; ++i) {
+      const double x = l.x1 + (l.x2 - l.x1) * i / n;
+      const double y = l.y1 + (l.y2 - l.y1) * i / n;
+      // The line may lie a little off.
+      const double here = std::max({sample(x, y), sample(x - uy, y + ux), sample(x + uy, y - ux)});
+      on += std::min(here, 12.0);
+      for (const double side : {-1.0, 1.0}) {
+        const double v = std::clamp(sample(x - side * d * uy, y + side * d * ux), -12.0, 12.0);
+        beside += v;
+        squares += v * v;
+      }
+    }
+    const double count = n + 1;
+    const double spread = std::sqrt(std::max(1.0, squares / (2 * count) - std::pow(beside / (2 * count), 2)));
+    return on / count - beside / (2 * count) > 2.5 * spread / std::sqrt(count);
+  }
+
+  /// Within the light of a streak already found, or about the same as one refused.
+  [[nodiscard]] bool is_known(const Line& seed) const {
+    const double mx = (seed.x1 + seed.x2) / 2;
+    const double my = (seed.y1 + seed.y2) / 2;
+    for (const Found& f : found_) {
+      if (is_on(f.line, mx, my, 3 * sigma_ + 3) ||
+          is_on(f.line, 0.75 * seed.x1 + 0.25 * seed.x2, 0.75 * seed.y1 + 0.25 * seed.y2, 3 * sigma_ + 3) ||
+          is_on(f.line, 0.25 * seed.x1 + 0.75 * seed.x2, 0.25 * seed.y1 + 0.75 * seed.y2, 3 * sigma_ + 3))
+        return true;
+    }
+    return std::any_of(refused_.begin(), refused_.end(), [&](const Line& l) {
+      const double reach = sigma_ + 2;
+      return l.length() < 2.2 * seed.length() && is_on(l, seed.x1, seed.y1, reach) &&
+             is_on(l, seed.x2, seed.y2, reach);
+    });
+  }
+
+  [[nodiscard]] bool is_in_unrest(const Line& l) const {
+    const auto restless = [&](double x, double y) {
+      return clean_.noise_adu.at(x, y) > unrest_most * calm_noise_adu_;
+    };
+    return restless(l.x1, l.y1) || restless(l.x2, l.y2) || restless((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2);
+  }
+
+  [[nodiscard]] static bool is_on(const Line& l, double x, double y, double reach) {
+    return Band(l, reach).contains(x, y);
+  }
+
+  // --- one candidate ---
+
+  /// With the light of the doubtful stars, then without.
+  void examine(const Line& seed) {
+    Line line = seed;
+    std::optional<double> snr = fit_among_stars(line);
+    if (!snr) {
+      line = seed;
+      snr = fit_without_stars(line);
+    }
+    if (snr)
+      found_.push_back({line, *snr});
+    else
+      refused_.push_back(seed);
+  }
+
+  [[nodiscard]] double noise_at(const Line& l) const {
+    return std::max(0.5, double(noise_.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2)));
+  }
+
+  /// Settles a line and judges it. @return its SNR
+  [[nodiscard]] std::optional<double> settled(Line& line) {
+    const auto significance = fitter_.settle(line, options_.snr_least * noise_at(line));
+    if (!significance) return std::nullopt;
+    return *significance / noise_at(line);
+  }
+
+  [[nodiscard]] std::optional<double> fit_among_stars(Line& line) {
+    if (!settled(line)) return std::nullopt;
+    // Stars that a line of this height cannot be go, certain ones that may be pieces of it come.
+    const auto too_bright = [&](std::size_t i) {
+      return shown_[i] && height_of(i) > piece_most * line.height;
+    };
+    const auto may_be_piece = [&](std::size_t i) {
+      return !shown_[i] && height_of(i) < piece_most * line.height &&
+             is_on(line, field_.stars[i].x, field_.stars[i].y, 0.75 * fwhm_);
+    };
+    const std::vector<std::size_t> gone = stars_near(line, too_bright);
+    const std::vector<std::size_t> come = stars_near(line, may_be_piece);
+    for (const std::size_t i : gone) take_away(i);
+    for (const std::size_t i : come) show(i);
+    const auto snr = settled(line);
+    if (snr && is_streak(line, *snr)) {
+      const std::vector<std::size_t> pieces = stars_near(line, [&](std::size_t i) {
+        return shown_[i] && !taken_[i] && is_on(line, field_.stars[i].x, field_.stars[i].y, 0.75 * fwhm_);
+      });
+      if (explains_better(line, pieces) && !are_two_stars(line)) {
+        for (const std::size_t i : pieces) taken_[i] = true;
+        return snr;
+      }
+    }
+    for (const std::size_t i : gone) show(i);
+    for (const std::size_t i : come) take_away(i);
+    return std::nullopt;
+  }
+
+  [[nodiscard]] std::optional<double> fit_without_stars(Line& line) {
+    Line around = line;
+    const std::vector<std::size_t> stars =
+        stars_near(around, [&](std::size_t i) { return shown_[i] && !taken_[i]; });
+    if (stars.empty()) return std::nullopt;  // nothing new
+    for (const std::size_t i : stars) take_away(i);
+    const auto snr = settled(line);
+    if (snr && is_streak(line, *snr) && !are_two_stars(line)) return snr;
+    for (const std::size_t i : stars) show(i);
+    return std::nullopt;
+  }
+
+  /// Stars whose light reaches a line or what may be the rest of it.
+  template <class Which>
+  [[nodiscard]] std::vector<std::size_t> stars_near(const Line& l, Which&& which) const {
+    std::vector<std::size_t> near;
+    const Band band(l, 2.5 * fwhm_ + 2);
+    for (std::size_t i = 0; i < field_.stars.size(); ++i) {
+      if (band.contains(field_.stars[i].x, field_.stars[i].y) && which(i)) near.push_back(i);
+    }
+    return near;
+  }
+
+  /// Whether the line explains the light better than the stars that it would replace.
+  [[nodiscard]] bool explains_better(const Line& line, const std::vector<std::size_t>& pieces) {
+    if (pieces.empty()) return true;
+    const double reach = fitter_.reach_px(line) + 0.5 * fwhm_;
+    const LineShape shape = fitter_.shape_of(line);
+    const double unit = noise_at(line) * noise_at(line);
+    const double as_line =
+        line_mismatch(shape, 1, fitter_.collect(line, reach, reach), fitter_.noise()) / unit;
+    for (const std::size_t i : pieces) add_light(i, -1);
+    const double as_stars =
+        line_mismatch(shape, 0, fitter_.collect(line, reach, reach), fitter_.noise()) / unit;
+    for (const std::size_t i : pieces) add_light(i, 1);
+    return as_line < as_stars + advantage(pieces.size());
+  }
+
+  /// How much worse a line may fit than so many stars: it has fewer parameters, but in a crowded field stars
+  /// that touch are the likelier explanation.
+  [[nodiscard]] double advantage(std::size_t stars) const {
+    return std::min(4 * (3 * static_cast<double>(stars) - 5), 8.0) - 2 * std::log(1 + touching_pairs());
+  }
+
+  /// Whether two stars explain a short line's light about as well: then they are likelier.
+  [[nodiscard]] bool are_two_stars(const Line& line) const {
+    const double length = line.length();
+    if (length > 5 * fwhm_ + 10) return false;
+    const double x = (line.x1 + line.x2) / 2;
+    const double y = (line.y1 + line.y2) / 2;
+    Patch patch;
+    take_patch(light_, mask_, x, y, static_cast<int>(std::ceil(length / 2 + 1.3 * fwhm_)), patch);
+    const Band band(line, 1.3 * fwhm_);
+    LinePixels pixels;
+    std::vector<std::size_t> at;
+    for (std::size_t i = 0; i < patch.size(); ++i) {
+      const int px = patch.x0 + static_cast<int>(i) % patch.width;
+      const int py = patch.y0 + static_cast<int>(i) / patch.width;
+      if (!band.contains(px, py)) patch.use[i] = 0;
+      if (patch.use[i] == 0) continue;
+      at.push_back(i);
+      pixels.x.push_back(static_cast<float>(px));
+      pixels.y.push_back(static_cast<float>(py));
+      pixels.light.push_back(patch.light[i]);
+    }
+    TwoStars stars(clean_.psf.profile(), patch, field_.shot);
+    // As far apart as spreads their light like a line's.
+    const double dx = (line.x2 - line.x1) / std::sqrt(12);
+    const double dy = (line.y2 - line.y1) / std::sqrt(12);
+    const double height = line.height * std::max(1.0, 0.5 * length / fwhm_);
+    const auto found = stars.fit({{x - dx, x + dx}, {y - dy, y + dy}, {height, height}}, fwhm_);
+    if (!found) return false;
+    std::vector<float> heights;
+    line_heights(fitter_.shape_of(line), pixels, heights);
+    double as_line = 0;
+    double as_stars = 0;
+    for (std::size_t k = 0; k < at.size(); ++k) {
+      const double model = line.height * double(heights[k]);
+      const double of_stars = double(stars.light(found->stars, at[k]));
+      const double light = double(pixels.light[k]);
+      const double most = std::max(model, of_stars);
+      const double variance = 1 + field_.shot * most + model_error * model_error * most * most;
+      as_line += (light - model) * (light - model) / variance;
+      as_stars += (light - of_stars) * (light - of_stars) / variance;
+    }
+    const double unit = noise_at(line) * noise_at(line);
+    return as_stars < as_line + unit * options_.caution * (1 + 0.5 * std::log(1 + touching_pairs()));
+  }
+
+  /// Of stars, by chance.
+  [[nodiscard]] double touching_pairs() const {
+    const double n = static_cast<double>(field_.stars.size());
+    const double reach = 1.5 * fwhm_;
+    return n * n * 1.57 * reach * reach / static_cast<double>(light_.size());
+  }
+
+  /// Lit on its whole length, by nothing sharper than the optics, and mostly seen.
+  [[nodiscard]] bool is_even(const Line& l, double snr) {
+    constexpr int parts = 4;
+    std::array<double, parts> product{};
+    std::array<double, parts> energy{};
+    double seen = 0;
+    double all = 0;
+    double spikes = 0;
+    const double reach = fitter_.reach_px(l);
+    const LinePixels& pixels = fitter_.collect(l, reach, reach);
+    std::vector<float> heights;
+    line_heights(fitter_.shape_of(l), pixels, heights);
+    const double length = std::max(1e-3, l.length());
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const double m = double(heights[i]);
+      seen += m;
+      const double t = ((double(pixels.x[i]) - l.x1) * ux + (double(pixels.y[i]) - l.y1) * uy) / length;
+      const auto part = static_cast<std::size_t>(std::clamp(static_cast<int>(t * parts), 0, parts - 1));
+      product[part] += m * double(pixels.light[i]);
+      energy[part] += m * m;
+    }
+    const double narrow = 0.5 / (sigma_ * sigma_ * l.scale * l.scale);
+    for_pixels_along(l, light_.width(), light_.height(), reach, 0, [&](int x, int y, double, double across) {
+      const double m = std::exp(-across * across * narrow);
+      all += m;
+      if ((clean_.flaws.at(x, y) & flaw_spike) != 0) spikes += m;
+    });
+    if (seen < (length < 25 ? 0.7 : 0.45) * all || spikes > 0.15 * all) return false;
+    int lit = 0;
+    int looked = 0;
+    std::size_t brightest = 0;
+    for (std::size_t k = 0; k < parts; ++k) {
+      if (product[k] > product[brightest]) brightest = k;
+      if (energy[k] < 0.05) continue;
+      ++looked;
+      const double height = product[k] / energy[k];
+      const double error = 1 / std::sqrt(energy[k]);
+      lit += height > 0.4 * l.height - 1.5 * error && height < 2.5 * l.height + 3 * error;
+    }
+    // The part that shines most may be a star; the rest has to be a streak without it.
+    double rest_product = 0;
+    double rest_energy = 0;
+    for (std::size_t k = 0; k < parts; ++k) {
+      if (k != brightest) rest_product += product[k], rest_energy += energy[k];
+    }
+    const double rest = rest_energy > 0 ? rest_product / std::sqrt(rest_energy) / noise_at(l) : 0;
+    return looked >= 2 && lit >= looked - 1 && rest > 0.45 * snr;
+  }
+
+  [[nodiscard]] bool is_streak(const Line& l, double snr) {
+    // Between stars that touch there is room for something short and faint.
+    if (snr < options_.snr_least * (l.length() < 25 ? 1.2 : 1) ||
+        l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm_))
+      return false;
+    const double error = 2 / snr;
+    // The sharper the optics, the more a particle's track looks like a streak; wide lines lose their flanks
+    // to the high-pass.
+    const double narrowest = fwhm_ < 1.8 ? 0.92 : 0.85;
+    if (l.scale > 1.2 + error || l.scale < narrowest - error) return false;
+    return is_even(l, snr) && (l.length() < 25 || stands_out(l, snr));
+  }
+
+  /// Beside what lines next to it show: in crowds of faint stars every line has some light.
+  [[nodiscard]] bool stands_out(const Line& l, double snr) {
+    std::vector<double> beside = fitter_.heights_beside(l);
+    if (beside.size() < 3) return true;
+    std::sort(beside.begin(), beside.end());
+    const double middle = beside[beside.size() / 2];
+    double squares = 0;  // without the highest, which may be a star
+    for (std::size_t i = 0; i + 1 < beside.size(); ++i) squares += beside[i] * beside[i];
+    const double spread = std::sqrt(squares / static_cast<double>(beside.size() - 1));
+    const double error = l.height / snr;
+    return l.height - std::max(0.0, middle) > std::max(5 * error, 3 * spread);
+  }
+
+  // --- all of them ---
+
+  /// Two pieces that go on in each other's direction.
+  [[nodiscard]] static std::optional<Line> joined(const Line& a, const Line& b, double sigma) {
+    const Line& l = a.length() >= b.length() ? a : b;
+    const Line& s = a.length() >= b.length() ? b : a;
+    const double length = std::max(1e-6, l.length());
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    const auto along = [&](double x, double y) { return (x - l.x1) * ux + (y - l.y1) * uy; };
+    const auto across = [&](double x, double y) { return std::abs((y - l.y1) * ux - (x - l.x1) * uy); };
+    double t1 = along(s.x1, s.y1);
+    double t2 = along(s.x2, s.y2);
+    if (t1 > t2) std::swap(t1, t2);
+    const double gap = std::max({0.0, t1 - length, -t2});
+    const double slack = 1.5 * sigma + 1 + 0.03 * gap;
+    if (across(s.x1, s.y1) > slack || across(s.x2, s.y2) > slack) return std::nullopt;
+    if (gap > std::max(12.0, 0.6 * (length + s.length()))) return std::nullopt;
+    const double from = std::min(0.0, t1);
+    const double to = std::max(length, t2);
+    Line whole = l;
+    whole.x1 = l.x1 + from * ux, whole.y1 = l.y1 + from * uy;
+    whole.x2 = l.x1 + to * ux, whole.y2 = l.y1 + to * uy;
+    return whole;
+  }
+
+  void merge() {
+    for (bool again = true; again;) {
+      again = false;
+      for (std::size_t i = 0; i < found_.size() && !again; ++i) {
+        for (std::size_t j = i + 1; j < found_.size() && !again; ++j) again = merge(i, j);
+      }
+    }
+  }
+
+  /// @return whether j is no more
+  bool merge(std::size_t i, std::size_t j) {
+    const auto whole = joined(found_[i].line, found_[j].line, sigma_);
+    if (!whole) return false;
+    Line fitted = *whole;
+    const double snr = fitter_.fit(fitted).value_or(0) / noise_at(*whole);
+    const bool better = snr >= std::max(found_[i].snr, found_[j].snr) && is_streak(fitted, snr);
+    // Pieces that do not make one whole lie beside each other; of those that overlap the better one stays.
+    const double overlap = found_[i].line.length() + found_[j].line.length() - whole->length();
+    if (!better && overlap < 0.3 * std::min(found_[i].line.length(), found_[j].line.length())) return false;
+    if (better)
+      found_[i] = {fitted, snr};
+    else if (found_[j].snr > found_[i].snr)
+      found_[i] = found_[j];
+    found_.erase(found_.begin() + static_cast<std::ptrdiff_t>(j));
+    return true;
+  }
+
+  [[nodiscard]] std::vector<Streak> result() {
+    std::vector<Streak> streaks;
+    for (const auto& [l, snr] : found_) {
+      const double unit = double(clean_.noise_adu.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2));
+      // Across the line a Gaussian; along it all light lies between the ends, on average.
+      const double light = l.length() * std::sqrt(2 * std::numbers::pi) * sigma_ * l.scale;
+      streaks.push_back({l.x1, l.y1, l.x2, l.y2, snr, l.height * light * unit, 2.3548 * sigma_ * l.scale});
+    }
+    std::sort(streaks.begin(), streaks.end(), [](const Streak& a, const Streak& b) { return a.snr > b.snr; });
+    return streaks;
+  }
+
+  const CleanFrame& clean_;
+  const StarField& field_;
+  const StreakOptions& options_;
+  double sigma_;
+  double fwhm_;
+  float calm_noise_adu_;
+  Plane light_;  ///< without background and certain stars, in noise
+  Grid<std::uint8_t> mask_;
+  LineFitter fitter_;
+  Plane filtered_;  ///< the light through the matched filter, noise 1
+  Surface noise_;   ///< of the filtered light, before it was made 1
+  std::vector<Found> found_;
+  std::vector<Line> refused_;
+  std::vector<bool> taken_;  ///< stars that are parts of streaks
+  std::vector<bool> shown_;  ///< stars whose light is in light_
+};
+
+}  // namespace
+
+std::vector<Streak> find_streaks(const CleanFrame& clean, StarField& field, const StreakOptions& options) {
+  Finder finder(clean, field, options);
+  std::vector<Streak> streaks = finder.run();
+  std::size_t i = 0;
+  std::erase_if(field.stars, [&](const Star&) { return finder.is_part_of_streak(i++); });
+  return streaks;
+}
+
+}  // namespace srfs::image

@@ -1,0 +1,76 @@
+#include "image/two_stars.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Dense>
+
+namespace srfs::image {
+
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+/// Normal equations by x, y and height of the one, then of the other.
+struct TwoStars::Equations {
+  Eigen::Matrix<double, 6, 6> normal;
+  Vector6 right;
+  double mismatch;
+};
+
+void TwoStars::fill(const StarPair& stars, Equations& e) {
+  for (std::size_t k = 0; k < 2; ++k)
+    profile_gradients(profile_, patch_, static_cast<float>(stars.x[k]), static_cast<float>(stars.y[k]),
+                      gradients_[k]);
+  e.normal.setZero();
+  e.right.setZero();
+  e.mismatch = 0;
+  for (std::size_t i = 0; i < patch_.size(); ++i) {
+    if (patch_.use[i] == 0) continue;
+    Vector6 g;
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto at = static_cast<Eigen::Index>(3 * k);
+      g[at] = stars.height[k] * double(gradients_[k].x[i]);
+      g[at + 1] = stars.height[k] * double(gradients_[k].y[i]);
+      g[at + 2] = double(gradients_[k].height[i]);
+    }
+    const double model = stars.height[0] * g[2] + stars.height[1] * g[5];
+    const double r = double(patch_.light[i]) - model;
+    const double weight = 1 / (1 + shot_ * std::max(0.0, model));
+    e.normal.noalias() += weight * g * g.transpose();
+    e.right += weight * r * g;
+    e.mismatch += weight * r * r;
+  }
+}
+
+double TwoStars::mismatch(const StarPair& stars) {
+  Equations e;
+  fill(stars, e);
+  return e.mismatch;
+}
+
+std::optional<TwoStars::Found> TwoStars::fit(const StarPair& start, double fwhm_px) {
+  StarPair stars = start;
+  Equations e;
+  for (int round = 0; round < 10; ++round) {
+    fill(stars, e);
+    e.normal.diagonal() *= 1.001;
+    const Vector6 step = e.normal.ldlt().solve(e.right);
+    if (!step.allFinite()) return std::nullopt;
+    const double longest =
+        std::max({std::abs(step[0]), std::abs(step[1]), std::abs(step[3]), std::abs(step[4])});
+    const double part = std::min(1.0, 0.3 * fwhm_px / std::max(1e-9, longest));
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto at = static_cast<Eigen::Index>(3 * k);
+      stars.x[k] += part * step[at];
+      stars.y[k] += part * step[at + 1];
+      stars.height[k] += part * step[at + 2];
+    }
+    if (!(stars.height[0] > 0) || !(stars.height[1] > 0)) return std::nullopt;
+    if (longest < 0.01 * fwhm_px) break;
+  }
+  fill(stars, e);
+  const Eigen::Matrix<double, 6, 6> inverse = e.normal.inverse();
+  return Found{
+      stars, e.mismatch, {std::sqrt(std::max(0.0, inverse(2, 2))), std::sqrt(std::max(0.0, inverse(5, 5)))}};
+}
+
+}  // namespace srfs::image

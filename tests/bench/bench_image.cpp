@@ -1,0 +1,337 @@
+// Writes the frames of ./run bench image with their truth: NAME.fits and NAME.json each, of sequences
+// NAME_0.fits to NAME_7.fits and NAME.json. Every frame has another optics, sky and detector, so that nothing
+// can be tuned to one of them.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <numbers>
+#include <string>
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+#include <Eigen/Dense>
+#include <nlohmann/json.hpp>
+
+#include "hw_sim/sky_frame.hpp"
+#include "image/frame_file.hpp"
+#include "image/star_catalogue.hpp"
+
+namespace {
+
+using namespace srfs;
+using namespace srfs::hw_sim;
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  std::string folder;
+  std::string set = "stars";
+  int frames = 10;
+  int width = 960;
+  int height = 720;
+  std::uint64_t seed = 1;
+};
+
+SkyScene random_scene(const Options& o, SkyRandom& random) {
+  SkyScene s;
+  s.width = o.width;
+  s.height = o.height;
+  s.fwhm_px = random.uniform(1.2, 5);
+  s.moffat_beta = random.uniform() < 0.5 ? 0 : random.uniform(2.5, 5);
+  s.ellipticity = random.uniform(0, 0.15);
+  s.major_axis_rad = random.uniform(0, std::numbers::pi);
+  s.background_e = 20 * std::exp(random.uniform(0, 4.5));
+  s.gradient = random.uniform(-0.4, 0.4);
+  s.curvature = random.uniform(0, 0.5);
+  s.read_noise_e = random.uniform(2, 12);
+  s.gain_e_per_adu = std::exp(random.uniform(-1, 1.2));
+  s.prnu = random.uniform(0, 0.01);
+  s.adu_step = random.uniform() < 0.3 ? 16 * 0.25 / s.gain_e_per_adu : 1;
+  s.adu_step = std::max(1.0, std::round(s.adu_step));
+  const double megapixels = o.width * o.height / 1e6;
+  s.hot_pixels = static_cast<int>(random.uniform(50, 500) * megapixels);
+  s.cosmic_rays = static_cast<int>(random.uniform(5, 80) * megapixels);
+  s.seed = static_cast<std::uint64_t>(random.uniform() * 1e15);
+  return s;
+}
+
+/// Numbers grow as the inverse of the flux, as of real stars at moderate galactic latitudes.
+std::vector<SkyStar> random_stars(const SkyScene& scene, SkyRandom& random, double per_megapixel) {
+  std::vector<SkyStar> stars;
+  const int n = static_cast<int>(per_megapixel * scene.width * scene.height / 1e6);
+  for (int i = 0; i < n; ++i) {
+    const double x = random.uniform(-0.5, scene.width - 0.5);
+    const double y = random.uniform(-0.5, scene.height - 0.5);
+    const double snr = std::min(3000.0, 4 / (1 - random.uniform()));
+    stars.push_back({x, y, flux_for_snr(scene, x, y, snr)});
+  }
+  return stars;
+}
+
+std::vector<SkyStreak> random_streaks(const SkyScene& scene, SkyRandom& random, int count, double shortest,
+                                      double longest) {
+  std::vector<SkyStreak> streaks;
+  for (int i = 0; i < count; ++i) {
+    const double length = std::exp(random.uniform(std::log(shortest), std::log(longest)));
+    const double angle = random.uniform(0, 2 * std::numbers::pi);
+    const double hx = length / 2 * std::cos(angle);
+    const double hy = length / 2 * std::sin(angle);
+    const double mx = std::abs(hx) + 8;
+    const double my = std::abs(hy) + 8;
+    const double x = random.uniform(mx, scene.width - 1 - mx);
+    const double y = random.uniform(my, scene.height - 1 - my);
+    SkyStreak streak{x - hx, y - hy, x + hx, y + hy, 1};
+    const double snr = 12 * std::exp(random.uniform(0, 1.6));
+    streak.flux_e = snr / streak_snr(scene, streak);
+    streaks.push_back(streak);
+  }
+  return streaks;
+}
+
+Json truth_of(const SkyScene& scene, const std::vector<SkyStar>& stars,
+              const std::vector<SkyStreak>& streaks) {
+  Json truth{{"fwhm", scene.fwhm_px},
+             {"beta", scene.moffat_beta},
+             {"background_e", scene.background_e},
+             {"read_noise_e", scene.read_noise_e},
+             {"gain", scene.gain_e_per_adu},
+             {"stars", Json::array()},
+             {"streaks", Json::array()}};
+  for (const SkyStar& s : stars) {
+    const StarLimits limits = star_limits(scene, s);
+    truth["stars"].push_back({{"x", s.x},
+                              {"y", s.y},
+                              {"snr", limits.snr},
+                              {"flux_adu", s.flux_e / scene.gain_e_per_adu},
+                              {"limit_x", limits.x_px},
+                              {"limit_y", limits.y_px}});
+  }
+  for (const SkyStreak& s : streaks)
+    truth["streaks"].push_back(
+        {{"x1", s.x1}, {"y1", s.y1}, {"x2", s.x2}, {"y2", s.y2}, {"snr", streak_snr(scene, s)}});
+  return truth;
+}
+
+void write(const Options& o, int number, const SkyScene& scene, const std::vector<SkyStar>& stars,
+           const std::vector<SkyStreak>& streaks, const Json& attitude = nullptr) {
+  image::Plane plane(scene.width, scene.height);
+  const std::vector<float> adu = render_sky(scene, stars, streaks);
+  std::copy(adu.begin(), adu.end(), plane.cells().begin());
+  const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
+  if (const auto written = image::write_fits(name + ".fits", plane); !written)
+    throw std::runtime_error(written.error().reason);
+  Json truth = truth_of(scene, stars, streaks);
+  if (!attitude.is_null()) truth["attitude"] = attitude;
+  std::ofstream(name + ".json") << truth.dump();
+}
+
+// --- sequences ---
+
+constexpr int frames_of_sequence = 8;
+
+/// How a frame of a sequence lies on the sky: sky = shift + turned pixel, around the frame's middle.
+struct Pointing {
+  double shift_x;
+  double shift_y;
+  double turn_rad;
+};
+
+SkyStar seen(const Options& o, const Pointing& p, const SkyStar& s) {
+  const double x = s.x - p.shift_x - o.width / 2.0;
+  const double y = s.y - p.shift_y - o.height / 2.0;
+  const double c = std::cos(p.turn_rad);
+  const double d = std::sin(p.turn_rad);
+  return {c * x + d * y + o.width / 2.0, c * y - d * x + o.height / 2.0, s.flux_e};
+}
+
+/// An object that moves evenly over the sky; in each frame it leaves a trail.
+struct SkyMover {
+  double x, y;    ///< in the middle of frame 0
+  double vx, vy;  ///< px a frame
+  double trail_px;
+  double snr;  ///< in each frame
+};
+
+std::vector<SkyMover> random_movers(const Options& o, SkyRandom& random) {
+  std::vector<SkyMover> movers;
+  const auto add = [&](double speed, double trail, double snr) {
+    const double angle = random.uniform(0, 2 * std::numbers::pi);
+    SkyMover m{0, 0, speed * std::cos(angle), speed * std::sin(angle), trail, snr};
+    const double middle = (frames_of_sequence - 1) / 2.0;
+    m.x = random.uniform(0.1, 0.9) * o.width - middle * m.vx;
+    m.y = random.uniform(0.1, 0.9) * o.height - middle * m.vy;
+    movers.push_back(m);
+  };
+  for (int i = 0; i < 3; ++i) {
+    const double speed = std::exp(random.uniform(std::log(1.5), std::log(20.0)));
+    add(speed, 0.1 * speed, random.uniform(4.5, 5.5));
+  }
+  for (int i = 0; i < 4; ++i) {
+    const double speed = std::exp(random.uniform(std::log(1.5), std::log(20.0)));
+    add(speed, 0.1 * speed, random.uniform(5.5, 15));
+  }
+  for (int i = 0; i < 2; ++i) {
+    const double trail = random.uniform(10, 20);
+    add(trail * random.uniform(1.2, 2.5), trail, random.uniform(12, 40));
+  }
+  return movers;
+}
+
+/// A mover's light in frame @p k.
+SkyStreak trail_of(const Options& o, const SkyScene& scene, const Pointing& p, const SkyMover& m, int k) {
+  const double speed = std::hypot(m.vx, m.vy);
+  const double hx = m.vx / speed * m.trail_px / 2;
+  const double hy = m.vy / speed * m.trail_px / 2;
+  const double x = m.x + k * m.vx;
+  const double y = m.y + k * m.vy;
+  const SkyStar a = seen(o, p, {x - hx, y - hy, 0});
+  const SkyStar b = seen(o, p, {x + hx, y + hy, 0});
+  SkyStreak streak{a.x, a.y, b.x, b.y, 1};
+  // As bright as in the middle of the frame, wherever it is.
+  SkyStreak there = streak;
+  const double dx = scene.width / 2.0 - (a.x + b.x) / 2;
+  const double dy = scene.height / 2.0 - (a.y + b.y) / 2;
+  there.x1 += dx, there.x2 += dx, there.y1 += dy, there.y2 += dy;
+  streak.flux_e = m.snr / streak_snr(scene, there);
+  return streak;
+}
+
+void make_sequence(const Options& o, SkyRandom& random, int number) {
+  SkyScene scene = random_scene(o, random);
+  scene.pattern_seed = scene.seed;
+  SkyScene wide = scene;  // the sky around the first frame, for where the pointing drifts to
+  const double margin = 150;
+  const double density = std::exp(random.uniform(std::log(150.0), std::log(1500.0)));
+  wide.width += static_cast<int>(2 * margin), wide.height += static_cast<int>(2 * margin);
+  std::vector<SkyStar> sky = random_stars(wide, random, density);
+  for (SkyStar& s : sky) s.x -= margin, s.y -= margin;
+  const std::vector<SkyMover> movers = random_movers(o, random);
+  const double drift = random.uniform(0, 12);
+  const double drift_angle = random.uniform(0, 2 * std::numbers::pi);
+  const double turn = random.uniform(-3e-4, 3e-4);
+  Json truth{{"fwhm", scene.fwhm_px},
+             {"width", o.width},
+             {"height", o.height},
+             {"frames", Json::array()},
+             {"movers", Json::array()}};
+  for (const SkyMover& m : movers)
+    truth["movers"].push_back({{"snr", m.snr}, {"trail", m.trail_px}, {"points", Json::array()}});
+  const std::string name = fmt::format("{}/{}_{:03}", o.folder, o.set, number);
+  for (int k = 0; k < frames_of_sequence; ++k) {
+    const Pointing p{k * drift * std::cos(drift_angle) + 0.5 * random.normal(),
+                     k * drift * std::sin(drift_angle) + 0.5 * random.normal(), k * turn};
+    std::vector<SkyStar> stars;
+    for (const SkyStar& s : sky) stars.push_back(seen(o, p, s));
+    std::vector<SkyStreak> trails;
+    for (std::size_t i = 0; i < movers.size(); ++i) {
+      trails.push_back(trail_of(o, scene, p, movers[i], k));
+      const SkyStreak& t = trails.back();
+      truth["movers"][i]["points"].push_back({{"x1", t.x1}, {"y1", t.y1}, {"x2", t.x2}, {"y2", t.y2}});
+    }
+    scene.seed = static_cast<std::uint64_t>(random.uniform() * 1e15);
+    image::Plane plane(scene.width, scene.height);
+    const std::vector<float> adu = render_sky(scene, stars, trails);
+    std::copy(adu.begin(), adu.end(), plane.cells().begin());
+    if (const auto written = image::write_fits(fmt::format("{}_{}.fits", name, k), plane); !written)
+      throw std::runtime_error(written.error().reason);
+    truth["frames"].push_back({{"shift_x", p.shift_x}, {"shift_y", p.shift_y}, {"turn_rad", p.turn_rad}});
+  }
+  std::ofstream(name + ".json") << truth.dump();
+}
+
+// --- real sky ---
+
+/// The catalogue's stars and fainter ones by chance, as a camera that looks anywhere sees them.
+void make_plate(const Options& o, SkyRandom& random, int number) {
+  using Eigen::Vector3d;
+  SkyScene scene = random_scene(o, random);
+  scene.fwhm_px = random.uniform(1.4, 3.5);
+  const double field_deg = random.uniform(6, 15);
+  const double ra_deg = random.uniform(0, 360);
+  const double dec_deg = std::asin(random.uniform(-1, 1)) * 180 / std::numbers::pi;
+  const double roll_deg = random.uniform(0, 360);
+  const double faintest = random.uniform(8, 9.5);  // of SNR 6
+  const double focal_px = o.width / 2.0 / std::tan(field_deg * std::numbers::pi / 360);
+  const double roll = roll_deg * std::numbers::pi / 180;
+  const Vector3d middle = image::direction_of(ra_deg, dec_deg);
+  const Vector3d east = Vector3d(-middle.y(), middle.x(), 0).normalized();
+  const Vector3d north = middle.cross(east);
+  const Vector3d down = -std::cos(roll) * north - std::sin(roll) * east;
+  const Vector3d right = down.cross(middle);
+  const auto flux = [&](double x, double y, double magnitude) {
+    return flux_for_snr(scene, x, y, std::min(20000.0, 6 * std::pow(10, 0.4 * (faintest - magnitude))));
+  };
+  std::vector<SkyStar> stars;
+  for (const image::CatalogueStar& s : image::bright_stars()) {
+    const double ahead = s.direction.dot(middle);
+    if (ahead < 0.9) continue;
+    const double x = (o.width - 1) / 2.0 + focal_px * s.direction.dot(right) / ahead;
+    const double y = (o.height - 1) / 2.0 + focal_px * s.direction.dot(down) / ahead;
+    if (x > -5 && y > -5 && x < o.width + 4 && y < o.height + 4)
+      stars.push_back({x, y, flux(x, y, s.magnitude)});
+  }
+  // Three times as many a magnitude.
+  const double known = static_cast<double>(stars.size());
+  const int fainter = static_cast<int>(known * (std::pow(3.0, faintest + 0.5 - 8.5) - 1));
+  for (int i = 0; i < fainter; ++i) {
+    const double x = random.uniform(0, o.width);
+    const double y = random.uniform(0, o.height);
+    const double share = random.uniform(std::pow(3.0, 8.5 - faintest - 0.5), 1);
+    stars.push_back({x, y, flux(x, y, faintest + 0.5 + std::log(share) / std::log(3.0))});
+  }
+  write(o, number, scene, stars, {},
+        {{"ra_deg", ra_deg},
+         {"dec_deg", dec_deg},
+         {"roll_deg", roll_deg},
+         {"field_deg", field_deg},
+         {"scale_arcsec_px", 180 * 3600 / std::numbers::pi / focal_px}});
+}
+
+void make(const Options& o) {
+  SkyRandom random(o.seed);
+  if (o.set == "plate") {
+    for (int i = 0; i < o.frames; ++i) make_plate(o, random, i);
+    return;
+  }
+  if (o.set == "sequence") {
+    for (int i = 0; i < o.frames; ++i) make_sequence(o, random, i);
+    return;
+  }
+  for (int i = 0; i < o.frames; ++i) {
+    const SkyScene scene = random_scene(o, random);
+    const double density = std::exp(random.uniform(std::log(150.0), std::log(2500.0)));
+    const auto stars = random_stars(scene, random, o.set == "empty" ? 0 : density);
+    std::vector<SkyStreak> streaks;
+    if (o.set == "streaks") streaks = random_streaks(scene, random, 4, 20, 250);
+    if (o.set == "short") streaks = random_streaks(scene, random, 6, 10, 20);
+    write(o, i, scene, stars, streaks);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Writes frames of simulated skies and their truth"};
+  Options options;
+  app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
+  app.add_option("--set", options.set, "What is in them")
+      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate"}))
+      ->capture_default_str();
+  app.add_option("--frames", options.frames, "Frames, or sequences of eight")
+      ->check(CLI::Range(1, 999))
+      ->capture_default_str();
+  app.add_option("--width", options.width)->check(CLI::Range(64, 8192))->capture_default_str();
+  app.add_option("--height", options.height)->check(CLI::Range(64, 8192))->capture_default_str();
+  app.add_option("--seed", options.seed)->capture_default_str();
+  try {
+    app.parse(argc, argv);
+    make(options);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "bench_image: %s\n", e.what());
+    return 1;
+  }
+  return 0;
+}

@@ -1,0 +1,15 @@
+// Image files from outside: a frame with the pixels it announces, or a reason.
+#include <cstdlib>
+
+#include "image/frame_file.hpp"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const auto frame = srfs::image::decode_frame(srfs::OctetView(data, size));
+  if (!frame) {
+    if (frame.error().reason.empty()) std::abort();
+    return 0;
+  }
+  const auto& pixels = frame->pixels;
+  if (srfs::image::refuse_size(pixels.width(), pixels.height())) std::abort();
+  return 0;
+}

@@ -1,0 +1,163 @@
+#include "image/plate_solver.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include <gtest/gtest.h>
+#include <Eigen/Dense>
+
+#include "hw_sim/sky_frame.hpp"
+
+namespace srfs::image {
+namespace {
+
+using Eigen::Vector3d;
+using hw_sim::SkyRandom;
+
+constexpr double rad_per_deg = std::numbers::pi / 180;
+
+const PlateSolver& solver() {
+  static const PlateSolver solver(bright_stars());
+  return solver;
+}
+
+/// A camera somewhere, and the stars it sees: a few of the catalogue missing, a few of them not in it, places
+/// and light not exact.
+struct View {
+  double ra_deg, dec_deg, roll_deg, field_deg;
+  bool mirrored = false;
+  int width = 1920;
+  int height = 1080;
+  double faintest = 8;
+
+  [[nodiscard]] double focal_px() const { return width / 2.0 / std::tan(field_deg / 2 * rad_per_deg); }
+
+  [[nodiscard]] std::vector<Star> stars(SkyRandom& random) const {
+    const Vector3d middle = direction_of(ra_deg, dec_deg);
+    const Vector3d east = Vector3d(-middle.y(), middle.x(), 0).normalized();
+    const Vector3d north = middle.cross(east);
+    const Vector3d down = -std::cos(roll_deg * rad_per_deg) * north - std::sin(roll_deg * rad_per_deg) * east;
+    const Vector3d right = down.cross(middle);
+    std::vector<Star> stars;
+    for (const CatalogueStar& s : bright_stars()) {
+      const double ahead = s.direction.dot(middle);
+      if (s.magnitude > faintest || ahead < 0.9 || random.uniform() < 0.05) continue;
+      const double side = (mirrored ? -1 : 1) * s.direction.dot(right) / ahead * focal_px();
+      const double x = (width - 1) / 2.0 + side + 0.1 * random.normal();
+      const double y =
+          (height - 1) / 2.0 + s.direction.dot(down) / ahead * focal_px() + 0.1 * random.normal();
+      if (x < 0 || y < 0 || x > width - 1 || y > height - 1) continue;
+      stars.push_back({x, y, 1e5 * std::pow(10, -0.4 * s.magnitude) * random.uniform(0.93, 1.07), 20, 2});
+    }
+    const std::vector<Star> others = anywhere(random, static_cast<int>(stars.size()) / 8);
+    stars.insert(stars.end(), others.begin(), others.end());
+    return stars;
+  }
+
+  [[nodiscard]] std::vector<Star> anywhere(SkyRandom& random, int count) const {
+    std::vector<Star> stars;
+    for (int i = 0; i < count; ++i)
+      stars.push_back(
+          {random.uniform(0, width), random.uniform(0, height), 60 / (1 - random.uniform()), 20, 2});
+    return stars;
+  }
+};
+
+double arcsec_between(const Vector3d& a, const Vector3d& b) {
+  return 2 * std::asin((a - b).norm() / 2) / rad_per_deg * 3600;
+}
+
+TEST(StarCatalogue, HasTheBrightStarsWhereTheyAre) {
+  const auto stars = bright_stars();
+  EXPECT_GT(stars.size(), 70000U);
+  EXPECT_TRUE(std::is_sorted(stars.begin(), stars.end(),
+                             [](const auto& a, const auto& b) { return a.magnitude < b.magnitude; }));
+  // Rigel, J2000.
+  const Vector3d rigel = direction_of(78.6345, -8.2016);
+  EXPECT_TRUE(std::any_of(stars.begin(), stars.begin() + 20, [&](const CatalogueStar& s) {
+    return arcsec_between(s.direction, rigel) < 5 && std::abs(s.magnitude - 0.3) < 0.1;
+  }));
+}
+
+TEST(SkyIndex, FindsTheSameAsLookingAtAll) {
+  SkyRandom random(3);
+  std::vector<Vector3d> directions;
+  for (int i = 0; i < 3000; ++i) {
+    const double dec = std::asin(random.uniform(-1, 1)) / rad_per_deg;
+    directions.push_back(direction_of(random.uniform(0, 360), dec));
+  }
+  directions.push_back({0, 0, 1});
+  const SkyIndex index(directions, 0.03);
+  for (const Vector3d& middle : {direction_of(0, 0), direction_of(359.99, 40), direction_of(180, -30),
+                                 direction_of(77, 89.5), direction_of(200, -90), direction_of(180.001, 85)}) {
+    for (const double radius : {0.01, 0.1, 0.5}) {
+      std::vector<int> seen(directions.size(), 0);
+      index.near(middle, radius, [&](std::size_t i, double) { ++seen[i]; });
+      for (std::size_t i = 0; i < directions.size(); ++i)
+        EXPECT_EQ(seen[i], (directions[i] - middle).norm() <= 2 * std::sin(radius / 2) ? 1 : 0);
+    }
+  }
+}
+
+TEST(PlateSolver, SolvesFieldsOfEveryWidthAllOverTheSky) {
+  SkyRandom random(2026);
+  int solved = 0;
+  int looked = 0;
+  for (int k = 0; k < 60; ++k) {
+    const View view{random.uniform(0, 360), std::asin(random.uniform(-1, 1)) / rad_per_deg,
+                    random.uniform(0, 360), random.uniform(6, 15), k % 3 == 0};
+    const std::vector<Star> stars = view.stars(random);
+    if (stars.size() < 10) continue;
+    ++looked;
+    const auto found = solver().solve(stars, view.width, view.height, {});
+    if (!found) continue;
+    ++solved;
+    EXPECT_LT(
+        arcsec_between(direction_of(found->ra_deg, found->dec_deg), direction_of(view.ra_deg, view.dec_deg)),
+        15);
+    EXPECT_LT(std::abs(std::remainder(found->roll_deg - view.roll_deg, 360)), 0.05);
+    EXPECT_NEAR(found->scale_arcsec_px * view.focal_px(), 3600 / rad_per_deg, 300);
+    EXPECT_EQ(found->mirrored, view.mirrored);
+  }
+  EXPECT_GT(looked, 50);
+  EXPECT_GE(solved, looked * 95 / 100);
+}
+
+TEST(PlateSolver, SolvesFieldsAtThePolesAndAcrossZeroHours) {
+  SkyRandom random(7);
+  for (const auto& [ra, dec] : {std::pair(10.0, 89.5), std::pair(200.0, -89.9), std::pair(0.001, 5.0)}) {
+    const View view{ra, dec, 123, 12};
+    const auto found = solver().solve(view.stars(random), view.width, view.height, {});
+    ASSERT_TRUE(found) << ra << ", " << dec;
+    EXPECT_LT(arcsec_between(direction_of(found->ra_deg, found->dec_deg), direction_of(ra, dec)), 15);
+  }
+}
+
+TEST(PlateSolver, SaysNothingOfStarsThatAreNoSky) {
+  SkyRandom random(99);
+  const View view{};
+  for (int k = 0; k < 20; ++k)
+    EXPECT_FALSE(solver().solve(view.anywhere(random, 15 + 12 * k), view.width, view.height, {})) << k;
+}
+
+TEST(PlateSolver, SaysNothingOfAFieldOutsideItsBounds) {
+  SkyRandom random(4);
+  const View view{83, 0, 45, 10};
+  const auto stars = view.stars(random);
+  EXPECT_TRUE(solver().solve(stars, view.width, view.height, {}));
+  EXPECT_FALSE(solver().solve(stars, view.width, view.height, {12, 20}));
+}
+
+TEST(PlateSolver, SaysNothingOfTooFewStarsOrStarsInOnePlace) {
+  EXPECT_FALSE(solver().solve({}, 1920, 1080, {}));
+  const std::vector<Star> same(50, Star{100, 100, 10, 10, 2});
+  EXPECT_FALSE(solver().solve(same, 1920, 1080, {}));
+  std::vector<Star> row;
+  for (int i = 0; i < 50; ++i) row.push_back({20.0 * i, 300, 10.0 + i, 10, 2});
+  EXPECT_FALSE(solver().solve(row, 1920, 1080, {}));
+  EXPECT_FALSE(solver().solve(same, 1, 1, {}));
+}
+
+}  // namespace
+}  // namespace srfs::image

@@ -1,0 +1,181 @@
+#include "image/star_finder.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <gmock/gmock.h>
+
+#include "tests/unit/image/skies.hpp"
+
+namespace srfs::image {
+namespace {
+
+using hw_sim::SkyScene;
+using hw_sim::SkyStar;
+
+std::vector<Star> stars_in(const Frame& frame, FrameFindings& findings) {
+  const CleanFrame clean = clean_frame(frame, findings);
+  return find_stars(clean, {}).stars;
+}
+
+std::vector<Star> stars_in(const Frame& frame) {
+  FrameFindings findings;
+  return stars_in(frame, findings);
+}
+
+const Star* nearest(const std::vector<Star>& stars, double x, double y, double within) {
+  const Star* best = nullptr;
+  for (const Star& s : stars) {
+    const double d = std::hypot(s.x - x, s.y - y);
+    if (d <= within && (best == nullptr || d < std::hypot(best->x - x, best->y - y))) best = &s;
+  }
+  return best;
+}
+
+class StarsOfEveryWidth : public testing::TestWithParam<double> {};
+
+TEST_P(StarsOfEveryWidth, AreFoundNearTheCramerRaoBoundWithTheirFluxAndWidth) {
+  SkyScene scene = small_scene(GetParam(), 11);
+  scene.gradient = 0.3;
+  scene.curvature = 0.3;
+  const std::vector<SkyStar> truth = lattice(scene, 40, 45.37);
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  EXPECT_GE(found.size(), truth.size());
+  EXPECT_LE(found.size(), truth.size() + 4);  // chance gives two on average in frames of this size
+  double squares = 0;
+  for (const SkyStar& t : truth) {
+    const Star* s = nearest(found, t.x, t.y, 1);
+    ASSERT_NE(s, nullptr) << t.x << ", " << t.y;
+    const hw_sim::StarLimits limits = hw_sim::star_limits(scene, t);
+    squares += std::pow((s->x - t.x) / limits.x_px, 2) + std::pow((s->y - t.y) / limits.y_px, 2);
+    EXPECT_NEAR(s->flux, t.flux_e, 0.2 * t.flux_e);
+    EXPECT_NEAR(s->snr, 40, 18);  // the wings of so many stars count as noise
+    EXPECT_NEAR(s->fwhm_px, std::hypot(GetParam(), 0.68), 0.3 * GetParam());  // a pixel widens it
+  }
+  EXPECT_LT(std::sqrt(squares / (2.0 * static_cast<double>(truth.size()))),
+            1.45);  // 70 numbers scatter by 9 %
+}
+
+INSTANTIATE_TEST_SUITE_P(Fwhm, StarsOfEveryWidth, testing::Values(1.4, 2.2, 3.5, 5.0));
+
+TEST(StarFinder, PutsPixelZeroAtTheCentreOfTheFirstPixel) {
+  SkyScene scene = small_scene();
+  std::vector<SkyStar> truth = lattice(scene, 100);
+  truth.push_back({3.0, 5.0, hw_sim::flux_for_snr(scene, 3, 5, 300)});
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  const Star* s = nearest(found, 3, 5, 1);
+  ASSERT_NE(s, nullptr);
+  EXPECT_NEAR(s->x, 3.0, 0.05);
+  EXPECT_NEAR(s->y, 5.0, 0.05);
+}
+
+TEST(StarFinder, TakesNeitherHotPixelsNorParticleTracksForStars) {
+  SkyScene scene = small_scene(2.5, 5);
+  const std::vector<SkyStar> truth = lattice(scene, 30);
+  scene.hot_pixels = 200;
+  scene.cosmic_rays = 10;
+
+  FrameFindings findings;
+  const std::vector<Star> found = stars_in(frame_of(scene, truth), findings);
+
+  const auto real = std::count_if(found.begin(), found.end(), [&](const Star& s) {
+    return std::any_of(truth.begin(), truth.end(),
+                       [&](const SkyStar& t) { return std::hypot(s.x - t.x, s.y - t.y) < 2; });
+  });
+  EXPECT_GE(real, static_cast<long>(truth.size()) - 2);
+  EXPECT_LE(static_cast<long>(found.size()) - real, 3);
+  EXPECT_GT(findings.spikes, 150);
+}
+
+TEST(StarFinder, SeparatesTwoStarsThatTouch) {
+  SkyScene scene = small_scene(3, 8);
+  std::vector<SkyStar> truth = lattice(scene, 60, 70.3);
+  truth.push_back({60, 55, hw_sim::flux_for_snr(scene, 60, 55, 80)});
+  truth.push_back({64, 55, hw_sim::flux_for_snr(scene, 64, 55, 40)});
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  const Star* bright = nearest(found, 60, 55, 0.5);
+  const Star* faint = nearest(found, 64, 55, 0.7);
+  ASSERT_NE(bright, nullptr);
+  ASSERT_NE(faint, nullptr);
+  EXPECT_NE(bright, faint);
+}
+
+TEST(StarFinder, PlacesASaturatedStarByItsFlanks) {
+  SkyScene scene = small_scene(3, 9);
+  scene.saturation_adu = 4000;
+  std::vector<SkyStar> truth = lattice(scene, 50, 70.3);
+  truth.push_back({150.3, 120.7, 300000});
+
+  FrameFindings findings;
+  const std::vector<Star> found = stars_in(frame_of(scene, truth), findings);
+
+  EXPECT_GT(findings.saturated, 5);
+  const Star* s = nearest(found, 150.3, 120.7, 0.5);
+  ASSERT_NE(s, nullptr);
+}
+
+TEST(StarFinder, FindsNothingInNoise) {
+  std::size_t found = 0;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed)
+    found += stars_in(frame_of(small_scene(2.2, seed), {})).size();
+  EXPECT_LE(found, 2U);
+}
+
+TEST(StarFinder, FindsNothingWhereThereIsNothing) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinite = std::numeric_limits<float>::infinity();
+  for (const auto& [width, height] : {std::pair{1, 1}, {2, 1}, {1, 70}, {3, 3}, {17, 16}, {200, 100}}) {
+    for (const float value : {0.0F, 65535.0F, -7.5F, 1e30F, nan, infinite}) {
+      Frame frame;
+      frame.pixels = Plane(width, height, value);
+      FrameFindings findings;
+      EXPECT_TRUE(stars_in(frame, findings).empty()) << width << " x " << height << " of " << value;
+      EXPECT_FALSE(findings.notes.empty());
+    }
+  }
+}
+
+TEST(StarFinder, WorksAroundPixelsWithoutAValue) {
+  SkyScene scene = small_scene(2.5, 4);
+  const std::vector<SkyStar> truth = lattice(scene, 60);
+  Frame frame = frame_of(scene, truth);
+  for (int y = 100; y < 200; ++y) {
+    for (int x = 0; x < 150; ++x) frame.pixels.at(x, y) = std::numeric_limits<float>::quiet_NaN();
+  }
+
+  FrameFindings findings;
+  const std::vector<Star> found = stars_in(frame, findings);
+
+  EXPECT_EQ(findings.invalid, 15000);
+  for (const SkyStar& t : truth) {
+    const bool visible = t.x > 155 || t.y < 95 || t.y > 205;
+    const bool hidden = t.x < 145 && t.y > 105 && t.y < 195;
+    if (visible) {
+      EXPECT_NE(nearest(found, t.x, t.y, 0.5), nullptr) << t.x << ", " << t.y;
+    }
+    if (hidden) {
+      EXPECT_EQ(nearest(found, t.x, t.y, 2), nullptr) << t.x << ", " << t.y;
+    }
+  }
+}
+
+TEST(StarFinder, TakesColumnPatternsForNoStars) {
+  SkyScene scene = small_scene(2.2, 21);
+  const std::vector<SkyStar> truth = lattice(scene, 25);
+  scene.column_pattern_adu = 25;  // more than the noise of a pixel
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  EXPECT_LE(found.size(), truth.size() + 3);
+  EXPECT_GE(found.size(), truth.size() - 3);
+}
+
+}  // namespace
+}  // namespace srfs::image

@@ -1,0 +1,135 @@
+#include "image/streak_finder.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <gmock/gmock.h>
+
+#include "tests/unit/image/skies.hpp"
+
+namespace srfs::image {
+namespace {
+
+using hw_sim::SkyScene;
+using hw_sim::SkyStar;
+using hw_sim::SkyStreak;
+
+std::vector<Streak> streaks_in(const Frame& frame) {
+  FrameFindings findings;
+  const CleanFrame clean = clean_frame(frame, findings);
+  StarField field = find_stars(clean, {});
+  return find_streaks(clean, field, {});
+}
+
+SkyStreak with_snr(const SkyScene& scene, SkyStreak streak, double snr) {
+  streak.flux_e = 1;
+  streak.flux_e = snr / hw_sim::streak_snr(scene, streak);
+  return streak;
+}
+
+double end_error(const Streak& found, const SkyStreak& truth) {
+  const double same = std::max(std::hypot(found.x1 - truth.x1, found.y1 - truth.y1),
+                               std::hypot(found.x2 - truth.x2, found.y2 - truth.y2));
+  const double turned = std::max(std::hypot(found.x1 - truth.x2, found.y1 - truth.y2),
+                                 std::hypot(found.x2 - truth.x1, found.y2 - truth.y1));
+  return std::min(same, turned);
+}
+
+/// Without those whose light touches the streak.
+std::vector<SkyStar> beside(std::vector<SkyStar> stars, const SkyStreak& l) {
+  const double length = std::hypot(l.x2 - l.x1, l.y2 - l.y1);
+  std::erase_if(stars, [&](const SkyStar& s) {
+    const double t = std::clamp(
+        ((s.x - l.x1) * (l.x2 - l.x1) + (s.y - l.y1) * (l.y2 - l.y1)) / (length * length), 0.0, 1.0);
+    return std::hypot(s.x - l.x1 - t * (l.x2 - l.x1), s.y - l.y1 - t * (l.y2 - l.y1)) < 12;
+  });
+  return stars;
+}
+
+class StreaksInEveryDirection : public testing::TestWithParam<int> {};
+
+TEST_P(StreaksInEveryDirection, AreFoundWithTheirEnds) {
+  const double angle = GetParam() * 3.14159265 / 180;
+  SkyScene scene = small_scene(2.2, 30 + static_cast<std::uint64_t>(GetParam()));
+  scene.gradient = 0.3;
+  const SkyStreak truth = with_snr(scene,
+                                   {160.3 - 40 * std::cos(angle), 120.6 - 40 * std::sin(angle),
+                                    160.3 + 40 * std::cos(angle), 120.6 + 40 * std::sin(angle), 0},
+                                   30);
+
+  const std::vector<Streak> found =
+      streaks_in(frame_of(scene, beside(lattice(scene, 50, 57.9), truth), {truth}));
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 3);
+  EXPECT_NEAR(found[0].snr, 30, 8);
+  EXPECT_NEAR(found[0].flux, truth.flux_e, 0.3 * truth.flux_e);
+}
+
+INSTANTIATE_TEST_SUITE_P(Degrees, StreaksInEveryDirection, testing::Values(0, 20, 45, 70, 90, 115, 135, 160));
+
+TEST(StreakFinder, FindsNoneAmongStarsHotPixelsAndParticleTracks) {
+  SkyScene scene = small_scene(2.5, 77);
+  const std::vector<SkyStar> stars = lattice(scene, 60, 31.7);
+  scene.hot_pixels = 100;
+  scene.cosmic_rays = 8;
+
+  EXPECT_TRUE(streaks_in(frame_of(scene, stars)).empty());
+}
+
+TEST(StreakFinder, FindsNoneOnACurvedBackground) {
+  SkyScene scene = small_scene(2.5, 78);
+  scene.background_e = 3000;
+  scene.curvature = 0.9;
+  scene.gradient = 0.5;
+
+  EXPECT_TRUE(streaks_in(frame_of(scene, lattice(scene, 60, 45.7))).empty());
+}
+
+/// Trees, a building, the Earth: bars of light and dark in all directions below a horizon.
+TEST(StreakFinder, FindsNoneInATexturedForegroundButThatInTheSkyAboveIt) {
+  SkyScene scene = small_scene(2.2, 80);
+  const SkyStreak truth = with_snr(scene, {60, 40, 140, 70, 0}, 40);
+  Frame frame = frame_of(scene, beside(lattice(scene, 50, 57.9), truth), {truth});
+  hw_sim::SkyRandom random(5);
+  for (int bar = 0; bar < 1500; ++bar) {
+    const double x = random.uniform(0, 320);
+    const double y = random.uniform(150, 240);
+    const double angle = random.uniform(0, 3.14159);
+    const auto light = static_cast<float>(random.uniform(-1000, 3600));
+    const double length = random.uniform(10, 60);
+    for (double t = 0; t < length; t += 0.5) {
+      const int i = static_cast<int>(x + t * std::cos(angle));
+      const int j = static_cast<int>(y + t * std::sin(angle));
+      if (frame.pixels.contains(i, j) && j > 145) frame.pixels.at(i, j) += light;
+    }
+  }
+
+  const std::vector<Streak> found = streaks_in(frame);
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 4);
+}
+
+TEST(StreakFinder, MakesOneOfPiecesThatAStarSeparates) {
+  SkyScene scene = small_scene(2.2, 79);
+  const SkyStreak truth = with_snr(scene, {60, 60, 220, 140, 0}, 60);
+  std::vector<SkyStar> stars = beside(lattice(scene, 50, 57.9), truth);
+  stars.push_back({140, 100, hw_sim::flux_for_snr(scene, 140, 100, 400)});
+
+  const std::vector<Streak> found = streaks_in(frame_of(scene, stars, {truth}));
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 9);  // 5 % of its length
+}
+
+TEST(StreakFinder, FindsNothingWhereThereIsNothing) {
+  for (const auto& [width, height] : {std::pair{1, 1}, {1, 200}, {5, 3}, {150, 130}}) {
+    Frame frame;
+    frame.pixels = Plane(width, height, 12.0F);
+    EXPECT_TRUE(streaks_in(frame).empty());
+  }
+}
+
+}  // namespace
+}  // namespace srfs::image
