@@ -8,8 +8,8 @@ bool SpacecraftClock::on_tick(const ReceivedTick& tick, MonotonicTime now) {
   constexpr std::uint8_t locked = 2;  // srfs_msgs/TimeTick
   constexpr std::uint8_t holdover = 3;
   const nanoseconds period = std::chrono::microseconds(tick.period_us);
-  if (tick.utc_s < 0 || tick.utc_ns >= 1'000'000'000 || tick.monotonic_ns > INT64_MAX ||
-      period <= nanoseconds(0) || period > period_max) {
+  if (tick.utc_ns >= 1'000'000'000 || tick.monotonic_ns > INT64_MAX || period <= nanoseconds(0) ||
+      period > period_max) {
     return false;
   }
   const MonotonicTime due(nanoseconds(static_cast<std::int64_t>(tick.monotonic_ns)));

@@ -13,7 +13,7 @@ enum class TimeReference : std::uint8_t { invalid = 0, locked = 1, holdover = 2,
 
 /// A tick as it came from another process: nothing is taken for granted.
 struct ReceivedTick {
-  std::int32_t utc_s = 0;
+  std::uint32_t utc_s = 0;  ///< the message's seconds read without a sign: to 2106
   std::uint32_t utc_ns = 0;
   std::uint64_t monotonic_ns = 0;  ///< when it was due
   std::uint32_t period_us = 0;

@@ -391,7 +391,7 @@ void TtcNode::arm_timer() {
 // ---- inputs from other nodes
 
 void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
-  const ReceivedTick received{.utc_s = tick.utc.sec,
+  const ReceivedTick received{.utc_s = static_cast<std::uint32_t>(tick.utc.sec),
                               .utc_ns = tick.utc.nanosec,
                               .monotonic_ns = tick.monotonic_ns,
                               .period_us = tick.period_us,
