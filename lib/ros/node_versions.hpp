@@ -17,6 +17,10 @@ namespace srfs::ros {
 /// what a restarter decided and the disk, which it does not wait for, may not have yet; and which version the
 /// last started process runs.
 
+/// Writes a file of var.memory(). Not write_file_atomically: there is nothing to sync on tmpfs, and one
+/// process at a time writes. @return false: not written
+bool replace_in_memory(const std::filesystem::path& file, const std::string& text);
+
 /// VAR/versions/NODE
 [[nodiscard]] std::filesystem::path versions_folder(const VarPaths& var, const std::string& node);
 

@@ -150,6 +150,7 @@ CallbackReturn TimingNode::on_configure() {
   }
 
   worker_ = create_worker("records", 4);
+  open_commanding();
   tick_publisher_ = create_publisher(ros::topics::time_tick);
   pulse_watch_ = watch_fd(
       pulse_->fd(), EPOLLIN, [this](std::uint32_t) { on_pulse_input(); }, "gps pulse");
@@ -229,6 +230,7 @@ CallbackReturn TimingNode::on_activate() {
   arm_tick();
   feed_timer_ = create_timer(
       feed_period, [this] { feed_watchdog(); }, "watchdog");
+  resume_commanding();
   return CallbackReturn::success;
 }
 
@@ -253,6 +255,7 @@ void TimingNode::close() {
   save_timer_.reset();
   discipline_timer_.reset();
   set_time_.reset();
+  close_commanding();
   pulse_watch_.reset();
   serial_watch_.reset();
   pulse_.reset();
@@ -437,13 +440,52 @@ void TimingNode::on_set_time(const srfs_msgs::srv::SetTime::Request& request,
       .at = request.monotonic_ns == 0 ? t : MonotonicTime(as_duration(request.monotonic_ns)),
       .accuracy = std::min(as_duration(request.accuracy_ns), largest_error),
       .allow_jump = request.allow_jump};
-  const SetTimeVerdict verdict = time_->set_time(command, t);
+  const SetTimeVerdict verdict = set_time(command);
   response.outcome = static_cast<std::uint8_t>(verdict);
-  if (verdict == SetTimeVerdict::implausible) return;
-  response.difference_ns = time_->commanded_difference().count();
-  if (verdict == SetTimeVerdict::jump_refused) return;
-  ++times_commanded_;
-  report_time_set(command.utc);
+  if (verdict != SetTimeVerdict::implausible) response.difference_ns = time_->commanded_difference().count();
+}
+
+SetTimeVerdict TimingNode::set_time(const TimeCommand& command) {
+  const SetTimeVerdict verdict = time_->set_time(command, monotonic_now());
+  if (verdict == SetTimeVerdict::stepped || verdict == SetTimeVerdict::slewed) {
+    ++times_commanded_;
+    report_time_set(command.utc);
+  } else {
+    log::warn("time {} is not taken over: {}", to_iso8601(command.utc),
+              verdict == SetTimeVerdict::implausible
+                  ? "implausible"
+                  : "it differs by more than time_jump_limit_s, and no step was allowed");
+  }
+  return verdict;
+}
+
+FailureCode TimingNode::check(std::uint16_t function, OctetView arguments) const {
+  static_assert(mission::TimingSetTime::timeout == mission::TimingStepTime::timeout);
+  if (function != mission::TimingSetTime::function_id && function != mission::TimingStepTime::function_id)
+    return FailureCode::unknown_function;
+  const auto command = mission::TimingSetTime::decode(arguments);
+  if (command) return FailureCode::none;
+  return command.error().parameter == 0 ? FailureCode::bad_arguments_length : FailureCode::bad_argument;
+}
+
+void TimingNode::execute(const StoredTelecommand& telecommand) {
+  const auto arguments = *mission::TimingSetTime::decode(telecommand.arguments);
+  // ttc counts the time-out from the acceptance on, so the way through the suite, and a restart on it, cost
+  // nothing.
+  const SetTimeVerdict verdict =
+      set_time({.utc = to_utc(arguments.utc, static_cast<int>(get_parameter<std::int64_t>("leap_seconds"))),
+                .at = telecommand.expiry - mission::TimingSetTime::timeout,
+                .accuracy = milliseconds(arguments.accuracy_ms),
+                .allow_jump = telecommand.function == mission::TimingStepTime::function_id});
+  switch (verdict) {
+    case SetTimeVerdict::stepped:
+    case SetTimeVerdict::slewed:
+      return finished(FailureCode::none);
+    case SetTimeVerdict::jump_refused:
+      return finished(FailureCode::time_jump_refused);
+    case SetTimeVerdict::implausible:
+      return finished(FailureCode::time_implausible);
+  }
 }
 
 void TimingNode::report_time_set(UtcTime utc) {

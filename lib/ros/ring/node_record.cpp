@@ -19,18 +19,6 @@ std::filesystem::path deaths_file(const VarPaths& var, const std::string& node) 
   return var.memory() / (node + ".deaths");
 }
 
-/// Not write_file_atomically: there is nothing to sync on tmpfs, and one process at a time writes.
-bool replace_in_memory(const std::filesystem::path& file, const std::string& text) {
-  const std::string temporary = file.string() + ".tmp";
-  std::error_code ec;
-  std::filesystem::create_directories(file.parent_path(), ec);
-  {
-    const Fd fd(open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-    if (!fd || write(fd.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) return false;
-  }
-  return rename(temporary.c_str(), file.c_str()) == 0;
-}
-
 std::filesystem::path hold_file(const VarPaths& var, const std::string& node) {
   return var.state(node) / "hold";
 }

@@ -46,7 +46,7 @@ TEST(VersionStoreProperties, EachChangeHappensWholeOrNotAtAllWhereverThePowerIsL
   files.elsewhere = {{"one", std::string(900, '1')}, {"other", std::string(1200, '2')}};
   VersionStore store(files, "node");
   std::size_t losses = 0;
-  for (int i = 0; i < 150; ++i) {
+  for (int i = 0; i < 60; ++i) {
     const std::uint32_t kind = files.draw(6);
     const auto disk = files.disk;
     const auto random = files.random;
