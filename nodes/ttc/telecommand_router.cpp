@@ -338,6 +338,15 @@ void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
         select_keys(request);
         return;
       }
+      if (command.name == mission::TtcTransmitterOff::name) {
+        const auto off = mission::TtcTransmitterOff::decode(request.arguments);
+        switch_transmitter(request, seconds(off ? off->duration_s : 0));
+        return;
+      }
+      if (command.name == mission::TtcTransmitterOn::name) {
+        switch_transmitter(request, seconds(0));
+        return;
+      }
       if (command.name == mission::TtcDisarm::name) {
         parts_.hazards.disarm(mission::DisarmReason::commanded);
         complete(request.origin);
@@ -494,6 +503,29 @@ void TelecommandRouter::select_keys(const Request& request) {
   } else {
     parts_.outbox.success(request.origin, Stage::start);
     key_change_ = KeyChange{.origin = request.origin, .vc = vc, .set = set};
+  }
+}
+
+void TelecommandRouter::switch_transmitter(const Request& request, seconds off) {
+  if (transmitter_change_) {  // the one before was not taken yet
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
+    return;
+  }
+  parts_.outbox.success(request.origin, Stage::start);
+  if (off > seconds(0)) {
+    parts_.transmitter.switch_off(off, request.now);
+  } else {
+    parts_.transmitter.switch_on();
+  }
+  transmitter_change_ = TransmitterChange{
+      .origin = request.origin, .off = off, .stored_text = parts_.transmitter.stored_text()};
+}
+
+void TelecommandRouter::transmitter_stored(const TransmitterChange& change, bool success) {
+  if (success) {
+    parts_.outbox.success(change.origin, Stage::completion);
+  } else {  // it holds until a restart
+    parts_.outbox.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
   }
 }
 

@@ -21,6 +21,7 @@
 #include "nodes/ttc/report_outbox.hpp"
 #include "nodes/ttc/schedule_service.hpp"
 #include "nodes/ttc/time_reporter.hpp"
+#include "nodes/ttc/transmitter_switch.hpp"
 
 namespace srfs {
 
@@ -47,6 +48,13 @@ struct KeyChange {
   TelecommandOrigin origin;
   std::uint8_t vc = 0;
   KeySet set = KeySet::a;
+};
+
+/// The transmitter was switched by command: to be stored, then reported with transmitter_stored().
+struct TransmitterChange {
+  TelecommandOrigin origin;
+  seconds off{0};  ///< zero: on
+  std::string stored_text;
 };
 
 /// A telecommand that was refused, for the event that says so.
@@ -104,6 +112,7 @@ class TelecommandRouter {
     TimeReporter& time_reports;
     HazardGuard& hazards;
     const AvailableKeySets& key_sets;
+    TransmitterSwitch& transmitter;
   };
 
   /// @param own_node name of the node whose commands are executed here
@@ -130,6 +139,10 @@ class TelecommandRouter {
     return std::exchange(key_change_, std::nullopt);
   }
   /// The change is on disk, or could not be stored; it holds either way.
+  [[nodiscard]] std::optional<TransmitterChange> take_transmitter_change() {
+    return std::exchange(transmitter_change_, std::nullopt);
+  }
+  void transmitter_stored(const TransmitterChange& change, bool success);
   void key_change_stored(const KeyChange& change, bool success);
   /// Telecommands refused since the last call, at most max_rejected (the newest).
   [[nodiscard]] std::vector<RejectedTelecommand> take_rejected() { return std::exchange(rejected_, {}); }
@@ -166,6 +179,7 @@ class TelecommandRouter {
   void set_mode(const Request& request);
   void arm(const Request& request);
   void select_keys(const Request& request);
+  void switch_transmitter(const Request& request, seconds off);
   /// The telecommand that @p arm names, if it is hazardous and allowed now.
   [[nodiscard]] std::optional<Refusal> why_not_armed(const mission::TtcArm& arm) const;
   void complete(const TelecommandOrigin& origin);
@@ -175,6 +189,7 @@ class TelecommandRouter {
   std::uint16_t own_apid_ = 0;
   std::optional<ModeChange> mode_change_;
   std::optional<KeyChange> key_change_;
+  std::optional<TransmitterChange> transmitter_change_;
   std::vector<RejectedTelecommand> rejected_;
   std::vector<std::uint64_t> unstored_runs_;
   std::map<std::string, std::size_t> waiting_;  ///< judged and not carried out, per node

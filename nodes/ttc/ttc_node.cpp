@@ -186,6 +186,7 @@ void TtcNode::settle() {
   send_reports(link_->outbox.take(), std::nullopt);
   store_mode_change();
   store_key_change();
+  store_transmitter_change();
   report_rejections();
   report_hazards();
   report_findings();
@@ -256,6 +257,44 @@ void TtcNode::store_mode_change() {
                             if (is_active()) settle();
                           });
   if (!taken) link_->router.mode_stored(*change, false);
+}
+
+void TtcNode::store_transmitter_change() {
+  const auto change = link_->router.take_transmitter_change();
+  if (!change) return;
+  if (change->off > seconds(0)) {
+    log::warn("the transmitter goes off for {} s: commanded", change->off.count());
+    mission::TtcTransmitterOffEvent event;
+    event.duration_s = static_cast<std::uint32_t>(change->off.count());
+    event.why = "commanded";
+    raise(event.severity, event.event_id, event.encoded());
+  } else {
+    mission::TtcTransmitterOnEvent event;
+    event.why = "commanded";
+    raise(event.severity, event.event_id, event.encoded());
+  }
+  auto stored = std::make_shared<bool>(false);
+  const bool taken =
+      state_worker_->post([path = state_dir() / "transmitter", text = change->stored_text,
+                           stored] { *stored = write_file_atomically(path, text).has_value(); },
+                          [this, change = *change, stored] {
+                            link_->router.transmitter_stored(change, *stored);
+                            if (is_active()) settle();
+                          });
+  if (!taken) link_->router.transmitter_stored(*change, false);
+}
+
+void TtcNode::end_silence() {
+  if (!link_->transmitter.take_end(monotonic_now())) return;
+  // Its record would make the next boot silent.
+  const bool taken = state_worker_->post([path = state_dir() / "transmitter"] {
+    if (const auto written = write_file_atomically(path, ""); !written)
+      log::error("the silence that is over is still on disk: {}", written.error().message);
+  });
+  if (!taken) log::error("the silence that is over is still on disk");
+  mission::TtcTransmitterOnEvent event;
+  event.why = "its time is over";
+  raise(event.severity, event.event_id, event.encoded());
 }
 
 void TtcNode::publish_mode() {
@@ -339,7 +378,8 @@ void TtcNode::pump_downlink() {
   if (!is_active() && state() != ros::State::activating) return;
   feed_playback();
   pump_files();
-  while (write_outgoing()) {
+  end_silence();
+  while (write_outgoing() && link_->transmitter.may_transmit(monotonic_now())) {
     auto cadu = link_->downlink.next(monotonic_now(), [this] { return link_->uplink.next_clcw(); });
     if (!cadu) break;
     outgoing_ = std::move(*cadu);
@@ -357,7 +397,8 @@ void TtcNode::arm_timer() {
     if (t && (!due || *t < *due)) due = t;
   };
   const MonotonicTime at = monotonic_now();
-  sooner(link_->downlink.next_due(at));
+  if (link_->transmitter.may_transmit(at)) sooner(link_->downlink.next_due(at));
+  sooner(link_->transmitter.next_due(at));
   sooner(link_->forwarder.next_due());
   sooner(link_->gate.next_due());
   sooner(link_->hazards.next_due());
@@ -522,6 +563,8 @@ void TtcNode::raise(mission::EventSeverity severity, std::uint16_t event_id, con
 void TtcNode::add_latency(mission::TtcHousekeeping& h) const {
   const LatencyHistogram& latency = link_->acceptance_latency;
   const auto us = [](nanoseconds d) { return as_u32(static_cast<std::uint64_t>(d.count() / 1000)); };
+  h.transmitter_off_s =
+      as_u32(static_cast<std::uint64_t>(link_->transmitter.rest(monotonic_now()) / seconds(1)));
   h.acceptance_latency_p50_us = us(latency.quantile(0.5));
   h.acceptance_latency_p99_us = us(latency.quantile(0.99));
   h.acceptance_latency_max_us = us(latency.max());

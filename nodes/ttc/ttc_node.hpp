@@ -64,15 +64,16 @@ class TtcNode : public ros::LifecycleNode {
   /// What is there from configure to cleanup. Order matters: later members use earlier ones.
   struct Link {
     Link(const mission::Dictionary& dictionary, AcceptanceJournal restored, UplinkConfig uplink_config,
-         DownlinkConfig downlink_config, ModeKeeper mode_keeper, milliseconds persist_deadline,
-         milliseconds schedule_late_max, milliseconds arm_window, SpacecraftClock start,
-         const std::string& own_name);
+         DownlinkConfig downlink_config, ModeKeeper mode_keeper, TransmitterSwitch transmitter_switch,
+         milliseconds persist_deadline, milliseconds schedule_late_max, milliseconds arm_window,
+         SpacecraftClock start, const std::string& own_name);
 
     FailureCodes codes;
     AcceptanceJournal journal;
     HousekeepingScheduler housekeeping;
     EventReporter events;
     ModeKeeper mode;
+    TransmitterSwitch transmitter;
     ReportOutbox outbox;
     HazardGuard hazards;
     AvailableKeySets key_sets;
@@ -98,6 +99,7 @@ class TtcNode : public ros::LifecycleNode {
   [[nodiscard]] Result<wire::SdlsKey, std::string> read_key(const std::string& file) const;
   [[nodiscard]] Result<DownlinkConfig, std::string> read_downlink() const;
   [[nodiscard]] ModeKeeper load_mode(bool ran_before);
+  [[nodiscard]] TransmitterSwitch load_transmitter() const;
   [[nodiscard]] BootTold load_boot() const;
   [[nodiscard]] bool ran_before() const;
   [[nodiscard]] AcceptanceJournal load_journal();
@@ -144,6 +146,8 @@ class TtcNode : public ros::LifecycleNode {
   /// Chooses the set of each channel: as it was stored, else one that can be used.
   void load_key_selection(UplinkConfig& config);
   void store_key_change();
+  void store_transmitter_change();
+  void end_silence();
   void report_keys_at_start();
   void report_keys(std::uint8_t vc, KeySet set, const std::string& why);
   void send(const Report& report, bool live, bool stored, bool urgent);

@@ -60,11 +60,13 @@ AvailableKeySets key_sets_of(const UplinkConfig& config) {
 
 TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal restored,
                     UplinkConfig uplink_config, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
-                    milliseconds persist_deadline, milliseconds schedule_late_max, milliseconds arm_window,
-                    SpacecraftClock start, const std::string& own_name)
+                    TransmitterSwitch transmitter_switch, milliseconds persist_deadline,
+                    milliseconds schedule_late_max, milliseconds arm_window, SpacecraftClock start,
+                    const std::string& own_name)
     : codes(dictionary),
       journal(std::move(restored)),
       mode(std::move(mode_keeper)),
+      transmitter(std::move(transmitter_switch)),
       hazards(arm_window),
       key_sets(key_sets_of(uplink_config)),
       forwarder({.not_taken = codes.node_unavailable,
@@ -88,7 +90,8 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
               .schedule = schedule,
               .time_reports = time_reports,
               .hazards = hazards,
-              .key_sets = key_sets},
+              .key_sets = key_sets,
+              .transmitter = transmitter},
              own_name),
       uplink(std::move(uplink_config), journal.link()),
       gate(persist_deadline, journal.revision()),
@@ -229,6 +232,19 @@ ModeKeeper TtcNode::load_mode(bool ran) {
   return keeper;
 }
 
+TransmitterSwitch TtcNode::load_transmitter() const {
+  const auto stored = read_file(state_dir() / "transmitter", 256);
+  const MonotonicTime at = monotonic_now();
+  TransmitterSwitch transmitter(kernel_boot_id().value_or("unknown"), stored.value_or(""), at);
+  if (!transmitter.may_transmit(at))
+    log::warn("the transmitter stays off for {} s", transmitter.rest(at) / seconds(1));
+  // A silence that begins anew with this boot must not do so with the next.
+  if (const auto written = write_file_atomically(state_dir() / "transmitter", transmitter.stored_text());
+      !written)
+    log::error("the state of the transmitter is not durable: {}", written.error().message);
+  return transmitter;
+}
+
 /// What the boot record says until timing tells more: it may write the record of this boot at this moment.
 BootTold TtcNode::load_boot() const {
   const auto record = ros::BootStore(var().boot()).load();
@@ -257,12 +273,12 @@ ros::CallbackReturn TtcNode::on_configure() {
   const bool ran = ran_before();
   load_key_selection(*channels);
   AcceptanceJournal journal = load_journal();
-  link_ =
-      std::make_unique<Link>(dictionary_, std::move(journal), std::move(*channels), *downlink, load_mode(ran),
-                             milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
-                             milliseconds(get_parameter<std::int64_t>("schedule_late_max_ms")),
-                             milliseconds(get_parameter<std::int64_t>("arm_window_ms")),
-                             SpacecraftClock(system_utc_now(), monotonic_now()), name());
+  link_ = std::make_unique<Link>(dictionary_, std::move(journal), std::move(*channels), *downlink,
+                                 load_mode(ran), load_transmitter(),
+                                 milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
+                                 milliseconds(get_parameter<std::int64_t>("schedule_late_max_ms")),
+                                 milliseconds(get_parameter<std::int64_t>("arm_window_ms")),
+                                 SpacecraftClock(system_utc_now(), monotonic_now()), name());
   boot_ = load_boot();
   fill_from_dictionary();
   stores_ = std::make_shared<StoreRack>(dictionary_, var().root / "store");

@@ -117,6 +117,7 @@ class Schedule : public testing::Test {
   TimeReporter time_reports_;
   HazardGuard hazards_{seconds(30)};
   AvailableKeySets key_sets_;
+  TransmitterSwitch transmitter_{"boot", "", MonotonicTime{}};
   FileService files_{outbox_, mission::apid::ttc};
   ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
   TelecommandRouter router_{{.dictionary = dictionary_,
@@ -132,7 +133,8 @@ class Schedule : public testing::Test {
                              .schedule = schedule_,
                              .time_reports = time_reports_,
                              .hazards = hazards_,
-                             .key_sets = key_sets_},
+                             .key_sets = key_sets_,
+                             .transmitter = transmitter_},
                             "ttc"};
   std::vector<Report> reports_;
   std::uint16_t sequence_ = 100;

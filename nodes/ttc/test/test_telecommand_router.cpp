@@ -89,6 +89,7 @@ class Router : public testing::Test {
   ReportOutbox outbox_;
   HazardGuard hazards_{seconds(30)};
   AvailableKeySets key_sets_{{0, KeySet::a}, {0, KeySet::b}};
+  TransmitterSwitch transmitter_{"boot", "", MonotonicTime{}};
   CommandForwarder forwarder_{{.not_taken = codes_.node_unavailable,
                                .no_completion = codes_.completion_unknown,
                                .interrupted = codes_.interrupted},
@@ -112,7 +113,8 @@ class Router : public testing::Test {
                              .schedule = schedule_,
                              .time_reports = time_reports_,
                              .hazards = hazards_,
-                             .key_sets = key_sets_},
+                             .key_sets = key_sets_,
+                             .transmitter = transmitter_},
                             "ttc"};
   std::vector<Report> reports_;
   std::uint64_t id_ = 0;
@@ -441,6 +443,29 @@ TEST_F(HazardousTelecommands, RunOnceAfterTheyWereArmed) {
   EXPECT_EQ(news(), Reasons{mission::DisarmReason::fired});
   EXPECT_EQ(send(hazard), Names{"1,2"}) << "once";
   EXPECT_EQ(failure(), code(codes_.not_armed));
+}
+
+TEST_F(HazardousTelecommands, TheTransmitterIsSwitchedOffOnceItIsArmedAndOnWithoutThat) {
+  EXPECT_EQ(send("ttc.transmitter_off", {"duration_s=60"}), Names{"1,2"});
+  EXPECT_EQ(failure(), code(codes_.not_armed));
+  arm("ttc.transmitter_off", {"duration_s=60"});
+  EXPECT_EQ(send("ttc.transmitter_off", {"duration_s=60"}), (Names{"1,1", "1,3"}));
+  const MonotonicTime silence = now_ + TransmitterSwitch::grace;
+  EXPECT_FALSE(transmitter_.may_transmit(silence));
+  const auto off = router_.take_transmitter_change();
+  ASSERT_TRUE(off);
+  EXPECT_EQ(off->off, seconds(60));
+  EXPECT_EQ(off->stored_text, transmitter_.stored_text());
+  router_.transmitter_stored(*off, true);
+  EXPECT_EQ(taken(), Names{"1,7"});
+
+  EXPECT_EQ(send("ttc.transmitter_on"), (Names{"1,1", "1,3"}));
+  EXPECT_TRUE(transmitter_.may_transmit(silence));
+  const auto on = router_.take_transmitter_change();
+  ASSERT_TRUE(on);
+  EXPECT_EQ(on->stored_text, "");
+  router_.transmitter_stored(*on, false);
+  EXPECT_EQ(taken(), Names{"1,8"});
 }
 
 TEST_F(HazardousTelecommands, TwoThatComeTogetherFireOnce) {
