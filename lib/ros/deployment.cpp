@@ -115,6 +115,7 @@ LinkSettings read_link(const ConfigSection& section) {
     throw tm.bad("frame_length", "223 x interleave with reed_solomon");
   }
   link.tm_randomizer = tm.boolean("randomizer", link.tm_randomizer);
+  link.tm_continuous = tm.boolean("continuous", link.tm_continuous);
   tm.finish();
   const ConfigSection tc = section.section("tc");
   link.tc_randomizer = tc.boolean("randomizer", link.tc_randomizer);

@@ -59,6 +59,7 @@ struct LinkSettings {
   int tm_interleave = 1;
   bool tm_reed_solomon = true;
   bool tm_randomizer = true;
+  bool tm_continuous = false;  ///< idle frames when there is nothing to say
   bool tc_randomizer = false;
   bool tc_correct_single_bits = true;
   std::vector<TelecommandChannel> channels;

@@ -92,13 +92,14 @@ std::optional<DownlinkChannel> DownlinkScheduler::choose(MonotonicTime now) {
 
 std::optional<Octets> DownlinkScheduler::next(MonotonicTime now, const std::function<std::uint32_t()>& clcw) {
   if (!pacer_.has_room(now)) return std::nullopt;
-  const auto channel = choose(now);
+  auto channel = choose(now);
+  if (!channel && config_.continuous) channel = first_with_packets();
   Octets frame;
   if (channel) {
     frame = frames_.build(vc(*channel), clcw());
     // What did not fit waits for company again, unless it is urgent.
     channels_[vc(*channel)].waits_since = now;
-  } else if (control_word_by_ && *control_word_by_ <= now) {
+  } else if (config_.continuous || (control_word_by_ && *control_word_by_ <= now)) {
     frame = frames_.build_idle(clcw());
     ++idle_frames_;
   } else {
@@ -111,7 +112,14 @@ std::optional<Octets> DownlinkScheduler::next(MonotonicTime now, const std::func
   return cadu;
 }
 
+std::optional<DownlinkChannel> DownlinkScheduler::first_with_packets() const {
+  const auto found =
+      std::find_if(all_channels.begin(), all_channels.end(), [this](DownlinkChannel c) { return !empty(c); });
+  return found == all_channels.end() ? std::nullopt : std::optional(*found);
+}
+
 std::optional<MonotonicTime> DownlinkScheduler::next_due(MonotonicTime now) const {
+  if (config_.continuous) return std::max(pacer_.room_at(), now);
   MonotonicTime due = std::min({ready_at(DownlinkChannel::live), ready_at(DownlinkChannel::playback),
                                 ready_at(DownlinkChannel::files)});
   if (control_word_by_) due = std::min(due, *control_word_by_);

@@ -28,6 +28,7 @@ struct DownlinkConfig {
   /// The same while another channel has whole frames to send, in CADUs of the line: a frame half empty costs
   /// that one its share. At most a second.
   unsigned flush_after_cadus = 32;
+  bool continuous = false;  ///< the line is never silent: what is there goes at once, else an idle frame
   unsigned live_frames_per_other = 7;  ///< minimum share of the others: one frame after so many live ones
 };
 
@@ -88,6 +89,8 @@ class DownlinkScheduler {
   [[nodiscard]] MonotonicTime ready_at(DownlinkChannel channel) const;
   [[nodiscard]] bool fills_a_frame(DownlinkChannel channel) const;
   [[nodiscard]] std::optional<DownlinkChannel> choose(MonotonicTime now);
+  /// Anything rather than an idle frame.
+  [[nodiscard]] std::optional<DownlinkChannel> first_with_packets() const;
 
   DownlinkConfig config_;
   std::size_t field_octets_;

@@ -196,6 +196,7 @@ Result<DownlinkConfig, std::string> TtcNode::read_downlink() const {
                  .reed_solomon = settings.tm_reed_solomon,
                  .interleave = static_cast<unsigned>(settings.tm_interleave),
                  .randomize = settings.tm_randomizer};
+  config.continuous = settings.tm_continuous;
   config.files_queue_octets =
       std::clamp<std::size_t>(config.baud / 10 * static_cast<std::size_t>(files_queue_time.count()) / 1000,
                               files_queue_octets_min, config.files_queue_octets);

@@ -136,6 +136,44 @@ TEST_F(Downlink, AFullQueueRefusesTheNewestPacketAndCounts) {
   EXPECT_EQ(scheduler_.counters().dropped[1], 0U);
 }
 
+class ContinuousDownlink : public Downlink {
+ protected:
+  ContinuousDownlink() {
+    DownlinkConfig continuous = config();
+    continuous.continuous = true;
+    scheduler_ = DownlinkScheduler(continuous);
+  }
+};
+
+TEST_F(ContinuousDownlink, IsNeverSilentAndFillsWhatIsLeftWithIdleFrames) {
+  std::size_t cadus = 0;
+  std::size_t idle = 0;
+  std::size_t packets = 0;
+  std::uint16_t sequence = 0;
+  MonotonicTime now;
+  while (now < at_us(1'000'000)) {
+    if (cadus % 10 == 0) scheduler_.push(DownlinkChannel::live, packet(20, sequence++), false, now);
+    while (const auto frame = next(now)) {
+      ++cadus;
+      idle += frame->vc == wire::tm_idle_vc ? 1U : 0U;
+      if (frame->vc == 0) packets += live_.push(*frame).size();
+    }
+    now = *scheduler_.next_due(now);
+  }
+  EXPECT_GE(static_cast<double>(cadus), 921600 / 10.0 / 259 * 0.99);
+  EXPECT_EQ(idle, scheduler_.counters().idle_frames);
+  EXPECT_GT(idle, cadus / 2);
+  EXPECT_GE(packets + 1, sequence);
+}
+
+TEST_F(ContinuousDownlink, APacketGoesRatherThanAnIdleFrame) {
+  scheduler_.push(DownlinkChannel::files, packet(20), false, at_us(0));
+  const auto frame = next(at_us(0));
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->vc, 2);
+  EXPECT_EQ(next(at_us(0))->vc, wire::tm_idle_vc);
+}
+
 TEST_F(Downlink, AnIdleFrameCarriesTheControlWordWhenThereIsNothingToSay) {
   EXPECT_FALSE(next(at_us(0)));
   scheduler_.want_control_word(at_us(0));
