@@ -80,7 +80,17 @@ std::optional<double> fits_time(fitsfile* file) {
   return std::nullopt;
 }
 
+constexpr std::size_t fits_block = 2880;
+
 Result<Frame, Refusal> decode(OctetView content) {
+  // cfitsio reads whole blocks, beyond the end of a file that was cut within one.
+  Octets padded;
+  if (const std::size_t over = content.size() % fits_block; over != 0) {
+    padded.reserve(content.size() + fits_block - over);
+    padded.assign(content.begin(), content.end());
+    padded.resize(content.size() + fits_block - over);
+    content = padded;
+  }
   FitsFile file;
   int status = 0;
   void* memory = const_cast<std::uint8_t*>(content.data());  // only read: READONLY
