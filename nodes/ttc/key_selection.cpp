@@ -5,17 +5,13 @@
 
 #include <fmt/format.h>
 
-#include "base/crc32c.hpp"
+#include "nodes/ttc/checked_text.hpp"
 
 namespace srfs {
 namespace {
 
 constexpr std::size_t channels_max = 64;
 constexpr std::size_t copy_octets_max = 1024;
-
-std::uint32_t check_of(std::string_view text) {
-  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
 
 /// Takes digits off the front. nullopt: there are none, or too many.
 template <class Number>
@@ -48,14 +44,13 @@ std::string_view to_text(KeySet set) {
 std::string encode_key_selection(const KeySelection& selection) {
   std::string text = fmt::format("{}", selection.generation);
   for (const auto& [vc, set] : selection.sets) text += fmt::format(" {}:{}", vc, to_text(set));
-  return text + fmt::format(" {:08x}\n", check_of(text));
+  return with_check(text);
 }
 
 std::optional<KeySelection> decode_key_selection(std::string_view text) {
-  const auto last = text.rfind(' ');
-  if (last == std::string_view::npos) return std::nullopt;
-  std::string_view body = text.substr(0, last);
-  if (text.substr(last) != fmt::format(" {:08x}\n", check_of(body))) return std::nullopt;
+  const auto whole_text = without_check(text);
+  if (!whole_text) return std::nullopt;
+  std::string_view body = *whole_text;
   KeySelection selection;
   const auto generation = take_number<std::uint64_t>(body);
   if (!generation) return std::nullopt;

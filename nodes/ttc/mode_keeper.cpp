@@ -1,19 +1,12 @@
 #include "nodes/ttc/mode_keeper.hpp"
 
-#include <fmt/format.h>
-
-#include "base/crc32c.hpp"
+#include "nodes/ttc/checked_text.hpp"
 
 namespace srfs {
 namespace {
 
-std::uint32_t text_check(std::string_view text) {
-  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
-
 std::string stored_form(Mode mode) {
-  const std::string_view name = mode == Mode::nominal ? "nominal" : "safe";
-  return fmt::format("{} {:08x}\n", name, text_check(name));
+  return with_check(mode == Mode::nominal ? "nominal" : "safe");
 }
 
 }  // namespace

@@ -4,25 +4,13 @@
 
 #include <fmt/format.h>
 
-#include "base/crc32c.hpp"
+#include "nodes/ttc/checked_text.hpp"
 
 namespace srfs {
-namespace {
-
-std::string with_check(const std::string& text) {
-  const std::uint32_t check = crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-  return fmt::format("{} {:08x}\n", text, check);
-}
-
-}  // namespace
 
 TransmitterSwitch::TransmitterSwitch(std::string boot_id, std::string_view stored, MonotonicTime now)
     : boot_id_(std::move(boot_id)) {
-  const std::size_t check = stored.rfind(' ');
-  if (check == std::string_view::npos) return;
-  const std::string text(stored.substr(0, check));
-  if (with_check(text) != stored) return;
-  std::istringstream in(text);
+  std::istringstream in(without_check(stored).value_or(""));
   std::string boot;
   std::int64_t from_ns = 0;
   std::int64_t duration_s = 0;

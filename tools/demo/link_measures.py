@@ -123,17 +123,26 @@ def retrieval(bin_dir, baud, duration_s):
     return {"baud": baud, "packets": packets, "received": received, "complete": bool(done and done["complete"]), **passage.measures(baud)}
 
 
+def file_content(octets):
+    return bytes(i * 2654435761 >> 13 & 0xFF for i in range(octets))
+
+
+def put_into_outbox(flight, name, content):
+    """As a node of the suite does it: whole, by renaming."""
+    outbox = flight.var / "files" / "outbox"
+    outbox.mkdir(parents=True, exist_ok=True)
+    (outbox / f".{name}").write_bytes(content)
+    (outbox / f".{name}").rename(outbox / name)
+
+
 def file_down(bin_dir, baud, duration_s):
     """A file of about so long from the spacecraft's outbox, with its acknowledgements, beside the live telemetry."""
     octets = int(capacity(baud) * duration_s)
-    content = bytes(i * 2654435761 >> 13 & 0xFF for i in range(octets))
+    content = file_content(octets)
     with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder, mission.Mission(f"{folder}/var", deployment(baud, folder), bin_dir) as flight:
         ground = flight.ground()
         ground.command("ping", 10)
-        outbox = flight.var / "files" / "outbox"
-        outbox.mkdir(parents=True, exist_ok=True)
-        (outbox / ".bench.bin").write_bytes(content)
-        (outbox / ".bench.bin").rename(outbox / "bench.bin")
+        put_into_outbox(flight, "bench.bin", content)
 
         def about_it(message):
             return message["type"] == "file" and message["direction"] == "down" and message["name"] == "bench.bin"
@@ -152,16 +161,14 @@ def file_down(bin_dir, baud, duration_s):
 
 def bad_file(bin_dir, deaths_max, loss):
     """Seconds for the file over a line with so much frame loss and so many deaths of either end; (elapsed, deaths, identical)."""
-    content = bytes(i * 2654435761 >> 13 & 0xFF for i in range(BAD_FILE_OCTETS))
+    content = file_content(BAD_FILE_OCTETS)
     with tempfile.TemporaryDirectory(prefix="srfs-bench-") as folder, mission.Mission(f"{folder}/var", deployment(BAD_FILE_BAUD, folder), bin_dir) as flight:
         ground = flight.ground()
         ground.command("ping", 10)
         if loss:
             flight.control({"rs422": {"flip_probability": 1e-4 / 8, "burst_probability": loss / CADU}})
-        outbox, received = flight.var / "files" / "outbox", flight.var / "ground" / "files" / "bad.bin"
-        outbox.mkdir(parents=True, exist_ok=True)
-        (outbox / ".bad.bin").write_bytes(content)
-        (outbox / ".bad.bin").rename(outbox / "bad.bin")
+        received = flight.var / "ground" / "files" / "bad.bin"
+        put_into_outbox(flight, "bad.bin", content)
         begin = time.monotonic()
         deaths = 0
         while time.monotonic() < begin + 20 * LEAST_S and not (received.is_file() and received.read_bytes() == content):

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "nodes/ttc/beacon_builder.hpp"
-#include "nodes/ttc/telecommand_router.hpp"
+#include "nodes/ttc/test/router_with_parts.hpp"
 #include "nodes/ttc/time_reporter.hpp"
 #include "wire/cuc.hpp"
 
@@ -17,7 +17,7 @@ TaiTime at(int s) {
 }
 
 /// Service 11 behind the router, as the ground commands it; the disk is as fast as it is told.
-class Schedule : public testing::Test {
+class Schedule : public RouterWithParts {
  protected:
   Schedule() { schedule_.on_time(day, true); }
 
@@ -101,41 +101,6 @@ class Schedule : public testing::Test {
   const Names completed_{"1,1", "1,3", "1,7"};
   const Names start_failed_{"1,1", "1,4"};
 
-  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
-  FailureCodes codes_{dictionary_};
-  HousekeepingScheduler housekeeping_;
-  EventReporter events_;
-  ModeKeeper mode_{StoredModeState::first_start, "", Mode::nominal};
-  ReportOutbox outbox_;
-  CommandForwarder forwarder_{{.not_taken = codes_.node_unavailable,
-                               .no_completion = codes_.completion_unknown,
-                               .interrupted = codes_.interrupted},
-                              outbox_};
-  PacketRetrieval retrieval_{outbox_, 38};
-  AcceptanceJournal journal_{"boot", seconds(60)};
-  ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
-  TimeReporter time_reports_;
-  HazardGuard hazards_{seconds(30)};
-  AvailableKeySets key_sets_;
-  TransmitterSwitch transmitter_{"boot", "", MonotonicTime{}};
-  FileService files_{outbox_, mission::apid::ttc};
-  ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
-  TelecommandRouter router_{{.dictionary = dictionary_,
-                             .codes = codes_,
-                             .housekeeping = housekeeping_,
-                             .events = events_,
-                             .mode = mode_,
-                             .forwarder = forwarder_,
-                             .retrieval = retrieval_,
-                             .files = files_,
-                             .parameters = parameters_,
-                             .outbox = outbox_,
-                             .schedule = schedule_,
-                             .time_reports = time_reports_,
-                             .hazards = hazards_,
-                             .key_sets = key_sets_,
-                             .transmitter = transmitter_},
-                            "ttc"};
   std::vector<Report> reports_;
   std::uint16_t sequence_ = 100;
   std::uint64_t id_ = 0;

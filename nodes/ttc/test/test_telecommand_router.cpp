@@ -7,12 +7,13 @@
 #include <mission/structures.hpp>
 
 #include "base/crc32c.hpp"
+#include "nodes/ttc/test/router_with_parts.hpp"
 #include "wire/pus.hpp"
 
 namespace srfs {
 namespace {
 
-class Router : public testing::Test {
+class Router : public RouterWithParts {
  protected:
   Router() {
     for (const mission::Structure& structure : dictionary_.structures()) {
@@ -81,41 +82,6 @@ class Router : public testing::Test {
   }
   using Names = std::vector<std::string>;
 
-  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
-  FailureCodes codes_{dictionary_};
-  HousekeepingScheduler housekeeping_;
-  EventReporter events_;
-  ModeKeeper mode_{StoredModeState::first_start, "", Mode::nominal};
-  ReportOutbox outbox_;
-  HazardGuard hazards_{seconds(30)};
-  AvailableKeySets key_sets_{{0, KeySet::a}, {0, KeySet::b}};
-  TransmitterSwitch transmitter_{"boot", "", MonotonicTime{}};
-  CommandForwarder forwarder_{{.not_taken = codes_.node_unavailable,
-                               .no_completion = codes_.completion_unknown,
-                               .interrupted = codes_.interrupted},
-                              outbox_};
-  PacketRetrieval retrieval_{outbox_, 38};
-  AcceptanceJournal journal_{"boot", seconds(60)};
-  ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
-  TimeReporter time_reports_;
-  FileService files_{outbox_, mission::apid::ttc};
-  ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
-  TelecommandRouter router_{{.dictionary = dictionary_,
-                             .codes = codes_,
-                             .housekeeping = housekeeping_,
-                             .events = events_,
-                             .mode = mode_,
-                             .forwarder = forwarder_,
-                             .retrieval = retrieval_,
-                             .files = files_,
-                             .parameters = parameters_,
-                             .outbox = outbox_,
-                             .schedule = schedule_,
-                             .time_reports = time_reports_,
-                             .hazards = hazards_,
-                             .key_sets = key_sets_,
-                             .transmitter = transmitter_},
-                            "ttc"};
   std::vector<Report> reports_;
   std::uint64_t id_ = 0;
   MonotonicTime now_;

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "nodes/ttc/telecommand_router.hpp"
+
+namespace srfs {
+
+/// The router and all it works with, as ttc puts them together.
+class RouterWithParts : public testing::Test {
+ protected:
+  mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  FailureCodes codes_{dictionary_};
+  HousekeepingScheduler housekeeping_;
+  EventReporter events_;
+  ModeKeeper mode_{StoredModeState::first_start, "", Mode::nominal};
+  ReportOutbox outbox_;
+  HazardGuard hazards_{seconds(30)};
+  AvailableKeySets key_sets_{{0, KeySet::a}, {0, KeySet::b}};
+  TransmitterSwitch transmitter_{"boot", "", MonotonicTime{}};
+  CommandForwarder forwarder_{{.not_taken = codes_.node_unavailable,
+                               .no_completion = codes_.completion_unknown,
+                               .interrupted = codes_.interrupted},
+                              outbox_};
+  PacketRetrieval retrieval_{outbox_, 38};
+  AcceptanceJournal journal_{"boot", seconds(60)};
+  ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
+  TimeReporter time_reports_;
+  FileService files_{outbox_, mission::apid::ttc};
+  ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
+  TelecommandRouter router_{{.dictionary = dictionary_,
+                             .codes = codes_,
+                             .housekeeping = housekeeping_,
+                             .events = events_,
+                             .mode = mode_,
+                             .forwarder = forwarder_,
+                             .retrieval = retrieval_,
+                             .files = files_,
+                             .parameters = parameters_,
+                             .outbox = outbox_,
+                             .schedule = schedule_,
+                             .time_reports = time_reports_,
+                             .hazards = hazards_,
+                             .key_sets = key_sets_,
+                             .transmitter = transmitter_},
+                            "ttc"};
+};
+
+}  // namespace srfs
