@@ -102,9 +102,8 @@ std::optional<OutboxImage> outbox_image(std::string_view name) {
 }
 
 std::string outbox_image_name(const OutboxImage& image, std::size_t rank, std::string_view name) {
-  const std::string of =
-      fmt::format("{}{:0{}}_{:0{}}_", image.frame == 0 ? product_prefix : strip_prefix, rank, rank_digits,
-                  image.task, task_digits);
+  const std::string of = fmt::format("{}{:0{}}_{:0{}}_", image.frame == 0 ? product_prefix : strip_prefix,
+                                     rank, rank_digits, image.task, task_digits);
   return image.frame == 0 ? of + std::string(name)
                           : fmt::format("{}{:0{}}_{}", of, image.frame, frame_digits, name);
 }

@@ -239,8 +239,7 @@ void ImagingDesk::begin_capture(Task& task, const ImagingTime& time) {
   task.state = State::capturing;
   task.accepted_at.reset();
   task.incarnation.reset();
-  const nanoseconds wait =
-      task.start ? std::max(nanoseconds(0), *task.start - time.utc) : nanoseconds(0);
+  const nanoseconds wait = task.start ? std::max(nanoseconds(0), *task.start - time.utc) : nanoseconds(0);
   task.silent_at = time.now + wait + microseconds(task.settings.exposure_us) + answer_patience;
   orders_.push_back({.action = ImagingAction::capture,
                      .id = task.origin.id,
@@ -308,8 +307,7 @@ void ImagingDesk::on_goal_end(std::uint64_t id, ImageServer server, ImageGoalEnd
   if (end.how == How::lost) return lose(*task);
   if (end.how == How::rejected) {
     if (++task->rejections > max_rejections) return fail(id, mission::failure::busy);
-    task->state =
-        server == ImageServer::acquisition ? State::waits_for_camera : State::waits_for_processing;
+    task->state = server == ImageServer::acquisition ? State::waits_for_camera : State::waits_for_processing;
     task->not_before = now + reject_pause;
     return;
   }

@@ -35,8 +35,8 @@ struct ImagingOrder {
   std::uint32_t task = 0;
   std::uint16_t frame = 0;  ///< the only one meant; 0: all of the task
   std::optional<UtcTime> start = {};
-  mission::ImageCapture capture = {};      ///< capture: the settings
-  std::vector<std::string> files = {};     ///< process: frames. queue_products: products, best first
+  mission::ImageCapture capture = {};   ///< capture: the settings
+  std::vector<std::string> files = {};  ///< process: frames. queue_products: products, best first
   std::string method = {};
   std::string parameters = {};
   std::uint32_t budget_octets = 0;
@@ -81,9 +81,9 @@ class ImagingDesk {
   static constexpr std::size_t max_tasks = 16;
   static constexpr std::size_t max_cancels = 8;
   static constexpr std::size_t max_failures = 16;
-  static constexpr seconds lead{10};  ///< a goal is sent so long before the start of its capture
-  static constexpr seconds answer_patience{60};   ///< goal sent -> accepted; order to the disk -> done
-  static constexpr seconds capture_patience{30};  ///< beyond the time that the next frame takes
+  static constexpr seconds lead{10};               ///< a goal is sent so long before the start of its capture
+  static constexpr seconds answer_patience{60};    ///< goal sent -> accepted; order to the disk -> done
+  static constexpr seconds capture_patience{30};   ///< beyond the time that the next frame takes
   static constexpr seconds process_patience{300};  ///< without a word of image_processing
   static constexpr seconds reject_pause{2};
   static constexpr int max_rejections = 5;

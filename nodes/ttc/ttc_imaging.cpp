@@ -82,6 +82,7 @@ void TtcNode::send_image_goal(ImageGoals<A>& goals, ImageServer server, std::uin
   ros::GoalCallbacks<A> callbacks;
   callbacks.accepted = [this, id](UtcTime) {
     link_->imaging.on_accepted(id, monotonic_now());
+    look_at_imaging_nodes();
     if (is_active()) settle();
   };
   callbacks.feedback = [this, id](const typename A::Feedback& feedback) {

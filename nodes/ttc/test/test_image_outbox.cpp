@@ -45,8 +45,9 @@ TEST_F(ImageOutboxTest, ANameSaysWhatTheFileIsOf) {
             "strip_256_4294967295_0256_a_b");
   for (const OutboxImage image : {OutboxImage{.task = 5}, OutboxImage{.task = 4294967295, .frame = 256}})
     EXPECT_EQ(outbox_image(outbox_image_name(image, 7, "name")), image);
-  for (const char* other : {"", "image_", "image_001_5_x", "image_001_00000000050_x", "image_0x1_0000000005_x",
-                            "image_001_9999999999_x", "strip_001_0000000005_x", "crash_report", "image_001"})
+  for (const char* other :
+       {"", "image_", "image_001_5_x", "image_001_00000000050_x", "image_0x1_0000000005_x",
+        "image_001_9999999999_x", "strip_001_0000000005_x", "crash_report", "image_001"})
     EXPECT_FALSE(outbox_image(other)) << other;
 }
 
@@ -67,7 +68,8 @@ TEST_F(ImageOutboxTest, ProductsAreQueuedInTheirOrderAndStayOnBoard) {
   const auto done = outbox_.queue({.task = 5}, {"products/0000000005/z.json", "products/0000000005/a.png"});
   EXPECT_EQ(done.failure, 0) << done.reason;
   EXPECT_EQ(done.queued, 2U);
-  EXPECT_THAT(names("files/outbox"), ElementsAre("image_001_0000000005_z.json", "image_002_0000000005_a.png"));
+  EXPECT_THAT(names("files/outbox"),
+              ElementsAre("image_001_0000000005_z.json", "image_002_0000000005_a.png"));
   EXPECT_EQ(read_file(folder_ / "files/outbox/image_001_0000000005_z.json").value(), "first");
   EXPECT_THAT(names("images/products/0000000005"), ElementsAre("a.png", "z.json"));
 
@@ -98,8 +100,7 @@ TEST_F(ImageOutboxTest, WhatIsNoProductIsNotSent) {
 }
 
 TEST_F(ImageOutboxTest, AFullOutboxTakesNoMore) {
-  for (std::size_t i = 0; i < ImageOutbox::max_outbox_files; ++i)
-    write("files/outbox/" + std::to_string(i));
+  for (std::size_t i = 0; i < ImageOutbox::max_outbox_files; ++i) write("files/outbox/" + std::to_string(i));
   write("images/a");
   EXPECT_EQ(outbox_.queue({.task = 5}, {"a"}).failure, mission::failure::outbox_full);
 }
@@ -115,7 +116,8 @@ TEST_F(ImageOutboxTest, FramesAreMarkedWhenTheGroundHasAllProductsAlsoAfterARest
   send("image_002_0000000005_b");
   for (int i = 0; i < 4; ++i) outbox_.mark_some();
   for (int i = 1; i <= 9; ++i)
-    EXPECT_TRUE(std::filesystem::exists(folder_ / ("images/frames/0000000005/000" + std::to_string(i) + ".sent")));
+    EXPECT_TRUE(
+        std::filesystem::exists(folder_ / ("images/frames/0000000005/000" + std::to_string(i) + ".sent")));
 }
 
 TEST_F(ImageOutboxTest, AProductThatCouldNotBeSentKeepsItsFramesUnmarked) {
@@ -143,7 +145,8 @@ TEST_F(ImageOutboxTest, OtherFilesAreNobodysBusiness) {
 }
 
 TEST_F(ImageOutboxTest, ATaskIsTakenOutOfTheOutboxWithAllThatIsOfIt) {
-  for (const char* name : {"image_001_0000000005_a", "strip_001_0000000005_0002_a", "image_001_0000000006_a", "b"})
+  for (const char* name :
+       {"image_001_0000000005_a", "strip_001_0000000005_0002_a", "image_001_0000000006_a", "b"})
     write("files/outbox/" + std::string(name));
   EXPECT_EQ(outbox_.remove(outbox_.queued(5)), 2U);
   EXPECT_THAT(names("files/outbox"), ElementsAre("b", "image_001_0000000006_a"));

@@ -59,9 +59,9 @@ class ImagingDeskTest : public testing::Test {
   /// What is to be done now: "capture 1", with the id.
   std::vector<std::string> orders() {
     static const std::map<ImagingAction, std::string> names{
-        {ImagingAction::capture, "capture"},         {ImagingAction::process, "process"},
-        {ImagingAction::cancel_goal, "cancel"},      {ImagingAction::list_frames, "list"},
-        {ImagingAction::queue_products, "queue"},    {ImagingAction::stop_sending, "stop"}};
+        {ImagingAction::capture, "capture"},      {ImagingAction::process, "process"},
+        {ImagingAction::cancel_goal, "cancel"},   {ImagingAction::list_frames, "list"},
+        {ImagingAction::queue_products, "queue"}, {ImagingAction::stop_sending, "stop"}};
     desk_.on_time(time(), nominal_);
     std::vector<std::string> texts;
     for (ImagingOrder& order : desk_.take_orders()) {
@@ -81,9 +81,7 @@ class ImagingDeskTest : public testing::Test {
     for (std::size_t i = 1; i <= count; ++i) end.files.push_back("frames/0000000005/" + std::to_string(i));
     return end;
   }
-  static ImageGoalEnd products() {
-    return {.files = {"products/0000000005/findings.json"}, .detections = 2};
-  }
+  static ImageGoalEnd products() { return {.files = {"products/0000000005/findings.json"}, .detections = 2}; }
   static std::string at(nanoseconds from_morning) { return "start=" + to_iso8601(morning + from_morning); }
 
   const mission::Dictionary dictionary_ =
@@ -490,7 +488,8 @@ TEST_F(ImagingDeskTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
     for (int step = 0; step < 400; ++step) {
       now += milliseconds(any(4000));
       const ImagingTime time{.now = now, .utc = morning + (now - start), .utc_valid = any(10) != 0};
-      const std::uint64_t about = id == 0 ? 1 : id - any(static_cast<std::uint32_t>(std::min<std::uint64_t>(id, 20)));
+      const std::uint64_t about =
+          id == 0 ? 1 : id - any(static_cast<std::uint32_t>(std::min<std::uint64_t>(id, 20)));
       const std::string number = "task=" + std::to_string(1 + any(20));
       switch (any(10)) {
         case 0:
@@ -534,7 +533,8 @@ TEST_F(ImagingDeskTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
           break;
         }
         case 6:
-          desk.on_frames_listed(about, any(4) == 0 ? std::nullopt : std::optional(std::vector<std::string>(any(3), "x")));
+          desk.on_frames_listed(
+              about, any(4) == 0 ? std::nullopt : std::optional(std::vector<std::string>(any(3), "x")));
           break;
         case 7:
           desk.on_products_queued(about, static_cast<std::uint16_t>(any(4) == 0 ? 95 : 0), "", any(3));

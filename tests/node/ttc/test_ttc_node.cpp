@@ -776,9 +776,8 @@ class TtcImagingTest : public TtcNodeTest {
 TEST_F(TtcImagingTest, ATelecommandIsCapturedProcessedAndItsProductsGoDown) {
   serve();
   activate();
-  const Octets request =
-      send("image.capture", {"task=5", "exposure_us=20000", "frames=1", "method=tracklet",
-                             "parameters=threshold=4", "budget_octets=9000"});
+  const Octets request = send("image.capture", {"task=5", "exposure_us=20000", "frames=1", "method=tracklet",
+                                                "parameters=threshold=4", "budget_octets=9000"});
   EXPECT_TRUE(verified(3, request));
   ASSERT_TRUE(wait([&] { return captures_.size() == 1; }));
   EXPECT_EQ(captures_[0]->goal().task, 5U);
@@ -877,8 +876,7 @@ TEST_F(TtcImagingTest, ATimedCaptureIsAskedForShortlyBeforeItsTime) {
   const UtcTime morning(seconds(1'795'000'000));
   serve();
   activate();
-  const Octets request =
-      send("image.capture", {"task=5", "start=" + to_iso8601(morning + seconds(600))});
+  const Octets request = send("image.capture", {"task=5", "start=" + to_iso8601(morning + seconds(600))});
   EXPECT_TRUE(wait_at(morning, [&] { return has_come(3, request); }));
   EXPECT_TRUE(captures_.empty());
   EXPECT_TRUE(wait_at(morning + seconds(595), [&] { return captures_.size() == 1; }));
