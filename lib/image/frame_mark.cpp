@@ -7,9 +7,12 @@ namespace {
 
 std::string_view extension(FrameMark mark) {
   switch (mark) {
-    case FrameMark::detected: return ".detected";
-    case FrameMark::nothing: return ".nothing";
-    case FrameMark::sent: return ".sent";
+    case FrameMark::detected:
+      return ".detected";
+    case FrameMark::nothing:
+      return ".nothing";
+    case FrameMark::sent:
+      return ".sent";
   }
   std::abort();
 }

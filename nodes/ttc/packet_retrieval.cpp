@@ -13,16 +13,23 @@ bool PacketRetrieval::request(const TelecommandOrigin& origin, std::vector<Store
 }
 
 void PacketRetrieval::abort(std::uint16_t store, std::uint16_t code) {
-  const auto names_store = [&](const Request& request) {
-    return std::any_of(request.periods.begin(), request.periods.end(),
-                       [&](const StorePeriod& period) { return period.store == store; });
-  };
+  const auto names_store = [&](const Request& request) { return names(request, store); };
   const bool running_ends = !requests_.empty() && names_store(requests_.front());
   for (const Request& request : requests_) {
     if (names_store(request)) outbox_.failure(request.origin, Stage::completion, code);
   }
   std::erase_if(requests_, names_store);
   if (running_ends) end_period();
+}
+
+bool PacketRetrieval::names(const Request& request, std::uint16_t store) {
+  return std::any_of(request.periods.begin(), request.periods.end(),
+                     [&](const StorePeriod& period) { return period.store == store; });
+}
+
+bool PacketRetrieval::names(std::uint16_t store) const {
+  return std::any_of(requests_.begin(), requests_.end(),
+                     [&](const Request& request) { return names(request, store); });
 }
 
 void PacketRetrieval::fail(std::uint64_t request) {

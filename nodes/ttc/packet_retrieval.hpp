@@ -66,6 +66,8 @@ class PacketRetrieval {
   /// Retrievals that ended with 1,8 because a part could not be read.
   [[nodiscard]] std::uint64_t incomplete() const { return incomplete_; }
   [[nodiscard]] bool busy() const { return !requests_.empty(); }
+  /// Whether a request that runs or waits has a period of @p store.
+  [[nodiscard]] bool names(std::uint16_t store) const;
 
  private:
   struct Request {
@@ -74,6 +76,7 @@ class PacketRetrieval {
     bool started = false;
     bool damaged = false;  // a part of it could not be read
   };
+  [[nodiscard]] static bool names(const Request& request, std::uint16_t store);
   void end_period();
 
   ReportOutbox& outbox_;

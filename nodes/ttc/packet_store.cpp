@@ -45,8 +45,9 @@ void sync_folder(const std::filesystem::path& folder) {
 
 }  // namespace
 
-void PacketStore::Segment::count(TaiTime t) {
+void PacketStore::Segment::count(TaiTime t, std::uint32_t sequence) {
   ++records;
+  end_sequence = std::max(end_sequence, sequence + 1);
   oldest = oldest ? std::min(*oldest, t) : t;
   newest = newest ? std::max(*newest, t) : t;
 }
@@ -95,7 +96,7 @@ Result<void, FileError> PacketStore::recover(std::uint32_t number, bool last) {
   while (offset < data.size()) {
     const auto record = decode_record(data.subspan(offset));
     if (record) {
-      segment.count(record->stamp.tai);
+      segment.count(record->stamp.tai, record->sequence);
       next_sequence_ = std::max(next_sequence_, record->sequence + 1);
       offset += record->octets();
       continue;
@@ -117,14 +118,31 @@ Result<void, FileError> PacketStore::recover(std::uint32_t number, bool last) {
   return {};
 }
 
+void PacketStore::set_bounded(bool bounded) {
+  bounded_ = bounded;
+  full_ = full_ && bounded;
+}
+
+std::size_t PacketStore::octets() const {
+  std::size_t total = 0;
+  for (const auto& [number, segment] : segments_) total += segment.octets;
+  return total;
+}
+
 void PacketStore::append(const RecordStamp& stamp, OctetView packet) {
   if (packet.empty() || packet.size() > max_stored_packet_octets ||
       pending_.size() + packet.size() + record_overhead_octets > config_.pending_octets) {
     ++counters_.refused;
     return;
   }
+  const std::size_t coming = segment_header_octets + pending_.size() + packet.size() + record_overhead_octets;
+  full_ = bounded_ && octets() + coming > config_.quota_octets;
+  if (full_) {
+    ++counters_.full;
+    return;
+  }
+  pending_index_.count(stamp.tai, next_sequence_);
   append_record(pending_, next_sequence_++, stamp, packet);
-  pending_index_.count(stamp.tai);
 }
 
 Result<void, FileError> PacketStore::commit() {
@@ -205,6 +223,7 @@ Result<void, FileError> PacketStore::write_pending() {
   }
   segment.octets += pending_.size();
   segment.records += pending_index_.records;
+  segment.end_sequence = std::max(segment.end_sequence, pending_index_.end_sequence);
   if (pending_index_.oldest) {
     segment.oldest =
         segment.oldest ? std::min(*segment.oldest, *pending_index_.oldest) : pending_index_.oldest;
@@ -221,8 +240,8 @@ Result<void, FileError> PacketStore::write_pending() {
 }
 
 void PacketStore::keep_quota(std::size_t coming_octets) {
-  std::size_t total = coming_octets;
-  for (const auto& [number, segment] : segments_) total += segment.octets;
+  if (bounded_) return;  // append() takes nothing beyond it
+  std::size_t total = coming_octets + octets();
   while (!segments_.empty() && total > config_.quota_octets) {
     const auto oldest = segments_.begin();
     total -= oldest->second.octets;
@@ -265,12 +284,15 @@ RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor 
   RetrievedPackets out;
   if (opened_ && !pending_.empty() && !write_pending()) ++counters_.write_failures;
   const std::uint32_t end_sequence = cursor.end_sequence.value_or(next_sequence_);
+  out.next = {.end_sequence = end_sequence, .begin_sequence = cursor.begin_sequence};
+  out.next_sequence = cursor.begin_sequence;
   std::size_t octets = 0;
   auto segment = segments_.lower_bound(cursor.segment);
   std::size_t offset = segment != segments_.end() && segment->first == cursor.segment ? cursor.offset : 0;
   for (; segment != segments_.end(); ++segment, offset = 0) {
     const auto& index = segment->second;
-    if (!index.unreadable && (!index.oldest || *index.oldest > range.to || *index.newest < range.from))
+    if (!index.unreadable && (!index.oldest || *index.oldest > range.to || *index.newest < range.from ||
+                              index.end_sequence <= cursor.begin_sequence))
       continue;
     const Octets* data = content_of(segment->first);
     if (data == nullptr) {
@@ -288,13 +310,16 @@ RetrievedPackets PacketStore::read(const RetrievalRange& range, RetrievalCursor 
         offset = find_record(*data, offset + 1);
         continue;
       }
-      const bool wanted =
-          record->stamp.tai >= range.from && record->stamp.tai <= range.to && record->sequence < end_sequence;
+      const bool wanted = record->stamp.tai >= range.from && record->stamp.tai <= range.to &&
+                          record->sequence >= cursor.begin_sequence && record->sequence < end_sequence;
       if (wanted && octets + record->packet.size() > limit_octets && !out.packets.empty()) {
-        out.next = {.segment = segment->first, .offset = offset, .end_sequence = end_sequence};
+        out.next.segment = segment->first;
+        out.next.offset = offset;
         return out;
       }
       offset += record->octets();
+      if (record->sequence < end_sequence)
+        out.next_sequence = std::max(out.next_sequence, record->sequence + 1);
       if (!wanted) continue;
       out.packets.emplace_back(record->packet.begin(), record->packet.end());
       octets += record->packet.size();
@@ -311,6 +336,8 @@ PacketStoreStatus PacketStore::status() const {
   status.quota_octets = config_.quota_octets;
   status.segments = segments_.size();
   status.failing = failing_ || !opened_;
+  status.full = full_;
+  status.next_sequence = next_sequence_;
   status.counters = counters_;
   for (const auto& [number, segment] : segments_) {
     status.octets += segment.octets;

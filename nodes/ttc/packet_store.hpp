@@ -26,6 +26,7 @@ struct PacketStoreConfig {
 struct PacketStoreCounters {
   std::uint64_t stored = 0;          ///< records that reached the file
   std::uint64_t refused = 0;         ///< packets lost because the disk fails or the packet is too long
+  std::uint64_t full = 0;            ///< packets not taken because the store is bounded and full
   std::uint64_t overwritten = 0;     ///< records deleted with their segment to keep the quota
   std::uint64_t damaged = 0;         ///< places skipped at recovery because no valid record was there
   std::uint64_t damaged_octets = 0;  ///< in them
@@ -46,14 +47,16 @@ struct RetrievalCursor {
   std::uint32_t segment = 0;
   std::size_t offset = 0;
   /// Set by the first read: records stored later are not part of the retrieval, so it always ends.
-  std::optional<std::uint32_t> end_sequence;
+  std::optional<std::uint32_t> end_sequence{};
+  std::uint32_t begin_sequence = 0;  ///< records before it are not part of the retrieval
 };
 
 struct RetrievedPackets {
   std::vector<Octets> packets;
-  RetrievalCursor next;
+  RetrievalCursor next{};
   bool finished = false;
-  bool damaged = false;  ///< a segment that may hold packets of the period could not be read
+  std::uint32_t next_sequence = 0;  ///< behind the last record that was looked at
+  bool damaged = false;             ///< a segment that may hold packets of the period could not be read
 };
 
 struct PacketStoreStatus {
@@ -61,10 +64,12 @@ struct PacketStoreStatus {
   std::size_t quota_octets = 0;
   std::size_t segments = 0;
   std::uint64_t records = 0;
-  std::optional<TaiTime> oldest;
-  std::optional<TaiTime> newest;
+  std::optional<TaiTime> oldest{};
+  std::optional<TaiTime> newest{};
   bool failing = false;  ///< the last commit did not reach the disk
-  PacketStoreCounters counters;
+  bool full = false;     ///< it is bounded, and the last packet was not taken
+  std::uint32_t next_sequence = 0;
+  PacketStoreCounters counters{};
 };
 
 /// Append-only log of finished telemetry packets in segment files `<folder>/<number, 8 hex digits>.seg`.
@@ -78,6 +83,9 @@ class PacketStore {
   /// segment that cannot be read is counted and kept, and the next one gets a new number.
   /// A failure is not final: commit() tries again.
   Result<void, FileError> open();
+
+  /// A bounded store takes nothing more when it is full; another one drops its oldest segment.
+  void set_bounded(bool bounded);
 
   /// Takes one packet into the pending octets (no disk access unless it is read back before the next commit).
   void append(const RecordStamp& stamp, OctetView packet);
@@ -104,10 +112,12 @@ class PacketStore {
     std::uint64_t records = 0;
     std::optional<TaiTime> oldest;
     std::optional<TaiTime> newest;
-    bool unreadable = false;  ///< nothing is known of its records
-    void count(TaiTime t);
+    std::uint32_t end_sequence = 0;  ///< behind its last record
+    bool unreadable = false;         ///< nothing is known of its records
+    void count(TaiTime t, std::uint32_t sequence);
   };
 
+  [[nodiscard]] std::size_t octets() const;
   [[nodiscard]] std::filesystem::path path_of(std::uint32_t number) const;
   Result<void, FileError> recover(std::uint32_t number, bool last);
   Result<void, FileError> start_segment();
@@ -125,6 +135,8 @@ class PacketStore {
   Segment pending_index_;
   std::uint32_t next_sequence_ = 0;
   bool opened_ = false;
+  bool bounded_ = false;
+  bool full_ = false;
   bool gone_ = false;  ///< files vanished at run time: the next commit opens the store again
   bool failing_ = false;
   bool unsynced_ = false;  ///< written, not yet on the medium for sure

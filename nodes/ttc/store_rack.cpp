@@ -25,6 +25,11 @@ void StoreRack::append(const StoreItem& item) {
   if (PacketStore* store = find(item.store)) store->append(item.stamp, item.packet);
 }
 
+void StoreRack::set_bounded(const std::vector<std::uint16_t>& bounded) {
+  for (auto& [id, store] : stores_)
+    store.set_bounded(std::find(bounded.begin(), bounded.end(), id) != bounded.end());
+}
+
 void StoreRack::commit() {
   failure_.clear();
   for (auto& [id, store] : stores_) {

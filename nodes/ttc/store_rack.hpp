@@ -34,6 +34,8 @@ class StoreRack {
   /// Recovers all stores; what fails is tried again at the next commit.
   void open();
   void append(const StoreItem& item);
+  /// Those in @p bounded take nothing more when they are full, the others drop their oldest segment.
+  void set_bounded(const std::vector<std::uint16_t>& bounded);
   /// Writes and syncs everything appended.
   void commit();
   /// nullopt: no such store, or it cannot be read

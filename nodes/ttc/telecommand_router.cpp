@@ -427,17 +427,16 @@ void TelecommandRouter::execute_events(const Request& request) {
 }
 
 void TelecommandRouter::execute_storage(const Request& request) {
-  constexpr std::uint8_t retrieve = 9;
   constexpr std::uint8_t abort = 17;
+  if (StoreControl::handles(request.command->subtype)) {
+    parts_.stores.execute(request.origin, request.command->subtype, request.arguments);
+    return;
+  }
   OctetReader reader(request.arguments);
   const unsigned count = reader.u16();
   if (request.command->subtype == abort) {
     for (unsigned i = 0; i < count; ++i) parts_.retrieval.abort(reader.u16(), parts_.codes.aborted);
     complete(request.origin);
-    return;
-  }
-  if (request.command->subtype != retrieve) {
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_subtype);
     return;
   }
   std::vector<StorePeriod> periods;

@@ -21,6 +21,7 @@
 #include "nodes/ttc/parameter_service.hpp"
 #include "nodes/ttc/report_outbox.hpp"
 #include "nodes/ttc/schedule_service.hpp"
+#include "nodes/ttc/store_control.hpp"
 #include "nodes/ttc/time_reporter.hpp"
 #include "nodes/ttc/transmitter_switch.hpp"
 
@@ -35,6 +36,10 @@ struct FailureCodes {
       unknown_function, wrong_mode, queue_full, storage_unavailable, unknown_identifier, bad_arguments_length,
       node_unavailable, busy, bad_time_range, store_unreadable, aborted, interrupted, completion_unknown,
       not_armed, not_hazardous;
+
+  [[nodiscard]] StoreControl::Codes for_stores() const {
+    return {busy, unknown_subtype, storage_unavailable};
+  }
 };
 
 /// A mode change that was commanded: to be stored, then reported with mode_stored().
@@ -106,6 +111,7 @@ class TelecommandRouter {
     ModeKeeper& mode;
     CommandForwarder& forwarder;
     PacketRetrieval& retrieval;
+    StoreControl& stores;
     FileService& files;
     ParameterService& parameters;
     ReportOutbox& outbox;

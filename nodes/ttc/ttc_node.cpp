@@ -13,11 +13,9 @@ constexpr std::size_t max_items_to_store =
 constexpr int reads_per_wake = 8;  ///< so that a flood on the line cannot starve the tick
 constexpr std::size_t read_octets = 512;
 constexpr std::size_t frames_per_read = read_octets / 26 + 2;  ///< the shortest CLTU has 26 octets
-constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
 constexpr std::uint8_t verification_service = 1;
 constexpr milliseconds schedule_retry_period{50};  ///< what is due and not released waits for room
 constexpr const char* journal_name = "journal of telecommands";
-constexpr const char* stores_name = "packet stores";
 
 std::optional<Stage> to_stage(std::uint8_t stage) {
   switch (stage) {
@@ -188,6 +186,7 @@ void TtcNode::settle() {
   store_mode_change();
   store_key_change();
   store_transmitter_change();
+  store_stores_change();
   report_rejections();
   report_hazards();
   report_findings();
@@ -227,7 +226,7 @@ void TtcNode::send(const Report& report, bool live, bool stored, bool urgent) {
   const TaiTime tai = link_->clock.tai_at(at);
   Octets packet = link_->packets.make(report, tai, link_->clock.reference_at(at));
   const std::uint16_t store = stored ? store_of_service(dictionary_, report.service) : std::uint16_t{0};
-  if (store != 0) {
+  if (store != 0 && link_->stores.take_packet(store)) {
     if (to_store_.size() < max_items_to_store) {
       to_store_.push_back(StoreItem{.store = store,
                                     .stamp = {.tai = tai,
@@ -320,45 +319,6 @@ void TtcNode::report_rejections() {
     event.telecommand = expired.id;
     event.node = expired.target;
     raise(event.severity, event.event_id, event.encoded());
-  }
-}
-
-void TtcNode::feed_playback() {
-  PacketRetrieval& retrieval = link_->retrieval;
-  retrieval.on_playback(link_->downlink.empty(DownlinkChannel::playback));
-  send_reports(link_->outbox.take(), std::nullopt);  // the completion, before its event
-  for (const RetrievalDone& done : retrieval.take_done()) {
-    mission::TtcRetrievalDoneEvent event;
-    event.store = done.store;
-    event.packets = done.packets;
-    event.octets = done.octets;
-    send_event(event.severity, event.event_id, event.encoded());
-  }
-
-  const auto batch = retrieval.next_batch(link_->downlink.room_octets(DownlinkChannel::playback));
-  if (!batch) return;
-  auto read = std::make_shared<std::optional<RetrievedPackets>>();
-  const bool taken = store_worker_->post(
-      [stores = stores_, batch = *batch, items = to_store_, read] {
-        for (const StoreItem& item : items)
-          stores->append(item);  // what was sent up to now belongs to the period too
-        *read =
-            stores->read(batch.period.store, batch.period.range, batch.cursor, PacketRetrieval::batch_octets);
-      },
-      [this, request = batch->request, read] {
-        if (!*read) {
-          link_->retrieval.fail(request);
-        } else {
-          for (Octets& packet : link_->retrieval.on_batch(request, std::move(**read))) {
-            link_->downlink.push(DownlinkChannel::playback, std::move(packet), false, now());
-          }
-        }
-        if (is_active()) settle();
-      });
-  if (taken) {
-    to_store_.clear();
-  } else {
-    retrieval.on_batch_refused();
   }
 }
 
@@ -496,48 +456,6 @@ void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& mes
 }
 
 // ---- periodic work
-
-void TtcNode::commit_stores() {
-  if (commit_running_) {  // a slow disk: what comes meanwhile waits, bounded
-    if (++commits_missed_ == patience_commits)
-      note_storage(stores_work_, false, "the packet stores do not answer", stores_name);
-    return;
-  }
-  commits_missed_ = 0;
-  persist_journal(true);
-  // What has left and is in this commit, the ground has or can ask for.
-  const bool all_left = link_->downlink.empty(DownlinkChannel::live) && outgoing_.empty();
-  const std::uint64_t told = all_left ? link_->journal.serial() : 0;
-  auto status = std::make_shared<StoreRackStatus>();
-  commit_running_ = store_worker_->post(
-      [stores = stores_, items = std::make_shared<std::vector<StoreItem>>(to_store_), status] {
-        for (const StoreItem& item : *items) stores->append(item);
-        stores->commit();
-        *status = stores->status();
-      },
-      [this, status, told] {
-        commit_running_ = false;
-        if (status->failure.empty()) link_->journal.on_told(told);
-        on_store_status(*status);
-      });
-  if (commit_running_) to_store_.clear();
-}
-
-void TtcNode::on_store_status(const StoreRackStatus& status) {
-  for (const auto& [id, store] : status.stores) {
-    const auto before = std::find_if(store_status_.stores.begin(), store_status_.stores.end(),
-                                     [id = id](const auto& known) { return known.first == id; });
-    const std::uint64_t known =
-        before == store_status_.stores.end() ? 0 : before->second.counters.damaged_octets;
-    if (store.counters.damaged_octets == known) continue;
-    mission::TtcStoreDamagedEvent event;
-    event.store = id;
-    event.skipped = as_u32(store.counters.damaged_octets - known);
-    raise(event.severity, event.event_id, event.encoded());
-  }
-  store_status_ = status;
-  note_storage(stores_work_, status.failure.empty(), status.failure, stores_name);
-}
 
 void TtcNode::note_storage(bool& known, bool works, const std::string& why, const std::string& what) {
   if (!works && known) {

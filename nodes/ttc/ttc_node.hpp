@@ -41,6 +41,7 @@
 #include "nodes/ttc/report_outbox.hpp"
 #include "nodes/ttc/schedule_service.hpp"
 #include "nodes/ttc/spacecraft_clock.hpp"
+#include "nodes/ttc/store_control.hpp"
 #include "nodes/ttc/store_rack.hpp"
 #include "nodes/ttc/telecommand_router.hpp"
 #include "nodes/ttc/time_reporter.hpp"
@@ -75,8 +76,8 @@ class TtcNode : public ros::LifecycleNode {
   struct Link {
     Link(const mission::Dictionary& dictionary, AcceptanceJournal restored, UplinkConfig uplink_config,
          DownlinkConfig downlink_config, ModeKeeper mode_keeper, TransmitterSwitch transmitter_switch,
-         milliseconds persist_deadline, milliseconds schedule_late_max, milliseconds arm_window,
-         SpacecraftClock start, const std::string& own_name);
+         std::string_view stored_stores, milliseconds persist_deadline, milliseconds schedule_late_max,
+         milliseconds arm_window, SpacecraftClock start, const std::string& own_name);
 
     FailureCodes codes;
     AcceptanceJournal journal;
@@ -89,6 +90,7 @@ class TtcNode : public ros::LifecycleNode {
     AvailableKeySets key_sets;
     CommandForwarder forwarder;
     PacketRetrieval retrieval;
+    StoreControl stores;
     ScheduleService schedule;
     TimeReporter time_reports;
     FileService file_service;
@@ -111,6 +113,7 @@ class TtcNode : public ros::LifecycleNode {
   [[nodiscard]] Result<DownlinkConfig, std::string> read_downlink() const;
   [[nodiscard]] ModeKeeper load_mode(bool ran_before);
   [[nodiscard]] TransmitterSwitch load_transmitter() const;
+  [[nodiscard]] std::string load_stores() const;
   [[nodiscard]] BootTold load_boot() const;
   [[nodiscard]] bool ran_before() const;
   [[nodiscard]] AcceptanceJournal load_journal();
@@ -158,6 +161,14 @@ class TtcNode : public ros::LifecycleNode {
   void load_key_selection(UplinkConfig& config);
   void store_key_change();
   void store_transmitter_change();
+  // Packet stores (ttc_stores.cpp)
+  void store_stores_change();
+  /// Open retrieval's place, now and then.
+  void store_open_progress();
+  using BatchTaker =
+      std::function<std::vector<Octets>(std::uint64_t request, std::optional<RetrievedPackets> read)>;
+  /// Sends what @p take makes of the batch. @return false: the worker is full
+  bool read_batch(const PacketRetrieval::Batch& batch, BatchTaker take);
   void end_silence();
   void report_keys_at_start();
   void report_keys(std::uint8_t vc, KeySet set, const std::string& why);

@@ -60,9 +60,9 @@ AvailableKeySets key_sets_of(const UplinkConfig& config) {
 
 TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal restored,
                     UplinkConfig uplink_config, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
-                    TransmitterSwitch transmitter_switch, milliseconds persist_deadline,
-                    milliseconds schedule_late_max, milliseconds arm_window, SpacecraftClock start,
-                    const std::string& own_name)
+                    TransmitterSwitch transmitter_switch, std::string_view stored_stores,
+                    milliseconds persist_deadline, milliseconds schedule_late_max, milliseconds arm_window,
+                    SpacecraftClock start, const std::string& own_name)
     : codes(dictionary),
       journal(std::move(restored)),
       mode(std::move(mode_keeper)),
@@ -74,6 +74,7 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
                  .interrupted = codes.interrupted},
                 outbox),
       retrieval(outbox, codes.store_unreadable),
+      stores(dictionary, stored_stores, codes.for_stores(), outbox, retrieval),
       schedule(dictionary, journal, outbox, schedule_late_max),
       file_service(outbox, mission::apid::ttc),
       parameters(dictionary, outbox, mission::apid::ttc),
@@ -85,6 +86,7 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
               .mode = mode,
               .forwarder = forwarder,
               .retrieval = retrieval,
+              .stores = stores,
               .files = file_service,
               .parameters = parameters,
               .outbox = outbox,
@@ -277,7 +279,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   load_key_selection(*channels);
   AcceptanceJournal journal = load_journal();
   link_ = std::make_unique<Link>(dictionary_, std::move(journal), std::move(*channels), *downlink,
-                                 load_mode(ran), load_transmitter(),
+                                 load_mode(ran), load_transmitter(), load_stores(),
                                  milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
                                  milliseconds(get_parameter<std::int64_t>("schedule_late_max_ms")),
                                  milliseconds(get_parameter<std::int64_t>("arm_window_ms")),
@@ -435,7 +437,12 @@ ros::CallbackReturn TtcNode::on_activate() {
   timers_.push_back(create_timer(
       seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
   timers_.push_back(create_timer(
-      link_state_copy_period, [this] { copy_link_state(); }, "copy link state"));
+      link_state_copy_period,
+      [this] {
+        copy_link_state();
+        store_open_progress();
+      },
+      "copy link state"));
   look_at_nodes();
   publish_mode();
   if (!journal_damage_.empty()) {
@@ -478,6 +485,7 @@ ros::CallbackReturn TtcNode::on_cleanup() {
     persist_journal(true);
     journal_worker_->drain();
     copy_link_state();
+    store_open_progress();
   }
   if (state_worker_) state_worker_->drain();
   if (store_worker_) store_worker_->drain();

@@ -23,6 +23,7 @@ class RouterWithParts : public testing::Test {
                                .interrupted = codes_.interrupted},
                               outbox_};
   PacketRetrieval retrieval_{outbox_, 38};
+  StoreControl stores_{dictionary_, "", codes_.for_stores(), outbox_, retrieval_};
   AcceptanceJournal journal_{"boot", seconds(60)};
   ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
   TimeReporter time_reports_;
@@ -36,6 +37,7 @@ class RouterWithParts : public testing::Test {
                              .mode = mode_,
                              .forwarder = forwarder_,
                              .retrieval = retrieval_,
+                             .stores = stores_,
                              .files = files_,
                              .parameters = parameters_,
                              .outbox = outbox_,

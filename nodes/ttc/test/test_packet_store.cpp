@@ -191,6 +191,47 @@ TEST_F(PacketStoreOnDisk, AnEmptyPeriodIsFinishedAtOnce) {
   EXPECT_TRUE(got.packets.empty());
 }
 
+TEST_F(PacketStoreOnDisk, ABoundedStoreStopsWhenItIsFullAndKeepsWhatItHas) {
+  PacketStoreConfig small = config();
+  small.quota_octets = 8192;
+  PacketStore store(small);
+  ASSERT_TRUE(store.open());
+  store.set_bounded(true);
+  fill(store, 0, 299);
+  const PacketStoreStatus full = store.status();
+  EXPECT_TRUE(full.full);
+  EXPECT_LE(full.octets, small.quota_octets);
+  EXPECT_GT(full.octets, small.quota_octets - 100);
+  EXPECT_EQ(full.counters.overwritten, 0U);
+  EXPECT_EQ(full.records + full.counters.full, 300U);
+  EXPECT_EQ(read_all(store, 0, 1000).front(), packet(0));
+
+  store.set_bounded(false);
+  fill(store, 300, 309);
+  EXPECT_FALSE(store.status().full);
+  EXPECT_GT(store.status().counters.overwritten, 0U);
+  EXPECT_EQ(read_all(store, 0, 1000).back(), packet(309));
+}
+
+TEST_F(PacketStoreOnDisk, ReadsOnlyRecordsBehindASequence) {
+  PacketStore store(config());
+  ASSERT_TRUE(store.open());
+  fill(store, 0, 199);
+  RetrievalCursor cursor{.begin_sequence = 150};
+  const RetrievalRange all{.from = TaiTime(seconds(0)), .to = TaiTime(seconds(1000))};
+  std::vector<Octets> got;
+  while (true) {
+    RetrievedPackets batch = store.read(all, cursor, 500);
+    got.insert(got.end(), batch.packets.begin(), batch.packets.end());
+    EXPECT_EQ(batch.next_sequence, 150 + got.size());
+    EXPECT_EQ(batch.next.end_sequence, 200U);
+    if (batch.finished) break;
+    cursor = batch.next;
+  }
+  ASSERT_EQ(got.size(), 50U);
+  EXPECT_EQ(got.front(), packet(150));
+}
+
 TEST_F(PacketStoreOnDisk, ARetrievalEndsThoughPacketsKeepComing) {
   PacketStore store(config());
   ASSERT_TRUE(store.open());

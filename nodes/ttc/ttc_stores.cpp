@@ -1,0 +1,145 @@
+// ttc and the packet stores (PUS service 15): commits, retrieval, what the ground has set.
+#include <algorithm>
+
+#include "nodes/ttc/ttc_node.hpp"
+
+namespace srfs {
+namespace {
+
+constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
+constexpr const char* stores_name = "packet stores";
+
+std::uint32_t as_u32(std::uint64_t value) {
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
+}
+
+}  // namespace
+
+void TtcNode::commit_stores() {
+  if (commit_running_) {  // a slow disk: what comes meanwhile waits, bounded
+    if (++commits_missed_ == patience_commits)
+      note_storage(stores_work_, false, "the packet stores do not answer", stores_name);
+    return;
+  }
+  commits_missed_ = 0;
+  persist_journal(true);
+  // What has left and is in this commit, the ground has or can ask for.
+  const bool all_left = link_->downlink.empty(DownlinkChannel::live) && outgoing_.empty();
+  const std::uint64_t told = all_left ? link_->journal.serial() : 0;
+  auto status = std::make_shared<StoreRackStatus>();
+  commit_running_ = store_worker_->post(
+      [stores = stores_, items = std::make_shared<std::vector<StoreItem>>(to_store_), status,
+       bounded = link_->stores.bounded()] {
+        stores->set_bounded(bounded);
+        for (const StoreItem& item : *items) stores->append(item);
+        stores->commit();
+        *status = stores->status();
+      },
+      [this, status, told] {
+        commit_running_ = false;
+        if (status->failure.empty()) link_->journal.on_told(told);
+        on_store_status(*status);
+      });
+  if (commit_running_) to_store_.clear();
+}
+
+void TtcNode::on_store_status(const StoreRackStatus& status) {
+  for (const auto& [id, store] : status.stores) {
+    const auto before = std::find_if(store_status_.stores.begin(), store_status_.stores.end(),
+                                     [id = id](const auto& known) { return known.first == id; });
+    const std::uint64_t known =
+        before == store_status_.stores.end() ? 0 : before->second.counters.damaged_octets;
+    if (link_->stores.on_status(id, store)) {
+      mission::TtcStoreFullEvent event;
+      event.store = id;
+      raise(event.severity, event.event_id, event.encoded());
+    }
+    if (store.counters.damaged_octets == known) continue;
+    mission::TtcStoreDamagedEvent event;
+    event.store = id;
+    event.skipped = as_u32(store.counters.damaged_octets - known);
+    raise(event.severity, event.event_id, event.encoded());
+  }
+  store_status_ = status;
+  note_storage(stores_work_, status.failure.empty(), status.failure, stores_name);
+  if (is_active()) settle();  // open retrieval may have something to send
+}
+
+void TtcNode::feed_playback() {
+  PacketRetrieval& retrieval = link_->retrieval;
+  const bool empty = link_->downlink.empty(DownlinkChannel::playback);
+  retrieval.on_playback(empty);
+  link_->stores.on_playback(empty);
+  send_reports(link_->outbox.take(), std::nullopt);  // the completion, before its event
+  for (const RetrievalDone& done : retrieval.take_done()) {
+    mission::TtcRetrievalDoneEvent event;
+    event.store = done.store;
+    event.packets = done.packets;
+    event.octets = done.octets;
+    send_event(event.severity, event.event_id, event.encoded());
+  }
+
+  const std::size_t room = link_->downlink.room_octets(DownlinkChannel::playback);
+  if (const auto batch = retrieval.next_batch(room)) {
+    const bool taken =
+        read_batch(*batch, [this](std::uint64_t request, std::optional<RetrievedPackets> read) {
+          if (read) return link_->retrieval.on_batch(request, std::move(*read));
+          link_->retrieval.fail(request);
+          return std::vector<Octets>{};
+        });
+    if (!taken) retrieval.on_batch_refused();
+  }
+  if (const auto batch = link_->stores.next_batch(room)) {
+    const bool taken =
+        read_batch(*batch, [this](std::uint64_t request, std::optional<RetrievedPackets> read) {
+          return link_->stores.on_batch(request, std::move(read));
+        });
+    if (!taken) link_->stores.on_batch_refused();
+  }
+}
+
+bool TtcNode::read_batch(const PacketRetrieval::Batch& batch, BatchTaker take) {
+  auto read = std::make_shared<std::optional<RetrievedPackets>>();
+  const bool posted = store_worker_->post(
+      [stores = stores_, batch, items = to_store_, read] {
+        for (const StoreItem& item : items)
+          stores->append(item);  // what was sent up to now belongs to the period too
+        *read =
+            stores->read(batch.period.store, batch.period.range, batch.cursor, PacketRetrieval::batch_octets);
+      },
+      [this, request = batch.request, read, take = std::move(take)] {
+        for (Octets& packet : take(request, std::move(*read)))
+          link_->downlink.push(DownlinkChannel::playback, std::move(packet), false, now());
+        if (is_active()) settle();
+      });
+  if (posted) to_store_.clear();
+  return posted;
+}
+
+std::string TtcNode::load_stores() const {
+  return read_file(state_dir() / "stores", 4096).value_or("");
+}
+
+void TtcNode::store_stores_change() {
+  const auto change = link_->stores.take_change();
+  if (!change) return;
+  auto stored = std::make_shared<bool>(false);
+  const bool taken =
+      state_worker_->post([path = state_dir() / "stores", text = change->stored_text,
+                           stored] { *stored = write_file_atomically(path, text).has_value(); },
+                          [this, change = *change, stored] {
+                            link_->stores.change_stored(change, *stored);
+                            if (is_active()) settle();
+                          });
+  if (!taken) link_->stores.change_stored(*change, false);
+}
+
+void TtcNode::store_open_progress() {
+  if (!link_->stores.take_progress()) return;
+  state_worker_->post([path = state_dir() / "stores", text = link_->stores.stored_text()] {
+    if (const auto written = write_file_atomically(path, text); !written)
+      log::warn("the place of the open retrieval is not durable: {}", written.error().message);
+  });
+}
+
+}  // namespace srfs

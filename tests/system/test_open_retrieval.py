@@ -1,0 +1,67 @@
+"""Packet stores as the ground sets them (PUS 15): open retrieval over a restart, disabled and bounded stores, their reports."""
+
+import os
+import signal
+import unittest
+
+from support import DEADLINE_S, SystemTest, wait_until
+
+
+class OpenRetrievalTest(SystemTest):
+    def completed(self, ground, command):
+        self.assertEqual(ground.command(f"tc {command}", DEADLINE_S).get("stage"), "completed", command)
+
+    def test_new_events_go_down_by_themselves_also_after_ttc_was_killed_until_it_is_suspended(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+            since = ground.position()
+            self.completed(ground, "storage.resume_open store=events")
+            started = ground.wait_for(
+                lambda m: m["type"] == "event" and m["event"] == "node.started" and m.get("vc") == 1, DEADLINE_S, since
+            )
+            self.assertIsNotNone(started, "what was stored before comes first")
+
+            pid = flight.node_pid("ttc")
+            since = ground.position()
+            os.kill(pid, signal.SIGKILL)
+            wait_until(lambda: flight.node_pid("ttc") not in (None, pid), 3 * DEADLINE_S, "ttc is back")
+            again = ground.wait_for(
+                lambda m: m["type"] == "event" and m["event"] == "node.started" and m["apid"] == 1 and m.get("vc") == 1,
+                3 * DEADLINE_S,
+                since,
+            )
+            self.assertIsNotNone(again, "its own start is stored, and sent because open retrieval goes on")
+
+            self.completed(ground, "storage.suspend_open store=events")
+            since = ground.position()
+            self.completed(ground, "storage.status")
+            status = self.report(ground, "packet_store_status", "events", since)
+            self.assertEqual((status["open_retrieval"], status["storage"], status["type"]), ("suspended", "enabled", "circular"))
+
+    def test_a_disabled_store_takes_nothing_and_says_how_much_it_refused(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+            self.completed(ground, "storage.disable store=verification")
+            self.completed(ground, "storage.make_bounded store=housekeeping")
+            self.assertEqual(ground.command("ping", DEADLINE_S)["stage"], "completed")
+            since = ground.position()
+            self.completed(ground, "storage.status")
+            status = self.report(ground, "packet_store_status", "verification", since)
+            self.assertEqual(status["storage"], "disabled")
+            self.assertGreater(status["refused"], 0)
+            self.assertEqual(self.report(ground, "packet_store_status", "housekeeping", since)["type"], "bounded")
+
+            self.completed(ground, "storage.summary store=events")
+            summary = self.report(ground, "packet_store_summary", "events", since)
+            self.assertLessEqual(summary["oldest"], summary["newest"])
+
+    def report(self, ground, structure, store, since):
+        message = ground.wait_for(
+            lambda m: m.get("structure") == structure and m["fields"]["store"] == store, DEADLINE_S, since
+        )
+        self.assertIsNotNone(message, f"{structure} of {store}")
+        return message["fields"]
+
+
+if __name__ == "__main__":
+    unittest.main()
