@@ -83,6 +83,8 @@ void ImagingDesk::restore(const TelecommandOrigin& origin, const mission::Comman
   auto task = read(origin, command, arguments, now);
   const bool may_have_captured =
       task && task->kind == Kind::capture && last_step >= step_capture && last_step < step_captured;
+  if (may_have_captured) clear(ImageServer::acquisition, now);
+  if (task && last_step >= step_process) clear(ImageServer::processing, now);
   if (!task || may_have_captured || why_refused(*task) != mission::failure::none) {
     outbox_.failure(origin, Stage::completion, mission::failure::interrupted);
     if (task) note_failure(task->settings.task, "interrupted by a restart");
@@ -95,6 +97,14 @@ void ImagingDesk::restore(const TelecommandOrigin& origin, const mission::Comman
   if (added.kind == Kind::capture && last_step < step_captured) return;
   if (added.kind == Kind::capture && added.settings.method.empty()) return complete(origin.id);
   list_frames(added, now);
+}
+
+/// A goal of the earlier process, for which nobody waits any more, would hold up the next ones.
+void ImagingDesk::clear(ImageServer server, MonotonicTime now) {
+  auto& until = clearing_[static_cast<std::size_t>(server)];
+  if (until) return;
+  until = now + clear_patience;
+  orders_.push_back({.action = ImagingAction::cancel_all, .server = server});
 }
 
 // ---- cancelling
@@ -154,7 +164,8 @@ std::optional<ImageServer> ImagingDesk::server_of(const Task& task) {
 }
 
 bool ImagingDesk::busy(ImageServer server) const {
-  return std::any_of(tasks_.begin(), tasks_.end(),
+  return clearing_[static_cast<std::size_t>(server)] ||
+         std::any_of(tasks_.begin(), tasks_.end(),
                      [server](const Task& task) { return server_of(task) == server; });
 }
 
@@ -170,6 +181,9 @@ const ImagingDesk::Task* ImagingDesk::next_capture() const {
 
 void ImagingDesk::on_time(const ImagingTime& time, bool may_capture) {
   end_overdue(time, may_capture);
+  for (auto& until : clearing_) {
+    if (until && time.now >= *until) until.reset();
+  }
   const Task* capture = busy(ImageServer::acquisition) ? nullptr : next_capture();
   if (capture != nullptr && time.now >= capture->not_before) {
     const bool is_due = !capture->start || (time.utc_valid && *capture->start - lead <= time.utc);
@@ -217,6 +231,9 @@ std::optional<MonotonicTime> ImagingDesk::next_due(const ImagingTime& time) cons
     if (!due || t < *due) due = t;
   };
   for (const Cancel& cancel : cancels_) sooner(cancel.expiry);
+  for (const auto& until : clearing_) {
+    if (until) sooner(*until);
+  }
   for (const Task& task : tasks_) {
     sooner(waits(task) ? task.expiry : task.silent_at);
     if (task.state == State::waits_for_processing && !busy(ImageServer::processing)) sooner(task.not_before);

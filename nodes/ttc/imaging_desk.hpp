@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <optional>
@@ -24,6 +25,7 @@ enum class ImagingAction : std::uint8_t {
   capture,         ///< a goal of image_acquisition
   process,         ///< a goal of image_processing
   cancel_goal,     ///< the goal of this id; one that is not there needs nothing
+  cancel_all,      ///< goals that an earlier process left at the server
   list_frames,     ///< what is stored of the task
   queue_products,  ///< into the folder of files to send
   stop_sending,    ///< what is in that folder of the task
@@ -41,7 +43,7 @@ struct ImagingOrder {
   std::string parameters = {};
   std::uint32_t budget_octets = 0;
   bool full_frames = false;
-  ImageServer server = ImageServer::acquisition;  ///< cancel_goal
+  ImageServer server = ImageServer::acquisition;  ///< cancel_goal, cancel_all
 };
 
 /// How a goal ended.
@@ -85,6 +87,7 @@ class ImagingDesk {
   static constexpr seconds answer_patience{60};    ///< goal sent -> accepted; order to the disk -> done
   static constexpr seconds capture_patience{30};   ///< beyond the time that the next frame takes
   static constexpr seconds process_patience{300};  ///< without a word of image_processing
+  static constexpr seconds clear_patience{15};     ///< cancel_all -> on_cleared()
   static constexpr seconds reject_pause{2};
   static constexpr int max_rejections = 5;
   static constexpr std::uint8_t step_capture = 1;
@@ -101,7 +104,7 @@ class ImagingDesk {
   void submit(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
               bool repeated, MonotonicTime now);
   /// Goes on with one of an earlier process of this boot. A capture that was asked for is not asked for
-  /// again: it ends as interrupted, unless all its frames were stored.
+  /// again: it ends as interrupted, unless all its frames were stored. What runs for it is cancelled.
   void restore(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
                bool started, std::uint8_t last_step, MonotonicTime now);
 
@@ -124,6 +127,8 @@ class ImagingDesk {
                           std::size_t queued);
   /// @param files taken out of the folder. @param failure code of the dictionary, 0: none
   void on_sending_stopped(std::uint64_t id, std::size_t files, std::uint16_t failure);
+  /// The server was told to cancel_all, or is not there to be told.
+  void on_cleared(ImageServer server) { clearing_[static_cast<std::size_t>(server)].reset(); }
   /// The ground has a product.
   void on_product_sent() { ++counters_.products_sent; }
 
@@ -181,6 +186,7 @@ class ImagingDesk {
   void cancel(const TelecommandOrigin& origin, std::uint32_t number, bool repeated,
               const mission::Command& command, MonotonicTime now);
   void cancel(Task& task);
+  void clear(ImageServer server, MonotonicTime now);
   [[nodiscard]] static bool waits(const Task& task);
   [[nodiscard]] static std::optional<ImageServer> server_of(const Task& task);
   [[nodiscard]] Task* find(std::uint64_t id);
@@ -213,6 +219,7 @@ class ImagingDesk {
   ReportOutbox& outbox_;
   std::deque<Task> tasks_;  ///< in the order of their telecommands
   std::vector<Cancel> cancels_;
+  std::array<std::optional<MonotonicTime>, 2> clearing_;  ///< no goals for this server, at most until then
   std::vector<ImagingOrder> orders_;
   std::vector<Failure> failures_;
   Counters counters_;

@@ -14,6 +14,8 @@ constexpr const char* processing_node = "image_processing";
 constexpr ros::GoalDeadlines goal_deadlines{
     .response = seconds(5), .attempts = 3, .result = std::chrono::hours(25), .cancel_when_late = true};
 
+constexpr seconds clear_deadline{10};  ///< the search for the server in it
+
 template <class A>
 ImageGoalEnd to_end(const ros::GoalOutcome<A>& outcome) {
   using How = ImageGoalEnd::How;
@@ -65,6 +67,9 @@ void TtcNode::carry_out_imaging_orders() {
         break;
       case ImagingAction::cancel_goal:
         cancel_image_goal(order);
+        break;
+      case ImagingAction::cancel_all:
+        cancel_left_goals(order.server);
         break;
       case ImagingAction::list_frames:
       case ImagingAction::queue_products:
@@ -130,6 +135,16 @@ void TtcNode::cancel_image_goal(const ImagingOrder& order) {
     if (!link_->imaging.knows(order.id)) goals.under_way.erase(order.id);
   };
   order.server == ImageServer::acquisition ? cancel(capture_goals_) : cancel(process_goals_);
+}
+
+/// Nobody but ttc has goals there, and it has none of this process.
+void TtcNode::cancel_left_goals(ImageServer server) {
+  const auto done = [this, server](ros::CancelOutcome) {
+    link_->imaging.on_cleared(server);
+    if (is_active()) settle();
+  };
+  server == ImageServer::acquisition ? capture_goals_.client->cancel_all_goals(clear_deadline, done)
+                                     : process_goals_.client->cancel_all_goals(clear_deadline, done);
 }
 
 /// One at a time: the worker has room for it.

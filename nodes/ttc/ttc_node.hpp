@@ -199,6 +199,7 @@ class TtcNode : public ros::LifecycleNode {
   void send_capture_goal(const ImagingOrder& order);
   void send_process_goal(const ImagingOrder& order);
   void cancel_image_goal(const ImagingOrder& order);
+  void cancel_left_goals(ImageServer server);
   void run_imaging_job();
   void on_imaging_job(const ImagingOrder& order, const ImagingOutcome& outcome);
   void look_at_imaging_nodes();

@@ -59,9 +59,10 @@ class ImagingDeskTest : public testing::Test {
   /// What is to be done now: "capture 1", with the id.
   std::vector<std::string> orders() {
     static const std::map<ImagingAction, std::string> names{
-        {ImagingAction::capture, "capture"},      {ImagingAction::process, "process"},
-        {ImagingAction::cancel_goal, "cancel"},   {ImagingAction::list_frames, "list"},
-        {ImagingAction::queue_products, "queue"}, {ImagingAction::stop_sending, "stop"}};
+        {ImagingAction::capture, "capture"},    {ImagingAction::process, "process"},
+        {ImagingAction::cancel_goal, "cancel"}, {ImagingAction::list_frames, "list"},
+        {ImagingAction::cancel_all, "clear"},   {ImagingAction::queue_products, "queue"},
+        {ImagingAction::stop_sending, "stop"}};
     desk_.on_time(time(), nominal_);
     std::vector<std::string> texts;
     for (ImagingOrder& order : desk_.take_orders()) {
@@ -430,8 +431,28 @@ TEST_F(ImagingDeskTest, ACaptureThatMayHaveBegunIsNotTakenAgainAfterARestart) {
     SCOPED_TRACE(static_cast<int>(step));
     const auto id = restore("image.capture", {"task=5"}, step);
     EXPECT_THAT(reports(), ElementsAre(std::to_string(id) + ":1,8=36"));
-    EXPECT_THAT(orders(), IsEmpty());
+    EXPECT_THAT(orders(), ElementsAre("clear 0"));
+    desk_.on_cleared(Server::acquisition);
   }
+}
+
+TEST_F(ImagingDeskTest, TheNextCaptureWaitsUntilTheOneOfTheEarlierProcessIsCancelled) {
+  restore("image.capture", {"task=5"}, 1);
+  send("image.capture", {"task=6"});
+  EXPECT_THAT(orders(), ElementsAre("clear 0"));
+  EXPECT_EQ(last_.server, Server::acquisition);
+  EXPECT_THAT(orders(), IsEmpty());
+  desk_.on_cleared(Server::acquisition);
+  EXPECT_THAT(orders(), ElementsAre("capture 2"));
+}
+
+TEST_F(ImagingDeskTest, AServerThatIsNotThereHoldsNothingUpForLong) {
+  restore("image.capture", {"task=5"}, 1);
+  send("image.capture", {"task=6"});
+  EXPECT_THAT(orders(), ElementsAre("clear 0"));
+  EXPECT_EQ(desk_.next_due(time()), now_ + ImagingDesk::clear_patience);
+  now_ += ImagingDesk::clear_patience;
+  EXPECT_THAT(orders(), ElementsAre("capture 2"));
 }
 
 TEST_F(ImagingDeskTest, ACaptureThatWasNotAskedForIsTakenAfterARestart) {
@@ -445,7 +466,13 @@ TEST_F(ImagingDeskTest, StoredFramesAreProcessedAfterARestart) {
   for (const std::uint8_t step : std::vector<std::uint8_t>{100, 101, 150, 200}) {
     SCOPED_TRACE(static_cast<int>(step));
     const auto id = restore("image.capture", {"task=5"}, step);
-    EXPECT_THAT(orders(), ElementsAre("list " + std::to_string(id)));
+    const std::string list = "list " + std::to_string(id);
+    if (step == 100) {
+      EXPECT_THAT(orders(), ElementsAre(list));
+    } else {
+      EXPECT_THAT(orders(), ElementsAre("clear 0", list));
+    }
+    desk_.on_cleared(Server::processing);
     desk_.on_frames_listed(id, {{"a"}});
     EXPECT_THAT(orders(), ElementsAre("process " + std::to_string(id)));
     end(id, Server::processing, {});

@@ -852,8 +852,12 @@ TEST_F(TtcImagingTest, ACaptureUnderWayIsNotTakenAgainWhenTtcWasKilled) {
   end_without_a_word();
   activate();
   EXPECT_TRUE(fails(8, request, mission::failure::interrupted));
-  EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  EXPECT_TRUE(wait([&] { return captures_[0]->is_cancel_requested(); })) << "nobody waits for it";
+  EXPECT_FALSE(has_come(7, request));
   EXPECT_EQ(captures_.size(), 1U);
+  static_cast<void>(send("image.capture", {"task=6"}));
+  EXPECT_TRUE(wait([&] { return captures_.size() == 2; }));
+  EXPECT_FALSE(captures_[1]->is_cancel_requested());
 }
 
 TEST_F(TtcImagingTest, FramesThatWereStoredAreProcessedWhenTtcWasKilled) {
