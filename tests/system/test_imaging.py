@@ -6,9 +6,10 @@ import json
 import os
 import re
 import signal
+import subprocess
 import unittest
 
-from support import DEADLINE_S, SystemTest, wait_until
+from support import BIN, DEADLINE_S, SystemTest, wait_until
 
 TASK_S = 120  # of a small task, on a machine under load
 ABORTED, IMAGING_LOST = 39, 121
@@ -81,6 +82,9 @@ class ImagingTaskTest(ImagingTest):
             self.assert_completes(ground, self.send(ground, "send_frame", task=task, frame=2)[0])
             strips = lambda: list((flight.var / "ground/files").glob(f"strip_*_{task:010}_0002_*"))  # noqa: E731
             wait_until(strips, TASK_S, "the frame on the ground")
+            whole = subprocess.run([str(BIN / "srfs-product"), str(strips()[0]), "--out", str(self.folder / "frame.fits")],
+                                   stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TASK_S)  # fmt: skip
+            self.assertEqual(whole.returncode, 0, whole.stdout + whole.stderr)
 
     def test_a_cancelled_task_stops_and_the_next_one_works(self):
         with self.flight() as flight:
@@ -119,7 +123,7 @@ class KilledImagingTest(ImagingTest):
     def test_a_killed_image_processing_loses_its_task_and_no_other(self):
         with self.flight() as flight:
             ground = flight.ground()
-            lost, _ = self.send(ground, "capture", frames=40, method="streak")
+            lost, _ = self.send(ground, "capture", frames=24, method="streak")
             self.wait_for_step(ground, lost, QUARTER_PROCESSED)
             # Captured while the other one is processed.
             other, _ = self.send(ground, "capture", frames=10, method="streak")

@@ -241,8 +241,9 @@ class Demo:
     def begin_picture(self):
         """A task that is captured, processed and sent down beside everything else; show_picture() looks what became of it."""
         self.picture_line = None
-        if not any(node["name"] == "image_processing" for node in self.flight.up_report["nodes"]):
-            return  # this deployment has no image lane
+        has_lane = any(node["name"] == "image_processing" for node in self.flight.up_report["nodes"])
+        if not has_lane or "\n  camera:" not in self.flight.deployment.read_text():
+            return  # this deployment takes no pictures
         self.display.step("A picture: frames of the sky, searched for debris on board while the rest goes on")
         self.picture_task = int(time.time())  # a new one, also in a folder that has flown before
         self.picture_line = self.ground.send(f"tc image.capture task={self.picture_task} exposure_us=200000 frames=5 interval_ms=1000 method={PICTURE_METHOD}")
