@@ -156,6 +156,8 @@ class AcceptanceJournal {
   [[nodiscard]] std::uint64_t revision() const { return revision_; }
   [[nodiscard]] bool wants_write() const { return !writing_ && (snapshot_wanted_ || !pending_.empty()); }
   [[nodiscard]] bool wants_sync() const { return unsynced_; }
+  /// Everything up to now is written, synced or not: a kill of the process loses none of it.
+  [[nodiscard]] bool is_written() const { return !writing_ && !snapshot_wanted_ && pending_.empty(); }
   [[nodiscard]] JournalBatch take_batch(bool sync);
   /// @param used_octets of the segment. After a failure the next batch is a snapshot.
   void on_written(const JournalBatch& batch, bool success, std::size_t used_octets);

@@ -150,6 +150,11 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
     parts_.forwarder.restore(restored.origin, forwarded(request, restored.expiry), restored.progress, now);
     return;
   }
+  if (ImagingDesk::takes(command) && !restored.progress.other_boot) {
+    parts_.imaging.restore(restored.origin, command, request.arguments, restored.progress.started,
+                           restored.progress.last_step, now);
+    return;
+  }
   const bool again = command.repeat_class == mission::RepeatClass::idempotent &&
                      !restored.progress.other_boot && now < restored.expiry &&
                      command.allowed_in(static_cast<std::uint8_t>(parts_.mode.mode()));
@@ -326,6 +331,10 @@ void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
       parts_.files.submit(request.origin, command, request.arguments, request.repeated, now);
       return;
     case function_service:
+      if (ImagingDesk::takes(command)) {
+        parts_.imaging.submit(request.origin, command, request.arguments, request.repeated, now);
+        return;
+      }
       if (command.name == set_mode_command) {
         set_mode(request);
         return;

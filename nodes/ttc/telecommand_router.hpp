@@ -14,6 +14,7 @@
 #include "nodes/ttc/file_service.hpp"
 #include "nodes/ttc/hazard_guard.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
+#include "nodes/ttc/imaging_desk.hpp"
 #include "nodes/ttc/key_selection.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
 #include "nodes/ttc/packet_retrieval.hpp"
@@ -119,6 +120,7 @@ class TelecommandRouter {
     HazardGuard& hazards;
     const AvailableKeySets& key_sets;
     TransmitterSwitch& transmitter;
+    ImagingDesk& imaging;
   };
 
   /// @param own_node name of the node whose commands are executed here

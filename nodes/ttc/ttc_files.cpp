@@ -13,6 +13,12 @@ std::uint32_t as_u32(std::uint64_t value) {
   return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
 }
 
+/// A file of ours stands whole at the ground.
+bool has_arrived(const cfdp::News& news) {
+  return news.event.kind == cfdp::EventKind::finished && news.event.role == cfdp::Role::sending &&
+         news.event.outcome.condition == wire::CfdpCondition::no_error && !news.event.outcome.incomplete;
+}
+
 }  // namespace
 
 Result<void, std::string> TtcNode::Files::open() {
@@ -31,7 +37,12 @@ Result<void, std::string> TtcNode::Files::open() {
 
 Result<cfdp::PostboxTurnResult, std::string> TtcNode::Files::take_turn(const cfdp::PostboxTurn& turn) {
   if (const auto opened = open(); !opened) return Err(opened.error());
-  return cfdp::take_turn(*postbox, turn, monotonic_now());
+  cfdp::PostboxTurnResult result = cfdp::take_turn(*postbox, turn, monotonic_now());
+  for (const cfdp::News& news : result.news) {
+    if (has_arrived(news)) images->on_sent(news.file.source_file);
+  }
+  images->mark_some();
+  return result;
 }
 
 FileOutcome TtcNode::Files::serve(const FileOrder& order) {
@@ -121,6 +132,7 @@ void TtcNode::tell_of_file(const cfdp::News& news) {
   };
   if (down) {
     ++files_status_.sent;
+    if (outbox_image(name)) link_->imaging.on_product_sent();
     say(mission::FileSentEvent{});
   } else {
     ++files_status_.received;

@@ -180,6 +180,7 @@ void TtcNode::settle() {
   execute_passed();
   serve_files();
   ask_nodes();
+  begin_imaging_tasks();
   publish_telecommands();
   send_reports(link_->outbox.take(), std::nullopt);
   store_mode_change();
@@ -191,6 +192,7 @@ void TtcNode::settle() {
   report_findings();
   record_progress();
   persist_journal();
+  carry_out_imaging_orders();
   link_->uplink.set_buffer_available(link_->gate.has_room(frames_per_read));
   pump_downlink();
 }
@@ -366,6 +368,7 @@ void TtcNode::arm_timer() {
   if (const auto in = link_->schedule.next_due_in())
     sooner(at + (*in > nanoseconds(0) ? *in : schedule_retry_period));
   sooner(link_->file_service.next_due());
+  sooner(link_->imaging.next_due(imaging_time()));
   sooner(link_->files.next_due(link_->downlink.room_octets(DownlinkChannel::files)));
   if (!outgoing_.empty()) due = at + milliseconds(2);  // the driver is full: look again soon
   if (due == wake_up_at_) return;
@@ -404,7 +407,8 @@ void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
   }
   cycle_ = tick.cycle;
   // The time may have become valid, or have made a step.
-  if (is_active() && !link_->schedule.schedule().empty()) settle();
+  const bool waited_for = !link_->schedule.schedule().empty() || link_->imaging.tasks() > 0;
+  if (is_active() && waited_for) settle();
 }
 
 void TtcNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) {

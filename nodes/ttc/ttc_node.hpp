@@ -14,6 +14,8 @@
 #include <rcl_interfaces/srv/set_parameters.hpp>
 
 #include <mission/structures.hpp>
+#include <srfs_msgs/action/capture_image.hpp>
+#include <srfs_msgs/action/process_image.hpp>
 
 #include "base/latency_histogram.hpp"
 #include "hw/open.hpp"
@@ -27,6 +29,8 @@
 #include "nodes/ttc/file_exchange.hpp"
 #include "nodes/ttc/file_service.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
+#include "nodes/ttc/image_outbox.hpp"
+#include "nodes/ttc/imaging_desk.hpp"
 #include "nodes/ttc/journal_file.hpp"
 #include "nodes/ttc/link_state_file.hpp"
 #include "nodes/ttc/mode_keeper.hpp"
@@ -45,6 +49,12 @@
 #include "ros/node.hpp"
 
 namespace srfs {
+
+/// What became of an imaging task's order to the disk.
+struct ImagingOutcome {
+  std::optional<std::vector<std::string>> frames;
+  QueuedProducts products{.failure = mission::failure::disk_failed};  ///< queued, or taken out again
+};
 
 /// The ground's end of the spacecraft: telecommands from the RS422 line to the nodes, everybody's telemetry
 /// to the store and to the line. Decisions are made by the classes above; here they are fed, and what they
@@ -85,6 +95,7 @@ class TtcNode : public ros::LifecycleNode {
     TimeReporter time_reports;
     FileService file_service;
     ParameterService parameters;
+    ImagingDesk imaging;
     TelecommandRouter router;
     UplinkChain uplink;
     PersistenceGate gate;
@@ -173,6 +184,28 @@ class TtcNode : public ros::LifecycleNode {
   void ask_nodes();
   void ask_for_value(const ParameterCall& call);
   void set_value(const ParameterCall& call);
+  /// Imaging (ttc_imaging.cpp)
+  template <class A>
+  struct ImageGoals {
+    std::shared_ptr<ros::ActionClient<A>> client;
+    std::map<std::uint64_t, std::shared_ptr<ros::ClientGoal<A>>> under_way;  ///< by telecommand
+  };
+  [[nodiscard]] ImagingTime imaging_time() const;
+  void begin_imaging_tasks();
+  void carry_out_imaging_orders();
+  template <class A>
+  void send_image_goal(ImageGoals<A>& goals, ImageServer server, std::uint64_t id,
+                       const typename A::Goal& goal);
+  void send_capture_goal(const ImagingOrder& order);
+  void send_process_goal(const ImagingOrder& order);
+  void cancel_image_goal(const ImagingOrder& order);
+  void cancel_left_goals(ImageServer server);
+  void run_imaging_job();
+  void on_imaging_job(const ImagingOrder& order, const ImagingOutcome& outcome);
+  void look_at_imaging_nodes();
+  void connect_imaging();
+  void disconnect_imaging();
+  void send_imaging_housekeeping();
   bool write_outgoing();
   void arm_timer();
 
@@ -207,8 +240,10 @@ class TtcNode : public ros::LifecycleNode {
     std::filesystem::path checkpoint;
     std::unique_ptr<cfdp::Postbox> postbox;
     std::optional<FileDesk> desk;
+    std::optional<ImageOutbox> images;
     [[nodiscard]] Result<cfdp::PostboxTurnResult, std::string> take_turn(const cfdp::PostboxTurn& turn);
     [[nodiscard]] FileOutcome serve(const FileOrder& order);
+    [[nodiscard]] ImagingOutcome serve(const ImagingOrder& order);
     [[nodiscard]] Result<void, std::string> open();
   };
 
@@ -271,6 +306,10 @@ class TtcNode : public ros::LifecycleNode {
   std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> state_clients_;
   std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::GetParameters>>> get_clients_;
   std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::SetParameters>>> set_clients_;
+  ImageGoals<srfs_msgs::action::CaptureImage> capture_goals_;
+  ImageGoals<srfs_msgs::action::ProcessImage> process_goals_;
+  std::deque<ImagingOrder> imaging_jobs_;  ///< for the disk; a few for each task
+  bool imaging_job_runs_ = false;
   std::vector<std::string> answered_;  ///< nodes whose client has done its work
   std::vector<ros::Timer> timers_;
   ros::Timer wake_up_;

@@ -17,7 +17,7 @@ constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::size_t state_worker_capacity = 8;
 constexpr std::size_t store_worker_capacity = 8;
 constexpr seconds link_state_copy_period{10};
-constexpr std::size_t files_worker_capacity = 2;  // a turn of CFDP and an order of PUS 23
+constexpr std::size_t files_worker_capacity = 3;  // a turn of CFDP, an order of PUS 23, one of imaging
 /// File data in front of the line: long enough for a turn of the disk, short enough that an answer from the
 /// ground is not old when it comes.
 constexpr milliseconds files_queue_time{350};
@@ -78,6 +78,7 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
       schedule(dictionary, journal, outbox, schedule_late_max),
       file_service(outbox, mission::apid::ttc),
       parameters(dictionary, outbox, mission::apid::ttc),
+      imaging(outbox),
       router({.dictionary = dictionary,
               .codes = codes,
               .housekeeping = housekeeping,
@@ -93,7 +94,8 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
               .time_reports = time_reports,
               .hazards = hazards,
               .key_sets = key_sets,
-              .transmitter = transmitter},
+              .transmitter = transmitter,
+              .imaging = imaging},
              own_name),
       uplink(std::move(uplink_config), journal.link()),
       gate(persist_deadline, journal.revision()),
@@ -293,9 +295,11 @@ ros::CallbackReturn TtcNode::on_configure() {
   files_->root = var().root / "files";
   files_->checkpoint = state_dir() / "cfdp";
   files_->desk.emplace(files_->root);
+  files_->images.emplace(var().root / "images", files_->root);
   files_worker_ = create_worker("ttc_files", files_worker_capacity);
   files_status_ = {};
   subscribe();
+  connect_imaging();
   say_how_the_link_is_secured();
   restore_telecommands();
   malloc_trim(0);  // reading the dictionary took more than keeping it does
@@ -427,6 +431,10 @@ ros::CallbackReturn TtcNode::on_activate() {
   timers_.push_back(create_timer(
       seconds(30), [this] { send_schedule_housekeeping(); }, "schedule housekeeping"));
   timers_.push_back(create_timer(
+      seconds(30), [this] { send_imaging_housekeeping(); }, "imaging housekeeping"));
+  timers_.push_back(create_timer(
+      seconds(2), [this] { look_at_imaging_nodes(); }, "look at imaging nodes"));
+  timers_.push_back(create_timer(
       seconds(5), [this] { look_at_nodes(); }, "look at nodes"));
   timers_.push_back(create_timer(
       link_state_copy_period,
@@ -464,6 +472,7 @@ ros::CallbackReturn TtcNode::on_deactivate() {
 
 ros::CallbackReturn TtcNode::on_cleanup() {
   subscriptions_.clear();
+  disconnect_imaging();
   state_clients_.clear();
   get_clients_.clear();
   set_clients_.clear();

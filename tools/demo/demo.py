@@ -4,6 +4,8 @@ import argparse
 import datetime
 import json
 import os
+import shutil
+import subprocess
 import sys
 import time
 
@@ -18,6 +20,8 @@ TOLERATED_LOSS = 0.03  # of the slots; on an idle machine none is lost
 SHORTEST_S = 20
 SCRIPT_S = 10  # what the script needs without its two watching phases
 BEACON_DEADLINE_S = 35
+PICTURE_DEADLINE_S = 60
+PICTURE_METHOD = "tracklet"
 
 
 def describe(packet):
@@ -48,6 +52,9 @@ class Demo:
         self.latest = {}
         self.stages = {}  # line of the session -> its stage messages
         self.sent_to_payloads = []  # (line of the session, payload) of the telecommands that completed
+        self.picture_line = None
+        self.picture_task = None
+        self.picture = None
         self.noise = {"bad_frames": 0, "lost_frames": 0, "corrected_octets": 0}
 
     def expect(self, good, what):
@@ -231,6 +238,59 @@ class Demo:
         if len(payload_packets) > len(shown):
             self.display.note(f"and {len(payload_packets) - len(shown)} more")
 
+    def begin_picture(self):
+        """A task that is captured, processed and sent down beside everything else; show_picture() looks what became of it."""
+        self.picture_line = None
+        has_lane = any(node["name"] == "image_processing" for node in self.flight.up_report["nodes"])
+        if not has_lane or "\n  camera:" not in self.flight.deployment.read_text():
+            return  # this deployment takes no pictures
+        self.display.step("A picture: frames of the sky, searched for debris on board while the rest goes on")
+        self.picture_task = int(time.time())  # a new one, also in a folder that has flown before
+        self.picture_line = self.ground.send(f"tc image.capture task={self.picture_task} exposure_us=200000 frames=5 interval_ms=1000 method={PICTURE_METHOD}")
+        accepted = self.ground.wait_for(lambda m: m["type"] == "tc_stage" and m["line"] == self.picture_line and m["stage"] == "accepted", 15)
+        self.expect(accepted, f"task {self.picture_task} is accepted")
+
+    def product(self, name):
+        """A product of the picture's task on the ground, None until it is there."""
+        found = sorted((self.flight.var / "ground" / "files").glob(f"image_*_{self.picture_task:010}_{name}"))
+        return found[0] if found else None
+
+    def show_picture(self):
+        if self.picture_line is None:
+            return
+        self.display.step("The picture's products, the most important first")
+        outcome = self.ground.outcome(self.picture_line, PICTURE_DEADLINE_S) or {}
+        if not self.expect(outcome.get("stage") == "completed", f"image.capture: {self.story(self.picture_line)}"):
+            return
+        end = time.monotonic() + PICTURE_DEADLINE_S
+        while not (self.product("findings.json") and self.product("thumbnail.png")) and time.monotonic() < end:
+            if self.signals.wait(0.2):
+                raise Interrupted
+            self.check_running()
+        findings, thumbnail = self.product("findings.json"), self.product("thumbnail.png")
+        if not self.expect(findings and thumbnail, "findings and thumbnail are on the ground"):
+            return
+        found = json.loads(findings.read_text())
+        counts = {name: len(found.get(name) or []) for name in ("streaks", "tracklets")}
+        self.display.note(f"{len(found.get('frames') or [])} frames, {counts['streaks']} streaks, {counts['tracklets']} tracklets")
+        self.picture = self.draw_picture(thumbnail)
+        self.display.note(f"picture: {self.picture}")
+
+    def draw_picture(self, thumbnail):
+        """The frames with what was found drawn over them, as the simulated disk has them; else the thumbnail that came down."""
+        folder = self.flight.var / "demo"
+        folder.mkdir(exist_ok=True)
+        picture = folder / f"task_{self.picture_task}.png"
+        frames = sorted((self.flight.var / "images" / "frames" / f"{self.picture_task:010}").glob("*.fits"))
+        detect = self.flight.bin_dir / "srfs-detect"
+        if frames and detect.exists():
+            command = [str(detect), "--method", PICTURE_METHOD, "--draw", str(picture), *map(str, frames)]
+            drawn = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PICTURE_DEADLINE_S, check=False)
+            if drawn.returncode == 0 and picture.exists():
+                return picture
+        shutil.copyfile(thumbnail, picture)
+        return picture
+
     def show_beacon(self):
         self.display.step("The beacon, sent unasked every 30 s")
         beacon = self.ground.wait_for(lambda m: m["type"] == "beacon", BEACON_DEADLINE_S)
@@ -247,6 +307,7 @@ class Demo:
 
     def fly(self):
         self.first_contact()
+        self.begin_picture()
         self.watch(self.watch_s, "Watching the rotation: every tick another payload has the CAN bus")
         self.switch_a_load()
         self.refuse_an_argument()
@@ -257,6 +318,7 @@ class Demo:
         self.change_interval()
         self.watch(self.watch_s, "Watching on")
         self.retrieve(noise_ended)  # what came live during the noise may be incomplete
+        self.show_picture()
         self.show_beacon()
 
     def next_slots(self):
@@ -300,6 +362,7 @@ class Demo:
             "lost_frames": stats.get("lost_frames", 0) - self.noise["lost_frames"],
             "during_noise": self.noise,
             "node_restarts": sum(node["restarts"] for node in status),
+            "picture": self.picture and str(self.picture),
             "measures": {
                 "all_active_ms": self.flight.up_report["took_ms"],
                 "flag_latency_us": {"p50": switcher.get("flag_latency_p50_us"), "p99": switcher.get("flag_latency_p99_us"),

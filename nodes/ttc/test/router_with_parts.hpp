@@ -29,6 +29,7 @@ class RouterWithParts : public testing::Test {
   TimeReporter time_reports_;
   FileService files_{outbox_, mission::apid::ttc};
   ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
+  ImagingDesk imaging_{outbox_};
   TelecommandRouter router_{{.dictionary = dictionary_,
                              .codes = codes_,
                              .housekeeping = housekeeping_,
@@ -44,7 +45,8 @@ class RouterWithParts : public testing::Test {
                              .time_reports = time_reports_,
                              .hazards = hazards_,
                              .key_sets = key_sets_,
-                             .transmitter = transmitter_},
+                             .transmitter = transmitter_,
+                             .imaging = imaging_},
                             "ttc"};
 };
 

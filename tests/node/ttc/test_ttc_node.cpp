@@ -725,5 +725,167 @@ TEST_F(TtcParametersTest, TtcAnswersForItself) {
   EXPECT_TRUE(comes(20, 2, [](const wire::TmPacket& p) { return p.source == (Octets{0, 1, 0, 11, 0, 25}); }));
 }
 
+/// The two nodes of imaging, which do what a test says.
+class TtcImagingTest : public TtcNodeTest {
+ protected:
+  using Capture = srfs_msgs::action::CaptureImage;
+  using Process = srfs_msgs::action::ProcessImage;
+  template <class A>
+  using Goals = std::vector<std::shared_ptr<ros::ServerGoal<A>>>;
+
+  void serve() {
+    ros::ActionHandlers<Capture> capture;
+    capture.accepted = [this](auto goal) { captures_.push_back(std::move(goal)); };
+    capture_ = std::make_unique<ros::ActionServer<Capture>>(executor_, *there_, "/image/capture",
+                                                            std::move(capture));
+    ros::ActionHandlers<Process> process;
+    process.accepted = [this](auto goal) { processes_.push_back(std::move(goal)); };
+    process_ = std::make_unique<ros::ActionServer<Process>>(executor_, *there_, "/image/process",
+                                                            std::move(process));
+  }
+  void TearDown() override {
+    captures_.clear();
+    processes_.clear();
+    capture_.reset();
+    process_.reset();
+    TtcNodeTest::TearDown();
+  }
+  void write(const std::string& name, const std::string& content) {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    ASSERT_TRUE(write_file_atomically(folder_ / name, content));
+  }
+  /// Stores a frame and ends the newest capture well.
+  void end_capture() {
+    write("images/frames/0000000005/0001.fits", "frame");
+    Capture::Result result;
+    result.files = {"frames/0000000005/0001.fits"};
+    captures_.back()->succeed(result);
+  }
+  bool progressed(std::uint8_t step, const Octets& request) {
+    Octets source = request;
+    source.push_back(step);
+    return verified(5, source);
+  }
+
+  std::unique_ptr<ros::ActionServer<Capture>> capture_;
+  std::unique_ptr<ros::ActionServer<Process>> process_;
+  Goals<Capture> captures_;
+  Goals<Process> processes_;
+};
+
+TEST_F(TtcImagingTest, ATelecommandIsCapturedProcessedAndItsProductsGoDown) {
+  serve();
+  activate();
+  const Octets request = send("image.capture", {"task=5", "exposure_us=20000", "frames=1", "method=tracklet",
+                                                "parameters=threshold=4", "budget_octets=9000"});
+  EXPECT_TRUE(verified(3, request));
+  ASSERT_TRUE(wait([&] { return captures_.size() == 1; }));
+  EXPECT_EQ(captures_[0]->goal().task, 5U);
+  EXPECT_EQ(captures_[0]->goal().exposure_us, 20000U);
+  EXPECT_EQ(captures_[0]->goal().start, builtin_interfaces::msg::Time{});
+  end_capture();
+  EXPECT_TRUE(progressed(100, request));
+  ASSERT_TRUE(wait([&] { return processes_.size() == 1; }));
+  const Process::Goal goal = processes_[0]->goal();
+  EXPECT_EQ(goal.task, 5U);
+  EXPECT_EQ(goal.files, std::vector<std::string>{"frames/0000000005/0001.fits"});
+  EXPECT_EQ(goal.method, "tracklet");
+  EXPECT_EQ(goal.parameters, "threshold=4");
+  EXPECT_EQ(goal.budget_octets, 9000U);
+  EXPECT_FALSE(goal.full_frames);
+
+  write("images/products/0000000005/findings.json", "{}");
+  Process::Result result;
+  result.products = {"products/0000000005/findings.json"};
+  processes_[0]->succeed(result);
+  EXPECT_TRUE(progressed(200, request));
+  EXPECT_TRUE(verified(7, request));
+  EXPECT_TRUE(wait([&] { return !downlink_->take_file_pdus().empty(); })) << "it is being sent";
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "images/products/0000000005/findings.json"));
+
+  // Nobody at the ground takes it: it is still there to be taken back.
+  ASSERT_TRUE(std::filesystem::exists(folder_ / "files/outbox/image_001_0000000005_findings.json"));
+  EXPECT_TRUE(verified(7, send("image.cancel", {"task=5"})));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "files/outbox/image_001_0000000005_findings.json"));
+  EXPECT_TRUE(fails(8, send("image.cancel", {"task=6"}), mission::failure::unknown_task));
+}
+
+TEST_F(TtcImagingTest, ARunningGoalIsCancelledAndItsTelecommandAborted) {
+  serve();
+  activate();
+  const Octets request = send("image.capture", {"task=5", "frames=9"});
+  ASSERT_TRUE(wait([&] { return captures_.size() == 1; }));
+  EXPECT_TRUE(verified(7, send("image.cancel", {"task=5"})));
+  ASSERT_TRUE(wait([&] { return captures_[0]->is_cancel_requested(); }));
+  captures_[0]->canceled();
+  EXPECT_TRUE(fails(8, request, mission::failure::aborted));
+  EXPECT_TRUE(event_comes(mission::event::image_task_failed, 3));
+}
+
+TEST_F(TtcImagingTest, AFailureOfTheNodeIsThatOfTheTelecommand) {
+  serve();
+  activate();
+  const Octets request = send("image.capture", {"task=5"});
+  ASSERT_TRUE(wait([&] { return captures_.size() == 1; }));
+  Capture::Result result;
+  result.failure_code = mission::failure::camera_absent;
+  captures_[0]->abort(result);
+  EXPECT_TRUE(fails(8, request, mission::failure::camera_absent));
+}
+
+TEST_F(TtcImagingTest, AServerThatIsGoneLosesItsTask) {
+  serve();
+  activate();
+  const Octets request = send("image.capture", {"task=5"});
+  ASSERT_TRUE(wait([&] { return captures_.size() == 1; }));
+  captures_.clear();
+  capture_.reset();
+  EXPECT_TRUE(fails(8, request, mission::failure::imaging_lost));
+  EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+}
+
+TEST_F(TtcImagingTest, ACaptureUnderWayIsNotTakenAgainWhenTtcWasKilled) {
+  serve();
+  activate();
+  const Octets request = send("image.capture", {"task=5"});
+  ASSERT_TRUE(wait([&] { return captures_.size() == 1; }));
+  end_without_a_word();
+  activate();
+  EXPECT_TRUE(fails(8, request, mission::failure::interrupted));
+  EXPECT_TRUE(wait([&] { return captures_[0]->is_cancel_requested(); })) << "nobody waits for it";
+  EXPECT_FALSE(has_come(7, request));
+  EXPECT_EQ(captures_.size(), 1U);
+  static_cast<void>(send("image.capture", {"task=6"}));
+  EXPECT_TRUE(wait([&] { return captures_.size() == 2; }));
+  EXPECT_FALSE(captures_[1]->is_cancel_requested());
+}
+
+TEST_F(TtcImagingTest, FramesThatWereStoredAreProcessedWhenTtcWasKilled) {
+  serve();
+  activate();
+  const Octets request = send("image.capture", {"task=5"});
+  ASSERT_TRUE(wait([&] { return captures_.size() == 1; }));
+  end_capture();
+  ASSERT_TRUE(wait([&] { return processes_.size() == 1; }));
+  end_without_a_word();
+  activate();
+  ASSERT_TRUE(wait([&] { return processes_.size() == 2; }));
+  EXPECT_EQ(processes_[1]->goal().files, processes_[0]->goal().files);
+  processes_[1]->succeed();
+  EXPECT_TRUE(verified(7, request));
+  EXPECT_EQ(captures_.size(), 1U);
+}
+
+TEST_F(TtcImagingTest, ATimedCaptureIsAskedForShortlyBeforeItsTime) {
+  const UtcTime morning(seconds(1'795'000'000));
+  serve();
+  activate();
+  const Octets request = send("image.capture", {"task=5", "start=" + to_iso8601(morning + seconds(600))});
+  EXPECT_TRUE(wait_at(morning, [&] { return has_come(3, request); }));
+  EXPECT_TRUE(captures_.empty());
+  EXPECT_TRUE(wait_at(morning + seconds(595), [&] { return captures_.size() == 1; }));
+  EXPECT_EQ(ros::from_message(captures_[0]->goal().start), morning + seconds(600));
+}
+
 }  // namespace
 }  // namespace srfs
