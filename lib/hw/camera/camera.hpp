@@ -59,7 +59,7 @@ class Camera {
   [[nodiscard]] virtual Result<void, CameraFault> begin() = 0;
   /// The frame begun. Waits for it for up to @p patience. @return nothing when it is not there yet
   [[nodiscard]] virtual Result<std::optional<CameraFrame>, CameraFault> take(nanoseconds patience) = 0;
-  /// Forgets the frame begun. At most 5 ms.
+  /// Forgets the frame begun; none is wanted for now. Up to 100 ms.
   virtual void abandon() = 0;
 };
 

@@ -58,9 +58,9 @@ struct Dequeued {
   std::array<v4l2_plane, 1> planes{};
 };
 
-/// A V4L2 capture device by mmap streaming, of one plane (both APIs). It streams from prepare() on, so the
-/// exposure of the frame taken begins at the first frame after begin(): up to one frame's time late, which
-/// the frame says. The exposure's begin is the driver's stamp of its start, or of its end less the exposure.
+/// A V4L2 capture device by mmap streaming, of one plane (both APIs). It streams from prepare() to abandon(): the
+/// exposure taken is the first one that starts after begin(), up to one frame's time late, which the frame
+/// says. The exposure's begin is the driver's stamp of its start, or of its end less the exposure.
 class V4l2Camera : public Camera {
  public:
   V4l2Camera(std::filesystem::path device, const V4l2Options& options)
@@ -133,7 +133,7 @@ class V4l2Camera : public Camera {
     }
   }
 
-  void abandon() override { begun_.reset(); }
+  void abandon() override { stop(); }
 
  private:
   [[nodiscard]] std::uint32_t type() const {
