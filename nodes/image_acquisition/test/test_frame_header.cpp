@@ -83,7 +83,7 @@ TEST(FrameHeader, MakesAFileThatReadsAsTheFrameItWas) {
   }
   EXPECT_EQ(read->saturation_adu, 4095.0F);
   EXPECT_EQ(read->step, 1.0F);
-  EXPECT_EQ(read->time_s, static_cast<double>(facts().begin->ns()) * 1e-9);
+  EXPECT_NEAR(read->time_s.value(), static_cast<double>(facts().begin->ns()) * 1e-9, 1e-6);
 }
 
 TEST(FrameHeader, FitsAreSmallerThanTheirPixels) {
