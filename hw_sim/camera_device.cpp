@@ -41,16 +41,17 @@ Result<Fd, std::string> listen_at(const std::filesystem::path& path) {
 }
 
 OctetView octets_of(const image::Grid<std::uint16_t>& pixels) {
-  return {reinterpret_cast<const std::uint8_t*>(pixels.cells().data()), pixels.size() * sizeof(std::uint16_t)};
+  return {reinterpret_cast<const std::uint8_t*>(pixels.cells().data()),
+          pixels.size() * sizeof(std::uint16_t)};
 }
 
 }  // namespace
 
 std::optional<CameraMisbehaviour> camera_misbehaviour(const std::string& name) {
   using enum CameraMisbehaviour;
-  constexpr std::array names{std::pair("none", none),       std::pair("absent", absent),
-                             std::pair("silent", silent),   std::pair("short", cut_short),
-                             std::pair("torn", torn),       std::pair("repeated", repeated)};
+  constexpr std::array names{std::pair("none", none),     std::pair("absent", absent),
+                             std::pair("silent", silent), std::pair("short", cut_short),
+                             std::pair("torn", torn),     std::pair("repeated", repeated)};
   for (const auto& [known, how] : names) {
     if (name == known) return how;
   }
@@ -67,7 +68,8 @@ Result<std::unique_ptr<CameraDevice>, std::string> CameraDevice::create(const st
       new CameraDevice(socket, settings, std::move(*listener), std::move(wake)));
 }
 
-CameraDevice::CameraDevice(std::filesystem::path socket, const SkyCameraSettings& settings, Fd listener, Fd wake)
+CameraDevice::CameraDevice(std::filesystem::path socket, const SkyCameraSettings& settings, Fd listener,
+                           Fd wake)
     : path_(std::move(socket)),
       settings_(settings),
       start_(monotonic_now()),
@@ -122,24 +124,19 @@ nlohmann::json CameraDevice::truth() const {
     out["stars"].push_back({{"x", star.x}, {"y", star.y}, {"flux_e", star.flux_e}});
   }
   for (const auto& s : truth_->streaks) {
-    out["streaks"].push_back(
-        {{"x1", s.x1}, {"y1", s.y1}, {"x2", s.x2}, {"y2", s.y2}, {"flux_e", s.flux_e}});
+    out["streaks"].push_back({{"x1", s.x1}, {"y1", s.y1}, {"x2", s.x2}, {"y2", s.y2}, {"flux_e", s.flux_e}});
   }
   return out;
 }
 
 nlohmann::json CameraDevice::counters() const {
   const std::lock_guard lock(mutex_);
-  return {{"exposures", figures_.exposures},
-          {"given_up", figures_.given_up},
-          {"frames", figures_.frames},
-          {"misbehaved", figures_.misbehaved},
-          {"malformed", figures_.malformed},
-          {"longest_render_us", figures_.longest_render.count() / 1000}};
+  return {{"exposures", figures_.exposures}, {"given_up", figures_.given_up},
+          {"frames", figures_.frames},       {"misbehaved", figures_.misbehaved},
+          {"malformed", figures_.malformed}, {"longest_render_us", figures_.longest_render.count() / 1000}};
 }
 
 void CameraDevice::run() {
-  camera_ = std::make_unique<SkyCamera>(settings_);
   while (true) {
     {
       const std::lock_guard lock(mutex_);
@@ -206,10 +203,9 @@ void CameraDevice::read_request() {
   const ssize_t n = ::recv(client_.get(), buffer.data(), buffer.size(), MSG_DONTWAIT | MSG_TRUNC);
   const MonotonicTime now = monotonic_now();
   if (n < 0 && (errno == EAGAIN || errno == EINTR)) return;
-  const auto request =
-      n > 0 && static_cast<std::size_t>(n) <= buffer.size()
-          ? decode_request(OctetView(buffer.data(), static_cast<std::size_t>(n)))
-          : std::nullopt;
+  const auto request = n > 0 && static_cast<std::size_t>(n) <= buffer.size()
+                           ? decode_request(OctetView(buffer.data(), static_cast<std::size_t>(n)))
+                           : std::nullopt;
   if (!request) {
     const std::lock_guard lock(mutex_);
     figures_.malformed += n > 0 ? 1 : 0;
@@ -238,7 +234,8 @@ void CameraDevice::read_request() {
 void CameraDevice::begin(std::uint32_t number, MonotonicTime at) {
   const std::lock_guard lock(mutex_);
   ++figures_.exposures;
-  Exposure exposure{number, at, pose_, std::chrono::duration<double>(at - start_).count(), temperature_k_, asked_};
+  Exposure exposure{number,         at,    pose_, std::chrono::duration<double>(at - start_).count(),
+                    temperature_k_, asked_};
   if (settings_.pointing) {
     exposure.pose = pose_of(*settings_.pointing, exposure.begin_s);
   } else {
@@ -260,6 +257,7 @@ CameraMisbehaviour CameraDevice::next_misbehaviour() {
 void CameraDevice::finish() {
   const Exposure exposure = *exposure_;
   exposure_.reset();
+  if (!camera_) camera_ = std::make_unique<SkyCamera>(settings_);
   {
     const std::lock_guard lock(mutex_);
     if (std::exchange(pass_next_, false)) camera_->pass_next();

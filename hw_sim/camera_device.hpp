@@ -18,11 +18,11 @@ namespace srfs::sim {
 /// What the camera does wrong.
 enum class CameraMisbehaviour : std::uint8_t {
   none,
-  absent,    ///< unplugged: no socket, until `none`
-  silent,    ///< no frame comes
-  cut_short, ///< the last pixels are missing
-  torn,      ///< the lower half is another frame's
-  repeated,  ///< the frame before once more
+  absent,     ///< unplugged: no socket, until `none`
+  silent,     ///< no frame comes
+  cut_short,  ///< the last pixels are missing
+  torn,       ///< the lower half is another frame's
+  repeated,   ///< the frame before once more
 };
 [[nodiscard]] std::optional<CameraMisbehaviour> camera_misbehaviour(const std::string& name);
 
@@ -85,7 +85,7 @@ class CameraDevice {
   // The thread's own.
   Fd listener_;
   Fd client_;
-  std::unique_ptr<SkyCamera> camera_;
+  std::unique_ptr<SkyCamera> camera_;  ///< from the first exposure on: it takes 0.2 s to make
   hw::sim_camera::SettingsRequest asked_{100'000, 0};
   std::optional<Exposure> exposure_;
   std::uint32_t sequence_ = 0;

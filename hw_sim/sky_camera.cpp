@@ -12,7 +12,8 @@ namespace {
 
 constexpr double degree = std::numbers::pi / 180;
 constexpr std::size_t noise_values = std::size_t{1} << 21;
-constexpr double pass_before_fraction = 0.35;  // of the field's width: where an object is when its pass begins
+constexpr double pass_before_fraction =
+    0.35;  // of the field's width: where an object is when its pass begins
 constexpr double pass_offset_fraction = 0.15;  // by so much it may miss the middle
 constexpr std::size_t passes_max = 8;
 

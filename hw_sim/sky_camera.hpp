@@ -61,8 +61,8 @@ struct SkyTruth {
   double ra_deg = 0;  ///< of the middle at the begin of the exposure
   double dec_deg = 0;
   double roll_deg = 0;
-  double scale_arcsec_px = 0;             ///< in the middle
-  std::vector<hw_sim::SkyStar> stars;     ///< brightest first; in the middle of their motion
+  double scale_arcsec_px = 0;              ///< in the middle
+  std::vector<hw_sim::SkyStar> stars;      ///< brightest first; in the middle of their motion
   std::vector<hw_sim::SkyStreak> streaks;  ///< of debris
 };
 

@@ -39,7 +39,8 @@ std::optional<CaptureFailure> refuse(const CaptureRequest& r) {
 std::optional<CaptureFailure> refuse_past(UtcTime start, UtcTime now, nanoseconds latest) {
   if (start + latest >= now) return std::nullopt;
   const double late_s = std::chrono::duration<double>(now - start).count();
-  return CaptureFailure{mission::failure::capture_time_past, fmt::format("the start was {:.3f} s ago", late_s)};
+  return CaptureFailure{mission::failure::capture_time_past,
+                        fmt::format("the start was {:.3f} s ago", late_s)};
 }
 
 std::optional<nanoseconds> CaptureSequence::due() const {

@@ -54,8 +54,8 @@ std::vector<image::FitsCard> frame_header(const hw::CameraFrame& frame, const Fr
   if (facts.attitude) {
     constexpr std::array names{"ATT-X", "ATT-Y", "ATT-Z", "ATT-W"};
     for (std::size_t i = 0; i < names.size(); ++i) {
-      cards.push_back({names[i], static_cast<double>(facts.attitude->quaternion[i]),
-                       "body to inertial, as measured"});
+      cards.push_back(
+          {names[i], static_cast<double>(facts.attitude->quaternion[i]), "body to inertial, as measured"});
     }
     cards.push_back({"ATT-AGE", facts.attitude->age_s, "s, before the begin of the exposure"});
   }

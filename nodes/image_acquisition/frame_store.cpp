@@ -53,8 +53,7 @@ Result<void, FileError> FrameStore::open() {
   octets_ = 0;
   std::error_code failed;
   fs::create_directories(images_ / "frames", failed);
-  if (failed)
-    return Err(FileError{fmt::format("{}: {}", (images_ / "frames").string(), failed.message())});
+  if (failed) return Err(FileError{fmt::format("{}: {}", (images_ / "frames").string(), failed.message())});
   for (const fs::path& folder : entries(images_ / "frames")) {
     const auto task = whole_number<std::uint32_t>(folder.filename().string(), task_digits);
     if (task && fs::is_directory(folder, failed)) take_task(folder, *task);
@@ -146,8 +145,8 @@ Result<std::string, FrameStore::Failure> FrameStore::add(std::uint32_t task, std
                                                          OctetView content) {
   if (auto room = make_room(content.size(), task); !room) return Err(std::move(room.error()));
   std::string name = frame_file(task, number);
-  const auto written = write_file_atomically(
-      images_ / name, {reinterpret_cast<const char*>(content.data()), content.size()});
+  const auto written =
+      write_file_atomically(images_ / name, {reinterpret_cast<const char*>(content.data()), content.size()});
   if (!written) return Err(Failure{false, written.error().message});
   frames_.push_back({task, number, content.size(), FrameStanding::unmarked});
   octets_ += content.size();

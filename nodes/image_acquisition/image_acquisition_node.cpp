@@ -92,11 +92,12 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
     time_.on_tick(tick);
     if (!waiting_.empty()) drive();
   });
-  adcs_ = create_subscription(
-      ros::topics::telemetry("payload_adcs"),
-      [this](const srfs_msgs::msg::PayloadTelemetry& m) { on_adcs_telemetry(m); });
+  adcs_ = create_subscription(ros::topics::telemetry("payload_adcs"),
+                              [this](const srfs_msgs::msg::PayloadTelemetry& m) { on_adcs_telemetry(m); });
   ros::ActionHandlers<Capture> handlers;
-  handlers.goal = [](const ros::GoalId&, const Capture::Goal&) { return ros::GoalResponse::accept_and_defer; };
+  handlers.goal = [](const ros::GoalId&, const Capture::Goal&) {
+    return ros::GoalResponse::accept_and_defer;
+  };
   handlers.cancel = [this](const Goal&) {
     drive_soon();  // by then the goal knows
     return ros::CancelResponse::accept;
@@ -256,11 +257,13 @@ void ImageAcquisitionNode::choose_task() {
 // ---------------------------------------------------------------- what comes next
 
 void ImageAcquisitionNode::drive_soon() {
-  soon_ = create_one_shot(now(), [this] { drive(); }, "next step");
+  soon_ = create_one_shot(
+      now(), [this] { drive(); }, "next step");
 }
 
 void ImageAcquisitionNode::wake_at(MonotonicTime at) {
-  wake_ = create_one_shot(at, [this] { drive(); }, "capture due");
+  wake_ = create_one_shot(
+      at, [this] { drive(); }, "capture due");
 }
 
 void ImageAcquisitionNode::drive() {
@@ -300,9 +303,12 @@ void ImageAcquisitionNode::drive_current() {
   }
   task->camera_deadline.reset();
   switch (task->phase) {
-    case Phase::unprepared: return prepare();
-    case Phase::prepared: return expose();
-    case Phase::exposing: return take();
+    case Phase::unprepared:
+      return prepare();
+    case Phase::prepared:
+      return expose();
+    case Phase::exposing:
+      return take();
   }
 }
 
@@ -536,8 +542,8 @@ void ImageAcquisitionNode::publish_frame(const std::string& file, const TakenFra
   sensor_msgs::msg::Image image;
   image.header.stamp = ros::to_message(taken.facts.begin.value_or(time_.utc_at(taken.frame.begin)));
   // "frames/0000000017/0001.fits": TASK/NUMBER
-  image.header.frame_id = (std::filesystem::path(file).parent_path().filename() /
-                           std::filesystem::path(file).stem()).string();
+  image.header.frame_id =
+      (std::filesystem::path(file).parent_path().filename() / std::filesystem::path(file).stem()).string();
   image.width = static_cast<std::uint32_t>(pixels.width());
   image.height = static_cast<std::uint32_t>(pixels.height());
   image.encoding = "mono16";

@@ -62,8 +62,8 @@ class ImageAcquisitionNode : public ros::LifecycleNode {
     MonotonicTime start;  ///< when its first exposure is due; known from when its turn comes
     Phase phase = Phase::unprepared;
     bool uses_camera = false;  ///< it was prepared for this task, and may stream
-    MonotonicTime due;    ///< of the exposure under way
-    MonotonicTime begun;  ///< asked for
+    MonotonicTime due;         ///< of the exposure under way
+    MonotonicTime begun;       ///< asked for
     MonotonicTime frame_deadline;
     std::optional<MonotonicTime> camera_deadline;  ///< while the camera is away
     std::size_t storing = 0;

@@ -1,5 +1,7 @@
-// One goal to /image/capture of a running suite: `capture_client VAR TASK [--frames N] [--exposure-us N] [--interval-ms N]
-// [--gain-db N] [--start-in-ms N] [--cancel-after FRAMES]`. Prints the result as one JSON object; exit code 0 whatever it is, 1 without one.
+// One goal to /image/capture of a running suite: `capture_client VAR TASK [--frames N] [--exposure-us N]
+// [--interval-ms N]
+// [--gain-db N] [--start-in-ms N] [--cancel-after FRAMES]`. Prints the result as one JSON object; exit code 0
+// whatever it is, 1 without one.
 
 #include <cstdlib>
 #include <iostream>
@@ -24,10 +26,14 @@ constexpr seconds patience{60};
 
 const char* to_text(ros::GoalState state) {
   switch (state) {
-    case ros::GoalState::succeeded: return "succeeded";
-    case ros::GoalState::canceled: return "canceled";
-    case ros::GoalState::aborted: return "aborted";
-    default: return "under way";
+    case ros::GoalState::succeeded:
+      return "succeeded";
+    case ros::GoalState::canceled:
+      return "canceled";
+    case ros::GoalState::aborted:
+      return "aborted";
+    default:
+      return "under way";
   }
 }
 

@@ -7,10 +7,10 @@ namespace srfs::hw {
 
 /// What a V4L2 driver does not tell.
 struct V4l2Options {
-  std::uint32_t width = 0;     ///< 0: as the driver has it
+  std::uint32_t width = 0;  ///< 0: as the driver has it
   std::uint32_t height = 0;
-  double line_us = 0;          ///< V4L2_CID_EXPOSURE counts lines of this length; 0: units of 100 us
-  double gain_step_db = 0.1;   ///< one unit of the gain control
+  double line_us = 0;         ///< V4L2_CID_EXPOSURE counts lines of this length; 0: units of 100 us
+  double gain_step_db = 0.1;  ///< one unit of the gain control
 };
 
 [[nodiscard]] std::unique_ptr<Camera> make_v4l2_camera(const std::filesystem::path& device,

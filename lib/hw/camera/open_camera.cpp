@@ -30,9 +30,10 @@ Result<V4l2Options, HwError> v4l2_options(std::string_view uri, const DeviceUri&
     } else if (value && key == "gain_step_db") {
       options.gain_step_db = *value;
     } else {
-      return Err(HwError{fmt::format("device '{}': '{}={}', expected width, height (16-16384), line_us or "
-                                     "gain_step_db (0.001-10000)",
-                                     uri, key, text)});
+      return Err(
+          HwError{fmt::format("device '{}': '{}={}', expected width, height (16-16384), line_us or "
+                              "gain_step_db (0.001-10000)",
+                              uri, key, text)});
     }
   }
   return options;

@@ -89,10 +89,14 @@ const PixelFormat* find_pixel_format(std::uint32_t code) {
 std::size_t row_octets(const PixelFormat& format, int width) {
   const auto n = static_cast<std::size_t>(width);
   switch (format.packing) {
-    case octets: return n;
-    case words: return 2 * n;
-    case packed_10: return (n + 3) / 4 * 5;
-    case packed_12: return (n + 1) / 2 * 3;
+    case octets:
+      return n;
+    case words:
+      return 2 * n;
+    case packed_10:
+      return (n + 3) / 4 * 5;
+    case packed_12:
+      return (n + 1) / 2 * 3;
   }
   return 0;
 }

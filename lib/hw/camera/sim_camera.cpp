@@ -19,7 +19,8 @@ constexpr int bits_max = 16;
 /// hw_sim's camera at the other end of a local socket.
 class SimCamera : public Camera {
  public:
-  explicit SimCamera(std::filesystem::path path) : path_(std::move(path)), buffer_(sim_camera::message_octets) {}
+  explicit SimCamera(std::filesystem::path path)
+      : path_(std::move(path)), buffer_(sim_camera::message_octets) {}
 
   Result<std::string, CameraFault> open() override {
     close();
@@ -42,13 +43,17 @@ class SimCamera : public Camera {
 
   Result<void, CameraFault> prepare(const CameraSettings& settings) override {
     if (!frame_) return lost("closed");
-    if (settings_ == settings_of(settings)) return {};
+    if (settings_ == settings_of(settings)) {
+      std::uint8_t octet = 0;
+      if (::recv(socket_.get(), &octet, 1, MSG_PEEK | MSG_DONTWAIT) == 0) return lost("unplugged");
+      return {};
+    }
     const auto reply = ask_settings(settings);
     if (!reply) return Err(reply.error());
     if (!reply->accepted) {
-      return Err(CameraFault{CameraFault::Kind::bad_setting,
-                             fmt::format("exposure {} us, gain {} dB", settings.exposure.count(),
-                                         settings.gain_db)});
+      return Err(CameraFault{
+          CameraFault::Kind::bad_setting,
+          fmt::format("exposure {} us, gain {} dB", settings.exposure.count(), settings.gain_db)});
     }
     settings_ = settings_of(settings);
     return {};

@@ -10,7 +10,15 @@
 namespace srfs::hw::sim_camera {
 namespace {
 
-enum Kind : std::uint8_t { settings = 1, begin = 2, abandon = 3, settings_reply = 0x81, head = 0x82, piece = 0x83, end = 0x84 };
+enum Kind : std::uint8_t {
+  settings = 1,
+  begin = 2,
+  abandon = 3,
+  settings_reply = 0x81,
+  head = 0x82,
+  piece = 0x83,
+  end = 0x84
+};
 
 template <class... Visitors>
 struct Overloaded : Visitors... {

@@ -9,9 +9,9 @@
 #include "base/time.hpp"
 #include "hw/camera/camera.hpp"
 
-/// The simulated camera's messages (hw_sim/camera_device.hpp): datagrams of a local SOCK_SEQPACKET connection.
-/// Fields are big-endian, pixels in this computer's order. A frame is a head, its pixels in pieces from the
-/// first to the last octet, and an end.
+/// The simulated camera's messages (hw_sim/camera_device.hpp): datagrams of a local SOCK_SEQPACKET
+/// connection. Fields are big-endian, pixels in this computer's order. A frame is a head, its pixels in
+/// pieces from the first to the last octet, and an end.
 namespace srfs::hw::sim_camera {
 
 inline constexpr std::size_t piece_octets = 60'000;
@@ -72,7 +72,8 @@ class FrameAssembler {
 
   /// From now on the frame @p number is waited for; what comes of others is dropped.
   void expect(std::uint32_t number);
-  /// @return the frame when this was its end; nothing: more is to come; or why it is unsound (waits no longer)
+  /// @return the frame when this was its end; nothing: more is to come; or why it is unsound (waits no
+  /// longer)
   [[nodiscard]] Result<std::optional<CameraFrame>, std::string> on_reply(const Reply& reply);
 
  private:

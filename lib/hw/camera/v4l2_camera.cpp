@@ -58,9 +58,9 @@ struct Dequeued {
   std::array<v4l2_plane, 1> planes{};
 };
 
-/// A V4L2 capture device by mmap streaming, of one plane (both APIs). It streams from prepare() to abandon(): the
-/// exposure taken is the first one that starts after begin(), up to one frame's time late, which the frame
-/// says. The exposure's begin is the driver's stamp of its start, or of its end less the exposure.
+/// A V4L2 capture device by mmap streaming, of one plane (both APIs). It streams from prepare() to abandon():
+/// the exposure taken is the first one that starts after begin(), up to one frame's time late, which the
+/// frame says. The exposure's begin is the driver's stamp of its start, or of its end less the exposure.
 class V4l2Camera : public Camera {
  public:
   V4l2Camera(std::filesystem::path device, const V4l2Options& options)
@@ -75,9 +75,8 @@ class V4l2Camera : public Camera {
     if (!device_) return lost(fmt::format("{}: {}", path_.string(), errno_text(errno)));
     v4l2_capability capability{};
     if (request(device_.get(), VIDIOC_QUERYCAP, &capability) != 0) return failed("query");
-    const std::uint32_t can = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0
-                                  ? capability.device_caps
-                                  : capability.capabilities;
+    const std::uint32_t can = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? capability.device_caps
+                                                                                    : capability.capabilities;
     planes_ = (can & V4L2_CAP_VIDEO_CAPTURE) == 0 && (can & V4L2_CAP_VIDEO_CAPTURE_MPLANE) != 0;
     if ((can & (V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_VIDEO_CAPTURE_MPLANE)) == 0 ||
         (can & V4L2_CAP_STREAMING) == 0)
@@ -153,13 +152,15 @@ class V4l2Camera : public Camera {
     std::vector<std::uint32_t> offered;
     v4l2_fmtdesc description{};
     description.type = type();
-    for (; offered.size() < 64 && request(device_.get(), VIDIOC_ENUM_FMT, &description) == 0; ++description.index)
+    for (; offered.size() < 64 && request(device_.get(), VIDIOC_ENUM_FMT, &description) == 0;
+         ++description.index)
       offered.push_back(description.pixelformat);
     for (const PixelFormat& format : pixel_formats()) {
       if (std::find(offered.begin(), offered.end(), format.fourcc) == offered.end()) continue;
       if (set_format(format)) return {};
     }
-    return lost(fmt::format("{}: none of its {} formats is monochrome or Bayer", path_.string(), offered.size()));
+    return lost(
+        fmt::format("{}: none of its {} formats is monochrome or Bayer", path_.string(), offered.size()));
   }
 
   bool set_format(const PixelFormat& format) {
@@ -180,8 +181,9 @@ class V4l2Camera : public Camera {
       wanted.fmt.pix.sizeimage = 0;
     }
     if (request(device_.get(), VIDIOC_S_FMT, &wanted) != 0) return false;
-    const bool kept = planes_ ? wanted.fmt.pix_mp.pixelformat == format.fourcc && wanted.fmt.pix_mp.num_planes == 1
-                              : wanted.fmt.pix.pixelformat == format.fourcc;
+    const bool kept =
+        planes_ ? wanted.fmt.pix_mp.pixelformat == format.fourcc && wanted.fmt.pix_mp.num_planes == 1
+                : wanted.fmt.pix.pixelformat == format.fourcc;
     const std::uint32_t width = planes_ ? wanted.fmt.pix_mp.width : wanted.fmt.pix.width;
     const std::uint32_t height = planes_ ? wanted.fmt.pix_mp.height : wanted.fmt.pix.height;
     if (!kept || image::refuse_size(width, height)) return false;
@@ -198,12 +200,12 @@ class V4l2Camera : public Camera {
     static_cast<void>(set_control(V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL));
     static_cast<void>(set_control(V4L2_CID_AUTOGAIN, 0));
     const double exposure_us = static_cast<double>(settings.exposure.count());
-    const Set exposed = options_.line_us > 0
-                            ? set_control(V4L2_CID_EXPOSURE, exposure_us / options_.line_us)
-                            : set_control(V4L2_CID_EXPOSURE_ABSOLUTE, exposure_us / 100);
+    const Set exposed = options_.line_us > 0 ? set_control(V4L2_CID_EXPOSURE, exposure_us / options_.line_us)
+                                             : set_control(V4L2_CID_EXPOSURE_ABSOLUTE, exposure_us / 100);
     if (exposed != Set::done) return bad_setting("exposure", exposed);
     Set gained = set_control(V4L2_CID_ANALOGUE_GAIN, settings.gain_db / options_.gain_step_db);
-    if (gained == Set::no_control) gained = set_control(V4L2_CID_GAIN, settings.gain_db / options_.gain_step_db);
+    if (gained == Set::no_control)
+      gained = set_control(V4L2_CID_GAIN, settings.gain_db / options_.gain_step_db);
     if (gained == Set::no_control && settings.gain_db == 0) gained = Set::done;
     if (gained != Set::done) return bad_setting("gain", gained);
     return {};

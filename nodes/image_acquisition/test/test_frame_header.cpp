@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "image/frame_file.hpp"
 #include "image/fits_writer.hpp"
+#include "image/frame_file.hpp"
 
 namespace srfs {
 namespace {

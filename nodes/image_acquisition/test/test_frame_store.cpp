@@ -20,9 +20,7 @@ class FrameStoreTest : public testing::Test {
     const Octets content(kib, 0x55);
     return store.add(task, store.next_number(task).value(), content);
   }
-  void mark(const std::string& file, FrameMark how) {
-    ASSERT_TRUE(image::mark_frame(images_ / file, how));
-  }
+  void mark(const std::string& file, FrameMark how) { ASSERT_TRUE(image::mark_frame(images_ / file, how)); }
   bool is_there(const std::string& file) { return fs::exists(images_ / file); }
 
   testing_support::TemporaryFolder temporary_;

@@ -67,7 +67,8 @@ class ScriptedCamera : public hw::Camera {
     open_ = false;
   }
   Result<void, hw::CameraFault> prepare(const hw::CameraSettings& settings) override {
-    if (settings.gain_db > 50) return Err(hw::CameraFault{hw::CameraFault::Kind::bad_setting, "gain 50 dB at most"});
+    if (settings.gain_db > 50)
+      return Err(hw::CameraFault{hw::CameraFault::Kind::bad_setting, "gain 50 dB at most"});
     settings_ = settings;
     return {};
   }
@@ -86,7 +87,8 @@ class ScriptedCamera : public hw::Camera {
       return std::optional<hw::CameraFrame>{};
     }
     std::this_thread::sleep_for(left);
-    if (shot_ == Shot::unsound) return Err(hw::CameraFault{hw::CameraFault::Kind::unsound, "short: 7 octets"});
+    if (shot_ == Shot::unsound)
+      return Err(hw::CameraFault{hw::CameraFault::Kind::unsound, "short: 7 octets"});
     if (shot_ != Shot::repeated) ++sequence_;
     hw::CameraFrame frame;
     frame.pixels = image::Grid<std::uint16_t>(64, 48, std::uint16_t{100});

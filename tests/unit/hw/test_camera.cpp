@@ -1,3 +1,4 @@
+#include <cmath>
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -45,8 +46,7 @@ TEST(PixelFormat, UnpacksMipiGroups) {
   // Pixels 0x3FF, 0x001, 0x2AA, 0x155; their two low bits together in the fifth octet, the first's lowest.
   EXPECT_THAT(unpacked("Y10P", 4, 1, {0xFF, 0x00, 0xAA, 0x55, 0b01'10'01'11}, 5),
               ElementsAre(0x3FF, 0x001, 0x2AA, 0x155));
-  EXPECT_THAT(unpacked("SGRBG10P", 5, 1, {1, 2, 3, 4, 0, 5, 0, 0, 0, 3}, 10),
-              ElementsAre(4, 8, 12, 16, 23));
+  EXPECT_THAT(unpacked("SGRBG10P", 5, 1, {1, 2, 3, 4, 0, 5, 0, 0, 0, 3}, 10), ElementsAre(4, 8, 12, 16, 23));
   EXPECT_THAT(unpacked("Y12P", 2, 1, {0xAB, 0x12, 0x3C}, 3), ElementsAre(0xABC, 0x123));
   EXPECT_THAT(unpacked("SRGGB12P", 3, 1, {0xAB, 0x12, 0x3C, 0xFF, 0, 0x0F}, 6),
               ElementsAre(0xABC, 0x123, 0xFFF));
@@ -99,7 +99,8 @@ TEST(OpenCamera, NamesWhatIsWrongWithTheUri) {
 }
 
 TEST(AbsentCamera, SaysSo) {
-  for (const char* uri : {"v4l2:/nonexistent/video0", "v4l2:/dev/null", "sim:run/camera.sock", "dir:pictures"}) {
+  for (const char* uri :
+       {"v4l2:/nonexistent/video0", "v4l2:/dev/null", "sim:run/camera.sock", "dir:pictures"}) {
     const auto camera = open_camera(uri, "/nonexistent").value();
     const auto opened = camera->open();
     ASSERT_FALSE(opened) << uri;
@@ -258,8 +259,8 @@ TEST_F(AssemblerTest, DropsFramesThatNobodyWaitsFor) {
 TEST(SimCameraMessages, AreReadAsTheyWereWritten) {
   const auto settings = sim::decode_request(sim::encode(sim::SettingsRequest{1500, 2.5F}));
   EXPECT_EQ(std::get<sim::SettingsRequest>(settings.value()).exposure_us, 1500U);
-  EXPECT_EQ(std::get<sim::BeginRequest>(sim::decode_request(sim::encode(sim::BeginRequest{9})).value()).number,
-            9U);
+  EXPECT_EQ(
+      std::get<sim::BeginRequest>(sim::decode_request(sim::encode(sim::BeginRequest{9})).value()).number, 9U);
   EXPECT_TRUE(sim::decode_request(sim::encode(sim::AbandonRequest{})));
   Octets longer = sim::encode(sim::BeginRequest{9});
   longer.push_back(0);
