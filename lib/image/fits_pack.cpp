@@ -57,12 +57,9 @@ LONGLONG write_all(fitsfile* file, const Grid<std::uint16_t>& pixels, std::span<
 }
 
 Result<Octets, Refusal> encode(const Grid<std::uint16_t>& pixels, std::span<const FitsCard> cards) {
-  constexpr std::size_t block = 2880;
-  constexpr std::size_t growth = 1U << 20;
-  Memory memory;
-  memory.size = (pixels.size() / block + 32) * block;  // eight bits a pixel is what noise packs to
-  memory.start = std::malloc(memory.size);
-  if (memory.start == nullptr) return Err(Refusal{"FITS: no memory"});
+  constexpr std::size_t header_octets = 5U * 2880U;
+  const std::size_t growth = pixels.size() + header_octets;  // eight bits a pixel is what noise packs to
+  Memory memory;  // empty: what it has at first would be taken for a file
   int status = 0;
   fitsfile* file = nullptr;
   if (fits_create_memfile(&file, &memory.start, &memory.size, growth, std::realloc, &status) != 0)

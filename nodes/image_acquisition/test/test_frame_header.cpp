@@ -86,6 +86,17 @@ TEST(FrameHeader, MakesAFileThatReadsAsTheFrameItWas) {
   EXPECT_NEAR(read->time_s.value(), static_cast<double>(facts().begin->ns()) * 1e-9, 1e-6);
 }
 
+TEST(FrameHeader, MakesTheSameFileWhateverTheMemoryHeldBefore) {
+  const hw::CameraFrame f = frame();
+  const auto first = image::encode_packed_fits(f.pixels, frame_header(f, facts()));
+  ASSERT_TRUE(first);
+  for (int i = 0; i < 20; ++i) {
+    const auto again = image::encode_packed_fits(f.pixels, frame_header(f, facts()));
+    ASSERT_TRUE(again) << again.error().reason;
+    ASSERT_EQ(again->size(), first->size());
+  }
+}
+
 TEST(FrameHeader, FitsAreSmallerThanTheirPixels) {
   hw::CameraFrame f = frame();
   f.pixels = image::Grid<std::uint16_t>::unset(640, 480);
