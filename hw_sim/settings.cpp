@@ -28,13 +28,20 @@ std::string device(const ConfigSection& section, const char* key, const std::vec
   return uri;
 }
 
+/// The camera where hw_sim plays it.
+std::optional<std::string> own_camera(const ConfigSection& section) {
+  if (!section.has("camera") || !section.text("camera").starts_with("sim:")) return std::nullopt;
+  return device(section, "camera", {"sim"});
+}
+
 DeviceUris read_devices(const ConfigSection& section) {
   return {device(section, "can", {"sim", "socketcan"}),
           device(section, "rs422", {"serial"}),
           device(section, "gps_pulse", {"sim"}),
           device(section, "gps_serial", {"serial"}),
           device(section, "gpio", {"sim"}),
-          device(section, "watchdog", {"sim", "dev"})};
+          device(section, "watchdog", {"sim", "dev"}),
+          own_camera(section)};
 }
 
 void read_link(const ConfigSection& section, SimulationSettings& settings) {
@@ -97,6 +104,30 @@ void read_peripherals(const ConfigSection& section, PeripheralSettings& peripher
   section.finish();
 }
 
+void read_camera(const ConfigSection& section, SkyCameraSettings& camera) {
+  camera.width = static_cast<int>(section.integer("width", 64, 4096, camera.width));
+  camera.height = static_cast<int>(section.integer("height", 64, 4096, camera.height));
+  camera.bits = static_cast<int>(section.integer("bits", 8, 16, camera.bits));
+  camera.field_deg = section.number("field_deg", 0.5, 60, camera.field_deg);
+  camera.fwhm_px = section.number("fwhm_px", 0.5, 6, camera.fwhm_px);
+  camera.background_e_s = section.number("background_e_s", 0, 1e6, camera.background_e_s);
+  camera.read_noise_e = section.number("read_noise_e", 0, 1000, camera.read_noise_e);
+  camera.hot_pixels = static_cast<int>(section.integer("hot_pixels", 0, 100'000, camera.hot_pixels));
+  if (section.has("pointing")) {
+    const ConfigSection pointing = section.section("pointing");
+    camera.pointing = FixedPointing{pointing.number("ra_deg", 0, 360), pointing.number("dec_deg", -90, 90),
+                                    pointing.number("roll_deg", -360, 360, 0),
+                                    pointing.number("drift_arcsec_s", -36'000, 36'000, 0)};
+    pointing.finish();
+  }
+  const ConfigSection debris = section.section("debris");
+  camera.debris.interval_s = debris.number("interval_s", 0, 1e6, camera.debris.interval_s);
+  camera.debris.rate_deg_s = debris.number("rate_deg_s", 0.01, 20, camera.debris.rate_deg_s);
+  camera.debris.magnitude = debris.number("magnitude", -5, 12, camera.debris.magnitude);
+  debris.finish();
+  section.finish();
+}
+
 void read_simulation(const ConfigSection& section, SimulationSettings& settings) {
   WorldSettings& world = settings.world;
   world.seed = static_cast<std::uint64_t>(
@@ -107,6 +138,7 @@ void read_simulation(const ConfigSection& section, SimulationSettings& settings)
   read_orbit(section.section("orbit"), settings);
   read_gps(section.section("gps"), settings.gps);
   read_watchdog(section.section("watchdog"), settings.watchdog);
+  read_camera(section.section("camera"), settings.camera);
   read_peripherals(section.section("peripherals"), settings.peripheral);
   const ConfigSection rs422 = section.section("rs422");
   settings.rs422_flip_probability = rs422.number("flip_probability", 0, 0.5, 0);
@@ -117,6 +149,7 @@ void read_simulation(const ConfigSection& section, SimulationSettings& settings)
   section.finish();
   settings.gps.seed = world.seed + 1;
   settings.peripheral.seed = world.seed + 2;
+  settings.camera.seed = world.seed + 5;
 }
 
 }  // namespace

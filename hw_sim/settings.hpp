@@ -8,6 +8,7 @@
 #include "base/config.hpp"
 #include "hw_sim/gps_receiver.hpp"
 #include "hw_sim/peripheral.hpp"
+#include "hw_sim/sky_camera.hpp"
 #include "hw_sim/spacecraft_world.hpp"
 
 namespace srfs::sim {
@@ -20,6 +21,7 @@ struct DeviceUris {
   std::string gps_serial;
   std::string gpio;
   std::string watchdog;
+  std::optional<std::string> camera;  ///< none: another one's, or none
 };
 
 struct WatchdogSettings {
@@ -38,6 +40,7 @@ struct SimulationSettings {
   PeripheralSettings peripheral;
   GpsSettings gps;
   WatchdogSettings watchdog;
+  SkyCameraSettings camera;
   double rs422_flip_probability = 0;   ///< of each bit
   double rs422_burst_probability = 0;  ///< of each octet to begin 32 octets of noise
   std::optional<std::string> can_log;  ///< relative to VAR

@@ -132,6 +132,7 @@ Result<std::unique_ptr<Simulator>, std::string> Simulator::create(
   std::unique_ptr<Simulator> simulator(new Simulator(loop, settings, now));
   if (auto opened = simulator->open_can(settings, var, now); !opened) return Err(opened.error());
   if (auto opened = simulator->open_gps(settings, var, now); !opened) return Err(opened.error());
+  if (auto opened = simulator->open_camera(settings, var, now); !opened) return Err(opened.error());
   if (auto opened = simulator->open_others(settings, var, restart_command); !opened)
     return Err(opened.error());
   return simulator;
@@ -178,6 +179,25 @@ Result<void, std::string> Simulator::open_gps(const SimulationSettings& settings
       loop_, settings.gps, std::move(*pulse_socket), std::move(*port), *port_path,
       [this] { return position_of(world_.orbit()); }, now);
   return {};
+}
+
+Result<void, std::string> Simulator::open_camera(const SimulationSettings& settings,
+                                                 const std::filesystem::path& var, MonotonicTime now) {
+  if (!settings.devices.camera) return {};
+  const auto path = served(*settings.devices.camera, "sim", var);
+  if (!path) return Err(path.error());
+  auto camera = CameraDevice::create(*path, settings.camera);
+  if (!camera) return Err(camera.error());
+  camera_ = std::move(*camera);
+  point_camera(now);
+  return {};
+}
+
+void Simulator::point_camera(MonotonicTime now) {
+  if (!camera_) return;
+  const AttitudeState& state = world_.attitude().state();
+  camera_->set_pose({state.attitude, state.rate_rad_s}, now,
+                    world_.thermal().temperature_k(ThermalNode::camera));
 }
 
 Result<void, std::string> Simulator::open_others(const SimulationSettings& settings,
@@ -237,6 +257,7 @@ void Simulator::step(MonotonicTime now) {
   }
   world_.step(now - stepped_);
   stepped_ = now;
+  point_camera(now);
   rs422_->release_exclusive_holds();
   gps_->release_exclusive_hold();
   if (can_log_ && now - flushed_ >= seconds(1)) {
@@ -319,6 +340,18 @@ void Simulator::set_gpio_inputs(const nlohmann::json& bank) {
   gpio_.force_inputs(bits < 0 ? std::nullopt : std::optional(static_cast<std::uint8_t>(bits)));
 }
 
+/// {"fault": "none", "frames": 1} or {"pass": true}
+void Simulator::set_camera(const nlohmann::json& wanted) {
+  only_keys(wanted, {"fault", "frames", "pass"});
+  if (!camera_) throw std::invalid_argument("'camera': the deployment's camera is not simulated");
+  if (wanted.value("pass", false)) camera_->pass_next();
+  if (!wanted.contains("fault")) return;
+  const auto how = camera_misbehaviour(wanted.at("fault").get<std::string>());
+  if (!how)
+    throw std::invalid_argument("'fault': expected one of none, absent, silent, short, torn, repeated");
+  camera_->misbehave(*how, static_cast<int>(integer(wanted, "frames", 1, 1'000'000, 1)));
+}
+
 nlohmann::json Simulator::counters() const {
   nlohmann::json out;
   for (std::size_t i = 0; i < peripherals_.size(); ++i) {
@@ -390,6 +423,7 @@ nlohmann::json Simulator::counters() const {
                        {"restarts_killed", w.restarts_killed}};
   }
   out["gpio"] = {{"requests", gpio_.counters().requests}, {"refused", gpio_.counters().refused}};
+  if (camera_) out["camera"] = camera_->counters();
   out["late_steps"] = late_steps_;
   return out;
 }
@@ -411,7 +445,8 @@ nlohmann::json Simulator::query(const std::string& what) const {
   }
   if (what == "counters") return counters();
   if (what == "executed") return executed();
-  throw std::invalid_argument("'query': expected truth, counters or executed");
+  if (what == "camera") return {{"camera", camera_ ? camera_->truth() : nlohmann::json()}};
+  throw std::invalid_argument("'query': expected truth, counters, executed or camera");
 }
 
 /// A fault by name, or an object with the keys of a disturbance.
@@ -432,13 +467,14 @@ nlohmann::json Simulator::apply(const nlohmann::json& request, MonotonicTime now
     reply["ok"] = true;
     return reply;
   }
-  only_keys(request, {"peripheral", "gps", "rs422", "can", "gpio", "query"});
+  only_keys(request, {"peripheral", "gps", "rs422", "can", "gpio", "camera", "query"});
   if (request.contains("gps")) {
     set_gps(request.at("gps"));
   }
   if (request.contains("rs422")) set_line_faults(request.at("rs422"));
   if (request.contains("can")) set_bus_faults(request.at("can"), now);
   if (request.contains("gpio")) set_gpio_inputs(request.at("gpio"));
+  if (request.contains("camera")) set_camera(request.at("camera"));
   if (request.contains("query")) reply = query(request.at("query").get<std::string>());
   reply["ok"] = true;
   return reply;

@@ -9,6 +9,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "base/result.hpp"
+#include "hw_sim/camera_device.hpp"
 #include "hw_sim/can_hub.hpp"
 #include "hw_sim/can_log.hpp"
 #include "hw_sim/can_peripheral.hpp"
@@ -46,6 +47,9 @@ class Simulator {
   [[nodiscard]] Result<void, std::string> open_others(const SimulationSettings& settings,
                                                       const std::filesystem::path& var,
                                                       const std::vector<std::string>& restart_command);
+  [[nodiscard]] Result<void, std::string> open_camera(const SimulationSettings& settings,
+                                                      const std::filesystem::path& var, MonotonicTime now);
+  void point_camera(MonotonicTime now);
   [[nodiscard]] Result<void, std::string> open_watchdog(const SimulationSettings& settings,
                                                         const std::filesystem::path& var,
                                                         const std::vector<std::string>& restart_command);
@@ -58,6 +62,7 @@ class Simulator {
   void set_line_faults(const nlohmann::json& faults);
   void set_gps(const nlohmann::json& wanted);
   void set_gpio_inputs(const nlohmann::json& bank);
+  void set_camera(const nlohmann::json& wanted);
   [[nodiscard]] nlohmann::json query(const std::string& what) const;
   [[nodiscard]] nlohmann::json counters() const;
   /// Telecommands that the peripherals carried out: how many ever, and the last ids in order.
@@ -77,6 +82,7 @@ class Simulator {
   std::unique_ptr<SeqpacketServer> gpio_socket_;
   std::unique_ptr<GpsDevice> gps_;
   std::unique_ptr<Rs422Device> rs422_;
+  std::unique_ptr<CameraDevice> camera_;  // none when the deployment has another
   std::unique_ptr<WatchdogDevice> watchdog_;
   std::unique_ptr<SeqpacketServer> watchdog_socket_;
   std::unique_ptr<SeqpacketServer> control_socket_;

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "base/octets.hpp"
+#include "image/fits_writer.hpp"
 #include "image/frame.hpp"
 
 namespace srfs::image {
@@ -16,3 +17,8 @@ namespace srfs::image {
 /// Any FITS image, by cfitsio: in a library of its own, since cfitsio brings fifty others.
 extern "C" void srfs_decode_packed_fits(srfs::OctetView content,
                                         srfs::Result<srfs::image::Frame, srfs::image::Refusal>& decoded);
+
+/// Writes them, by cfitsio too.
+extern "C" void srfs_encode_packed_fits(const srfs::image::Grid<std::uint16_t>& pixels,
+                                        std::span<const srfs::image::FitsCard> cards,
+                                        srfs::Result<srfs::Octets, srfs::image::Refusal>& encoded);

@@ -1,6 +1,5 @@
 #include "image/frame_file.hpp"
 
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -23,6 +22,7 @@
 #include "base/fd.hpp"
 #include "base/file.hpp"
 #include "image/fits.hpp"
+#include "image/fits_library.hpp"
 
 namespace srfs::image {
 namespace {
@@ -50,35 +50,11 @@ void average_row(const T* in, int samples, int colours, float* out, int width) {
 // --- FITS
 // ----------------------------------------------------------------------------------------------------
 
-/// Decoder of all FITS files, or why there is none.
-struct PackedFits {
-  decltype(&srfs_decode_packed_fits) decode = nullptr;
-  std::string problem;
-};
-
-/// cfitsio brings GnuTLS, Kerberos and LDAP into a process: it comes only when a file needs it.
-PackedFits load_packed_fits() {
-  // Beside this library, by its full path: where others wrap dlopen, the run path is theirs.
-  std::filesystem::path path = SRFS_FITS_LIBRARY;
-  Dl_info here{};
-  if (dladdr(reinterpret_cast<const void*>(&load_packed_fits), &here) != 0 && here.dli_fname != nullptr)
-    path = std::filesystem::path(here.dli_fname).parent_path() / path;
-  const auto problem = [] {
-    const char* text = dlerror();
-    return std::string("FITS: ") + (text != nullptr ? text : "its library cannot be loaded");
-  };
-  void* const library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-  if (library == nullptr) return {nullptr, problem()};
-  void* const symbol = dlsym(library, "srfs_decode_packed_fits");
-  if (symbol == nullptr) return {nullptr, problem()};
-  return {reinterpret_cast<decltype(&srfs_decode_packed_fits)>(symbol), ""};
-}
-
 Decoded decode_packed_fits(OctetView content) {
-  static const PackedFits packed = load_packed_fits();
-  if (packed.decode == nullptr) return Err(Refusal{packed.problem});
+  static const FitsFunction function = fits_function("srfs_decode_packed_fits");
+  if (function.address == nullptr) return Err(Refusal{function.problem});
   Decoded decoded = Frame{};
-  packed.decode(content, decoded);
+  reinterpret_cast<decltype(&srfs_decode_packed_fits)>(function.address)(content, decoded);
   return decoded;
 }
 

@@ -1,0 +1,106 @@
+"""Frames of the simulated sky: taken at the commanded time, stored, and what becomes of them when the camera misbehaves."""
+
+import json
+import math
+import subprocess
+import unittest
+
+from support import BIN, DEADLINE_S, SystemTest
+
+CAMERA = """  camera: { width: 960, height: 540, field_deg: 12, pointing: { ra_deg: 84.05, dec_deg: -1.2, roll_deg: 20 }, debris: { magnitude: 2, rate_deg_s: 3 } }
+  watchdog:"""
+
+CAMERA_ABSENT, CAMERA_FAILED, BAD_SETTING = 110, 111, 120
+
+
+class CaptureTest(SystemTest):
+    def capture(self, task, *options):
+        run = subprocess.run([BIN / "capture_client", self.var, str(task), *options], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        return json.loads(run.stdout)
+
+    def detect(self, method, *files):
+        paths = [self.var / "images" / f for f in files]
+        run = subprocess.run([BIN / "srfs-detect", "--method", method, "--json", *paths], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        return json.loads(run.stdout)
+
+    def test_frames_are_taken_at_their_time_and_show_the_sky(self):
+        with self.flight(self.deployment(("  watchdog: { timeout", CAMERA + " { timeout"))) as flight:
+            ground = flight.ground()
+
+            with self.subTest("at the commanded time"):
+                result = self.capture(17, "--frames", "3", "--interval-ms", "400", "--start-in-ms", "3000", "--exposure-us", "100000")
+                self.assertEqual((result["state"], result["failure_code"]), ("succeeded", 0), result)
+                self.assertEqual(result["files"], [f"frames/0000000017/000{n}.fits" for n in (1, 2, 3)])
+                self.assertLess(abs(result["start_error_us"]), 100_000)
+                for file in result["files"]:
+                    self.assertTrue((self.var / "images" / file).is_file())
+
+            with self.subTest("the stars are where the truth says"):
+                truth = flight.control({"query": "camera"})["camera"]
+                stars = self.detect("star_centroid", result["files"][-1])["stars"]
+                inside = [t for t in truth["stars"][3:15] if 10 < t["x"] < 949 and 10 < t["y"] < 529]
+                self.assertGreater(len(inside), 3)
+                for t in inside:
+                    self.assertTrue(any(math.hypot(s["x"] - t["x"], s["y"] - t["y"]) < 1 for s in stars), t)
+                solution = self.detect("plate_solve", result["files"][-1])["solution"]
+                self.assertAlmostEqual(solution["ra_deg"], truth["ra_deg"], delta=0.01)
+                self.assertAlmostEqual(solution["dec_deg"], truth["dec_deg"], delta=0.01)
+                self.assertAlmostEqual(solution["roll_deg"], truth["roll_deg"], delta=0.1)
+                self.assertFalse(solution["mirrored"])
+
+            with self.subTest("debris leaves its streak"):
+                flight.control({"camera": {"pass": True}})
+                result = self.capture(18, "--exposure-us", "500000")
+                truth = flight.control({"query": "camera"})["camera"]["streaks"]
+                self.assertEqual(len(truth), 1)
+                found = self.detect("streak", *result["files"])["streaks"]
+                ends = [(truth[0]["x1"], truth[0]["y1"]), (truth[0]["x2"], truth[0]["y2"])]
+
+                def distance(s):
+                    direct = max(math.dist((s["x1"], s["y1"]), ends[0]), math.dist((s["x2"], s["y2"]), ends[1]))
+                    return min(direct, max(math.dist((s["x1"], s["y1"]), ends[1]), math.dist((s["x2"], s["y2"]), ends[0])))
+
+                self.assertTrue(found)
+                self.assertLess(min(distance(s) for s in found), 4)
+
+            with self.subTest("bad frames are taken again, and counted"):
+                for fault in ("short", "torn", "repeated"):
+                    flight.control({"camera": {"fault": fault, "frames": 1}})
+                    self.assertEqual(self.capture(19, "--frames", "2")["state"], "succeeded", fault)
+                self.assertEqual(ground.fresh("image_acquisition", DEADLINE_S)["frames_lost"], 3)
+                flight.control({"camera": {"fault": "torn", "frames": 3}})
+                failed = self.capture(20, "--frames", "2")
+                self.assertEqual((failed["state"], failed["failure_code"]), ("aborted", CAMERA_FAILED), failed)
+                self.assertIn("torn", failed["reason"])
+
+            with self.subTest("an unplugged camera is said, and used again when it is back"):
+                since = ground.position()
+                flight.control({"camera": {"fault": "absent"}})
+                failed = self.capture(21)
+                self.assertEqual((failed["state"], failed["failure_code"]), ("aborted", CAMERA_ABSENT), failed)
+                self.assertTrue(ground.wait_for(lambda m: m.get("event") == "image.camera_lost", DEADLINE_S, since))
+                flight.control({"camera": {"fault": "none"}})
+                self.assertTrue(ground.wait_for(lambda m: m.get("event") == "image.camera_ready", DEADLINE_S, since))
+                self.assertEqual(self.capture(21)["state"], "succeeded")
+
+            with self.subTest("what cannot be is refused with its reason"):
+                self.assertEqual(self.capture(22, "--frames", "0")["state"], "aborted")
+                self.assertEqual(self.capture(22, "--gain-db", "55")["failure_code"], BAD_SETTING)
+
+            with self.subTest("a task that waits, or exposes, is cancelled"):
+                waiting = self.capture(23, "--start-in-ms", "600000", "--cancel-after", "0")
+                self.assertEqual((waiting["state"], waiting["files"]), ("canceled", []))
+                partly = self.capture(24, "--frames", "50", "--interval-ms", "300", "--cancel-after", "2")
+                self.assertEqual(partly["state"], "canceled")
+                self.assertGreaterEqual(len(partly["files"]), 2)
+
+            with self.subTest("the store is counted"):
+                counted = ground.fresh("image_acquisition", DEADLINE_S)
+                self.assertEqual(counted["store_frames"], len(list((self.var / "images").rglob("*.fits"))))
+                self.assertEqual(counted["camera_state"], "ready")
+
+
+if __name__ == "__main__":
+    unittest.main()
