@@ -10,8 +10,8 @@ namespace srfs::image {
 
 /// What is drawn over a frame, in its pixels.
 struct Overlay {
-  std::vector<Star> stars;                                ///< green circles
-  std::vector<Streak> streaks;                            ///< red boxes around them
+  std::vector<Star> stars;                                 ///< green circles
+  std::vector<Streak> streaks;                             ///< red boxes around them
   std::vector<std::vector<std::array<double, 2>>> tracks;  ///< yellow: a circle a point, a line through them
 };
 

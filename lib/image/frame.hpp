@@ -104,7 +104,8 @@ struct Frame {
   std::optional<float> saturation_adu;
 };
 
-/// While it lives, its thread refuses frames of more pixels too: where memory is capped. One at a time a thread.
+/// While it lives, its thread refuses frames of more pixels too: where memory is capped. One at a time a
+/// thread.
 class FramePixelsLimit {
  public:
   explicit FramePixelsLimit(std::int64_t pixels);

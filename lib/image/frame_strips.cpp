@@ -209,8 +209,7 @@ class StripReader {
       return 0;
     }
     if (!first_) {
-      found_.frame.pixels =
-          Plane(static_cast<int>(header->width), static_cast<int>(header->height), nan_f);
+      found_.frame.pixels = Plane(static_cast<int>(header->width), static_cast<int>(header->height), nan_f);
       present_.assign(header->strips(), false);
     }
     if (!take_samples(*header, packed, found_.frame.pixels)) {

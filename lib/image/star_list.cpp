@@ -19,8 +19,7 @@ constexpr double snr_units = 16;
 /// Rounded; what has no room becomes the nearest that has.
 std::int64_t units(double value, double factor, std::int64_t least, std::int64_t most) {
   if (!std::isfinite(value)) return least;
-  return std::llround(
-      std::clamp(value * factor, static_cast<double>(least), static_cast<double>(most)));
+  return std::llround(std::clamp(value * factor, static_cast<double>(least), static_cast<double>(most)));
 }
 
 std::int32_t signed_24(std::uint32_t v) {
@@ -55,7 +54,8 @@ Result<std::vector<ListedStar>, Refusal> decode_star_list(OctetView content) {
   const auto refuse = [](std::string why) { return Err(Refusal{std::move(why)}); };
   OctetReader r(content);
   const OctetView begin = r.bytes(marker.size());
-  if (!r.ok() || !std::equal(begin.begin(), begin.end(), marker.begin())) return refuse("not a list of stars");
+  if (!r.ok() || !std::equal(begin.begin(), begin.end(), marker.begin()))
+    return refuse("not a list of stars");
   if (const auto found = r.u8(); found != version)
     return refuse(fmt::format("a list of stars of version {}; expected {}", found, version));
   r.u24();
@@ -87,7 +87,8 @@ const std::vector<ListedStar>& BrightestStars::sorted() {
 }
 
 void BrightestStars::cut() {
-  std::nth_element(stars_.begin(), stars_.begin() + static_cast<std::ptrdiff_t>(most_), stars_.end(), brighter);
+  std::nth_element(stars_.begin(), stars_.begin() + static_cast<std::ptrdiff_t>(most_), stars_.end(),
+                   brighter);
   dropped_ += stars_.size() - most_;
   stars_.resize(most_);
 }

@@ -15,8 +15,8 @@ namespace srfs {
 
 /// Pictures of what was found, for people, made from the frames as they come by once more. Pure.
 ///
-/// A streak's picture is its surroundings, at most 256 px long; a tracklet's is up to eight pieces of 32 px side
-/// by side, in the order of the frames. At most 16 tracklets and 24 streaks, the most significant.
+/// A streak's picture is its surroundings, at most 256 px long; a tracklet's is up to eight pieces of 32 px
+/// side by side, in the order of the frames. At most 16 tracklets and 24 streaks, the most significant.
 class CutOuts {
  public:
   explicit CutOuts(const TaskFindings& findings);

@@ -45,17 +45,18 @@ class Filler {
 }  // namespace
 
 std::optional<std::string> findings_text(const TaskFindings& findings, std::size_t budget) {
-  Json object{{"task", findings.task},
-              {"method", findings.method},
-              {"parameters", findings.parameters},
-              {"frame_count", findings.frames.size()},
-              {"solution", image::to_json(findings.attitude)},
-              {"tracklets", Json::array()},
-              {"streaks", Json::array()},
-              {"defects", Json::array()},
-              {"frames", Json::array()},
-              {"refused", Json::array()},
-              {"left_out", {{"tracklets", 0}, {"streaks", 0}, {"defects", 0}, {"frames", 0}, {"refused", 0}}}};
+  Json object{
+      {"task", findings.task},
+      {"method", findings.method},
+      {"parameters", findings.parameters},
+      {"frame_count", findings.frames.size()},
+      {"solution", image::to_json(findings.attitude)},
+      {"tracklets", Json::array()},
+      {"streaks", Json::array()},
+      {"defects", Json::array()},
+      {"frames", Json::array()},
+      {"refused", Json::array()},
+      {"left_out", {{"tracklets", 0}, {"streaks", 0}, {"defects", 0}, {"frames", 0}, {"refused", 0}}}};
   const std::size_t least = Filler::dumped(object).size() + room_for_counts;
   if (least > budget) return std::nullopt;
   Filler filler(object, budget - least);

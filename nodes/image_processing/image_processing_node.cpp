@@ -52,7 +52,8 @@ ImageProcessingNode::ImageProcessingNode(ros::NodeContext& context) : LifecycleN
                     "Size of all products on board; the oldest task's go first", true);
   declare_parameter(
       "frame_pixels_max", std::int64_t{6'000'000}, ros::ParameterRange{256, image::frame_pixels_max},
-      "Larger frames are refused; one takes 40 octets a pixel of the node's memory while it is processed", true);
+      "Larger frames are refused; one takes 40 octets a pixel of the node's memory while it is processed",
+      true);
 }
 
 // ---------------------------------------------------------------- lifecycle
@@ -78,9 +79,13 @@ CallbackReturn ImageProcessingNode::on_configure() {
 void ImageProcessingNode::open_store() {
   store_ = std::make_shared<std::optional<ProductStore>>();
   const auto quota = static_cast<std::uint64_t>(get_parameter<std::int64_t>("product_quota_mib")) * mebibyte;
+  auto octets = std::make_shared<std::uint64_t>(0);
   worker_->post(
-      [slot = store_, images = images_of(var()), quota] { slot->emplace(images, quota); },
-      [this] { counters_.product_store_mib = as_u32((*store_)->octets() / mebibyte); });
+      [slot = store_, images = images_of(var()), quota, octets] {
+        slot->emplace(images, quota);
+        *octets = (*slot)->octets();
+      },
+      [this, octets] { counters_.product_store_mib = as_u32(*octets / mebibyte); });
 }
 
 CallbackReturn ImageProcessingNode::on_deactivate() {
@@ -157,7 +162,8 @@ void ImageProcessingNode::post_step() {
 void ImageProcessingNode::on_step(const std::shared_ptr<ImageTask>& task, const Step& step) {
   counters_.product_store_mib = as_u32(step.store_octets / mebibyte);
   if (!running_ || running_->task != task) return;  // aborted meanwhile
-  for (const std::string& problem : step.report.problems) log::warn("image task {}: {}", task->request().task, problem);
+  for (const std::string& problem : step.report.problems)
+    log::warn("image task {}: {}", task->request().task, problem);
   for (const auto& refused : step.report.refused) {
     ++counters_.frames_refused;
     raise(mission::ImageFrameRefusedEvent{refused.file.substr(0, longest_file),
@@ -282,8 +288,8 @@ void ImageProcessingNode::abort_all() {
 // ---------------------------------------------------------------- housekeeping
 
 void ImageProcessingNode::publish_housekeeping() {
-  publish_telemetry(ros::telemetry_message(name(), counters_, time_.cycle(), time_.utc_at(now()), time_.valid(),
-                                           now()));
+  publish_telemetry(
+      ros::telemetry_message(name(), counters_, time_.cycle(), time_.utc_at(now()), time_.valid(), now()));
 }
 
 }  // namespace srfs

@@ -68,12 +68,23 @@ StepReport ImageTask::step(ProductStore& store) {
 
 void ImageTask::advance(ProductStore& store, StepReport& report) {
   switch (phase_) {
-    case Phase::frames: process_next(report); break;
-    case Phase::findings: make_findings(store, report); break;
-    case Phase::cut_outs: cut_next(report); break;
-    case Phase::pictures: make_pictures(store, report); break;
-    case Phase::full_frames: pack_next(store, report); break;
-    case Phase::done: break;
+    case Phase::frames:
+      process_next(report);
+      break;
+    case Phase::findings:
+      make_findings(store, report);
+      break;
+    case Phase::cut_outs:
+      cut_next(report);
+      break;
+    case Phase::pictures:
+      make_pictures(store, report);
+      break;
+    case Phase::full_frames:
+      pack_next(store, report);
+      break;
+    case Phase::done:
+      break;
   }
 }
 
@@ -161,8 +172,8 @@ void ImageTask::take_findings(const std::string& file, const image::Frame& frame
   }
   const bool detected = !found.streaks.empty();
   Used used{file, found.fwhm_px, {}};
-  used.report = {file,          frame.time_s,  found.stars.size(),       {},
-                 found.background, found.noise, found.fwhm_px, found.attitude};
+  used.report = {file,        frame.time_s,  found.stars.size(), {}, found.background,
+                 found.noise, found.fwhm_px, found.attitude};
   found.streaks.resize(std::min(found.streaks.size(), reported_streaks_most));
   used.report.streaks = std::move(found.streaks);
   if (!is_sequence_) {
@@ -311,8 +322,9 @@ std::string ImageTask::product_name(std::string_view prefix, const std::string& 
   const std::string_view joint = prefix.ends_with('_') ? "" : "_";
   const std::string name = fmt::format("{}{}{}{}", prefix, joint, stem, extension);
   const auto has_name = [&](const std::string& product) { return product.ends_with("/" + name); };
-  const bool taken = std::any_of(products_.begin(), products_.end(), has_name) ||
-                     std::any_of(pieces_.begin(), pieces_.end(), [&](const Piece& p) { return p.name == name; });
+  const bool taken =
+      std::any_of(products_.begin(), products_.end(), has_name) ||
+      std::any_of(pieces_.begin(), pieces_.end(), [&](const Piece& p) { return p.name == name; });
   return taken ? fmt::format("{}{}{}_{}{}", prefix, joint, stem, next_, extension) : name;
 }
 

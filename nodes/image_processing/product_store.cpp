@@ -31,7 +31,8 @@ std::uint64_t size_of(const std::filesystem::path& file) {
 std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder) {
   std::error_code failed;
   std::vector<std::filesystem::path> files;
-  for (std::filesystem::directory_iterator at(folder, failed), end; !failed && at != end; at.increment(failed))
+  for (std::filesystem::directory_iterator at(folder, failed), end; !failed && at != end;
+       at.increment(failed))
     files.push_back(at->path());
   return files;
 }
@@ -121,7 +122,8 @@ bool ProductStore::remove_oldest() {
   if (tasks_.size() <= (begun_ ? 1U : 0U)) return false;
   std::error_code failed;
   std::filesystem::remove_all(folder(tasks_.front().number), failed);
-  tasks_.erase(tasks_.begin());  // what cannot be removed is no longer counted; the next start counts it again
+  tasks_.erase(
+      tasks_.begin());  // what cannot be removed is no longer counted; the next start counts it again
   ++removed_tasks_;
   return true;
 }

@@ -176,12 +176,8 @@ constexpr int drawing_width_most = 4096;
 
 void print(const Report& report, const Options& options) {
   if (options.json) {
-    const Json all{{"method", options.method},
-                   {"frames", report.frames},
-                   {"stars", report.stars},
-                   {"streaks", report.streaks},
-                   {"tracklets", report.tracklets},
-                   {"defects", report.defects},
+    const Json all{{"method", options.method},   {"frames", report.frames},       {"stars", report.stars},
+                   {"streaks", report.streaks},  {"tracklets", report.tracklets}, {"defects", report.defects},
                    {"solution", report.solution}};
     std::printf("%s\n", all.dump().c_str());
     return;

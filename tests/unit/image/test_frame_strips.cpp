@@ -66,7 +66,8 @@ void expect_same(const Frame& frame) {
 }
 
 TEST(FrameStrips, GiveBackFramesOfEverySizeAndDepth) {
-  for (const auto& [width, height] : {std::pair(1, 1), {1, 700}, {700, 1}, {33, 65}, {200, 150}, {40000, 3}}) {
+  for (const auto& [width, height] :
+       {std::pair(1, 1), {1, 700}, {700, 1}, {33, 65}, {200, 150}, {40000, 3}}) {
     for (int bits = 1; bits <= 16; ++bits) expect_same(noise(width, height, bits));
   }
 }
@@ -176,11 +177,20 @@ TEST(FrameStrips, DamageSpoilsTheStripsItTouchesAndNoOther) {
     const auto begin = damaged.begin() + static_cast<std::ptrdiff_t>(from);
     const auto end = begin + static_cast<std::ptrdiff_t>(length);
     switch (trial % 5) {
-      case 0: std::fill(begin, end, std::uint8_t{0}); break;
-      case 1: damaged.erase(begin, end); break;
-      case 2: damaged.erase(begin, damaged.end()); break;
-      case 3: damaged[from] ^= static_cast<std::uint8_t>(1U << below(8)); break;
-      default: std::generate(begin, end, [&] { return static_cast<std::uint8_t>(random()); });
+      case 0:
+        std::fill(begin, end, std::uint8_t{0});
+        break;
+      case 1:
+        damaged.erase(begin, end);
+        break;
+      case 2:
+        damaged.erase(begin, damaged.end());
+        break;
+      case 3:
+        damaged[from] ^= static_cast<std::uint8_t>(1U << below(8));
+        break;
+      default:
+        std::generate(begin, end, [&] { return static_cast<std::uint8_t>(random()); });
     }
     const std::size_t last = trial % 5 == 2 ? file.size() - 1 : trial % 5 == 3 ? from : from + length - 1;
     const std::uint32_t first_touched = strip_at(from);
