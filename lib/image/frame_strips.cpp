@@ -154,6 +154,9 @@ bool take_samples(const StripHeader& header, OctetView packed, Plane& pixels) {
   stream.avail_out = samples * (wide ? 2 : 1);
   const std::size_t wanted = stream.avail_out;
   if (aec_buffer_decode(&stream) != AEC_OK || stream.total_out != wanted) return false;
+  unsigned all = 0;
+  for (std::size_t i = 0; i < samples; ++i) all |= wide ? values[i] : octets[i];
+  if (all >> header.bits != 0) return false;
   float* out = pixels.row(static_cast<int>(header.first_row()));
   for (std::size_t i = 0; i < samples; ++i) {
     const unsigned v = wide ? values[i] : octets[i];
