@@ -23,7 +23,7 @@ constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
 
 // Part of the format.
 constexpr unsigned block_samples = 32;
-constexpr unsigned reference_blocks = 64;
+constexpr unsigned segment_blocks = 64;
 
 struct StripHeader {
   std::uint8_t bits = 0;
@@ -40,6 +40,7 @@ struct StripHeader {
   [[nodiscard]] std::uint32_t first_row() const { return index * rows; }
   [[nodiscard]] std::uint32_t rows_here() const { return std::min(rows, height - first_row()); }
   [[nodiscard]] std::size_t samples() const { return std::size_t{rows_here()} * width; }
+  [[nodiscard]] int most() const { return (1 << bits) - 1; }
   [[nodiscard]] bool same_frame(const StripHeader& o) const {
     return bits == o.bits && shift == o.shift && width == o.width && height == o.height && rows == o.rows &&
            std::bit_cast<std::uint64_t>(time_s) == std::bit_cast<std::uint64_t>(o.time_s) &&
@@ -52,10 +53,73 @@ aec_stream stream_of(unsigned bits) {
   aec_stream stream{};
   stream.bits_per_sample = bits;
   stream.block_size = block_samples;
-  stream.rsi = reference_blocks;
-  stream.flags = AEC_DATA_PREPROCESS;
+  stream.rsi = segment_blocks;
   if constexpr (std::endian::native == std::endian::big) stream.flags |= AEC_DATA_MSB;
   return stream;
+}
+
+// --- prediction: differences from what the neighbours say, as whole numbers of the same bits (CCSDS
+// 121.0-B, 4.2.2)
+
+/// @param most  largest sample
+inline unsigned mapped(int value, int predicted, int most) {
+  const int difference = value - predicted;
+  const int size = std::abs(difference);
+  const int both_ways = std::min(predicted, most - predicted);
+  return static_cast<unsigned>(size <= both_ways ? 2 * size - (difference < 0 ? 1 : 0) : both_ways + size);
+}
+
+/// The inverse; out of range for what mapped() does not give.
+inline int unmapped(int code, int predicted, int most) {
+  const int both_ways = std::min(predicted, most - predicted);
+  if (code <= 2 * both_ways) return predicted + (code % 2 == 0 ? code / 2 : -(code + 1) / 2);
+  const int size = code - both_ways;
+  return predicted == both_ways ? predicted + size : predicted - size;
+}
+
+/// Mean of the left neighbour and of the three above.
+inline int mean_of(int left, int above_left, int above, int above_right) {
+  return (left + above_left + above + above_right + 2) / 4;
+}
+
+SRFS_VECTORISED
+void map_inner(const std::uint16_t* above, const std::uint16_t* row, std::uint16_t* out, std::size_t n,
+               int most) {
+  for (std::size_t x = 1; x + 1 < n; ++x)
+    out[x] = static_cast<std::uint16_t>(
+        mapped(row[x], mean_of(row[x - 1], above[x - 1], above[x], above[x + 1]), most));
+}
+
+/// @param above  the row before in the strip; null: there is none
+void map_row(const std::uint16_t* above, const std::uint16_t* row, std::uint16_t* out, std::size_t n,
+             int most) {
+  if (above == nullptr) {
+    for (std::size_t x = 0; x < n; ++x)
+      out[x] = static_cast<std::uint16_t>(mapped(row[x], x > 0 ? row[x - 1] : 0, most));
+    return;
+  }
+  out[0] = static_cast<std::uint16_t>(mapped(row[0], above[0], most));
+  map_inner(above, row, out, n, most);
+  if (n > 1)
+    out[n - 1] = static_cast<std::uint16_t>(
+        mapped(row[n - 1], mean_of(row[n - 2], above[n - 2], above[n - 1], above[n - 1]), most));
+}
+
+/// In place. @return whether all are samples
+bool unmap_row(const std::uint16_t* above, std::uint16_t* row, std::size_t n, int most) {
+  int left = 0;
+  bool sound = true;
+  for (std::size_t x = 0; x < n; ++x) {
+    int predicted = left;
+    if (above != nullptr && x == 0) predicted = above[0];
+    if (above != nullptr && x > 0)
+      predicted = mean_of(left, above[x - 1], above[x], above[std::min(x + 1, n - 1)]);
+    const int value = unmapped(row[x], predicted, most);
+    sound = sound && value >= 0 && value <= most;
+    left = std::clamp(value, 0, most);
+    row[x] = static_cast<std::uint16_t>(left);
+  }
+  return sound;
 }
 
 // --- encoding
@@ -98,12 +162,30 @@ void append_header(Octets& out, const StripHeader& h) {
   out.insert(out.end(), made.begin(), made.end());
 }
 
-/// Appends a strip. @param samples  as the stream wants them. @return whether there was memory for it
-bool append_strip(Octets& out, StripHeader header, const std::uint8_t* samples, Octets& packed) {
+/// Memory that is used strip after strip.
+struct Workspace {
+  std::vector<std::uint16_t> codes;
+  Octets narrow;
+  Octets packed;
+};
+
+/// Appends a strip. @param samples  its rows @return whether there was memory for it
+bool append_strip(Octets& out, StripHeader header, const std::uint16_t* samples, Workspace& space) {
+  const std::size_t n = header.width;
+  space.codes.resize(header.samples());
+  for (std::uint32_t y = 0; y < header.rows_here(); ++y)
+    map_row(y > 0 ? samples + (y - 1) * n : nullptr, samples + y * n, space.codes.data() + y * n, n,
+            header.most());
+  const auto* codes = reinterpret_cast<const std::uint8_t*>(space.codes.data());
+  if (header.bits <= 8) {
+    space.narrow.assign(space.codes.begin(), space.codes.end());
+    codes = space.narrow.data();
+  }
+  Octets& packed = space.packed;
   const std::size_t octets = header.samples() * (header.bits > 8 ? 2 : 1);
   packed.resize(octets + octets / 4 + 1024);  // what has no pattern grows by an eighth at most
   aec_stream stream = stream_of(header.bits);
-  stream.next_in = samples;
+  stream.next_in = codes;
   stream.avail_in = octets;
   stream.next_out = packed.data();
   stream.avail_out = packed.size();
@@ -145,23 +227,23 @@ std::optional<StripHeader> read_header(OctetView at) {
 bool take_samples(const StripHeader& header, OctetView packed, Plane& pixels) {
   const std::size_t samples = header.samples();
   const bool wide = header.bits > 8;
-  std::vector<std::uint16_t> values(wide ? samples : (samples + 1) / 2);
-  auto* const octets = reinterpret_cast<std::uint8_t*>(values.data());
+  std::vector<std::uint16_t> values(samples);
+  Octets narrow(wide ? 0 : samples);
   aec_stream stream = stream_of(header.bits);
   stream.next_in = packed.data();
   stream.avail_in = packed.size();
-  stream.next_out = octets;
+  stream.next_out = wide ? reinterpret_cast<std::uint8_t*>(values.data()) : narrow.data();
   stream.avail_out = samples * (wide ? 2 : 1);
   const std::size_t wanted = stream.avail_out;
   if (aec_buffer_decode(&stream) != AEC_OK || stream.total_out != wanted) return false;
-  unsigned all = 0;
-  for (std::size_t i = 0; i < samples; ++i) all |= wide ? values[i] : octets[i];
-  if (all >> header.bits != 0) return false;
-  float* out = pixels.row(static_cast<int>(header.first_row()));
-  for (std::size_t i = 0; i < samples; ++i) {
-    const unsigned v = wide ? values[i] : octets[i];
-    out[i] = static_cast<float>(v << header.shift);
+  if (!wide) std::copy(narrow.begin(), narrow.end(), values.begin());
+  const std::size_t n = header.width;
+  for (std::uint32_t y = 0; y < header.rows_here(); ++y) {
+    std::uint16_t* row = values.data() + y * n;
+    if (!unmap_row(y > 0 ? row - n : nullptr, row, n, header.most())) return false;
   }
+  float* out = pixels.row(static_cast<int>(header.first_row()));
+  for (std::size_t i = 0; i < samples; ++i) out[i] = static_cast<float>(unsigned{values[i]} << header.shift);
   return true;
 }
 
@@ -254,18 +336,10 @@ Result<Octets, Refusal> encode_strips(const Frame& frame) try {
   if (header.shift > 0) shift_right(values.cells().data(), values.size(), header.shift);
   Octets out;
   out.reserve(values.size() + header.strips() * strip_overhead_octets);
-  Octets packed;
-  Octets narrow;
+  Workspace space;
   for (; header.index < header.strips(); ++header.index) {
-    const std::uint16_t* from = values.row(static_cast<int>(header.first_row()));
-    const auto* samples = reinterpret_cast<const std::uint8_t*>(from);
-    if (header.bits <= 8) {
-      narrow.resize(header.samples());
-      std::transform(from, from + header.samples(), narrow.begin(),
-                     [](std::uint16_t v) { return static_cast<std::uint8_t>(v); });
-      samples = narrow.data();
-    }
-    if (!append_strip(out, header, samples, packed)) return Err(Refusal{"not enough memory for the strips"});
+    const std::uint16_t* samples = values.row(static_cast<int>(header.first_row()));
+    if (!append_strip(out, header, samples, space)) return Err(Refusal{"not enough memory for the strips"});
   }
   return out;
 } catch (const std::bad_alloc&) {

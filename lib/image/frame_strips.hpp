@@ -24,8 +24,13 @@
 ///      4  from where pixels are saturated, ADU, IEEE 754; NaN: unknown
 ///      4  length of the samples, octets
 ///      4  CRC-32C of the 44 octets before
-///      n  samples: CCSDS 121.0-B, unit-delay predictor, blocks of 32, reference sample every 64 blocks
+///      n  samples: CCSDS 121.0-B without reference samples, blocks of 32, segments of 64 of them
 ///      4  CRC-32C of the samples
+///
+/// What is coded is the standard's mapped difference of each pixel from the rounded mean of its left, upper
+/// left, upper and upper right neighbours; in the first row of a strip from the left one, at the begin of a
+/// row from the upper one, at its end the upper one stands for the upper right one. Four neighbours instead
+/// of the standard's one save a third of a bit a pixel where there is noise.
 namespace srfs::image {
 
 inline constexpr std::size_t strip_header_octets = 48;
