@@ -22,6 +22,7 @@
 
 #include "base/fd.hpp"
 #include "base/file.hpp"
+#include "base/time.hpp"
 #include "image/fits.hpp"
 
 namespace srfs::image {
@@ -541,9 +542,8 @@ Result<Octets, Refusal> encode_samples(const std::uint8_t* samples, int width, i
   return content;
 }
 
-}  // namespace
-
-Octets encode_fits(const Plane& pixels) {
+/// @param more  further cards
+Octets encode_fits(const Plane& pixels, const std::string& more) {
   constexpr std::size_t block = 2880;
   std::string header;
   const auto card = [&](std::string_view key, std::int64_t value) {
@@ -556,6 +556,7 @@ Octets encode_fits(const Plane& pixels) {
   card("NAXIS2", pixels.height());
   card("BZERO", 32768);
   card("BSCALE", 1);
+  header += more;
   header += fmt::format("{:<80}", "END");
   header.resize((header.size() + block - 1) / block * block, ' ');
   Octets content(header.begin(), header.end());
@@ -570,12 +571,35 @@ Octets encode_fits(const Plane& pixels) {
   return content;
 }
 
+}  // namespace
+
+Octets encode_fits(const Frame& frame) {
+  std::string more;
+  constexpr double last_s = 4294967296.0;
+  if (frame.time_s && *frame.time_s > 0 && *frame.time_s < last_s) {
+    std::string date = to_iso8601(UtcTime(nanoseconds(std::llround(*frame.time_s * 1e9))), 6);
+    date.pop_back();  // FITS says UTC without a Z
+    more += fmt::format("{:<80}", fmt::format("{:<8}= '{}'", "DATE-OBS", date));
+  }
+  if (frame.saturation_adu)
+    more += fmt::format("{:<80}", fmt::format("{:<8}= {:>20.1f}", "SATURATE", *frame.saturation_adu));
+  return encode_fits(frame.pixels, more);
+}
+
+Octets encode_fits(const Plane& pixels) {
+  return encode_fits(pixels, "");
+}
+
 Result<Octets, Refusal> encode_png(const Grid<std::uint8_t>& pixels) {
   return encode_samples(pixels.cells().data(), pixels.width(), pixels.height(), PNG_FORMAT_GRAY);
 }
 
 Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane& pixels) {
   return write_octets(path, encode_fits(pixels));
+}
+
+Result<void, Refusal> write_fits(const std::filesystem::path& path, const Frame& frame) {
+  return write_octets(path, encode_fits(frame));
 }
 
 Result<void, Refusal> write_png(const std::filesystem::path& path, const Grid<std::uint8_t>& pixels) {

@@ -22,7 +22,7 @@ constexpr double nan_d = std::numeric_limits<double>::quiet_NaN();
 constexpr float nan_f = std::numeric_limits<float>::quiet_NaN();
 
 // Part of the format.
-constexpr unsigned block_samples = 32;
+constexpr unsigned block_samples = 64;
 constexpr unsigned segment_blocks = 64;
 
 struct StripHeader {
@@ -307,8 +307,10 @@ class StripReader {
     return all;
   }
 
-  /// A block of 32 samples takes at least some bits: what announces more is not unpacked.
-  static bool plausible(const StripHeader& h) { return h.samples() / 4096 <= std::size_t{h.length} * 8; }
+  /// A segment of zeros takes at least a bit: what announces more is not unpacked.
+  static bool plausible(const StripHeader& h) {
+    return h.samples() / (block_samples * segment_blocks) <= std::size_t{h.length} * 8;
+  }
 
   std::optional<StripHeader> first_;
   std::vector<bool> present_;

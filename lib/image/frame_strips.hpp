@@ -24,7 +24,7 @@
 ///      4  from where pixels are saturated, ADU, IEEE 754; NaN: unknown
 ///      4  length of the samples, octets
 ///      4  CRC-32C of the 44 octets before
-///      n  samples: CCSDS 121.0-B without reference samples, blocks of 32, segments of 64 of them
+///      n  samples: CCSDS 121.0-B without reference samples, blocks of 64, segments of 64 of them
 ///      4  CRC-32C of the samples
 ///
 /// What is coded is the standard's mapped difference of each pixel from the rounded mean of its left, upper

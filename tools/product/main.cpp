@@ -76,7 +76,7 @@ int unpack_strips(const Options& options, OctetView content) {
     fmt::print("missing: {} strips ({}), {} of them damaged; their pixels are 0\n", found->missing.size(),
                ranges(found->missing), std::min<std::size_t>(found->damaged, found->missing.size()));
   if (!options.fits.empty()) {
-    if (const auto written = write_fits(options.fits, pixels); !written)
+    if (const auto written = write_fits(options.fits, found->frame); !written)
       return refuse(written.error().reason);
   }
   if (!options.png.empty()) {

@@ -168,6 +168,16 @@ TEST_F(ImageTaskTest, FailsWhereNoFrameCanBeUsed) {
   EXPECT_THAT(work.products(), IsEmpty());
 }
 
+TEST_F(ImageTaskTest, FailsWhereTheDiskTakesNoProduct) {
+  const auto frame = store_frame(1, true);
+  ASSERT_TRUE(write_file_atomically(images_ / "products", "a file where the folder should be"));
+  ImageTask work = task({frame}, "streak");
+  while (!work.is_done()) static_cast<void>(work.step(store_));
+  ASSERT_TRUE(work.failure());
+  EXPECT_EQ(work.failure()->failure_code, mission::failure::disk_failed);
+  EXPECT_TRUE(image::has_mark(images_ / frame, FrameMark::detected));
+}
+
 TEST_F(ImageTaskTest, SendsFullFramesBitForBitAndOnlyThemWithoutAMethod) {
   const auto first = store_frame(1, false);
   const auto second = store_frame(2, false);
