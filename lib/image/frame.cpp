@@ -7,6 +7,18 @@
 #include <fmt/format.h>
 
 namespace srfs::image {
+namespace {
+
+thread_local std::int64_t pixels_most = frame_pixels_max;
+
+}  // namespace
+
+FramePixelsLimit::FramePixelsLimit(std::int64_t pixels) {
+  pixels_most = std::min(pixels, frame_pixels_max);
+}
+FramePixelsLimit::~FramePixelsLimit() {
+  pixels_most = frame_pixels_max;
+}
 
 void* allocate_frame_memory(std::size_t octets) {
   constexpr std::size_t page = std::size_t{2} << 20;
@@ -26,9 +38,9 @@ void* allocate_frame_memory(std::size_t octets) {
 std::optional<Refusal> refuse_size(std::int64_t width, std::int64_t height) {
   if (width < 1 || height < 1)
     return Refusal{fmt::format("{} x {} pixels: there is no image", width, height)};
-  if (width > frame_pixels_max || height > frame_pixels_max || width * height > frame_pixels_max) {
-    return Refusal{
-        fmt::format("{} x {} pixels: more than {} million", width, height, frame_pixels_max / 1'000'000)};
+  if (width > pixels_most || height > pixels_most || width * height > pixels_most) {
+    return Refusal{fmt::format("{} x {} pixels: more than {:.4g} million", width, height,
+                               static_cast<double>(pixels_most) / 1e6)};
   }
   return std::nullopt;
 }

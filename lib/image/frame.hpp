@@ -104,6 +104,16 @@ struct Frame {
   std::optional<float> saturation_adu;
 };
 
+/// While it lives, its thread refuses frames of more pixels too: where memory is capped. One at a time a
+/// thread.
+class FramePixelsLimit {
+ public:
+  explicit FramePixelsLimit(std::int64_t pixels);
+  ~FramePixelsLimit();
+  FramePixelsLimit(const FramePixelsLimit&) = delete;
+  FramePixelsLimit& operator=(const FramePixelsLimit&) = delete;
+};
+
 /// @return why a frame of this size is not taken
 [[nodiscard]] std::optional<Refusal> refuse_size(std::int64_t width, std::int64_t height);
 

@@ -21,6 +21,7 @@
 
 #include "base/fd.hpp"
 #include "base/file.hpp"
+#include "base/time.hpp"
 #include "image/fits.hpp"
 #include "image/fits_library.hpp"
 
@@ -430,10 +431,10 @@ Decoded decode_jpeg(OctetView content) {
   return std::move(reader.frame);
 }
 
-using Octets = std::vector<std::uint8_t, FrameAllocator<std::uint8_t>>;
+using FileOctets = std::vector<std::uint8_t, FrameAllocator<std::uint8_t>>;
 
 /// A file at once: its size is known, and a frame's may be large.
-Result<Octets, Refusal> read_octets(const std::filesystem::path& path) {
+Result<FileOctets, Refusal> read_octets(const std::filesystem::path& path) {
   const auto problem = [&](const char* what) {
     return refuse("cannot {} {}: {}", what, path.string(), std::strerror(errno));
   };
@@ -442,7 +443,7 @@ Result<Octets, Refusal> read_octets(const std::filesystem::path& path) {
   if (!fd || fstat(fd.get(), &status) != 0) return problem("open");
   if (static_cast<std::uint64_t>(status.st_size) > file_octets_max)
     return refuse("{}: {} octets, more than {}", path.string(), status.st_size, file_octets_max);
-  Octets content(static_cast<std::size_t>(status.st_size));
+  FileOctets content(static_cast<std::size_t>(status.st_size));
   std::size_t n = 0;
   while (n < content.size()) {
     const ssize_t got = read(fd.get(), content.data() + n, content.size() - n);
@@ -490,49 +491,109 @@ Result<Frame, Refusal> read_frame(const std::filesystem::path& path) try {
   return refuse("{}: not enough memory for this file", path.string());
 }
 
-Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane& pixels) {
+namespace {
+
+Result<void, Refusal> write_octets(const std::filesystem::path& path, OctetView content) {
+  const auto written = write_file_atomically(
+      path, std::string_view(reinterpret_cast<const char*>(content.data()), content.size()));
+  if (!written) return Err(Refusal{written.error().message});
+  return {};
+}
+
+/// @param samples  octets, row by row
+Result<Octets, Refusal> encode_samples(const std::uint8_t* samples, int width, int height,
+                                       png_uint_32 format) {
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  png.width = static_cast<png_uint_32>(width);
+  png.height = static_cast<png_uint_32>(height);
+  png.format = format;
+  png_alloc_size_t octets = 0;
+  if (png_image_write_to_memory(&png, nullptr, &octets, 0, samples, 0, nullptr) == 0)
+    return refuse("PNG: {}", png.message);
+  Octets content(octets);
+  if (png_image_write_to_memory(&png, content.data(), &octets, 0, samples, 0, nullptr) == 0)
+    return refuse("PNG: {}", png.message);
+  content.resize(octets);
+  return content;
+}
+
+/// @param more  further cards
+Octets encode_fits(const Plane& pixels, const std::string& more) {
   constexpr std::size_t block = 2880;
-  std::string content;
+  std::string header;
   const auto card = [&](std::string_view key, std::int64_t value) {
-    content += fmt::format("{:<8}= {:>20}{:50}", key, value, "");
+    header += fmt::format("{:<8}= {:>20}{:50}", key, value, "");
   };
-  content += fmt::format("{:<8}= {:>20}{:50}", "SIMPLE", "T", "");
+  header += fmt::format("{:<8}= {:>20}{:50}", "SIMPLE", "T", "");
   card("BITPIX", 16);
   card("NAXIS", 2);
   card("NAXIS1", pixels.width());
   card("NAXIS2", pixels.height());
   card("BZERO", 32768);
   card("BSCALE", 1);
-  content += fmt::format("{:<80}", "END");
-  content.resize((content.size() + block - 1) / block * block, ' ');
+  header += more;
+  header += fmt::format("{:<80}", "END");
+  header.resize((header.size() + block - 1) / block * block, ' ');
+  Octets content(header.begin(), header.end());
+  content.reserve(content.size() + 2 * pixels.size() + block);
   for (const float v : pixels.cells()) {
     const long rounded = std::isfinite(v) ? std::lround(std::clamp(v, 0.0F, 65535.0F)) : 0;
     const auto stored = static_cast<std::uint16_t>(rounded - 32768);
-    content.push_back(static_cast<char>(stored >> 8));
-    content.push_back(static_cast<char>(stored & 0xFF));
+    content.push_back(static_cast<std::uint8_t>(stored >> 8));
+    content.push_back(static_cast<std::uint8_t>(stored & 0xFF));
   }
-  content.resize((content.size() + block - 1) / block * block, '\0');
-  const auto written = write_file_atomically(path, content);
-  if (!written) return Err(Refusal{written.error().message});
-  return {};
+  content.resize((content.size() + block - 1) / block * block, 0);
+  return content;
+}
+
+}  // namespace
+
+Octets encode_fits(const Frame& frame) {
+  std::string more;
+  constexpr double last_s = 4294967296.0;
+  if (frame.time_s && *frame.time_s > 0 && *frame.time_s < last_s) {
+    std::string date = to_iso8601(UtcTime(nanoseconds(std::llround(*frame.time_s * 1e9))), 6);
+    date.pop_back();  // FITS says UTC without a Z
+    more += fmt::format("{:<80}", fmt::format("{:<8}= '{}'", "DATE-OBS", date));
+  }
+  if (frame.saturation_adu)
+    more += fmt::format("{:<80}", fmt::format("{:<8}= {:>20.1f}", "SATURATE", *frame.saturation_adu));
+  return encode_fits(frame.pixels, more);
+}
+
+Octets encode_fits(const Plane& pixels) {
+  return encode_fits(pixels, "");
+}
+
+Result<Octets, Refusal> encode_png(const Grid<std::uint8_t>& pixels) {
+  return encode_samples(pixels.cells().data(), pixels.width(), pixels.height(), PNG_FORMAT_GRAY);
+}
+
+Result<void, Refusal> write_fits(const std::filesystem::path& path, const Plane& pixels) {
+  return write_octets(path, encode_fits(pixels));
+}
+
+Result<void, Refusal> write_fits(const std::filesystem::path& path, const Frame& frame) {
+  return write_octets(path, encode_fits(frame));
 }
 
 Result<void, Refusal> write_png(const std::filesystem::path& path, const Grid<std::uint8_t>& pixels) {
-  png_image png{};
-  png.version = PNG_IMAGE_VERSION;
-  png.width = static_cast<png_uint_32>(pixels.width());
-  png.height = static_cast<png_uint_32>(pixels.height());
-  png.format = PNG_FORMAT_GRAY;
-  png_alloc_size_t octets = 0;
-  if (png_image_write_to_memory(&png, nullptr, &octets, 0, pixels.cells().data(), 0, nullptr) == 0)
-    return refuse("{}: PNG: {}", path.string(), png.message);
-  std::string content(octets, '\0');
-  if (png_image_write_to_memory(&png, content.data(), &octets, 0, pixels.cells().data(), 0, nullptr) == 0)
-    return refuse("{}: PNG: {}", path.string(), png.message);
-  content.resize(octets);
-  const auto written = write_file_atomically(path, content);
-  if (!written) return Err(Refusal{written.error().message});
-  return {};
+  const auto content = encode_png(pixels);
+  if (!content) return refuse("{}: {}", path.string(), content.error().reason);
+  return write_octets(path, *content);
+}
+
+Result<void, Refusal> write_png(const std::filesystem::path& path, const Colours& colours) {
+  Octets samples;
+  samples.reserve(3 * colours[0].size());
+  for (std::size_t i = 0; i < colours[0].size(); ++i) {
+    for (const auto& colour : colours) samples.push_back(colour.cells()[i]);
+  }
+  const auto content =
+      encode_samples(samples.data(), colours[0].width(), colours[0].height(), PNG_FORMAT_RGB);
+  if (!content) return refuse("{}: {}", path.string(), content.error().reason);
+  return write_octets(path, *content);
 }
 
 }  // namespace srfs::image

@@ -6,6 +6,7 @@
 #include <rcl_interfaces/msg/parameter_event.hpp>
 #include <srfs_msgs/msg/bus_status.hpp>
 #include <srfs_msgs/msg/event.hpp>
+#include <srfs_msgs/msg/image_detections.hpp>
 #include <srfs_msgs/msg/liveness_report.hpp>
 #include <srfs_msgs/msg/payload_activity.hpp>
 #include <srfs_msgs/msg/payload_telemetry.hpp>
@@ -49,6 +50,8 @@ inline const Topic<m::Event> event{"/event", {.depth = 32}, Priority::normal};
 // Nine observers a period; a reader that misses some sees the next.
 inline const Topic<m::LivenessReport> liveness{"/liveness", {.depth = 64}, Priority::bulk};
 inline const Topic<m::SystemMode> mode{"/mode", {.depth = 1, .transient_local = true}, Priority::normal};
+// A sequence's frames are told of together when all are known; the result says what a reader missed.
+inline const Topic<m::ImageDetections> image_detections{"/image/detections", {.depth = 64}, Priority::normal};
 // ROS 2 keeps 1000 lines for late readers; 100 are enough to see why a node is as it is and bound the memory
 // of a node to 0.15 MB (a line is 1.2 KB at most). Depth is no part of what must agree between writer and
 // reader.

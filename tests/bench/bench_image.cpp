@@ -17,6 +17,7 @@
 #include "hw_sim/sky_frame.hpp"
 #include "image/frame_file.hpp"
 #include "image/star_catalogue.hpp"
+#include "tests/bench/lossless.hpp"
 
 namespace {
 
@@ -290,6 +291,10 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
 
 void make(const Options& o) {
   SkyRandom random(o.seed);
+  if (o.set == "lossless") {
+    std::puts(bench::measure_lossless(o.width, o.height, o.frames, o.seed).dump().c_str());
+    return;
+  }
   if (o.set == "plate") {
     for (int i = 0; i < o.frames; ++i) make_plate(o, random, i);
     return;
@@ -315,8 +320,8 @@ int main(int argc, char** argv) {
   CLI::App app{"Writes frames of simulated skies and their truth"};
   Options options;
   app.add_option("FOLDER", options.folder)->required()->check(CLI::ExistingDirectory);
-  app.add_option("--set", options.set, "What is in them")
-      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate"}))
+  app.add_option("--set", options.set, "What is in them; lossless: measures how they are packed, writes none")
+      ->check(CLI::IsMember({"stars", "streaks", "short", "empty", "sequence", "plate", "lossless"}))
       ->capture_default_str();
   app.add_option("--frames", options.frames, "Frames, or sequences of eight")
       ->check(CLI::Range(1, 999))

@@ -376,6 +376,12 @@ def measure_time(bin_dir, options, folder):
     return result
 
 
+def measure_lossless(bin_dir, options, folder):
+    """Packing in strips beside cfitsio's Rice tiles, in one process."""
+    _, out = run_timed([str(Path(bin_dir) / "bench_image"), str(folder), "--set", "lossless", "--frames", "4", "--width", "1920", "--height", "1080", "--seed", str(options.seed)])
+    return json.loads(out)
+
+
 def add_options(parser):
     parser.add_argument("--frames", type=int, default=24, metavar="N", help="bench image: frames of each set")
     parser.add_argument("--seed", type=int, default=int(time.time()), help="bench image: of the frames (default: another each time, reported)")
@@ -396,12 +402,15 @@ def measure(bin_dir, options, say):
         result["plates"] = measure_plates(bin_dir, frames_of(bin_dir, folder, "plate", options, frames=2 * options.frames))
         say("bench image: time")
         result["time_1920x1080"] = measure_time(bin_dir, options, folder)
+        say("bench image: frames without loss")
+        result["lossless_1920x1080"] = measure_lossless(bin_dir, options, folder)
     return result
 
 
 def is_sound(result):
     """Nothing that no load excuses went wrong."""
-    return result["stars"]["srfs"]["found"] > 0 and result["plates"]["wrong"] == 0
+    lossless = result["lossless_1920x1080"]
+    return result["stars"]["srfs"]["found"] > 0 and result["plates"]["wrong"] == 0 and all(lossless[sky]["srfs"]["identical"] for sky in ("night", "bright_sky"))
 
 
 def show(result):
@@ -422,3 +431,6 @@ def show(result):
     row = result["plates"]
     print(f"  attitude of {row['frames']} fields 6 to 15 degrees wide: {row['solved']} solved, {row['wrong']} wrong, arcsec {row['arcsec']}, ms after the centroids {row['ms_after_centroids']}")
     print(f"  1920 x 1080: {json.dumps(result['time_1920x1080'])}")
+    for sky in ("night", "bright_sky"):
+        row = result["lossless_1920x1080"][sky]
+        print(f"  without loss, sky of {row['background_e']:.0f} e: {json.dumps(row['srfs'])} beside 12 bits a pixel; cfitsio {json.dumps(row['cfitsio_rice'])}; size {row['size_beside_cfitsio']}, time {row['time_beside_cfitsio']} of cfitsio's")

@@ -14,14 +14,14 @@
 
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
 
+#include "image/drawing.hpp"
+#include "image/findings_json.hpp"
 #include "image/frame_file.hpp"
 #include "image/method.hpp"
 
 namespace {
 
-using Json = nlohmann::ordered_json;
 using namespace srfs::image;
 using srfs::Result;
 
@@ -29,77 +29,6 @@ enum ExitCode { done = 0, file_refused = 1, bad_usage = 2 };
 
 double rounded(double value, double unit) {
   return std::round(value / unit) * unit;
-}
-
-Json to_json(const Star& s, int frame) {
-  return {{"frame", frame},
-          {"x", rounded(s.x, 1e-4)},
-          {"y", rounded(s.y, 1e-4)},
-          {"flux", rounded(s.flux, 1e-2)},
-          {"snr", rounded(s.snr, 1e-3)},
-          {"fwhm", rounded(s.fwhm_px, 1e-3)}};
-}
-
-Json to_json(const Streak& s, int frame) {
-  return {{"frame", frame},
-          {"x1", rounded(s.x1, 1e-3)},
-          {"y1", rounded(s.y1, 1e-3)},
-          {"x2", rounded(s.x2, 1e-3)},
-          {"y2", rounded(s.y2, 1e-3)},
-          {"snr", rounded(s.snr, 1e-3)},
-          {"flux", rounded(s.flux, 1e-2)},
-          {"width", rounded(s.width_px, 1e-3)}};
-}
-
-Json to_json(const TrackPoint& p) {
-  Json point{{"frame", p.frame},
-             {"x", rounded(p.x, 1e-3)},
-             {"y", rounded(p.y, 1e-3)},
-             {"snr", rounded(p.snr, 1e-3)}};
-  if (p.streak) {
-    point["x1"] = rounded(p.streak->x1, 1e-3), point["y1"] = rounded(p.streak->y1, 1e-3);
-    point["x2"] = rounded(p.streak->x2, 1e-3), point["y2"] = rounded(p.streak->y2, 1e-3);
-  }
-  return point;
-}
-
-Json to_json(const Tracklet& t) {
-  Json points = Json::array();
-  for (const TrackPoint& p : t.points) points.push_back(to_json(p));
-  return {{"x", rounded(t.x0, 1e-3)},   {"y", rounded(t.y0, 1e-3)},    {"vx", rounded(t.vx, 1e-5)},
-          {"vy", rounded(t.vy, 1e-5)},  {"snr", rounded(t.snr, 1e-3)}, {"rms", rounded(t.rms_px, 1e-4)},
-          {"points", std::move(points)}};
-}
-
-/// Of pixel (x, y): X = dx + a x - b y, Y = dy + b x + a y in the reference frame.
-Json to_json(const FrameRegistration& r) {
-  if (!r.registered) return nullptr;
-  const FrameTransform& t = r.registration.to_reference;
-  return {{"dx", rounded(t.shift_x, 1e-4)},
-          {"dy", rounded(t.shift_y, 1e-4)},
-          {"a", t.a},
-          {"b", t.b},
-          {"stars", r.registration.stars},
-          {"rms", rounded(r.registration.rms_px, 1e-4)}};
-}
-
-Json to_json(const std::optional<Attitude>& a) {
-  if (!a) return nullptr;
-  return {{"ra_deg", rounded(a->ra_deg, 1e-6)},
-          {"dec_deg", rounded(a->dec_deg, 1e-6)},
-          {"roll_deg", rounded(a->roll_deg, 1e-5)},
-          {"scale_arcsec_px", rounded(a->scale_arcsec_px, 1e-5)},
-          {"mirrored", a->mirrored},
-          {"stars", a->stars},
-          {"rms_arcsec", rounded(a->rms_arcsec, 1e-3)}};
-}
-
-Json to_json(const Defect& d) {
-  return {{"x", d.x},
-          {"y", d.y},
-          {"kind", d.kind == Defect::Kind::hot ? "hot" : "dark"},
-          {"level", rounded(d.level_adu, 1e-2)},
-          {"frames", d.frames}};
 }
 
 /// Writes what a frame's product shows: NAME_thumbnail.png, or NAME_roi.fits.
@@ -147,21 +76,9 @@ void add(Report& report, const std::string& path, const Frame& frame, const Fram
   for (const Star& s : found.stars) report.stars.push_back(to_json(s, number));
   for (const Streak& s : found.streaks) report.streaks.push_back(to_json(s, number));
   if (report.solution.is_null()) report.solution = to_json(found.attitude);
-  report.frames.push_back({{"file", path},
-                           {"width", frame.pixels.width()},
-                           {"height", frame.pixels.height()},
-                           {"background", rounded(found.background, 1e-3)},
-                           {"noise", rounded(found.noise, 1e-3)},
-                           {"fwhm", rounded(found.fwhm_px, 1e-3)},
-                           {"stars", found.stars.size()},
-                           {"streaks", found.streaks.size()},
-                           {"spikes", found.spikes},
-                           {"saturated", found.saturated},
-                           {"invalid", found.invalid},
-                           {"notes", found.notes},
-                           {"solution", to_json(found.attitude)},
-                           {"elapsed_ms", rounded(elapsed.wall_ms, 1e-2)},
-                           {"cpu_ms", rounded(elapsed.cpu_ms, 1e-2)}});
+  report.frames.push_back(frame_summary(path, frame, found));
+  report.frames.back()["elapsed_ms"] = rounded(elapsed.wall_ms, 1e-2);
+  report.frames.back()["cpu_ms"] = rounded(elapsed.cpu_ms, 1e-2);
 }
 
 void add(Report& report, const SequenceFindings& found) {
@@ -228,51 +145,89 @@ std::string list_of_methods() {
   return text;
 }
 
-int run(const std::string& name, const std::vector<std::string>& given, const std::vector<std::string>& files,
-        const std::string& folder, bool as_json) {
+/// What is drawn over the sequence's reference frame; points of the others are where they lie in it.
+Overlay overlay_of(const std::vector<FrameFindings>& frames, const SequenceFindings& found) {
+  Overlay overlay;
+  const auto reference = static_cast<std::size_t>(found.reference);
+  overlay.stars = frames[reference].stars;
+  overlay.streaks = reference < found.streaks.size() ? found.streaks[reference] : frames[reference].streaks;
+  for (const Tracklet& t : found.tracklets) {
+    auto& track = overlay.tracks.emplace_back();
+    for (const TrackPoint& p : t.points) {
+      const auto frame = static_cast<std::size_t>(p.frame);
+      if (frame >= found.registrations.size() || !found.registrations[frame].registered) continue;
+      const FrameTransform::Point there = found.registrations[frame].registration.to_reference(p.x, p.y);
+      track.push_back({there.x, there.y});
+    }
+  }
+  return overlay;
+}
+
+struct Options {
+  std::string method;
+  std::vector<std::string> parameters;
+  std::vector<std::string> files;
+  std::string folder;  ///< for pictures and cut-outs
+  std::string drawing;
+  bool json = false;
+};
+
+constexpr int drawing_width_most = 4096;
+
+void print(const Report& report, const Options& options) {
+  if (options.json) {
+    const Json all{{"method", options.method},   {"frames", report.frames},       {"stars", report.stars},
+                   {"streaks", report.streaks},  {"tracklets", report.tracklets}, {"defects", report.defects},
+                   {"solution", report.solution}};
+    std::printf("%s\n", all.dump().c_str());
+    return;
+  }
+  print_text(report);
+  print_tracklets(report);
+  for (const Json& d : report.defects)
+    fmt::print("{} pixel ({}, {})  {:+.1f} ADU in {} frames\n", d["kind"].get<std::string>(),
+               d["x"].get<int>(), d["y"].get<int>(), d["level"].get<double>(), d["frames"].get<int>());
+}
+
+int run(const Options& options) {
   const auto refuse = [](const Refusal& why, ExitCode code) {
     std::fprintf(stderr, "srfs-detect: %s\n", why.reason.c_str());
     return code;
   };
-  const auto entry = find_method(name);
+  const auto entry = find_method(options.method);
   if (!entry) return refuse(entry.error(), bad_usage);
-  const auto parameters = Parameters::parse((*entry)->parameters, given);
+  const auto parameters = Parameters::parse((*entry)->parameters, options.parameters);
   if (!parameters) return refuse(parameters.error(), bad_usage);
   const auto method = (*entry)->make(*parameters);
   Report report;
-  for (const std::string& file : files) {
+  std::vector<FrameFindings> drawn;  // where something is to be drawn
+  for (const std::string& file : options.files) {
     const auto frame = read_frame(file);
     if (!frame) return refuse(frame.error(), file_refused);
     const auto begin = std::chrono::steady_clock::now();
     const double cpu_before_ms = cpu_ms();
-    const auto found = method->process(*frame);
+    auto found = method->process(*frame);
     if (!found) return refuse(Refusal{file + ": " + found.error().reason}, file_refused);
     add(report, file, *frame, *found,
         {std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count(),
          cpu_ms() - cpu_before_ms});
-    if (!found->cutout) continue;
-    auto cutout = written(*found->cutout, file, name, folder);
-    if (!cutout) return refuse(cutout.error(), file_refused);
-    report.frames.back()["cutout"] = *std::move(cutout);
+    if (found->cutout) {
+      auto cutout = written(*found->cutout, file, options.method, options.folder);
+      if (!cutout) return refuse(cutout.error(), file_refused);
+      report.frames.back()["cutout"] = *std::move(cutout);
+      found->cutout.reset();
+    }
+    if (!options.drawing.empty()) drawn.push_back(*std::move(found));
   }
-  add(report, method->finish());
-  if (as_json) {
-    const Json all{{"method", name},
-                   {"frames", report.frames},
-                   {"stars", report.stars},
-                   {"streaks", report.streaks},
-                   {"tracklets", report.tracklets},
-                   {"defects", report.defects},
-                   {"solution", report.solution}};
-    std::printf("%s\n", all.dump().c_str());
-  } else {
-    print_text(report);
-    print_tracklets(report);
-    for (const Json& d : report.defects)
-      fmt::print("{} pixel ({}, {})  {:+.1f} ADU in {} frames\n", d["kind"].get<std::string>(),
-                 d["x"].get<int>(), d["y"].get<int>(), d["level"].get<double>(), d["frames"].get<int>());
-  }
-  return done;
+  const SequenceFindings sequence = method->finish();
+  add(report, sequence);
+  print(report, options);
+  if (options.drawing.empty()) return done;
+  const auto frame = read_frame(options.files[static_cast<std::size_t>(sequence.reference)]);
+  if (!frame) return refuse(frame.error(), file_refused);
+  const auto written =
+      write_png(options.drawing, draw(frame->pixels, overlay_of(drawn, sequence), drawing_width_most));
+  return written ? done : refuse(written.error(), file_refused);
 }
 
 }  // namespace
@@ -281,18 +236,16 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Finds stars and debris in frames (FITS, TIFF, PNG, JPEG) as the spacecraft does. Pixel (0, 0) is the "
       "centre of the first pixel."};
-  std::string method;
-  std::vector<std::string> parameters;
-  std::vector<std::string> files;
-  std::string folder;
-  bool json = false;
-  app.add_option("--method", method, "What to look for; see below")->required();
-  app.add_option("--params", parameters, "name=value of the method, may be given several times")
+  Options options;
+  app.add_option("--method", options.method, "What to look for; see below")->required();
+  app.add_option("--params", options.parameters, "name=value of the method, may be given several times")
       ->allow_extra_args(false);
-  app.add_option("--out", folder, "Where pictures and cut-outs are written (thumbnail, roi)")
+  app.add_option("--out", options.folder, "Where pictures and cut-outs are written (thumbnail, roi)")
       ->check(CLI::ExistingDirectory);
-  app.add_flag("--json", json, "One JSON object");
-  app.add_option("FILE", files, "Several are one sequence, in this order")->required();
+  app.add_option("--draw", options.drawing,
+                 "PNG: the first frame (of a sequence its reference frame), what was found drawn over it");
+  app.add_flag("--json", options.json, "One JSON object");
+  app.add_option("FILE", options.files, "Several are one sequence, in this order")->required();
   app.footer(list_of_methods());
   try {
     app.parse(argc, argv);
@@ -300,7 +253,7 @@ int main(int argc, char** argv) {
     return app.exit(e) == 0 ? done : bad_usage;
   }
   try {
-    return run(method, parameters, files, folder, json);
+    return run(options);
   } catch (const std::bad_alloc&) {
     std::fprintf(stderr, "srfs-detect: not enough memory for this frame\n");
     return file_refused;

@@ -284,5 +284,33 @@ TEST_F(FrameFile, RefusesFilesThatAreCutShortOfEveryFormat) {
   }
 }
 
+TEST_F(FrameFile, FitsKeepsWhenTheExposureBeganAndWherePixelsAreSaturated) {
+  Frame frame;
+  frame.pixels = ramp();
+  frame.time_s = 1795334400.25;
+  frame.saturation_adu = 4095;
+  ASSERT_TRUE(write_fits(path("dated.fits"), frame));
+
+  const auto found = read_frame(path("dated.fits"));
+  expect_ramp(found);
+  EXPECT_EQ(found->time_s, frame.time_s);
+  EXPECT_EQ(found->saturation_adu, frame.saturation_adu);
+}
+
+TEST_F(FrameFile, WhereMemoryIsCappedLargerFramesAreRefusedInEveryFormat) {
+  ASSERT_TRUE(write_fits(path("a.fits"), ramp()));
+  ASSERT_TRUE(write_png(path("a.png"), Grid<std::uint8_t>(12, 9, 7)));
+  write_tiff(path("a.tif"), 16, false);
+  {
+    const FramePixelsLimit limit(12 * 9 - 1);
+    for (const char* name : {"a.fits", "a.png", "a.tif"}) {
+      const auto frame = read_frame(path(name));
+      ASSERT_FALSE(frame) << name;
+      EXPECT_THAT(frame.error().reason, HasSubstr("12 x 9 pixels: more than")) << name;
+    }
+  }
+  EXPECT_TRUE(read_frame(path("a.fits")));
+}
+
 }  // namespace
 }  // namespace srfs::image

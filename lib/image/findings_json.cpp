@@ -1,0 +1,100 @@
+#include "image/findings_json.hpp"
+
+#include <cmath>
+
+namespace srfs::image {
+namespace {
+
+double rounded(double value, double unit) {
+  return std::round(value / unit) * unit;
+}
+
+}  // namespace
+
+Json to_json(const Star& s, int frame) {
+  return {{"frame", frame},
+          {"x", rounded(s.x, 1e-4)},
+          {"y", rounded(s.y, 1e-4)},
+          {"flux", rounded(s.flux, 1e-2)},
+          {"snr", rounded(s.snr, 1e-3)},
+          {"fwhm", rounded(s.fwhm_px, 1e-3)}};
+}
+
+Json to_json(const Streak& s, int frame) {
+  return {{"frame", frame},
+          {"x1", rounded(s.x1, 1e-3)},
+          {"y1", rounded(s.y1, 1e-3)},
+          {"x2", rounded(s.x2, 1e-3)},
+          {"y2", rounded(s.y2, 1e-3)},
+          {"snr", rounded(s.snr, 1e-3)},
+          {"flux", rounded(s.flux, 1e-2)},
+          {"width", rounded(s.width_px, 1e-3)}};
+}
+
+static Json to_json(const TrackPoint& p) {
+  Json point{{"frame", p.frame},
+             {"x", rounded(p.x, 1e-3)},
+             {"y", rounded(p.y, 1e-3)},
+             {"snr", rounded(p.snr, 1e-3)}};
+  if (p.streak) {
+    point["x1"] = rounded(p.streak->x1, 1e-3), point["y1"] = rounded(p.streak->y1, 1e-3);
+    point["x2"] = rounded(p.streak->x2, 1e-3), point["y2"] = rounded(p.streak->y2, 1e-3);
+  }
+  return point;
+}
+
+Json to_json(const Tracklet& t) {
+  Json points = Json::array();
+  for (const TrackPoint& p : t.points) points.push_back(to_json(p));
+  return {{"x", rounded(t.x0, 1e-3)},   {"y", rounded(t.y0, 1e-3)},    {"vx", rounded(t.vx, 1e-5)},
+          {"vy", rounded(t.vy, 1e-5)},  {"snr", rounded(t.snr, 1e-3)}, {"rms", rounded(t.rms_px, 1e-4)},
+          {"points", std::move(points)}};
+}
+
+Json to_json(const FrameRegistration& r) {
+  if (!r.registered) return nullptr;
+  const FrameTransform& t = r.registration.to_reference;
+  return {{"dx", rounded(t.shift_x, 1e-4)},
+          {"dy", rounded(t.shift_y, 1e-4)},
+          {"a", t.a},
+          {"b", t.b},
+          {"stars", r.registration.stars},
+          {"rms", rounded(r.registration.rms_px, 1e-4)}};
+}
+
+Json to_json(const std::optional<Attitude>& a) {
+  if (!a) return nullptr;
+  return {{"ra_deg", rounded(a->ra_deg, 1e-6)},
+          {"dec_deg", rounded(a->dec_deg, 1e-6)},
+          {"roll_deg", rounded(a->roll_deg, 1e-5)},
+          {"scale_arcsec_px", rounded(a->scale_arcsec_px, 1e-5)},
+          {"mirrored", a->mirrored},
+          {"stars", a->stars},
+          {"rms_arcsec", rounded(a->rms_arcsec, 1e-3)}};
+}
+
+Json to_json(const Defect& d) {
+  return {{"x", d.x},
+          {"y", d.y},
+          {"kind", d.kind == Defect::Kind::hot ? "hot" : "dark"},
+          {"level", rounded(d.level_adu, 1e-2)},
+          {"frames", d.frames}};
+}
+
+Json frame_summary(const std::string& file, const Frame& frame, const FrameFindings& found) {
+  return {{"file", file},
+          {"width", frame.pixels.width()},
+          {"height", frame.pixels.height()},
+          {"background", rounded(found.background, 1e-3)},
+          {"noise", rounded(found.noise, 1e-3)},
+          {"fwhm", rounded(found.fwhm_px, 1e-3)},
+          {"stars", found.stars.size()},
+          {"streaks", found.streaks.size()},
+          {"spikes", found.spikes},
+          {"saturated", found.saturated},
+          {"invalid", found.invalid},
+          {"notes", found.notes},
+          {"solution", to_json(found.attitude)}};
+}
+
+}  // namespace srfs::image

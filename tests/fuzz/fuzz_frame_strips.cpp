@@ -1,0 +1,52 @@
+// Strips of a frame as they come from the link: the frame, or a reason; the same with sums that fit, so that
+// what is behind them is reached.
+#include <cmath>
+#include <cstdlib>
+
+#include "base/crc32c.hpp"
+#include "image/frame_strips.hpp"
+
+namespace {
+
+using srfs::Octets;
+using srfs::OctetView;
+
+void decode(OctetView content) {
+  const auto found = srfs::image::decode_strips(content);
+  if (!found) {
+    if (found.error().reason.empty()) std::abort();
+    return;
+  }
+  const auto& pixels = found->frame.pixels;
+  if (found->strips == 0 || found->missing.size() >= found->strips || found->rows == 0) std::abort();
+  if (found->octets_skipped > content.size()) std::abort();
+  if (srfs::image::refuse_size(pixels.width(), pixels.height())) std::abort();
+  for (const float v : pixels.cells()) {
+    if (!std::isnan(v) && !(v >= 0 && v <= 65535)) std::abort();
+  }
+}
+
+void set_u32(Octets& octets, std::size_t at, std::uint32_t v) {
+  for (std::size_t i = 0; i < 4; ++i) octets[at + i] = static_cast<std::uint8_t>(v >> (24 - 8 * i));
+}
+
+/// One strip whose sums fit, whatever its fields and samples are.
+Octets with_sums(OctetView content) {
+  Octets strip(content.begin(), content.end());
+  const std::size_t samples = strip.size() - srfs::image::strip_overhead_octets;
+  constexpr std::size_t header = srfs::image::strip_header_octets;
+  set_u32(strip, header - 8, static_cast<std::uint32_t>(samples));
+  set_u32(strip, header - 4, srfs::crc32c(OctetView(strip).first(header - 4)));
+  set_u32(strip, header + samples, srfs::crc32c(OctetView(strip).subspan(header, samples)));
+  return strip;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const srfs::image::FramePixelsLimit limit(1'000'000);
+  const OctetView content(data, size);
+  decode(content);
+  if (size > srfs::image::strip_overhead_octets) decode(with_sums(content));
+  return 0;
+}

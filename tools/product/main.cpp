@@ -1,0 +1,136 @@
+// srfs-product: turns products of image_processing that came down into what other programs read: strips into
+// FITS and PNG, lists of stars into CSV.
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <CLI/CLI.hpp>
+
+#include "base/file.hpp"
+#include "base/time.hpp"
+#include "image/frame_file.hpp"
+#include "image/frame_strips.hpp"
+#include "image/picture.hpp"
+#include "image/star_list.hpp"
+
+namespace {
+
+using namespace srfs;
+using namespace srfs::image;
+
+enum ExitCode { whole = 0, file_refused = 1, bad_usage = 2, incomplete = 3 };
+
+constexpr std::size_t file_octets_max = std::size_t{1} << 30;
+constexpr int picture_width_most = 4096;
+
+struct Options {
+  std::string file;
+  std::string fits;
+  std::string png;
+  std::string frame;
+};
+
+ExitCode refuse(const std::string& why) {
+  std::fprintf(stderr, "srfs-product: %s\n", why.c_str());
+  return file_refused;
+}
+
+OctetView octets_of(const std::string& text) {
+  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+}
+
+/// "3, 7-9"
+std::string ranges(const std::vector<std::uint32_t>& numbers) {
+  std::vector<std::string> parts;
+  for (std::size_t i = 0; i < numbers.size();) {
+    std::size_t end = i + 1;
+    while (end < numbers.size() && numbers[end] == numbers[end - 1] + 1) ++end;
+    parts.push_back(end - i == 1 ? fmt::format("{}", numbers[i])
+                                 : fmt::format("{}-{}", numbers[i], numbers[end - 1]));
+    i = end;
+  }
+  return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+int print_stars(const std::vector<ListedStar>& stars) {
+  fmt::print("frame,x,y,flux_adu,snr\n");
+  for (const ListedStar& s : stars)
+    fmt::print("{},{:.3f},{:.3f},{:.1f},{:.1f}\n", s.frame, s.x, s.y, s.flux, s.snr);
+  return whole;
+}
+
+int unpack_strips(const Options& options, OctetView content) {
+  const auto found = decode_strips(content);
+  if (!found) return refuse(options.file + ": " + found.error().reason);
+  const Plane& pixels = found->frame.pixels;
+  fmt::print("{}: {} x {}, {} strips of {} rows", options.file, pixels.width(), pixels.height(),
+             found->strips, found->rows);
+  if (const auto t = found->frame.time_s; t && *t > 0 && *t < 4294967296.0)
+    fmt::print(", exposed from {}", to_iso8601(UtcTime(nanoseconds(static_cast<std::int64_t>(*t * 1e9)))));
+  fmt::print("\n");
+  if (!found->missing.empty())
+    fmt::print("missing: {} strips ({}), {} of them damaged; their pixels are 0\n", found->missing.size(),
+               ranges(found->missing), std::min<std::size_t>(found->damaged, found->missing.size()));
+  if (!options.fits.empty()) {
+    if (const auto written = write_fits(options.fits, found->frame); !written)
+      return refuse(written.error().reason);
+  }
+  if (!options.png.empty()) {
+    const auto written = write_png(options.png, thumbnail(pixels, picture_width_most));
+    if (!written) return refuse(written.error().reason);
+  }
+  return found->missing.empty() ? whole : incomplete;
+}
+
+int pack_frame(const Options& options) {
+  const auto frame = read_frame(options.frame);
+  if (!frame) return refuse(frame.error().reason);
+  const auto strips = encode_strips(*frame);
+  if (!strips) return refuse(options.frame + ": " + strips.error().reason);
+  const auto written = write_file_atomically(
+      options.file, std::string_view(reinterpret_cast<const char*>(strips->data()), strips->size()));
+  return written ? whole : refuse(written.error().message);
+}
+
+int run(const Options& options) {
+  if (!options.frame.empty()) return pack_frame(options);
+  const auto content = read_file(options.file, file_octets_max);
+  if (!content) return refuse(content.error().message);
+  if (const auto stars = decode_star_list(octets_of(*content))) return print_stars(*stars);
+  if (content->starts_with("SRFSTARS"))
+    return refuse(options.file + ": " + decode_star_list(octets_of(*content)).error().reason);
+  return unpack_strips(options, octets_of(*content));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Turns what image_processing sent down into files for other programs: a frame in strips (*.strips) "
+      "into "
+      "FITS and PNG, a list of stars (stars.bin) into CSV on standard output. Says which strips are "
+      "missing."};
+  Options options;
+  app.add_option("FILE", options.file, "Product: strips or a list of stars")->required();
+  app.add_option("--out", options.fits, "Write the frame as 16-bit FITS");
+  app.add_option("--png", options.png, "Write the frame stretched, for people, as PNG");
+  app.add_option("--pack", options.frame,
+                 "The other way: write this frame (FITS, TIFF, PNG, JPEG) to FILE in strips");
+  app.footer(
+      "Exit code 0: whole; 1: a file cannot be read or written; 2: unknown option; 3: strips are missing, "
+      "the rest is written.");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? whole : bad_usage;
+  }
+  try {
+    return run(options);
+  } catch (const std::bad_alloc&) {
+    return refuse("not enough memory for this frame");
+  }
+}
