@@ -1,5 +1,8 @@
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdlib>
+#include <cstring>
 
 #include <fitsio.h>
 #include <fmt/format.h>
@@ -9,6 +12,22 @@
 namespace srfs::image {
 namespace {
 
+constexpr std::size_t size_octets = alignof(std::max_align_t);  // before the block: its size
+
+/// realloc that gives zeros: cfitsio 4.2 reads the descriptors of tiles before it writes them.
+void* reallocate_zeroed(void* block, std::size_t size) {
+  auto* const made = static_cast<std::uint8_t*>(std::calloc(1, size + size_octets));
+  if (made == nullptr) return nullptr;
+  std::memcpy(made, &size, sizeof size);
+  if (block == nullptr) return made + size_octets;
+  auto* const old = static_cast<std::uint8_t*>(block) - size_octets;
+  std::size_t old_size = 0;
+  std::memcpy(&old_size, old, sizeof old_size);
+  std::memcpy(made + size_octets, block, std::min(size, old_size));
+  std::free(old);
+  return made + size_octets;
+}
+
 /// The file as it grows; cfitsio reallocates it.
 struct Memory {
   void* start = nullptr;
@@ -16,7 +35,9 @@ struct Memory {
   Memory() = default;
   Memory(const Memory&) = delete;
   Memory& operator=(const Memory&) = delete;
-  ~Memory() { std::free(start); }
+  ~Memory() {
+    if (start != nullptr) std::free(static_cast<std::uint8_t*>(start) - size_octets);
+  }
 };
 
 tl::unexpected<Refusal> failure(int status) {
@@ -46,8 +67,10 @@ LONGLONG write_all(fitsfile* file, const Grid<std::uint16_t>& pixels, std::span<
   fits_set_compression_type(file, RICE_1, &status);
   fits_create_img(file, USHORT_IMG, 2, axes.data(), &status);
   for (const FitsCard& card : cards) write_card(file, card, status);
-  fits_write_img(file, TUSHORT, 1, static_cast<LONGLONG>(pixels.size()),
-                 const_cast<std::uint16_t*>(pixels.cells().data()), &status);
+  // As a whole: fits_write_img() would unpack each tile before it packs it.
+  std::array<long, 2> first{1, 1};
+  fits_write_subset(file, TUSHORT, first.data(), axes.data(),
+                    const_cast<std::uint16_t*>(pixels.cells().data()), &status);
   fits_flush_file(file, &status);
   LONGLONG header_at = 0;
   LONGLONG pixels_at = 0;
@@ -62,7 +85,7 @@ Result<Octets, Refusal> encode(const Grid<std::uint16_t>& pixels, std::span<cons
   Memory memory;  // empty: what it has at first would be taken for a file
   int status = 0;
   fitsfile* file = nullptr;
-  if (fits_create_memfile(&file, &memory.start, &memory.size, growth, std::realloc, &status) != 0)
+  if (fits_create_memfile(&file, &memory.start, &memory.size, growth, reallocate_zeroed, &status) != 0)
     return failure(status);
   const LONGLONG octets = write_all(file, pixels, cards, status);
   int close_status = 0;

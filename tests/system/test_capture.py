@@ -7,7 +7,7 @@ import unittest
 
 from support import BIN, DEADLINE_S, SystemTest
 
-CAMERA = """  camera: { width: 960, height: 540, field_deg: 12, pointing: { ra_deg: 84.05, dec_deg: -1.2, roll_deg: 20 }, debris: { magnitude: 2, rate_deg_s: 3 } }
+CAMERA = """  camera: { width: 960, height: 540, field_deg: 12, pointing: { ra_deg: 100, dec_deg: 40, roll_deg: 20 }, debris: { magnitude: 2, rate_deg_s: 3 } }
   watchdog:"""
 
 CAMERA_ABSENT, CAMERA_FAILED, BAD_SETTING = 110, 111, 120
