@@ -9,6 +9,7 @@ import tempfile
 import can_measures
 import demo
 import image_measures
+import imaging_measures
 import link_measures
 import mission
 import ros_measures
@@ -36,10 +37,11 @@ def show_flight(summary):
 
 def main():
     parser = argparse.ArgumentParser(prog="./run bench")
-    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can", "link", "time", "image"], metavar="ros|mission|can|link|time|image", help="default: everything")
+    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can", "link", "time", "image", "imaging"], metavar="ros|mission|can|link|time|image|imaging", help="default: everything")
     parser.add_argument("--duration", type=float, default=110, metavar="S", help="of the flight; 110 s have more than 1000 ticks")
     parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="of bench can, at each tick period")
-    parser.add_argument("--fifo", action="store_true", help="bench can: timing, switcher and payloads under SCHED_FIFO, as on a board")
+    parser.add_argument("--fifo", action="store_true", help="bench can, imaging: timing, switcher and payloads (imaging: ttc too) under SCHED_FIFO, as on a board")
+    parser.add_argument("--imaging-for", type=float, default=60, metavar="S", help="of bench imaging, each of its two flights; 70 at most")
     parser.add_argument("--seeds", type=int, default=20, metavar="N", help="of bench time")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
@@ -47,7 +49,7 @@ def main():
     link_measures.add_options(parser)
     image_measures.add_options(parser)
     options = parser.parse_args()
-    wanted = options.what or ["ros", "mission", "can", "link", "time", "image"]
+    wanted = options.what or ["ros", "mission", "can", "link", "time", "image", "imaging"]
     results = {}
     if "ros" in wanted:
         results["ros"] = ros_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
@@ -75,12 +77,17 @@ def main():
         results["image"] = image_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
         if not options.json:
             image_measures.show(results["image"])
+    if "imaging" in wanted:
+        results["imaging"] = imaging_measures.measure(options.bin, options, lambda text: print(text, file=sys.stderr, flush=True))
+        if not options.json:
+            imaging_measures.show(results["imaging"])
     if options.json:
         print(json.dumps(results))
     sound = ("ros" not in results or ros_measures.is_sound(results["ros"])) and ("can" not in results or can_measures.is_sound(results["can"]))
     sound = sound and ("link" not in results or link_measures.is_sound(results["link"]))
     sound = sound and ("time" not in results or time_measures.is_sound(results["time"]))
     sound = sound and ("image" not in results or image_measures.is_sound(results["image"]))
+    sound = sound and ("imaging" not in results or imaging_measures.is_sound(results["imaging"]))
     return 0 if sound and results.get("mission", {"ok": True})["ok"] else 1
 
 

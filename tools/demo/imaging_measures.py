@@ -1,0 +1,105 @@
+"""./run bench imaging: what imaging flat out does to the rest of the suite.
+
+Two flights, one after the other: the same telecommands at the same rate, without imaging, then while frames of 1920 x 1080 pixels are captured five
+times a second and those of the task before are searched for streaks. Latencies are those of the nodes themselves.
+"""
+
+import re
+import tempfile
+import time
+from pathlib import Path
+
+import mission
+from can_measures import PRIORITIES, spread
+from rotation import Rotation
+
+FRAMES = 25  # of a task
+INTERVAL_MS = 200
+TASKS = 15  # one fewer than ttc takes
+PING_PERIOD_S = 0.1
+READY_S = 30
+PROCESSING_STEP = 101
+RATIO_GOAL = 1.3
+REALTIME = {**PRIORITIES, "ttc": 20}
+
+
+def deployment(folder, fifo):
+    text = mission.find_deployment("sim").read_text()
+    for node, priority in REALTIME.items() if fifo else ():
+        text, count = re.subn(rf"(name: {node}\n.*\n    scheduling: )\{{[^}}]*\}}", rf"\1{{ policy: fifo, priority: {priority}, cpus: [] }}", text)
+        assert count == 1, node
+    file = Path(folder) / "imaging.yaml"
+    file.write_text(text)
+    return file
+
+
+def begin_imaging(ground):
+    """Enough tasks for the whole flight. @return once one is captured while another is processed"""
+    lines = [ground.send(f"tc image.capture task={task} exposure_us=50000 frames={FRAMES} interval_ms={INTERVAL_MS} method=streak") for task in range(1, TASKS + 1)]
+    first = ground.wait_for(lambda m: m["type"] == "tc_stage" and m["line"] == lines[0] and (m["final"] or m.get("step", 0) >= PROCESSING_STEP), READY_S)
+    if first is None or first["final"]:
+        raise mission.MissionError(f"imaging does not begin: {first}")
+
+
+def fly(bin_dir, folder, name, duration_s, imaging, fifo):
+    with mission.Mission(Path(folder) / name, deployment(folder, fifo), bin_dir) as flight:
+        recorder, rotation = flight.recorder(), Rotation()
+        recorder.on_message(rotation.on_message)
+        ground = flight.ground()
+        mission.wait_until(lambda: len(rotation.slots()) == 3, READY_S, "slots of all payloads")
+        if imaging:
+            begin_imaging(ground)
+        frames_before = frames(flight.var)
+        begin, position, pings = time.monotonic_ns(), recorder.position(), []
+        while time.monotonic_ns() - begin < duration_s * 1e9:
+            pings.append(ground.send("ping"))
+            time.sleep(PING_PERIOD_S)
+        end = time.monotonic_ns()
+        frames_after = frames(flight.var)
+        lost_pings = sum(1 for line in pings if (ground.outcome(line, READY_S) or {}).get("stage") != "completed")
+        ttc, switcher = (ground.fresh(structure, READY_S) for structure in ("ttc", "can_switcher"))
+        ticks = recorder.select(lambda m: m["type"] == "tick" and begin <= m["published_ns"] <= end, position)
+        slots = [s for s in rotation.recorded_slots() if begin <= s["published"] <= end and s["holder"]]
+        restarts = sum(node["restarts"] for node in flight.status())
+    return {
+        "seconds": round((end - begin) / 1e9, 1),
+        "telecommands": len(pings),
+        "telecommands_lost": lost_pings,
+        "accept_us": {q: ttc[f"acceptance_latency_{q}_us"] for q in ("p50", "p99", "max")},
+        "tick_late_us": spread([m["published_ns"] - m["due_ns"] for m in ticks]),
+        "flag_us": {q: switcher[f"flag_latency_{q}_us"] for q in ("p50", "p99", "max")},
+        "slots": len(slots),
+        "slots_lost": sum(1 for s in slots if s["status"] not in ("released", "not used")),
+        "frames_per_s": round((frames_after["captured"] - frames_before["captured"]) / ((end - begin) / 1e9), 2),
+        "processed_per_s": round((frames_after["processed"] - frames_before["processed"]) / ((end - begin) / 1e9), 2),
+        "restarts": restarts,
+    }
+
+
+def frames(var):
+    """On the disk: stored ones, and those of them that carry the mark of having been searched."""
+    folder = var / "images" / "frames"
+    return {"captured": len(list(folder.glob("*/*.fits"))), "processed": sum(len(list(folder.glob(f"*/*.{mark}"))) for mark in ("detected", "nothing"))}
+
+
+def measure(bin_dir, options, say):
+    result = {"scheduling": "fifo" if options.fifo else "other"}
+    with tempfile.TemporaryDirectory(prefix="srfs-bench-imaging-") as folder:
+        for name in ("idle", "imaging"):
+            say(f"bench imaging: {name}, {options.imaging_for:.0f} s")
+            result[name] = fly(bin_dir, folder, name, options.imaging_for, name == "imaging", options.fifo)
+    result["ratio_p99"] = {key: round(result["imaging"][key]["p99"] / max(1, result["idle"][key]["p99"]), 2) for key in ("accept_us", "tick_late_us", "flag_us")}
+    return result
+
+
+def is_sound(result):
+    """Nothing that no load excuses."""
+    return all(result[name]["telecommands_lost"] == 0 and result[name]["restarts"] == 0 for name in ("idle", "imaging"))
+
+
+def show(result):
+    for name in ("idle", "imaging"):
+        row = result[name]
+        print(f"  {name}: telecommand to 1,1 {row['accept_us']}, tick behind its time {row['tick_late_us']}, tick to flag {row['flag_us']} us; {row['slots_lost']} of {row['slots']} slots lost; "
+              f"{row['telecommands_lost']} of {row['telecommands']} telecommands lost; {row['frames_per_s']} frames/s captured, {row['processed_per_s']} processed")  # fmt: skip
+    print(f"  p99 while imaging over idle: {result['ratio_p99']} (goal {RATIO_GOAL})")
