@@ -17,6 +17,7 @@ using ros::CallbackReturn;
 namespace failure = mission::failure;
 
 constexpr nanoseconds prelude = milliseconds(500);     // of a task: the camera is prepared
+constexpr nanoseconds pause = seconds(2);              // between frames: the camera need not stream then
 constexpr nanoseconds lead = milliseconds(20);         // its worker waits out the rest by itself
 constexpr nanoseconds take_slice = milliseconds(100);  // then it can be cancelled again
 constexpr nanoseconds reopen_interval = milliseconds(500);
@@ -304,7 +305,7 @@ void ImageAcquisitionNode::drive_current() {
   task->camera_deadline.reset();
   switch (task->phase) {
     case Phase::unprepared:
-      return prepare();
+      return prepare_in_time();
     case Phase::prepared:
       return expose();
     case Phase::exposing:
@@ -388,6 +389,16 @@ void ImageAcquisitionNode::camera_lost(const std::string& why) {
   camera_was_lost_ = true;
   log::warn("camera lost: {}", why);
   raise(mission::ImageCameraLostEvent{.why = why});
+}
+
+void ImageAcquisitionNode::prepare_in_time() {
+  const TaskPointer task = current_;
+  const auto after_start = task->sequence.due();
+  const bool begun = task->sequence.next() > 0;
+  const MonotonicTime due = begun && after_start ? task->start + *after_start : now();
+  if (due - prelude <= now()) return prepare();
+  if (task->uses_camera && due - pause > now()) return leave_camera();
+  wake_at(due - prelude);
 }
 
 void ImageAcquisitionNode::prepare() {

@@ -98,6 +98,7 @@ class ImageAcquisitionNode : public ros::LifecycleNode {
   void on_camera(std::function<void()> job, std::function<void()> done);
   void open_camera();
   void close_camera();
+  void prepare_in_time();
   void prepare();
   void take();
   void leave_camera();

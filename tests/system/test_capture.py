@@ -28,6 +28,10 @@ class CaptureTest(SystemTest):
     def test_frames_are_taken_at_their_time_and_show_the_sky(self):
         with self.flight(self.deployment(("  watchdog: { timeout", CAMERA + " { timeout"))) as flight:
             ground = flight.ground()
+            ground.command("tc housekeeping.set_interval structure=image_acquisition interval_ms=500", DEADLINE_S)
+
+            def wait_for_telemetry(matches, what):
+                self.assertIsNotNone(ground.housekeeping("image_acquisition", DEADLINE_S, matches=matches), what)
 
             with self.subTest("at the commanded time"):
                 result = self.capture(17, "--frames", "3", "--interval-ms", "400", "--start-in-ms", "3000", "--exposure-us", "100000")
@@ -69,7 +73,7 @@ class CaptureTest(SystemTest):
                 for fault in ("short", "torn", "repeated"):
                     flight.control({"camera": {"fault": fault, "frames": 1}})
                     self.assertEqual(self.capture(19, "--frames", "2")["state"], "succeeded", fault)
-                self.assertEqual(ground.fresh("image_acquisition", DEADLINE_S)["frames_lost"], 3)
+                wait_for_telemetry(lambda f: f["frames_lost"] == 3, "three frames lost")
                 flight.control({"camera": {"fault": "torn", "frames": 3}})
                 failed = self.capture(20, "--frames", "2")
                 self.assertEqual((failed["state"], failed["failure_code"]), ("aborted", CAMERA_FAILED), failed)
@@ -97,9 +101,8 @@ class CaptureTest(SystemTest):
                 self.assertGreaterEqual(len(partly["files"]), 2)
 
             with self.subTest("the store is counted"):
-                counted = ground.fresh("image_acquisition", DEADLINE_S)
-                self.assertEqual(counted["store_frames"], len(list((self.var / "images").rglob("*.fits"))))
-                self.assertEqual(counted["camera_state"], "ready")
+                stored = len(list((self.var / "images").rglob("*.fits")))
+                wait_for_telemetry(lambda f: f["store_frames"] == stored and f["camera_state"] == "ready", f"{stored} frames")
 
 
 if __name__ == "__main__":

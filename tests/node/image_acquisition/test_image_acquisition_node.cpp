@@ -250,6 +250,17 @@ TEST_F(ImageAcquisitionNodeTest, GoesOnWhenTheCameraComesBack) {
   EXPECT_EQ(expect_end(sent, GoalState::succeeded).files.size(), 3U);
 }
 
+TEST_F(ImageAcquisitionNodeTest, LetsTheCameraRestBetweenFramesThatAreFarApart) {
+  activate();
+  Sent sent;
+  send(sent, task(33, 2, 2600));
+  ASSERT_TRUE(wait([&] { return sent.feedback.size() == 1; }));
+  ASSERT_TRUE(wait([&] { return testing::Value(script_->calls(), Contains("abandon")); }));
+  const auto result = expect_end(sent, GoalState::succeeded);
+  EXPECT_EQ(result.files.size(), 2U);
+  EXPECT_LT(std::abs(result.start_error_us), 200'000);
+}
+
 TEST_F(ImageAcquisitionNodeTest, SaysWhenThereIsNoCamera) {
   script_->plug_in(false);
   activate();
