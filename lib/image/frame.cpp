@@ -1,6 +1,7 @@
 #include "image/frame.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include <sys/mman.h>
 
@@ -12,6 +13,14 @@ namespace {
 thread_local std::int64_t pixels_most = frame_pixels_max;
 
 }  // namespace
+
+std::optional<UtcTime> utc_of(const std::optional<double>& seconds_since_1970) {
+  constexpr double end_s = 4294967296.0;
+  const double s = seconds_since_1970.value_or(0);
+  if (!(s > 0 && s < end_s)) return std::nullopt;
+  const double whole = std::floor(s);
+  return UtcTime(seconds(static_cast<std::int64_t>(whole)) + microseconds(std::llround((s - whole) * 1e6)));
+}
 
 FramePixelsLimit::FramePixelsLimit(std::int64_t pixels) {
   pixels_most = std::min(pixels, frame_pixels_max);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/result.hpp"
+#include "base/time.hpp"
 
 /// Detection of stars and space debris in frames. Pure: no files, no DDS, no clock.
 /// Pixel (0, 0) is the centre of the first pixel of the first row; x goes along the row.
@@ -103,6 +104,9 @@ struct Frame {
   /// Pixels from here on are saturated; without it the detector looks for a plateau.
   std::optional<float> saturation_adu;
 };
+
+/// A frame's time as UTC, to the microsecond; nothing where there is none, or none of 1970 to 2106.
+[[nodiscard]] std::optional<UtcTime> utc_of(const std::optional<double>& seconds_since_1970);
 
 /// While it lives, its thread refuses frames of more pixels too: where memory is capped. One at a time a
 /// thread.

@@ -21,7 +21,6 @@
 
 #include "base/fd.hpp"
 #include "base/file.hpp"
-#include "base/time.hpp"
 #include "image/fits.hpp"
 #include "image/fits_library.hpp"
 
@@ -551,9 +550,8 @@ Octets encode_fits(const Plane& pixels, const std::string& more) {
 
 Octets encode_fits(const Frame& frame) {
   std::string more;
-  constexpr double last_s = 4294967296.0;
-  if (frame.time_s && *frame.time_s > 0 && *frame.time_s < last_s) {
-    std::string date = to_iso8601(UtcTime(nanoseconds(std::llround(*frame.time_s * 1e9))), 6);
+  if (const auto begin = utc_of(frame.time_s)) {
+    std::string date = to_iso8601(*begin, 6);
     date.pop_back();  // FITS says UTC without a Z
     more += fmt::format("{:<80}", fmt::format("{:<8}= '{}'", "DATE-OBS", date));
   }

@@ -1,7 +1,6 @@
 #include "nodes/image_processing/image_processing_node.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/log.hpp"
 
@@ -26,13 +25,6 @@ std::uint32_t as_u32(std::uint64_t value) {
 
 ProcessRequest to_request(const srfs_msgs::action::ProcessImage::Goal& goal) {
   return {goal.task, goal.files, goal.method, goal.parameters, goal.budget_octets, goal.full_frames};
-}
-
-builtin_interfaces::msg::Time to_time(const std::optional<double>& seconds_since_1970) {
-  constexpr double last_s = 4294967295.0;
-  const double s = seconds_since_1970.value_or(0);
-  if (!(s > 0 && s < last_s)) return {};
-  return ros::to_message(UtcTime(nanoseconds(std::llround(s * 1e9))));
 }
 
 srfs_msgs::msg::ImageStreak to_message(const image::Streak& s) {
@@ -193,7 +185,7 @@ void ImageProcessingNode::publish(const ImageTask& task, const FrameReport& fram
   m.task = task.request().task;
   m.file = frame.file;
   m.method = task.request().method;
-  m.utc = to_time(frame.time_s);
+  if (const auto begin = image::utc_of(frame.time_s)) m.utc = ros::to_message(*begin);
   m.stars = as_u32(frame.stars);
   for (const image::Streak& s : frame.streaks) m.streaks.push_back(to_message(s));
   m.background_adu = static_cast<float>(frame.background);

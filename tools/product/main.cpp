@@ -69,8 +69,7 @@ int unpack_strips(const Options& options, OctetView content) {
   const Plane& pixels = found->frame.pixels;
   fmt::print("{}: {} x {}, {} strips of {} rows", options.file, pixels.width(), pixels.height(),
              found->strips, found->rows);
-  if (const auto t = found->frame.time_s; t && *t > 0 && *t < 4294967296.0)
-    fmt::print(", exposed from {}", to_iso8601(UtcTime(nanoseconds(static_cast<std::int64_t>(*t * 1e9)))));
+  if (const auto begin = utc_of(found->frame.time_s)) fmt::print(", exposed from {}", to_iso8601(*begin));
   fmt::print("\n");
   if (!found->missing.empty())
     fmt::print("missing: {} strips ({}), {} of them damaged; their pixels are 0\n", found->missing.size(),
