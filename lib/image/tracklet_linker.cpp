@@ -15,8 +15,13 @@ namespace {
 /// Of one frame at most so many detections are linked, the most significant.
 constexpr std::size_t movers_most = 3000;
 constexpr std::size_t tracklets_most = 1000;
+/// So many tracklets like one that is kept would be found in a sequence of noise.
+constexpr double chance_most = 0.02;
 /// A streak whose light the stars of other frames show at its place, to this share, stands still.
 constexpr double standing_share = 0.4;
+
+/// Shorter ones are seen as stars, whole or in pieces.
+constexpr double shortest_streak = 20;
 
 /// What leaves a streak may be so much faster than what is seen as a point.
 constexpr double streak_speed = 4;
@@ -253,7 +258,49 @@ class Linker {
         of_frame.resize(movers_most);
       }
       places_.emplace_back(of_frame);
+      Significances& significances = significances_.emplace_back();
+      for (const Mover& m : of_frame)
+        (m.streak != nullptr ? significances.streaks : significances.points).push_back(m.snr);
+      std::sort(significances.points.begin(), significances.points.end());
+      std::sort(significances.streaks.begin(), significances.streaks.end());
     }
+  }
+
+  /// How many detections as significant as this one its frame has.
+  [[nodiscard]] double rivals(const Mover& m) const {
+    const Significances& of_frame = significances_[static_cast<std::size_t>(m.frame)];
+    const std::vector<double>& all = m.streak != nullptr ? of_frame.streaks : of_frame.points;
+    return static_cast<double>(all.end() - std::lower_bound(all.begin(), all.end(), m.snr));
+  }
+
+  /// Share of all directions that a detection on a track may have.
+  [[nodiscard]] double direction_share(const Mover& m) const {
+    return m.streak == nullptr ? 1 : std::min(1.0, 2 * turn_most(m) / std::numbers::pi);
+  }
+
+  /// How many tracklets with as many hits, each as significant, the detections of the frames would make by
+  /// chance, had they no order.
+  [[nodiscard]] double made_by_chance(const std::vector<std::pair<std::size_t, std::size_t>>& hits) const {
+    const auto n = static_cast<double>(used_.size());
+    const auto h = static_cast<double>(hits.size());
+    double log_chance = std::lgamma(n + 1) - std::lgamma(h + 1) - std::lgamma(n - h + 1);
+    for (std::size_t i = 0; i < hits.size(); ++i) {
+      const auto& [f, k] = hits[i];
+      const Mover& m = movers_[f][k];
+      log_chance += std::log(rivals(m) * direction_share(m));
+      if (i == 0) continue;
+      // The last one is anywhere in reach of the first; the others are where these two say.
+      const bool last = i + 1 == hits.size();
+      const double radius = last ? reach(m, times_[f] - times_[hits.front().first]) : tolerance(m);
+      const double area = static_cast<double>(frame(f).width) * static_cast<double>(frame(f).height);
+      log_chance += std::log(std::min(1.0, std::numbers::pi * radius * radius / area));
+    }
+    return std::exp(log_chance);
+  }
+
+  /// How far a detection may have moved in a time.
+  [[nodiscard]] double reach(const Mover& m, double dt) const {
+    return (m.streak != nullptr ? streak_speed : 1) * options_.speed_most * std::abs(dt) / interval_;
   }
 
   /// Every pair of detections that are far apart in time is a track; the best ones that others lie on are
@@ -272,12 +319,10 @@ class Linker {
     for (std::size_t i = 0; i + apart < n; ++i) {
       for (std::size_t j = i + apart; j < n; ++j) {
         const double dt = times_[j] - times_[i];
-        const double slow = options_.speed_most * std::abs(dt) / interval_;
         for (const Mover& a : movers_[i]) {
-          const double reach = a.streak != nullptr ? streak_speed * slow : slow;
-          places_[j].near(a.x, a.y, reach, [&](std::size_t k, double distance) {
+          places_[j].near(a.x, a.y, reach(a, dt), [&](std::size_t k, double distance) {
             const Mover& b = movers_[j][k];
-            if (distance > slow && b.streak == nullptr) return;
+            if (distance > reach(b, dt)) return;
             Track track;
             track.vx = (b.x - a.x) / dt, track.vy = (b.y - a.y) / dt;
             track.x = a.x - track.vx * times_[i], track.y = a.y - track.vy * times_[i];
@@ -291,16 +336,54 @@ class Linker {
     }
     std::sort(candidates.begin(), candidates.end(),
               [](const Candidate& a, const Candidate& b) { return a.snr > b.snr; });
+    std::vector<Kept> kept;
     for (Candidate& c : candidates) {
       // What a better one has used is not there any more.
       std::erase_if(c.hits, [&](const auto& h) { return movers_[h.first][h.second].used; });
       if (c.hits.size() < hits_least_ || found_.tracklets.size() >= tracklets_most) continue;
       double squares = 0;
       for (const auto& [f, m] : c.hits) squares += movers_[f][m].snr * movers_[f][m].snr;
-      if (std::sqrt(squares) < options_.snr_least) continue;
+      if (std::sqrt(squares) < options_.snr_least || made_by_chance(c.hits) > chance_most) continue;
+      if (std::any_of(kept.begin(), kept.end(), [&](const Kept& k) { return is_piece(c.track, k); }))
+        continue;
+      kept.push_back({c.track, trail_of(c.hits)});
       for (const auto& [f, m] : c.hits) movers_[f][m].used = true;
       add(c.track, c.hits, std::sqrt(squares));
     }
+  }
+
+  /// A tracklet that was kept.
+  struct Kept {
+    Track track;
+    double trail;  ///< px that it moves while a frame is exposed, at most
+  };
+
+  [[nodiscard]] double trail_of(const std::vector<std::pair<std::size_t, std::size_t>>& hits) const {
+    double longest = shortest_streak;
+    for (const auto& [f, k] : hits) {
+      const Streak* streak = movers_[f][k].streak;
+      if (streak != nullptr)
+        longest = std::max(longest, std::hypot(streak->x2 - streak->x1, streak->y2 - streak->y1));
+    }
+    return longest;
+  }
+
+  /// Whether a track follows one that was kept all the time, not farther away along it than its trail is
+  /// long: a short streak is seen as two stars here and there.
+  [[nodiscard]] bool is_piece(const Track& track, const Kept& of) const {
+    const double vx = of.track.vx;
+    const double vy = of.track.vy;
+    const double speed = std::hypot(vx, vy);
+    if (!(speed > 0)) return false;
+    const double along_most = std::min(speed * interval_, of.trail + widest_);
+    const auto near = [&](double t) {
+      const double dx = track.x_at(t) - of.track.x_at(t);
+      const double dy = track.y_at(t) - of.track.y_at(t);
+      return std::abs(dy * vx - dx * vy) < (1 + 1.5 * widest_) * speed &&
+             std::abs(dx * vx + dy * vy) < along_most * speed;
+    };
+    const auto [first, last] = std::minmax_element(times_.begin(), times_.end());
+    return near(*first) && near(*last);
   }
 
   template <class Candidates>
@@ -318,8 +401,13 @@ class Linker {
     double turn = std::abs(m.angle - std::atan2(track.vy, track.vx));
     turn = std::fmod(turn, std::numbers::pi);
     turn = std::min(turn, std::numbers::pi - turn);
+    return turn < turn_most(m);
+  }
+
+  /// @pre it is a streak
+  [[nodiscard]] double turn_most(const Mover& m) const {
     const double length = std::hypot(m.streak->x2 - m.streak->x1, m.streak->y2 - m.streak->y1);
-    return turn < 0.1 + widest_ / std::max(length, 1.0);
+    return 0.1 + widest_ / std::max(length, 1.0);
   }
 
   /// How far from its place a detection may be found.
@@ -401,6 +489,11 @@ class Linker {
   Sky sky_;
   std::vector<std::vector<Mover>> movers_;
   std::vector<PlaceIndex> places_;  ///< of the movers
+  struct Significances {
+    std::vector<double> points;   ///< ascending
+    std::vector<double> streaks;  ///< the same
+  };
+  std::vector<Significances> significances_;  ///< of the movers of each frame
   std::size_t hits_least_ = 3;
 };
 

@@ -207,10 +207,10 @@ TEST_F(PacketStoreOnDisk, ABoundedStoreStopsWhenItIsFullAndKeepsWhatItHas) {
   EXPECT_EQ(read_all(store, 0, 1000).front(), packet(0));
 
   store.set_bounded(false);
-  fill(store, 300, 309);
+  fill(store, 300, 399);
   EXPECT_FALSE(store.status().full);
   EXPECT_GT(store.status().counters.overwritten, 0U);
-  EXPECT_EQ(read_all(store, 0, 1000).back(), packet(309));
+  EXPECT_EQ(read_all(store, 0, 1000).back(), packet(399));
 }
 
 TEST_F(PacketStoreOnDisk, ReadsOnlyRecordsBehindASequence) {

@@ -192,6 +192,28 @@ TEST_F(Sequence, LinksStreaksThatLieAlongTheirMotion) {
   EXPECT_TRUE(all.tracklets[0].points[0].streak.has_value());
 }
 
+TEST_F(Sequence, HasAShortStreakOnceThoughItIsSeenAsTwoStarsInSomeFrames) {
+  for (int k = 0; k < 8; ++k) {
+    const auto a = place(k, 192, 300, 24, 10);
+    const auto b = place(k, 208, 306.7, 24, 10);
+    at(k).stars.push_back(star(b.x, b.y, 11));
+    if (k % 2 == 0) {
+      at(k).streaks.push_back({a.x, a.y, b.x, b.y, 15, 3000, 2.5});
+    } else {
+      at(k).stars.push_back(star(a.x, a.y, 10));
+    }
+  }
+
+  EXPECT_EQ(found().tracklets.size(), 1U);
+}
+
+TEST_F(Sequence, HasTwoObjectsThatFlyBesideOneAnother) {
+  add_mover(200, 300, 6.5, -3.1, 8, {0, 1, 2, 3, 4, 5, 6, 7});
+  add_mover(206, 313, 6.5, -3.1, 7, {0, 1, 2, 3, 4, 5, 6, 7});
+
+  EXPECT_EQ(found().tracklets.size(), 2U);
+}
+
 TEST_F(Sequence, GivesVelocitiesPerSecondWhereAllFramesHaveTheirTime) {
   add_mover(200, 300, 6.5, -3.1, 8, {0, 1, 2, 3, 4, 5, 6, 7});
   for (int k = 0; k < 8; ++k) at(k).time_s = 1e9 + 0.5 * k;
