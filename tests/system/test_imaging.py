@@ -37,7 +37,8 @@ class ImagingTest(SystemTest):
         self.assertFalse(came["final"], came)
 
     def assert_completes(self, ground, line):
-        outcome = ground.outcome(line, TASK_S)
+        """The telecommand itself, not the request that schedules it."""
+        outcome = ground.wait_for(lambda m: m.get("line") == line and (m["type"] == "error" or m.get("final") and not m.get("insertion")), TASK_S)
         self.assertEqual(outcome and outcome.get("stage"), "completed", outcome)
 
     def assert_fails(self, ground, line, code):
