@@ -261,7 +261,8 @@ void ImageTask::make_pictures(ProductStore& store, StepReport& report) {
     offer(store, pieces_.front().name, pieces_.front().content, report);
   std::vector<image::ListedStar> stars = stars_.sorted();
   if (!stars.empty()) {
-    stars.resize(std::min(stars.size(), stars_in(room())));
+    // Half of what is left: a thumbnail cannot be cut to what fits.
+    stars.resize(std::min(stars.size(), stars_in(room() / 2)));
     if (stars.empty())
       ++counts_.left_out;
     else
