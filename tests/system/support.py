@@ -79,6 +79,8 @@ class SystemTest(unittest.TestCase):
         mission.end_processes(left)
         if left or not self._outcome.success:
             self._show_logs()
+        for var in self.folder.iterdir():
+            shutil.rmtree(mission.memory_folder(var), ignore_errors=True)  # what was shared by processes that were killed
         shutil.rmtree(self.folder, ignore_errors=True)
         self.assertEqual(left, {}, "processes left behind")
 

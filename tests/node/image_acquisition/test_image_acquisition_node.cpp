@@ -284,12 +284,11 @@ TEST_F(ImageAcquisitionNodeTest, CanBeCancelledDuringAnExposureAndKeepsWhatItHas
 }
 
 TEST_F(ImageAcquisitionNodeTest, FailsWithTheStoreFullAndRemovesNoDetection) {
-  configure("store_quota_mib: 1");
   const std::string content(1U << 20, 'x');
   const auto old = images() / "frames/0000000001/0001.fits";
   ASSERT_TRUE(write_file_atomically(old, content));
   ASSERT_TRUE(image::mark_frame(old, image::FrameMark::detected));
-  ASSERT_TRUE(node_->go_to(ros::State::unconfigured));
+  configure("store_quota_mib: 1");
   ASSERT_TRUE(node_->go_to(ros::State::active));
   const auto result = capture(task(27), GoalState::aborted);
   EXPECT_EQ(result.failure_code, failure::frame_store_full);
