@@ -249,15 +249,23 @@ void TtcNode::store_mode_change() {
   event.mode = change->mode == Mode::nominal ? mission::MissionMode::nominal : mission::MissionMode::safe;
   event.reason = link_->mode.reason();
   raise(event.severity, event.event_id, event.encoded());
+  write_state("mode", change->stored_text,
+              [this, change = *change](bool stored) { link_->router.mode_stored(change, stored); });
+}
+
+void TtcNode::write_state(const char* name, std::string text, std::function<void(bool)> tell) {
   auto stored = std::make_shared<bool>(false);
-  const bool taken =
-      state_worker_->post([path = state_dir() / "mode", text = change->stored_text,
-                           stored] { *stored = write_file_atomically(path, text).has_value(); },
-                          [this, change = *change, stored] {
-                            link_->router.mode_stored(change, *stored);
-                            if (is_active()) settle();
-                          });
-  if (!taken) link_->router.mode_stored(*change, false);
+  const bool taken = state_worker_->post(
+      [path = state_dir() / name, text = std::move(text), stored] {
+        const auto written = write_file_atomically(path, text);
+        if (!written) log::warn("{}", written.error().message);
+        *stored = written.has_value();
+      },
+      [this, tell, stored] {
+        tell(*stored);
+        if (is_active()) settle();
+      });
+  if (!taken) tell(false);
 }
 
 void TtcNode::store_transmitter_change() {
@@ -274,15 +282,8 @@ void TtcNode::store_transmitter_change() {
     event.why = "commanded";
     raise(event.severity, event.event_id, event.encoded());
   }
-  auto stored = std::make_shared<bool>(false);
-  const bool taken =
-      state_worker_->post([path = state_dir() / "transmitter", text = change->stored_text,
-                           stored] { *stored = write_file_atomically(path, text).has_value(); },
-                          [this, change = *change, stored] {
-                            link_->router.transmitter_stored(change, *stored);
-                            if (is_active()) settle();
-                          });
-  if (!taken) link_->router.transmitter_stored(*change, false);
+  write_state("transmitter", change->stored_text,
+              [this, change = *change](bool stored) { link_->router.transmitter_stored(change, stored); });
 }
 
 void TtcNode::end_silence() {

@@ -153,6 +153,9 @@ class TtcNode : public ros::LifecycleNode {
   void publish_telecommands();
   void send_reports(const std::vector<Report>& reports, std::optional<MonotonicTime> received);
   void store_mode_change();
+  /// Writes a file of the node's state on its worker. @param tell called with whether it is on the disk;
+  /// here, at once, when the worker is full
+  void write_state(const char* name, std::string text, std::function<void(bool)> tell);
   void publish_mode();
   void report_rejections();
   // Arming and keys (ttc_security.cpp)

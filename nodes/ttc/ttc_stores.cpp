@@ -123,15 +123,8 @@ std::string TtcNode::load_stores() const {
 void TtcNode::store_stores_change() {
   const auto change = link_->stores.take_change();
   if (!change) return;
-  auto stored = std::make_shared<bool>(false);
-  const bool taken =
-      state_worker_->post([path = state_dir() / "stores", text = change->stored_text,
-                           stored] { *stored = write_file_atomically(path, text).has_value(); },
-                          [this, change = *change, stored] {
-                            link_->stores.change_stored(change, *stored);
-                            if (is_active()) settle();
-                          });
-  if (!taken) link_->stores.change_stored(*change, false);
+  write_state("stores", change->stored_text,
+              [this, change = *change](bool stored) { link_->stores.change_stored(change, stored); });
 }
 
 void TtcNode::store_open_progress() {
