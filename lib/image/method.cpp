@@ -10,6 +10,7 @@
 
 #include "image/picture.hpp"
 #include "image/plate_solver.hpp"
+#include "image/star_trails.hpp"
 #include "image/streak_finder.hpp"
 
 namespace srfs::image {
@@ -43,20 +44,36 @@ class StreakSearch final : public Method {
  public:
   explicit StreakSearch(const Parameters& parameters)
       : options_{parameters["threshold"], parameters["min_length"], parameters["caution"]},
-        with_stars_(parameters["stars"] != 0) {}
+        with_stars_(parameters["stars"] != 0),
+        with_trails_(parameters["trails"] != 0) {}
 
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
     const CleanFrame clean = clean_frame(frame, findings);
     StarField field = find_stars(clean, {.stars_max = std::numeric_limits<int>::max()});
     findings.streaks = find_streaks(clean, field, options_);
+    if (!with_trails_) drop_star_trails(field.stars.size(), findings);
     if (with_stars_) findings.stars = std::move(field.stars);
     return findings;
   }
 
  private:
+  static void drop_star_trails(std::size_t stars, FrameFindings& findings) {
+    const auto trails = find_star_trails(findings.streaks, stars);
+    if (!trails) return;
+    std::vector<Streak> others;
+    for (std::size_t i = 0; i < findings.streaks.size(); ++i) {
+      if (!trails->is_trail[i]) others.push_back(findings.streaks[i]);
+    }
+    findings.notes.push_back(
+        fmt::format("{} streaks of {:.0f} px at {:.0f} degrees are trails of the stars: the camera turned",
+                    findings.streaks.size() - others.size(), trails->length_px, trails->angle_deg));
+    findings.streaks = std::move(others);
+  }
+
   StreakOptions options_;
   bool with_stars_;
+  bool with_trails_;
 };
 
 constexpr std::array streak_parameters{
@@ -65,6 +82,7 @@ constexpr std::array streak_parameters{
     ParameterSpec{"caution", 8, -100, 1000,
                   "by how much of chi squared a short streak has to be likelier than two stars"},
     ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
+    ParameterSpec{"trails", 0, 0, 1, "1: also what the stars draw when the camera turns"},
 };
 
 /// Moving objects in several frames.

@@ -74,7 +74,8 @@ Result<void, FileError> FrameStore::open() {
 void FrameStore::take_task(const fs::path& folder, std::uint32_t task) {
   std::error_code failed;
   for (const fs::path& file : entries(folder)) {
-    if (file.extension() == ".tmp") {
+    // Of a frame; a mark may be being written by another process.
+    if (file.extension() == ".tmp" && file.filename().string().find(".fits.") != std::string::npos) {
       fs::remove(file, failed);
       continue;
     }

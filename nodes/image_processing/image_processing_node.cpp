@@ -90,6 +90,7 @@ CallbackReturn ImageProcessingNode::on_cleanup() {
   housekeeping_timer_.reset();
   server_.reset();
   worker_.reset();  // the step that runs ends first
+  steps_running_ = 0;
   store_.reset();
   ticks_.reset();
   detections_.reset();
@@ -145,6 +146,7 @@ void ImageProcessingNode::post_step() {
         step->store_octets = (*store)->octets();
       },
       [this, task = running_->task, step] { on_step(task, *step); });
+  steps_running_ += taken ? 1 : 0;
   if (taken) return;
   const Goal goal = running_->goal;
   running_.reset();
@@ -152,6 +154,7 @@ void ImageProcessingNode::post_step() {
 }
 
 void ImageProcessingNode::on_step(const std::shared_ptr<ImageTask>& task, const Step& step) {
+  --steps_running_;
   counters_.product_store_mib = as_u32(step.store_octets / mebibyte);
   if (!running_ || running_->task != task) return;  // aborted meanwhile
   for (const std::string& problem : step.report.problems)

@@ -19,6 +19,9 @@ class ImageProcessingNode : public ros::LifecycleNode {
  public:
   explicit ImageProcessingNode(ros::NodeContext& context);
 
+  /// The step that ran at a deactivation has ended.
+  [[nodiscard]] bool is_at_rest() const override { return steps_running_ == 0; }
+
  protected:
   ros::CallbackReturn on_configure() override;
   ros::CallbackReturn on_deactivate() override;
@@ -58,6 +61,7 @@ class ImageProcessingNode : public ros::LifecycleNode {
   void abort_all();
   void publish_housekeeping();
 
+  int steps_running_ = 0;
   std::shared_ptr<ros::Worker> worker_;
   StoreSlot store_;
   std::shared_ptr<ros::ActionServer<Process>> server_;

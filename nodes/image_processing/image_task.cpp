@@ -190,8 +190,11 @@ void ImageTask::mark(const std::string& file, bool detected, StepReport& report)
   using image::FrameMark;
   if (!detected && image::has_mark(*path, FrameMark::detected)) return;
   auto marked = image::mark_frame(*path, detected ? FrameMark::detected : FrameMark::nothing);
-  if (marked && detected && image::has_mark(*path, FrameMark::nothing))
-    marked = remove_durably(image::mark_path(*path, FrameMark::nothing));
+  // What was sent of it before did not have this detection.
+  for (const FrameMark old : {FrameMark::nothing, FrameMark::sent}) {
+    if (marked && detected && image::has_mark(*path, old))
+      marked = remove_durably(image::mark_path(*path, old));
+  }
   if (!marked) report.problems.push_back(marked.error().message);
 }
 

@@ -63,6 +63,14 @@ class DownlinkScheduler {
   [[nodiscard]] std::optional<MonotonicTime> next_due(MonotonicTime now) const;
 
   [[nodiscard]] std::size_t room_octets(DownlinkChannel channel) const;
+  /// Of all packets that were ever taken.
+  [[nodiscard]] std::uint64_t pushed_octets(DownlinkChannel channel) const {
+    return channels_[static_cast<std::size_t>(channel)].pushed_octets;
+  }
+  /// Of them, those that are in frames.
+  [[nodiscard]] std::uint64_t framed_octets(DownlinkChannel channel) const {
+    return pushed_octets(channel) - frames_.queued_octets(vc(channel));
+  }
   [[nodiscard]] bool empty(DownlinkChannel channel) const;
   /// Octets of packets in a frame.
   [[nodiscard]] std::size_t field_octets() const { return field_octets_; }

@@ -63,6 +63,9 @@ int put(const std::filesystem::path& from, const std::filesystem::path& to) {
   if (std::filesystem::exists(to, failed)) return EEXIST;
   const std::filesystem::path part = to.parent_path() / ("." + to.filename().string());
   std::filesystem::copy_file(from, part, std::filesystem::copy_options::overwrite_existing, failed);
+  if (failed) return failed.value() != 0 ? failed.value() : EIO;
+  const Fd copy(::open(part.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!copy || ::fsync(copy.get()) != 0) return errno;
   if (!failed) std::filesystem::rename(part, to, failed);
   return failed ? (failed.value() != 0 ? failed.value() : EIO) : 0;
 }
@@ -120,11 +123,17 @@ std::vector<std::string> ImageOutbox::frames_of(std::uint32_t task, std::uint16_
     frames.push_back((folder / name).string());
   }
   std::sort(frames.begin(), frames.end());
-  if (frames.size() > max_frames) frames.resize(max_frames);
   return frames;
 }
 
-QueuedProducts ImageOutbox::queue(const OutboxImage& image, const std::vector<std::string>& products) {
+std::vector<std::string> ImageOutbox::newest_frames_of(std::uint32_t task, std::uint16_t frame) const {
+  std::vector<std::string> frames = frames_of(task, frame);
+  if (frames.size() > max_frames) frames.erase(frames.begin(), frames.end() - max_frames);
+  return frames;
+}
+
+QueuedProducts ImageOutbox::queue(const OutboxImage& image, const std::vector<std::string>& products,
+                                  const std::function<bool(const std::string&)>& is_sending) {
   const std::filesystem::path outbox = files_ / "outbox";
   std::error_code failed;
   std::filesystem::create_directories(outbox, failed);
@@ -143,8 +152,12 @@ QueuedProducts ImageOutbox::queue(const OutboxImage& image, const std::vector<st
     int error = EEXIST;
     // An earlier one of the same name, whose transfer must not be disturbed, may still wait there.
     for (int attempt = 1; error == EEXIST && attempt <= name_attempts; ++attempt) {
-      const std::string given = attempt == 1 ? name : fmt::format("{}_{}", attempt, name);
-      error = put(images_ / product, outbox / outbox_image_name(image, i + 1, given));
+      const std::string given =
+          outbox_image_name(image, i + 1, attempt == 1 ? name : fmt::format("{}_{}", attempt, name));
+      // Its file may be gone while the ground does not know yet that it was cancelled.
+      std::error_code none;
+      const bool taken = is_sending && is_sending(given) && !std::filesystem::exists(outbox / given, none);
+      error = taken ? EEXIST : put(images_ / product, outbox / given);
     }
     if (error != 0) return {code_of(error), fmt::format("{}: {}", product, errno_text(error)), done.queued};
     ++done.queued;
@@ -204,7 +217,10 @@ void ImageOutbox::mark_some() {
   const OutboxImage image = to_mark_.front();
   std::size_t marked = 0;
   for (const std::string& frame : frames_of(image.task, image.frame)) {
-    if (image::has_mark(images_ / frame, image::FrameMark::sent)) continue;
+    const std::filesystem::path path = images_ / frame;
+    const bool searched = image.frame != 0 || image::has_mark(path, image::FrameMark::detected) ||
+                          image::has_mark(path, image::FrameMark::nothing);
+    if (!searched || image::has_mark(path, image::FrameMark::sent)) continue;
     if (marked++ == marks_per_call) return;  // goes on with the next call
     const auto done = image::mark_frame(images_ / frame, image::FrameMark::sent);
     if (done) continue;

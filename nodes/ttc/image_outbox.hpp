@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -35,7 +36,7 @@ struct QueuedProducts {
 /// blocks on it.
 class ImageOutbox {
  public:
-  static constexpr std::size_t max_frames = 256;         ///< of one task
+  static constexpr std::size_t max_frames = 256;         ///< of one order; a task number used again has more
   static constexpr std::size_t max_outbox_files = 1000;  ///< cfdp::Postbox looks at 1024
   static constexpr std::size_t max_to_mark = 64;
   static constexpr std::size_t marks_per_call = 4;  ///< each waits for the disk several times
@@ -46,8 +47,14 @@ class ImageOutbox {
 
   /// Frames of a task in order, below the folder of images. @param frame only this one; 0: all
   [[nodiscard]] std::vector<std::string> frames_of(std::uint32_t task, std::uint16_t frame) const;
+  /// The same, the newest max_frames at most.
+  [[nodiscard]] std::vector<std::string> newest_frames_of(std::uint32_t task, std::uint16_t frame) const;
   /// Puts products into the outbox, the first first. @param products below the folder of images
-  [[nodiscard]] QueuedProducts queue(const OutboxImage& image, const std::vector<std::string>& products);
+  /// @param is_sending  whether a transfer has this name of the outbox, also one that was cancelled and that
+  /// the
+  ///                    ground has not ended yet
+  [[nodiscard]] QueuedProducts queue(const OutboxImage& image, const std::vector<std::string>& products,
+                                     const std::function<bool(const std::string&)>& is_sending = {});
   /// Names in the outbox of a task, whatever they are of it.
   [[nodiscard]] std::vector<std::string> queued(std::uint32_t task) const;
   /// Takes files out of the outbox. @return how many
@@ -56,7 +63,8 @@ class ImageOutbox {
   /// The ground has a file of the outbox, which has left it. @param source_file as CFDP names it
   /// @return whether it is one of imaging
   bool on_sent(std::string_view source_file);
-  /// Marks some of the frames whose products were all sent. A restart in between forgets the rest: their
+  /// Marks some of the frames whose products were all sent, of those that were searched for debris, or sent
+  /// whole. A restart in between forgets the rest: their
   /// frames are then kept for longer.
   void mark_some();
 

@@ -214,7 +214,7 @@ void ImagingDesk::end_overdue(const ImagingTime& time, bool may_capture) {
     }
   }
   for (const auto& [id, code] : ended) fail(id, code);
-  for (const std::uint64_t id : silent) lose(*find(id));
+  for (const std::uint64_t id : silent) lose(*find(id), time.now);
   for (std::size_t i = 0; i < cancels_.size();) {
     if (time.now < cancels_[i].expiry) {
       ++i;
@@ -257,7 +257,7 @@ void ImagingDesk::begin_capture(Task& task, const ImagingTime& time) {
   task.accepted_at.reset();
   task.incarnation.reset();
   const nanoseconds wait = task.start ? std::max(nanoseconds(0), *task.start - time.utc) : nanoseconds(0);
-  task.silent_at = time.now + wait + microseconds(task.settings.exposure_us) + answer_patience;
+  task.silent_at = time.now + wait + longest_frame(task) + answer_patience;
   orders_.push_back({.action = ImagingAction::capture,
                      .id = task.origin.id,
                      .task = task.settings.task,
@@ -304,9 +304,9 @@ void ImagingDesk::on_feedback(std::uint64_t id, std::uint16_t frames_done, Monot
   if (task == nullptr || !server_of(*task)) return;
   const mission::ImageCapture& settings = task->settings;
   const bool captures = task->state == State::capturing;
-  task->silent_at = captures ? now + milliseconds(settings.interval_ms) +
-                                   2 * microseconds(settings.exposure_us) + capture_patience
-                             : now + process_patience;
+  task->silent_at =
+      now + (captures ? milliseconds(settings.interval_ms) + longest_frame(*task) + capture_patience
+                      : nanoseconds(process_patience));
   const std::size_t frames = captures ? settings.frames : task->files.size();
   if (frames == 0) return;
   while (task->quarters < quarter_steps.size() &&
@@ -321,7 +321,7 @@ void ImagingDesk::on_goal_end(std::uint64_t id, ImageServer server, ImageGoalEnd
   if (task == nullptr || server_of(*task) != server) return;
   using How = ImageGoalEnd::How;
   if (task->cancelled || end.how == How::canceled) return fail(id, mission::failure::aborted, end.reason);
-  if (end.how == How::lost) return lose(*task);
+  if (end.how == How::lost) return lose(*task, now);
   if (end.how == How::rejected) {
     if (++task->rejections > max_rejections) return fail(id, mission::failure::busy);
     task->state = server == ImageServer::acquisition ? State::waits_for_camera : State::waits_for_processing;
@@ -332,18 +332,23 @@ void ImagingDesk::on_goal_end(std::uint64_t id, ImageServer server, ImageGoalEnd
   task->rejections = 0;
   task->quarters = 0;
   if (server == ImageServer::acquisition) {
-    on_captured(*task, std::move(end));
+    on_captured(*task, std::move(end), now);
   } else {
     on_processed(*task, std::move(end), now);
   }
 }
 
-void ImagingDesk::on_captured(Task& task, ImageGoalEnd end) {
+nanoseconds ImagingDesk::longest_frame(const Task& task) {
+  return tries_of_a_frame * (microseconds(task.settings.exposure_us) + nanoseconds(frame_patience));
+}
+
+void ImagingDesk::on_captured(Task& task, ImageGoalEnd end, MonotonicTime now) {
   counters_.frames += static_cast<std::uint32_t>(end.files.size());
   progress(task, step_captured);
   if (task.settings.method.empty()) return complete(task.origin.id);
   if (end.files.empty()) return fail(task.origin.id, mission::failure::no_usable_frame, "no frame came");
   task.files = std::move(end.files);
+  task.expiry = std::max(task.expiry, now + longest_wait);
   task.state = State::waits_for_processing;
 }
 
@@ -396,15 +401,17 @@ void ImagingDesk::on_products_queued(std::uint64_t id, std::uint16_t failure, co
 // ---- ends
 
 /// Its node restarted, is silent, or the disk is.
-void ImagingDesk::lose(Task& task) {
+void ImagingDesk::lose(Task& task, MonotonicTime now) {
   const auto server = server_of(task);
   const std::uint64_t id = task.origin.id;
   const std::uint16_t code = task.cancelled ? mission::failure::aborted
                              : server       ? mission::failure::imaging_lost
                                             : mission::failure::disk_failed;
   fail(id, code);
-  // Should it be alive after all.
-  if (server) orders_.push_back({.action = ImagingAction::cancel_goal, .id = id, .server = *server});
+  if (!server) return;
+  // Should it be alive after all, or have been taken without our hearing of it: nobody else has goals there.
+  orders_.push_back({.action = ImagingAction::cancel_goal, .id = id, .server = *server});
+  clear(*server, now);
 }
 
 void ImagingDesk::progress(const Task& task, std::uint8_t step) {

@@ -83,6 +83,10 @@ class ImagingDesk {
   static constexpr std::size_t max_tasks = 16;
   static constexpr std::size_t max_cancels = 8;
   static constexpr std::size_t max_failures = 16;
+  static constexpr int tries_of_a_frame = 3;
+  static constexpr seconds frame_patience{5};  ///< of image_acquisition beyond the exposure, of one try
+  /// A task that was captured waits so long for its processing.
+  static constexpr seconds longest_wait{86'400};
   static constexpr seconds lead{10};               ///< a goal is sent so long before the start of its capture
   static constexpr seconds answer_patience{60};    ///< goal sent -> accepted; order to the disk -> done
   static constexpr seconds capture_patience{30};   ///< beyond the time that the next frame takes
@@ -197,9 +201,11 @@ class ImagingDesk {
   void begin_capture(Task& task, const ImagingTime& time);
   void begin_processing(Task& task, MonotonicTime now);
   void list_frames(Task& task, MonotonicTime now);
-  void on_captured(Task& task, ImageGoalEnd end);
+  void on_captured(Task& task, ImageGoalEnd end, MonotonicTime now);
   void on_processed(Task& task, ImageGoalEnd end, MonotonicTime now);
-  void lose(Task& task);
+  void lose(Task& task, MonotonicTime now);
+  /// Of a frame with all its tries, at image_acquisition.
+  [[nodiscard]] static nanoseconds longest_frame(const Task& task);
   void progress(const Task& task, std::uint8_t step);
   void complete(std::uint64_t id);
   void fail(std::uint64_t id, std::uint16_t code, const std::string& reason = {});

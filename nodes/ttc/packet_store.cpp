@@ -83,6 +83,7 @@ Result<void, FileError> PacketStore::open() {
   }
   opened_ = true;
   gone_ = false;
+  if (!recovered_sequence_) recovered_sequence_ = next_sequence_;
   return {};
 }
 
@@ -338,6 +339,7 @@ PacketStoreStatus PacketStore::status() const {
   status.failing = failing_ || !opened_;
   status.full = full_;
   status.next_sequence = next_sequence_;
+  status.recovered_sequence = recovered_sequence_.value_or(0);
   status.counters = counters_;
   for (const auto& [number, segment] : segments_) {
     status.octets += segment.octets;

@@ -69,6 +69,7 @@ struct PacketStoreStatus {
   bool failing = false;  ///< the last commit did not reach the disk
   bool full = false;     ///< it is bounded, and the last packet was not taken
   std::uint32_t next_sequence = 0;
+  std::uint32_t recovered_sequence = 0;  ///< next_sequence when the store was first opened
   PacketStoreCounters counters{};
 };
 
@@ -134,6 +135,7 @@ class PacketStore {
   Octets pending_;
   Segment pending_index_;
   std::uint32_t next_sequence_ = 0;
+  std::optional<std::uint32_t> recovered_sequence_;
   bool opened_ = false;
   bool bounded_ = false;
   bool full_ = false;

@@ -97,6 +97,7 @@ void StoreControl::begin_at(Store& store, std::uint32_t sequence) {
   store.read = sequence;
   store.cursor = {.begin_sequence = sequence};
   if (reading_ && reading_->store == store.id) reading_.reset();  // what comes of it is dropped
+  std::erase_if(pushed_, [&](const Pushed& pushed) { return pushed.store == store.id; });
 }
 
 void StoreControl::execute(const TelecommandOrigin& origin, std::uint8_t subtype, OctetView arguments) {
@@ -124,8 +125,8 @@ void StoreControl::execute(const TelecommandOrigin& origin, std::uint8_t subtype
           store->bounded = subtype == Subtype::make_bounded;
         } else if (store->open != (subtype == Subtype::resume_open)) {
           store->open = !store->open;
-          begin_at(*store,
-                   store->open ? store->sent : store->read);  // what waits in the channel still leaves
+          store->cursor = {.begin_sequence = store->read};  // what waits in the channel still leaves
+          if (reading_ && reading_->store == store->id) reading_.reset();
         }
       }
       outbox_.success(origin, Stage::start);
@@ -218,8 +219,11 @@ bool StoreControl::on_status(std::uint16_t store, const PacketStoreStatus& statu
   if (found == nullptr) return false;
   found->status = status;
   found->unreadable = false;
-  // Fewer records than were sent: the end of the store was lost, or all of it.
-  if (!status.failing && status.next_sequence < found->sent) begin_at(*found, status.next_sequence);
+  if (!found->known && !status.failing) {
+    found->known = true;
+    // Fewer records were there than had been sent: the end of the store was lost, or all of it.
+    if (status.recovered_sequence < found->sent) begin_at(*found, status.recovered_sequence);
+  }
   const bool full = found->bounded && status.full;
   const bool news = full && !found->full_told;
   found->full_told = full;
@@ -259,15 +263,22 @@ std::vector<Octets> StoreControl::on_batch(std::uint64_t request, std::optional<
     store->read = std::max(store->read, batch->next_sequence);
     store->cursor = batch->next;
   }
+  to_push_ = store->id;
   return std::move(batch->packets);
 }
 
-void StoreControl::on_playback(bool playback_empty) {
-  if (!playback_empty) return;
-  for (Store& store : stores_) {
-    if (!store.open || store.sent == store.read) continue;
-    store.sent = store.read;
+void StoreControl::on_pushed(std::uint64_t pushed_octets) {
+  if (!to_push_) return;
+  const Store* store = find(*std::exchange(to_push_, std::nullopt));
+  pushed_.push_back({.store = store->id, .read = store->read, .end_octets = pushed_octets});
+}
+
+void StoreControl::on_left(std::uint64_t left_octets) {
+  while (!pushed_.empty() && pushed_.front().end_octets <= left_octets) {
+    Store* store = find(pushed_.front().store);
+    store->sent = std::max(store->sent, pushed_.front().read);
     progress_ = true;
+    pushed_.pop_front();
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -22,7 +23,8 @@ struct StoreChange {
 
 /// What the ground has set for the packet stores, and open retrieval: new packets of a store go down by
 /// themselves, in order, those not yet sent first (ECSS-E-ST-70-41C 6.15.3). All of it lasts over restarts;
-/// after one, open retrieval may send again what was sent in the last seconds before. Pure; one thread.
+/// after one, open retrieval may send again what left in the seconds since its place was stored. Pure; one
+/// thread.
 class StoreControl {
  public:
   /// Requests of service 15 that are handled here; the others are PacketRetrieval's.
@@ -56,8 +58,11 @@ class StoreControl {
   [[nodiscard]] std::vector<Octets> on_batch(std::uint64_t request, std::optional<RetrievedPackets> batch);
   /// The worker of the stores took no batch: ask again.
   void on_batch_refused() { reading_.reset(); }
-  /// @param playback_empty  whether the playback channel has framed everything
-  void on_playback(bool playback_empty);
+  /// The packets of on_batch() are in the playback channel. @param pushed_octets  of all packets that ever
+  /// were
+  void on_pushed(std::uint64_t pushed_octets);
+  /// @param left_octets  of them framed so far
+  void on_left(std::uint64_t left_octets);
 
   [[nodiscard]] std::optional<StoreChange> take_change();
   /// The change is on disk, or could not be stored; it holds either way.
@@ -79,6 +84,7 @@ class StoreControl {
     std::uint32_t read = 0;  ///< records below this sequence were read
     std::uint32_t refused = 0;
     bool full_told = false;
+    bool known = false;       ///< a status came
     bool unreadable = false;  ///< until the next status
     PacketStoreStatus status;
   };
@@ -102,6 +108,14 @@ class StoreControl {
     std::uint64_t request = 0;
   };
   std::optional<Reading> reading_;
+  /// A batch on its way: a batch has one packet at least, so the channel bounds them.
+  struct Pushed {
+    std::uint16_t store = 0;
+    std::uint32_t read = 0;
+    std::uint64_t end_octets = 0;
+  };
+  std::deque<Pushed> pushed_;
+  std::optional<std::uint16_t> to_push_;  ///< store of the batch that is about to be pushed
   std::uint64_t requests_ = 0;
   std::size_t turn_ = 0;  ///< index of the store that is looked at first
   bool progress_ = false;

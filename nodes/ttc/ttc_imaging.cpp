@@ -9,10 +9,12 @@ using srfs_msgs::action::ProcessImage;
 
 constexpr const char* acquisition_node = "image_acquisition";
 constexpr const char* processing_node = "image_processing";
+/// 256 frames an hour apart, and more.
+constexpr std::chrono::hours longest_goal{300};
 /// A node that the ring restarts is there again within this. The result has no deadline of its own: the desk
 /// watches the feedback.
 constexpr ros::GoalDeadlines goal_deadlines{
-    .response = seconds(5), .attempts = 3, .result = std::chrono::hours(25), .cancel_when_late = true};
+    .response = seconds(5), .attempts = 3, .result = longest_goal, .cancel_when_late = true};
 
 constexpr seconds clear_deadline{10};  ///< the search for the server in it
 
@@ -180,7 +182,7 @@ ImagingOutcome TtcNode::Files::serve(const ImagingOrder& order) {
   ImagingOutcome outcome;
   const OutboxImage image{.task = order.task, .frame = order.frame};
   if (order.action == ImagingAction::list_frames) {
-    outcome.frames = images->frames_of(order.task, order.frame);
+    outcome.frames = images->newest_frames_of(order.task, order.frame);
     return outcome;
   }
   if (const auto opened = open(); !opened) {
@@ -188,7 +190,8 @@ ImagingOutcome TtcNode::Files::serve(const ImagingOrder& order) {
     return outcome;
   }
   if (order.action == ImagingAction::queue_products) {
-    outcome.products = images->queue(image, order.files);
+    outcome.products = images->queue(
+        image, order.files, [this](const std::string& name) { return postbox->sending(name).has_value(); });
     return outcome;
   }
   const std::vector<std::string> names = images->queued(order.task);

@@ -69,7 +69,7 @@ void TtcNode::feed_playback() {
   PacketRetrieval& retrieval = link_->retrieval;
   const bool empty = link_->downlink.empty(DownlinkChannel::playback);
   retrieval.on_playback(empty);
-  link_->stores.on_playback(empty);
+  link_->stores.on_left(link_->downlink.framed_octets(DownlinkChannel::playback));
   send_reports(link_->outbox.take(), std::nullopt);  // the completion, before its event
   for (const RetrievalDone& done : retrieval.take_done()) {
     mission::TtcRetrievalDoneEvent event;
@@ -110,6 +110,7 @@ bool TtcNode::read_batch(const PacketRetrieval::Batch& batch, BatchTaker take) {
       [this, request = batch.request, read, take = std::move(take)] {
         for (Octets& packet : take(request, std::move(*read)))
           link_->downlink.push(DownlinkChannel::playback, std::move(packet), false, now());
+        link_->stores.on_pushed(link_->downlink.pushed_octets(DownlinkChannel::playback));
         if (is_active()) settle();
       });
   if (posted) to_store_.clear();

@@ -61,11 +61,11 @@ class BusOffTest(CanFaultTest):
 
     def test_a_bus_off_in_the_middle_of_a_slot_ends_it_as_no_silence_of_the_peripheral(self):
         payload = "executable: payload_eps_node\n    scheduling: { policy: other, priority: 0, cpus: [] }"
-        deployment = self.deployment((payload, payload + "\n    parameters: { answer_timeout_ms: 1000, silent_slots_to_power_cycle: 0 }"))
+        deployment = self.deployment((payload, payload + "\n    parameters: { answer_timeout_ms: 40, silent_slots_to_power_cycle: 0 }"))
         with self.flight(deployment) as flight:
             recorder = flight.recorder()
             self.wait_for_all(recorder, "released", 2)
-            # Its slots last as long as they may: time to hit one after its request has left.
+            # Its slots last long enough to hit one after its request has left, and end long before its lease does.
             flight.control({"peripheral": "eps", "fault": "silent"})
             since = recorder.position()
 

@@ -246,8 +246,9 @@ class Demo:
             return  # this deployment takes no pictures
         self.display.step("A picture: frames of the sky, searched for debris on board while the rest goes on")
         self.picture_task = int(time.time())  # a new one, also in a folder that has flown before
+        self.flight.control({"camera": {"pass": True}})  # debris crosses the field
         # It turns while it flies this script: a short exposure, and room for what the stars' trails look like.
-        settings = f"exposure_us=20000 gain_db=20 frames=5 interval_ms=1000 method={PICTURE_METHOD} budget_octets=400000"
+        settings = f"exposure_us=20000 gain_db=20 frames=8 interval_ms=200 method={PICTURE_METHOD} budget_octets=400000"
         self.picture_line = self.ground.send(f"tc image.capture task={self.picture_task} {settings}")
         accepted = self.ground.wait_for(lambda m: m["type"] == "tc_stage" and m["line"] == self.picture_line and m["stage"] == "accepted", 15)
         self.expect(accepted, f"task {self.picture_task} is accepted")
@@ -275,6 +276,7 @@ class Demo:
         found = json.loads(findings.read_text())
         counts = {name: len(found.get(name) or []) for name in ("streaks", "tracklets")}
         self.display.note(f"{len(found.get('frames') or [])} frames, {counts['streaks']} streaks, {counts['tracklets']} tracklets")
+        self.expect(counts["tracklets"], "the debris that crossed the field was found on board")
         self.picture = self.draw_picture(thumbnail)
         self.display.note(f"picture: {self.picture}")
 

@@ -2,6 +2,7 @@
 
 #include <fstream>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include <mission/structures.hpp>
@@ -86,6 +87,33 @@ TEST_F(ImageOutboxTest, ANewProductDoesNotDisturbAnOlderOneOfItsNameThatIsBeingS
   EXPECT_EQ(read_file(folder_ / "files/outbox/image_001_0000000005_2_a.json").value(), "new");
 }
 
+TEST_F(ImageOutboxTest, TheNameOfACancelledTransferIsNotUsedWhileTheGroundHasNotEndedIt) {
+  write("images/products/0000000005/a.json", "new");
+  const auto is_sending = [](const std::string& name) { return name == "image_001_0000000005_a.json"; };
+  ASSERT_EQ(outbox_.queue({.task = 5}, {"products/0000000005/a.json"}, is_sending).failure, 0);
+  EXPECT_THAT(names("files/outbox"), ElementsAre("image_001_0000000005_2_a.json"));
+}
+
+TEST_F(ImageOutboxTest, OfATaskNumberUsedAgainTheNewestFramesAreTakenAndAllAreMarked) {
+  for (int i = 1; i <= 300; ++i) {
+    write(fmt::format("images/frames/0000000005/{:04}.fits", i));
+    write(fmt::format("images/frames/0000000005/{:04}.nothing", i));
+  }
+  const auto newest = outbox_.newest_frames_of(5, 0);
+  ASSERT_EQ(newest.size(), ImageOutbox::max_frames);
+  EXPECT_EQ(newest.back(), "frames/0000000005/0300.fits");
+  send("image_001_0000000005_a");
+  for (int i = 0; i < 80; ++i) outbox_.mark_some();
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "images/frames/0000000005/0300.sent"));
+}
+
+TEST_F(ImageOutboxTest, FramesThatNobodySearchedAreNotMarked) {
+  write("images/frames/0000000005/0001.fits");
+  send("image_001_0000000005_thumbnail.png");
+  outbox_.mark_some();
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "images/frames/0000000005/0001.sent"));
+}
+
 TEST_F(ImageOutboxTest, WhatIsNoProductIsNotSent) {
   write("secret");
   write("images/a");
@@ -106,7 +134,10 @@ TEST_F(ImageOutboxTest, AFullOutboxTakesNoMore) {
 }
 
 TEST_F(ImageOutboxTest, FramesAreMarkedWhenTheGroundHasAllProductsAlsoAfterARestart) {
-  for (int i = 1; i <= 9; ++i) write("images/frames/0000000005/000" + std::to_string(i) + ".fits");
+  for (int i = 1; i <= 9; ++i) {
+    write("images/frames/0000000005/000" + std::to_string(i) + ".fits");
+    write("images/frames/0000000005/000" + std::to_string(i) + (i % 2 == 0 ? ".detected" : ".nothing"));
+  }
   write("files/outbox/image_001_0000000005_a");
   write("files/outbox/image_002_0000000005_b");
   write("files/outbox/image_001_0000000006_a");

@@ -20,7 +20,8 @@ class StoreControlTest : public testing::Test {
     control_.on_status(store, {.octets = 1U << 20,
                                .quota_octets = 4U << 20,
                                .records = next_sequence,
-                               .next_sequence = next_sequence});
+                               .next_sequence = next_sequence,
+                               .recovered_sequence = next_sequence});
   }
   template <class Command>
   void command(const std::vector<std::uint16_t>& stores) {
@@ -111,14 +112,15 @@ TEST_F(StoreControlTest, AllOfItLastsOverARestart) {
   const auto batch = control_.next_batch(room);
   ASSERT_TRUE(batch);
   (void)control_.on_batch(batch->request, packets(20, true, 20));
-  control_.on_playback(true);
+  control_.on_pushed(2000);
+  control_.on_left(2000);
   EXPECT_TRUE(control_.take_progress());
   EXPECT_FALSE(control_.take_progress());
 
   StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
   EXPECT_FALSE(again.take_packet(events));
   EXPECT_EQ(again.bounded(), (std::vector<std::uint16_t>{housekeeping}));
-  again.on_status(verification, {.records = 25, .next_sequence = 25});
+  again.on_status(verification, {.records = 25, .next_sequence = 25, .recovered_sequence = 20});
   const auto next = again.next_batch(room);
   ASSERT_TRUE(next);
   EXPECT_EQ(next->period.store, verification);
@@ -163,13 +165,32 @@ TEST_F(StoreControlTest, WhatHasNotLeftTheChannelIsSentAgainAfterARestart) {
   const auto batch = control_.next_batch(room);
   ASSERT_TRUE(batch);
   (void)control_.on_batch(batch->request, packets(5, true, 5));
-  control_.on_playback(false);
+  control_.on_pushed(500);
+  control_.on_left(499);
 
   StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
-  again.on_status(events, {.records = 5, .next_sequence = 5});
+  again.on_status(events, {.records = 5, .next_sequence = 5, .recovered_sequence = 5});
   const auto next = again.next_batch(room);
   ASSERT_TRUE(next);
   EXPECT_EQ(next->cursor.begin_sequence, 0U);
+}
+
+TEST_F(StoreControlTest, ItsPlaceFollowsTheChannelAlsoWhileThatIsNeverEmpty) {
+  command<mission::StorageResumeOpen>({events});
+  tell(events, 1000);
+  for (std::uint32_t i = 1; i <= 10; ++i) {
+    const auto batch = control_.next_batch(room);
+    ASSERT_TRUE(batch);
+    (void)control_.on_batch(batch->request, packets(40, false, 40 * i));
+    control_.on_pushed(4000 * i);
+    control_.on_left(4000 * i - 8000 + (i == 1 ? 4000 : 0));
+  }
+
+  StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
+  again.on_status(events, {.records = 1000, .next_sequence = 1000, .recovered_sequence = 1000});
+  const auto next = again.next_batch(room);
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->cursor.begin_sequence, 320U);
 }
 
 TEST_F(StoreControlTest, SuspendedItKeepsItsPlaceAndDropsWhatIsStillBeingRead) {
@@ -233,18 +254,20 @@ TEST_F(StoreControlTest, AStoreThatCannotBeReadIsTriedAgainLater) {
   EXPECT_TRUE(control_.next_batch(room));
 }
 
-TEST_F(StoreControlTest, AStoreThatLostItsEndIsFollowedFromWhereItEndsNow) {
+TEST_F(StoreControlTest, AStoreThatLostItsEndIsFollowedFromWhereItEndedAtTheStart) {
   command<mission::StorageResumeOpen>({events});
   tell(events, 50);
   auto batch = control_.next_batch(room);
   (void)control_.on_batch(batch->request, packets(50, true, 50));
-  control_.on_playback(true);
-  tell(events, 10);
-  EXPECT_FALSE(control_.next_batch(room));
-  tell(events, 11);
-  batch = control_.next_batch(room);
+  control_.on_pushed(500);
+  control_.on_left(500);
+
+  StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
+  // Of 50 records 40 are left, and 15 came since.
+  again.on_status(events, {.records = 55, .next_sequence = 55, .recovered_sequence = 40});
+  batch = again.next_batch(room);
   ASSERT_TRUE(batch);
-  EXPECT_EQ(batch->cursor.begin_sequence, 10U);
+  EXPECT_EQ(batch->cursor.begin_sequence, 40U);
 }
 
 TEST_F(StoreControlTest, SaysOnceThatABoundedStoreIsFull) {
@@ -267,7 +290,8 @@ TEST_F(StoreControlTest, TheSummaryTellsTimesAndFilling) {
   control_.on_status(events, status);
   const auto batch = control_.next_batch(room);
   (void)control_.on_batch(batch->request, packets(4, false, 4));
-  control_.on_playback(true);
+  control_.on_pushed(400);
+  control_.on_left(400);
   (void)outbox_.take();
 
   command<mission::StorageSummary>({events});

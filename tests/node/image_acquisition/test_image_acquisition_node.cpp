@@ -74,8 +74,8 @@ class ImageAcquisitionNodeTest : public testing::Test {
         });
     ASSERT_TRUE(node_->go_to(ros::State::inactive)) << node_->failure_reason();
   }
-  void activate() {
-    configure();
+  void activate(const std::string& parameters = "frame_patience_ms: 200") {
+    configure(parameters);
     ASSERT_TRUE(node_->go_to(ros::State::active));
     ASSERT_TRUE(wait([&] { return ticks_->subscription_count() == 1 && images_->publisher_count() == 1; }));
   }
@@ -253,7 +253,7 @@ TEST_F(ImageAcquisitionNodeTest, GoesOnWhenTheCameraComesBack) {
 TEST_F(ImageAcquisitionNodeTest, LetsTheCameraRestBetweenFramesThatAreFarApart) {
   activate();
   Sent sent;
-  send(sent, task(33, 2, 2600));
+  send(sent, task(33, 2, 6000));
   ASSERT_TRUE(wait([&] { return sent.feedback.size() == 1; }));
   ASSERT_TRUE(wait([&] { return testing::Value(script_->calls(), Contains("abandon")); }));
   const auto result = expect_end(sent, GoalState::succeeded);
@@ -270,7 +270,7 @@ TEST_F(ImageAcquisitionNodeTest, SaysWhenThereIsNoCamera) {
 }
 
 TEST_F(ImageAcquisitionNodeTest, CanBeCancelledDuringAnExposureAndKeepsWhatItHas) {
-  activate();
+  activate("frame_patience_ms: 20000");
   script_->next({Shot::good, Shot::silent});
   Sent sent;
   Capture::Goal goal = task(26, 5);
