@@ -374,7 +374,7 @@ void ImagingDesk::on_instance(ImageServer server, std::uint32_t incarnation, Mon
     if (!task.incarnation && incarnation != 0) task.incarnation = incarnation;
     if (task.incarnation && *task.incarnation != incarnation) lost.push_back(task.origin.id);
   }
-  for (const std::uint64_t id : lost) lose(*find(id));
+  for (const std::uint64_t id : lost) lose(*find(id), looked);
 }
 
 // ---- files
