@@ -367,8 +367,10 @@ TEST_F(ImagingDeskTest, ARestartedNodeLosesItsTaskAndNoOther) {
   desk_.on_instance(Server::processing, 8, now_);
   desk_.on_instance(Server::acquisition, 3, now_);
   EXPECT_THAT(reports(), ElementsAre("1:1,8=121"));
-  EXPECT_THAT(orders(), ElementsAre("cancel 1"));
+  EXPECT_THAT(orders(), ElementsAre("cancel 1", "clear 0"));
   end(2, Server::acquisition, frames(1));
+  EXPECT_THAT(orders(), IsEmpty()) << "what it may still do ends first";
+  desk_.on_cleared(Server::processing);
   EXPECT_THAT(orders(), ElementsAre("process 2"));
 }
 
@@ -398,7 +400,7 @@ TEST_F(ImagingDeskTest, ASilentNodeLosesItsTaskAndFeedbackIsASignOfLife) {
   const auto due = desk_.next_due(time());
   ASSERT_TRUE(due);
   now_ = *due;
-  EXPECT_THAT(orders(), ElementsAre("cancel 1"));
+  EXPECT_THAT(orders(), ElementsAre("cancel 1", "clear 0"));
   EXPECT_THAT(reports().back(), "1:1,8=121");
 }
 
