@@ -248,7 +248,7 @@ class Demo:
         self.picture_task = int(time.time())  # a new one, also in a folder that has flown before
         self.flight.control({"camera": {"pass": True}})  # debris crosses the field
         # It turns while it flies this script: a short exposure, and room for what the stars' trails look like.
-        settings = f"exposure_us=20000 gain_db=20 frames=8 interval_ms=200 method={PICTURE_METHOD} budget_octets=400000"
+        settings = f"exposure_us=10000 gain_db=20 frames=8 interval_ms=100 method={PICTURE_METHOD} budget_octets=400000"
         self.picture_line = self.ground.send(f"tc image.capture task={self.picture_task} {settings}")
         accepted = self.ground.wait_for(lambda m: m["type"] == "tc_stage" and m["line"] == self.picture_line and m["stage"] == "accepted", 15)
         self.expect(accepted, f"task {self.picture_task} is accepted")
