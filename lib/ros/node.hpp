@@ -96,6 +96,9 @@ class LifecycleNode {
   /// For the ring: a node whose due work grows old while nothing more gets done is restarted. What waits as
   /// input is counted anyway.
   [[nodiscard]] virtual WorkStatus work_status() const { return {}; }
+  /// What a new version checks of itself before it may replace the one that runs (`--self-test`): it is
+  /// Active, has turned for a second, and every device is absent. @return what is wrong
+  [[nodiscard]] virtual Result<void, std::string> self_test() { return {}; }
   /// Time of this wake-up, read once before each callback.
   [[nodiscard]] MonotonicTime now() const { return context_.executor.now(); }
 

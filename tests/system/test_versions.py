@@ -132,6 +132,19 @@ class WithRingTest(VersionsTest):
         lines = [json.loads(line) for line in self.srfs("faults", "--json").stdout.splitlines()]
         return next((line for line in reversed(lines) if line.get("failed_version") is not None), None)
 
+    def test_a_node_in_a_slot_restarts_the_golden_program_of_another(self):
+        self.up()
+        self.use(self.json("versions", "add", "faulty", str(BIN / "faulty_node"), "--origin", "a test")["version"])
+        self.wait_for_version(1)
+        second = {n["name"]: n for n in self.json_of_status()}["second"]
+        os.kill(second["pid"], signal.SIGKILL)
+
+        def is_back():
+            now = {n["name"]: n for n in self.json_of_status()}["second"]
+            return now["state"] == "active" and now["pid"] != second["pid"]
+
+        wait_until(is_back, DEADLINE_S, "second restarted by faulty")
+
     def test_a_version_that_crashes_in_its_probation_comes_back_as_the_last_good_one_at_once(self):
         self.up()
         self.add(GOOD)

@@ -31,7 +31,7 @@ class Restarter {
 
   /// @param observer  name of the node that this process is, or of the tool
   Restarter(const Deployment& deployment, VarPaths var, std::string observer,
-            std::filesystem::path bin_folder = own_bin_folder());
+            std::filesystem::path bin_folder = suite_bin_folder());
   ~Restarter();  ///< waits for the records that are being written, 2 s at most
   Restarter(const Restarter&) = delete;
   Restarter& operator=(const Restarter&) = delete;
