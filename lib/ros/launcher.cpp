@@ -49,6 +49,7 @@ constexpr milliseconds longest_exec{1000};
 constexpr milliseconds longest_wait_for_instance{1000};
 constexpr milliseconds longest_wait_for_lock{3000};
 constexpr milliseconds longest_wait_for_end{1000};
+constexpr seconds longest_stand_in{6};
 
 /// Whom a process shall belong to.
 struct Owner {
@@ -81,7 +82,7 @@ constexpr std::array passed_on{"ASAN_OPTIONS", "UBSAN_OPTIONS",    "TSAN_OPTIONS
                                "LSAN_OPTIONS", "SRFS_MISSION_DIR", "LD_LIBRARY_PATH"};
 
 /// Tells a program in a slot where the golden ones are.
-constexpr const char* bin_folder_variable = "SRFS_BIN";
+constexpr const char* bin_folder_variable = "SRFS_BIN_FOLDER";
 
 bool is_passed_on(std::string_view line) {
   return std::any_of(passed_on.begin(), passed_on.end(), [&](const char* name) {
@@ -389,6 +390,21 @@ Result<pid_t, std::string> start_version(const LaunchRequest& request, const Nod
   return process->pid();
 }
 
+/// While a node is down on purpose; nobody believes it for longer than the lease.
+class StandingIn {
+ public:
+  StandingIn(const VarPaths& var, const std::string& node, const std::string& by) : var_(var), node_(node) {
+    write_stand_in(var, node, by, monotonic_now() + longest_stand_in);
+  }
+  StandingIn(const StandingIn&) = delete;
+  StandingIn& operator=(const StandingIn&) = delete;
+  ~StandingIn() { end_stand_in(var_, node_); }
+
+ private:
+  const VarPaths& var_;
+  const std::string& node_;
+};
+
 /// For starts that no observer of the ring writes down. Blocks on the disk.
 void record_fallback(const LaunchRequest& request, const NodeEntry& node, const Launched& launched) {
   if (const auto settled = settle_versions(request.var, node.name); !settled)
@@ -532,6 +548,7 @@ Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& re
   const auto before = last_started(request.var, node.name);
   const bool runs_already = running && before && before->pid == running->pid() && before->version == version;
   if (!running || runs_already || node.name == self) return std::optional<Launched>();
+  const StandingIn standing_in(request.var, node.name, self.empty() ? "srfs" : self);
   const MonotonicTime stopped = monotonic_now();
   running->signal(SIGTERM);
   running->signal(SIGCONT);  // a stopped process would sleep through it

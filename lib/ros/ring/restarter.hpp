@@ -61,6 +61,7 @@ class Restarter {
   class Recorder;
   struct Case;
   [[nodiscard]] RestartOutcome decide_and_act(Case& c);
+  [[nodiscard]] std::string wait_for_stand_in(const Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> look_again(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> look_for_starting(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> ask_policy(Case& c) const;
