@@ -146,13 +146,17 @@ void Console::carry_files(std::unique_ptr<cfdp::Postbox> postbox) {
 
 Exit Console::put(const std::string& file, const std::string& name, std::optional<milliseconds> timeout) {
   quiet_telemetry_ = true;
-  const auto id = put_file(*station_.files(), file, name);
-  if (!id) {
-    fail(id.error());
+  const auto deadline = timeout ? std::optional(monotonic_now() + *timeout) : std::nullopt;
+  return follow_file(put_file(*station_.files(), file, name), deadline);
+}
+
+Exit Console::follow_file(const Result<cfdp::TransactionId, std::string>& put,
+                          std::optional<MonotonicTime> deadline) {
+  if (!put) {
+    fail(put.error());
     return Exit::unusable;
   }
-  awaited_file_ = *id;
-  const auto deadline = timeout ? std::optional(monotonic_now() + *timeout) : std::nullopt;
+  awaited_file_ = *put;
   if (!run(
           Watch::port, [&] { return awaited_arrived_.has_value(); }, deadline))
     return Exit::link_closed;
@@ -161,6 +165,25 @@ Exit Console::put(const std::string& file, const std::string& name, std::optiona
     return Exit::refused;
   }
   return *awaited_arrived_ ? Exit::done : Exit::refused;
+}
+
+Exit Console::install(const std::string& file, const std::string& name, bool activate,
+                      std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  installing_ = true;
+  const MonotonicTime begun = monotonic_now();
+  const auto deadline = timeout ? std::optional(begun + *timeout) : std::nullopt;
+  const Exit up = follow_file(put_or_resume(*station_.files(), file, name), deadline);
+  if (up != Exit::done) return up;
+  if (!options_.json) {
+    const double took_s = std::chrono::duration<double>(monotonic_now() - begun).count();
+    write_lines(fmt::format("{:>9.3f} s  {} is up\n", took_s, name));
+  }
+  if (deadline)
+    timeout = std::max(std::chrono::ceil<milliseconds>(*deadline - monotonic_now()), milliseconds(1));
+  const TelecommandText telecommand = install_telecommand(name, activate);
+  send(telecommand.name, telecommand.arguments, timeout);
+  return follow(true);
 }
 
 Exit Console::files(std::optional<milliseconds> duration) {
@@ -487,8 +510,10 @@ void Console::on_telemetry(const TelemetryReport& report) {
     if (report.kind == TelemetryKind::event) write_lines(to_lines(report, options_.colour));
     return;
   }
+  const bool about_package =
+      installing_ && report.kind == TelemetryKind::event && report.name.starts_with("package.");
   const bool wanted = report.kind == TelemetryKind::pong || report.kind == TelemetryKind::schedule ||
-                      report.vc == tm_channel::playback;
+                      report.vc == tm_channel::playback || about_package;
   if (quiet_telemetry_ && !wanted) return;
   if (options_.json) {
     write_json(to_json(report));

@@ -61,6 +61,9 @@ class Console {
   /// One file up, until the spacecraft has it. What is not up by then stays in the queue.
   [[nodiscard]] Exit put(const std::string& file, const std::string& name,
                          std::optional<milliseconds> timeout);
+  /// Puts a package up, or goes on with it, and then orders package.install. @param timeout for all of it
+  [[nodiscard]] Exit install(const std::string& file, const std::string& name, bool activate,
+                             std::optional<milliseconds> timeout);
   /// Carries the queue up and what comes down. @param duration nullopt: until interrupted
   [[nodiscard]] Exit files(std::optional<milliseconds> duration);
   /// What is asked of the folder of files on board, with the answers as lines. A file that is to arrive is
@@ -79,6 +82,9 @@ class Console {
   enum class Watch : std::uint8_t { port, port_and_input };
 
   void on_telemetry(const TelemetryReport& report);
+  /// Runs until the file that was put is up.
+  [[nodiscard]] Exit follow_file(const Result<cfdp::TransactionId, std::string>& put,
+                                 std::optional<MonotonicTime> deadline);
   /// One telecommand until its end, again when answers were lost on the way; the answers are told and kept.
   /// @param left_before  of a listing (is_whole)
   [[nodiscard]] Exit exchange(const TelecommandText& telecommand, std::optional<milliseconds> timeout,
@@ -123,6 +129,7 @@ class Console {
   bool interrupted_ = false;
   bool input_ended_ = false;
   bool quiet_telemetry_ = false;  // only what belongs to the telecommand is told
+  bool installing_ = false;       // and the events about packages
   bool failed_to_send_ = false;
   std::string input_;
   std::uint64_t line_ = 0;

@@ -374,6 +374,11 @@ std::string_view to_text(PackageRefusal refusal) {
   return "?";
 }
 
+std::string to_text(const PackageFailure& failure) {
+  const std::string_view text = to_text(failure.refusal);
+  return failure.detail.empty() ? std::string(text) : fmt::format("{}: {}", text, failure.detail);
+}
+
 const std::vector<std::string>& allowed_options() {
   static const std::vector<std::string> options{"-O0", "-O1", "-O2", "-O3", "-Os", "-g", "-DNDEBUG"};
   return options;

@@ -59,13 +59,15 @@ struct PackageFailure {
   PackageRefusal refusal;
   std::string detail;  ///< for people: which field or file
 };
+/// "a path that is not allowed: ../main.cpp"
+[[nodiscard]] std::string to_text(const PackageFailure& failure);
 
 enum class PackageKind : std::uint8_t { replace, add };
 
 struct PackageFile {
-  std::string path;  ///< relative, of plain parts
+  std::string path = {};  ///< relative, of plain parts
   std::uint64_t octets = 0;
-  std::string sha256;
+  std::string sha256 = {};
 
   friend bool operator==(const PackageFile&, const PackageFile&) = default;
 };
@@ -91,18 +93,18 @@ struct SlotRequest {
 };
 
 struct Manifest {
-  std::string node;
+  std::string node = {};
   PackageKind kind = PackageKind::replace;
   std::uint64_t counter = 0;  ///< goes up with each package of the node
-  std::vector<PackageFile> files;
-  std::optional<PackageStream> stream;       ///< format 2; nullopt: format 1, the files as they are
-  std::vector<std::string> options;          ///< of the compiler, of allowed_options()
-  std::optional<std::string> binary_sha256;  ///< of what the ground built, to compare
-  std::optional<std::string> ring_after;     ///< member of the ring that checks a new node
-  std::optional<std::string> deployment;     ///< entry of a new node, JSON
-  std::optional<std::string> dictionary;     ///< which of the files is the dictionary's fragment, YAML
-  std::optional<SlotRequest> slot;
-  seconds self_test{10};                     ///< deadline
+  std::vector<PackageFile> files = {};
+  std::optional<PackageStream> stream = {};       ///< format 2; nullopt: format 1, the files as they are
+  std::vector<std::string> options = {};          ///< of the compiler, of allowed_options()
+  std::optional<std::string> binary_sha256 = {};  ///< of what the ground built, to compare
+  std::optional<std::string> ring_after = {};     ///< member of the ring that checks a new node
+  std::optional<std::string> deployment = {};     ///< entry of a new node, JSON
+  std::optional<std::string> dictionary = {};     ///< which of the files is the dictionary's fragment, YAML
+  std::optional<SlotRequest> slot = {};
+  seconds self_test{10};  ///< deadline
   seconds probation{300};
 
   friend bool operator==(const Manifest&, const Manifest&) = default;
@@ -147,8 +149,8 @@ struct VerifiedPackage {
   std::unique_ptr<const Octets> expanded = nullptr;  ///< of format 2
 };
 /// Signature first, then everything else; what is compressed is expanded last, into as much memory as its
-/// signed manifest says, package_octets at most. Pure. @param last_counter  of the node's last accepted package;
-/// asked with the signed name
+/// signed manifest says, package_octets at most. Pure. @param last_counter  of the node's last accepted
+/// package; asked with the signed name
 [[nodiscard]] Result<VerifiedPackage, PackageFailure> verify_package(
     OctetView package, const PublicKey& key,
     const std::function<std::uint64_t(std::string_view node)>& last_counter);

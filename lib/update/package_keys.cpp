@@ -43,8 +43,8 @@ Result<void, FileError> save_new(const std::filesystem::path& file, const Raw& r
     return problem(file, errno == EEXIST ? "is there already; a key is never replaced"
                                          : "cannot create: " + errno_text(errno));
   std::string text = to_hex(raw) + '\n';
-  const bool written = write(fd.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size()) &&
-                       fsync(fd.get()) == 0;
+  const bool written =
+      write(fd.get(), text.data(), text.size()) == static_cast<ssize_t>(text.size()) && fsync(fd.get()) == 0;
   const int error = errno;
   OPENSSL_cleanse(text.data(), text.size());
   if (written) return {};
