@@ -7,6 +7,7 @@
 
 #include "base/time.hpp"
 #include "ground/bridge.hpp"
+#include "ground/installation.hpp"
 #include "ground/remote.hpp"
 #include "ground/script.hpp"
 #include "ground/station.hpp"
@@ -61,7 +62,8 @@ class Console {
   /// One file up, until the spacecraft has it. What is not up by then stays in the queue.
   [[nodiscard]] Exit put(const std::string& file, const std::string& name,
                          std::optional<milliseconds> timeout);
-  /// Puts a package up, or goes on with it, and then orders package.install. @param timeout for all of it
+  /// Puts a package up, or goes on with it, orders package.install and follows that until the node runs it,
+  /// or without @p activate until it is built and tested. @param timeout for all of it
   [[nodiscard]] Exit install(const std::string& file, const std::string& name, bool activate,
                              std::optional<milliseconds> timeout);
   /// Carries the queue up and what comes down. @param duration nullopt: until interrupted
@@ -85,6 +87,10 @@ class Console {
   /// Runs until the file that was put is up.
   [[nodiscard]] Exit follow_file(const Result<cfdp::TransactionId, std::string>& put,
                                  std::optional<MonotonicTime> deadline);
+  /// Tells and keeps what is about the installation. @return whether it was
+  bool on_installation(const TelemetryReport& report);
+  /// Runs until the spacecraft has said how the installation ended; asks now and then.
+  [[nodiscard]] Exit follow_installation(bool activate, MonotonicTime deadline);
   /// One telecommand until its end, again when answers were lost on the way; the answers are told and kept.
   /// @param left_before  of a listing (is_whole)
   [[nodiscard]] Exit exchange(const TelecommandText& telecommand, std::optional<milliseconds> timeout,
@@ -129,7 +135,6 @@ class Console {
   bool interrupted_ = false;
   bool input_ended_ = false;
   bool quiet_telemetry_ = false;  // only what belongs to the telecommand is told
-  bool installing_ = false;       // and the events about packages
   bool failed_to_send_ = false;
   std::string input_;
   std::uint64_t line_ = 0;
@@ -145,6 +150,10 @@ class Console {
   std::string awaited_name_;  // of a file that is to come down
   std::optional<cfdp::TransactionId> awaited_file_;
   std::optional<bool> awaited_arrived_;
+  std::string installing_;  // name on board of the package; empty: none
+  MonotonicTime installation_begun_;
+  std::optional<InstallationEnd> installation_end_;
+  bool refusal_told_ = false;
   MonotonicTime next_progress_;
   std::string last_progress_;
   bool progress_shown_ = false;  // the terminal's cursor is in a progress line

@@ -10,6 +10,7 @@
 
 #include "base/file.hpp"
 #include "ground/console.hpp"
+#include "ground/installation.hpp"
 #include "ground/package_arguments.hpp"
 #include "ground/remote.hpp"
 #include "ros/deployment.hpp"

@@ -38,8 +38,8 @@ fs::path plain(const fs::path& path) {
 Result<std::string, std::string> name_of(const fs::path& root, const fs::path& file) {
   const fs::path relative = plain(file).lexically_relative(plain(root));
   if (relative.empty() || *relative.begin() == ".." || relative == ".")
-    return Err(
-        fmt::format("{}: not below {}, so it has no name in the package", file.string(), root.string()));
+    return Err(fmt::format("{}: not below {}, so it has no name in the package", file.string(),
+                           plain(root).string()));
   fs::path place = plain(root);
   for (const fs::path& part : relative) {
     place /= part;

@@ -153,10 +153,6 @@ Result<RemoteRequest, std::string> remote_request(const std::string& action, con
   return Err("expected " + remote_actions());
 }
 
-TelecommandText install_telecommand(const std::string& name, bool activate) {
-  return {.name = "package.install", .arguments = {"file=" + name, fmt::format("activate={}", activate)}};
-}
-
 std::optional<std::uint64_t> left_behind(const std::vector<TelemetryReport>& answers) {
   return answers.empty() ? std::nullopt : number_of(answers.back(), "left");
 }

@@ -27,9 +27,6 @@ struct RemoteRequest {
 /// The actions, for the help text.
 [[nodiscard]] std::string remote_actions();
 
-/// What has a package that is up built, tested and, with @p activate, taken. @param name  below VAR/files
-[[nodiscard]] TelecommandText install_telecommand(const std::string& name, bool activate);
-
 /// The page behind the last entry of @p answers; nullopt: that was all.
 [[nodiscard]] std::optional<TelecommandText> next_page(const TelecommandText& page,
                                                        const std::vector<TelemetryReport>& answers);
