@@ -25,6 +25,7 @@ constexpr milliseconds progress_period{500};
 constexpr milliseconds default_acceptance{5000};
 constexpr milliseconds default_clcw{35000};  // the beacon comes every 30 s
 constexpr seconds default_installation{900};
+constexpr milliseconds longest_order{35'000};  // of package.install itself
 constexpr seconds question_period{15};
 constexpr seconds refusal_patience{2};  // for the event beside a failure report
 constexpr std::size_t longest_line = 4096;
@@ -179,15 +180,20 @@ Exit Console::install(const std::string& file, const std::string& name, bool act
   if (up != Exit::done) return up;
   installing_ = name;
   const TelecommandText order = install_telecommand(name, activate);
-  if (deadline)
-    timeout = std::max(std::chrono::ceil<milliseconds>(*deadline - monotonic_now()), milliseconds(1));
+  if (deadline) {
+    const auto left = std::chrono::ceil<milliseconds>(*deadline - monotonic_now());
+    timeout = std::clamp(left, milliseconds(1), longest_order);
+  }
   send(order.name, order.arguments, timeout);
   const Exit taken = follow(true);
   if (last_stage_ && last_stage_->failure_name == "package_refused" &&
       !run(
           Watch::port, [&] { return refusal_told_; }, monotonic_now() + refusal_patience))
     return Exit::link_closed;
-  if (taken != Exit::done) return taken;
+  // Its reports may be lost on the way: the spacecraft is asked.
+  const bool unknown =
+      taken == Exit::refused && accepted_ && last_stage_ && last_stage_->stage == Stage::timed_out;
+  if (taken != Exit::done && !unknown) return taken;
   return follow_installation(activate, deadline.value_or(monotonic_now() + default_installation));
 }
 
