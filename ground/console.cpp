@@ -26,6 +26,7 @@ constexpr milliseconds default_acceptance{5000};
 constexpr milliseconds default_clcw{35000};  // the beacon comes every 30 s
 constexpr seconds default_installation{900};
 constexpr milliseconds longest_order{35'000};  // of package.install itself
+constexpr seconds first_question{2};           // it may have been told before
 constexpr seconds question_period{15};
 constexpr seconds refusal_patience{2};  // for the event beside a failure report
 constexpr std::size_t longest_line = 4096;
@@ -198,10 +199,11 @@ Exit Console::install(const std::string& file, const std::string& name, bool act
 }
 
 Exit Console::follow_installation(bool activate, MonotonicTime deadline) {
-  while (!installation_end_ && !interrupted_ && monotonic_now() < deadline) {
+  for (seconds patience = first_question; !installation_end_ && !interrupted_ && monotonic_now() < deadline;
+       patience = question_period) {
     if (!run(
             Watch::port, [&] { return installation_end_.has_value(); },
-            std::min(deadline, monotonic_now() + question_period)))
+            std::min(deadline, monotonic_now() + patience)))
       return Exit::link_closed;
     if (installation_end_ || interrupted_) break;
     const TelecommandText question = installation_question();
