@@ -44,7 +44,7 @@ LaneReport read_lane_report(std::string_view json, std::string_view end) {
     return report;
   }
   report.good = outcome == "built" || outcome == "passed";
-  const std::string detail = text_of(parsed, "detail");
+  const std::string detail = text_of(parsed, "reason");
   report.reason = detail.empty() ? outcome : fmt::format("{}: {}", outcome, detail);
   report.program_sha256 = text_of(parsed, "sha256");
   report.program_octets = static_cast<std::uint64_t>(number_of(parsed, "octets"));

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "cfdp/rooted_path.hpp"
+#include "update/package_keys.hpp"
 #include "update/sha256.hpp"
 
 namespace srfs {
@@ -41,34 +42,20 @@ Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, co
   return content;
 }
 
-Result<update::PublicKey, std::string> read_public_key(const std::filesystem::path& file) {
-  const auto text = read_file(file, 4096);
-  if (!text) return Err(text.error().message);
-  update::PublicKey key{};
-  const std::string digits = text->substr(0, text->find_last_not_of(" \r\n") + 1);
-  const bool good = digits.size() == 2 * key.size() &&
-                    digits.find_first_not_of("0123456789abcdefABCDEF") == std::string::npos;
-  if (!good) return Err(fmt::format("{}: expected 64 hexadecimal digits", file.string()));
-  for (std::size_t i = 0; i < key.size(); ++i)
-    key.at(i) = static_cast<std::uint8_t>(std::stoul(digits.substr(2 * i, 2), nullptr, 16));
-  return key;
-}
-
 }  // namespace
 
 Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const std::string& file,
                                               const update::UpdateJournal& journal,
                                               const LaneFolders& folders) {
   const auto refusal = [](std::string reason) { return Err(IntakeFailure{false, std::move(reason)}); };
-  const auto key = read_public_key(rules.public_key);
-  if (!key) return refusal("no key to verify with: " + key.error());
+  const auto key = update::load_public_key(rules.public_key);
+  if (!key) return refusal("no key to verify with: " + key.error().message);
   const auto content = read_package(rules.files, file);
   if (!content) return Err(content.error());
   const std::string sha256 = update::to_digits(update::sha256_of(*content));
   const auto package = update::verify_package(
       *content, *key, [&](std::string_view node) { return journal.last_counter(node, sha256); });
-  if (!package)
-    return refusal(fmt::format("{}: {}", to_text(package.error().refusal), package.error().detail));
+  if (!package) return refusal(to_text(package.error()));
   const update::Manifest& manifest = package->manifest;
   const bool is_there = std::find(rules.nodes.begin(), rules.nodes.end(), manifest.node) != rules.nodes.end();
   if (manifest.kind == update::PackageKind::replace && !is_there)

@@ -49,8 +49,8 @@ TEST(LaneCallTest, a_report_of_success_has_the_program_s_digest_and_size) {
   EXPECT_TRUE(read_lane_report(R"({"outcome": "passed"})", "").good);
 }
 
-TEST(LaneCallTest, any_other_outcome_is_a_failure_with_its_detail) {
-  const auto report = read_lane_report(R"({"outcome": "memory_limit", "detail": "768 MiB"})", "exit code 3");
+TEST(LaneCallTest, any_other_outcome_is_a_failure_with_its_reason) {
+  const auto report = read_lane_report(R"({"outcome": "memory_limit", "reason": "768 MiB"})", "exit code 3");
   EXPECT_FALSE(report.good);
   EXPECT_EQ(report.reason, "memory_limit: 768 MiB");
 }
