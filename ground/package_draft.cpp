@@ -52,11 +52,11 @@ Result<std::string, std::string> name_of(const fs::path& root, const fs::path& f
 }
 
 Result<void, std::string> add_file(const fs::path& root, const fs::path& file, Files& files) {
-  const auto name = name_of(root, file);
-  if (!name) return Err(name.error());
   std::error_code error;
   const auto type = fs::symlink_status(file, error).type();
   if (type == fs::file_type::not_found) return Err(fmt::format("{}: no such file", file.string()));
+  const auto name = name_of(root, file);
+  if (!name) return Err(name.error());
   if (type != fs::file_type::regular) return Err(fmt::format("{}: no ordinary file", file.string()));
   if (!files.contains(*name) && files.size() == PackageLimits::files)
     return Err(fmt::format("more than {} files", PackageLimits::files));
