@@ -165,7 +165,7 @@ class WithRingTest(VersionsTest):
         self.assertEqual(self.use(1).returncode, 0)
         self.wait_for_version(0)
         wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
-        self.assertIn("inactive instead of active on probation", self.fault()["reason"])
+        self.assertIn("instead of active on probation", self.fault()["reason"])
 
     def test_a_probation_that_is_survived_makes_the_version_the_last_good_one_and_later_deaths_keep_it(self):
         self.up()
