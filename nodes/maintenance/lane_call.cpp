@@ -21,7 +21,7 @@ double number_of(const nlohmann::json& json, const char* key) {
 std::vector<std::string> build_command(const LaneFolders& folders, const update::Manifest& manifest) {
   std::vector<std::string> command{folders.program, "build",        "--sources", folders.sources(),
                                    "--name",        manifest.node,  "--prefix",  folders.prefix,
-                                   "--work",        folders.lane(), "--out",     folders.built(manifest.node),
+                                   "--work",        folders.lane, "--out",     folders.built(manifest.node),
                                    "--log",         folders.log(),  "--report",  folders.report()};
   for (const std::string& option : manifest.options) command.push_back("--option=" + option);
   return command;
@@ -31,7 +31,7 @@ std::vector<std::string> self_test_command(const LaneFolders& folders, const upd
                                            const std::filesystem::path& deployment) {
   return {folders.program, "self-test",    "--program",    folders.built(manifest.node),
           "--name",        manifest.node,  "--deployment", deployment,
-          "--work",        folders.lane(), "--seconds",    std::to_string(manifest.self_test.count()),
+          "--work",        folders.lane, "--seconds",    std::to_string(manifest.self_test.count()),
           "--log",         folders.log(),  "--report",     folders.report()};
 }
 

@@ -16,9 +16,9 @@ struct LaneFolders {
   std::filesystem::path program;  ///< srfs-lane
   std::filesystem::path prefix;   ///< the installed SRFS that is built against
   std::filesystem::path work;     ///< everything below belongs to one update, and goes with it
+  std::filesystem::path lane;     ///< the lane's own, which keeps what it has precompiled
 
   [[nodiscard]] std::filesystem::path sources() const { return work / "sources"; }
-  [[nodiscard]] std::filesystem::path lane() const { return work / "lane"; }  ///< the lane's own
   [[nodiscard]] std::filesystem::path built(const std::string& node) const { return work / node; }
   [[nodiscard]] std::filesystem::path log() const { return work / "log"; }
   [[nodiscard]] std::filesystem::path report() const { return work / "report.json"; }

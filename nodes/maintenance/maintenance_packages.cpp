@@ -63,7 +63,8 @@ void MaintenanceNode::close_packages() {
 
 LaneFolders MaintenanceNode::lane_folders() const {
   const auto bin = ros::suite_bin_folder();
-  return {bin / "srfs-lane", bin.parent_path(), std::filesystem::absolute(var().root) / "update"};
+  return {bin / "srfs-lane", bin.parent_path(), std::filesystem::absolute(var().root) / "update" / "job",
+          std::filesystem::absolute(var().root) / "update" / "lane"};
 }
 
 IntakeRules MaintenanceNode::intake_rules() const {
@@ -293,8 +294,6 @@ void MaintenanceNode::on_built(const LaneReport& report) {
 }
 
 void MaintenanceNode::on_tested(const LaneReport& report) {
-  std::error_code ec;
-  std::filesystem::remove_all(ros::VarPaths{lane_folders().lane() / "var"}.memory(), ec);
   if (!report.good) {
     send_lane_log();
     end_update(UpdateStep::failed, report.reason);

@@ -65,8 +65,9 @@ Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const st
 
   std::error_code ec;
   std::filesystem::remove_all(folders.work, ec);
-  std::filesystem::create_directories(folders.lane(), ec);
-  if (ec) return refusal(fmt::format("{}: {}", folders.lane().string(), ec.message()));
+  std::filesystem::create_directories(folders.work, ec);
+  if (!ec) std::filesystem::create_directories(folders.lane, ec);
+  if (ec) return refusal(fmt::format("{}: {}", folders.work.string(), ec.message()));
   if (const auto unpacked = update::unpack(*package, folders.sources()); !unpacked)
     return refusal(unpacked.error().message);
 

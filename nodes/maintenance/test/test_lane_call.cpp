@@ -10,7 +10,7 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-const LaneFolders folders{"/opt/srfs/bin/srfs-lane", "/opt/srfs", "/var/srfs/update"};
+const LaneFolders folders{"/opt/srfs/bin/srfs-lane", "/opt/srfs", "/var/srfs/update/job", "/var/srfs/update/lane"};
 
 update::Manifest manifest() {
   update::Manifest m;
@@ -24,7 +24,7 @@ TEST(LaneCallTest, the_build_gets_the_sources_the_prefix_and_each_option_of_the_
   const auto command = build_command(folders, manifest());
   EXPECT_EQ(command.at(0), "/opt/srfs/bin/srfs-lane");
   EXPECT_EQ(command.at(1), "build");
-  EXPECT_THAT(command, Contains("/var/srfs/update/sources"));
+  EXPECT_THAT(command, Contains("/var/srfs/update/job/sources"));
   EXPECT_THAT(command, Contains("/opt/srfs"));
   EXPECT_THAT(command, Contains("--option=-O2"));
   EXPECT_THAT(command, Contains("--option=-g"));

@@ -21,7 +21,7 @@ struct PackageIntakeTest : testing::Test {
   testing_support::TemporaryFolder folder;
   update::SigningSeed seed{1, 2, 3};
   IntakeRules rules{folder.path() / "files", folder.path() / "package.pub", {"payload_eps", "ttc"}};
-  LaneFolders folders{"srfs-lane", "/opt/srfs", folder.path() / "update"};
+  LaneFolders folders{"srfs-lane", "/opt/srfs", folder.path() / "update" / "job", folder.path() / "update" / "lane"};
   update::UpdateJournal journal;
 
   PackageIntakeTest() {
@@ -56,7 +56,7 @@ TEST_F(PackageIntakeTest, a_good_package_is_unpacked_into_a_work_folder_made_ane
   EXPECT_EQ(intake->update.node, "payload_eps");
   EXPECT_EQ(intake->update.counter, 3U);
   EXPECT_EQ(*read_file(folders.sources() / "main.cpp"), source);
-  EXPECT_TRUE(std::filesystem::is_directory(folders.lane()));
+  EXPECT_TRUE(std::filesystem::is_directory(folders.lane));
   EXPECT_FALSE(std::filesystem::exists(folders.work / "left over"));
 }
 
