@@ -433,6 +433,7 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
   constexpr milliseconds look_period{50};
   constexpr seconds patience{5};  // of its end, once it is told to
   const Limits& limits = confinement.limits;
+  if (geteuid() == 0 && confinement.user == 0) return Err(SandboxFailure{"root is no user to confine", {}});
   Pair channel = make_channel();
   Pair output = make_pipe();
   Pair log = make_pipe();
@@ -458,7 +459,7 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
     note(Layer::process_count, {"control group", group.process_refusal()});
     message.fatal = mapped;
     Confined(confinement, work, program, {std::move(channel.theirs), std::move(output.theirs), std::move(log.theirs)},
-             message, keeper.processes.ok(), keeper.own_user_namespace)
+             message, keeper.processes.ok() && getpid() == 1, keeper.own_user_namespace)
         .keep();
   }
   channel.theirs.reset();
