@@ -1,20 +1,23 @@
-# srfs_add_library(<name> [SHARED] SOURCES ... [DEPS ...] [PRIVATE_DEPS ...]): a library of the house. SHARED for what
-# several nodes use: its code is then in memory once, not once a process.
+# srfs_add_library(<name> [SHARED] [INSTALL] SOURCES ... [DEPS ...] [PRIVATE_DEPS ...]): a library of the house. SHARED for what
+# several nodes use: its code is then in memory once, not once a process. Shared ones are installed and found as
+# srfs::<name without srfs_>; INSTALL does the same for a static one.
 function(srfs_add_library name)
-  cmake_parse_arguments(ARG "SHARED" "" "SOURCES;DEPS;PRIVATE_DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "SHARED;INSTALL" "" "SOURCES;DEPS;PRIVATE_DEPS" ${ARGN})
   set(kind STATIC)
   if(ARG_SHARED)
     set(kind SHARED)
   endif()
   add_library(${name} ${kind} ${ARG_SOURCES})
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
-  target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE srfs::compile_options ${ARG_PRIVATE_DEPS})
+  target_link_libraries(${name} PUBLIC ${ARG_DEPS} PRIVATE $<BUILD_INTERFACE:srfs::compile_options> ${ARG_PRIVATE_DEPS})
   if(ARG_SHARED)
     set_target_properties(${name} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/lib
       VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR})
     target_link_options(${name} PRIVATE -Wl,-Bsymbolic-functions)
-    install(TARGETS ${name} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
     set_property(GLOBAL APPEND PROPERTY SRFS_PROGRAMS ${name})
+  endif()
+  if(ARG_SHARED OR ARG_INSTALL)
+    set_property(GLOBAL APPEND PROPERTY SRFS_LIBRARIES ${name})
   endif()
 endfunction()
 

@@ -176,6 +176,10 @@ FailureCode MaintenanceNode::cancel_update() {
 void MaintenanceNode::end_update(UpdateStep step, const std::string& reason) {
   updates_.end(step, reason);
   save_updates();
+  (void)package_worker_->post([work = lane_folders().work] {
+    std::error_code ec;
+    std::filesystem::remove_all(work, ec);
+  });
   announce();
 }
 

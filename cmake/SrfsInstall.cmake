@@ -1,0 +1,90 @@
+# What a node outside this tree is built against: headers, libraries, find_package(srfs), and the settings that srfs-lane reads.
+include(CMakePackageConfigHelpers)
+
+set(SRFS_INSTALL_HEADERS ${CMAKE_INSTALL_INCLUDEDIR}/srfs)
+set(SRFS_INSTALL_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/srfs)
+
+# In the build tree a target shows folders of this tree, installed the one folder of headers: nothing installed names this tree.
+function(srfs_make_relocatable target)
+  foreach(property INTERFACE_INCLUDE_DIRECTORIES INTERFACE_SYSTEM_INCLUDE_DIRECTORIES)
+    get_target_property(folders ${target} ${property})
+    if(NOT folders)
+      continue()
+    endif()
+    set(shown "")
+    foreach(folder IN LISTS folders)
+      string(FIND "${folder}" "${PROJECT_SOURCE_DIR}" in_source)
+      string(FIND "${folder}" "${PROJECT_BINARY_DIR}" in_build)
+      if(in_source EQUAL 0 OR in_build EQUAL 0)
+        list(APPEND shown $<BUILD_INTERFACE:${folder}> $<INSTALL_INTERFACE:${SRFS_INSTALL_HEADERS}>)
+      else()
+        list(APPEND shown ${folder})
+      endif()
+    endforeach()
+    list(REMOVE_DUPLICATES shown)
+    set_target_properties(${target} PROPERTIES ${property} "${shown}")
+  endforeach()
+endfunction()
+
+# How srfs-lane compiles a node, once for the installation and once for this build tree (lib/update/README.md).
+function(srfs_write_node_build output)
+  cmake_parse_arguments(ARG "" "LIBRARIES" "INCLUDE;READABLE" ${ARGN})
+  set(flags -std=c++20)
+  if(SRFS_SANITIZE)
+    list(APPEND flags -fsanitize=${SRFS_SANITIZE} -fno-omit-frame-pointer)
+  endif()
+  get_property(libraries GLOBAL PROPERTY SRFS_LIBRARIES)
+  list(REMOVE_ITEM libraries srfs_msgs srfs_node srfs_camera srfs_fits)
+  list(APPEND libraries fastrtps fastcdr fmt yaml-cpp crypto)
+  foreach(list flags libraries ARG_INCLUDE ARG_READABLE)
+    list(JOIN ${list} "\", \"" joined)
+    set(json_${list} "[\"${joined}\"]")
+  endforeach()
+  file(WRITE ${output} "{\"format\": \"srfs node build 1\", \"version\": \"${PROJECT_VERSION}\",
+ \"flags\": ${json_flags},
+ \"include\": ${json_ARG_INCLUDE},
+ \"readable\": ${json_ARG_READABLE},
+ \"library_folder\": \"${ARG_LIBRARIES}\",
+ \"libraries\": ${json_libraries}}
+")
+endfunction()
+
+# srfs_install_package(): called once at the end.
+function(srfs_install_package)
+  # All that a node may need; what it does not use is not loaded.
+  add_library(srfs_node INTERFACE)
+  target_link_libraries(srfs_node INTERFACE srfs_ros srfs_hw srfs_msgs srfs_mission srfs_commanding srfs_payload)
+  set_property(GLOBAL APPEND PROPERTY SRFS_LIBRARIES srfs_msgs srfs_node)
+
+  get_property(libraries GLOBAL PROPERTY SRFS_LIBRARIES)
+  foreach(library IN LISTS libraries)
+    srfs_make_relocatable(${library})
+    string(REGEX REPLACE "^srfs_" "" short ${library})
+    set_target_properties(${library} PROPERTIES EXPORT_NAME ${short})
+  endforeach()
+  install(TARGETS ${libraries} EXPORT srfsTargets
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(EXPORT srfsTargets NAMESPACE srfs:: DESTINATION ${SRFS_INSTALL_CMAKE})
+
+  configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/srfsConfig.cmake.in ${PROJECT_BINARY_DIR}/srfsConfig.cmake
+    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} NO_SET_AND_CHECK_MACRO)
+  write_basic_package_version_file(${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+  install(FILES ${PROJECT_BINARY_DIR}/srfsConfig.cmake ${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake
+    DESTINATION ${SRFS_INSTALL_CMAKE})
+
+  set(headers FILES_MATCHING PATTERN "*.hpp" PATTERN test EXCLUDE PATTERN catalogue EXCLUDE)
+  install(DIRECTORY lib/ DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})
+  install(DIRECTORY nodes/payload DESTINATION ${SRFS_INSTALL_HEADERS}/nodes ${headers})
+  install(DIRECTORY msgs/mission DESTINATION ${SRFS_INSTALL_HEADERS}/msgs ${headers})
+  set(generated_messages ${PROJECT_BINARY_DIR}/msgs/generated)
+  set(generated_structures ${PROJECT_BINARY_DIR}/msgs/mission/generated)
+  install(DIRECTORY ${generated_messages}/ ${generated_structures}/ DESTINATION ${SRFS_INSTALL_HEADERS} ${headers})
+
+  srfs_write_node_build(${PROJECT_BINARY_DIR}/installed_node_build.json INCLUDE ${SRFS_INSTALL_HEADERS}
+    READABLE ${SRFS_INSTALL_HEADERS} ${CMAKE_INSTALL_LIBDIR} ${CMAKE_INSTALL_DATADIR}/srfs LIBRARIES ${CMAKE_INSTALL_LIBDIR})
+  install(FILES ${PROJECT_BINARY_DIR}/installed_node_build.json DESTINATION ${CMAKE_INSTALL_DATADIR}/srfs RENAME node_build.json)
+  set(source ${PROJECT_SOURCE_DIR})
+  srfs_write_node_build(${PROJECT_BINARY_DIR}/share/srfs/node_build.json
+    INCLUDE ${source}/lib ${source} ${generated_messages} ${generated_structures}
+    READABLE ${source}/lib ${source}/nodes ${source}/msgs ${generated_messages} ${generated_structures} lib LIBRARIES lib)
+endfunction()

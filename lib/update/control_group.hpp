@@ -1,0 +1,40 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+namespace srfs::update {
+
+/// Control groups of one confined program: memory and number of processes over all of them together. Version
+/// 2 or 1, whichever is mounted at /sys/fs/cgroup. Removed with this object, once nobody is in them.
+class ControlGroup {
+ public:
+  ControlGroup(std::uint64_t memory_octets, unsigned processes);
+  ControlGroup(const ControlGroup&) = delete;
+  ControlGroup& operator=(const ControlGroup&) = delete;
+  ~ControlGroup();
+
+  /// 0 or why there is none, an errno.
+  [[nodiscard]] int memory_refusal() const { return memory_refusal_; }
+  [[nodiscard]] int process_refusal() const { return process_refusal_; }
+  void add(pid_t pid);
+
+  [[nodiscard]] bool out_of_memory() const;
+  [[nodiscard]] bool too_many_processes() const;
+  [[nodiscard]] std::optional<std::uint64_t> peak_octets() const;
+
+  /// Removes those of owners that are no more.
+  static void remove_abandoned();
+
+ private:
+  std::filesystem::path memory_;     ///< empty: none
+  std::filesystem::path processes_;  ///< version 2: the same folder
+  int memory_refusal_ = 0;
+  int process_refusal_ = 0;
+};
+
+}  // namespace srfs::update

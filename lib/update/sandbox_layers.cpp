@@ -1,0 +1,282 @@
+#include "update/sandbox_layers.hpp"
+
+#include <array>
+#include <cerrno>
+#include <cstddef>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <grp.h>
+#include <linux/audit.h>
+#include <linux/capability.h>
+#include <linux/filter.h>
+#include <linux/landlock.h>
+#include <linux/seccomp.h>
+#include <net/if.h>
+#include <sched.h>
+#include <sys/ioctl.h>
+#include <sys/mount.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+namespace srfs::update {
+namespace {
+
+namespace fs = std::filesystem;
+
+Step failed(const char* name) {
+  return {name, errno};
+}
+
+int write_text(const char* file, const std::string& text) {
+  const Fd fd(open(file, O_WRONLY | O_CLOEXEC));
+  if (!fd) return -1;
+  return write(fd.get(), text.data(), text.size()) < 0 ? -1 : 0;
+}
+
+/// Public files that programs need; no more of /etc is to be seen.
+constexpr std::array public_files{"/etc/ld.so.cache", "/etc/alternatives", "/etc/localtime", "/etc/hosts",
+                                  "/etc/nsswitch.conf"};
+constexpr std::array system_folders{"/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32"};
+constexpr std::array devices{"/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom"};
+
+/// @p path of the old root at the same place of the new one.
+int show(const fs::path& path, const fs::path& root, std::uint64_t attributes) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) return errno == ENOENT ? 0 : -1;
+  const Fd tree(open_tree(AT_FDCWD, path.c_str(), OPEN_TREE_CLONE | OPEN_TREE_CLOEXEC | AT_RECURSIVE));
+  if (!tree) return -1;
+  mount_attr wanted{};
+  wanted.attr_set = attributes;
+  if (mount_setattr(tree.get(), "", AT_EMPTY_PATH | AT_RECURSIVE, &wanted, sizeof wanted) != 0) return -1;
+  const fs::path place = root / path.relative_path();
+  std::error_code ec;
+  fs::create_directories(S_ISDIR(status.st_mode) ? place : place.parent_path(), ec);
+  if (!S_ISDIR(status.st_mode)) {
+    const Fd empty(open(place.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
+  }
+  return move_mount(tree.get(), "", AT_FDCWD, place.c_str(), MOVE_MOUNT_F_EMPTY_PATH);
+}
+
+}  // namespace
+
+Step map_user(uid_t user, gid_t group) {
+  if (write_text("/proc/self/setgroups", "deny") != 0) return failed("user namespace: groups");
+  if (write_text("/proc/self/uid_map", fmt::format("{0} {0} 1", user)) != 0) return failed("user namespace: user");
+  if (write_text("/proc/self/gid_map", fmt::format("{0} {0} 1", group)) != 0) return failed("user namespace: group");
+  return {};
+}
+
+Step enter_view(const Confinement& confinement, const WorkFolder& work, bool own_processes) {
+  if (mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0) return failed("private mounts");
+  // The new root covers the work folder's place, so a plain one is taken hold of before.
+  Fd work_mount;
+  if (!work.in_memory()) {
+    work_mount = Fd(open_tree(AT_FDCWD, work.path().c_str(), OPEN_TREE_CLONE | OPEN_TREE_CLOEXEC));
+    if (!work_mount) return failed("work folder");
+  }
+  const fs::path& root = work.path();
+  std::vector<std::pair<fs::path, fs::path>> links;
+  if (mount("srfs_lane", root.c_str(), "tmpfs", MS_NOSUID | MS_NODEV, "mode=755,size=1m,nr_inodes=4096") != 0)
+    return failed("new root");
+  constexpr std::uint64_t read_only = MOUNT_ATTR_RDONLY | MOUNT_ATTR_NOSUID | MOUNT_ATTR_NODEV;
+  std::error_code ec;
+  for (const fs::path folder : system_folders) {
+    if (fs::is_symlink(folder, ec)) {
+      fs::create_symlink(fs::read_symlink(folder, ec), root / folder.relative_path(), ec);
+    } else if (show(folder, root, read_only) != 0) {
+      return failed("system folders");
+    }
+  }
+  for (const char* file : public_files)
+    if (show(file, root, read_only) != 0) return failed("public files");
+  for (const char* device : devices)
+    if (show(device, root, MOUNT_ATTR_NOSUID | MOUNT_ATTR_NOEXEC) != 0) return failed("devices");
+  for (const fs::path& path : confinement.readable)
+    if (show(path, root, read_only) != 0) return failed("readable paths");
+
+  const fs::path place = root / work.path().relative_path();
+  fs::create_directories(place, ec);
+  const int work_fd = work.in_memory() ? work.fd() : work_mount.get();
+  if (move_mount(work_fd, "", AT_FDCWD, place.c_str(), MOVE_MOUNT_F_EMPTY_PATH) != 0) return failed("work folder");
+  fs::create_symlink(work.path() / "tmp", root / "tmp", ec);
+  fs::create_symlink(work.path() / "shm", root / "dev/shm", ec);
+  fs::create_directory(root / "proc", ec);
+  // Without it (a container may refuse) compilers and nodes work too.
+  if (own_processes) (void)mount("proc", (root / "proc").c_str(), "proc", MS_NOSUID | MS_NODEV | MS_NOEXEC, nullptr);
+
+  mount_attr wanted{};
+  wanted.attr_set = MOUNT_ATTR_RDONLY;
+  if (mount_setattr(AT_FDCWD, root.c_str(), 0, &wanted, sizeof wanted) != 0) return failed("read-only root");
+  if (chdir(root.c_str()) != 0 || syscall(SYS_pivot_root, ".", ".") != 0) return failed("change of root");
+  if (umount2(".", MNT_DETACH) != 0 || chdir("/") != 0) return failed("old root");
+  return {};
+}
+
+Step bring_up_loopback() {
+  const Fd socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  ifreq request{.ifr_ifrn = {.ifrn_name = "lo"}, .ifr_ifru = {}};
+  request.ifr_flags = IFF_UP | IFF_RUNNING;
+  if (!socket || ioctl(socket.get(), SIOCSIFFLAGS, &request) != 0) return failed("loopback");
+  return {};
+}
+
+Step take_lowest_priority() {
+  constexpr int of_this_process = 1;         // IOPRIO_WHO_PROCESS
+  constexpr int idle_class = 3 << 13;        // IOPRIO_CLASS_IDLE
+  const sched_param none{};
+  if (setpriority(PRIO_PROCESS, 0, 19) != 0) return failed("nice 19");
+  if (sched_setscheduler(0, SCHED_IDLE, &none) != 0) return failed("SCHED_IDLE");
+  if (syscall(SYS_ioprio_set, of_this_process, 0, idle_class) != 0) return failed("idle I/O");
+  return {};
+}
+
+Step limit_resources(const Limits& limits, bool own_user) {
+  const auto limit = [](__rlimit_resource resource, rlim_t value, rlim_t grace = 0) {
+    const rlimit wanted{value, value + grace};
+    return setrlimit(resource, &wanted);
+  };
+  constexpr rlim_t reserved_addresses = 4ULL << 30;  // stacks and heaps of threads, never touched
+  // 1, not 0: with a program as core_pattern the kernel takes 0 for "as much as you like".
+  if (limit(RLIMIT_CORE, 1) != 0) return failed("RLIMIT_CORE");
+  if (limit(RLIMIT_CPU, static_cast<rlim_t>(limits.cpu.count()), 2) != 0) return failed("RLIMIT_CPU");
+  if (limit(RLIMIT_FSIZE, limits.file_octets) != 0) return failed("RLIMIT_FSIZE");
+  if (limit(RLIMIT_NOFILE, limits.open_files) != 0) return failed("RLIMIT_NOFILE");
+  if (limit(RLIMIT_MEMLOCK, 64U << 10) != 0) return failed("RLIMIT_MEMLOCK");
+  if (limit(RLIMIT_MSGQUEUE, 0) != 0) return failed("RLIMIT_MSGQUEUE");
+  if (limit(RLIMIT_SIGPENDING, 256) != 0) return failed("RLIMIT_SIGPENDING");
+  if (limit(RLIMIT_NICE, 0) != 0 || limit(RLIMIT_RTPRIO, 0) != 0) return failed("RLIMIT_NICE");
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they map terabytes
+  if (limit(RLIMIT_AS, limits.memory_octets + reserved_addresses) != 0) return failed("RLIMIT_AS");
+  if (limit(RLIMIT_DATA, limits.memory_octets) != 0) return failed("RLIMIT_DATA");
+#endif
+  // Above the control group's, which can tell that it was reached.
+  if (own_user && limit(RLIMIT_NPROC, limits.processes + 4) != 0) return failed("RLIMIT_NPROC");
+  return {};
+}
+
+Step forbid_new_privileges() {
+  return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 ? Step{} : failed("no_new_privs");
+}
+
+Step restrict_files(const Confinement& confinement, const WorkFolder& work) {
+  const long version = syscall(SYS_landlock_create_ruleset, nullptr, 0, LANDLOCK_CREATE_RULESET_VERSION);
+  if (version < 0) return failed("Landlock");
+  constexpr std::uint64_t truncate = 1U << 14;  // newer than Debian 12's headers
+  constexpr std::uint64_t read = LANDLOCK_ACCESS_FS_READ_FILE;
+  constexpr std::uint64_t read_below = read | LANDLOCK_ACCESS_FS_READ_DIR | LANDLOCK_ACCESS_FS_EXECUTE;
+  std::uint64_t all = (LANDLOCK_ACCESS_FS_MAKE_SYM << 1U) - 1;  // version 1
+  if (version >= 2) all |= LANDLOCK_ACCESS_FS_REFER;
+  if (version >= 3) all |= truncate;
+  const landlock_ruleset_attr handled{.handled_access_fs = all};
+  const Fd rules(static_cast<int>(syscall(SYS_landlock_create_ruleset, &handled, sizeof handled, 0)));
+  if (!rules) return failed("Landlock");
+  const auto allow = [&](const fs::path& path, std::uint64_t of_folder, std::uint64_t of_file) {
+    const Fd place(open(path.c_str(), O_PATH | O_CLOEXEC));
+    struct stat status {};
+    if (!place || fstat(place.get(), &status) != 0) return errno == ENOENT ? 0L : -1L;
+    const landlock_path_beneath_attr rule{.allowed_access = S_ISDIR(status.st_mode) ? of_folder : of_file,
+                                          .parent_fd = place.get()};
+    return syscall(SYS_landlock_add_rule, rules.get(), LANDLOCK_RULE_PATH_BENEATH, &rule, 0);
+  };
+  const std::uint64_t program = read | LANDLOCK_ACCESS_FS_EXECUTE;
+  bool complete = true;
+  for (const char* path : system_folders) complete &= allow(path, read_below, program) == 0;
+  for (const char* path : public_files) complete &= allow(path, read_below, read) == 0;
+  for (const char* path : devices) complete &= allow(path, 0, read | LANDLOCK_ACCESS_FS_WRITE_FILE) == 0;
+  for (const fs::path& path : confinement.readable) complete &= allow(path, read_below, program) == 0;
+  complete &= allow(work.path(), all, read) == 0;
+  if (!complete) return failed("Landlock rules");
+  if (syscall(SYS_landlock_restrict_self, rules.get(), 0) != 0) return failed("Landlock");
+  return {};
+}
+
+Step drop_privileges(std::optional<std::pair<uid_t, gid_t>> user) {
+  if (user) {
+    if (setgroups(0, nullptr) != 0) return failed("groups");
+    if (setresgid(user->second, user->second, user->second) != 0) return failed("group");
+    if (setresuid(user->first, user->first, user->first) != 0) return failed("user");
+  }
+  __user_cap_header_struct header{.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
+  const std::array<__user_cap_data_struct, 2> none{};
+  if (syscall(SYS_capset, &header, none.data()) != 0) return failed("capabilities");
+  return {};
+}
+
+Step filter_system_calls(AllowedSockets sockets) {
+#if defined(__x86_64__)
+  constexpr std::uint32_t architecture = AUDIT_ARCH_X86_64;
+#elif defined(__aarch64__)
+  constexpr std::uint32_t architecture = AUDIT_ARCH_AARCH64;
+#else
+#error "the number of this architecture is missing"
+#endif
+  constexpr std::array denied{
+      SYS_ptrace, SYS_process_vm_readv, SYS_process_vm_writev, SYS_pidfd_getfd, SYS_perf_event_open, SYS_userfaultfd,
+      SYS_mount, SYS_umount2, SYS_pivot_root, SYS_chroot, SYS_move_mount, SYS_open_tree, SYS_fsopen, SYS_fsconfig,
+      SYS_fsmount, SYS_fspick, SYS_mount_setattr, SYS_unshare, SYS_setns, SYS_name_to_handle_at, SYS_open_by_handle_at,
+      SYS_bpf, SYS_keyctl, SYS_add_key, SYS_request_key, SYS_io_uring_setup, SYS_io_uring_enter, SYS_io_uring_register,
+      SYS_kexec_load, SYS_kexec_file_load, SYS_init_module, SYS_finit_module, SYS_delete_module, SYS_reboot, SYS_swapon,
+      SYS_swapoff, SYS_acct, SYS_quotactl, SYS_syslog, SYS_vhangup, SYS_sethostname, SYS_setdomainname, SYS_settimeofday,
+      SYS_clock_settime, SYS_clock_adjtime, SYS_adjtimex, SYS_mknodat, SYS_fanotify_init, SYS_lookup_dcookie,
+#if defined(__x86_64__)
+      SYS_mknod, SYS_iopl, SYS_ioperm, SYS_modify_ldt, SYS_uselib, SYS_ustat,
+#endif
+  };
+  constexpr std::uint32_t namespaces = CLONE_NEWNS | CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET | CLONE_NEWIPC |
+                                       CLONE_NEWUTS | CLONE_NEWCGROUP;
+
+  std::vector<sock_filter> program;
+  const auto load = [&](std::size_t offset) {
+    program.push_back(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<std::uint32_t>(offset)));
+  };
+  const auto answer = [&](std::uint32_t action) { program.push_back(BPF_STMT(BPF_RET | BPF_K, action)); };
+  /// The next @p skipped instructions are for this value only.
+  const auto if_equal = [&](std::uint32_t value, std::uint8_t skipped) {
+    program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, 0, skipped));
+  };
+  constexpr std::size_t number = offsetof(seccomp_data, nr);
+  constexpr std::size_t first_argument = offsetof(seccomp_data, args);  // the lower half: both are little-endian
+
+  load(offsetof(seccomp_data, arch));
+  program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, architecture, 1, 0));
+  answer(SECCOMP_RET_KILL_PROCESS);
+  load(number);
+#if defined(__x86_64__)
+  constexpr std::uint32_t x32 = 0x4000'0000;
+  program.push_back(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, x32, 0, 1));
+  answer(SECCOMP_RET_KILL_PROCESS);
+#endif
+  for (const long call : denied) {
+    if_equal(static_cast<std::uint32_t>(call), 1);
+    answer(SECCOMP_RET_ERRNO | EPERM);
+  }
+  if_equal(SYS_clone3, 1);  // its flags lie in memory; the C library then takes clone
+  answer(SECCOMP_RET_ERRNO | ENOSYS);
+  if_equal(SYS_clone, 4);
+  load(first_argument);
+  program.push_back(BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, namespaces, 0, 1));
+  answer(SECCOMP_RET_ERRNO | EPERM);
+  answer(SECCOMP_RET_ALLOW);
+  std::vector<std::uint32_t> families;
+  if (sockets.internet) families = {AF_INET, AF_INET6, AF_NETLINK};
+  if (sockets.local) families.push_back(AF_UNIX);
+  if_equal(SYS_socket, static_cast<std::uint8_t>(2 + 2 * families.size()));
+  load(first_argument);
+  for (const std::uint32_t family : families) {
+    if_equal(family, 1);
+    answer(SECCOMP_RET_ALLOW);
+  }
+  answer(SECCOMP_RET_ERRNO | EACCES);
+  answer(SECCOMP_RET_ALLOW);
+
+  const sock_fprog filter{static_cast<unsigned short>(program.size()), program.data()};
+  if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &filter, 0, 0) != 0) return failed("seccomp");
+  return {};
+}
+
+}  // namespace srfs::update

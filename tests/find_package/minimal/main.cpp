@@ -1,0 +1,34 @@
+// The smallest lifecycle node: counts while it is active.
+
+#include "ros/node.hpp"
+#include "ros/run_node.hpp"
+
+namespace {
+
+using namespace srfs;
+
+class MinimalNode : public ros::LifecycleNode {
+ public:
+  explicit MinimalNode(ros::NodeContext& context) : LifecycleNode(context) {}
+
+ protected:
+  ros::CallbackReturn on_activate() override {
+    timer_ = create_timer(
+        seconds(1), [this] { ++count_; }, "count");
+    return ros::CallbackReturn::success;
+  }
+  ros::CallbackReturn on_deactivate() override {
+    timer_.reset();
+    return ros::CallbackReturn::success;
+  }
+
+ private:
+  ros::Timer timer_;
+  std::uint64_t count_ = 0;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return srfs::ros::run_node<MinimalNode>(argc, argv);
+}

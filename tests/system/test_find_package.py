@@ -1,0 +1,52 @@
+"""An installed SRFS as others build against it: moved elsewhere, and with this tree's paths nowhere in it."""
+
+import shutil
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+from support import BIN
+
+SOURCE = Path(__file__).resolve().parents[2]
+BUILD = Path(BIN).parent
+
+
+def run(*command, **options):
+    done = subprocess.run([str(c) for c in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)
+    assert done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+    return done.stdout
+
+
+class FindPackageTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+        run("cmake", "--install", BUILD, "--prefix", cls.folder / "first", "--strip")
+        cls.prefix = cls.folder / "moved"
+        (cls.folder / "first").rename(cls.prefix)
+
+    def test_no_file_that_others_read_names_the_build(self):
+        found = []
+        for file in self.prefix.rglob("*"):
+            if file.suffix not in (".cmake", ".hpp", ".json", ".xml") or not file.is_file():
+                continue
+            text = file.read_text(errors="replace")
+            found += [str(file) for place in (SOURCE, BUILD, self.folder / "first") if str(place) in text]
+        self.assertEqual(found, [])
+
+    def test_nodes_outside_the_tree_are_built_and_run(self):
+        project = self.folder / "project"
+        shutil.copytree(SOURCE / "tests/find_package", project)
+        shutil.copytree(SOURCE / "nodes/payload_eps", project / "nodes/payload_eps")
+        build = self.folder / "project_build"
+        run("cmake", "-S", project, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={self.prefix}", "-DCMAKE_BUILD_TYPE=Release")
+        run("cmake", "--build", build)
+        for node in ("minimal_node", "payload_eps_node"):
+            self.assertIn("--deployment", run(build / node, "--help"))
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,166 @@
+// srfs-lane: compiles a node from sources nobody trusts, and tries the program out, within bounds (README.md).
+
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <string>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include "base/file.hpp"
+#include "base/signals.hpp"
+#include "lane.hpp"
+#include "update/control_group.hpp"
+#include "update/package.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace srfs;
+using namespace srfs::lane;
+using update::LaneExit;
+
+struct Arguments {
+  std::string prefix = fs::read_symlink("/proc/self/exe").parent_path().parent_path();
+  std::string work;
+  std::string report;
+  std::vector<std::string> required;
+  bool no_namespaces = false;
+  bool normal_priority = false;
+  std::uint64_t memory_mib = 1024;
+  std::uint64_t work_mib = 256;
+  std::uint64_t file_mib = 128;
+  std::int64_t wall_s = 600;
+  std::int64_t cpu_s = 300;
+  update::Confinement confinement;
+};
+
+void add_common(CLI::App& app, Arguments& a) {
+  app.add_option("--prefix", a.prefix, "Installation that nodes are built against (default: this program's)");
+  app.add_option("--work", a.work, "Folder of its own; one run at a time")->required();
+  app.add_option("--report", a.report, "Outcome as JSON");
+  app.add_option("--memory-mib", a.memory_mib)->capture_default_str()->check(CLI::Range(16, 1 << 20));
+  app.add_option("--work-mib", a.work_mib, "All files; in memory where possible, then part of it")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1 << 20));
+  app.add_option("--file-mib", a.file_mib, "One file")->capture_default_str()->check(CLI::Range(1, 1 << 20));
+  app.add_option("--files", a.confinement.limits.files)->capture_default_str()->check(CLI::Range(16, 1 << 20));
+  app.add_option("--cpu-s", a.cpu_s, "Of one process")->capture_default_str()->check(CLI::Range(1, 86400));
+  app.add_option("--processes", a.confinement.limits.processes, "Threads count")->capture_default_str()->check(CLI::Range(1, 4096));
+  app.add_option("--uid", a.confinement.user, "Where this is root: user of its own")->capture_default_str()->check(CLI::Range(1U, 0x7fff'ffffU));
+  app.add_option("--gid", a.confinement.group)->capture_default_str()->check(CLI::Range(1U, 0x7fff'ffffU));
+  app.add_option("--require", a.required, "Layers without which nothing is run (README.md)")
+      ->check([](const std::string& name) { return update::layer_of(name) ? std::string() : "no layer: " + name; });
+  app.add_flag("--no-namespaces", a.no_namespaces, "As if the kernel had none");
+  app.add_flag("--normal-priority", a.normal_priority, "Not SCHED_IDLE");
+}
+
+int fail(const std::string& message) {
+  fmt::print(stderr, "srfs-lane: {}\n", message);
+  return static_cast<int>(LaneExit::environment);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Builds and tries nodes within bounds");
+  app.require_subcommand(1);
+  Arguments a;
+  BuildOrder order;
+  SelfTestOrder test;
+  unsigned log_kib = 256;
+  std::string sources, out, log, program, deployment;
+
+  CLI::App* const build_app = app.add_subcommand("build", "Compiles all *.cpp below a folder into one program");
+  add_common(*build_app, a);
+  build_app->add_option("--sources", sources, "Never holds rules of how to build")->required()->check(CLI::ExistingDirectory);
+  build_app->add_option("--name", order.node, "Of the node")->required();
+  build_app->add_option("--option", order.options, "For the compiler")->check(CLI::IsMember(update::allowed_options()));
+  build_app->add_option("--out", out, "The program, stripped; replaced atomically")->required();
+  build_app->add_option("--log", log, "What the compiler said")->required();
+  build_app->add_option("--log-kib", log_kib, "Head and tail of it")->capture_default_str()->check(CLI::Range(1, 65536));
+  build_app->add_option("--jobs", order.jobs, "Compilers side by side")->capture_default_str()->check(CLI::Range(1, 64));
+  build_app->add_option("--seconds", a.wall_s, "For all")->capture_default_str()->check(CLI::Range(1, 86400));
+  bool without_header = false;
+  build_app->add_flag("--no-precompiled-header", without_header);
+
+  CLI::App* const test_app = app.add_subcommand("self-test", "Runs a program with --self-test and judges how it ends");
+  add_common(*test_app, a);
+  test_app->add_option("--program", program)->required()->check(CLI::ExistingFile);
+  test_app->add_option("--name", test.node)->required();
+  test_app->add_option("--deployment", deployment)->required()->check(CLI::ExistingFile);
+  test_app->add_option("--seconds", a.wall_s)->required()->check(CLI::Range(1, 86400));
+  test_app->add_option("--domain", test.domain, "DDS domain; nobody else's, where the host's loopback is seen")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 232));
+  test_app->add_option("--log", log, "What it wrote, 64 KiB");
+  test.domain = 232;
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : static_cast<int>(LaneExit::environment);
+  }
+
+  umask(022);  // what the confined user must read
+  const Fd termination = termination_signals();
+  ignore_broken_pipes();
+  Lane lane;
+  lane.prefix = fs::absolute(a.prefix).lexically_normal();
+  lane.work = fs::absolute(a.work).lexically_normal();
+  lane.cancel_fd = termination.get();
+  lane.confinement = a.confinement;
+  lane.confinement.namespaces = !a.no_namespaces;
+  lane.confinement.network = test_app->parsed();
+  update::Limits& limits = lane.confinement.limits;
+  limits.memory_octets = a.memory_mib << 20U;
+  limits.work_octets = a.work_mib << 20U;
+  limits.file_octets = a.file_mib << 20U;
+  limits.wall = seconds(a.wall_s);
+  limits.cpu = seconds(a.cpu_s);
+  limits.lowest_priority = !a.normal_priority;
+  for (const std::string& name : a.required) lane.confinement.required |= update::set_of({*update::layer_of(name)});
+
+  const fs::path settings = lane.prefix / "share/srfs/node_build.json";
+  const auto text = read_file(settings, 1U << 20);
+  if (!text) return fail(text.error().message);
+  const auto installation = update::decode_node_build(*text, lane.prefix);
+  if (!installation) return fail(fmt::format("{}: {}", settings.string(), installation.error()));
+  lane.installation = *installation;
+  lane.confinement.readable = installation->readable;
+
+  std::error_code ec;
+  fs::create_directories(lane.work, ec);
+  const Fd lock(open((lane.work / "lock").c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!lock) return fail(fmt::format("{}: {}", lane.work.string(), errno_text(errno)));
+  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) return fail(lane.work.string() + ": another one works there");
+  update::ControlGroup::remove_abandoned();
+
+  Report report;
+  LaneExit exit = LaneExit::environment;
+  if (build_app->parsed()) {
+    order.sources = fs::absolute(sources);
+    order.out = fs::absolute(out);
+    order.log = fs::absolute(log);
+    order.log_octets = std::size_t{log_kib} << 10U;
+    order.program_octets = limits.file_octets;
+    order.precompile = !without_header;
+    exit = build(lane, order, report);
+  } else {
+    test.program = fs::absolute(program);
+    test.deployment = fs::absolute(deployment);
+    if (!log.empty()) test.log = fs::absolute(log);
+    exit = self_test(lane, test, report);
+  }
+  fmt::print("{}{}{}\n", report.outcome, report.reason.empty() ? "" : ": ", report.reason);
+  if (!a.report.empty()) {
+    if (const auto written = write_file_atomically(a.report, to_json(report)); !written)
+      return fail(written.error().message);
+  }
+  return static_cast<int>(exit);
+}

@@ -1,0 +1,53 @@
+#include <fmt/format.h>
+
+#include "base/file.hpp"
+#include "lane.hpp"
+
+namespace srfs::lane {
+
+using namespace update;
+
+LaneExit self_test(const Lane& lane, const SelfTestOrder& order, Report& report) {
+  constexpr std::size_t deployment_octets = 1U << 20;
+  constexpr std::size_t told_octets = 2048;
+  const auto conclude = [&](SelfTestOutcome outcome, std::string reason) {
+    report.outcome = to_text(outcome);
+    report.reason = std::move(reason);
+    return exit_of(outcome);
+  };
+  const auto program = read_file(order.program, lane.confinement.limits.file_octets);
+  if (!program) return conclude(SelfTestOutcome::sandbox_failed, program.error().message);
+  const auto deployment = read_file(order.deployment, deployment_octets);
+  if (!deployment) return conclude(SelfTestOutcome::sandbox_failed, deployment.error().message);
+
+  const auto work = WorkFolder::make(lane.job(), lane.confinement);
+  if (!work) return conclude(SelfTestOutcome::sandbox_failed, work.error());
+  const std::string deployment_name = order.deployment.filename();
+  for (const auto& error : {work->put("program", *program, true), work->put("deployment/" + deployment_name, *deployment)})
+    if (error) return conclude(SelfTestOutcome::sandbox_failed, *error);
+
+  const std::filesystem::path& folder = work->path();
+  const std::vector<std::string> command{folder / "program", "--self-test",
+                                         "--name", order.node,
+                                         "--deployment", folder / "deployment" / deployment_name,
+                                         "--var", folder / "var",
+                                         "--domain", std::to_string(order.domain)};
+  HeadAndTail log(order.log_octets);
+  const auto listen = [&](std::string_view text) { log.append(text); };
+  const auto ended = run_confined(lane.confinement, *work, [&] { return execute(command, folder); },
+                                  {.output = listen, .log = listen, .cancel_fd = lane.cancel_fd});
+  report.last_lines = last_lines(log.text(), told_octets);
+  if (!order.log.empty()) {
+    if (const auto written = write_file_atomically(order.log, log.text()); !written)
+      return conclude(SelfTestOutcome::sandbox_failed, written.error().message);
+  }
+  if (!ended) {
+    report.ended.layers = ended.error().layers;
+    return conclude(SelfTestOutcome::sandbox_failed, ended.error().message);
+  }
+  report.ended = *ended;
+  const SelfTestOutcome outcome = judge_self_test(*ended, lane.confinement.limits);
+  return conclude(outcome, outcome == SelfTestOutcome::passed ? "" : describe(*ended));
+}
+
+}  // namespace srfs::lane
