@@ -167,8 +167,8 @@ Participant::Participant(const ParticipantOptions& options)
       discovery_(std::make_unique<Discovery>(known_)) {}
 
 Result<std::unique_ptr<Participant>, std::string> Participant::create(const ParticipantOptions& options) {
-  if (options.domain < 0 || options.domain > 101)
-    return Err(fmt::format("DDS domain {} is outside 0..101", options.domain));
+  if (options.domain < 0 || options.domain > 232)
+    return Err(fmt::format("DDS domain {} is outside 0..232", options.domain));
   dds::Log::SetVerbosity(dds::Log::Error);
   all_by_the_wire();
   auto* factory = dds::DomainParticipantFactory::get_instance();

@@ -30,7 +30,7 @@ namespace dds = eprosima::fastdds::dds;
 inline constexpr std::chrono::seconds lease_beside_the_ring{20};
 
 struct ParticipantOptions {
-  int domain = 42;                                      ///< 0..101
+  int domain = 42;  ///< 0..232; above 101 the kernel gives these ports to anybody
   std::vector<std::string> interfaces = {"127.0.0.1"};  ///< transports are confined to these addresses
   /// Reads user traffic on its work thread (transport.hpp); outlives the participant. nullptr: Fast DDS' own
   /// receive threads do.

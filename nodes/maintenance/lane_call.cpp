@@ -19,20 +19,20 @@ double number_of(const nlohmann::json& json, const char* key) {
 }  // namespace
 
 std::vector<std::string> build_command(const LaneFolders& folders, const update::Manifest& manifest) {
-  std::vector<std::string> command{folders.program, "build",        "--sources", folders.sources(),
-                                   "--name",        manifest.node,  "--prefix",  folders.prefix,
-                                   "--work",        folders.lane, "--out",     folders.built(manifest.node),
-                                   "--log",         folders.log(),  "--report",  folders.report()};
+  std::vector<std::string> command{folders.program, "build",       "--sources", folders.sources(),
+                                   "--name",        manifest.node, "--prefix",  folders.prefix,
+                                   "--work",        folders.lane,  "--out",     folders.built(manifest.node),
+                                   "--log",         folders.log(), "--report",  folders.report()};
   for (const std::string& option : manifest.options) command.push_back("--option=" + option);
   return command;
 }
 
 std::vector<std::string> self_test_command(const LaneFolders& folders, const update::Manifest& manifest,
                                            const std::filesystem::path& deployment) {
-  return {folders.program, "self-test",    "--program",    folders.built(manifest.node),
-          "--name",        manifest.node,  "--deployment", deployment,
-          "--work",        folders.lane, "--seconds",    std::to_string(manifest.self_test.count()),
-          "--log",         folders.log(),  "--report",     folders.report()};
+  return {folders.program, "self-test",   "--program",    folders.built(manifest.node),
+          "--name",        manifest.node, "--deployment", deployment,
+          "--work",        folders.lane,  "--seconds",    std::to_string(manifest.self_test.count()),
+          "--log",         folders.log(), "--report",     folders.report()};
 }
 
 LaneReport read_lane_report(std::string_view json, std::string_view end) {

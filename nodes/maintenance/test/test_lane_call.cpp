@@ -10,7 +10,8 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-const LaneFolders folders{"/opt/srfs/bin/srfs-lane", "/opt/srfs", "/var/srfs/update/job", "/var/srfs/update/lane"};
+const LaneFolders folders{"/opt/srfs/bin/srfs-lane", "/opt/srfs", "/var/srfs/update/job",
+                          "/var/srfs/update/lane"};
 
 update::Manifest manifest() {
   update::Manifest m;
