@@ -38,7 +38,8 @@ std::vector<std::string> compiler_command(const NodeBuild& build, const std::vec
   words.insert(words.end(), build.flags.begin(), build.flags.end());
   words.insert(words.end(), options.begin(), options.end());
   // Bounded messages; the same program wherever it is built.
-  for (const char* word : {"-fPIE", "-pipe", "-Winvalid-pch", "-fmax-errors=20", "-fno-diagnostics-show-caret"})
+  for (const char* word :
+       {"-fPIE", "-pipe", "-Winvalid-pch", "-fmax-errors=20", "-fno-diagnostics-show-caret"})
     words.emplace_back(word);
   words.push_back(fmt::format("-ffile-prefix-map={}/src/=", work.string()));
   words.push_back("-I" + (work / "src").string());
@@ -90,7 +91,7 @@ BuildPlan plan_build(const NodeBuild& build, const std::vector<std::string>& sou
     Command command{fmt::format("compile {}/{} {}", i + 1, compiled.size(), compiled[i]),
                     compiler_command(build, options, work)};
     if (header) command.words.insert(command.words.end(), {"-include", *header});
-    command.words.insert(command.words.end(), {"-c", work / "src" / compiled[i], "-o", object});
+    command.words.insert(command.words.end(), {"-c", "./" + compiled[i], "-o", object});
     plan.compile.push_back(std::move(command));
     link.push_back(object);
   }
@@ -105,7 +106,8 @@ BuildPlan plan_build(const NodeBuild& build, const std::vector<std::string>& sou
 Command plan_header(const NodeBuild& build, const std::vector<std::string>& options, const fs::path& work) {
   Command command{"precompile", compiler_command(build, options, work)};
   const std::string header = work / "node.hpp";
-  command.words.insert(command.words.end(), {"-x", "c++-header", header, "-o", header + ".gch", "-MD", "-MF", work / "node.d"});
+  command.words.insert(command.words.end(),
+                       {"-x", "c++-header", header, "-o", header + ".gch", "-MD", "-MF", work / "node.d"});
   return command;
 }
 
@@ -137,10 +139,14 @@ std::string_view to_text(BuildOutcome outcome) {
 
 BuildOutcome judge_build(const Ended& ended, std::string_view log, const Limits& limits) {
   switch (ended.stop) {
-    case Ended::Stop::cancelled: return BuildOutcome::cancelled;
-    case Ended::Stop::wall_time: return BuildOutcome::time_limit;
-    case Ended::Stop::quota: return BuildOutcome::quota;
-    case Ended::Stop::none: break;
+    case Ended::Stop::cancelled:
+      return BuildOutcome::cancelled;
+    case Ended::Stop::wall_time:
+      return BuildOutcome::time_limit;
+    case Ended::Stop::quota:
+      return BuildOutcome::quota;
+    case Ended::Stop::none:
+      break;
   }
   if (ended.exit_code == 0) return BuildOutcome::built;
   if (ended.out_of_memory || says(log, "out of memory allocating") || says(log, "virtual memory exhausted") ||
@@ -160,11 +166,14 @@ std::string_view to_text(SelfTestOutcome outcome) {
 
 SelfTestOutcome judge_self_test(const Ended& ended, const Limits& limits) {
   switch (ended.stop) {
-    case Ended::Stop::cancelled: return SelfTestOutcome::cancelled;
-    case Ended::Stop::quota: return SelfTestOutcome::quota;
+    case Ended::Stop::cancelled:
+      return SelfTestOutcome::cancelled;
+    case Ended::Stop::quota:
+      return SelfTestOutcome::quota;
     case Ended::Stop::wall_time:
       return ended.too_many_processes ? SelfTestOutcome::process_limit : SelfTestOutcome::hung;
-    case Ended::Stop::none: break;
+    case Ended::Stop::none:
+      break;
   }
   if (ended.exit_code == 0) return SelfTestOutcome::passed;
   if (ended.out_of_memory) return SelfTestOutcome::memory_limit;
@@ -176,10 +185,14 @@ SelfTestOutcome judge_self_test(const Ended& ended, const Limits& limits) {
 
 std::string describe(const Ended& ended) {
   switch (ended.stop) {
-    case Ended::Stop::cancelled: return "cancelled";
-    case Ended::Stop::quota: return "its work folder was full";
-    case Ended::Stop::wall_time: return fmt::format("still running after {:.0f} s", ended.seconds);
-    case Ended::Stop::none: break;
+    case Ended::Stop::cancelled:
+      return "cancelled";
+    case Ended::Stop::quota:
+      return "its work folder was full";
+    case Ended::Stop::wall_time:
+      return fmt::format("still running after {:.0f} s", ended.seconds);
+    case Ended::Stop::none:
+      break;
   }
   if (ended.exit_code) return fmt::format("exit code {}", *ended.exit_code);
   return fmt::format("signal {} ({})", ended.signal, strsignal(ended.signal));
@@ -187,23 +200,33 @@ std::string describe(const Ended& ended) {
 
 LaneExit exit_of(BuildOutcome outcome) {
   switch (outcome) {
-    case BuildOutcome::built: return LaneExit::done;
-    case BuildOutcome::compiler_failed: return LaneExit::to_blame;
-    case BuildOutcome::sandbox_failed: return LaneExit::environment;
-    case BuildOutcome::cancelled: return LaneExit::cancelled;
-    default: return LaneExit::limit;
+    case BuildOutcome::built:
+      return LaneExit::done;
+    case BuildOutcome::compiler_failed:
+      return LaneExit::to_blame;
+    case BuildOutcome::sandbox_failed:
+      return LaneExit::environment;
+    case BuildOutcome::cancelled:
+      return LaneExit::cancelled;
+    default:
+      return LaneExit::limit;
   }
 }
 
 LaneExit exit_of(SelfTestOutcome outcome) {
   switch (outcome) {
-    case SelfTestOutcome::passed: return LaneExit::done;
+    case SelfTestOutcome::passed:
+      return LaneExit::done;
     case SelfTestOutcome::failed:
     case SelfTestOutcome::crashed:
-    case SelfTestOutcome::hung: return LaneExit::to_blame;
-    case SelfTestOutcome::sandbox_failed: return LaneExit::environment;
-    case SelfTestOutcome::cancelled: return LaneExit::cancelled;
-    default: return LaneExit::limit;
+    case SelfTestOutcome::hung:
+      return LaneExit::to_blame;
+    case SelfTestOutcome::sandbox_failed:
+      return LaneExit::environment;
+    case SelfTestOutcome::cancelled:
+      return LaneExit::cancelled;
+    default:
+      return LaneExit::limit;
   }
 }
 

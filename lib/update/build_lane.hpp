@@ -37,7 +37,7 @@ struct BuildPlan {
 inline constexpr const char* compiler = "/usr/bin/g++";
 inline constexpr const char* built_program = "program";  ///< in the work folder
 
-/// @param sources  relative, below work/src; those ending in .cpp are compiled
+/// To be carried out in work/src. @param sources  relative to it; those ending in .cpp are compiled
 /// @param header   precompiled beside it, for the same options; or none
 [[nodiscard]] BuildPlan plan_build(const NodeBuild& build, const std::vector<std::string>& sources,
                                    const std::vector<std::string>& options, const std::filesystem::path& work,

@@ -70,7 +70,8 @@ void remove_abandoned_in(const std::filesystem::path& folder) {
 ControlGroup::ControlGroup(std::uint64_t memory_octets, unsigned processes) {
   const bool v2 = is_version_2();
   // Several of one process, one behind the other, share the name: the one before has gone.
-  const std::string name = fmt::format("{}{}.{}", prefix, getpid(), process_start_ticks(getpid()).value_or(0));
+  const std::string name =
+      fmt::format("{}{}.{}", prefix, getpid(), process_start_ticks(getpid()).value_or(0));
   memory_ = v2 ? groups / name : groups / "memory" / name;
   processes_ = v2 ? groups / name : groups / "pids" / name;
   memory_refusal_ = make_group(memory_, v2 ? "memory.max" : "memory.limit_in_bytes", memory_octets);
@@ -86,7 +87,8 @@ ControlGroup::~ControlGroup() {
   for (const auto& group : {memory_, processes_}) {
     if (group.empty()) continue;
     // The last process of a group that has just been waited for may still be leaving it.
-    for (int attempt = 0; attempt < 100 && rmdir(group.c_str()) != 0 && errno == EBUSY; ++attempt) usleep(1000);
+    for (int attempt = 0; attempt < 100 && rmdir(group.c_str()) != 0 && errno == EBUSY; ++attempt)
+      usleep(1000);
   }
 }
 

@@ -31,8 +31,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array<std::string_view, layer_count> layer_names{
-    "user", "files", "processes", "network", "ipc", "host_name", "quota", "memory", "process_count", "system_calls",
-    "limits", "priority"};
+    "user",  "files",  "processes",     "network",      "ipc",    "host_name",
+    "quota", "memory", "process_count", "system_calls", "limits", "priority"};
 
 constexpr std::size_t index_of(Layer layer) {
   return static_cast<std::size_t>(layer);
@@ -177,9 +177,11 @@ class Confined {
       const Step first_choice = message_.failures[index_of(Layer::files)];
       note(Layer::files, restrict_files(confinement_, work_));
       // The first choice's reason is told, too, where the second one holds.
-      if (message_.in_force.test(index_of(Layer::files))) message_.failures[index_of(Layer::files)] = first_choice;
+      if (message_.in_force.test(index_of(Layer::files)))
+        message_.failures[index_of(Layer::files)] = first_choice;
     }
-    const Step user = drop_privileges(root_ ? std::optional(std::pair(confinement_.user, confinement_.group)) : std::nullopt);
+    const Step user = drop_privileges(root_ ? std::optional(std::pair(confinement_.user, confinement_.group))
+                                            : std::nullopt);
     note(Layer::user, user.ok() ? privileges : user);
     // Root must not stay root: nothing else would hold it.
     if (root_ && !user.ok()) message_.fatal = user;
@@ -225,7 +227,9 @@ class Confined {
     end_all(program, ended);
     rusage used{};
     getrusage(RUSAGE_CHILDREN, &used);
-    const auto in_s = [](const timeval& t) { return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) * 1e-6; };
+    const auto in_s = [](const timeval& t) {
+      return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) * 1e-6;
+    };
     message_.cpu_s = in_s(used.ru_utime) + in_s(used.ru_stime);
     message_.peak_octets = static_cast<std::uint64_t>(used.ru_maxrss) << 10U;
   }
@@ -328,7 +332,8 @@ Layers layers_of(const Message& message) {
   for (std::size_t i = 0; i < layer_count; ++i) {
     const Step& step = message.failures[i];
     if (!step.ok())
-      layers.failures.push_back({static_cast<Layer>(i), fmt::format("{}: {}", step.name, errno_text(step.error))});
+      layers.failures.push_back(
+          {static_cast<Layer>(i), fmt::format("{}: {}", step.name, errno_text(step.error))});
   }
   return layers;
 }
@@ -389,14 +394,16 @@ WorkFolder::~WorkFolder() {
   if (fd_) remove_tree(path_);
 }
 
-std::optional<std::string> WorkFolder::put(const fs::path& name, std::string_view content, bool executable) const {
+std::optional<std::string> WorkFolder::put(const fs::path& name, std::string_view content,
+                                           bool executable) const {
   fs::path folder;
   for (const fs::path& part : name.parent_path()) {
     folder /= part;
     if (mkdirat(fd_.get(), folder.c_str(), 0755) != 0 && errno != EEXIST)
       return fmt::format("{}: {}", folder.string(), errno_text(errno));
   }
-  const Fd file(openat(fd_.get(), name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, executable ? 0755 : 0644));
+  const Fd file(
+      openat(fd_.get(), name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, executable ? 0755 : 0644));
   if (!file || !write_all(file.get(), content) || fchmod(file.get(), executable ? 0755 : 0644) != 0)
     return fmt::format("{}: {}", name.string(), errno_text(errno));
   return std::nullopt;
@@ -422,7 +429,8 @@ bool WorkFolder::is_full(const Limits& limits) const {
   fs::recursive_directory_iterator entry(path_, fs::directory_options::skip_permission_denied, ec);
   for (; !ec && entry != fs::recursive_directory_iterator(); entry.increment(ec)) {
     struct stat status {};
-    if (lstat(entry->path().c_str(), &status) == 0) octets += static_cast<std::uint64_t>(status.st_blocks) * 512;
+    if (lstat(entry->path().c_str(), &status) == 0)
+      octets += static_cast<std::uint64_t>(status.st_blocks) * 512;
     if (++files >= limits.files || octets >= limits.work_octets || entry.depth() > 256) return true;
   }
   return false;
@@ -437,7 +445,8 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
   Pair channel = make_channel();
   Pair output = make_pipe();
   Pair log = make_pipe();
-  if (!channel.ours || !output.ours || !log.ours) return Err(SandboxFailure{"no pipes: " + errno_text(errno), {}});
+  if (!channel.ours || !output.ours || !log.ours)
+    return Err(SandboxFailure{"no pipes: " + errno_text(errno), {}});
   ControlGroup group(limits.memory_octets, limits.processes + 1);
 
   const uid_t user = geteuid();
@@ -458,8 +467,9 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
     note(Layer::memory, {"control group", group.memory_refusal()});
     note(Layer::process_count, {"control group", group.process_refusal()});
     message.fatal = mapped;
-    Confined(confinement, work, program, {std::move(channel.theirs), std::move(output.theirs), std::move(log.theirs)},
-             message, keeper.processes.ok() && getpid() == 1, keeper.own_user_namespace)
+    Confined(confinement, work, program,
+             {std::move(channel.theirs), std::move(output.theirs), std::move(log.theirs)}, message,
+             keeper.processes.ok() && getpid() == 1, keeper.own_user_namespace)
         .keep();
   }
   channel.theirs.reset();
@@ -492,7 +502,9 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
     }
     if (entries[0].revents != 0) {
       Message message;
-      if (recv(channel.ours.get(), &message, sizeof message, MSG_DONTWAIT) != static_cast<ssize_t>(sizeof message)) break;
+      if (recv(channel.ours.get(), &message, sizeof message, MSG_DONTWAIT) !=
+          static_cast<ssize_t>(sizeof message))
+        break;
       confined = confined || message.stage == Message::Stage::confined;
       // What the program said of its layers is kept; the keeper adds how it ended.
       if (last && message.stage == Message::Stage::ended) {
@@ -520,7 +532,8 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
     if (!last) return Err(SandboxFailure{"ended while it was set up", ended.layers});
     const LayerSet missing = confinement.required & ~last->in_force;
     if (!last->fatal.ok())
-      return Err(SandboxFailure{fmt::format("{}: {}", last->fatal.name, errno_text(last->fatal.error)), ended.layers});
+      return Err(SandboxFailure{fmt::format("{}: {}", last->fatal.name, errno_text(last->fatal.error)),
+                                ended.layers});
     return Err(SandboxFailure{missing.any() ? "required and not to be had: " + missing_layers(missing)
                                             : "ended while it was set up",
                               ended.layers});

@@ -20,11 +20,11 @@ namespace srfs::update {
 /// What stands between a program that nobody trusts and the satellite (README.md). Each is set up by itself;
 /// where the kernel or a container refuses one, the others hold.
 enum class Layer : std::uint8_t {
-  user,           ///< a user of its own, no privileges, none to be had by a set-uid program
-  files,          ///< the system read-only, nothing else of it to be seen: mount namespace, else Landlock
-  processes,      ///< own process numbers: all of them end with the first
-  network,        ///< none, or a loopback of its own
-  ipc,            ///< own System V objects and message queues
+  user,       ///< a user of its own, no privileges, none to be had by a set-uid program
+  files,      ///< the system read-only, nothing else of it to be seen: mount namespace, else Landlock
+  processes,  ///< own process numbers: all of them end with the first
+  network,    ///< none, or a loopback of its own
+  ipc,        ///< own System V objects and message queues
   host_name,
   quota,          ///< the work folder is a file system of limited size; else it is watched
   memory,         ///< control group; else RLIMIT_DATA of each process alone
@@ -53,7 +53,8 @@ struct Limits {
   seconds wall{60};
   seconds cpu{60};  ///< of one process
   std::uint64_t memory_octets = 1U << 30;
-  std::uint64_t work_octets = 256U << 20;  ///< all files together; where the work folder is in memory, part of it
+  std::uint64_t work_octets =
+      256U << 20;  ///< all files together; where the work folder is in memory, part of it
   std::uint64_t file_octets = 128U << 20;
   std::uint64_t files = 4096;
   unsigned processes = 32;
@@ -95,7 +96,8 @@ class WorkFolder {
   /// For the confined program to read; missing folders are made. @return why not
   [[nodiscard]] std::optional<std::string> put(const std::filesystem::path& name, std::string_view content,
                                                bool executable = false) const;
-  /// What the program left there: an ordinary file of at most @p limit octets, not a link. A name without '/'.
+  /// What the program left there: an ordinary file of at most @p limit octets, not a link. A name without
+  /// '/'.
   [[nodiscard]] Result<Fd, std::string> take(const std::string& name, std::uint64_t limit) const;
   /// The limits are reached: octets or files. Counts the files of a plain folder.
   [[nodiscard]] bool is_full(const Limits& limits) const;

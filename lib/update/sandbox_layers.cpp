@@ -66,8 +66,10 @@ int show(const fs::path& path, const fs::path& root, std::uint64_t attributes) {
 
 Step map_user(uid_t user, gid_t group) {
   if (write_text("/proc/self/setgroups", "deny") != 0) return failed("user namespace: groups");
-  if (write_text("/proc/self/uid_map", fmt::format("{0} {0} 1", user)) != 0) return failed("user namespace: user");
-  if (write_text("/proc/self/gid_map", fmt::format("{0} {0} 1", group)) != 0) return failed("user namespace: group");
+  if (write_text("/proc/self/uid_map", fmt::format("{0} {0} 1", user)) != 0)
+    return failed("user namespace: user");
+  if (write_text("/proc/self/gid_map", fmt::format("{0} {0} 1", group)) != 0)
+    return failed("user namespace: group");
   return {};
 }
 
@@ -102,12 +104,14 @@ Step enter_view(const Confinement& confinement, const WorkFolder& work, bool own
   const fs::path place = root / work.path().relative_path();
   fs::create_directories(place, ec);
   const int work_fd = work.in_memory() ? work.fd() : work_mount.get();
-  if (move_mount(work_fd, "", AT_FDCWD, place.c_str(), MOVE_MOUNT_F_EMPTY_PATH) != 0) return failed("work folder");
+  if (move_mount(work_fd, "", AT_FDCWD, place.c_str(), MOVE_MOUNT_F_EMPTY_PATH) != 0)
+    return failed("work folder");
   fs::create_symlink(work.path() / "tmp", root / "tmp", ec);
   fs::create_symlink(work.path() / "shm", root / "dev/shm", ec);
   fs::create_directory(root / "proc", ec);
   // Without it (a container may refuse) compilers and nodes work too.
-  if (own_processes) (void)mount("proc", (root / "proc").c_str(), "proc", MS_NOSUID | MS_NODEV | MS_NOEXEC, nullptr);
+  if (own_processes)
+    (void)mount("proc", (root / "proc").c_str(), "proc", MS_NOSUID | MS_NODEV | MS_NOEXEC, nullptr);
 
   mount_attr wanted{};
   wanted.attr_set = MOUNT_ATTR_RDONLY;
@@ -126,8 +130,8 @@ Step bring_up_loopback() {
 }
 
 Step take_lowest_priority() {
-  constexpr int of_this_process = 1;         // IOPRIO_WHO_PROCESS
-  constexpr int idle_class = 3 << 13;        // IOPRIO_CLASS_IDLE
+  constexpr int of_this_process = 1;   // IOPRIO_WHO_PROCESS
+  constexpr int idle_class = 3 << 13;  // IOPRIO_CLASS_IDLE
   const sched_param none{};
   if (setpriority(PRIO_PROCESS, 0, 19) != 0) return failed("nice 19");
   if (sched_setscheduler(0, SCHED_IDLE, &none) != 0) return failed("SCHED_IDLE");
@@ -215,20 +219,22 @@ Step filter_system_calls(AllowedSockets sockets) {
 #else
 #error "the number of this architecture is missing"
 #endif
-  constexpr std::array denied{
-      SYS_ptrace, SYS_process_vm_readv, SYS_process_vm_writev, SYS_pidfd_getfd, SYS_perf_event_open, SYS_userfaultfd,
-      SYS_mount, SYS_umount2, SYS_pivot_root, SYS_chroot, SYS_move_mount, SYS_open_tree, SYS_fsopen, SYS_fsconfig,
-      SYS_fsmount, SYS_fspick, SYS_mount_setattr, SYS_unshare, SYS_setns, SYS_name_to_handle_at, SYS_open_by_handle_at,
-      SYS_bpf, SYS_keyctl, SYS_add_key, SYS_request_key, SYS_io_uring_setup, SYS_io_uring_enter, SYS_io_uring_register,
-      SYS_kexec_load, SYS_kexec_file_load, SYS_init_module, SYS_finit_module, SYS_delete_module, SYS_reboot, SYS_swapon,
-      SYS_swapoff, SYS_acct, SYS_quotactl, SYS_syslog, SYS_vhangup, SYS_sethostname, SYS_setdomainname, SYS_settimeofday,
-      SYS_clock_settime, SYS_clock_adjtime, SYS_adjtimex, SYS_mknodat, SYS_fanotify_init, SYS_lookup_dcookie,
+  constexpr std::array denied {
+    SYS_ptrace, SYS_process_vm_readv, SYS_process_vm_writev, SYS_pidfd_getfd, SYS_perf_event_open,
+        SYS_userfaultfd, SYS_mount, SYS_umount2, SYS_pivot_root, SYS_chroot, SYS_move_mount, SYS_open_tree,
+        SYS_fsopen, SYS_fsconfig, SYS_fsmount, SYS_fspick, SYS_mount_setattr, SYS_unshare, SYS_setns,
+        SYS_name_to_handle_at, SYS_open_by_handle_at, SYS_bpf, SYS_keyctl, SYS_add_key, SYS_request_key,
+        SYS_io_uring_setup, SYS_io_uring_enter, SYS_io_uring_register, SYS_kexec_load, SYS_kexec_file_load,
+        SYS_init_module, SYS_finit_module, SYS_delete_module, SYS_reboot, SYS_swapon, SYS_swapoff, SYS_acct,
+        SYS_quotactl, SYS_syslog, SYS_vhangup, SYS_sethostname, SYS_setdomainname, SYS_settimeofday,
+        SYS_clock_settime, SYS_clock_adjtime, SYS_adjtimex, SYS_mknodat, SYS_fanotify_init,
+        SYS_lookup_dcookie,
 #if defined(__x86_64__)
-      SYS_mknod, SYS_iopl, SYS_ioperm, SYS_modify_ldt, SYS_uselib, SYS_ustat,
+        SYS_mknod, SYS_iopl, SYS_ioperm, SYS_modify_ldt, SYS_uselib, SYS_ustat,
 #endif
   };
-  constexpr std::uint32_t namespaces = CLONE_NEWNS | CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET | CLONE_NEWIPC |
-                                       CLONE_NEWUTS | CLONE_NEWCGROUP;
+  constexpr std::uint32_t namespaces = CLONE_NEWNS | CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET |
+                                       CLONE_NEWIPC | CLONE_NEWUTS | CLONE_NEWCGROUP;
 
   std::vector<sock_filter> program;
   const auto load = [&](std::size_t offset) {
@@ -240,7 +246,8 @@ Step filter_system_calls(AllowedSockets sockets) {
     program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, 0, skipped));
   };
   constexpr std::size_t number = offsetof(seccomp_data, nr);
-  constexpr std::size_t first_argument = offsetof(seccomp_data, args);  // the lower half: both are little-endian
+  constexpr std::size_t first_argument =
+      offsetof(seccomp_data, args);  // the lower half: both are little-endian
 
   load(offsetof(seccomp_data, arch));
   program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, architecture, 1, 0));

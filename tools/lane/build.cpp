@@ -58,6 +58,7 @@ bool brings_own_headers(const std::vector<Source>& sources, const NodeBuild& bui
 
 /// Runs in the sandbox: several compilers side by side, then the linker. @return exit code
 int carry_out(const BuildPlan& plan, const fs::path& work, unsigned jobs) {
+  if (chdir((work / "src").c_str()) != 0) return 1;
   const auto start = [&](const Command& command) {
     fmt::print("{}\n", command.title);
     std::fflush(stdout);
@@ -122,15 +123,15 @@ LaneExit build(const Lane& lane, const BuildOrder& order, Report& report) {
       return conclude(BuildOutcome::sandbox_failed, *error);
 
   HeadAndTail log(order.log_octets);
-  const auto ended = run_confined(
-      confinement, *work, [&] { return carry_out(plan, work->path(), order.jobs); },
-      {.output =
-           [](std::string_view text) {
-             fmt::print("{}", text);
-             std::fflush(stdout);
-           },
-       .log = [&](std::string_view text) { log.append(text); },
-       .cancel_fd = lane.cancel_fd});
+  const auto ended =
+      run_confined(confinement, *work, [&] { return carry_out(plan, work->path(), order.jobs); },
+                   {.output =
+                        [](std::string_view text) {
+                          fmt::print("{}", text);
+                          std::fflush(stdout);
+                        },
+                    .log = [&](std::string_view text) { log.append(text); },
+                    .cancel_fd = lane.cancel_fd});
   const std::string log_text = log.text();
   if (const auto written = write_file_atomically(order.log, log_text); !written)
     return conclude(BuildOutcome::sandbox_failed, written.error().message);

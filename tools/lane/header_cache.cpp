@@ -1,4 +1,5 @@
-// CACHE/KEY/: node.hpp, node.hpp.gch, and `stamps`: what the header was made of. A folder appears whole, by rename.
+// CACHE/KEY/: node.hpp, node.hpp.gch, and `stamps`: what the header was made of. A folder appears whole, by
+// rename.
 
 #include <algorithm>
 #include <string_view>
@@ -48,7 +49,8 @@ bool is_fresh(const fs::path& folder) {
   while (!rest.empty()) {
     const std::string_view line = rest.substr(0, rest.find('\n') + 1);
     const std::size_t path = line.find(' ', line.find(' ') + 1) + 1;
-    if (line.empty() || stamp_of(std::string(line.substr(path, line.size() - path - 1))) != line) return false;
+    if (line.empty() || stamp_of(std::string(line.substr(path, line.size() - path - 1))) != line)
+      return false;
     rest.remove_prefix(line.size());
   }
   return !stamps->empty();
@@ -68,7 +70,8 @@ void remove_old(const fs::path& headers, const fs::path& kept) {
 std::optional<fs::path> precompiled_header(const Lane& lane, const std::vector<std::string>& options) {
   // The work folder's path is in the flags, but it means nothing for the header.
   const Command command = plan_header(lane.installation, options, lane.job());
-  const std::string identity = stamp_of(fs::canonical(compiler)) + header_text() + fmt::format("{}", fmt::join(command.words, "\n"));
+  const std::string identity =
+      stamp_of(fs::canonical(compiler)) + header_text() + fmt::format("{}", fmt::join(command.words, "\n"));
   const fs::path headers = lane.work / "headers";
   const fs::path folder = headers / digest_of(identity);
   if (is_fresh(folder)) return folder / "node.hpp";
@@ -77,7 +80,8 @@ std::optional<fs::path> precompiled_header(const Lane& lane, const std::vector<s
   confinement.limits.file_octets = header_octets;
   confinement.limits.work_octets = std::max<std::uint64_t>(confinement.limits.work_octets, header_octets);
   const auto work = WorkFolder::make(lane.job(), confinement);
-  if (!work || work->put("node.hpp", header_text()) || mkdirat(work->fd(), "src", 0755) != 0) return std::nullopt;
+  if (!work || work->put("node.hpp", header_text()) || mkdirat(work->fd(), "src", 0755) != 0)
+    return std::nullopt;
   fmt::print("{}\n", command.title);
   std::fflush(stdout);
   HeadAndTail log(2048);
@@ -96,7 +100,9 @@ std::optional<fs::path> precompiled_header(const Lane& lane, const std::vector<s
   const fs::path growing = headers / "new";
   fs::remove_all(growing, ec);
   fs::create_directories(growing, ec);
-  if (!store(compiled->get(), growing / "node.hpp.gch", false) || !store(rule->get(), growing / "rule", false)) return std::nullopt;
+  if (!store(compiled->get(), growing / "node.hpp.gch", false) ||
+      !store(rule->get(), growing / "rule", false))
+    return std::nullopt;
   const auto rule_text = read_file(growing / "rule", stamp_octets);
   std::vector<std::string> files = rule_text ? files_of_rule(*rule_text) : std::vector<std::string>();
   // Its own text is part of the folder's name.

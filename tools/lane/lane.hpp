@@ -59,8 +59,8 @@ struct SelfTestOrder {
 /// The header that every node includes, compiled for these options: work/headers/KEY/node.hpp, with its .gch
 /// beside it. Compiled when there is none, or when anything that it includes has changed since; that is done
 /// confined, and before any foreign source is there. nullopt: not to be had; sources are compiled without it.
-[[nodiscard]] std::optional<std::filesystem::path> precompiled_header(const Lane& lane,
-                                                                      const std::vector<std::string>& options);
+[[nodiscard]] std::optional<std::filesystem::path> precompiled_header(
+    const Lane& lane, const std::vector<std::string>& options);
 
 /// Digest of an open file's octets, copied to @p to, which is replaced atomically. @return why not
 struct Copied {

@@ -1,4 +1,5 @@
-// srfs-lane: compiles a node from sources nobody trusts, and tries the program out, within bounds (README.md).
+// srfs-lane: compiles a node from sources nobody trusts, and tries the program out, within bounds
+// (README.md).
 
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -49,13 +50,21 @@ void add_common(CLI::App& app, Arguments& a) {
       ->capture_default_str()
       ->check(CLI::Range(1, 1 << 20));
   app.add_option("--file-mib", a.file_mib, "One file")->capture_default_str()->check(CLI::Range(1, 1 << 20));
-  app.add_option("--files", a.confinement.limits.files)->capture_default_str()->check(CLI::Range(16, 1 << 20));
+  app.add_option("--files", a.confinement.limits.files)
+      ->capture_default_str()
+      ->check(CLI::Range(16, 1 << 20));
   app.add_option("--cpu-s", a.cpu_s, "Of one process")->capture_default_str()->check(CLI::Range(1, 86400));
-  app.add_option("--processes", a.confinement.limits.processes, "Threads count")->capture_default_str()->check(CLI::Range(1, 4096));
-  app.add_option("--uid", a.confinement.user, "Where this is root: user of its own")->capture_default_str()->check(CLI::Range(1U, 0x7fff'ffffU));
+  app.add_option("--processes", a.confinement.limits.processes, "Threads count")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 4096));
+  app.add_option("--uid", a.confinement.user, "Where this is root: user of its own")
+      ->capture_default_str()
+      ->check(CLI::Range(1U, 0x7fff'ffffU));
   app.add_option("--gid", a.confinement.group)->capture_default_str()->check(CLI::Range(1U, 0x7fff'ffffU));
   app.add_option("--require", a.required, "Layers without which nothing is run (README.md)")
-      ->check([](const std::string& name) { return update::layer_of(name) ? std::string() : "no layer: " + name; });
+      ->check([](const std::string& name) {
+        return update::layer_of(name) ? std::string() : "no layer: " + name;
+      });
   app.add_flag("--no-namespaces", a.no_namespaces, "As if the kernel had none");
   app.add_flag("--normal-priority", a.normal_priority, "Not SCHED_IDLE");
 }
@@ -76,26 +85,36 @@ int main(int argc, char** argv) {
   unsigned log_kib = 256;
   std::string sources, out, log, program, deployment;
 
-  CLI::App* const build_app = app.add_subcommand("build", "Compiles all *.cpp below a folder into one program");
+  CLI::App* const build_app =
+      app.add_subcommand("build", "Compiles all *.cpp below a folder into one program");
   add_common(*build_app, a);
-  build_app->add_option("--sources", sources, "Never holds rules of how to build")->required()->check(CLI::ExistingDirectory);
+  build_app->add_option("--sources", sources, "Never holds rules of how to build")
+      ->required()
+      ->check(CLI::ExistingDirectory);
   build_app->add_option("--name", order.node, "Of the node")->required();
-  build_app->add_option("--option", order.options, "For the compiler")->check(CLI::IsMember(update::allowed_options()));
+  build_app->add_option("--option", order.options, "For the compiler")
+      ->check(CLI::IsMember(update::allowed_options()));
   build_app->add_option("--out", out, "The program, stripped; replaced atomically")->required();
   build_app->add_option("--log", log, "What the compiler said")->required();
-  build_app->add_option("--log-kib", log_kib, "Head and tail of it")->capture_default_str()->check(CLI::Range(1, 65536));
-  build_app->add_option("--jobs", order.jobs, "Compilers side by side")->capture_default_str()->check(CLI::Range(1, 64));
+  build_app->add_option("--log-kib", log_kib, "Head and tail of it")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 65536));
+  build_app->add_option("--jobs", order.jobs, "Compilers side by side")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
   build_app->add_option("--seconds", a.wall_s, "For all")->capture_default_str()->check(CLI::Range(1, 86400));
   bool without_header = false;
   build_app->add_flag("--no-precompiled-header", without_header);
 
-  CLI::App* const test_app = app.add_subcommand("self-test", "Runs a program with --self-test and judges how it ends");
+  CLI::App* const test_app =
+      app.add_subcommand("self-test", "Runs a program with --self-test and judges how it ends");
   add_common(*test_app, a);
   test_app->add_option("--program", program)->required()->check(CLI::ExistingFile);
   test_app->add_option("--name", test.node)->required();
   test_app->add_option("--deployment", deployment)->required()->check(CLI::ExistingFile);
   test_app->add_option("--seconds", a.wall_s)->required()->check(CLI::Range(1, 86400));
-  test_app->add_option("--domain", test.domain, "DDS domain; nobody else's, where the host's loopback is seen")
+  test_app
+      ->add_option("--domain", test.domain, "DDS domain; nobody else's, where the host's loopback is seen")
       ->capture_default_str()
       ->check(CLI::Range(0, 232));
   test_app->add_option("--log", log, "What it wrote, 64 KiB");
@@ -124,7 +143,8 @@ int main(int argc, char** argv) {
   limits.wall = seconds(a.wall_s);
   limits.cpu = seconds(a.cpu_s);
   limits.lowest_priority = !a.normal_priority;
-  for (const std::string& name : a.required) lane.confinement.required |= update::set_of({*update::layer_of(name)});
+  for (const std::string& name : a.required)
+    lane.confinement.required |= update::set_of({*update::layer_of(name)});
 
   const fs::path settings = lane.prefix / "share/srfs/node_build.json";
   const auto text = read_file(settings, 1U << 20);
@@ -138,7 +158,8 @@ int main(int argc, char** argv) {
   fs::create_directories(lane.work, ec);
   const Fd lock(open((lane.work / "lock").c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!lock) return fail(fmt::format("{}: {}", lane.work.string(), errno_text(errno)));
-  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) return fail(lane.work.string() + ": another one works there");
+  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
+    return fail(lane.work.string() + ": another one works there");
   update::ControlGroup::remove_abandoned();
 
   Report report;

@@ -16,12 +16,9 @@ using Json = nlohmann::ordered_json;
 
 std::string to_json(const Report& report) {
   const update::Ended& ended = report.ended;
-  Json json{{"format", "srfs lane report 1"},
-            {"outcome", report.outcome},
-            {"reason", report.reason},
-            {"seconds", ended.seconds},
-            {"cpu_s", ended.cpu_s},
-            {"peak_octets", ended.peak_octets}};
+  Json json{{"format", "srfs lane report 1"}, {"outcome", report.outcome},
+            {"reason", report.reason},        {"seconds", ended.seconds},
+            {"cpu_s", ended.cpu_s},           {"peak_octets", ended.peak_octets}};
   if (report.octets) json["octets"] = *report.octets;
   if (!report.sha256.empty()) json["sha256"] = report.sha256;
   if (report.precompiled) json["precompiled_header"] = *report.precompiled;
@@ -57,7 +54,8 @@ Result<Copied, std::string> store(int from, const std::filesystem::path& to, boo
   }
   if (fchmod(out.get(), executable ? 0755 : 0644) != 0 || fsync(out.get()) != 0) return failure(temporary);
   if (rename(temporary.c_str(), to.c_str()) != 0) return failure(to);
-  const Fd folder(open(to.parent_path().empty() ? "." : to.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  const Fd folder(
+      open(to.parent_path().empty() ? "." : to.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder || fsync(folder.get()) != 0) return failure(to.parent_path());
   copied.sha256 = update::to_digits(digest.finish());
   return copied;

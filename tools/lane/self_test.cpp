@@ -23,15 +23,21 @@ LaneExit self_test(const Lane& lane, const SelfTestOrder& order, Report& report)
   const auto work = WorkFolder::make(lane.job(), lane.confinement);
   if (!work) return conclude(SelfTestOutcome::sandbox_failed, work.error());
   const std::string deployment_name = order.deployment.filename();
-  for (const auto& error : {work->put("program", *program, true), work->put("deployment/" + deployment_name, *deployment)})
+  for (const auto& error :
+       {work->put("program", *program, true), work->put("deployment/" + deployment_name, *deployment)})
     if (error) return conclude(SelfTestOutcome::sandbox_failed, *error);
 
   const std::filesystem::path& folder = work->path();
-  const std::vector<std::string> command{folder / "program", "--self-test",
-                                         "--name", order.node,
-                                         "--deployment", folder / "deployment" / deployment_name,
-                                         "--var", folder / "var",
-                                         "--domain", std::to_string(order.domain)};
+  const std::vector<std::string> command{folder / "program",
+                                         "--self-test",
+                                         "--name",
+                                         order.node,
+                                         "--deployment",
+                                         folder / "deployment" / deployment_name,
+                                         "--var",
+                                         folder / "var",
+                                         "--domain",
+                                         std::to_string(order.domain)};
   HeadAndTail log(order.log_octets);
   const auto listen = [&](std::string_view text) { log.append(text); };
   const auto ended = run_confined(lane.confinement, *work, [&] { return execute(command, folder); },

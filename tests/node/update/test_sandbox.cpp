@@ -1,4 +1,5 @@
-// Real processes, confined for real, each way twice: with namespaces and on the floor. What only root can have is skipped for others.
+// Real processes, confined for real, each way twice: with namespaces and on the floor. What only root can
+// have is skipped for others.
 
 #include <fcntl.h>
 #include <linux/keyctl.h>
@@ -52,7 +53,8 @@ bool control_groups_left() {
   for (const char* folder : {"/sys/fs/cgroup", "/sys/fs/cgroup/memory", "/sys/fs/cgroup/pids"}) {
     std::error_code ec;
     for (const auto& entry : fs::directory_iterator(folder, ec))
-      if (entry.path().filename().string().starts_with("srfs_lane." + std::to_string(getpid()) + ".")) return true;
+      if (entry.path().filename().string().starts_with("srfs_lane." + std::to_string(getpid()) + "."))
+        return true;
   }
   return false;
 }
@@ -88,7 +90,9 @@ class SandboxTest : public testing::TestWithParam<bool> {
     EXPECT_FALSE(fs::exists(folder_.path() / "work"));
     return ended ? *ended : Ended{};
   }
-  static bool in_force(const Ended& ended, Layer layer) { return (ended.layers.in_force & set_of({layer})).any(); }
+  static bool in_force(const Ended& ended, Layer layer) {
+    return (ended.layers.in_force & set_of({layer})).any();
+  }
 
   testing_support::TemporaryFolder folder_;
   Confinement confinement_;
@@ -114,10 +118,12 @@ TEST_P(SandboxTest, RunsAnotherProgramInAnEmptyEnvironment) {
 TEST_P(SandboxTest, AsRootAllLayersOfItsKindAreInForce) {
   if (geteuid() != 0) GTEST_SKIP() << "not root";
   const Ended ended = run([] { return 0; });
-  for (const Layer layer : {Layer::user, Layer::system_calls, Layer::limits}) EXPECT_TRUE(in_force(ended, layer)) << to_text(layer);
+  for (const Layer layer : {Layer::user, Layer::system_calls, Layer::limits})
+    EXPECT_TRUE(in_force(ended, layer)) << to_text(layer);
   EXPECT_EQ(in_force(ended, Layer::priority), confinement_.limits.lowest_priority);
   if (!GetParam()) {
-    for (const Layer layer : {Layer::processes, Layer::network, Layer::ipc, Layer::quota}) EXPECT_FALSE(in_force(ended, layer));
+    for (const Layer layer : {Layer::processes, Layer::network, Layer::ipc, Layer::quota})
+      EXPECT_FALSE(in_force(ended, layer));
     EXPECT_GE(ended.layers.failures.size(), 4U);
   }
 }
@@ -198,8 +204,9 @@ TEST_P(SandboxTest, ItWritesNowhereButInItsFolder) {
   const Ended ended = run([&] {
     const int flags = O_WRONLY | O_CREAT | O_CLOEXEC;
     if (open("mine", flags, 0644) < 0) return 1;
-    for (const std::string& path : {outside, std::string("/etc/srfs_test"), std::string("/usr/srfs_test"), std::string("/srfs_test"),
-                                    std::string("/var/tmp/srfs_test"), std::string("/dev/srfs_test")})
+    for (const std::string& path :
+         {outside, std::string("/etc/srfs_test"), std::string("/usr/srfs_test"), std::string("/srfs_test"),
+          std::string("/var/tmp/srfs_test"), std::string("/dev/srfs_test")})
       if (open(path.c_str(), flags, 0644) >= 0) return 2;
     return chmod("/usr", 0777) == 0 ? 3 : 0;
   });
@@ -212,7 +219,8 @@ TEST_P(SandboxTest, ItReadsNeitherKeysNorShadow) {
   const fs::path key = folder_.path() / "var/keys/link";
   ASSERT_TRUE(write_file_atomically(key, "secret"));  // readable for everybody, even
   const Ended ended = run([&] {
-    for (const std::string& path : {key.string(), std::string("/etc/shadow"), std::string("/root/.profile"), std::string("/proc/1/environ")})
+    for (const std::string& path : {key.string(), std::string("/etc/shadow"), std::string("/root/.profile"),
+                                    std::string("/proc/1/environ")})
       if (open(path.c_str(), O_RDONLY) >= 0 && path != "/proc/1/environ") return 1;
     return 0;
   });
@@ -227,7 +235,8 @@ TEST_P(SandboxTest, ItHasNoSocketsAndNoRareSystemCalls) {
       if (socket(family, SOCK_DGRAM, 0) >= 0 || errno != EACCES) return 1;
     if (ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) == 0) return 2;
     if (mount("none", "/", "tmpfs", 0, nullptr) == 0 || unshare(CLONE_NEWUSER) == 0) return 3;
-    if (syscall(SYS_keyctl, KEYCTL_GET_KEYRING_ID, -3, 0) >= 0 || syscall(SYS_bpf, 0, nullptr, 0) >= 0) return 4;
+    if (syscall(SYS_keyctl, KEYCTL_GET_KEYRING_ID, -3, 0) >= 0 || syscall(SYS_bpf, 0, nullptr, 0) >= 0)
+      return 4;
     if (syscall(SYS_clone, CLONE_NEWUSER | SIGCHLD, nullptr, nullptr, nullptr, nullptr) >= 0) return 5;
     return 0;
   });
@@ -238,7 +247,8 @@ TEST_P(SandboxTest, ItsLoopbackIsItsOwn) {
   confinement_.network = true;
   const Ended ended = run([] {
     const int receiver = socket(AF_INET, SOCK_DGRAM, 0);
-    sockaddr_in address{.sin_family = AF_INET, .sin_port = 0, .sin_addr = {.s_addr = htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
+    sockaddr_in address{
+        .sin_family = AF_INET, .sin_port = 0, .sin_addr = {.s_addr = htonl(INADDR_LOOPBACK)}, .sin_zero = {}};
     socklen_t size = sizeof address;
     if (receiver < 0 || bind(receiver, reinterpret_cast<sockaddr*>(&address), size) != 0) return 1;
     getsockname(receiver, reinterpret_cast<sockaddr*>(&address), &size);
@@ -250,8 +260,12 @@ TEST_P(SandboxTest, ItsLoopbackIsItsOwn) {
   if (!in_force(ended, Layer::network)) return;
   const Ended far = run([] {
     const int sender = socket(AF_INET, SOCK_DGRAM, 0);
-    const sockaddr_in far_away{.sin_family = AF_INET, .sin_port = htons(9), .sin_addr = {.s_addr = htonl(0xc0000201)}, .sin_zero = {}};
-    return sendto(sender, "x", 1, 0, reinterpret_cast<const sockaddr*>(&far_away), sizeof far_away) < 0 ? 0 : 1;
+    const sockaddr_in far_away{.sin_family = AF_INET,
+                               .sin_port = htons(9),
+                               .sin_addr = {.s_addr = htonl(0xc0000201)},
+                               .sin_zero = {}};
+    return sendto(sender, "x", 1, 0, reinterpret_cast<const sockaddr*>(&far_away), sizeof far_away) < 0 ? 0
+                                                                                                        : 1;
   });
   EXPECT_EQ(far.exit_code, 0);
 }
@@ -361,15 +375,16 @@ TEST_P(SandboxTest, ItEndsWhenItsCallerIsKilled) {
   const pid_t caller = fork();
   if (caller == 0) {
     const auto work = WorkFolder::make(folder_.path() / "work", confinement_);
-    (void)run_confined(confinement_, *work,
-                       [] {
-                         for (int i = 0; i < 3; ++i)
-                           if (fork() == 0) setsid();
-                         printf("begun\n");
-                         fflush(stdout);
-                         return pause();
-                       },
-                       {.output = [&](std::string_view) { (void)!write(begun[1], "x", 1); }, .log = {}, .cancel_fd = -1});
+    (void)run_confined(
+        confinement_, *work,
+        [] {
+          for (int i = 0; i < 3; ++i)
+            if (fork() == 0) setsid();
+          printf("begun\n");
+          fflush(stdout);
+          return pause();
+        },
+        {.output = [&](std::string_view) { (void)!write(begun[1], "x", 1); }, .log = {}, .cancel_fd = -1});
     _exit(0);
   }
   char octet = 0;
@@ -405,8 +420,9 @@ TEST_P(SandboxTest, WhatItLeftIsTakenOnlyAsAnOrdinaryFile) {
   EXPECT_EQ(std::string(text, 5), "given");
 }
 
-INSTANTIATE_TEST_SUITE_P(Each, SandboxTest, testing::Bool(),
-                         [](const auto& kind) { return std::string(kind.param ? "WithNamespaces" : "OnTheFloor"); });
+INSTANTIATE_TEST_SUITE_P(Each, SandboxTest, testing::Bool(), [](const auto& kind) {
+  return std::string(kind.param ? "WithNamespaces" : "OnTheFloor");
+});
 
 }  // namespace
 }  // namespace srfs::update
