@@ -3,6 +3,7 @@
 import argparse
 import json
 import pathlib
+import shutil
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "demo"))
@@ -39,6 +40,8 @@ def main():
 
     figure = FIGURES[options.name]
     deployment = options.deployment or figure.DEPLOYMENT
+    if options.var is None:
+        shutil.rmtree(out / "var", ignore_errors=True)  # what an earlier run left: versions, stores
     programs = mission.installed(options.bin) if getattr(figure, "INSTALLED", False) else options.bin
     with mission.Mission(options.var or out / "var", deployment, programs, say, figure.ONLY) as flight:
         experiment = figure.Experiment(options.name, flight, signals, say)

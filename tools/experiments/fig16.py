@@ -94,7 +94,10 @@ class Experiment:
         def on_message(m):
             if m["type"] != "event" or not m["event"].startswith("update."):
                 return
-            what = m["fields"].get("step", m["event"].removeprefix("update."))
+            what = m["event"].removeprefix("update.")
+            if what == "log_queued":
+                return
+            what = m["fields"].get("step", what)
             self.steps.setdefault(what, time.monotonic_ns())
             self.say(f"update: {what}")
 
@@ -113,7 +116,7 @@ class Experiment:
     def outage_ms(self):
         """From the last answer of the old process to the first of the new one, as payload1 heard them."""
         answers = self.ring.of(self.begin, observer=FIRST, subject=THIRD, verdict="alive")
-        pairs = [(a, b) for a, b in zip(answers, answers[1:]) if a.get("incarnation") != b.get("incarnation")]
+        pairs = [(a, b) for a, b in zip(answers, answers[1:]) if a["subject_incarnation"] != b["subject_incarnation"]]
         return round((pairs[0][1]["said_ns"] - pairs[0][0]["said_ns"]) / MS, 1) if pairs else None
 
     def lost_slots(self):
@@ -178,8 +181,20 @@ class Experiment:
         def seconds(t):
             return (t - self.begin) / 1e9
 
+        swap = seconds(self.steps["swap"])
+        figure, grid = pyplot.subplots(len(PAYLOADS) + 1, 2, figsize=(14, 8), sharex="col", sharey="row", width_ratios=(3, 2))
+        for column in range(2):
+            self.draw_column([row[column] for row in grid], seconds)
+            grid[-1][column].set_xlabel("time [s]" if column == 0 else "time [s], the swap")
+        grid[0][1].set_xlim(swap - 1.5, swap + 2.5)
+        figure.suptitle("Fig. 16: a node is replaced from uplinked source", fontsize=11)
+        figure.tight_layout()
+        for kind in ("svg", "png"):
+            figure.savefig(folder / f"{self.name}.{kind}", dpi=130)
+        pyplot.close(figure)
+
+    def draw_column(self, axes, seconds):
         states = self.states()
-        figure, axes = pyplot.subplots(len(PAYLOADS) + 1, 1, figsize=(12, 8), sharex=True)
         for number, (axis, payload) in enumerate(zip(axes, PAYLOADS), 1):
             own = [i for i in states if i.payload == payload]
             levels = [STATES.index(i.state) for i in own]
@@ -189,20 +204,17 @@ class Experiment:
             axis.set_title(f"payload{number} ({payload})", fontsize=9, loc="left")
         axis = axes[-1]
         answers = self.ring.of(self.begin, self.end, observer=FIRST, subject=THIRD, verdict="alive")
-        for incarnation in sorted({m.get("incarnation") for m in answers}):
-            times = [seconds(m["said_ns"]) for m in answers if m.get("incarnation") == incarnation]
-            axis.plot(times, [0] * len(times), "|", markersize=14, label=f"answers of payload3, incarnation {incarnation}")
+        for incarnation in sorted({m["subject_incarnation"] for m in answers}):
+            times = [seconds(m["said_ns"]) for m in answers if m["subject_incarnation"] == incarnation]
+            axis.plot(times, [0] * len(times), "|", markersize=14, label=f"payload3 answers payload1, incarnation {incarnation}")
+        named = -1e9
         for step, at in sorted(self.steps.items(), key=lambda s: s[1]):
             for each in axes:
                 each.axvline(seconds(at), color="grey", linewidth=0.8, linestyle="--")
-            axis.text(seconds(at), 0.75, f" {step.replace('_', ' ')}", fontsize=8, rotation=60, va="bottom")
-        axis.set_ylim(-0.6, 2)
+            if seconds(at) - named > 0.02:
+                axis.text(seconds(at), 0.7, f" {step.replace('_', ' ')}", fontsize=8, rotation=60, va="bottom", clip_on=True)
+                named = seconds(at)
+        axis.set_ylim(-1.2, 2.4)
         axis.set_yticks([])
-        axis.set_title("payload1 checks payload3; maintenance", fontsize=9, loc="left")
+        axis.set_title("the ring and maintenance", fontsize=9, loc="left")
         axis.legend(fontsize=7, loc="lower left")
-        axis.set_xlabel("time [s]")
-        figure.suptitle("Fig. 16: a node is replaced from uplinked source", fontsize=11)
-        figure.tight_layout()
-        for kind in ("svg", "png"):
-            figure.savefig(folder / f"{self.name}.{kind}", dpi=130)
-        pyplot.close(figure)
