@@ -6,8 +6,7 @@ import signal
 import subprocess
 import unittest
 
-import mission
-from support import BIN, DEADLINE_S, ROOT, SystemTest, wait_until
+from support import BIN, DEADLINE_S, ROOT, SystemTest, mission, wait_until
 
 BUILD_DEADLINE_S = 180  # a compiler on a loaded machine
 IDLE = ROOT / "examples" / "payload_idle" / "main.cpp"
@@ -72,7 +71,7 @@ class UpdateTest(SystemTest):
         return {n["name"]: n for n in flight.status()}[node]
 
     def outcomes(self, recorder):
-        return recorder.select(lambda m: m["type"] == "liveness" and m["verdict"] == "outcome")
+        return recorder.select(lambda m: m["type"] == "liveness" and m["verdict"] == "outcome" and m["outcome"] == "restarted")
 
     def active(self, flight, node=NODE):
         return self.status(flight, node)["state"] == "active"

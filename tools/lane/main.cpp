@@ -3,6 +3,7 @@
 
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -68,6 +69,8 @@ void add_common(CLI::App& app, Arguments& a) {
   app.add_flag("--no-namespaces", a.no_namespaces, "As if the kernel had none");
   app.add_flag("--normal-priority", a.normal_priority, "Not SCHED_IDLE");
 }
+
+constexpr seconds lock_patience{10};
 
 int fail(const std::string& message) {
   fmt::print(stderr, "srfs-lane: {}\n", message);
@@ -158,8 +161,12 @@ int main(int argc, char** argv) {
   fs::create_directories(lane.work, ec);
   const Fd lock(open((lane.work / "lock").c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!lock) return fail(fmt::format("{}: {}", lane.work.string(), errno_text(errno)));
-  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0)
-    return fail(lane.work.string() + ": another one works there");
+  // One that was killed with its caller may be on its way out.
+  const MonotonicTime give_up = monotonic_now() + lock_patience;
+  while (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
+    if (monotonic_now() >= give_up) return fail(lane.work.string() + ": another one works there");
+    poll(nullptr, 0, 20);
+  }
   update::ControlGroup::remove_abandoned();
 
   Report report;
