@@ -1,6 +1,6 @@
 #include <algorithm>
 #include <cerrno>
-#include <map>
+#include <cstdio>
 
 #include <fmt/format.h>
 #include <sys/wait.h>
@@ -60,8 +60,7 @@ bool brings_own_headers(const std::vector<Source>& sources, const NodeBuild& bui
 int carry_out(const BuildPlan& plan, const fs::path& work, unsigned jobs) {
   if (chdir((work / "src").c_str()) != 0) return 1;
   const auto start = [&](const Command& command) {
-    fmt::print("{}\n", command.title);
-    std::fflush(stdout);
+    say(command.title);
     const pid_t pid = fork();
     if (pid == 0) {
       dup2(STDERR_FILENO, STDOUT_FILENO);

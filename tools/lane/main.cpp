@@ -2,9 +2,11 @@
 // (README.md).
 
 #include <sys/file.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -33,7 +35,8 @@ struct Arguments {
   std::vector<std::string> required;
   bool no_namespaces = false;
   bool normal_priority = false;
-  std::uint64_t memory_mib = 1024;
+  bool with_parent = false;
+  std::uint64_t memory_mib = 1536;
   std::uint64_t work_mib = 256;
   std::uint64_t file_mib = 128;
   std::int64_t wall_s = 600;
@@ -66,6 +69,7 @@ void add_common(CLI::App& app, Arguments& a) {
         return update::layer_of(name) ? std::string() : "no layer: " + name;
       });
   app.add_flag("--no-namespaces", a.no_namespaces, "As if the kernel had none");
+  app.add_flag("--with-parent", a.with_parent, "Cancelled when the process that started this one ends");
   app.add_flag("--normal-priority", a.normal_priority, "Not SCHED_IDLE");
 }
 
@@ -129,6 +133,7 @@ int main(int argc, char** argv) {
   umask(022);  // what the confined user must read
   const Fd termination = termination_signals();
   ignore_broken_pipes();
+  if (a.with_parent) prctl(PR_SET_PDEATHSIG, SIGTERM);
   Lane lane;
   lane.prefix = fs::absolute(a.prefix).lexically_normal();
   lane.work = fs::absolute(a.work).lexically_normal();
@@ -178,7 +183,7 @@ int main(int argc, char** argv) {
     if (!log.empty()) test.log = fs::absolute(log);
     exit = self_test(lane, test, report);
   }
-  fmt::print("{}{}{}\n", report.outcome, report.reason.empty() ? "" : ": ", report.reason);
+  say(fmt::format("{}{}{}", report.outcome, report.reason.empty() ? "" : ": ", report.reason));
   if (!a.report.empty()) {
     if (const auto written = write_file_atomically(a.report, to_json(report)); !written)
       return fail(written.error().message);
