@@ -126,8 +126,8 @@ LaneExit build(const Lane& lane, const BuildOrder& order, Report& report) {
       run_confined(confinement, *work, [&] { return carry_out(plan, work->path(), order.jobs); },
                    {.output =
                         [](std::string_view text) {
-                          fmt::print("{}", text);
-                          std::fflush(stdout);
+                          (void)std::fwrite(text.data(), 1, text.size(), stdout);
+                          (void)std::fflush(stdout);
                         },
                     .log = [&](std::string_view text) { log.append(text); },
                     .cancel_fd = lane.cancel_fd});
