@@ -450,6 +450,7 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
 
   const uid_t user = geteuid();
   const gid_t user_group = getegid();
+  fflush(nullptr);  // what waits to be written is not the program's
   const MonotonicTime begin = monotonic_now();
   const Forked keeper = fork_keeper(confinement.namespaces);
   if (keeper.pid < 0) return Err(SandboxFailure{"no process: " + errno_text(errno), {}});

@@ -48,7 +48,7 @@ HANDS = """#include <csignal>
 #include <unistd.h>
 int main() {
   for (const char* path : {"/etc/x", "/usr/x", "/x", OUTSIDE}) if (open(path, O_WRONLY | O_CREAT, 0600) >= 0) return 20;
-  if (kill(getppid(), 0) == 0 || kill(-1, 0) == 0) return 21;
+  if (kill(getppid(), 0) == 0) return 21;  // would it reach it?
   return 0;
 }
 """
