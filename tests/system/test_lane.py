@@ -260,7 +260,7 @@ class EndedLaneTest(LaneTest):
             lane.kill()
             lane.wait()
             killed.add(str(lane.pid))
-            wait_until(lambda: not lane_processes(), 10)
+            wait_until(lambda: not lane_processes(), 10, "all of a killed lane has ended")
         code, report = self.build(self.sources(main="int main() {}"), "--no-precompiled-header")
         self.assertEqual((code, report["outcome"]), (0, "built"))
         self.assertEqual([c for c in cgroups() if c.split(".")[1] in killed], [])
