@@ -185,7 +185,7 @@ class Confined {
     note(Layer::user, user.ok() ? privileges : user);
     // Root must not stay root: nothing else would hold it.
     if (root_ && !user.ok()) message_.fatal = user;
-    const bool alone = message_.in_force.test(index_of(Layer::network)) && work_is_hidden();
+    const bool alone = message_.in_force.test(index_of(Layer::network)) && has_own_view();
     note(Layer::system_calls,
          filter_system_calls({.internet = confinement_.network, .local = confinement_.network && alone}));
     prctl(PR_SET_PDEATHSIG, SIGKILL);
@@ -206,7 +206,7 @@ class Confined {
   }
 
   /// Nobody else's sockets are to be seen among the files.
-  [[nodiscard]] bool work_is_hidden() const { return message_.failures[index_of(Layer::files)].ok(); }
+  [[nodiscard]] bool has_own_view() const { return message_.failures[index_of(Layer::files)].ok(); }
 
   void wait_for(pid_t program, int children) {
     std::array<pollfd, 2> entries{{{children, POLLIN, 0}, {channels_.channel.get(), POLLIN, 0}}};
@@ -236,7 +236,7 @@ class Confined {
 
   void end_all(pid_t program, bool ended) {
     while (true) {
-      kill_all(program);
+      kill_all();
       int status = 0;
       pid_t pid = waitpid(-1, &status, 0);
       while (pid > 0) {
@@ -247,7 +247,7 @@ class Confined {
     }
   }
 
-  void kill_all(pid_t program) const {
+  void kill_all() const {
     if (own_processes_) {
       kill(-1, SIGKILL);  // this is process 1 of its namespace: all the others there
     } else if (root_) {
@@ -259,7 +259,6 @@ class Confined {
       }
     } else {
       // Our children; theirs become ours.
-      kill(program, SIGKILL);
       std::ifstream children(fmt::format("/proc/self/task/{}/children", syscall(SYS_gettid)));
       for (pid_t child = 0; children >> child;) {
         const rlimit none{0, 0};
@@ -451,6 +450,7 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
 
   const uid_t user = geteuid();
   const gid_t user_group = getegid();
+  fflush(nullptr);  // what waits to be written is not the program's
   const MonotonicTime begin = monotonic_now();
   const Forked keeper = fork_keeper(confinement.namespaces);
   if (keeper.pid < 0) return Err(SandboxFailure{"no process: " + errno_text(errno), {}});

@@ -430,7 +430,9 @@ void MaintenanceNode::run_lane(const std::vector<std::string>& command, millisec
                                std::function<void(const LaneReport&)> done) {
   std::error_code ec;
   std::filesystem::remove(lane_folders().report(), ec);
-  auto child = ChildProcess::start(command);
+  auto with_caller = command;
+  with_caller.push_back(fmt::format("--caller={}", getpid()));
+  auto child = ChildProcess::start(with_caller);
   if (!child) {
     end_update(UpdateStep::failed, "no build lane: " + child.error());
     return;

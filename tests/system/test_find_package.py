@@ -47,6 +47,14 @@ class FindPackageTest(unittest.TestCase):
         for node in ("minimal_node", "payload_eps_node"):
             self.assertIn("--deployment", run(build / node, "--help"))
 
+    def test_the_installed_lane_builds_against_its_own_installation(self):
+        sources = self.folder / "sources"
+        shutil.copytree(SOURCE / "nodes/payload_eps", sources / "nodes/payload_eps", ignore=shutil.ignore_patterns("test"))
+        run(self.prefix / "bin/srfs-lane", "build", "--sources", sources, "--name", "payload_eps", "--option", "-O0", "--work", self.folder / "work",
+            "--out", self.folder / "candidate", "--log", self.folder / "log", "--no-precompiled-header", "--uid", "64045", "--normal-priority")  # fmt: skip
+        self.assertIn("--deployment", run(self.folder / "candidate", "--help"))
+        self.assertIn(str(self.prefix), run("ldd", self.folder / "candidate"))
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -151,7 +151,8 @@ class BadPackageTest(UpdateTest):
 
 class KilledMaintenanceTest(UpdateTest):
     def test_an_update_goes_on_when_maintenance_is_killed_in_the_build_and_in_the_swap(self):
-        with self.flight("sim") as flight:
+        # Here the ring has everybody, so that maintenance comes back.
+        with self.flight(self.deployment(("  members: [payload_adcs, payload_thermal, payload_eps]\n", ""), base="fig16")) as flight:
             ground = flight.ground()
             outcome, since = self.install(ground, flight, self.package(GOOD))
             self.assertEqual(outcome["stage"], "completed")

@@ -1,6 +1,6 @@
 #include <algorithm>
 #include <cerrno>
-#include <map>
+#include <cstdio>
 
 #include <fmt/format.h>
 #include <sys/wait.h>
@@ -60,8 +60,7 @@ bool brings_own_headers(const std::vector<Source>& sources, const NodeBuild& bui
 int carry_out(const BuildPlan& plan, const fs::path& work, unsigned jobs) {
   if (chdir((work / "src").c_str()) != 0) return 1;
   const auto start = [&](const Command& command) {
-    fmt::print("{}\n", command.title);
-    std::fflush(stdout);
+    say(command.title);
     const pid_t pid = fork();
     if (pid == 0) {
       dup2(STDERR_FILENO, STDOUT_FILENO);
@@ -127,8 +126,8 @@ LaneExit build(const Lane& lane, const BuildOrder& order, Report& report) {
       run_confined(confinement, *work, [&] { return carry_out(plan, work->path(), order.jobs); },
                    {.output =
                         [](std::string_view text) {
-                          fmt::print("{}", text);
-                          std::fflush(stdout);
+                          (void)std::fwrite(text.data(), 1, text.size(), stdout);
+                          (void)std::fflush(stdout);
                         },
                     .log = [&](std::string_view text) { log.append(text); },
                     .cancel_fd = lane.cancel_fd});

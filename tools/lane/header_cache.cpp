@@ -20,8 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 using namespace update;
 
-constexpr std::size_t headers_kept = 2;  // of other options or installations
-constexpr std::uint64_t header_octets = 512U << 20;
+constexpr std::size_t headers_kept = 1;              // hundreds of MiB each
+constexpr std::uint64_t header_octets = 768U << 20;  // in the work folder
+constexpr std::uint64_t header_memory = 2ULL << 30;  // with the work folder
 constexpr std::size_t stamp_octets = 4U << 20;
 
 /// "SIZE MTIME_NS PATH": another one as soon as the file is another. Empty: there is none.
@@ -78,18 +79,19 @@ std::optional<fs::path> precompiled_header(const Lane& lane, const std::vector<s
 
   Confinement confinement = lane.confinement;
   confinement.limits.file_octets = header_octets;
-  confinement.limits.work_octets = std::max<std::uint64_t>(confinement.limits.work_octets, header_octets);
+  confinement.limits.work_octets = header_octets;
+  confinement.limits.memory_octets = std::max(confinement.limits.memory_octets, header_memory);
   const auto work = WorkFolder::make(lane.job(), confinement);
   if (!work || work->put("node.hpp", header_text()) || mkdirat(work->fd(), "src", 0755) != 0)
     return std::nullopt;
-  fmt::print("{}\n", command.title);
-  std::fflush(stdout);
+  say(command.title);
   HeadAndTail log(2048);
   const auto ended = run_confined(
       confinement, *work, [&] { return execute(command.words, work->path()); },
       {.output = {}, .log = [&](std::string_view text) { log.append(text); }, .cancel_fd = lane.cancel_fd});
   if (!ended || ended->exit_code != 0 || ended->stop != Ended::Stop::none) {
-    fmt::print("precompile failed: {}: {}\n", ended ? describe(*ended) : ended.error().message, log.text());
+    say(fmt::format("precompile failed: {}: {}", ended ? describe(*ended) : ended.error().message,
+                    log.text()));
     return std::nullopt;
   }
   const auto compiled = work->take("node.hpp.gch", header_octets);

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "update/build_lane.hpp"
@@ -20,6 +21,9 @@ struct Lane {
 
   [[nodiscard]] std::filesystem::path job() const { return work / "job"; }
 };
+
+/// A line on standard output, at once; nobody may be there to hear it.
+void say(std::string_view line);
 
 /// For --report; written atomically.
 struct Report {

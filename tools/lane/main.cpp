@@ -1,11 +1,13 @@
 // srfs-lane: compiles a node from sources nobody trusts, and tries the program out, within bounds
 // (README.md).
 
-#include <sys/file.h>
-#include <sys/stat.h>
 #include <poll.h>
+#include <sys/file.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -34,7 +36,9 @@ struct Arguments {
   std::vector<std::string> required;
   bool no_namespaces = false;
   bool normal_priority = false;
-  std::uint64_t memory_mib = 1024;
+  pid_t caller = 0;
+  bool with_parent = false;
+  std::uint64_t memory_mib = 1536;
   std::uint64_t work_mib = 256;
   std::uint64_t file_mib = 128;
   std::int64_t wall_s = 600;
@@ -67,6 +71,8 @@ void add_common(CLI::App& app, Arguments& a) {
         return update::layer_of(name) ? std::string() : "no layer: " + name;
       });
   app.add_flag("--no-namespaces", a.no_namespaces, "As if the kernel had none");
+  app.add_flag("--with-parent", a.with_parent, "Cancelled when the process that started this one ends");
+  app.add_option("--caller", a.caller, "Ends at once (SIGKILL) with this process, its parent");
   app.add_flag("--normal-priority", a.normal_priority, "Not SCHED_IDLE");
 }
 
@@ -130,8 +136,11 @@ int main(int argc, char** argv) {
   }
 
   umask(022);  // what the confined user must read
+  if (a.caller != 0 && (prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || getppid() != a.caller))
+    return fail("the caller is gone");
   const Fd termination = termination_signals();
   ignore_broken_pipes();
+  if (a.with_parent) prctl(PR_SET_PDEATHSIG, SIGTERM);
   Lane lane;
   lane.prefix = fs::absolute(a.prefix).lexically_normal();
   lane.work = fs::absolute(a.work).lexically_normal();
@@ -185,7 +194,7 @@ int main(int argc, char** argv) {
     if (!log.empty()) test.log = fs::absolute(log);
     exit = self_test(lane, test, report);
   }
-  fmt::print("{}{}{}\n", report.outcome, report.reason.empty() ? "" : ": ", report.reason);
+  say(fmt::format("{}{}{}", report.outcome, report.reason.empty() ? "" : ": ", report.reason));
   if (!a.report.empty()) {
     if (const auto written = write_file_atomically(a.report, to_json(report)); !written)
       return fail(written.error().message);

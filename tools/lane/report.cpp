@@ -1,4 +1,5 @@
 #include <cerrno>
+#include <cstdio>
 #include <span>
 
 #include <fcntl.h>
@@ -13,6 +14,12 @@
 namespace srfs::lane {
 
 using Json = nlohmann::ordered_json;
+
+void say(std::string_view line) {
+  (void)std::fwrite(line.data(), 1, line.size(), stdout);
+  (void)std::fputc('\n', stdout);
+  (void)std::fflush(stdout);
+}
 
 std::string to_json(const Report& report) {
   const update::Ended& ended = report.ended;
