@@ -81,6 +81,14 @@ ControlGroup::ControlGroup(std::uint64_t memory_octets, unsigned processes) {
   if (process_refusal_ != 0) processes_.clear();
   for (const auto& group : made)
     if (group != memory_ && group != processes_) rmdir(group.c_str());
+  const auto open_members = [](const std::filesystem::path& group, int& refusal) {
+    if (group.empty()) return Fd();
+    Fd members(open((group / "cgroup.procs").c_str(), O_WRONLY | O_CLOEXEC));
+    if (!members) refusal = errno;
+    return members;
+  };
+  memory_members_ = open_members(memory_, memory_refusal_);
+  process_members_ = open_members(processes_, process_refusal_);
 }
 
 ControlGroup::~ControlGroup() {
@@ -92,10 +100,12 @@ ControlGroup::~ControlGroup() {
   }
 }
 
-void ControlGroup::add(pid_t pid) {
-  const std::string number = std::to_string(pid);
-  if (!memory_.empty()) memory_refusal_ = write_value(memory_ / "cgroup.procs", number);
-  if (!processes_.empty()) process_refusal_ = write_value(processes_ / "cgroup.procs", number);
+void ControlGroup::join() {
+  constexpr std::string_view oneself = "0";
+  if (memory_members_ && write(memory_members_.get(), oneself.data(), oneself.size()) < 0)
+    memory_refusal_ = errno;
+  if (process_members_ && write(process_members_.get(), oneself.data(), oneself.size()) < 0)
+    process_refusal_ = errno;
 }
 
 bool ControlGroup::out_of_memory() const {

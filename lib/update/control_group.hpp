@@ -1,11 +1,10 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <vector>
+
+#include "base/fd.hpp"
 
 namespace srfs::update {
 
@@ -21,7 +20,9 @@ class ControlGroup {
   /// 0 or why there is none, an errno.
   [[nodiscard]] int memory_refusal() const { return memory_refusal_; }
   [[nodiscard]] int process_refusal() const { return process_refusal_; }
-  void add(pid_t pid);
+  /// The calling process enters them, and those that it starts from now on; also where /sys is not to be
+  /// seen.
+  void join();
 
   [[nodiscard]] bool out_of_memory() const;
   [[nodiscard]] bool too_many_processes() const;
@@ -33,6 +34,8 @@ class ControlGroup {
  private:
   std::filesystem::path memory_;     ///< empty: none
   std::filesystem::path processes_;  ///< version 2: the same folder
+  Fd memory_members_;
+  Fd process_members_;
   int memory_refusal_ = 0;
   int process_refusal_ = 0;
 };

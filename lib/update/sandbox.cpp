@@ -96,10 +96,12 @@ struct Channels {
 class Confined {
  public:
   Confined(const Confinement& confinement, const WorkFolder& work, const std::function<int()>& program,
-           Channels channels, Message layers, bool own_processes, bool own_user_namespace)
+           ControlGroup& group, Channels channels, Message layers, bool own_processes,
+           bool own_user_namespace)
       : confinement_(confinement),
         work_(work),
         program_(program),
+        group_(group),
         channels_(std::move(channels)),
         message_(layers),
         own_processes_(own_processes),
@@ -168,6 +170,10 @@ class Confined {
     dup2(channels_.log.get(), STDERR_FILENO);
     setsid();
     umask(022);
+    // The keeper stays outside: what it needs to end the others must not be their limit.
+    group_.join();
+    note(Layer::memory, {"control group", group_.memory_refusal()});
+    note(Layer::process_count, {"control group", group_.process_refusal()});
     if (chdir(work_.path().c_str()) != 0) message_.fatal = {"work folder", errno};
     if (confinement_.limits.lowest_priority) note(Layer::priority, take_lowest_priority());
     const bool own_user = root_ || own_user_namespace_;
@@ -250,27 +256,26 @@ class Confined {
   void kill_all() const {
     if (own_processes_) {
       kill(-1, SIGKILL);  // this is process 1 of its namespace: all the others there
-    } else if (root_) {
-      // All of the user's, which has no others: nobody can fork away from that.
-      const pid_t killer = fork();
-      if (killer == 0) {
-        if (setresuid(confinement_.user, confinement_.user, confinement_.user) == 0) kill(-1, SIGKILL);
-        _exit(0);
-      }
-    } else {
-      // Our children; theirs become ours.
-      std::ifstream children(fmt::format("/proc/self/task/{}/children", syscall(SYS_gettid)));
-      for (pid_t child = 0; children >> child;) {
-        const rlimit none{0, 0};
-        prlimit(child, RLIMIT_NPROC, &none, nullptr);
-        kill(child, SIGKILL);
-      }
+      return;
+    }
+    // Our children; theirs become ours. None of them may have more.
+    std::ifstream children(fmt::format("/proc/self/task/{}/children", syscall(SYS_gettid)));
+    for (pid_t child = 0; children >> child;) {
+      const rlimit none{0, 0};
+      prlimit(child, RLIMIT_NPROC, &none, nullptr);
+      kill(child, SIGKILL);
+    }
+    // All of the user's, which has no others: nobody can fork away from that.
+    if (root_ && fork() == 0) {
+      if (setresuid(confinement_.user, confinement_.user, confinement_.user) == 0) kill(-1, SIGKILL);
+      _exit(0);
     }
   }
 
   const Confinement& confinement_;
   const WorkFolder& work_;
   const std::function<int()>& program_;
+  ControlGroup& group_;
   Channels channels_;
   Message message_;
   const bool own_processes_;
@@ -446,7 +451,7 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
   Pair log = make_pipe();
   if (!channel.ours || !output.ours || !log.ours)
     return Err(SandboxFailure{"no pipes: " + errno_text(errno), {}});
-  ControlGroup group(limits.memory_octets, limits.processes + 1);
+  ControlGroup group(limits.memory_octets, limits.processes);
 
   const uid_t user = geteuid();
   const gid_t user_group = getegid();
@@ -464,10 +469,8 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
     const Step mapped = keeper.own_user_namespace ? map_user(user, user_group) : Step{};
     note(Layer::processes, keeper.processes);
     note(Layer::quota, {"file system in memory", work.refusal()});
-    note(Layer::memory, {"control group", group.memory_refusal()});
-    note(Layer::process_count, {"control group", group.process_refusal()});
     message.fatal = mapped;
-    Confined(confinement, work, program,
+    Confined(confinement, work, program, group,
              {std::move(channel.theirs), std::move(output.theirs), std::move(log.theirs)}, message,
              keeper.processes.ok() && getpid() == 1, keeper.own_user_namespace)
         .keep();
@@ -475,7 +478,6 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
   channel.theirs.reset();
   output.theirs.reset();
   log.theirs.reset();
-  group.add(keeper.pid);
   (void)send(channel.ours.get(), "g", 1, MSG_NOSIGNAL);
 
   Ended ended;

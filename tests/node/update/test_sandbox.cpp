@@ -26,6 +26,7 @@
 #include <gtest/gtest.h>
 
 #include "base/file.hpp"
+#include "base/process.hpp"
 #include "tests/temporary_folder.hpp"
 #include "update/control_group.hpp"
 #include "update/sandbox.hpp"
@@ -43,8 +44,10 @@ int processes_of_user() {
   std::error_code ec;
   for (const auto& entry : fs::directory_iterator("/proc", ec)) {
     struct stat status {};
-    if (!isdigit(entry.path().filename().string()[0])) continue;
-    if (stat(entry.path().c_str(), &status) == 0 && status.st_uid == user_of_tests) ++count;
+    const pid_t pid = std::atoi(entry.path().filename().c_str());
+    if (pid == 0 || stat(entry.path().c_str(), &status) != 0 || status.st_uid != user_of_tests) continue;
+    // A zombie waits for whoever inherited it.
+    if (process_state(pid).value_or('Z') != 'Z') ++count;
   }
   return count;
 }
