@@ -540,6 +540,25 @@ Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& re
   return std::optional(*launched);
 }
 
+void count_suite_start(const LaunchRequest& request, const NodeEntry& node) {
+  const auto before = read_versions(request.var, node.name).table;
+  const update::Version* trial = before.on_trial();
+  if (trial == nullptr) return;
+  const auto counted =
+      change_versions(request.var, node.name, [](update::VersionStore& store) -> Result<void, std::string> {
+        if (store.read().table.on_trial() == nullptr) return {};  // what was set aside is settled by now
+        return store.count_reset();
+      });
+  if (!counted)
+    set_aside(request.var, node.name, trial->number, "its starts cannot be counted: " + counted.error());
+  const auto now = read_versions(request.var, node.name).table;
+  const update::Version* version = now.find(trial->number);
+  if (version == nullptr || version->state != update::VersionState::failed) return;
+  log::error("version {} of {} has failed: {}", version->number, node.name, version->reason);
+  record_fallback(request, node,
+                  {0, now.active(), VersionFallback{version->number, now.active(), version->reason}});
+}
+
 void count_start_on_disk(const LaunchRequest& request, const NodeEntry& node) {
   StartRecord record = read_start_record(request.var, node.name);
   ++record.starts;

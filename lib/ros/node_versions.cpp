@@ -126,17 +126,35 @@ std::optional<StartedProcess> last_started(const VarPaths& var, const std::strin
   return started;
 }
 
-std::optional<VersionTrial> trial_of(const VarPaths& var, const std::string& node, const VersionTable& table,
-                                     bool seen, MonotonicTime now) {
+std::optional<VersionTrial> trial_of(const VarPaths& var, const RingSettings& ring, const std::string& node,
+                                     const VersionTable& table, bool seen, MonotonicTime now) {
   const update::Version* version = table.on_trial();
   if (version == nullptr) return std::nullopt;
   const auto started = last_started(var, node);
   if (!started) {
     if (!seen) return std::nullopt;
-    return VersionTrial{version->number, version->probation, nanoseconds(0)};
+    return VersionTrial{version->number, version->probation, nanoseconds(0), needs_confirmation(ring, node)};
   }
   if (started->version != version->number) return std::nullopt;
-  return VersionTrial{version->number, version->probation, now - started->since};
+  return VersionTrial{version->number, version->probation, now - started->since,
+                      needs_confirmation(ring, node)};
+}
+
+bool needs_confirmation(const RingSettings& ring, const std::string& node) {
+  return std::find(ring.confirmed.begin(), ring.confirmed.end(), node) != ring.confirmed.end();
+}
+
+milliseconds default_probation(const RingSettings& ring, const std::string& node) {
+  return needs_confirmation(ring, node) ? VersionTable::default_confirmed_probation
+                                        : VersionTable::default_probation;
+}
+
+std::optional<MonotonicTime> runs_since(const VarPaths& var, const std::string& node, VersionNumber version) {
+  const auto instance = find_instance(var, node);
+  const auto started = last_started(var, node);
+  if (!instance || !started || started->pid != instance->pid || started->version != version)
+    return std::nullopt;
+  return started->since;
 }
 
 }  // namespace srfs::ros

@@ -58,8 +58,15 @@ void remember_started(const VarPaths& var, const std::string& node, const Proces
 /// The probation of the version that the node's process runs, or ran when it died: nullopt when that one is
 /// not on probation. @param seen a process of the node was seen: without a record of it, it is taken to have
 /// died at once
-[[nodiscard]] std::optional<VersionTrial> trial_of(const VarPaths& var, const std::string& node,
-                                                   const update::VersionTable& table, bool seen,
-                                                   MonotonicTime now);
+[[nodiscard]] std::optional<VersionTrial> trial_of(const VarPaths& var, const RingSettings& ring,
+                                                   const std::string& node, const update::VersionTable& table,
+                                                   bool seen, MonotonicTime now);
+
+/// A version of this node passes its probation only when the operator confirms it.
+[[nodiscard]] bool needs_confirmation(const RingSettings& ring, const std::string& node);
+[[nodiscard]] milliseconds default_probation(const RingSettings& ring, const std::string& node);
+/// When the living process of the node was started, if it runs this version.
+[[nodiscard]] std::optional<MonotonicTime> runs_since(const VarPaths& var, const std::string& node,
+                                                      update::VersionNumber version);
 
 }  // namespace srfs::ros

@@ -129,6 +129,10 @@ Result<void, std::string> VersionStore::fail(VersionNumber number, const std::st
   return change([&](VersionTable& table) { return table.fail(number, reason); });
 }
 
+Result<void, std::string> VersionStore::count_reset() {
+  return change([](VersionTable& table) { return table.count_reset(); });
+}
+
 Result<void, std::string> VersionStore::remove(VersionNumber number) {
   return change([&](VersionTable& table) { return table.remove(number); });
 }

@@ -30,6 +30,7 @@ class VersionStore {
                                               const std::string& reason);
   [[nodiscard]] Result<void, std::string> commit(VersionNumber number);
   [[nodiscard]] Result<void, std::string> fail(VersionNumber number, const std::string& reason);
+  [[nodiscard]] Result<void, std::string> count_reset();
   [[nodiscard]] Result<void, std::string> remove(VersionNumber number);
 
   /// What is wrong with its program: gone, or not the octets it was added with. nullopt: nothing. Reads all

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import time
 import unittest
 
 from support import BIN, DEADLINE_S, ToolTest, wait_until
@@ -111,6 +112,26 @@ class WithoutRingTest(VersionsTest):
         self.assertIn("SHA-256", result.stderr)
         self.assertEqual((self.versions()["active"], self.versions()["running"]), (0, 0))
 
+    def test_a_version_is_not_confirmed_before_it_runs(self):
+        self.add(GOOD)
+        self.assertEqual(self.use(1).returncode, 0)
+        result = self.srfs("versions", "confirm", "faulty", "1")
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("faulty does not run version 1", result.stderr)
+        self.up()
+        self.assertEqual(self.srfs("versions", "confirm", "faulty", "1").returncode, 0)
+
+    def test_a_probation_sees_two_starts_of_the_suite_and_no_third(self):
+        self.add(GOOD)
+        self.assertEqual(self.use(1).returncode, 0)
+        for expected in (1, 1, 0):
+            self.up()
+            self.assertEqual(self.versions()["running"], expected)
+            self.up()  # of what runs: not counted
+            self.assertEqual(self.srfs("down").returncode, 0)
+        self.assertEqual(self.state(1), "failed")
+        self.assertIn("3 resets or starts of the suite in its probation", self.srfs("faults").stdout)
+
     def test_what_cannot_be_done_is_refused_with_a_reason(self):
         self.assertEqual(self.srfs("versions", "add", "nobody", str(self.file)).returncode, 2)
         self.assertEqual(self.srfs("versions", "add", "faulty", "/nowhere").returncode, 1)
@@ -166,6 +187,33 @@ class WithRingTest(VersionsTest):
         self.wait_for_version(1)
         self.assertEqual(self.state(1), "committed")
         self.assertIsNone(self.fault())
+
+
+class ConfirmedTest(VersionsTest):
+    ring = "ring: { period_ms: 100, misses: 5, confirmed: [faulty] }\n"
+
+    def test_a_version_that_works_well_and_is_not_confirmed_in_time_is_rolled_back(self):
+        self.up()
+        self.add(GOOD)
+        result = self.use(1, probation_s=3)
+        self.assertIn("is rolled back", result.stdout)
+        self.wait_for_version(1)
+        self.wait_for_version(0)
+        wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
+        faults = [json.loads(line) for line in self.srfs("faults", "--json").stdout.splitlines()]
+        fault = next(f for f in reversed(faults) if f.get("failed_version") == 1)
+        self.assertIn("not confirmed in time", fault["reason"])
+
+    def test_a_version_that_is_confirmed_stays(self):
+        self.up()
+        self.add(GOOD)
+        self.assertEqual(self.use(1, probation_s=5).returncode, 0)
+        self.wait_for_version(1)
+        pid = self.node()["pid"]
+        self.assertEqual(self.srfs("versions", "confirm", "faulty", "1").returncode, 0)
+        end = time.monotonic() + 7  # beyond the probation
+        wait_until(lambda: time.monotonic() > end, DEADLINE_S, "the end of the probation")
+        self.assertEqual((self.state(1), self.node()["pid"]), ("committed", pid))
 
 
 if __name__ == "__main__":

@@ -156,12 +156,15 @@ int add_version(const Target& target, const std::string& node, const std::filesy
   return static_cast<int>(CommandExit::done);
 }
 
-int use_version(const Target& target, const std::string& node, const std::string& version, seconds probation,
-                bool json) {
+int use_version(const Target& target, const std::string& node, const std::string& version,
+                std::optional<seconds> wanted_probation, bool json) {
   const ros::NodeEntry* entry = target.deployment.find(node);
   if (entry == nullptr) return no_node(node, json);
   const auto number = parse_version(version, ros::read_versions(target.var, node).table);
   if (!number) return fail(CommandExit::usage, fmt::format("'{}' is no version of {}", version, node), json);
+  const auto& ring = target.deployment.ring;
+  const milliseconds probation =
+      wanted_probation ? milliseconds(*wanted_probation) : ros::default_probation(ring, node);
   const ros::LaunchRequest request{target.deployment, target.var, ros::own_bin_folder(),
                                    fmt::format("{} by command", name_of(*number))};
   const auto used = ros::use_version(request, *entry, *number, probation);
@@ -179,12 +182,17 @@ int use_version(const Target& target, const std::string& node, const std::string
               << "\n";
   } else {
     fmt::print("{} {} {}{}\n", node, launched ? "runs" : "has", name_of(*number),
-               on_trial ? fmt::format(", on probation for {} s", probation.count()) : "");
+               on_trial ? fmt::format(", on probation for {} s", probation / seconds(1)) : "");
+    if (on_trial && ros::needs_confirmation(ring, node))
+      fmt::print("without `srfs versions confirm {} {}` within this time it is rolled back\n", node, *number);
   }
   return static_cast<int>(CommandExit::done);
 }
 
 int confirm_version(const Target& target, const std::string& node, const std::string& version, bool json) {
+  const auto number = parse_version(version, ros::read_versions(target.var, node).table);
+  if (number && !ros::runs_since(target.var, node, *number))
+    return fail(CommandExit::refused, fmt::format("{} does not run {}", node, name_of(*number)), json);
   return change(target, node, version, json, &update::VersionStore::commit, "is the last good one");
 }
 
