@@ -96,7 +96,7 @@ std::string encode(const GoldenManifest& manifest) {
   return fmt::format("{}\n{:08x}\n", text, crc32c(octets_of(text)));
 }
 
-std::optional<GoldenManifest> decode_manifest(std::string_view text) {
+std::optional<GoldenManifest> decode_golden(std::string_view text) {
   const std::size_t end = text.find('\n');
   if (end == std::string_view::npos) return std::nullopt;
   const std::string_view line = text.substr(0, end);

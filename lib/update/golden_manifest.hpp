@@ -63,6 +63,6 @@ struct GoldenManifest {
 /// One line of JSON and its CRC-32C.
 [[nodiscard]] std::string encode(const GoldenManifest& manifest);
 /// nullopt: damaged.
-[[nodiscard]] std::optional<GoldenManifest> decode_manifest(std::string_view text);
+[[nodiscard]] std::optional<GoldenManifest> decode_golden(std::string_view text);
 
 }  // namespace srfs::update

@@ -93,6 +93,7 @@ class Scrubber::Pass {
   std::string error_;
 };
 
+Scrubber::Scrubber(Settings settings) : settings_(std::move(settings)) {}
 Scrubber::~Scrubber() = default;
 
 // ---------------------------------------------------------------- rounds
@@ -356,7 +357,7 @@ void Scrubber::read_manifest() {
     }
     any = true;
     const auto text = read_file(settings_.folder / copy, largest_manifest);
-    auto manifest = text ? decode_manifest(*text) : std::nullopt;
+    auto manifest = text ? decode_golden(*text) : std::nullopt;
     if (!manifest) {
       manifest_changed_ = manifest_damaged_ = true;
       file_ = {settings_.folder / copy, ScrubKind::text, {}};

@@ -67,7 +67,10 @@ class Scrubber {
     nanoseconds settled_after = std::chrono::minutes(2);  ///< without a write
     std::uint64_t keep_free_octets = 64U << 20U;          ///< of the disk: no copy is taken that leaves less
   };
-  explicit Scrubber(Settings settings) : settings_(std::move(settings)) {}
+  explicit Scrubber(Settings settings);
+  ~Scrubber();
+  Scrubber(const Scrubber&) = delete;
+  Scrubber& operator=(const Scrubber&) = delete;
 
   /// A round begins; nothing while one is under way. What is watched and not among @p files is watched on:
   /// it is gone by damage, unless another build was installed or the mode is retake. Versions that are not
@@ -123,11 +126,6 @@ class Scrubber {
   std::uint32_t lost_ = 0;
   std::uint32_t unmended_ = 0;
   std::vector<ScrubFinding> findings_;
-
- public:
-  ~Scrubber();
-  Scrubber(const Scrubber&) = delete;
-  Scrubber& operator=(const Scrubber&) = delete;
 };
 
 }  // namespace srfs::update

@@ -83,10 +83,13 @@ FailureCode judge(OctetView arguments, const ros::Deployment& deployment) {
 
 }  // namespace
 
-MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(context) {}
+MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(context) {
+  declare_scrubbing();
+}
 
 CallbackReturn MaintenanceNode::on_configure() {
   worker_ = create_worker("ring_files", 4, std::max<milliseconds>(worker_deadline(), longest_job));
+  open_scrubbing();
   open_commanding();
   return CallbackReturn::success;
 }
@@ -101,6 +104,7 @@ CallbackReturn MaintenanceNode::on_cleanup() {
   lines_.clear();
   parameters_of_.reset();
   close_commanding();
+  close_scrubbing();
   worker_.reset();
   return CallbackReturn::success;
 }
@@ -129,6 +133,12 @@ FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) 
       return judge<mission::NodeRemoveVersion>(arguments, deployment());
     case mission::NodeReportVersions::function_id:
       return judge<mission::NodeReportVersions>(arguments, deployment());
+    case mission::ScrubRun::function_id:
+      return judge<mission::ScrubRun>(arguments, deployment());
+    case mission::ScrubReport::function_id:
+      return judge<mission::ScrubReport>(arguments, deployment());
+    case mission::ScrubRetake::function_id:
+      return judge<mission::ScrubRetake>(arguments, deployment());
     default:
       return FailureCode::unknown_function;
   }
@@ -188,6 +198,16 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       break;
     case mission::NodeReportVersions::function_id:
       report_versions(mission::NodeReportVersions::decode(arguments)->node);
+      break;
+    case mission::ScrubRun::function_id:
+      run_scrubbing(false);
+      break;
+    case mission::ScrubReport::function_id:
+      lines_.push_back(telemetry(scrub_status()));
+      send_next();
+      break;
+    case mission::ScrubRetake::function_id:
+      run_scrubbing(true);
       break;
     default:
       finished(FailureCode::unknown_function);  // stored by a version that knew it

@@ -8,12 +8,13 @@
 #include <rcl_interfaces/srv/set_parameters.hpp>
 
 #include "commanding/commanded_node.hpp"
+#include "update/scrubber.hpp"
 
 namespace srfs {
 
 /// What the ground asks of the suite as such: the ring's hold and release, its fault ledger, reports of
-/// deaths, log levels, versions of the nodes' programs. (Parameters and nodes from uplinked source: not yet,
-/// README.md.)
+/// deaths, log levels, versions of the nodes' programs; scrubs what must not rot. (Parameters and nodes from
+/// uplinked source: not yet, README.md.)
 class MaintenanceNode : public CommandedNode {
  public:
   explicit MaintenanceNode(ros::NodeContext& context);
@@ -42,6 +43,19 @@ class MaintenanceNode : public CommandedNode {
   [[nodiscard]] srfs_msgs::msg::PayloadTelemetry telemetry(const Structure& structure) const;
   void send_next();
 
+  // maintenance_scrub.cpp
+  struct Scrubbing;
+  void declare_scrubbing();
+  void open_scrubbing();
+  void close_scrubbing();
+  void scrub_later(nanoseconds wait);
+  void scrub_slice();
+  void end_scrubbing_round();
+  void report_finding(const update::ScrubFinding& finding);
+  void run_scrubbing(bool retake);
+  [[nodiscard]] mission::ScrubStatusHousekeeping scrub_status() const;
+
+  std::shared_ptr<Scrubbing> scrub_;  ///< while configured
   std::shared_ptr<ros::Worker> worker_;
   std::deque<srfs_msgs::msg::PayloadTelemetry> lines_;  ///< still to be sent, 100 at most
   ros::Timer sending_;

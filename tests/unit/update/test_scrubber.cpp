@@ -292,7 +292,7 @@ TEST_F(ScrubberTest, OneGoodManifestIsEnoughAndMendsTheOther) {
     EXPECT_THAT(kinds(findings),
                 testing::ElementsAre(What::damaged, What::damaged, What::mended, What::mended));
     EXPECT_EQ(text("keys/uplink"), std::string(64, 'k'));
-    EXPECT_TRUE(decode_manifest(text(copy)));
+    EXPECT_TRUE(decode_golden(text(copy)));
   }
   rot(at("golden/manifest_a"), 30);
   rot(at("golden/manifest_b"), 30);
@@ -321,7 +321,7 @@ TEST_F(ScrubberTest, ARoundThatIsCutOffAnywhereLeavesNothingHalfDone) {
                      ScrubMode::start, now);
     for (std::size_t i = 0; i < cut; ++i) (void)scrubber_->step(now);
     restart();
-    const bool was_taken = decode_manifest(text("golden/manifest_a")).has_value();
+    const bool was_taken = decode_golden(text("golden/manifest_a")).has_value();
     if (was_taken) rot(at("bin/node"), 2000);
     EXPECT_THAT(round(ScrubMode::start), testing::SizeIs(was_taken ? 2 : 0)) << cut;
     EXPECT_EQ(text("bin/node"), program('1', std::string(5000, 'n'))) << cut;
@@ -334,13 +334,13 @@ TEST(GoldenManifestTest, IsReadAsWrittenAndNotWithADamagedOctet) {
   manifest.put({"/b", ScrubKind::program, std::string(64, 'a'), 12, -5, 0755, "0011"});
   manifest.put({"/a", ScrubKind::text, std::string(64, 'b'), 0, 7, 0600, ""});
   const std::string text = encode(manifest);
-  EXPECT_EQ(decode_manifest(text), manifest);
+  EXPECT_EQ(decode_golden(text), manifest);
   EXPECT_EQ(manifest.files.front().path, "/a");
   for (std::size_t i = 0; i < text.size(); ++i) {
     std::string damaged = text;
     damaged[i] = static_cast<char>(damaged[i] ^ 1);
-    EXPECT_FALSE(decode_manifest(damaged)) << i;
-    EXPECT_FALSE(decode_manifest(text.substr(0, i))) << i;
+    EXPECT_FALSE(decode_golden(damaged)) << i;
+    EXPECT_FALSE(decode_golden(text.substr(0, i))) << i;
   }
 }
 
