@@ -29,6 +29,10 @@ std::filesystem::path started_file(const VarPaths& var, const std::string& node)
   return var.memory() / (node + ".starting");
 }
 
+std::filesystem::path violation_file(const VarPaths& var, const std::string& node) {
+  return var.memory() / (node + ".violation");
+}
+
 struct SetAside {
   VersionNumber version;
   std::string reason;
@@ -138,6 +142,20 @@ std::optional<VersionTrial> trial_of(const VarPaths& var, const RingSettings& ri
   if (started->version != version->number) return std::nullopt;
   return VersionTrial{version->number, version->probation, now - started->since,
                       needs_confirmation(ring, node)};
+}
+
+void report_violation(const VarPaths& var, const std::string& node, pid_t pid, const std::string& what) {
+  std::string line = what.substr(0, VersionTable::longest_text);
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  replace_in_memory(violation_file(var, node), fmt::format("{} {}\n", pid, line));
+}
+
+std::optional<std::string> violation_of(const VarPaths& var, const std::string& node, pid_t pid) {
+  std::istringstream in(read_file(violation_file(var, node), largest_note).value_or(""));
+  pid_t blamed = 0;
+  std::string what;
+  if (!(in >> blamed) || blamed != pid || !std::getline(in >> std::ws, what)) return std::nullopt;
+  return what;
 }
 
 bool needs_confirmation(const RingSettings& ring, const std::string& node) {

@@ -62,6 +62,12 @@ void remember_started(const VarPaths& var, const std::string& node, const Proces
                                                    const std::string& node, const update::VersionTable& table,
                                                    bool seen, MonotonicTime now);
 
+/// Somebody blames a process of a node for a violation: its observers are to judge its version. On tmpfs.
+void report_violation(const VarPaths& var, const std::string& node, pid_t pid, const std::string& what);
+/// nullopt: nobody blames this process.
+[[nodiscard]] std::optional<std::string> violation_of(const VarPaths& var, const std::string& node,
+                                                      pid_t pid);
+
 /// A version of this node passes its probation only when the operator confirms it.
 [[nodiscard]] bool needs_confirmation(const RingSettings& ring, const std::string& node);
 [[nodiscard]] milliseconds default_probation(const RingSettings& ring, const std::string& node);

@@ -90,6 +90,7 @@ MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(cont
 CallbackReturn MaintenanceNode::on_configure() {
   worker_ = create_worker("ring_files", 4, std::max<milliseconds>(worker_deadline(), longest_job));
   open_scrubbing();
+  open_limits();
   open_commanding();
   return CallbackReturn::success;
 }
@@ -105,6 +106,7 @@ CallbackReturn MaintenanceNode::on_cleanup() {
   parameters_of_.reset();
   close_commanding();
   close_scrubbing();
+  close_limits();
   worker_.reset();
   return CallbackReturn::success;
 }

@@ -56,6 +56,16 @@ class MaintenanceNode : public CommandedNode {
   [[nodiscard]] mission::ScrubStatusHousekeeping scrub_status() const;
 
   std::shared_ptr<Scrubbing> scrub_;  ///< while configured
+
+  // maintenance_limits.cpp
+  struct Limits;
+  void open_limits();
+  void watch_limits(std::shared_ptr<Limits> limits);
+  void on_sample(const srfs_msgs::msg::PayloadTelemetry& message);
+  void blame_version(const std::string& node, const std::string& violation);
+  void close_limits();
+
+  std::shared_ptr<Limits> limits_;  ///< nullptr: not configured, or no dictionary
   std::shared_ptr<ros::Worker> worker_;
   std::deque<srfs_msgs::msg::PayloadTelemetry> lines_;  ///< still to be sent, 100 at most
   ros::Timer sending_;

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import time
 import unittest
@@ -187,6 +188,54 @@ class WithRingTest(VersionsTest):
         self.wait_for_version(1)
         self.assertEqual(self.state(1), "committed")
         self.assertIsNone(self.fault())
+
+
+class LimitsTest(VersionsTest):
+    ring = "ring: { period_ms: 100, misses: 5 }\n"
+
+    def setUp(self):
+        super().setUp()
+        with self.file.open("a") as file:
+            file.write("  - { name: maintenance, executable: maintenance_node }\n")
+
+    def up_with(self, fault):
+        """The golden version does this, and maintenance has seen it."""
+        self.file.write_text(self.file.read_text().replace("configure_ms: 20", f"configure_ms: 20, fault: {fault}", 1))
+        self.up()
+        log = self.var / "log" / "maintenance.log"
+        wait_until(lambda: "limits of versions on probation are watched" in log.read_text(), DEADLINE_S, "maintenance")
+        end = time.monotonic() + 2
+        wait_until(lambda: time.monotonic() > end, DEADLINE_S, "samples of the golden version")
+
+    def use_one_that(self, fault, probation_s=3600):
+        other = self.folder / "other.yaml"
+        other.write_text(re.sub("fault: [a-z_]+", f"fault: {fault}", self.file.read_text()))
+        self.add(f"exec {BIN}/faulty_node --name faulty --deployment {other} --var {self.var}")
+        self.assertEqual(self.use(1, probation_s).returncode, 0)
+
+    def reason(self):
+        faults = [json.loads(line) for line in self.srfs("faults", "--json").stdout.splitlines()]
+        return next(f for f in reversed(faults) if f.get("failed_version") == 1)["reason"]
+
+    def test_a_version_whose_telemetry_leaves_a_hard_limit_is_rolled_back(self):
+        self.up_with("good_battery")
+        self.use_one_that("low_battery")
+        wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
+        self.wait_for_version(0)
+        self.assertIn("limit violation: payload_eps.battery_voltage_v 5", self.reason())
+
+    def test_a_version_that_raises_an_event_of_severity_high_is_rolled_back(self):
+        self.up_with("good_battery")
+        self.use_one_that("high_event")
+        wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
+        self.wait_for_version(0)
+        self.assertIn("limit violation: timing.watchdog_withheld", self.reason())
+
+    def test_a_violation_that_stood_before_is_not_held_against_the_version(self):
+        self.up_with("low_battery")
+        self.use_one_that("low_battery", probation_s=5)
+        wait_until(lambda: self.state(1) == "committed", DEADLINE_S, "the end of the probation")
+        self.wait_for_version(1)
 
 
 class ConfirmedTest(VersionsTest):

@@ -504,6 +504,11 @@ void LivenessRing::review_version(const std::string& subject) {
   const auto trial = trial_of(node_.var(), settings_, subject, *peer.table, true, now);
   if (!trial) return;
   monitor_->on_trial(subject, pid, trial->lived, now);
+  const bool in_probation = trial->to_confirm || trial->lived < trial->probation;
+  if (const auto violation = violation_of(node_.var(), subject, pid); violation && in_probation) {
+    monitor_->on_bad_version(subject, pid, FaultClass::limit_violation, *violation, now);
+    return;
+  }
   if (trial->lived < trial->probation) return;
   if (trial->to_confirm) {
     monitor_->on_bad_version(subject, pid, FaultClass::not_confirmed, "", now);
