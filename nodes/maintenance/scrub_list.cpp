@@ -41,7 +41,8 @@ std::vector<ScrubFile> files_to_scrub(const ros::Deployment& deployment, const r
   files.push_back({installation.bin_folder / "srfs", ScrubKind::program, {}});
   for (const ros::NodeEntry& node : deployment.nodes) {
     files.push_back({installation.bin_folder / node.executable, ScrubKind::program, {}});
-    for (const update::Version& version : ros::read_versions(var, node.name).table.versions()) {
+    const auto versions = ros::read_versions(var, node.name);
+    for (const update::Version& version : versions.table.versions()) {
       files.push_back({ros::versions_folder(var, node.name) / fmt::format("{}.{}", node.name, version.number),
                        ScrubKind::version, version.sha256});
     }
