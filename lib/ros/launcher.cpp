@@ -33,6 +33,7 @@
 #include "ros/node_versions.hpp"
 #include "ros/ring/fault_ledger.hpp"
 #include "ros/ring/node_record.hpp"
+#include "ros/state_files.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -505,6 +506,13 @@ Result<Launched, std::string> launch_locked(const LaunchRequest& request, const 
 Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& request, const NodeEntry& node,
                                                          std::uint32_t version, milliseconds probation,
                                                          const std::string& self) {
+  // Before anything is locked or stopped: nobody waits for it.
+  const auto before_change = read_versions(request.var, node.name).table;
+  const bool leaves_a_good_one = before_change.active() == before_change.last_good();
+  if (leaves_a_good_one && version != before_change.active() && before_change.find(version) != nullptr) {
+    if (const auto taken = snapshot_state(request.var, node.name, before_change.active()); !taken)
+      log::error("no snapshot of the state of {}: {}", node.name, taken.error());
+  }
   auto lock = RestartLock::take(request.var, node.name);
   const MonotonicTime deadline = monotonic_now() + longest_wait_for_lock;
   while (!lock && lock.error().held && monotonic_now() < deadline) {

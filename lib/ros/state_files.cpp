@@ -16,7 +16,7 @@ constexpr std::string_view unfinished = ".new";
 
 std::filesystem::path snapshot_folder(const VarPaths& var, const std::string& node,
                                       update::VersionNumber version) {
-  return versions_folder(var, node) / fmt::format("state.{}", version);
+  return versions_folder(var, node) / update::VersionStore::state_of(version);
 }
 
 Result<void, std::string> snapshot_state(const VarPaths& var, const std::string& node,
@@ -61,8 +61,8 @@ void set_aside_unreadable(const std::filesystem::path& file) {
   }
 }
 
-std::optional<std::string> read_state_file(const VarPaths& var, const std::string& node, const std::string& name,
-                                           std::size_t limit, TakenBack taken_back,
+std::optional<std::string> read_state_file(const VarPaths& var, const std::string& node,
+                                           const std::string& name, std::size_t limit, TakenBack taken_back,
                                            const std::function<bool(const std::string&)>& usable) {
   const std::filesystem::path file = var.state(node) / name;
   std::error_code ec;
