@@ -111,6 +111,7 @@ int show_versions(const Target& target, const std::string& only, bool check, boo
                             {"origin", v.origin},
                             {"added", to_iso8601(v.added)},
                             {"probation_s", static_cast<double>(v.probation.count()) / 1000},
+                            {"resets", v.resets},
                             {"reason", v.reason.empty() ? Json(nullptr) : Json(v.reason)},
                             {"damage", damage ? Json(*damage) : Json(nullptr)}});
       } else {
