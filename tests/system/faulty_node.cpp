@@ -1,6 +1,7 @@
 // A node that does what its parameters say: for tests of what happens to a node from outside.
 
 #include <chrono>
+#include <cmath>
 #include <stdexcept>
 #include <thread>
 
@@ -58,9 +59,10 @@ class FaultyNode : public ros::LifecycleNode {
   }
   void report_battery(bool low) {
     mission::PayloadEpsHousekeeping battery;
-    battery.battery_voltage_v = low ? 5.0F : 7.5F;
-    battery.state_of_charge = 0.8F;
-    battery.battery_temperature_k = 293.0F;
+    battery.measurement.battery_voltage_v = low ? 5.0F : 7.5F;
+    battery.measurement.state_of_charge = 0.8F;
+    battery.measurement.battery_temperature_k = 293.0F;
+    battery.time_to_empty_s = std::nanf("");
     srfs_msgs::msg::PayloadTelemetry m;
     m.source = name();
     m.apid = battery.apid;
