@@ -84,9 +84,8 @@ class RingCommandsTest(SystemTest):
             self.assertEqual(flight.srfs("versions", "add", "ttc", str(program)).returncode, 0)
             versions = lambda: json.loads(flight.srfs("versions", "--node", "ttc").stdout)[0]  # noqa: E731
             self.assertIn("does not run", self.refuse(ground, "node.confirm_version node=ttc version=1"))
-            ground.command("tc node.use_version node=ttc version=1 probation_s=15", DEADLINE_S)
+            self.assertEqual(flight.srfs("versions", "use", "ttc", "1", "--probation", "12").returncode, 0)
             wait_until(lambda: versions()["running"] == 1 and self.state(flight, "ttc") == "active", DEADLINE_S, "version 1 of ttc")
-            self.refuse(ground, "node.confirm_version node=ttc version=1")
             wait_until(lambda: versions()["running"] == 0 and self.state(flight, "ttc") == "active", 2 * DEADLINE_S, "golden ttc")
             self.assertEqual(versions()["versions"][0]["state"], "failed")
             self.assertIn("not confirmed in time", flight.srfs("faults", "--node", "ttc").stdout)

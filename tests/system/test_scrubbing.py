@@ -23,6 +23,22 @@ class ScrubbingTest(SystemTest):
         outcome = ground.command(f"tc {line}", DEADLINE_S)
         self.assertEqual(outcome.get("stage"), "completed", outcome)
 
+    def status(self, ground):
+        since = ground.position()
+        self.complete(ground, "scrub.report")
+        status = ground.wait_for(lambda m: m.get("structure") == "scrub_status", DEADLINE_S, since)
+        self.assertIsNotNone(status, "scrub_status")
+        return status["fields"]
+
+    def scrub(self, ground):
+        """A whole round. @return where the ground's messages stood before it"""
+        before = self.status(ground)
+        self.assertFalse(before["running"])
+        since = ground.position()
+        self.complete(ground, "scrub.run")
+        wait_until(lambda: self.status(ground)["rounds"] > before["rounds"], 2 * DEADLINE_S, "the end of the round")
+        return since
+
     def wait_for_event(self, ground, name, since, end_of_path=""):
         event = ground.wait_for(
             lambda m: m.get("event") == name and m["fields"].get("file", "").endswith(end_of_path), DEADLINE_S, since
@@ -44,8 +60,7 @@ class ScrubbingTest(SystemTest):
             ground = flight.ground()
             key = flight.var / "keys" / "tc_contingency.key"
             os.utime(key, (1_700_000_000, 1_700_000_000))
-            since = ground.position()
-            self.complete(ground, "scrub.run")
+            since = self.scrub(ground)
             taken = self.wait_for_event(ground, "maintenance.files_taken", since)
             self.assertGreaterEqual(taken["files"], 2)
             self.assertEqual(len(taken["build"]), 16)
@@ -53,8 +68,7 @@ class ScrubbingTest(SystemTest):
             whole = {path: path.read_bytes() for path in (program, key)}
             for path, octets in whole.items():
                 self.rot(path)
-                since = ground.position()
-                self.complete(ground, "scrub.run")
+                since = self.scrub(ground)
                 found = self.wait_for_event(ground, "maintenance.file_damaged", since, path.name)
                 self.assertIn("SHA-256", found["why"])
                 self.wait_for_event(ground, "maintenance.file_mended", since, path.name)
@@ -63,19 +77,11 @@ class ScrubbingTest(SystemTest):
             (copy,) = [f for f in (flight.var / "golden").iterdir() if f.read_bytes() == whole[key]]
             self.rot(copy)
             self.rot(key)
-            since = ground.position()
-            self.complete(ground, "scrub.run")
+            since = self.scrub(ground)
             self.assertIn("copy is damaged too", self.wait_for_event(ground, "maintenance.file_lost", since, key.name)["why"])
             self.assertNotEqual(key.read_bytes(), whole[key])
             self.assertEqual(program.read_bytes(), whole[program])
-
-            def lost():
-                start = ground.position()
-                self.complete(ground, "scrub.report")
-                status = ground.wait_for(lambda m: m.get("structure") == "scrub_status", DEADLINE_S, start)["fields"]
-                return status if not status["running"] else None
-
-            status = wait_until(lost, DEADLINE_S, "the end of the round")
+            status = self.status(ground)
             self.assertEqual((status["lost"], status["damaged"], status["mended"]), (1, 3, 2))
             self.assertTrue(status["last_damaged"].endswith(key.name))
 
