@@ -3,6 +3,7 @@
 #include "base/file.hpp"
 #include "base/log.hpp"
 #include "base/process.hpp"
+#include "ros/state_files.hpp"
 
 namespace srfs {
 namespace {
@@ -44,7 +45,8 @@ TelecommandJournal read_journal(const std::filesystem::path& file) {
       content &&
       journal.restore(OctetView(reinterpret_cast<const std::uint8_t*>(content->data()), content->size()));
   if (!usable) {
-    log::error("{} cannot be used; stored telecommands and known ids are lost", file.string());
+    ros::set_aside_unreadable(file);
+    log::error("stored telecommands and known ids are lost");
   } else if (journal.pending() > 0) {
     log::info("{} stored telecommands go on", journal.pending());
   }

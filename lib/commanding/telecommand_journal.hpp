@@ -46,6 +46,8 @@ enum class FailureCode : std::uint16_t {
   outbox_full = 55,
   disk_failed = 56,
   no_version = 57,
+  version_not_running = 58,
+  confirmed_too_early = 59,
   time_jump_refused = 70,
   time_implausible = 71,
   package_not_found = 140,

@@ -58,6 +58,7 @@ RingSettings read_ring(const ConfigSection& section) {
   ring.misses = static_cast<int>(section.integer("misses", 1, 100, ring.misses));
   ring.members = section.texts("members");
   ring.critical = section.texts("critical");
+  ring.confirmed = section.texts("confirmed");
   ring.start_deadline = duration("start_deadline_ms", 100, ring.start_deadline);
   ring.absence_counts_misses = section.boolean("absence_counts_misses", ring.absence_counts_misses);
   ring.work_deadline = duration("work_deadline_ms", 100, ring.work_deadline);
@@ -79,8 +80,14 @@ void check_ring(Deployment& d, const ConfigSection& section) {
   if (d.ring.members.empty()) {
     for (const NodeEntry& node : d.nodes) d.ring.members.push_back(node.name);
   }
+  if (!section.has("confirmed")) {
+    for (const std::string& name : d.ring.members) {
+      if (name == "ttc" || name == "maintenance") d.ring.confirmed.push_back(name);
+    }
+  }
   for (const auto& [key, list] :
-       {std::pair{"members", &d.ring.members}, std::pair{"critical", &d.ring.critical}}) {
+       {std::pair{"members", &d.ring.members}, std::pair{"critical", &d.ring.critical},
+        std::pair{"confirmed", &d.ring.confirmed}}) {
     for (const std::string& name : *list) {
       if (d.find(name) == nullptr) throw section.bad(key, "nodes of this file, '" + name + "' is none");
       if (std::count(list->begin(), list->end(), name) != 1)

@@ -75,6 +75,9 @@ struct RingSettings {
   int misses = 3;                         ///< unanswered checks in a row that are death (the paper's count)
   std::vector<std::string> members;   ///< in ring order, different nodes of this file; default: start order
   std::vector<std::string> critical;  ///< starve the watchdog when they cannot be raised
+  /// A version of theirs passes its probation only when the operator confirms it: through these two
+  /// everything else can be mended. Default: ttc and maintenance, where they are members.
+  std::vector<std::string> confirmed;
   std::chrono::milliseconds start_deadline{3000};  ///< from exec to the desired state
   std::chrono::milliseconds work_deadline{2000};   ///< age of undone work that is due
   /// Of a worker thread's job, from when it runs, or could run: what is older is frozen.

@@ -33,6 +33,7 @@
 #include "ros/node_versions.hpp"
 #include "ros/ring/fault_ledger.hpp"
 #include "ros/ring/node_record.hpp"
+#include "ros/state_files.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -528,6 +529,13 @@ Result<Launched, std::string> launch_locked(const LaunchRequest& request, const 
 Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& request, const NodeEntry& node,
                                                          std::uint32_t version, milliseconds probation,
                                                          const std::string& self) {
+  // Before anything is locked or stopped: nobody waits for it.
+  const auto before_change = read_versions(request.var, node.name).table;
+  const bool leaves_a_good_one = before_change.active() == before_change.last_good();
+  if (leaves_a_good_one && version != before_change.active() && before_change.find(version) != nullptr) {
+    if (const auto taken = snapshot_state(request.var, node.name, before_change.active()); !taken)
+      log::error("no snapshot of the state of {}: {}", node.name, taken.error());
+  }
   auto lock = RestartLock::take(request.var, node.name);
   const MonotonicTime deadline = monotonic_now() + longest_wait_for_lock;
   while (!lock && lock.error().held && monotonic_now() < deadline) {
@@ -564,6 +572,25 @@ Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& re
   count_start_on_disk(request, node);
   if (launched->fallback) record_fallback(request, node, *launched);
   return std::optional(*launched);
+}
+
+void count_suite_start(const LaunchRequest& request, const NodeEntry& node) {
+  const auto before = read_versions(request.var, node.name).table;
+  const update::Version* trial = before.on_trial();
+  if (trial == nullptr) return;
+  const auto counted =
+      change_versions(request.var, node.name, [](update::VersionStore& store) -> Result<void, std::string> {
+        if (store.read().table.on_trial() == nullptr) return {};  // what was set aside is settled by now
+        return store.count_reset();
+      });
+  if (!counted)
+    set_aside(request.var, node.name, trial->number, "its starts cannot be counted: " + counted.error());
+  const auto now = read_versions(request.var, node.name).table;
+  const update::Version* version = now.find(trial->number);
+  if (version == nullptr || version->state != update::VersionState::failed) return;
+  log::error("version {} of {} has failed: {}", version->number, node.name, version->reason);
+  record_fallback(request, node,
+                  {0, now.active(), VersionFallback{version->number, now.active(), version->reason}});
 }
 
 void count_start_on_disk(const LaunchRequest& request, const NodeEntry& node) {

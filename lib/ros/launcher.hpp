@@ -83,6 +83,11 @@ struct Launched {
                                                                        milliseconds probation,
                                                                        const std::string& self = {});
 
+/// Before `srfs up` starts the first node: a version of this one on probation sees one more start of the
+/// suite (lib/update: most_resets). Durable before the start that it counts; one that cannot be counted is
+/// set aside at once. Blocks on the disk, only for a node with a version on probation.
+void count_suite_start(const LaunchRequest& request, const NodeEntry& node);
+
 /// The start record of a start that has happened. Blocks on the disk.
 void count_start_on_disk(const LaunchRequest& request, const NodeEntry& node);
 

@@ -29,6 +29,10 @@ std::filesystem::path started_file(const VarPaths& var, const std::string& node)
   return var.memory() / (node + ".starting");
 }
 
+std::filesystem::path violation_file(const VarPaths& var, const std::string& node) {
+  return var.memory() / (node + ".violation");
+}
+
 struct SetAside {
   VersionNumber version;
   std::string reason;
@@ -126,17 +130,49 @@ std::optional<StartedProcess> last_started(const VarPaths& var, const std::strin
   return started;
 }
 
-std::optional<VersionTrial> trial_of(const VarPaths& var, const std::string& node, const VersionTable& table,
-                                     bool seen, MonotonicTime now) {
+std::optional<VersionTrial> trial_of(const VarPaths& var, const RingSettings& ring, const std::string& node,
+                                     const VersionTable& table, bool seen, MonotonicTime now) {
   const update::Version* version = table.on_trial();
   if (version == nullptr) return std::nullopt;
   const auto started = last_started(var, node);
   if (!started) {
     if (!seen) return std::nullopt;
-    return VersionTrial{version->number, version->probation, nanoseconds(0)};
+    return VersionTrial{version->number, version->probation, nanoseconds(0), needs_confirmation(ring, node)};
   }
   if (started->version != version->number) return std::nullopt;
-  return VersionTrial{version->number, version->probation, now - started->since};
+  return VersionTrial{version->number, version->probation, now - started->since,
+                      needs_confirmation(ring, node)};
+}
+
+void report_violation(const VarPaths& var, const std::string& node, pid_t pid, const std::string& what) {
+  std::string line = what.substr(0, VersionTable::longest_text);
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  replace_in_memory(violation_file(var, node), fmt::format("{} {}\n", pid, line));
+}
+
+std::optional<std::string> violation_of(const VarPaths& var, const std::string& node, pid_t pid) {
+  std::istringstream in(read_file(violation_file(var, node), largest_note).value_or(""));
+  pid_t blamed = 0;
+  std::string what;
+  if (!(in >> blamed) || blamed != pid || !std::getline(in >> std::ws, what)) return std::nullopt;
+  return what;
+}
+
+bool needs_confirmation(const RingSettings& ring, const std::string& node) {
+  return std::find(ring.confirmed.begin(), ring.confirmed.end(), node) != ring.confirmed.end();
+}
+
+milliseconds default_probation(const RingSettings& ring, const std::string& node) {
+  return needs_confirmation(ring, node) ? VersionTable::default_confirmed_probation
+                                        : VersionTable::default_probation;
+}
+
+std::optional<MonotonicTime> runs_since(const VarPaths& var, const std::string& node, VersionNumber version) {
+  const auto instance = find_instance(var, node);
+  const auto started = last_started(var, node);
+  if (!instance || !started || started->pid != instance->pid || started->version != version)
+    return std::nullopt;
+  return started->since;
 }
 
 }  // namespace srfs::ros

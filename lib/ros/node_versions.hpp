@@ -58,8 +58,21 @@ void remember_started(const VarPaths& var, const std::string& node, const Proces
 /// The probation of the version that the node's process runs, or ran when it died: nullopt when that one is
 /// not on probation. @param seen a process of the node was seen: without a record of it, it is taken to have
 /// died at once
-[[nodiscard]] std::optional<VersionTrial> trial_of(const VarPaths& var, const std::string& node,
-                                                   const update::VersionTable& table, bool seen,
-                                                   MonotonicTime now);
+[[nodiscard]] std::optional<VersionTrial> trial_of(const VarPaths& var, const RingSettings& ring,
+                                                   const std::string& node, const update::VersionTable& table,
+                                                   bool seen, MonotonicTime now);
+
+/// Somebody blames a process of a node for a violation: its observers are to judge its version. On tmpfs.
+void report_violation(const VarPaths& var, const std::string& node, pid_t pid, const std::string& what);
+/// nullopt: nobody blames this process.
+[[nodiscard]] std::optional<std::string> violation_of(const VarPaths& var, const std::string& node,
+                                                      pid_t pid);
+
+/// A version of this node passes its probation only when the operator confirms it.
+[[nodiscard]] bool needs_confirmation(const RingSettings& ring, const std::string& node);
+[[nodiscard]] milliseconds default_probation(const RingSettings& ring, const std::string& node);
+/// When the living process of the node was started, if it runs this version.
+[[nodiscard]] std::optional<MonotonicTime> runs_since(const VarPaths& var, const std::string& node,
+                                                      update::VersionNumber version);
 
 }  // namespace srfs::ros

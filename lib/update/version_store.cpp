@@ -21,6 +21,10 @@ std::string VersionStore::file_of(VersionNumber number) const {
   return fmt::format("{}.{}", name_, number);
 }
 
+std::string VersionStore::state_of(VersionNumber number) {
+  return fmt::format("state.{}", number);
+}
+
 VersionStore::Reading VersionStore::read() const {
   std::optional<VersionTable> newest;
   std::string problem;
@@ -86,8 +90,9 @@ Result<void, std::string> VersionStore::change(Change change) {
 void VersionStore::remove_unnamed(const VersionTable& table) {
   for (const std::string& name : files_.names()) {
     const auto& versions = table.versions();
-    const bool named = is_copy(name) || std::any_of(versions.begin(), versions.end(), [&](const Version& v) {
-                         return file_of(v.number) == name;
+    const bool named = is_copy(name) || name == state_of(golden) ||
+                       std::any_of(versions.begin(), versions.end(), [&](const Version& v) {
+                         return file_of(v.number) == name || state_of(v.number) == name;
                        });
     if (!named) (void)files_.remove(name);
   }
@@ -127,6 +132,10 @@ Result<void, std::string> VersionStore::commit(VersionNumber number) {
 
 Result<void, std::string> VersionStore::fail(VersionNumber number, const std::string& reason) {
   return change([&](VersionTable& table) { return table.fail(number, reason); });
+}
+
+Result<void, std::string> VersionStore::count_reset() {
+  return change([](VersionTable& table) { return table.count_reset(); });
 }
 
 Result<void, std::string> VersionStore::remove(VersionNumber number) {

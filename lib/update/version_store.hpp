@@ -30,12 +30,15 @@ class VersionStore {
                                               const std::string& reason);
   [[nodiscard]] Result<void, std::string> commit(VersionNumber number);
   [[nodiscard]] Result<void, std::string> fail(VersionNumber number, const std::string& reason);
+  [[nodiscard]] Result<void, std::string> count_reset();
   [[nodiscard]] Result<void, std::string> remove(VersionNumber number);
 
   /// What is wrong with its program: gone, or not the octets it was added with. nullopt: nothing. Reads all
   /// of it: 1 to 2 ms for a megabyte that is in memory.
   [[nodiscard]] std::optional<std::string> damage(const Version& version) const;
   [[nodiscard]] std::string file_of(VersionNumber number) const;
+  /// The folder with the node's state as this version left it (lib/ros/state_files); goes with the version.
+  [[nodiscard]] static std::string state_of(VersionNumber number);
 
  private:
   [[nodiscard]] Result<void, std::string> save(const VersionTable& table);

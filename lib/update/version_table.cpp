@@ -65,6 +65,7 @@ std::optional<Version> version_of(const Json& json) {
   const auto longest = static_cast<std::uint64_t>(VersionTable::longest_probation.count());
   if (known == state_names.end() || !time || probation_ms > longest || !is_hash(v.sha256))
     return std::nullopt;
+  if (json.contains("resets") && !get(json, "resets", v.resets)) return std::nullopt;  // older tables: none
   v.state = static_cast<VersionState>(known - state_names.begin());
   v.added = *time;
   v.probation = milliseconds(probation_ms);
@@ -185,6 +186,7 @@ Result<void, VersionRefusal> VersionTable::use(VersionNumber number, millisecond
   }
   wanted->state = VersionState::probation;
   wanted->probation = std::clamp(probation, milliseconds(0), longest_probation);
+  wanted->resets = 0;
   wanted->reason.clear();
   active_ = number;
   return {};
@@ -218,6 +220,15 @@ Result<void, VersionRefusal> VersionTable::fail(VersionNumber number, std::strin
     // On trial is somebody else: only what it would go back to has changed. Golden is beyond doubt.
     last_good_ = golden;
   }
+  return {};
+}
+
+Result<void, VersionRefusal> VersionTable::count_reset() {
+  if (on_trial() == nullptr) return Err(VersionRefusal::not_on_trial);
+  Version& trial = *entry(active_);
+  if (++trial.resets > most_resets)
+    return fail(active_, fmt::format("{} resets or starts of the suite in its probation", trial.resets));
+  ++revision_;
   return {};
 }
 
@@ -255,6 +266,7 @@ std::string encode(const VersionTable& table) {
                         {"added", to_iso8601(v.added, 6)},
                         {"probation_ms", static_cast<std::uint64_t>(v.probation.count())},
                         {"good_revision", v.good_revision},
+                        {"resets", v.resets},
                         {"reason", v.reason}});
   }
   const Json json{{"format", format_name},   {"revision", table.revision_},   {"next", table.next_},

@@ -34,6 +34,7 @@ struct Version {
   UtcTime added;
   milliseconds probation{0};        ///< how long its process has to live before it is the last good version
   std::uint64_t good_revision = 0;  ///< of the table, when it became the last good one; 0: never
+  std::uint32_t resets = 0;         ///< starts of the suite in its probation
   std::string reason;               ///< why it failed
 
   friend bool operator==(const Version&, const Version&) = default;
@@ -55,7 +56,10 @@ class VersionTable {
  public:
   static constexpr std::size_t most_versions = 4;  ///< beside golden
   static constexpr std::size_t longest_text = 200;
+  static constexpr std::uint32_t most_resets = 2;  ///< in a probation; with the next one it has failed
   static constexpr milliseconds default_probation = std::chrono::minutes(5);
+  /// Of a node whose versions the operator has to confirm.
+  static constexpr milliseconds default_confirmed_probation = std::chrono::minutes(30);
   static constexpr milliseconds longest_probation = std::chrono::hours(24 * 30);
 
   [[nodiscard]] std::uint64_t revision() const { return revision_; }  ///< goes up with each change
@@ -88,6 +92,9 @@ class VersionTable {
   /// It fell in its probation, or its program is damaged: never chosen by itself again. If it was active or
   /// the last good one, the best of the others takes its place. Golden cannot fail.
   [[nodiscard]] Result<void, VersionRefusal> fail(VersionNumber number, std::string_view reason);
+  /// The suite is about to start, after a reset of the computer or a stop: a probation begins anew with its
+  /// process, but not for ever. The version on probation fails when it saw more than most_resets.
+  [[nodiscard]] Result<void, VersionRefusal> count_reset();
   [[nodiscard]] Result<void, VersionRefusal> remove(VersionNumber number);
 
   friend bool operator==(const VersionTable&, const VersionTable&) = default;

@@ -51,9 +51,22 @@ FailureCode change_version(
     Result<void, std::string> (update::VersionStore::*operation)(update::VersionNumber)) {
   const auto table = ros::read_versions(var, node).table;
   if (table.find(version) == nullptr) return FailureCode::no_version;
-  if (operation == &update::VersionStore::commit && table.last_good() == version) return FailureCode::none;
   return outcome_of(ros::change_versions(
       var, node, [&](update::VersionStore& store) { return (store.*operation)(version); }));
+}
+
+/// @param accepted  by ttc. A version of ttc or maintenance proves itself by the telecommand that came
+/// through it: one that was on its way before it ran proves nothing.
+FailureCode confirm_version(const ros::VarPaths& var, const ros::RingSettings& ring,
+                            const mission::NodeConfirmVersion& command, MonotonicTime accepted) {
+  const auto table = ros::read_versions(var, command.node).table;
+  if (table.find(command.version) == nullptr) return FailureCode::no_version;
+  if (table.last_good() == command.version) return FailureCode::none;
+  const auto since = ros::runs_since(var, command.node, command.version);
+  if (!since) return FailureCode::version_not_running;
+  if (ros::needs_confirmation(ring, command.node) && accepted < *since)
+    return FailureCode::confirmed_too_early;
+  return change_version(var, command.node, command.version, &update::VersionStore::commit);
 }
 
 template <class Command>
@@ -70,11 +83,15 @@ FailureCode judge(OctetView arguments, const ros::Deployment& deployment) {
 
 }  // namespace
 
-MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(context) {}
+MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(context) {
+  declare_scrubbing();
+}
 
 CallbackReturn MaintenanceNode::on_configure() {
   worker_ = create_worker("ring_files", 4, std::max<milliseconds>(worker_deadline(), longest_job));
   open_packages();
+  open_scrubbing();
+  open_limits();
   open_commanding();
   return CallbackReturn::success;
 }
@@ -91,6 +108,8 @@ CallbackReturn MaintenanceNode::on_cleanup() {
   parameters_of_.reset();
   close_commanding();
   close_packages();
+  close_scrubbing();
+  close_limits();
   worker_.reset();
   return CallbackReturn::success;
 }
@@ -125,6 +144,12 @@ FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) 
       return judge<mission::PackageCancel>(arguments, deployment());
     case mission::PackageReport::function_id:
       return judge<mission::PackageReport>(arguments, deployment());
+    case mission::ScrubRun::function_id:
+      return judge<mission::ScrubRun>(arguments, deployment());
+    case mission::ScrubReport::function_id:
+      return judge<mission::ScrubReport>(arguments, deployment());
+    case mission::ScrubRetake::function_id:
+      return judge<mission::ScrubRetake>(arguments, deployment());
     default:
       return FailureCode::unknown_function;
   }
@@ -161,16 +186,20 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       break;
     case mission::NodeUseVersion::function_id: {
       const auto command = mission::NodeUseVersion::decode(arguments);
-      use_version(command->node, command->version, seconds(command->probation_s));
+      use_version(command->node, command->version,
+                  command->probation_s == 0 ? ros::default_probation(deployment().ring, command->node)
+                                            : seconds(command->probation_s));
       break;
     }
-    case mission::NodePreviousVersion::function_id:
-      use_version(mission::NodePreviousVersion::decode(arguments)->node, std::nullopt,
-                  update::VersionTable::default_probation);
+    case mission::NodePreviousVersion::function_id: {
+      const std::string node = mission::NodePreviousVersion::decode(arguments)->node;
+      use_version(node, std::nullopt, ros::default_probation(deployment().ring, node));
       break;
+    }
     case mission::NodeConfirmVersion::function_id:
-      run([this, command = *mission::NodeConfirmVersion::decode(arguments)] {
-        return change_version(var(), command.node, command.version, &update::VersionStore::commit);
+      run([this, command = *mission::NodeConfirmVersion::decode(arguments),
+           accepted = telecommand.expiry - mission::NodeConfirmVersion::timeout] {
+        return confirm_version(var(), deployment().ring, command, accepted);
       });
       break;
     case mission::NodeRemoveVersion::function_id:
@@ -192,6 +221,16 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
     case mission::PackageReport::function_id:
       lines_.push_back(telemetry(update_status()));
       send_next();
+      break;
+    case mission::ScrubRun::function_id:
+      run_scrubbing(false);
+      break;
+    case mission::ScrubReport::function_id:
+      lines_.push_back(telemetry(scrub_status()));
+      send_next();
+      break;
+    case mission::ScrubRetake::function_id:
+      run_scrubbing(true);
       break;
     default:
       finished(FailureCode::unknown_function);  // stored by a version that knew it

@@ -12,11 +12,13 @@
 #include "nodes/maintenance/lane_call.hpp"
 #include "nodes/maintenance/package_intake.hpp"
 #include "update/update_journal.hpp"
+#include "update/scrubber.hpp"
 
 namespace srfs {
 
 /// What the ground asks of the suite as such: the ring's hold and release, its fault ledger, reports of
-/// deaths, log levels, versions of the nodes' programs, and new ones from uplinked source.
+/// deaths, log levels, versions of the nodes' programs, and new ones from uplinked source; scrubs what must
+/// not rot.
 class MaintenanceNode : public CommandedNode {
  public:
   explicit MaintenanceNode(ros::NodeContext& context);
@@ -87,6 +89,29 @@ class MaintenanceNode : public CommandedNode {
   std::shared_ptr<ros::Worker> package_worker_;
   ros::Timer awaiting_active_;
 
+  // maintenance_scrub.cpp
+  struct Scrubbing;
+  void declare_scrubbing();
+  void open_scrubbing();
+  void close_scrubbing();
+  void scrub_later(nanoseconds wait);
+  void scrub_slice();
+  void end_scrubbing_round();
+  void report_finding(const update::ScrubFinding& finding);
+  void run_scrubbing(bool retake);
+  [[nodiscard]] mission::ScrubStatusHousekeeping scrub_status() const;
+
+  std::shared_ptr<Scrubbing> scrub_;  ///< while configured
+
+  // maintenance_limits.cpp
+  struct Limits;
+  void open_limits();
+  void watch_limits(std::shared_ptr<Limits> limits);
+  void on_sample(const srfs_msgs::msg::PayloadTelemetry& message);
+  void blame_version(const std::string& node, const std::string& violation);
+  void close_limits();
+
+  std::shared_ptr<Limits> limits_;  ///< nullptr: not configured, or no dictionary
   std::shared_ptr<ros::Worker> worker_;
   std::deque<srfs_msgs::msg::PayloadTelemetry> lines_;  ///< still to be sent, 100 at most
   ros::Timer sending_;

@@ -8,6 +8,7 @@
 #include "base/file.hpp"
 #include "commanding/messages.hpp"
 #include "hw/open.hpp"
+#include "ros/state_files.hpp"
 #include "wire/can_bits.hpp"
 
 namespace srfs {
@@ -155,10 +156,9 @@ bool PayloadNode::open_devices() {
 
 void PayloadNode::restore() {
   TelecommandJournal journal = read_journal(state_dir() / "telecommands");
-  const auto state = state_dir() / "processing";
-  if (std::filesystem::exists(state)) {
-    if (const auto content = read_file(state, 65536)) profile_->restore_state(octets_of(*content));
-  }
+  (void)ros::read_state_file(
+      var(), name(), "processing", 65536, ros::TakenBack::yes,
+      [this](const std::string& content) { return profile_->restore_state(octets_of(content)); });
   link_.emplace(profile_->peripheral().can_address);
   cycle_.emplace(
       settings(),

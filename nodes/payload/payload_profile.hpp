@@ -72,7 +72,8 @@ class PayloadProfile {
   virtual bool on_command_done(const PeripheralFunction& /*command*/) { return false; }
   /// What processing must remember across a restart of the node; may be empty.
   [[nodiscard]] virtual Octets state() const { return {}; }
-  virtual void restore_state(OctetView /*state*/) {}
+  /// @return false: this version cannot read it, and nothing has changed
+  [[nodiscard]] virtual bool restore_state(OctetView /*state*/) { return true; }
 };
 
 [[nodiscard]] inline FailureCode failure_code(mission::ArgumentError error) {

@@ -7,6 +7,7 @@
 namespace srfs {
 namespace {
 
+constexpr std::uint8_t state_format = 1;
 constexpr double deg_per_rad = 180.0 / std::numbers::pi;
 constexpr float sun_in_sight = 0.5F;  // a sun vector is a direction (length 1) or zero in eclipse
 constexpr float rate_high_deg_s = 5.0F;
@@ -100,15 +101,20 @@ bool AdcsProfile::on_command_done(const PeripheralFunction& command) {
 
 Octets AdcsProfile::state() const {
   OctetWriter out;
+  out.u8(state_format);
   for (const float v : target_) out.f32(v);
   return out.take();
 }
 
-void AdcsProfile::restore_state(OctetView state) {
+bool AdcsProfile::restore_state(OctetView state) {
   OctetReader in(state);
+  const std::uint8_t format = in.u8();
   std::array<float, 4> target{};
   for (float& v : target) v = in.f32();
-  if (in.ok() && in.remaining() == 0 && rotation_angle_deg(target, target)) target_ = target;
+  const bool readable = in.ok() && in.remaining() == 0 && format == state_format;
+  if (!readable || !rotation_angle_deg(target, target)) return false;
+  target_ = target;
+  return true;
 }
 
 }  // namespace srfs

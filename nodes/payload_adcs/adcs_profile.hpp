@@ -31,7 +31,7 @@ class AdcsProfile : public PayloadProfile {
   bool on_command_done(const PeripheralFunction& command) override;
   /// The target: the peripheral does not tell it.
   [[nodiscard]] Octets state() const override;
-  void restore_state(OctetView state) override;
+  [[nodiscard]] bool restore_state(OctetView state) override;
 
  private:
   void compare_with_last(const mission::PayloadAdcsHousekeeping& hk, std::vector<EncodedEvent>& events);

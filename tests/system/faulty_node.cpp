@@ -1,8 +1,11 @@
 // A node that does what its parameters say: for tests of what happens to a node from outside.
 
 #include <chrono>
+#include <cmath>
 #include <stdexcept>
 #include <thread>
+
+#include <mission/structures.hpp>
 
 #include "ros/node.hpp"
 #include "ros/run_node.hpp"
@@ -16,7 +19,8 @@ class FaultyNode : public ros::LifecycleNode {
     declare_parameter("configure_ms", std::int64_t{0}, ros::ParameterRange{0, 60000, 10},
                       "How long configuring takes");
     declare_parameter("fault", std::string("none"),
-                      std::vector<std::string>{"none", "throw", "raise", "fail_activation", "slow"},
+                      std::vector<std::string>{"none", "throw", "raise", "fail_activation", "slow",
+                                               "good_battery", "low_battery", "high_event"},
                       "What the working node does wrong");
     declare_parameter("window", std::vector<std::int64_t>{1, 2}, ros::ParameterRange{0, 100},
                       "Only for the next start", true);
@@ -44,12 +48,27 @@ class FaultyNode : public ros::LifecycleNode {
  private:
   void work() {
     const auto fault = get_parameter<std::string>("fault");
+    if (fault.ends_with("battery") || fault == "high_event") report_battery(fault == "low_battery");
+    if (fault == "high_event") raise(mission::TimingWatchdogWithheldEvent{});
     if (fault == "slow") std::this_thread::sleep_for(milliseconds(30));
     if (!is_active() || (fault != "throw" && fault != "raise")) return;
     // Once: the node that comes up again shall work.
     (void)parameters().set_atomically({{"fault", std::string("none")}});
     if (fault == "throw") throw std::runtime_error("the fault that was asked for");
     raise_error("the fault that was asked for");
+  }
+  void report_battery(bool low) {
+    mission::PayloadEpsHousekeeping battery;
+    battery.measurement.battery_voltage_v = low ? 5.0F : 7.5F;
+    battery.measurement.state_of_charge = 0.8F;
+    battery.measurement.battery_temperature_k = 293.0F;
+    battery.time_to_empty_s = std::nanf("");
+    srfs_msgs::msg::PayloadTelemetry m;
+    m.source = name();
+    m.apid = battery.apid;
+    m.structure_id = battery.structure_id;
+    m.data = battery.encoded();
+    publish_telemetry(m);
   }
   ros::Timer work_;
 };

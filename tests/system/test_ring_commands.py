@@ -5,7 +5,7 @@ import os
 import signal
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, wait_until
+from support import BIN, DEADLINE_S, ROOT, SystemTest, wait_until
 
 
 class RingCommandsTest(SystemTest):
@@ -73,6 +73,23 @@ class RingCommandsTest(SystemTest):
             self.complete(ground, "node.remove_version node=maintenance version=1")
             self.assertIn("no such version", self.refuse(ground, "node.use_version node=payload_eps version=7"))
             self.assertIn("no such version", self.refuse(ground, "node.previous_version node=timing"))
+
+    def test_a_ttc_that_works_and_is_deaf_to_the_operator_is_rolled_back_by_the_ring(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+            deaf = self.folder / "deaf.yaml"
+            deaf.write_text((ROOT / "launch_config/sim.yaml").read_text().replace("spacecraft_id: 0xAB", "spacecraft_id: 0xAC"))
+            program = self.folder / "program"
+            program.write_text(f"#!/bin/sh\nexec {BIN}/ttc_node --name ttc --deployment {deaf} --var {flight.var}\n")
+            self.assertEqual(flight.srfs("versions", "add", "ttc", str(program)).returncode, 0)
+            versions = lambda: json.loads(flight.srfs("versions", "--node", "ttc").stdout)[0]  # noqa: E731
+            self.assertIn("does not run", self.refuse(ground, "node.confirm_version node=ttc version=1"))
+            self.assertEqual(flight.srfs("versions", "use", "ttc", "1", "--probation", "12").returncode, 0)
+            wait_until(lambda: versions()["running"] == 1 and self.state(flight, "ttc") == "active", DEADLINE_S, "version 1 of ttc")
+            wait_until(lambda: versions()["running"] == 0 and self.state(flight, "ttc") == "active", 2 * DEADLINE_S, "golden ttc")
+            self.assertEqual(versions()["versions"][0]["state"], "failed")
+            self.assertIn("not confirmed in time", flight.srfs("faults", "--node", "ttc").stdout)
+            self.complete(ground, "ring.report_faults count=1")
 
     def test_the_report_of_a_death_comes_down_as_a_file(self):
         with self.flight() as flight:

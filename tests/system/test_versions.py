@@ -2,7 +2,9 @@
 
 import json
 import os
+import re
 import signal
+import time
 import unittest
 
 from support import BIN, DEADLINE_S, ToolTest, wait_until
@@ -111,6 +113,26 @@ class WithoutRingTest(VersionsTest):
         self.assertIn("SHA-256", result.stderr)
         self.assertEqual((self.versions()["active"], self.versions()["running"]), (0, 0))
 
+    def test_a_version_is_not_confirmed_before_it_runs(self):
+        self.add(GOOD)
+        self.assertEqual(self.use(1).returncode, 0)
+        result = self.srfs("versions", "confirm", "faulty", "1")
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("faulty does not run version 1", result.stderr)
+        self.up()
+        self.assertEqual(self.srfs("versions", "confirm", "faulty", "1").returncode, 0)
+
+    def test_a_probation_sees_two_starts_of_the_suite_and_no_third(self):
+        self.add(GOOD)
+        self.assertEqual(self.use(1).returncode, 0)
+        for expected in (1, 1, 0):
+            self.up()
+            self.assertEqual(self.versions()["running"], expected)
+            self.up()  # of what runs: not counted
+            self.assertEqual(self.srfs("down").returncode, 0)
+        self.assertEqual(self.state(1), "failed")
+        self.assertIn("3 resets or starts of the suite in its probation", self.srfs("faults").stdout)
+
     def test_what_cannot_be_done_is_refused_with_a_reason(self):
         self.assertEqual(self.srfs("versions", "add", "nobody", str(self.file)).returncode, 2)
         self.assertEqual(self.srfs("versions", "add", "faulty", "/nowhere").returncode, 1)
@@ -179,6 +201,81 @@ class WithRingTest(VersionsTest):
         self.wait_for_version(1)
         self.assertEqual(self.state(1), "committed")
         self.assertIsNone(self.fault())
+
+
+class LimitsTest(VersionsTest):
+    ring = "ring: { period_ms: 100, misses: 5 }\n"
+
+    def setUp(self):
+        super().setUp()
+        with self.file.open("a") as file:
+            file.write("  - { name: maintenance, executable: maintenance_node }\n")
+
+    def up_with(self, fault):
+        """The golden version does this, and maintenance has seen it."""
+        self.file.write_text(self.file.read_text().replace("configure_ms: 20", f"configure_ms: 20, fault: {fault}", 1))
+        self.up()
+        log = self.var / "log" / "maintenance.log"
+        wait_until(lambda: "limits of versions on probation are watched" in log.read_text(), DEADLINE_S, "maintenance")
+        end = time.monotonic() + 2
+        wait_until(lambda: time.monotonic() > end, DEADLINE_S, "samples of the golden version")
+
+    def use_one_that(self, fault, probation_s=3600):
+        other = self.folder / "other.yaml"
+        other.write_text(re.sub("fault: [a-z_]+", f"fault: {fault}", self.file.read_text()))
+        self.add(f"exec {BIN}/faulty_node --name faulty --deployment {other} --var {self.var}")
+        self.assertEqual(self.use(1, probation_s).returncode, 0)
+
+    def reason(self):
+        faults = [json.loads(line) for line in self.srfs("faults", "--json").stdout.splitlines()]
+        return next(f for f in reversed(faults) if f.get("failed_version") == 1)["reason"]
+
+    def test_a_version_whose_telemetry_leaves_a_hard_limit_is_rolled_back(self):
+        self.up_with("good_battery")
+        self.use_one_that("low_battery")
+        wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
+        self.wait_for_version(0)
+        self.assertRegex(self.reason(), r"limit violation: payload_eps\.\S*battery_voltage_v 5")
+
+    def test_a_version_that_raises_an_event_of_severity_high_is_rolled_back(self):
+        self.up_with("good_battery")
+        self.use_one_that("high_event")
+        wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
+        self.wait_for_version(0)
+        self.assertIn("limit violation: timing.watchdog_withheld", self.reason())
+
+    def test_a_violation_that_stood_before_is_not_held_against_the_version(self):
+        self.up_with("low_battery")
+        self.use_one_that("low_battery", probation_s=5)
+        wait_until(lambda: self.state(1) == "committed", DEADLINE_S, "the end of the probation")
+        self.wait_for_version(1)
+
+
+class ConfirmedTest(VersionsTest):
+    ring = "ring: { period_ms: 100, misses: 5, confirmed: [faulty] }\n"
+
+    def test_a_version_that_works_well_and_is_not_confirmed_in_time_is_rolled_back(self):
+        self.up()
+        self.add(GOOD)
+        result = self.use(1, probation_s=3)
+        self.assertIn("is rolled back", result.stdout)
+        self.wait_for_version(1)
+        self.wait_for_version(0)
+        wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
+        faults = [json.loads(line) for line in self.srfs("faults", "--json").stdout.splitlines()]
+        fault = next(f for f in reversed(faults) if f.get("failed_version") == 1)
+        self.assertIn("not confirmed in time", fault["reason"])
+
+    def test_a_version_that_is_confirmed_stays(self):
+        self.up()
+        self.add(GOOD)
+        self.assertEqual(self.use(1, probation_s=5).returncode, 0)
+        self.wait_for_version(1)
+        pid = self.node()["pid"]
+        self.assertEqual(self.srfs("versions", "confirm", "faulty", "1").returncode, 0)
+        end = time.monotonic() + 7  # beyond the probation
+        wait_until(lambda: time.monotonic() > end, DEADLINE_S, "the end of the probation")
+        self.assertEqual((self.state(1), self.node()["pid"]), ("committed", pid))
 
 
 if __name__ == "__main__":

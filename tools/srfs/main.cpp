@@ -183,7 +183,7 @@ struct VersionArguments {
   std::string file;
   std::string origin;
   bool check = false;
-  int probation_s = static_cast<int>(update::VersionTable::default_probation / seconds(1));
+  std::optional<int> probation_s;
   CLI::App* command = nullptr;
 };
 
@@ -204,10 +204,11 @@ void add_version_commands(CLI::App& app, VersionArguments& a) {
   store->add_option("--origin", a.origin, "For the list; default: the file's path");
   add("use", "Restart the node in a version, on probation unless it is golden or the last good one",
       "Number, golden or previous")
-      ->add_option("--probation", a.probation_s,
-                   "Seconds; a death sooner than this goes back to the last good version")
-      ->check(CLI::Range(1, static_cast<int>(update::VersionTable::longest_probation / seconds(1))))
-      ->capture_default_str();
+      ->add_option(
+          "--probation", a.probation_s,
+          "Seconds; a death sooner than this goes back to the last good version. Default: 300; of nodes "
+          "whose versions have to be confirmed 1800")
+      ->check(CLI::Range(1, static_cast<int>(update::VersionTable::longest_probation / seconds(1))));
   add("confirm", "End a probation well: it is the last good version from now on", "Number");
   add("remove", "Remove a version that is neither active nor the last good one", "Number");
 }
@@ -215,7 +216,8 @@ void add_version_commands(CLI::App& app, VersionArguments& a) {
 int run_versions(const Target& target, const VersionArguments& a, bool json) {
   if (a.command->got_subcommand("add")) return add_version(target, a.node, a.file, a.origin, json);
   if (a.command->got_subcommand("use"))
-    return use_version(target, a.node, a.version, seconds(a.probation_s), json);
+    return use_version(target, a.node, a.version,
+                       a.probation_s ? std::optional(seconds(*a.probation_s)) : std::nullopt, json);
   if (a.command->got_subcommand("confirm")) return confirm_version(target, a.node, a.version, json);
   if (a.command->got_subcommand("remove")) return remove_version(target, a.node, a.version, json);
   return show_versions(target, a.node, a.check, json);

@@ -228,6 +228,10 @@ UpReport up(const Target& suite, const UpOptions& options) {
   const MonotonicTime start = monotonic_now();
   const ros::LaunchRequest request{suite.deployment, target.var, ros::suite_bin_folder(), options.cause};
   std::vector<NodeProcess> processes;
+  // With a ring every node may be started as soon as one runs.
+  for (const auto& node : (suite.deployment.ring.enabled ? suite : target).deployment.nodes) {
+    if (!ros::find_instance(suite.var, node.name)) ros::count_suite_start(request, node);
+  }
   Fd starting = lock_starting(target.var);
   for (const auto& node : target.deployment.nodes) {
     if (const auto why = ros::held_because(target.var, node.name)) {

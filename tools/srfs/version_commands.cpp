@@ -111,6 +111,7 @@ int show_versions(const Target& target, const std::string& only, bool check, boo
                             {"origin", v.origin},
                             {"added", to_iso8601(v.added)},
                             {"probation_s", static_cast<double>(v.probation.count()) / 1000},
+                            {"resets", v.resets},
                             {"reason", v.reason.empty() ? Json(nullptr) : Json(v.reason)},
                             {"damage", damage ? Json(*damage) : Json(nullptr)}});
       } else {
@@ -156,12 +157,15 @@ int add_version(const Target& target, const std::string& node, const std::filesy
   return static_cast<int>(CommandExit::done);
 }
 
-int use_version(const Target& target, const std::string& node, const std::string& version, seconds probation,
-                bool json) {
+int use_version(const Target& target, const std::string& node, const std::string& version,
+                std::optional<seconds> wanted_probation, bool json) {
   const ros::NodeEntry* entry = target.deployment.find(node);
   if (entry == nullptr) return no_node(node, json);
   const auto number = parse_version(version, ros::read_versions(target.var, node).table);
   if (!number) return fail(CommandExit::usage, fmt::format("'{}' is no version of {}", version, node), json);
+  const auto& ring = target.deployment.ring;
+  const milliseconds probation =
+      wanted_probation ? milliseconds(*wanted_probation) : ros::default_probation(ring, node);
   const ros::LaunchRequest request{target.deployment, target.var, ros::suite_bin_folder(),
                                    fmt::format("{} by command", name_of(*number))};
   const auto used = ros::use_version(request, *entry, *number, probation);
@@ -179,12 +183,17 @@ int use_version(const Target& target, const std::string& node, const std::string
               << "\n";
   } else {
     fmt::print("{} {} {}{}\n", node, launched ? "runs" : "has", name_of(*number),
-               on_trial ? fmt::format(", on probation for {} s", probation.count()) : "");
+               on_trial ? fmt::format(", on probation for {} s", probation / seconds(1)) : "");
+    if (on_trial && ros::needs_confirmation(ring, node))
+      fmt::print("without `srfs versions confirm {} {}` within this time it is rolled back\n", node, *number);
   }
   return static_cast<int>(CommandExit::done);
 }
 
 int confirm_version(const Target& target, const std::string& node, const std::string& version, bool json) {
+  const auto number = parse_version(version, ros::read_versions(target.var, node).table);
+  if (number && !ros::runs_since(target.var, node, *number))
+    return fail(CommandExit::refused, fmt::format("{} does not run {}", node, name_of(*number)), json);
   return change(target, node, version, json, &update::VersionStore::commit, "is the last good one");
 }
 

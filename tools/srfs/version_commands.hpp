@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "base/time.hpp"
@@ -16,10 +17,10 @@ int show_versions(const Target& target, const std::string& node, bool check, boo
 int add_version(const Target& target, const std::string& node, const std::filesystem::path& program,
                 const std::string& origin, bool json);
 /// `srfs versions use NODE VERSION`: restarts a running node in it. @param version  a number, "golden" or
-/// "previous"
-int use_version(const Target& target, const std::string& node, const std::string& version, seconds probation,
-                bool json);
-/// `srfs versions confirm NODE VERSION`: its probation has ended well.
+/// "previous". @param probation  nullopt: the node's default
+int use_version(const Target& target, const std::string& node, const std::string& version,
+                std::optional<seconds> probation, bool json);
+/// `srfs versions confirm NODE VERSION`: its probation has ended well. Only while the node runs it.
 int confirm_version(const Target& target, const std::string& node, const std::string& version, bool json);
 int remove_version(const Target& target, const std::string& node, const std::string& version, bool json);
 

@@ -28,6 +28,10 @@ const char* to_text(FaultClass fault) {
       return "start overdue";
     case FaultClass::too_large:
       return "too large";
+    case FaultClass::not_confirmed:
+      return "not confirmed in time";
+    case FaultClass::limit_violation:
+      return "limit violation";
   }
   return "?";
 }

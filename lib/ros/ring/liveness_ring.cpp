@@ -501,10 +501,20 @@ void LivenessRing::review_version(const std::string& subject) {
   const auto started = last_started(node_.var(), subject);
   if (!started || started->pid != pid) return;
   const MonotonicTime now = monotonic_now();
-  const auto trial = trial_of(node_.var(), subject, *peer.table, true, now);
+  const auto trial = trial_of(node_.var(), settings_, subject, *peer.table, true, now);
   if (!trial) return;
   monitor_->on_trial(subject, pid, trial->lived, now);
-  if (trial->lived < trial->probation || !monitor_->is_as_desired(subject)) return;
+  const bool in_probation = trial->to_confirm || trial->lived < trial->probation;
+  if (const auto violation = violation_of(node_.var(), subject, pid); violation && in_probation) {
+    monitor_->on_bad_version(subject, pid, FaultClass::limit_violation, *violation, now);
+    return;
+  }
+  if (trial->lived < trial->probation) return;
+  if (trial->to_confirm) {
+    monitor_->on_bad_version(subject, pid, FaultClass::not_confirmed, "", now);
+    return;
+  }
+  if (!monitor_->is_as_desired(subject)) return;
   if (now < peer.next_commit || !hooks_.commit) return;
   peer.next_commit = now + between_commits;
   hooks_.commit(subject, trial->version);

@@ -39,7 +39,7 @@ RestartDecision decide(const DeathHistory& history, const RingSettings& settings
                        const std::optional<VersionTrial>& trial) {
   RestartDecision decision;
   decision.deaths = static_cast<int>(history.deaths.size());
-  if (trial && trial->lived < trial->probation) {
+  if (trial && (trial->to_confirm || trial->lived < trial->probation)) {
     decision.step = RestartDecision::Step::last_good;
     return decision;
   }

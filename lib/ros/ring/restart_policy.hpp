@@ -33,6 +33,7 @@ struct VersionTrial {
   std::uint32_t version = 0;
   nanoseconds probation{0};
   nanoseconds lived{0};
+  bool to_confirm = false;  ///< ends well only by the operator's word
 
   friend bool operator==(const VersionTrial&, const VersionTrial&) = default;
 };
@@ -53,7 +54,7 @@ struct RestartDecision {
 /// first_wait after the start before, doubling with each death up to longest_wait; from `quarantine_deaths`
 /// on not before longest_wait. A node that then lives for the window long has left all of it behind. A
 /// death of a version within its probation asks for the last good one before any waiting; a later one never
-/// does. @param trial of the process that died
+/// does, except of a version that the operator has not confirmed. @param trial of the process that died
 [[nodiscard]] RestartDecision decide(const DeathHistory& history, const RingSettings& settings,
                                      const std::optional<VersionTrial>& trial = std::nullopt);
 

@@ -51,6 +51,11 @@ bool is_useless(FaultClass fault) {
          fault == FaultClass::start_overdue;
 }
 
+/// Whatever the process does: its version is the fault.
+bool is_of_the_version(FaultClass fault) {
+  return fault == FaultClass::not_confirmed || fault == FaultClass::limit_violation;
+}
+
 /// `srfs up` is on its way through the list and has not come to everybody.
 bool is_being_started(const VarPaths& var) {
   const Fd lock(open(var.starting_lock().c_str(), O_RDONLY | O_CLOEXEC));
@@ -289,7 +294,9 @@ RestartOutcome Restarter::decide_and_act(Case& c) {
   if (!lock) return {What::cannot_start, 0, {}, lock.error().text};
   std::error_code ec;
   if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
-  if (const auto why = held_because(var_, c.node->name)) return {What::held, 0, {}, *why};
+  // The way back from a version that the operator cannot reach must not hang on what he can no longer lift.
+  const auto why_held = held_because(var_, c.node->name);
+  if (why_held && c.accusation.fault != FaultClass::not_confirmed) return {What::held, 0, {}, *why_held};
   if (c.accusation.fault == FaultClass::absent && is_being_started(var_))
     return {What::under_way, 0, {}, "srfs up is starting the suite"};
   if (auto outcome = look_again(c)) return *outcome;
@@ -379,8 +386,13 @@ std::optional<RestartOutcome> Restarter::ask_policy(Case& c) const {
   const bool counted = history.down;
   count_death(history, deployment_.ring, now);
   const auto table = read_versions(var_, c.node->name).table;
-  const auto trial = trial_of(var_, c.node->name, table, c.accusation.pid != 0, now);
+  const auto trial = trial_of(var_, deployment_.ring, c.node->name, table, c.accusation.pid != 0, now);
   const RestartDecision decision = decide(history, deployment_.ring, trial);
+  const bool in_time = c.accusation.fault == FaultClass::not_confirmed && trial &&
+                       (!trial->to_confirm || trial->lived < trial->probation);
+  if (is_of_the_version(c.accusation.fault) && (in_time || decision.step != RestartDecision::Step::last_good))
+    return RestartOutcome{
+        What::not_believed, c.accusation.pid, {}, "its version is not in question any more"};
   if (decision.step == RestartDecision::Step::last_good) {
     c.failed = trial;
     return std::nullopt;
@@ -475,7 +487,9 @@ void Restarter::ask_for_last_good(Case& c, const VersionTrial& trial, DeathHisto
   if (!set_aside(var_, c.node->name, trial.version, why))
     log::error("version {} of {} cannot be set aside", trial.version, c.node->name);
   history.deaths.clear();
-  c.fallback = VersionFallback{trial.version, read_versions(var_, c.node->name).table.active(), why};
+  const update::VersionNumber active = read_versions(var_, c.node->name).table.active();
+  if (active != trial.version)
+    c.fallback = VersionFallback{trial.version, active, why};  // else confirmed just now
 }
 
 /// One kill for a communication fault in the suite per deaf_interval: when the network stack fails, all look

@@ -366,6 +366,14 @@ void RingMonitor::on_trial(std::string_view subject, pid_t pid, nanoseconds live
   review_watch(now);
 }
 
+void RingMonitor::on_bad_version(std::string_view subject, pid_t pid, FaultClass fault, std::string detail,
+                                 MonotonicTime now) {
+  Subject* s = find(subject);
+  if (s == nullptr || s->pid != pid || s->ended || s->accused || now < s->not_before) return;
+  accuse(*s, fault, now, std::move(detail));
+  review_watch(now);
+}
+
 void RingMonitor::on_asked(std::string_view observer, std::uint32_t generation, MonotonicTime now) {
   if (observer == self_) return;
   if (!membership_.position_of(observer) || generation != membership_.generation) {

@@ -155,6 +155,9 @@ class RingMonitor {
   /// The process runs a version on probation and was started @p lived ago, looked at each second: then it has
   /// to be in its desired state by the start deadline, whatever it says about why it is not.
   void on_trial(std::string_view subject, pid_t pid, nanoseconds lived, MonotonicTime now);
+  /// The process runs a version on probation that has failed, however well the process does.
+  void on_bad_version(std::string_view subject, pid_t pid, FaultClass fault, std::string detail,
+                      MonotonicTime now);
   void on_outcome(std::string_view subject, const RestartOutcome& outcome, MonotonicTime now);
   /// Verdicts of the generation before are void.
   void on_membership(Membership membership, MonotonicTime now);

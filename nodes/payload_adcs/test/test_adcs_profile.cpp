@@ -40,9 +40,12 @@ TEST(AdcsProfile, KeepsItsTargetAcrossARestart) {
   const mission::AdcsSetTargetQuaternion target{.x = 0, .y = 1, .z = 0, .w = 0};
   profile.on_command_done({mission::AdcsSetTargetQuaternion::peripheral_function, target.encoded()});
   AdcsProfile restarted;
-  restarted.restore_state(profile.state());
+  EXPECT_TRUE(restarted.restore_state(profile.state()));
   EXPECT_NEAR(housekeeping(restarted, pointing_at_the_sun()).pointing_error_deg, 180.0F, 1e-3F);
-  restarted.restore_state(Octets{1, 2, 3});
+  EXPECT_FALSE(restarted.restore_state(Octets{1, 2, 3}));
+  Octets newer = AdcsProfile().state();
+  ++newer.front();
+  EXPECT_FALSE(restarted.restore_state(newer)) << "another format";
   EXPECT_NEAR(housekeeping(restarted, pointing_at_the_sun()).pointing_error_deg, 180.0F, 1e-3F);
 }
 

@@ -798,6 +798,83 @@ TEST_F(Restarting, ADeathAfterTheProbationStartsTheSameVersionAndMakesItTheLastG
   EXPECT_EQ(table_on_disk().last_good(), 1U);
 }
 
+TEST_F(Restarting, AVersionThatNobodyConfirmedInTimeIsRolledBackThoughItLivesAndIsHeld) {
+  plan_.ring.confirmed = {"one"};
+  make_active(add_version(good), milliseconds(1));
+  const auto old = start();
+  ASSERT_TRUE(
+      wait_until([&] { return monotonic_now() - last_started(var_, "one")->since > milliseconds(1); }));
+  ASSERT_TRUE(hold(var_, "one", "by the operator"));
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::held);
+  const auto outcome = restarter.restart(accuse(old, FaultClass::not_confirmed));
+  ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
+  EXPECT_EQ(outcome.version, update::golden);
+  EXPECT_THAT(outcome.reason, testing::HasSubstr("not confirmed in time"));
+  EXPECT_GT(running("one", old.incarnation).pid, 0);
+  const auto records = ledger(restarter);
+  EXPECT_EQ(records.back().fault, FaultClass::not_confirmed);
+  EXPECT_EQ(records.back().failed_version, 1U);
+  EXPECT_EQ(table_on_disk().find(1)->state, update::VersionState::failed);
+}
+
+TEST_F(Restarting, ADeathOfAVersionThatNobodyConfirmedGoesBackHoweverLongItLived) {
+  plan_.ring.confirmed = {"one"};
+  make_active(add_version(good), milliseconds(1));
+  const auto old = start();
+  ASSERT_TRUE(
+      wait_until([&] { return monotonic_now() - last_started(var_, "one")->since > milliseconds(1); }));
+  end(old.pid, SIGKILL);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(accuse(old, FaultClass::exited)).version, update::golden);
+}
+
+TEST_F(Restarting, AVerdictOnAVersionIsVoidOnceThatIsConfirmedOrWhileItHasTime) {
+  plan_.ring.confirmed = {"one"};
+  make_active(add_version(good));
+  const auto old = start();
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  EXPECT_EQ(restarter.restart(accuse(old, FaultClass::not_confirmed)).what, What::not_believed)
+      << "it has time";
+  commit(1);
+  for (const auto fault : {FaultClass::not_confirmed, FaultClass::limit_violation})
+    EXPECT_EQ(restarter.restart(accuse(old, fault)).what, What::not_believed);
+  EXPECT_EQ(running().pid, old.pid);
+}
+
+TEST_F(Restarting, AThirdStartOfTheSuiteInAProbationStartsTheLastGoodVersion) {
+  make_active(add_version(good));
+  const auto start_of_the_suite = [&] {
+    const LaunchRequest request{plan_, var_, "/nowhere", "up"};
+    count_suite_start(request, *plan_.find("one"));
+    const auto instance = start();
+    const auto version = last_started(var_, "one")->version;
+    end(instance.pid, SIGKILL);
+    std::filesystem::remove_all(var_.memory());  // a reset of the computer
+    return version;
+  };
+  EXPECT_EQ(start_of_the_suite(), 1U);
+  EXPECT_EQ(table_on_disk().find(1)->resets, 1U) << "on disk before the start";
+  EXPECT_EQ(start_of_the_suite(), 1U);
+  EXPECT_EQ(start_of_the_suite(), update::golden);
+  EXPECT_EQ(table_on_disk().find(1)->state, update::VersionState::failed);
+  const auto records = FaultLedger(var_).read().records;
+  ASSERT_EQ(records.size(), 1U);
+  EXPECT_EQ(records[0].failed_version, 1U);
+  EXPECT_THAT(records[0].reason, testing::HasSubstr("3 resets"));
+}
+
+TEST_F(Restarting, AStartOfTheSuiteThatCannotBeCountedStartsTheLastGoodVersion) {
+  make_active(add_version(good));
+  for (const char* unfinished : {"table_a.new", "table_b.new"})  // nothing can be written, by root either
+    std::filesystem::create_directory(versions_folder(var_, "one") / unfinished);
+  count_suite_start({plan_, var_, "/nowhere", "up"}, *plan_.find("one"));
+  (void)start();
+  EXPECT_EQ(last_started(var_, "one")->version, update::golden);
+  EXPECT_EQ(table_on_disk().active(), 1U);
+  EXPECT_THAT(table().find(1)->reason, testing::HasSubstr("cannot be counted"));
+}
+
 TEST_F(Restarting, CommitsTheVersionThatHasProvenItself) {
   make_active(add_version(good));
   Restarter restarter(plan_, var_, "observer", "/nowhere");

@@ -82,6 +82,20 @@ TEST_F(DeploymentTest, TheRingIsTheStartOrderUnlessTheFileSaysOtherwiseAndOffWit
       std::string::npos);
 }
 
+TEST_F(DeploymentTest, VersionsOfTtcAndMaintenanceHaveToBeConfirmedUnlessTheFileSaysOtherwise) {
+  const std::string begin =
+      "deployment: x\n" + node + "  - {name: ttc, executable: x}\n  - {name: maintenance, executable: x}\n";
+  const auto load = [&](const std::string& ring) {
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", begin + ring));
+    return Deployment::load(folder_ / "d.yaml").ring.confirmed;
+  };
+  EXPECT_THAT(load("ring: {period_ms: 50}\n"), testing::ElementsAre("ttc", "maintenance"));
+  EXPECT_THAT(load("ring: {members: [timing, ttc]}\n"), testing::ElementsAre("ttc"));
+  EXPECT_THAT(load("ring: {confirmed: [timing]}\n"), testing::ElementsAre("timing"));
+  EXPECT_THAT(load("ring: {confirmed: []}\n"), testing::IsEmpty());
+  EXPECT_NE(error_of(begin + "ring: {confirmed: [ghost]}\n").find("'ghost' is none"), std::string::npos);
+}
+
 TEST_F(DeploymentTest, AWorkersDeadlineIsTheRingsUnlessTheNodeHasItsOwn) {
   const auto load = [&](const std::string& rest) {
     EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + rest));

@@ -36,6 +36,9 @@ void change(VersionStore& store, MemoryVersionFiles& files, std::uint32_t kind) 
     case 4:
       (void)store.fail(some, "r");
       break;
+    case 5:
+      (void)store.count_reset();
+      break;
     default:
       (void)store.remove(some);
   }
@@ -47,7 +50,7 @@ TEST(VersionStoreProperties, EachChangeHappensWholeOrNotAtAllWhereverThePowerIsL
   VersionStore store(files, "node");
   std::size_t losses = 0;
   for (int i = 0; i < 60; ++i) {
-    const std::uint32_t kind = files.draw(6);
+    const std::uint32_t kind = files.draw(7);
     const auto disk = files.disk;
     const auto random = files.random;
     const auto before = store.read().table;

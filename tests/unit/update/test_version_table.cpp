@@ -65,6 +65,25 @@ TEST_F(VersionTableTest, GoesBackToTheLastGoodOneWhenAProbationFails) {
   EXPECT_EQ(state(one), VersionState::committed);
 }
 
+TEST_F(VersionTableTest, FailsAVersionThatSeesMoreThanTwoStartsOfTheSuiteInItsProbation) {
+  EXPECT_FALSE(table.count_reset()) << "golden is not on trial";
+  const auto one = add();
+  ASSERT_TRUE(table.use(one, probation, ""));
+  for (std::uint32_t resets = 1; resets <= VersionTable::most_resets; ++resets) {
+    ASSERT_TRUE(table.count_reset());
+    EXPECT_EQ(table.active(), one);
+    EXPECT_EQ(decode_versions(encode(table))->find(one)->resets, resets);
+  }
+  ASSERT_TRUE(table.count_reset());
+  EXPECT_EQ(table.active(), golden);
+  EXPECT_EQ(state(one), VersionState::failed);
+  EXPECT_EQ(table.find(one)->reason, "3 resets or starts of the suite in its probation");
+
+  ASSERT_TRUE(table.use(one, probation, ""));
+  ASSERT_TRUE(table.count_reset());
+  EXPECT_EQ(table.active(), one) << "each probation counts its own";
+}
+
 TEST_F(VersionTableTest, VetoesAProbationWhenTheLastGoodOneIsAskedFor) {
   const auto one = add_and_commit();
   const auto two = add();

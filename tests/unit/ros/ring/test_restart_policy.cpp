@@ -118,6 +118,13 @@ TEST(RestartPolicy, NeverAsksForTheLastGoodVersionAfterTheProbation) {
   EXPECT_EQ(decide(history, settings(), VersionTrial{3, seconds(0), seconds(0)}).step, Step::start);
 }
 
+TEST(RestartPolicy, NeverKeepsAVersionThatTheOperatorHasToConfirmHoweverLongItLived) {
+  DeathHistory history;
+  count_death(history, settings(), boot);
+  EXPECT_EQ(decide(history, settings(), VersionTrial{3, seconds(60), seconds(600), true}).step,
+            Step::last_good);
+}
+
 TEST(RestartPolicy, HoldsItsBoundsInRandomLives) {
   // Never more than quarantine_deaths starts within a window, except of nodes that live long; never a wait
   // longer than the longest; the history never grows.

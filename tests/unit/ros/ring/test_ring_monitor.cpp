@@ -626,6 +626,31 @@ TEST_F(RingMonitorTest, IsContentWithAVersionOnProbationThatWorksOrIsToldNotTo) 
   EXPECT_THAT(accusations_, IsEmpty());
 }
 
+TEST_F(RingMonitorTest, AccusesANodeThatAnswersWellOfItsBadVersionOnceUntilThatHasAnOutcome) {
+  rounds(3);
+  const auto accuse = [&](pid_t pid) {
+    monitor_->on_bad_version("b", pid, FaultClass::not_confirmed, "why", now_);
+    drain();
+  };
+  accuse(999);
+  monitor_->on_bad_version("nobody", 101, FaultClass::not_confirmed, "why", now_);
+  EXPECT_THAT(accusations_, IsEmpty()) << "another process";
+  accuse(101);
+  accuse(101);
+  ASSERT_THAT(accusations_, SizeIs(1));
+  EXPECT_EQ(accusations_[0].fault, FaultClass::not_confirmed);
+  EXPECT_EQ(accusations_[0].pid, 101);
+  EXPECT_EQ(accusations_[0].detail, "why");
+
+  monitor_->on_outcome("b", {RestartOutcome::What::not_believed, 101, std::nullopt, ""}, now_);
+  drain();
+  accuse(101);
+  EXPECT_THAT(accusations_, SizeIs(1)) << "not again in the same period";
+  rounds(2);
+  accuse(101);
+  EXPECT_THAT(accusations_, SizeIs(2));
+}
+
 TEST_F(RingMonitorTest, IgnoresAndCountsStaleAndUnknownNonces) {
   round();
   const auto old = asks_.front();

@@ -1,0 +1,79 @@
+// Limit violations of versions on probation: seen here, judged and carried out by the ring.
+#include "msgs/mission/dictionary.hpp"
+#include "nodes/maintenance/limit_watch.hpp"
+#include "nodes/maintenance/maintenance_node.hpp"
+#include "ros/node_versions.hpp"
+
+namespace srfs {
+
+struct MaintenanceNode::Limits {
+  explicit Limits(mission::Dictionary loaded) : dictionary(std::move(loaded)) {}
+
+  mission::Dictionary dictionary;
+  LimitWatch watch;
+  std::vector<std::shared_ptr<void>> subscriptions;
+};
+
+/// The dictionary is read aside: it takes its time, and without it the node does the rest of its work.
+void MaintenanceNode::open_limits() {
+  auto dictionary = std::make_shared<std::optional<mission::Dictionary>>();
+  (void)worker_->post(
+      [dictionary] {
+        try {
+          dictionary->emplace(mission::Dictionary::load(mission::Dictionary::default_folder()));
+        } catch (const ConfigError& e) {
+          log::error("limits of versions on probation are not watched: {}", e.what());
+        }
+      },
+      [this, dictionary] {
+        if (*dictionary) watch_limits(std::make_shared<Limits>(std::move(**dictionary)));
+      });
+}
+
+void MaintenanceNode::watch_limits(std::shared_ptr<Limits> limits) {
+  limits_ = std::move(limits);
+  const auto keep = [this](auto subscription) { limits_->subscriptions.push_back(std::move(subscription)); };
+  keep(create_subscription(ros::topics::event, [this](const srfs_msgs::msg::Event& m) {
+    if (deployment().find(m.source) == nullptr) return;
+    const mission::Event* event = limits_->dictionary.event(m.event_id);
+    const auto started = ros::last_started(var(), m.source);
+    if (event == nullptr || !started) return;
+    if (const auto blame = limits_->watch.on_event(m.source, *event, started->since, now()))
+      blame_version(m.source, *blame);
+  }));
+  for (const ros::NodeEntry& node : deployment().nodes) {
+    if (node.name == name()) continue;
+    keep(create_subscription(ros::topics::telemetry(node.name),
+                             [this, node = node.name](const srfs_msgs::msg::PayloadTelemetry& m) {
+                               if (m.source == node) on_sample(m);
+                             }));
+  }
+  log::info("limits of versions on probation are watched");
+}
+
+void MaintenanceNode::on_sample(const srfs_msgs::msg::PayloadTelemetry& message) {
+  const mission::Structure* structure = limits_->dictionary.structure(message.structure_id);
+  if (structure == nullptr || !has_hard_limits(*structure)) return;
+  const auto fields = limits_->dictionary.decode(*structure, message.data);
+  const auto started = ros::last_started(var(), message.source);
+  if (!fields || !started) return;
+  if (const auto blame = limits_->watch.on_sample(message.source, *structure, *fields, started->since, now()))
+    blame_version(message.source, *blame);
+}
+
+/// Leaves word for the observers of the node; whether its version is on probation they look for themselves.
+void MaintenanceNode::blame_version(const std::string& node, const std::string& violation) {
+  const auto table = ros::read_versions(var(), node).table;
+  const auto trial = ros::trial_of(var(), deployment().ring, node, table, true, now());
+  if (!trial || (trial->lived >= trial->probation && !trial->to_confirm)) return;
+  const auto started = ros::last_started(var(), node);
+  if (!started || ros::violation_of(var(), node, started->pid)) return;
+  log::warn("{}: version {} is to blame for {}", node, trial->version, violation);
+  ros::report_violation(var(), node, started->pid, violation);
+}
+
+void MaintenanceNode::close_limits() {
+  limits_.reset();
+}
+
+}  // namespace srfs

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include <mission/structures.hpp>
+
+#include "ros/deployment.hpp"
+#include "ros/instance.hpp"
+#include "update/scrubber.hpp"
+
+namespace srfs {
+
+/// Where the suite is installed.
+struct Installation {
+  std::filesystem::path bin_folder;
+  std::filesystem::path library_folder;
+  std::filesystem::path dictionary_folder;
+};
+
+/// What must not rot: the golden programs of all nodes and `srfs`, the suite's libraries, stored versions,
+/// keys, the deployment file, the mission dictionary. Of what is gone only the programs are named: the
+/// manifest knows the rest. Blocks on the disk.
+[[nodiscard]] std::vector<update::ScrubFile> files_to_scrub(const ros::Deployment& deployment,
+                                                            const ros::VarPaths& var,
+                                                            const Installation& installation);
+
+/// As the ground gets it; what the structure has no room for is cut. Pure.
+[[nodiscard]] mission::ScrubStatusHousekeeping to_mission(const update::ScrubStatus& status);
+
+/// The end of a path, which tells most.
+[[nodiscard]] std::string end_of(const std::string& path, std::size_t most);
+
+}  // namespace srfs

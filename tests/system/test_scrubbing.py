@@ -1,0 +1,94 @@
+"""What must not rot is compared with its digests and mended from a good copy (lib/update, nodes/maintenance)."""
+
+import os
+import shutil
+import unittest
+
+from support import BIN, DEADLINE_S, SystemTest, wait_until
+
+
+class ScrubbingTest(SystemTest):
+    def rot(self, path):
+        """One octet is another, as no writer would leave it. (Who runs a program cannot be written to: a new file.)"""
+        was = path.stat()
+        octets = bytearray(path.read_bytes())
+        octets[len(octets) // 2] ^= 0x10
+        damaged = path.with_suffix(".damaged")
+        damaged.write_bytes(octets)
+        damaged.chmod(was.st_mode & 0o7777)
+        os.utime(damaged, ns=(was.st_atime_ns, was.st_mtime_ns))
+        damaged.rename(path)
+
+    def complete(self, ground, line):
+        outcome = ground.command(f"tc {line}", DEADLINE_S)
+        self.assertEqual(outcome.get("stage"), "completed", outcome)
+
+    def status(self, ground):
+        since = ground.position()
+        self.complete(ground, "scrub.report")
+        status = ground.wait_for(lambda m: m.get("structure") == "scrub_status", DEADLINE_S, since)
+        self.assertIsNotNone(status, "scrub_status")
+        return status["fields"]
+
+    def scrub(self, ground):
+        """A whole round. @return where the ground's messages stood before it"""
+        before = self.status(ground)
+        self.assertFalse(before["running"])
+        since = ground.position()
+        self.complete(ground, "scrub.run")
+        wait_until(lambda: self.status(ground)["rounds"] > before["rounds"], 2 * DEADLINE_S, "the end of the round")
+        return since
+
+    def wait_for_event(self, ground, name, since, end_of_path=""):
+        event = ground.wait_for(
+            lambda m: m.get("event") == name and m["fields"].get("file", "").endswith(end_of_path), DEADLINE_S, since
+        )
+        self.assertIsNotNone(event, f"{name} {end_of_path}")
+        return event["fields"]
+
+    def test_a_program_and_a_key_are_mended_and_what_is_damaged_twice_is_reported(self):
+        program = self.folder / "installed" / "payload_eps_node"
+        program.parent.mkdir()
+        shutil.copyfile(BIN / "payload_eps_node", program)
+        program.chmod(0o755)
+        os.utime(program, (1_700_000_000, 1_700_000_000))
+        deployment = self.deployment(
+            ("executable: payload_eps_node", f"executable: {program}"),
+            ("executable: maintenance_node\n", "executable: maintenance_node\n    parameters: { scrub_pause_ms: 0, scrub_interval_s: 0 }\n"),
+        )
+        with self.flight(deployment) as flight:
+            ground = flight.ground()
+            key = flight.var / "keys" / "tc_contingency.key"
+            os.utime(key, (1_700_000_000, 1_700_000_000))
+            since = self.scrub(ground)
+            taken = self.wait_for_event(ground, "maintenance.files_taken", since)
+            self.assertGreaterEqual(taken["files"], 2)
+            self.assertEqual(len(taken["build"]), 16)
+
+            whole = {path: path.read_bytes() for path in (program, key)}
+            for path, octets in whole.items():
+                self.rot(path)
+                since = self.scrub(ground)
+                found = self.wait_for_event(ground, "maintenance.file_damaged", since, path.name)
+                self.assertIn("SHA-256", found["why"])
+                self.wait_for_event(ground, "maintenance.file_mended", since, path.name)
+                self.assertEqual(path.read_bytes(), octets)
+
+            (copy,) = [f for f in (flight.var / "golden").iterdir() if f.read_bytes() == whole[key]]
+            self.rot(copy)
+            self.rot(key)
+            since = self.scrub(ground)
+            self.assertIn("copy is damaged too", self.wait_for_event(ground, "maintenance.file_lost", since, key.name)["why"])
+            self.assertNotEqual(key.read_bytes(), whole[key])
+            self.assertEqual(program.read_bytes(), whole[program])
+            status = self.status(ground)
+            self.assertEqual((status["lost"], status["damaged"], status["mended"]), (1, 3, 2))
+            self.assertTrue(status["last_damaged"].endswith(key.name))
+
+            since = ground.position()
+            self.complete(ground, "scrub.retake")
+            self.wait_for_event(ground, "maintenance.files_taken", since)
+
+
+if __name__ == "__main__":
+    unittest.main()
