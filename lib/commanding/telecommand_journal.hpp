@@ -48,6 +48,7 @@ enum class FailureCode : std::uint16_t {
   no_version = 57,
   time_jump_refused = 70,
   time_implausible = 71,
+  parameters_refused = 83,
 };
 
 /// A telecommand as it arrived.
