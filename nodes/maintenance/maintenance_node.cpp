@@ -87,6 +87,7 @@ CallbackReturn MaintenanceNode::on_cleanup() {
   sending_.reset();
   lines_.clear();
   parameters_of_.reset();
+  save_clients_.clear();
   close_commanding();
   worker_.reset();
   return CallbackReturn::success;
@@ -117,7 +118,7 @@ FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) 
     case mission::NodeReportVersions::function_id:
       return judge<mission::NodeReportVersions>(arguments, deployment());
     default:
-      return FailureCode::unknown_function;
+      return check_parameters(function, arguments);
   }
 }
 
@@ -173,7 +174,7 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       report_versions(mission::NodeReportVersions::decode(arguments)->node);
       break;
     default:
-      finished(FailureCode::unknown_function);  // stored by a version that knew it
+      execute_parameters(telecommand);
   }
 }
 
