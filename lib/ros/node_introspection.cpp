@@ -187,8 +187,9 @@ void NodeIntrospection::write(std::function<void(const Result<void, std::string>
     keeper_.on_written(written->has_value());
     if (!*written) log::error("parameters not saved: {}", written->error().message);
     if (answer) {
-      answer(*written ? Result<void, std::string>{}
-                      : Err("not stored, it holds until the next start at most: " + written->error().message));
+      answer(*written
+                 ? Result<void, std::string>{}
+                 : Err("not stored, it holds until the next start at most: " + written->error().message));
     }
     keeper_.poll(node_.now());
     if (keeper_.to_write()) write({});

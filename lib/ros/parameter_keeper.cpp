@@ -152,7 +152,8 @@ Result<void, std::string> ParameterKeeper::forget(const Request& request, const 
 Result<void, std::string> ParameterKeeper::confirm(const Request& request, const std::string& saved) {
   const Values trial = on_trial();
   // A repeat of a confirmation is none of nothing.
-  if (trial.empty()) return confirmed_ ? Result<void, std::string>{} : Err(std::string("nothing is on trial"));
+  if (trial.empty())
+    return confirmed_ ? Result<void, std::string>{} : Err(std::string("nothing is on trial"));
   Values values = set_.stored();
   std::map<std::string, ParameterValue> confirms;
   for (const StoredParameter& p : trial) {
@@ -251,8 +252,7 @@ void ParameterKeeper::revert(const std::string& reason) {
   deadline_.reset();
   confirmed_ = false;
   set_.put_back(back);
-  news_.push_back(
-      {.kind = ParameterNews::Kind::reverted, .values = std::move(values), .reason = reason});
+  news_.push_back({.kind = ParameterNews::Kind::reverted, .values = std::move(values), .reason = reason});
 }
 
 Result<void, std::string> ParameterKeeper::store(Values values, const std::string& origin,
@@ -263,7 +263,8 @@ Result<void, std::string> ParameterKeeper::store(Values values, const std::strin
   next.add(std::move(values), origin, saved);
   next.trial.clear();
   for (const StoredParameter& p : on_trial()) {
-    if (to_keep_.contains(p.name) && !confirms_.contains(p.name)) next.trial.push_back({p.name, p.value, saved});
+    if (to_keep_.contains(p.name) && !confirms_.contains(p.name))
+      next.trial.push_back({p.name, p.value, saved});
   }
   if (next == history_) return {};
   auto text = write_stored(node_, next);

@@ -50,8 +50,7 @@ class ParameterKeeper {
   };
 
   /// @p parameters outlives this.
-  ParameterKeeper(ParameterSet& parameters, std::string node)
-      : set_(parameters), node_(std::move(node)) {}
+  ParameterKeeper(ParameterSet& parameters, std::string node) : set_(parameters), node_(std::move(node)) {}
 
   /// What the disk has. Before the first declaration.
   void load(ParameterHistory history);

@@ -193,9 +193,10 @@ const ParameterGeneration* ParameterHistory::find(std::uint32_t number) const {
 void ParameterHistory::add(std::vector<StoredParameter> values, const std::string& origin,
                            const std::string& saved) {
   const std::vector<StoredParameter> present = this->values();
-  const bool same = std::equal(
-      values.begin(), values.end(), present.begin(), present.end(),
-      [](const StoredParameter& a, const StoredParameter& b) { return a.name == b.name && a.value == b.value; });
+  const bool same = std::equal(values.begin(), values.end(), present.begin(), present.end(),
+                               [](const StoredParameter& a, const StoredParameter& b) {
+                                 return a.name == b.name && a.value == b.value;
+                               });
   if (same) return;
   const std::uint32_t number = generations.empty() ? 1 : generations.back().number + 1;
   generations.push_back({.number = number, .saved = saved, .origin = origin, .values = std::move(values)});

@@ -1,4 +1,5 @@
-// maintenance and the parameters of the nodes: what is kept, confirmed, restored and reset, by ~/save_parameters.
+// maintenance and the parameters of the nodes: what is kept, confirmed, restored and reset, by
+// ~/save_parameters.
 #include "nodes/maintenance/generation_line.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
 
@@ -65,8 +66,8 @@ void MaintenanceNode::execute_parameters(const StoredTelecommand& telecommand) {
   auto& client = save_clients_[order->node];
   if (!client) client = create_client<SaveParameters>("/" + order->node + "/save_parameters");
   client->call(order->request, save_deadline, save_attempts,
-               [this, node = order->node, operation = order->request.operation](
-                   const ros::Client<SaveParameters>::Outcome& outcome) {
+               [this, node = order->node,
+                operation = order->request.operation](const ros::Client<SaveParameters>::Outcome& outcome) {
                  if (!outcome) return finished(FailureCode::node_silent);
                  if (!outcome->success) {
                    log::error("{}: {}", node, outcome->reason);

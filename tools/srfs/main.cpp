@@ -148,8 +148,7 @@ int run_parameters(const Target& target, const ParameterArguments& a, bool json)
   if (a.command->got_subcommand("keep")) return keep_parameters(target, a.node, a.names, json);
   if (a.command->got_subcommand("confirm")) return confirm_parameters(target, a.node, json);
   if (a.command->got_subcommand("history")) return show_parameter_history(target, a.node, json);
-  if (a.command->got_subcommand("restore"))
-    return restore_parameters(target, a.node, a.generation, json);
+  if (a.command->got_subcommand("restore")) return restore_parameters(target, a.node, a.generation, json);
   if (a.command->got_subcommand("reset")) return reset_parameters(target, a.node, json);
   return forget_parameters(target, a.node, a.names, json);
 }
