@@ -59,7 +59,7 @@ class ParametersTest(ParameterTools):
             code, lines = self.tool(flight, "set", "timing.leap_seconds=61")
             self.assertEqual((code, lines[0]["type"]), (2, "error"))
             self.assertIn("61 is out of range 30..60", lines[0]["message"])
-            code, lines = self.tool(flight, "get", "timing.tick_period_ms")
+            code, lines = self.tool(flight, "get", "timing.gps_baud")
             self.assertEqual(code, 2)
 
             ground = flight.ground()
