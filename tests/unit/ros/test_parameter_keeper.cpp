@@ -1,10 +1,17 @@
+#include <array>
+#include <csignal>
 #include <memory>
 #include <random>
+
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/file.hpp"
 #include "ros/parameter_keeper.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -475,6 +482,47 @@ TEST(KeeperProperties, WhatNobodyConfirmedNeitherOutlivesItsTimeNorAnyDeath) {
   for (unsigned seed = 0; seed < 200 && !testing::Test::HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
     KeeperModel(seed).run(200);
+  }
+}
+
+/// In the child: keeps a = 1, 2, 3... and says each that is on disk.
+[[noreturn]] void keep_on(const std::filesystem::path& file, int say) {
+  std::string disk;
+  Node node(disk);
+  for (std::int64_t a = 1;; ++a) {
+    if (!node.set("a", a % 1000).empty() || !node.submit({})) _exit(1);
+    if (!write_file_atomically(file, node.keeper().to_write().value_or(""))) _exit(2);
+    node.write();
+    if (write(say, &a, sizeof(a)) != sizeof(a)) _exit(3);
+  }
+}
+
+TEST(KeptFile, AProcessKilledInTheMiddleOfAWriteLeavesTheOldOrTheNewSet) {
+  const testing_support::TemporaryFolder folder;
+  std::mt19937 random(1);
+  for (int round = 0; round < 40; ++round) {
+    const auto file = folder.path() / std::to_string(round) / "parameters.yaml";
+    std::array<int, 2> ends{};
+    ASSERT_EQ(pipe(ends.data()), 0);
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) keep_on(file, ends[1]);
+    close(ends[1]);
+    std::int64_t said = 0;
+    const auto enough = std::uniform_int_distribution<std::int64_t>(1, 12)(random);
+    while (said < enough && read(ends[0], &said, sizeof(said)) == sizeof(said)) {
+    }
+    kill(child, SIGKILL);
+    int status = 0;
+    ASSERT_EQ(waitpid(child, &status, 0), child);
+    ASSERT_TRUE(WIFSIGNALED(status)) << status;
+    while (read(ends[0], &said, sizeof(said)) == sizeof(said)) {
+    }
+    close(ends[0]);
+    std::string disk = read_file(file).value();
+    ASSERT_TRUE(read_stored(disk)) << disk;
+    const std::int64_t a = Node(disk).a();
+    EXPECT_TRUE(a == said || a == said + 1) << a << " after " << said;
   }
 }
 
