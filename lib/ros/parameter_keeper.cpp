@@ -178,11 +178,13 @@ Result<void, std::string> ParameterKeeper::confirm(const Request& request, const
 void ParameterKeeper::settle(const std::map<std::string, ParameterValue>& confirmed) {
   Values values;
   for (const auto& [name, value] : confirmed) {
-    settled_[name] = value;
     to_keep_.erase(name);
+    if (!is_on_trial(name)) continue;  // set back by hand in the meantime
+    settled_[name] = value;
     values.push_back({name, value, {}});
   }
-  news_.push_back({.kind = ParameterNews::Kind::confirmed, .values = std::move(values)});
+  if (!values.empty())
+    news_.push_back({.kind = ParameterNews::Kind::confirmed, .values = std::move(values)});
   if (!on_trial().empty()) return;  // one was changed again in the meantime
   deadline_.reset();
   confirmed_ = true;

@@ -293,6 +293,18 @@ TEST_F(Keeping, AValueChangedWhileAnotherIsConfirmedStaysOnTrial) {
   EXPECT_EQ(node->g(), 200);
 }
 
+TEST_F(Keeping, AValueSetBackByHandWhileItIsConfirmedIsOnNoTrial) {
+  ASSERT_EQ(node->set("g", std::int64_t{200}), "");
+  EXPECT_EQ(node->ask({}), "");
+  ASSERT_TRUE(node->submit({.operation = Operation::confirm}));
+  ASSERT_EQ(node->set("g", std::int64_t{100}), "");
+  node->write();
+  EXPECT_EQ(node->stored(), "g=200") << "both were confirmed";
+  EXPECT_FALSE(node->keeper().deadline());
+  node->wait(trial_time * 2);
+  EXPECT_EQ(node->g(), 100);
+}
+
 TEST_F(Keeping, RestoresAnEarlierSetNowAndForTheNextStartsGuardedOnesOnTrial) {
   ASSERT_EQ(node->set("a", std::int64_t{4}), "");
   ASSERT_EQ(node->set("g", std::int64_t{200}), "");
