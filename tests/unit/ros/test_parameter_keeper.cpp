@@ -491,9 +491,9 @@ class KeeperModel {
 };
 
 TEST(KeeperProperties, WhatNobodyConfirmedNeitherOutlivesItsTimeNorAnyDeath) {
-  for (unsigned seed = 0; seed < 200 && !testing::Test::HasFailure(); ++seed) {
+  for (unsigned seed = 0; seed < 80 && !testing::Test::HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
-    KeeperModel(seed).run(200);
+    KeeperModel(seed).run(150);
   }
 }
 
