@@ -183,8 +183,7 @@ void ParameterKeeper::settle(const std::map<std::string, ParameterValue>& confir
     settled_[name] = value;
     values.push_back({name, value, {}});
   }
-  if (!values.empty())
-    news_.push_back({.kind = ParameterNews::Kind::confirmed, .values = std::move(values)});
+  if (!values.empty()) news_.push_back({.kind = ParameterNews::Kind::confirmed, .values = std::move(values)});
   if (!on_trial().empty()) return;  // one was changed again in the meantime
   deadline_.reset();
   confirmed_ = true;
