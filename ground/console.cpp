@@ -327,6 +327,10 @@ Exit Console::set_parameters(const std::vector<std::string>& changes, std::optio
   return Exit::done;
 }
 
+Exit Console::keep_parameters(const TelecommandText& telecommand, std::optional<milliseconds> timeout) {
+  return exchange(telecommand, timeout);
+}
+
 void Console::on_file(const cfdp::News& news) {
   const bool came_down = news.event.kind == cfdp::EventKind::finished &&
                          news.event.role == cfdp::Role::receiving && !awaited_name_.empty() &&
@@ -552,8 +556,10 @@ void Console::on_telemetry(const TelemetryReport& report) {
   if (on_installation(report)) return;
   pong_ = pong_ || report.kind == TelemetryKind::pong;
   if (exchanging_) {
-    if (report.kind != TelemetryKind::report && report.name != "parameter.refused") return;
-    if (report.kind == TelemetryKind::report) answers_.push_back(report);
+    const bool answers =
+        report.kind == TelemetryKind::report || report.name == mission::ParameterGenerationHousekeeping::name;
+    if (!answers && !(report.kind == TelemetryKind::event && report.name.starts_with("parameter."))) return;
+    if (answers) answers_.push_back(report);
     if (options_.json) return write_json(to_json(report));
     if (report.kind == TelemetryKind::event) write_lines(to_lines(report, options_.colour));
     return;

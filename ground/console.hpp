@@ -77,6 +77,8 @@ class Console {
   /// @param changes "NODE.PARAMETER=VALUE"
   [[nodiscard]] Exit set_parameters(const std::vector<std::string>& changes,
                                     std::optional<milliseconds> timeout);
+  /// A telecommand about kept parameters, with the answers as lines.
+  [[nodiscard]] Exit keep_parameters(const TelecommandText& telecommand, std::optional<milliseconds> timeout);
   /// Command lines from standard input; ends with "quit", or at its end when nothing is outstanding any more.
   [[nodiscard]] Exit session();
 

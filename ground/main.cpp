@@ -140,11 +140,12 @@ void define(CLI::App& app, Arguments& a) {
   remote->add_option("words", a.words, "With what");
   timeout(remote);
   auto* param = app.add_subcommand("param",
-                                   "Parameters of the nodes (PUS 20): list [NAME|NODE...] | get "
-                                   "[NAME|NODE...] | set NAME=VALUE...");
-  param->add_option("action", a.action, "list, get or set")
+                                   "Parameters of the nodes: list [NAME|NODE...] | get [NAME|NODE...] | "
+                                   "set NAME=VALUE... | keep NODE | confirm NODE | history NODE | "
+                                   "restore NODE GENERATION | reset NODE");
+  param->add_option("action", a.action, "What to do")
       ->required()
-      ->check(CLI::IsMember({"list", "get", "set"}));
+      ->check(CLI::IsMember({"list", "get", "set", "keep", "confirm", "history", "restore", "reset"}));
   param->add_option("words", a.words, "NODE.PARAMETER, NODE, or NODE.PARAMETER=VALUE");
   timeout(param);
   auto* bridge =
@@ -259,7 +260,14 @@ Exit operate(const CLI::App& app, Arguments& a) {
     remote = std::move(*made);
   }
   std::vector<const mission::Parameter*> parameters;
-  if (app.got_subcommand("param") && a.action != "set") {
+  const bool reads = a.action == "list" || a.action == "get";
+  std::optional<TelecommandText> keeping;
+  if (app.got_subcommand("param") && !reads && a.action != "set") {
+    auto command = keeping_command(a.action, a.words);
+    if (!command) return fail(a, command.error());
+    keeping = std::move(*command);
+  }
+  if (app.got_subcommand("param") && reads) {
     auto named = parameters_named(dictionary, a.words);
     if (!named) return fail(a, named.error());
     parameters = std::move(*named);
@@ -324,8 +332,9 @@ Exit operate(const CLI::App& app, Arguments& a) {
   if (installs) return console.install(package.file, package.name, package.activate, duration(a.timeout_s));
   if (app.got_subcommand("remote")) return console.remote(remote, duration(a.timeout_s));
   if (app.got_subcommand("param")) {
-    return a.action == "get" ? console.get_parameters(parameters, duration(a.timeout_s))
-                             : console.set_parameters(a.words, duration(a.timeout_s));
+    if (keeping) return console.keep_parameters(*keeping, duration(a.timeout_s));
+    return reads ? console.get_parameters(parameters, duration(a.timeout_s))
+                 : console.set_parameters(a.words, duration(a.timeout_s));
   }
   if (app.got_subcommand("files")) return console.files(duration(a.duration_s));
   if (app.got_subcommand("ping")) return console.ping(duration(a.timeout_s));

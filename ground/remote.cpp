@@ -197,6 +197,16 @@ Result<std::vector<const mission::Parameter*>, std::string> parameters_named(
   return found;
 }
 
+Result<TelecommandText, std::string> keeping_command(const std::string& action, const Words& words) {
+  const std::string name = action == "reset" ? "factory_reset" : action;
+  const bool restores = action == "restore";
+  if (words.size() != (restores ? 2U : 1U))
+    return Err(fmt::format("expected param {} NODE{}", action, restores ? " GENERATION" : ""));
+  TelecommandText command{.name = "parameters." + name, .arguments = {"node=" + words.front()}};
+  if (restores) command.arguments.push_back("generation=" + words.back());
+  return command;
+}
+
 std::string to_line(const mission::Parameter& parameter) {
   std::string values;
   const mission::Field& field = parameter.field;
@@ -212,10 +222,20 @@ std::string to_line(const mission::Parameter& parameter) {
     values = "a,b,...";
   }
   if (!field.unit.empty()) values += " " + field.unit;
+  if (parameter.guarded) values += ", guarded";
   return fmt::format("{:<44} {:<28} {}\n", parameter.name, values, field.description);
 }
 
 std::string answer_lines(const TelemetryReport& report) {
+  if (report.name == mission::ParameterGenerationHousekeeping::name) {
+    const std::string left = text_of(report, "trial_left_s");
+    const bool on_trial = text_of(report, "current") == "true" && left != "0";
+    return fmt::format("{} {:>5}  {:<21} {:>3} values  {:<32} {}\n{}",
+                       text_of(report, "current") == "true" ? "*" : " ", text_of(report, "number"),
+                       text_of(report, "saved"), text_of(report, "values"), text_of(report, "origin"),
+                       text_of(report, "content"),
+                       on_trial ? fmt::format("  on trial for {} s\n", left) : "");
+  }
   if (report.service == mission::RepositorySummary::service) {
     switch (report.subtype) {
       case mission::RepositorySummary::subtype: {

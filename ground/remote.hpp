@@ -43,10 +43,14 @@ struct RemoteRequest {
 /// ready to print.
 [[nodiscard]] Result<std::vector<const mission::Parameter*>, std::string> parameters_named(
     const mission::Dictionary& dictionary, const std::vector<std::string>& words);
-/// "timing.late_tick_ms   1 to 60000 ms   what it is"
+/// What `srfs-ground param ACTION WORD...` sends for keep, confirm, history, restore and reset. The error is
+/// ready to print.
+[[nodiscard]] Result<TelecommandText, std::string> keeping_command(const std::string& action,
+                                                                   const std::vector<std::string>& words);
+/// "timing.late_tick_ms   1 to 60000 ms, guarded   what it is"
 [[nodiscard]] std::string to_line(const mission::Parameter& parameter);
 
-/// A report of the services 20 and 23 as one or more lines.
+/// A report of the services 20 and 23, or a set of kept values, as one or more lines.
 [[nodiscard]] std::string answer_lines(const TelemetryReport& report);
 
 }  // namespace srfs::ground

@@ -50,6 +50,7 @@ enum class FailureCode : std::uint16_t {
   confirmed_too_early = 59,
   time_jump_refused = 70,
   time_implausible = 71,
+  parameters_refused = 83,
   package_not_found = 140,
   package_refused = 141,
   update_under_way = 142,

@@ -183,10 +183,10 @@ struct LifecycleNode::Interfaces {
         "~/describe_parameters",
         [&node](const auto& request, auto& response) {
           for (const std::string& name : request.names) {
-            const ParameterDeclaration* declaration = node.parameters().declaration(name);
+            const auto declaration = node.parameters().declaration(name);
             rcl::msg::ParameterDescriptor unknown;
             unknown.name = name;
-            response.descriptors.push_back(declaration != nullptr ? descriptor(name, *declaration) : unknown);
+            response.descriptors.push_back(declaration ? descriptor(name, *declaration) : unknown);
           }
         },
         parameter_qos);
@@ -207,6 +207,9 @@ LifecycleNode::LifecycleNode(NodeContext& context)
       graph_(context.executor, context.participant, context.deployment.ros_graph, context.name) {
   const NodeEntry* entry = context.deployment.find(context.name);
   if (entry != nullptr) parameters_ = ParameterSet(entry->parameters);
+  for (const auto& guarded : mission::guarded_parameters) {
+    if (guarded.node == context.name) parameters_.guard(std::string(guarded.name));
+  }
   introspection_ = std::make_unique<NodeIntrospection>(*this);
   declare_common_parameters();
   parameters_.set_changed([this](const std::string& parameter) {
@@ -215,6 +218,7 @@ LifecycleNode::LifecycleNode(NodeContext& context)
   parameters_.set_applied([this](const std::vector<std::string>& changed) {
     apply_common_parameters();
     publish_parameter_event(changed);
+    introspection_->on_parameters_changed(changed);
   });
   interfaces_ = std::make_unique<Interfaces>(*this);
   introspection_->open();
@@ -245,6 +249,8 @@ void LifecycleNode::declare_common_parameters() {
                     "The same for the requests of services");
   declare_parameter("transition_deadline_ms", std::int64_t{2000}, ParameterRange{1, 600000},
                     "Run time of a lifecycle callback above which it is reported as late");
+  declare_parameter("parameter_trial_s", std::int64_t{300}, ParameterRange{1, 86400},
+                    "How long a changed value that is guarded waits to be confirmed before it goes back");
   apply_common_parameters();
 }
 
@@ -277,7 +283,7 @@ void LifecycleNode::publish_parameter_event(const std::vector<std::string>& chan
 
 void LifecycleNode::finish_declarations() {
   parameters_.finish();
-  introspection_->keep_set_aside();
+  introspection_->begin_keeping();
 }
 
 void LifecycleNode::watch_executor() {
@@ -530,7 +536,7 @@ void LifecycleNode::report_first_activation() {
       [this] {
         const mission::NodeStartedEvent event{.incarnation = incarnation()};
         raise(event);
-        introspection_->raise_set_aside();
+        introspection_->raise_start_report();
       },
       "start report");
 }

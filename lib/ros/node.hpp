@@ -69,7 +69,8 @@ struct WorkStatus {
 /// A callback that throws, or calls raise_error(), takes the node through ErrorProcessing: on_error() decides
 /// whether it becomes Unconfigured (run_node brings it up again) or Finalized. The process goes on.
 ///
-/// Every node has the parameters log_level, callback_budget_ms, service_budget_ms and transition_deadline_ms.
+/// Every node has the parameters log_level, callback_budget_ms, service_budget_ms,
+/// transition_deadline_ms and parameter_trial_s.
 ///
 /// What a state means for the hardware: Unconfigured has nothing open; Inactive has its devices open but
 /// drives nothing and holds no bus, and still answers; Active works.

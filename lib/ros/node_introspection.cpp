@@ -10,7 +10,6 @@
 #include "base/file.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
-#include "ros/parameter_store.hpp"
 #include "ros/run_node.hpp"
 
 namespace srfs::ros {
@@ -21,6 +20,8 @@ constexpr const char* set_aside_file = "parameters_set_aside.yaml";
 constexpr const char* damaged_file = "parameters.damaged";
 constexpr std::size_t most_set_aside_told = 32;
 constexpr std::size_t longest_told = 250;
+constexpr std::size_t longest_content = 150;  // of an event
+constexpr std::size_t most_on_trial_told = 64;
 constexpr std::size_t most_set_aside_events = 8;
 
 std::uint32_t as_u32(std::uint64_t value) {
@@ -75,7 +76,11 @@ srfs_msgs::msg::CallbackStatistics to_message(const CallbackRecord& record, nano
 }  // namespace
 
 NodeIntrospection::NodeIntrospection(LifecycleNode& node)
-    : node_(node), start_(monotonic_now()), counted_since_(start_), last_work_(start_) {
+    : node_(node),
+      start_(monotonic_now()),
+      counted_since_(start_),
+      last_work_(start_),
+      keeper_(node.parameters(), node.name()) {
   const auto text = read_file(path(parameter_file), largest_parameter_file);
   std::error_code ec;
   if (!text && !std::filesystem::exists(path(parameter_file), ec)) return;
@@ -90,7 +95,7 @@ NodeIntrospection::NodeIntrospection(LifecycleNode& node)
     note_unused(parameter_file, what);
     log::warn("{}: {}", path(parameter_file), what);
   }
-  node_.parameters().set_stored(std::move(stored->parameters));
+  keeper_.load(std::move(stored->history));
 }
 
 std::string NodeIntrospection::path(const char* file) const {
@@ -112,67 +117,152 @@ void NodeIntrospection::open() {
         busy_before_reset_ = node_.context().executor.statistics().busy();
       });
   save_ = node_.create_deferred_service<SaveParameters>(
-      "~/save_parameters", [this](const SaveParameters::Request& request, auto ticket) {
-        const auto answer = [this, ticket](const SaveParameters::Response& response) {
-          save_->reply(ticket, response);
-        };
-        if (const std::string why = begin_save(request, answer); !why.empty()) {
-          log::warn("parameters not saved: {}", why);
-          SaveParameters::Response refused;
-          refused.reason = cut(why, longest_told);
-          answer(refused);
-        }
-      });
+      "~/save_parameters",
+      [this](const SaveParameters::Request& request, auto ticket) { on_save(request, ticket); });
 }
 
-std::string NodeIntrospection::begin_save(const SaveParameters::Request& request,
-                                          std::function<void(const SaveParameters::Response&)> answer) {
-  if (saving_) return "another save is under way";
-  ParameterSet::StoreRequest wanted{
-      .names = request.names, .values = {}, .clear = request.clear, .trial = request.trial};
+// ---------------------------------------------------------------- kept parameters
+
+milliseconds NodeIntrospection::trial_time() const {
+  return seconds(node_.get_parameter<std::int64_t>("parameter_trial_s"));
+}
+
+void NodeIntrospection::on_save(const SaveParameters::Request& request, Ticket ticket) {
+  const auto answer = [this, ticket](const Result<void, std::string>& outcome) {
+    if (!outcome) log::warn("parameters not saved: {}", outcome.error());
+    save_->reply(ticket, outcome_of(outcome));
+  };
+  if (request.operation > SaveParameters::Request::REPORT)
+    return answer(Err(fmt::format("there is no operation {}", request.operation)));
+  ParameterKeeper::Request wanted{.operation = static_cast<ParameterKeeper::Operation>(request.operation),
+                                  .names = request.names,
+                                  .generation = request.generation,
+                                  .origin = request.origin};
   for (const auto& parameter : request.values) {
     const auto value = from_message(parameter.value);
-    if (!value)
-      return fmt::format("parameter '{}': values of type {} are not supported", parameter.name,
-                         parameter.value.type);
+    if (!value) {
+      return answer(Err(fmt::format("parameter '{}': values of type {} are not supported", parameter.name,
+                                    parameter.value.type)));
+    }
     wanted.values.emplace_back(parameter.name, *value);
   }
-  auto stored = node_.parameters().store(wanted, to_iso8601(system_utc_now(), 0));
-  if (!stored) return stored.error();
-  if (stored->size() > most_stored_parameters)
-    return fmt::format("more than {} stored parameters", most_stored_parameters);
-  std::string text = write_stored(node_.name(), *stored);
-  if (text.size() > largest_parameter_file)
-    return fmt::format("more than {} octets of stored parameters", largest_parameter_file);
+  const auto done = keeper_.submit(wanted, node_.now(), trial_time(), to_iso8601(system_utc_now(), 0));
+  if (done && keeper_.to_write() && wanted.operation != ParameterKeeper::Operation::report) {
+    write(answer);
+  } else {
+    answer(done);
+  }
+  follow_keeper();
+}
 
+srfs_msgs::srv::SaveParameters_Response NodeIntrospection::outcome_of(
+    const Result<void, std::string>& outcome) const {
+  SaveParameters::Response r;
+  r.success = outcome.has_value();
+  if (!outcome) r.reason = cut(outcome.error(), longest_told);
+  for (const StoredParameter& p : node_.parameters().stored()) r.stored.push_back(p.name);
+  for (const StoredParameter& p : keeper_.on_trial()) {
+    if (r.on_trial.size() < most_on_trial_told) r.on_trial.push_back(p.name);
+  }
+  if (const auto end = keeper_.deadline())
+    r.trial_left_ms = as_u32(std::max<std::int64_t>((*end - node_.now()) / milliseconds(1), 1));
+  const auto& generations = keeper_.history().generations;
+  for (auto g = generations.rbegin(); g != generations.rend(); ++g) {
+    srfs_msgs::msg::ParameterGeneration m;
+    m.number = g->number;
+    m.saved = cut(g->saved, 32);
+    m.origin = cut(g->origin, 60);
+    m.count = static_cast<std::uint16_t>(g->values.size());
+    m.values = cut(to_text(g->values), 200);
+    r.history.push_back(std::move(m));
+  }
+  return r;
+}
+
+void NodeIntrospection::write(std::function<void(const Result<void, std::string>&)> answer) {
   if (!disk_)
     disk_ = std::make_unique<Worker>(node_.context().executor, "parameters", 1, node_.worker_deadline());
   auto written = std::make_shared<Result<void, FileError>>();
-  saving_ = disk_->post(
-      [file = path(parameter_file), text = std::move(text), written] {
+  const auto end = [this, written, answer = std::move(answer)] {
+    keeper_.on_written(written->has_value());
+    if (!*written) log::error("parameters not saved: {}", written->error().message);
+    if (answer) {
+      answer(*written
+                 ? Result<void, std::string>{}
+                 : Err("not stored, it holds until the next start at most: " + written->error().message));
+    }
+    keeper_.poll(node_.now());
+    if (keeper_.to_write()) write({});
+    follow_keeper();
+  };
+  const bool taken = disk_->post(
+      [file = path(parameter_file), text = *keeper_.to_write(), written] {
         try {
           *written = write_file_atomically(file, text);
         } catch (const std::exception& e) {
           *written = Err(FileError{e.what()});
         }
       },
-      [this, written, stored = std::move(*stored), answer = std::move(answer)] {
-        saving_ = false;
-        SaveParameters::Response response;
-        response.success = written->has_value();
-        if (response.success) {
-          node_.parameters().set_stored_now(stored);
-          log::info("{} parameters stored for the next start", stored.size());
-        } else {
-          response.reason = cut(written->error().message, longest_told);
-          log::error("parameters not saved: {}", written->error().message);
-        }
-        for (const StoredParameter& p : node_.parameters().stored()) response.stored.push_back(p.name);
-        answer(response);
-      });
-  return saving_ ? "" : "another save is under way";
+      end);
+  if (taken) return;
+  *written = Err(FileError{"the disk is still busy with another file"});
+  end();
 }
 
+void NodeIntrospection::on_parameters_changed(const std::vector<std::string>& names) {
+  keeper_.on_changed(names, node_.now(), trial_time());
+  follow_keeper();
+}
+
+void NodeIntrospection::follow_keeper() {
+  trial_end_.reset();
+  // While something is being written, its end looks after the trial.
+  if (const auto end = keeper_.deadline(); end && !keeper_.to_write()) {
+    trial_end_ = node_.create_one_shot(
+        *end,
+        [this] {
+          keeper_.poll(node_.now());
+          if (keeper_.to_write()) write({});
+          follow_keeper();
+        },
+        "end of the trial");
+  }
+  const auto content = [](const ParameterNews& news) { return cut(to_text(news.values), longest_content); };
+  for (const ParameterNews& news : keeper_.take_news()) {
+    switch (news.kind) {
+      case ParameterNews::Kind::kept:
+        log::info("generation {} of the parameters is kept: {}", news.generation, to_text(news.values));
+        node_.raise(mission::ParameterKeptEvent{.generation = news.generation,
+                                                .values = static_cast<std::uint16_t>(news.values.size()),
+                                                .content = content(news)});
+        break;
+      case ParameterNews::Kind::on_trial:
+        log::warn("on trial for {} s: {}", news.time / seconds(1), to_text(news.values));
+        node_.raise(mission::ParameterOnTrialEvent{
+            .time_s = static_cast<std::uint32_t>(news.time / seconds(1)), .content = content(news)});
+        break;
+      case ParameterNews::Kind::confirmed:
+        log::info("no longer on trial: {}", to_text(news.values));
+        node_.raise(mission::ParameterConfirmedEvent{.content = content(news)});
+        break;
+      case ParameterNews::Kind::reverted:
+        log::warn("{}, back to: {}", news.reason, to_text(news.values));
+        node_.raise(mission::ParameterRevertedEvent{.reason = news.reason, .content = content(news)});
+        break;
+    }
+  }
+}
+
+void NodeIntrospection::begin_keeping() {
+  keep_set_aside();
+  keeper_.begin(to_iso8601(system_utc_now(), 0));
+  if (!keeper_.to_write()) return;
+  const auto written = write_file_atomically(path(parameter_file), *keeper_.to_write());
+  if (!written) log::error("{}", written.error().message);
+  keeper_.on_written(written.has_value());
+}
+
+/// First where they go, then (begin_keeping) where they come from: a crash in between loses nothing.
 void NodeIntrospection::keep_set_aside() {
   const auto& unused = node_.parameters().set_aside();
   if (unused.empty()) return;
@@ -186,31 +276,29 @@ void NodeIntrospection::keep_set_aside() {
   // room.
   if (const auto text = read_file(path(set_aside_file), largest_parameter_file)) {
     if (const auto before = read_stored(*text)) {
-      for (const StoredParameter& old : before->parameters) {
+      for (const StoredParameter& old : before->history.values()) {
         const bool newer =
             std::any_of(moved.begin(), moved.end(), [&](const auto& m) { return m.name == old.name; });
         if (!newer && moved.size() < most_stored_parameters) moved.push_back(old);
       }
     }
   }
-  // First where they go, then where they come from: a crash in between loses nothing.
-  auto written = write_file_atomically(path(set_aside_file), write_stored(node_.name(), moved));
-  if (written)
-    written =
-        write_file_atomically(path(parameter_file), write_stored(node_.name(), node_.parameters().stored()));
-  if (!written) log::error("{}", written.error().message);
+  if (const auto written = write_file_atomically(path(set_aside_file), write_list(node_.name(), moved));
+      !written)
+    log::error("{}", written.error().message);
 }
 
 void NodeIntrospection::note_unused(std::string what, std::string reason) {
   if (not_used_.size() < most_set_aside_told) not_used_.push_back({std::move(what), std::move(reason)});
 }
 
-void NodeIntrospection::raise_set_aside() {
+void NodeIntrospection::raise_start_report() {
   for (std::size_t i = 0; i < std::min(not_used_.size(), most_set_aside_events); ++i) {
     const mission::NodeParameterSetAsideEvent event{.parameter = not_used_[i].what,
                                                     .reason = not_used_[i].reason};
     node_.raise(event);
   }
+  follow_keeper();
 }
 
 void NodeIntrospection::fill(srfs_msgs::srv::GetNodeStatus_Response& r) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,7 +10,7 @@
 #include <srfs_msgs/srv/save_parameters.hpp>
 
 #include "ros/executor.hpp"
-#include "ros/parameters.hpp"
+#include "ros/parameter_keeper.hpp"
 #include "ros/service.hpp"
 #include "ros/worker.hpp"
 
@@ -29,10 +30,13 @@ class NodeIntrospection {
 
   /// Makes the services.
   void open();
-  /// Moves stored values that were not used into parameters_set_aside.yaml and says so. Blocks on the disk.
-  void keep_set_aside();
-  /// Raises an event for each stored value that was not used, at most 8.
-  void raise_set_aside();
+  /// Moves stored values that were not used into parameters_set_aside.yaml and says so; tells of a trial that
+  /// an earlier process left. After the last declaration. Blocks on the disk.
+  void begin_keeping();
+  /// Raises an event for each stored value that was not used, at most 8, and for that trial.
+  void raise_start_report();
+  /// After a change at run time.
+  void on_parameters_changed(const std::vector<std::string>& names);
   /// Publishes the structure of the work thread; nodes that the mission dictionary lacks have none.
   void publish_work();
 
@@ -42,9 +46,14 @@ class NodeIntrospection {
   [[nodiscard]] std::string path(const char* file) const;
   void fill(srfs_msgs::srv::GetNodeStatus_Response& response) const;
   void fill(srfs_msgs::srv::GetExecutorStatistics_Response& response) const;
-  /// @return why nothing is written; empty: on its way
-  std::string begin_save(const SaveParameters::Request& request,
-                         std::function<void(const SaveParameters::Response&)> answer);
+  void on_save(const SaveParameters::Request& request, Ticket ticket);
+  [[nodiscard]] SaveParameters::Response outcome_of(const Result<void, std::string>& outcome) const;
+  /// Writes what the keeper wants written. @param answer  to be called then; may be empty
+  void write(std::function<void(const Result<void, std::string>&)> answer);
+  void keep_set_aside();
+  /// Tells what became of values, and wakes up when the trial's time is over.
+  void follow_keeper();
+  [[nodiscard]] milliseconds trial_time() const;
 
   LifecycleNode& node_;
   MonotonicTime start_;
@@ -62,8 +71,9 @@ class NodeIntrospection {
   std::shared_ptr<Service<srfs_msgs::srv::GetNodeStatus>> status_;
   std::shared_ptr<Service<srfs_msgs::srv::GetExecutorStatistics>> statistics_;
   std::shared_ptr<Service<SaveParameters>> save_;
-  std::unique_ptr<Worker> disk_;  ///< made with the first save
-  bool saving_ = false;
+  ParameterKeeper keeper_;
+  Timer trial_end_;
+  std::unique_ptr<Worker> disk_;  ///< made with the first write
 };
 
 }  // namespace srfs::ros

@@ -116,9 +116,7 @@ std::optional<ParameterValue> ParameterSet::stored_start(const std::string& name
       std::find_if(stored_.begin(), stored_.end(), [&](const StoredParameter& s) { return s.name == name; });
   if (found == stored_.end()) return std::nullopt;
   std::string why;
-  if (found->trial) {
-    why = "a trial value that nobody confirmed";
-  } else if (found->value.index() != declaration.default_value.index()) {
+  if (found->value.index() != declaration.default_value.index()) {
     why = fmt::format("it is of type {}, not {}", type_text(declaration.default_value),
                       type_text(found->value));
   } else {
@@ -182,7 +180,15 @@ std::vector<std::string> ParameterSet::set_atomically(
       all_fine = false;
     }
   }
-  if (!all_fine) return refusals;
+  if (all_fine) apply(changes);
+  return refusals;
+}
+
+void ParameterSet::put_back(const std::vector<std::pair<std::string, ParameterValue>>& values) {
+  apply(values);
+}
+
+void ParameterSet::apply(const std::vector<std::pair<std::string, ParameterValue>>& changes) {
   for (const auto& [name, value] : changes) entries_.at(name).value = value;
   if (changed_) {
     for (const auto& change : changes) changed_(change.first);
@@ -193,39 +199,6 @@ std::vector<std::string> ParameterSet::set_atomically(
     for (const auto& change : changes) names.push_back(change.first);
     applied_(names);
   }
-  return refusals;
-}
-
-Result<std::vector<StoredParameter>, std::string> ParameterSet::store(const StoreRequest& request,
-                                                                      const std::string& saved) const {
-  std::vector<StoredParameter> all = stored_;
-  const auto forget = [&](const std::string& name) {
-    return std::erase_if(all, [&](const StoredParameter& s) { return s.name == name; }) > 0;
-  };
-  if (request.clear) {
-    if (request.names.empty()) all.clear();
-    for (const std::string& name : request.names) {
-      if (!forget(name)) return Err(fmt::format("parameter '{}' is not stored", name));
-    }
-    return all;
-  }
-  auto wanted = request.values;
-  for (const std::string& name : request.names) {
-    const ParameterValue* value = find(name);
-    if (value == nullptr) return Err(fmt::format("parameter '{}' has not been declared", name));
-    wanted.emplace_back(name, *value);
-  }
-  if (wanted.empty()) {
-    for (const auto& [name, entry] : entries_) {
-      if (entry.value != entry.start) wanted.emplace_back(name, entry.value);
-    }
-  }
-  for (auto& [name, value] : wanted) {
-    if (const std::string why = refusal(name, value, For::next_start); !why.empty()) return Err(why);
-    forget(name);
-    all.push_back({name, std::move(value), request.trial, saved});
-  }
-  return all;
 }
 
 const ParameterValue* ParameterSet::find(const std::string& name) const {
@@ -233,9 +206,17 @@ const ParameterValue* ParameterSet::find(const std::string& name) const {
   return found == entries_.end() ? nullptr : &found->second.value;
 }
 
-const ParameterDeclaration* ParameterSet::declaration(const std::string& name) const {
+const ParameterValue* ParameterSet::find_start(const std::string& name) const {
   const auto found = entries_.find(name);
-  return found == entries_.end() ? nullptr : &found->second.declaration;
+  return found == entries_.end() ? nullptr : &found->second.start;
+}
+
+std::optional<ParameterDeclaration> ParameterSet::declaration(const std::string& name) const {
+  const auto found = entries_.find(name);
+  if (found == entries_.end()) return std::nullopt;
+  ParameterDeclaration declaration = found->second.declaration;
+  declaration.guarded = is_guarded(name);
+  return declaration;
 }
 
 std::vector<std::string> ParameterSet::names() const {
@@ -341,6 +322,10 @@ rcl_interfaces::msg::ParameterDescriptor descriptor(const std::string& name,
   d.read_only = declaration.read_only;
   if (!declaration.choices.empty())
     d.additional_constraints = fmt::format("one of: {}", fmt::join(declaration.choices, ", "));
+  if (declaration.guarded) {
+    d.additional_constraints += d.additional_constraints.empty() ? "" : "; ";
+    d.additional_constraints += "guarded: a change is on trial until it is confirmed";
+  }
   if (declaration.range) {
     const bool integer = declaration.default_value.index() == 1 || declaration.default_value.index() == 5;
     if (integer) {

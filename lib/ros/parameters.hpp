@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <variant>
 #include <vector>
@@ -33,14 +34,14 @@ struct ParameterDeclaration {
   std::string description;
   bool read_only = false;              ///< changes at the next start only, by its stored value
   std::vector<std::string> choices{};  ///< of a text (every element of an array); empty: any
+  bool guarded = false;                ///< a change is on trial until it is confirmed (ParameterKeeper)
 };
 
 /// A value that outlives the node (VAR/state/<node>/parameters.yaml).
 struct StoredParameter {
   std::string name;
   ParameterValue value;
-  bool trial = false;  ///< nobody confirmed it yet: not used at the next start
-  std::string saved;   ///< when, UTC, for people
+  std::string saved;  ///< when, UTC, for people
   friend bool operator==(const StoredParameter&, const StoredParameter&) = default;
 };
 
@@ -92,26 +93,27 @@ class ParameterSet {
   /// Stored values that are not used.
   [[nodiscard]] const std::vector<SetAside>& set_aside() const { return set_aside_; }
 
-  /// What to keep over a restart (srfs_msgs/srv/SaveParameters).
-  struct StoreRequest {
-    std::vector<std::string> names;  ///< neither names nor values: all that differ from their start
-    std::vector<std::pair<std::string, ParameterValue>> values;  ///< for the next start; read-only ones too
-    bool clear = false;                                          ///< forget `names` (empty: all) instead
-    bool trial = false;
-  };
-  /// The stored values as they would be, all or nothing; set_stored_now() makes it so once they are on disk.
-  /// @param saved  now, UTC, for people. @return why not
-  [[nodiscard]] Result<std::vector<StoredParameter>, std::string> store(const StoreRequest& request,
-                                                                        const std::string& saved) const;
+  /// A change of this parameter is on trial until it is confirmed. Before or after its declaration.
+  void guard(const std::string& name) { guarded_.insert(name); }
+  [[nodiscard]] bool is_guarded(const std::string& name) const { return guarded_.contains(name); }
+  /// Why the next start could not use this value; empty: it can.
+  [[nodiscard]] std::string next_start_refusal(const std::string& name, const ParameterValue& value) const {
+    return refusal(name, value, For::next_start);
+  }
+  /// Back to values that held before: asks nobody.
+  void put_back(const std::vector<std::pair<std::string, ParameterValue>>& values);
   void set_stored_now(std::vector<StoredParameter> stored) { stored_ = std::move(stored); }
-  /// In the file now, without what was set aside.
+  /// What the next start takes over the deployment's values, without what was set aside.
   [[nodiscard]] const std::vector<StoredParameter>& stored() const { return stored_; }
 
   /// All or none. @return per parameter its refusal (empty: fine); all empty means all were applied
   [[nodiscard]] std::vector<std::string> set_atomically(
       const std::vector<std::pair<std::string, ParameterValue>>& changes);
   [[nodiscard]] const ParameterValue* find(const std::string& name) const;
-  [[nodiscard]] const ParameterDeclaration* declaration(const std::string& name) const;
+  /// Of the deployment or the default; nullptr: no such parameter.
+  [[nodiscard]] const ParameterValue* find_start(const std::string& name) const;
+  /// With the mark of a guarded one.
+  [[nodiscard]] std::optional<ParameterDeclaration> declaration(const std::string& name) const;
   [[nodiscard]] std::vector<std::string> names() const;
 
   void set_check(Check check) { check_ = std::move(check); }
@@ -126,6 +128,7 @@ class ParameterSet {
     ParameterValue start;  ///< of the deployment or the default
   };
   enum class For : std::uint8_t { now, next_start };
+  void apply(const std::vector<std::pair<std::string, ParameterValue>>& changes);
   [[nodiscard]] std::string refusal(const std::string& name, const ParameterValue& value, For when) const;
   [[nodiscard]] std::optional<ParameterValue> stored_start(const std::string& name,
                                                            const ParameterDeclaration& declaration);
@@ -135,6 +138,7 @@ class ParameterSet {
   std::map<std::string, Entry> entries_;
   std::vector<StoredParameter> stored_;
   std::vector<SetAside> set_aside_;
+  std::set<std::string> guarded_;
   Check check_;
   SetCheck set_check_;
   Changed changed_;

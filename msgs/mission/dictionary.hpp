@@ -109,6 +109,7 @@ struct Parameter {
   std::string node_parameter;  ///< its name at the node
   Field field;                 ///< how its value stands on the link; its range and enumeration bind
   bool list = false;           ///< a text that is a list at the node, its elements separated by commas
+  bool guarded = false;        ///< a change of it is on trial until it is confirmed
 };
 
 struct Structure {

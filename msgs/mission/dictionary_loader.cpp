@@ -262,6 +262,7 @@ class DictionaryLoader {
     if (nodes.empty()) nodes.push_back(section.text("node"));
     p.node_parameter = section.text("name");
     p.list = section.boolean("list", false);
+    p.guarded = section.boolean("guarded", false);
     const auto id = section.integer("id", 1, 65535 - static_cast<std::int64_t>(nodes.size()));
     p.field = read_field(section);
     const bool sendable = p.field.count == 1 && p.field.type != FieldType::parameter_value &&

@@ -106,6 +106,7 @@ CallbackReturn MaintenanceNode::on_cleanup() {
   sending_.reset();
   lines_.clear();
   parameters_of_.reset();
+  save_clients_.clear();
   close_commanding();
   close_packages();
   close_scrubbing();
@@ -151,7 +152,7 @@ FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) 
     case mission::ScrubRetake::function_id:
       return judge<mission::ScrubRetake>(arguments, deployment());
     default:
-      return FailureCode::unknown_function;
+      return check_parameters(function, arguments);
   }
 }
 
@@ -233,7 +234,7 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       run_scrubbing(true);
       break;
     default:
-      finished(FailureCode::unknown_function);  // stored by a version that knew it
+      execute_parameters(telecommand);
   }
 }
 

@@ -2,10 +2,13 @@
 
 #include <deque>
 #include <functional>
+#include <map>
 #include <optional>
+#include <string>
 
 #include <mission/structures.hpp>
 #include <rcl_interfaces/srv/set_parameters.hpp>
+#include <srfs_msgs/srv/save_parameters.hpp>
 
 #include "base/child_process.hpp"
 #include "commanding/commanded_node.hpp"
@@ -46,6 +49,10 @@ class MaintenanceNode : public CommandedNode {
   template <class Structure>
   [[nodiscard]] srfs_msgs::msg::PayloadTelemetry telemetry(const Structure& structure) const;
   void send_next();
+  // maintenance_parameters.cpp
+  [[nodiscard]] FailureCode check_parameters(std::uint16_t function, OctetView arguments) const;
+  void execute_parameters(const StoredTelecommand& telecommand);
+  void report_generations(const std::string& node, const srfs_msgs::srv::SaveParameters::Response& said);
 
   // maintenance_packages.cpp: one package at a time, from the folder of files to a running program.
   void open_packages();
@@ -117,6 +124,7 @@ class MaintenanceNode : public CommandedNode {
   ros::Timer sending_;
   ros::Timer own_end_;
   std::shared_ptr<ros::Client<SetParameters>> parameters_of_;  ///< while a call is under way
+  std::map<std::string, std::shared_ptr<ros::Client<srfs_msgs::srv::SaveParameters>>> save_clients_;
 };
 
 }  // namespace srfs

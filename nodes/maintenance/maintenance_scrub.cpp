@@ -31,7 +31,7 @@ void give_way() {
 
 std::filesystem::path library_folder() {
   Dl_info self{};
-  if (dladdr(reinterpret_cast<const void*>(&ros::own_bin_folder), &self) == 0 || self.dli_fname == nullptr)
+  if (dladdr(reinterpret_cast<const void*>(&ros::suite_bin_folder), &self) == 0 || self.dli_fname == nullptr)
     return {};
   return std::filesystem::absolute(self.dli_fname).parent_path();
 }
@@ -102,7 +102,7 @@ void MaintenanceNode::scrub_slice() {
       [this, scrubber = scrub_->scrubber, begins, mode = scrub_->mode, outcome] {
         const UtcTime at = system_utc_now();
         if (begins) {
-          const Installation installation{ros::own_bin_folder(), library_folder(),
+          const Installation installation{ros::suite_bin_folder(), library_folder(),
                                           mission::Dictionary::default_folder()};
           scrubber->begin(files_to_scrub(deployment(), var(), installation), mode, at);
           outcome->more = scrubber->status().running;

@@ -100,6 +100,8 @@ class AcceptanceJournal {
                     std::size_t fill_octets = usual_fill_octets)
       : boot_id_(std::move(boot_id)), repeat_window_(repeat_window), fill_octets_(fill_octets) {}
 
+  void set_repeat_window(milliseconds window) { repeat_window_ = window; }
+
   // ---- start: apply() in the order of the records, then begin() once
 
   /// @return false: not a record of this version (counted by the caller as damage)

@@ -220,6 +220,8 @@ class TtcNode : public ros::LifecycleNode {
   void on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message);
 
   // Periodic work
+  void start_periods();
+  void on_parameter_changed(const std::string& parameter);
   void commit_stores();
   void on_store_status(const StoreRackStatus& status);
   void send_own_housekeeping();
@@ -315,6 +317,8 @@ class TtcNode : public ros::LifecycleNode {
   bool imaging_job_runs_ = false;
   std::vector<std::string> answered_;  ///< nodes whose client has done its work
   std::vector<ros::Timer> timers_;
+  ros::Timer housekeeping_timer_;
+  ros::Timer beacon_timer_;
   ros::Timer wake_up_;
   std::optional<MonotonicTime> wake_up_at_;
   ros::Executor::Handle line_watch_;

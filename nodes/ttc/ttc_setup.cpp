@@ -109,17 +109,25 @@ TtcNode::TtcNode(ros::NodeContext& context)
   declare_parameter("initial_mode", std::string("safe"),
                     "Mode of a deployment that never ran: safe or nominal", true);
   declare_parameter("beacon_period_ms", std::int64_t{30000}, ros::ParameterRange{1000, 600000},
-                    "Period of the beacon", true);
+                    "Period of the beacon");
   declare_parameter("housekeeping_period_ms", std::int64_t{5000}, ros::ParameterRange{100, 600000},
-                    "Period of the sample of the own link counters", true);
+                    "Period of the sample of the own link counters");
   declare_parameter("persist_deadline_ms", std::int64_t{1000}, ros::ParameterRange{10, 60000},
                     "Longest wait for the journal to be on disk; then only recovery commands run", true);
   declare_parameter("arm_window_ms", std::int64_t{30000}, ros::ParameterRange{1000, 600'000},
                     "How long a hazardous telecommand stays armed", true);
   declare_parameter("repeat_window_ms", std::int64_t{60000}, ros::ParameterRange{0, 86'400'000},
-                    "The same packet on a secured channel within this time is a repeat", true);
+                    "The same packet on a secured channel within this time is a repeat");
   declare_parameter("schedule_late_max_ms", std::int64_t{60000}, ros::ParameterRange{1000, 86'400'000},
                     "A scheduled activity that is later than this is dropped", true);
+  on_parameter_change([this](const std::string& parameter) { on_parameter_changed(parameter); });
+}
+
+void TtcNode::on_parameter_changed(const std::string& parameter) {
+  if (parameter == "repeat_window_ms" && link_)
+    link_->journal.set_repeat_window(milliseconds(get_parameter<std::int64_t>(parameter)));
+  if ((parameter == "beacon_period_ms" || parameter == "housekeeping_period_ms") && is_active())
+    start_periods();
 }
 
 Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) const {
@@ -405,6 +413,14 @@ void TtcNode::say_how_the_link_is_secured() const {
   }
 }
 
+void TtcNode::start_periods() {
+  housekeeping_timer_ = create_timer(
+      milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
+      [this] { send_own_housekeeping(); }, "housekeeping");
+  beacon_timer_ = create_timer(
+      milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }, "beacon");
+}
+
 ros::CallbackReturn TtcNode::on_activate() {
   line_watch_ = watch_fd(
       line_->fd(), EPOLLIN,
@@ -417,11 +433,7 @@ ros::CallbackReturn TtcNode::on_activate() {
       seconds(1), [this] { commit_stores(); }, "commit stores"));
   timers_.push_back(create_timer(
       ModeKeeper::publish_period, [this] { publish_mode(); }, "mode"));
-  timers_.push_back(create_timer(
-      milliseconds(get_parameter<std::int64_t>("housekeeping_period_ms")),
-      [this] { send_own_housekeeping(); }, "housekeeping"));
-  timers_.push_back(create_timer(
-      milliseconds(get_parameter<std::int64_t>("beacon_period_ms")), [this] { send_beacon(); }, "beacon"));
+  start_periods();
   // The first beacon does not wait for its period: an operator who listens wants to know that the spacecraft
   // is up.
   timers_.push_back(create_one_shot(
@@ -460,6 +472,8 @@ ros::CallbackReturn TtcNode::on_deactivate() {
   wake_up_.reset();
   wake_up_at_.reset();
   timers_.clear();
+  housekeeping_timer_.reset();
+  beacon_timer_.reset();
   line_watch_.reset();
   if (!to_store_.empty()) {
     store_worker_->post([stores = stores_, items = std::exchange(to_store_, {})] {

@@ -104,14 +104,14 @@ class NodeToolsTest(ToolTest):
         self.assertEqual(self.srfs("param", "set", "faulty", "window", "[3]").returncode, 1, "read-only")
 
         self.assertEqual(self.srfs("param", "set", "faulty", "configure_ms", "30").returncode, 0)
-        self.assertEqual(self.json("param", "save", "faulty")["stored"], ["configure_ms"])
+        self.assertEqual(self.json("param", "keep", "faulty")["stored"], ["configure_ms"])
         stored = self.srfs("param", "set", "faulty", "window", "[3, 4]", "--next-start")
         self.assertEqual(stored.returncode, 0, stored.stderr)
         self.restart()
         values = self.json("param", "list", "faulty")["parameters"]
         self.assertEqual((values["configure_ms"], values["window"]), (30, [3, 4]))
 
-        self.assertEqual(self.json("param", "clear", "faulty")["stored"], [])
+        self.assertEqual(self.json("param", "forget", "faulty")["stored"], [])
         self.restart()
         values = self.json("param", "list", "faulty")["parameters"]
         self.assertEqual((values["configure_ms"], values["window"]), (20, [1, 2]))

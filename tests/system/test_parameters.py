@@ -6,7 +6,7 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, ROOT, SystemTest, wait_until
+from support import BIN, DEADLINE_S, NODES, ROOT, SystemTest, wait_until
 
 import sys
 
@@ -17,7 +17,7 @@ from mission_dictionary import load  # noqa: E402
 PARAMETERS = {p["full_name"]: p for p in load(ROOT / "msgs" / "mission").parameters}
 
 
-class ParametersTest(SystemTest):
+class ParameterTools(SystemTest):
     def tool(self, flight, *arguments):
         command = [str(BIN / "srfs-ground"), "--port", str(flight.var / "rs422"), "--deployment", str(flight.deployment), "--json", "param", *arguments]
         run = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=240)
@@ -32,6 +32,8 @@ class ParametersTest(SystemTest):
         node, name = full_name.split(".", 1)
         return json.loads(flight.srfs("param", "get", node, name).stdout)["value"]
 
+
+class ParametersTest(ParameterTools):
     def test_every_parameter_of_the_dictionary_is_read_and_can_be_set_again(self):
         with self.flight() as flight:
             values = self.values(flight)
@@ -57,7 +59,7 @@ class ParametersTest(SystemTest):
             code, lines = self.tool(flight, "set", "timing.leap_seconds=61")
             self.assertEqual((code, lines[0]["type"]), (2, "error"))
             self.assertIn("61 is out of range 30..60", lines[0]["message"])
-            code, lines = self.tool(flight, "get", "timing.tick_period_ms")
+            code, lines = self.tool(flight, "get", "timing.gps_baud")
             self.assertEqual(code, 2)
 
             ground = flight.ground()
@@ -77,6 +79,121 @@ class ParametersTest(SystemTest):
             self.assertEqual((outcome["stage"], outcome["name"]), ("failed", "parameter_node_silent"))
             outcome = ground.command("tc parameters.report parameter=image_acquisition.log_level", DEADLINE_S)
             self.assertEqual(outcome["stage"], "completed")
+
+
+class KeptParametersTest(ParameterTools):
+    def flight_with_short_trials(self):
+        short = "parameter_trial_s: 6"
+        return self.flight(self.deployment(("watchdog_timeout_s: 10 }", f"watchdog_timeout_s: 10, {short} }}"), ("initial_mode: nominal }", f"initial_mode: nominal, {short} }}")))
+
+    def do(self, flight, *arguments):
+        code, lines = self.tool(flight, *arguments)
+        self.assertEqual(code, 0, lines[-3:])
+        return lines
+
+    def kill(self, flight, *nodes):
+        """SIGKILL, and somebody else is there again."""
+        pids = {node: flight.node_pid(node) for node in nodes}
+        for pid in pids.values():
+            os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: all(flight.node_pid(node) not in (None, pids[node]) for node in nodes), 2 * DEADLINE_S, f"{nodes} are back")
+        wait_until(lambda: all(node["state"] == "active" for node in flight.status()), 2 * DEADLINE_S, "all work again")
+
+    def value(self, flight, full_name):
+        """None while the node does not answer."""
+        node, name = full_name.split(".", 1)
+        answer = flight.srfs("param", "get", node, name)
+        return json.loads(answer.stdout)["value"] if answer.returncode == 0 else None
+
+    def wait_for_value(self, flight, full_name, value):
+        wait_until(lambda: self.value(flight, full_name) == value, 2 * DEADLINE_S, f"{full_name} is {value}")
+
+    def history(self, flight, node):
+        lines = self.do(flight, "history", node)
+        return [m["fields"] for m in lines if m.get("structure") == "parameter_generation"]
+
+    def test_a_kept_value_outlives_its_process_until_a_factory_reset_which_can_be_undone(self):
+        with self.flight() as flight:
+            self.assertEqual([g["number"] for g in self.history(flight, "payload_eps")], [0])
+            self.do(flight, "set", "payload_eps.answer_timeout_ms=31", "payload_eps.log_level=warn")
+            self.do(flight, "keep", "payload_eps")
+            self.kill(flight, "payload_eps")
+            self.wait_for_value(flight, "payload_eps.answer_timeout_ms", 31)
+            self.assertEqual(self.value(flight, "payload_eps.log_level"), "warn")
+
+            self.do(flight, "reset", "payload_eps")
+            self.assertEqual(self.value(flight, "payload_eps.answer_timeout_ms"), 25, "at once")
+            self.kill(flight, "payload_eps")
+            self.wait_for_value(flight, "payload_eps.answer_timeout_ms", 25)
+            newest, first = self.history(flight, "payload_eps")
+            self.assertEqual((newest["number"], newest["current"], newest["values"]), (2, True, 0))
+            self.assertEqual((first["number"], first["content"]), (1, "answer_timeout_ms=31, log_level=warn"))
+            self.assertEqual(first["origin"], "keep (telecommand)")
+
+            self.do(flight, "restore", "payload_eps", "1")
+            self.assertEqual(self.value(flight, "payload_eps.answer_timeout_ms"), 31)
+
+            # An octet of the disk goes wrong.
+            file = flight.var / "state" / "payload_eps" / "parameters.yaml"
+            file.write_text(file.read_text().replace("value: 31", "value: 91"))
+            ground = flight.ground()
+            since = ground.position()
+            self.kill(flight, "payload_eps")
+            self.wait_for_value(flight, "payload_eps.answer_timeout_ms", 25)
+            said = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "node.parameter_set_aside", DEADLINE_S, since)
+            self.assertIn("checksum", said["fields"]["reason"])
+
+    def test_a_guarded_value_goes_back_when_its_time_is_over_though_ttc_and_maintenance_died(self):
+        with self.flight_with_short_trials() as flight:
+            ground = flight.ground()
+            outcome = ground.command("tc parameters.set parameter=timing.late_tick_ms value=77", DEADLINE_S)
+            self.assertEqual(outcome["stage"], "completed")
+            self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "parameter.on_trial", DEADLINE_S))
+            self.assertEqual(ground.command("tc parameters.keep node=timing", DEADLINE_S)["stage"], "completed")
+            since = ground.position()
+            self.kill(flight, "ttc", "maintenance")
+            self.wait_for_value(flight, "timing.late_tick_ms", 50)
+            self.kill(flight, "timing")
+            self.wait_for_value(flight, "timing.late_tick_ms", 50)
+
+            # Without deaths the ground hears of it.
+            outcome = ground.command("tc parameters.set parameter=timing.late_tick_ms value=78", 2 * DEADLINE_S)
+            self.assertEqual(outcome["stage"], "completed")
+            said = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "parameter.reverted", DEADLINE_S, since)
+            self.assertEqual((said["fields"]["reason"], said["fields"]["content"]), ("not confirmed in time", "late_tick_ms=50"))
+
+    def test_a_guarded_value_that_is_confirmed_holds_and_one_that_is_not_dies_with_its_node_or_the_whole_suite(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+            self.do_in(ground, "parameters.set parameter=ttc.beacon_period_ms value=2000")
+            self.do_in(ground, "parameters.keep node=ttc")
+            since = ground.position()
+            self.kill(flight, "ttc")
+            self.wait_for_value(flight, "ttc.beacon_period_ms", 30000)
+            said = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "parameter.reverted", DEADLINE_S, since)
+            self.assertEqual(said["fields"]["reason"], "started anew before it was confirmed")
+            outcome = ground.command("tc parameters.confirm node=ttc", DEADLINE_S)
+            self.assertEqual((outcome["stage"], outcome["name"]), ("failed", "parameters_refused"))
+            said = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "parameter.request_refused", DEADLINE_S, since)
+            self.assertEqual((said["fields"]["node"], said["fields"]["reason"]), ("ttc", "nothing is on trial"))
+            outcome = ground.command("tc parameters.keep node=nobody", DEADLINE_S)
+            self.assertEqual(outcome["name"], "unknown_node")
+
+            self.do_in(ground, "parameters.set parameter=ttc.beacon_period_ms value=2000")
+            self.do_in(ground, "parameters.keep node=ttc")
+            self.do_in(ground, "parameters.confirm node=ttc")
+            self.kill(flight, "ttc")
+            self.wait_for_value(flight, "ttc.beacon_period_ms", 2000)
+
+            self.do_in(ground, "parameters.set parameter=ttc.beacon_period_ms value=3000", 2 * DEADLINE_S)
+            self.do_in(ground, "parameters.keep node=ttc")
+            self.kill(flight, *NODES)
+            self.wait_for_value(flight, "ttc.beacon_period_ms", 2000)
+            self.do_in(ground, "parameters.history node=ttc", 2 * DEADLINE_S)
+
+    def do_in(self, ground, text, deadline_s=DEADLINE_S):
+        outcome = ground.command(f"tc {text}", deadline_s)
+        self.assertEqual(outcome["stage"], "completed", outcome)
 
 
 if __name__ == "__main__":

@@ -84,6 +84,7 @@ class Experiment:
         result = self.flight.srfs("param", "set", "timing", "tick_period_ms", str(period_ms))
         if result.returncode != 0:
             raise mission.MissionError(f"tick_period_ms {period_ms}: {result.stdout.strip() or result.stderr.strip()}")
+        self.flight.srfs("param", "confirm", "timing")  # it would go back in the middle of a long recording
         self.wait_until(time.monotonic() + SETTLE_S)
         begin = time.monotonic_ns()
         self.say(f"recording {DURATION_S[self.name]:g} s with a heartbeat of {period_ms} ms: strictly sequential")

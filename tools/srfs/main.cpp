@@ -104,7 +104,7 @@ struct ParameterArguments {
   std::string name;
   std::string value;
   std::vector<std::string> names;
-  bool trial = false;
+  std::uint32_t generation = 0;
   bool next_start = false;
   CLI::App* command = nullptr;
 };
@@ -127,10 +127,15 @@ void add_parameter_commands(CLI::App& app, ParameterArguments& a) {
     sub->add_option("value", a.value, "As in YAML: 5, true, text, [1, 2]")->required();
     sub->add_flag("--next-start", a.next_start, "Store it for the next start, change nothing now");
   }
-  CLI::App* save = add("save", "Keep present values over restarts of the node");
-  save->add_option("names", a.names, "Parameters; default: all that differ from the deployment");
-  save->add_flag("--trial", a.trial, "Store as trial: not used at the next start unless confirmed");
-  add("clear", "Forget stored values; the next start is that of the deployment")
+  add("keep", "Keep present values over restarts of the node; guarded ones once they are confirmed")
+      ->add_option("names", a.names, "Parameters; default: all that differ from the deployment");
+  add("confirm", "What is on trial holds, and is kept if it was to be kept");
+  add("history", "The last ten sets of values that were kept");
+  add("restore", "Take the values of a set of the history, now and at the next starts")
+      ->add_option("generation", a.generation, "Its number")
+      ->required();
+  add("reset", "Back to the deployment's values, now and at the next starts");
+  add("forget", "Forget stored values; the next start is that of the deployment")
       ->add_option("names", a.names, "Parameters; default: all");
 }
 
@@ -140,8 +145,12 @@ int run_parameters(const Target& target, const ParameterArguments& a, bool json)
   if (a.command->got_subcommand("describe")) return describe_parameter(target, a.node, a.name, json);
   if (a.command->got_subcommand("set"))
     return set_parameter(target, a.node, a.name, a.value, a.next_start, json);
-  if (a.command->got_subcommand("save")) return save_parameters(target, a.node, a.names, a.trial, json);
-  return clear_parameters(target, a.node, a.names, json);
+  if (a.command->got_subcommand("keep")) return keep_parameters(target, a.node, a.names, json);
+  if (a.command->got_subcommand("confirm")) return confirm_parameters(target, a.node, json);
+  if (a.command->got_subcommand("history")) return show_parameter_history(target, a.node, json);
+  if (a.command->got_subcommand("restore")) return restore_parameters(target, a.node, a.generation, json);
+  if (a.command->got_subcommand("reset")) return reset_parameters(target, a.node, json);
+  return forget_parameters(target, a.node, a.names, json);
 }
 
 /// What the command line of `srfs ring` and `srfs faults` says.

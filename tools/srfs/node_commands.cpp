@@ -179,19 +179,56 @@ void print_statistics(const std::string& node, const GetExecutorStatistics::Resp
   }
 }
 
-int store(const Target& target, const std::string& node, const SaveParameters::Request& request, bool json) {
+Json history_of(const SaveParameters::Response& said) {
+  Json history = Json::array();
+  for (const auto& g : said.history) {
+    history.push_back({{"generation", g.number},
+                       {"saved", g.saved},
+                       {"origin", g.origin},
+                       {"values", g.count},
+                       {"content", g.values}});
+  }
+  return history;
+}
+
+void print_trial(const SaveParameters::Response& said) {
+  if (said.on_trial.empty()) return;
+  fmt::print("on trial for {:.1f} s: {} (srfs param confirm)\n",
+             static_cast<double>(said.trial_left_ms) * 1e-3, fmt::join(said.on_trial, ", "));
+}
+
+int save(const Target& target, const std::string& node, SaveParameters::Request request, bool json) {
   const Reach r = reach(target, node);
   if (!r.bus) return fail(r.exit, r.problem, json);
+  request.origin = "srfs param";
   const auto answer = r.bus->ask<SaveParameters>("/" + node + "/save_parameters", request, answer_deadline);
   if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
   if (!answer->success) return fail(CommandExit::refused, fmt::format("/{}: {}", node, answer->reason), json);
   if (json) {
-    print({{"ok", true}, {"stored", answer->stored}});
+    print({{"ok", true},
+           {"stored", answer->stored},
+           {"on_trial", answer->on_trial},
+           {"trial_left_ms", answer->trial_left_ms},
+           {"history", history_of(*answer)}});
+    return code(CommandExit::done);
+  }
+  if (request.operation == SaveParameters::Request::REPORT) {
+    fmt::print("{:<11}{:<22}{:>7}  {:<32}{}\n", "GENERATION", "SAVED", "VALUES", "ORIGIN", "CONTENT");
+    for (const auto& g : answer->history)
+      fmt::print("{:<11}{:<22}{:>7}  {:<32}{}\n", g.number, g.saved, g.count, g.origin, g.values);
   } else {
     fmt::print("stored for the next start of /{}: {}\n", node,
                answer->stored.empty() ? "nothing" : fmt::format("{}", fmt::join(answer->stored, ", ")));
   }
+  print_trial(*answer);
   return code(CommandExit::done);
+}
+
+SaveParameters::Request request_of(std::uint8_t operation, const std::vector<std::string>& names = {}) {
+  SaveParameters::Request request;
+  request.operation = operation;
+  request.names = names;
+  return request;
 }
 
 }  // namespace
@@ -348,7 +385,7 @@ int set_parameter(const Target& target, const std::string& node, const std::stri
   if (next_start) {
     SaveParameters::Request request;
     request.values = {parameter};
-    return store(target, node, request, json);
+    return save(target, node, request, json);
   }
   rcl_interfaces::srv::SetParameters_Request request;
   request.parameters = {parameter};
@@ -362,20 +399,32 @@ int set_parameter(const Target& target, const std::string& node, const std::stri
   return code(CommandExit::done);
 }
 
-int save_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
-                    bool trial, bool json) {
-  SaveParameters::Request request;
-  request.names = names;
-  request.trial = trial;
-  return store(target, node, request, json);
+int keep_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
+                    bool json) {
+  return save(target, node, request_of(SaveParameters::Request::KEEP, names), json);
 }
 
-int clear_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
-                     bool json) {
-  SaveParameters::Request request;
-  request.names = names;
-  request.clear = true;
-  return store(target, node, request, json);
+int forget_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
+                      bool json) {
+  return save(target, node, request_of(SaveParameters::Request::FORGET, names), json);
+}
+
+int confirm_parameters(const Target& target, const std::string& node, bool json) {
+  return save(target, node, request_of(SaveParameters::Request::CONFIRM), json);
+}
+
+int restore_parameters(const Target& target, const std::string& node, std::uint32_t generation, bool json) {
+  SaveParameters::Request request = request_of(SaveParameters::Request::RESTORE);
+  request.generation = generation;
+  return save(target, node, request, json);
+}
+
+int reset_parameters(const Target& target, const std::string& node, bool json) {
+  return save(target, node, request_of(SaveParameters::Request::RESET), json);
+}
+
+int show_parameter_history(const Target& target, const std::string& node, bool json) {
+  return save(target, node, request_of(SaveParameters::Request::REPORT), json);
 }
 
 }  // namespace srfs::tool

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -31,10 +32,15 @@ int describe_parameter(const Target& target, const std::string& node, const std:
 /// @param next_start  store the value for the next start instead of changing it now (read-only parameters)
 int set_parameter(const Target& target, const std::string& node, const std::string& name,
                   const std::string& value, bool next_start, bool json);
-/// @param names  empty: all that differ from the deployment (save), all that are stored (clear)
-int save_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
-                    bool trial, bool json);
-int clear_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
-                     bool json);
+/// What a node keeps over its restarts (srfs_msgs/srv/SaveParameters).
+/// @param names  empty: all that differ from the deployment (keep), all that are stored (forget)
+int keep_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
+                    bool json);
+int forget_parameters(const Target& target, const std::string& node, const std::vector<std::string>& names,
+                      bool json);
+int confirm_parameters(const Target& target, const std::string& node, bool json);
+int restore_parameters(const Target& target, const std::string& node, std::uint32_t generation, bool json);
+int reset_parameters(const Target& target, const std::string& node, bool json);
+int show_parameter_history(const Target& target, const std::string& node, bool json);
 
 }  // namespace srfs::tool

@@ -29,6 +29,8 @@ class ScriptedNode : public LifecycleNode {
   explicit ScriptedNode(NodeContext& context) : LifecycleNode(context) {
     declare_parameter("period_ms", std::int64_t{100}, ParameterRange{10, 1000}, "Period");
     declare_parameter("window", std::int64_t{4}, ParameterRange{1, 64}, "Window", true);
+    declare_parameter("guarded_ms", std::int64_t{100}, ParameterRange{10, 1000}, "On trial when changed");
+    parameters().guard("guarded_ms");
   }
 
   Script configure, activate, deactivate, cleanup, shutdown, error;

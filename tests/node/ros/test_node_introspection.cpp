@@ -139,13 +139,17 @@ class StoredParameters : public ScriptedNodeTest {
  protected:
   using Values = std::vector<std::pair<std::string, ParameterValue>>;
 
-  SaveParameters::Response save(const std::vector<std::string>& names, const Values& values = {},
-                                bool clear = false, bool trial = false) {
+  SaveParameters::Response save(const std::vector<std::string>& names, const Values& values = {}) {
     SaveParameters::Request request;
     request.names = names;
     for (const auto& [name, value] : values) request.values.push_back({name, to_message(value)});
-    request.clear = clear;
-    request.trial = trial;
+    return call<SaveParameters>("/probe/save_parameters", request);
+  }
+  SaveParameters::Response ask(std::uint8_t operation, std::uint32_t generation = 0) {
+    SaveParameters::Request request;
+    request.operation = operation;
+    request.generation = generation;
+    request.origin = "test";
     return call<SaveParameters>("/probe/save_parameters", request);
   }
   void set(const std::string& name, const ParameterValue& value) {
@@ -155,7 +159,7 @@ class StoredParameters : public ScriptedNodeTest {
   [[nodiscard]] std::filesystem::path file() const { return folder_ / "state/probe/parameters.yaml"; }
 };
 
-TEST_F(StoredParameters, OutliveARestartUntilTheyAreCleared) {
+TEST_F(StoredParameters, OutliveARestartUntilTheyAreForgotten) {
   set("period_ms", std::int64_t{700});
   const auto saved = save({"period_ms"});
   EXPECT_TRUE(saved.success) << saved.reason;
@@ -163,8 +167,8 @@ TEST_F(StoredParameters, OutliveARestartUntilTheyAreCleared) {
 
   start_node();
   EXPECT_EQ(period(), 700);
-  EXPECT_TRUE(save({"period_ms"}, {}, true).success);
-  EXPECT_EQ(period(), 700) << "clearing takes effect at the next start";
+  EXPECT_TRUE(ask(SaveParameters::Request::FORGET).success);
+  EXPECT_EQ(period(), 700) << "forgetting takes effect at the next start";
 
   start_node();
   EXPECT_EQ(period(), 50) << "the deployment's";
@@ -183,12 +187,74 @@ TEST_F(StoredParameters, AreRefusedWithAReasonAndThenNothingIsWritten) {
   EXPECT_FALSE(std::filesystem::exists(file()));
 }
 
-TEST_F(StoredParameters, TrialOnesDoNotOutliveTheNextStart) {
-  EXPECT_TRUE(save({}, {{"period_ms", std::int64_t{700}}}, false, true).success);
+TEST_F(StoredParameters, ThatAreGuardedGoBackByThemselvesUnlessTheyAreConfirmed) {
+  set("parameter_trial_s", std::int64_t{1});
+  set("guarded_ms", std::int64_t{200});
+  const auto kept = save({});
+  EXPECT_TRUE(kept.success) << kept.reason;
+  EXPECT_THAT(kept.stored, ElementsAre("parameter_trial_s"));
+  EXPECT_THAT(kept.on_trial, ElementsAre("guarded_ms"));
+  EXPECT_GT(kept.trial_left_ms, 0U);
+  EXPECT_LE(kept.trial_left_ms, 1000U);
+  ASSERT_TRUE(wait([&] { return node_->get_parameter<std::int64_t>("guarded_ms") == 100; }));
+  EXPECT_THAT(ask(SaveParameters::Request::REPORT).on_trial, SizeIs(0));
+  EXPECT_EQ(ask(SaveParameters::Request::CONFIRM).reason, "nothing is on trial");
+
+  set("parameter_trial_s", std::int64_t{300});
+  set("guarded_ms", std::int64_t{300});
+  EXPECT_TRUE(save({}).success);
+  const auto confirmed = ask(SaveParameters::Request::CONFIRM);
+  EXPECT_TRUE(confirmed.success) << confirmed.reason;
+  EXPECT_THAT(confirmed.stored, Contains("guarded_ms"));
+  start_node();
+  EXPECT_EQ(node_->get_parameter<std::int64_t>("guarded_ms"), 300);
+}
+
+TEST_F(StoredParameters, OnTrialAreNotUsedByTheNextProcessWhichSaysSo) {
+  set("guarded_ms", std::int64_t{200});
+  EXPECT_TRUE(save({}).success);
+  start_node();
+  EXPECT_EQ(node_->get_parameter<std::int64_t>("guarded_ms"), 100);
+  std::vector<srfs_msgs::msg::Event> heard;
+  const Subscription<srfs_msgs::msg::Event> events(
+      executor_, *there_, topics::event,
+      [&](const srfs_msgs::msg::Event& e, const MessageInfo&) { heard.push_back(e); });
+  ASSERT_TRUE(is_heard(events));
+  ASSERT_TRUE(change("configure"));
+  ASSERT_TRUE(change("activate"));
+  const auto reverted = [&]() -> std::optional<mission::ParameterRevertedEvent> {
+    for (const auto& e : heard) {
+      if (e.event_id == mission::event::parameter_reverted)
+        return mission::ParameterRevertedEvent::decode(OctetView(e.data));
+    }
+    return std::nullopt;
+  };
+  ASSERT_TRUE(wait([&] { return reverted().has_value(); }));
+  EXPECT_EQ(reverted()->content, "guarded_ms=100");
+}
+
+TEST_F(StoredParameters, HaveAHistoryOutOfWhichTheyAreRestored) {
+  set("period_ms", std::int64_t{700});
+  EXPECT_TRUE(ask(SaveParameters::Request::KEEP).success);
+  set("period_ms", std::int64_t{800});
+  EXPECT_TRUE(ask(SaveParameters::Request::KEEP).success);
+  EXPECT_TRUE(ask(SaveParameters::Request::RESET).success);
+  EXPECT_EQ(period(), 50);
   start_node();
   EXPECT_EQ(period(), 50);
-  EXPECT_THAT(call<GetNodeStatus>("/probe/get_status", {}).parameters_set_aside,
-              ElementsAre(HasSubstr("nobody confirmed")));
+
+  const auto report = ask(SaveParameters::Request::REPORT);
+  ASSERT_THAT(report.history, SizeIs(3));
+  EXPECT_EQ(report.history[0].count, 0U);
+  EXPECT_EQ(report.history[0].origin, "factory reset (test)");
+  EXPECT_EQ(report.history[1].values, "period_ms=800");
+  EXPECT_EQ(report.history[2].values, "period_ms=700");
+  EXPECT_TRUE(ask(SaveParameters::Request::RESTORE, report.history[2].number).success);
+  EXPECT_EQ(period(), 700);
+  start_node();
+  EXPECT_EQ(period(), 700);
+  EXPECT_EQ(ask(SaveParameters::Request::RESTORE, 99).reason, "there is no generation 99");
+  EXPECT_EQ(ask(17).reason, "there is no operation 17");
 }
 
 TEST_F(StoredParameters, ThatCannotBeUsedAreMovedAsideAndTheOthersHold) {
@@ -228,6 +294,14 @@ TEST_F(StoredParameters, InADamagedFileAreSetAsideWholeAndTheNodeStarts) {
   EXPECT_FALSE(std::filesystem::exists(file()));
   EXPECT_TRUE(std::filesystem::exists(folder_ / "state/probe/parameters.damaged"));
   EXPECT_THAT(call<GetNodeStatus>("/probe/get_status", {}).parameters_set_aside, SizeIs(1));
+
+  set("period_ms", std::int64_t{700});
+  EXPECT_TRUE(save({}).success);
+  std::string text = read_file(file()).value();
+  text[text.find("700")] = '8';
+  ASSERT_TRUE(write_file_atomically(file(), text));
+  start_node();
+  EXPECT_EQ(period(), 50) << "a value that was changed on the disk is none";
 }
 
 TEST_F(StoredParameters, ThatCannotBeWrittenAreReportedAndNotHeldForStored) {

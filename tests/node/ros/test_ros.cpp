@@ -310,9 +310,10 @@ TEST_F(NodeTest, ParametersAreReadListedAndSetWithReasons) {
   const auto results = call<rcl_interfaces::srv::SetParameters>("/probe/set_parameters", set).results;
   EXPECT_TRUE(results.at(0).successful);
   EXPECT_EQ(results.at(1).reason, "parameter 'period_ms': 5000 is outside 10..1000");
-  EXPECT_THAT(call<rcl_interfaces::srv::ListParameters>("/probe/list_parameters", {}).result.names,
-              testing::UnorderedElementsAre("period_ms", "log_level", "callback_budget_ms",
-                                            "service_budget_ms", "transition_deadline_ms"));
+  EXPECT_THAT(
+      call<rcl_interfaces::srv::ListParameters>("/probe/list_parameters", {}).result.names,
+      testing::UnorderedElementsAre("period_ms", "log_level", "callback_budget_ms", "service_budget_ms",
+                                    "transition_deadline_ms", "parameter_trial_s"));
 }
 
 TEST(Executor, RunsTimersOnTheirGridAndCountsMissedPeriods) {

@@ -174,5 +174,24 @@ TEST(NodeParameterNames, AreOneANodeOrAll) {
     EXPECT_THAT(to_line(parameter), HasSubstr(parameter.field.description));
 }
 
+TEST(KeepingCommand, NamesTheNodeAndAtRestoreTheGeneration) {
+  const auto text = [](const std::string& action, const std::vector<std::string>& words) {
+    const auto command = keeping_command(action, words);
+    if (!command) return command.error();
+    EXPECT_TRUE(dictionary().encode(command->name, command->arguments)) << action;
+    std::string line = command->name;
+    for (const std::string& argument : command->arguments) line += " " + argument;
+    return line;
+  };
+  EXPECT_EQ(text("keep", {"ttc"}), "parameters.keep node=ttc");
+  EXPECT_EQ(text("confirm", {"ttc"}), "parameters.confirm node=ttc");
+  EXPECT_EQ(text("history", {"ttc"}), "parameters.history node=ttc");
+  EXPECT_EQ(text("reset", {"ttc"}), "parameters.factory_reset node=ttc");
+  EXPECT_EQ(text("restore", {"ttc", "7"}), "parameters.restore node=ttc generation=7");
+  EXPECT_EQ(text("restore", {"ttc"}), "expected param restore NODE GENERATION");
+  EXPECT_EQ(text("keep", {}), "expected param keep NODE");
+  EXPECT_EQ(text("reset", {"ttc", "timing"}), "expected param reset NODE");
+}
+
 }  // namespace
 }  // namespace srfs::ground

@@ -345,7 +345,20 @@ TEST(NodeParameters, HaveANumberANameAndTheTypeOfTheirValue) {
   EXPECT_EQ(dictionary().parameter("payload_thermal.power_off_ms")->id,
             dictionary().parameter("payload_adcs.power_off_ms")->id + 2)
       << "ids count up over the nodes";
-  EXPECT_EQ(dictionary().parameter("timing.tick_period_ms"), nullptr);
+  EXPECT_EQ(dictionary().parameter("timing.gps_baud"), nullptr) << "for the next start only";
+}
+
+TEST(NodeParameters, ThatTouchLinkOrTickAreGuardedAsTheNodesKnowIt) {
+  std::vector<std::string> guarded;
+  for (const Parameter& parameter : dictionary().parameters()) {
+    if (parameter.guarded) guarded.push_back(parameter.name);
+  }
+  std::vector<std::string> known;
+  for (const GuardedParameter& parameter : guarded_parameters)
+    known.push_back(std::string(parameter.node) + "." + std::string(parameter.name));
+  EXPECT_EQ(guarded, known);
+  EXPECT_THAT(guarded, testing::UnorderedElementsAre("timing.tick_period_ms", "timing.late_tick_ms",
+                                                     "ttc.beacon_period_ms", "ttc.repeat_window_ms"));
 }
 
 TEST(NodeParameters, AreWrittenInTheTypeOfTheParameterNamedBefore) {

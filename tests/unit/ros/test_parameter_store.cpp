@@ -11,8 +11,8 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-StoredParameter stored(const std::string& name, ParameterValue value, bool trial = false) {
-  return {name, std::move(value), trial, "2026-11-21T08:00:00Z"};
+StoredParameter stored(const std::string& name, ParameterValue value) {
+  return {name, std::move(value), "2026-11-21T08:00:00Z"};
 }
 
 std::vector<std::string> names_of(const std::vector<StoredParameter>& list) {
@@ -25,7 +25,7 @@ TEST(ParameterFile, EveryTypeSurvivesTheDisk) {
   const std::vector<StoredParameter> all{
       stored("b", true),
       stored("i", std::int64_t{-9'000'000'000'000'000'000}),
-      stored("d", 0.1, true),
+      stored("d", 0.1),
       stored("inf", std::numeric_limits<double>::infinity()),
       stored("s", std::string("a \"quoted\"\n: [text] # %")),
       stored("empty", std::string()),
@@ -36,51 +36,118 @@ TEST(ParameterFile, EveryTypeSurvivesTheDisk) {
       stored("ss", std::vector<std::string>{"x", "", "true"}),
       stored("none", std::vector<std::string>{}),
   };
-  const auto read = read_stored(write_stored("probe", all));
+  const auto list = read_stored(write_list("probe", all));
+  ASSERT_TRUE(list) << list.error();
+  EXPECT_EQ(list->history.values(), all);
+  EXPECT_TRUE(list->damaged.empty());
+
+  ParameterHistory history;
+  history.add(all, "a \"test\"", "now");
+  history.trial = all;
+  const auto read = read_stored(write_stored("probe", history).value());
   ASSERT_TRUE(read) << read.error();
-  EXPECT_EQ(read->parameters, all);
+  EXPECT_EQ(read->history, history);
   EXPECT_TRUE(read->damaged.empty());
 }
 
 TEST(ParameterFile, AnEmptyOneHoldsNothing) {
-  const auto read = read_stored(write_stored("probe", {}));
+  ParameterHistory history;
+  const auto read = read_stored(write_stored("probe", history).value());
   ASSERT_TRUE(read) << read.error();
-  EXPECT_TRUE(read->parameters.empty());
+  EXPECT_EQ(read->history, history);
 }
 
 TEST(ParameterFile, ADamagedEntryOnlyLosesItself) {
   const auto read = read_stored(
       "format: 1\nparameters:\n"
-      "  - { name: a, type: integer, value: 5, trial: false, saved: x }\n"
+      "  - { name: a, type: integer, value: 5, saved: x }\n"
       "  - { name: b, type: integer, value: many, trial: false, saved: x }\n"
       "  - { name: c, type: colour, value: 1, trial: false, saved: x }\n"
       "  - { type: integer, value: 1, trial: false }\n"
       "  - 17\n"
       "  - { name: d, type: string array, value: [x, y], trial: true, saved: x }\n");
   ASSERT_TRUE(read) << read.error();
-  EXPECT_THAT(names_of(read->parameters), ElementsAre("a", "d"));
+  EXPECT_THAT(names_of(read->history.values()), ElementsAre("a"));
+  EXPECT_THAT(names_of(read->history.trial), ElementsAre("d")) << "as earlier versions marked it";
   EXPECT_EQ(read->damaged.size(), 4U);
   EXPECT_THAT(read->damaged[0], HasSubstr("line 4"));
 }
 
 TEST(ParameterFile, WhatIsNoFileOfParametersIsRefusedWhole) {
-  for (const char* text :
-       {"", "17", "[1, 2]", "format: 1\n", "format: 2\nparameters: []\n", "format: 1\nparameters: {a: 1}\n",
-        "format: [\n", "\x01\x02\xff", "format: x\nparameters: []\n"})
+  for (const char* text : {"", "17", "[1, 2]", "format: 1\n", "format: 2\ngenerations: []\ntrial: []\n",
+                           "format: 3\nparameters: []\n", "format: 1\nparameters: {a: 1}\n", "format: [\n",
+                           "\x01\x02\xff", "format: x\nparameters: []\n"})
     EXPECT_FALSE(read_stored(text)) << text;
 }
 
-TEST(ParameterFile, NoSingleFlippedBitDoesMoreThanLoseOrChangeOneEntry) {
-  const std::vector<StoredParameter> all{stored("a", std::int64_t{5}), stored("b", std::string("text")),
-                                         stored("c", 2.5)};
-  const std::string good = write_stored("probe", all);
+TEST(ParameterFile, AnySingleFlippedBitAndAnyCutIsDamage) {
+  ParameterHistory history;
+  history.add({stored("a", std::int64_t{5}), stored("b", std::string("text"))}, "keep", "then");
+  history.add({stored("a", std::int64_t{6}), stored("c", 2.5)}, "confirm", "now");
+  history.trial = {stored("t", std::int64_t{9})};
+  const std::string good = write_stored("probe", history).value();
+  ASSERT_TRUE(read_stored(good));
+  for (std::size_t octet = 0; octet < good.size(); ++octet) {
+    EXPECT_FALSE(read_stored(good.substr(0, octet))) << "cut at " << octet;
+    for (int bit = 0; bit < 8; ++bit) {
+      std::string bad = good;
+      bad[octet] = static_cast<char>(bad[octet] ^ (1 << bit));
+      EXPECT_FALSE(read_stored(bad)) << "octet " << octet << " bit " << bit;
+    }
+  }
+}
+
+TEST(ParameterFile, OfAHandWrittenListNoFlippedBitDoesMoreThanLoseOrChangeEntries) {
+  const std::string good = write_list("probe", {stored("a", std::int64_t{5}), stored("c", 2.5)});
   for (std::size_t octet = 0; octet < good.size(); ++octet) {
     for (int bit = 0; bit < 8; ++bit) {
       std::string bad = good;
       bad[octet] = static_cast<char>(bad[octet] ^ (1 << bit));
-      (void)read_stored(bad);  // must come back, with whatever it finds
+      static_cast<void>(read_stored(bad));  // must come back, with whatever it finds
     }
   }
+}
+
+TEST(ParameterHistory, KeepsTheLastTenSetsAndNoNumberTwice) {
+  ParameterHistory history;
+  for (int i = 1; i <= 14; ++i) history.add({stored("a", std::int64_t{i})}, "keep", "now");
+  ASSERT_EQ(history.generations.size(), 10U);
+  EXPECT_EQ(history.generations.front().number, 5U);
+  EXPECT_EQ(history.generations.back().number, 14U);
+  EXPECT_EQ(history.find(4), nullptr);
+  EXPECT_EQ(history.find(9)->values, (std::vector{stored("a", std::int64_t{9})}));
+}
+
+TEST(ParameterHistory, TheSameValuesAgainAreNoNewSet) {
+  ParameterHistory history;
+  history.add({}, "reset", "now");
+  EXPECT_TRUE(history.generations.empty()) << "the deployment's hold anyway";
+  history.add({stored("a", true)}, "keep", "now");
+  history.add({{"a", true, "later"}}, "keep", "later");
+  EXPECT_EQ(history.generations.size(), 1U);
+}
+
+TEST(ParameterHistory, ThatIsTooLargeLosesItsOldestSetsAndATooLargeSetIsRefused) {
+  ParameterHistory history;
+  for (int i = 0; i < 10; ++i)
+    history.add({stored("a", std::string(10'000, static_cast<char>('a' + i)))}, "keep", "now");
+  const auto text = write_stored("probe", history);
+  ASSERT_TRUE(text);
+  EXPECT_LE(text->size(), largest_parameter_file);
+  EXPECT_EQ(history.generations.size(), 6U);
+  EXPECT_EQ(read_stored(*text)->history, history);
+
+  history.add({stored("a", std::string(70'000, 'x'))}, "keep", "now");
+  EXPECT_FALSE(write_stored("probe", history));
+  history.add(std::vector<StoredParameter>(most_stored_parameters + 1, stored("a", true)), "keep", "now");
+  EXPECT_FALSE(write_stored("probe", history));
+}
+
+TEST(ParameterText, IsForPeople) {
+  EXPECT_EQ(to_text({stored("a", std::int64_t{5}), stored("b", std::string("text")), stored("c", 2.5),
+                     stored("d", true), stored("e", std::vector<std::string>{"x", "y"}),
+                     stored("f", std::vector<bool>{true, false})}),
+            "a=5, b=text, c=2.5, d=true, e=[x,y], f=[true,false]");
 }
 
 class StoredStart : public testing::Test {
@@ -112,7 +179,6 @@ TEST_F(StoredStart, SetsAsideWhatDoesNotFitAndStartsFromTheDeployment) {
   const std::vector<std::pair<StoredParameter, std::string>> cases{
       {stored("period_ms", std::int64_t{5000}), "outside"},
       {stored("period_ms", 500.0), "type integer, not double"},
-      {stored("period_ms", std::int64_t{500}, true), "nobody confirmed"},
       {stored("nobody_knows", std::int64_t{1}), "no such parameter"},
   };
   for (const auto& [entry, why] : cases) {
@@ -135,55 +201,6 @@ TEST_F(StoredStart, SetsAsideWhatTheNodesOwnCheckRefuses) {
   set.finish();
   EXPECT_EQ(std::get<std::int64_t>(*set.find("period_ms")), 250);
   EXPECT_EQ(set.set_aside().at(0).reason, "seven is taken");
-}
-
-class Storing : public testing::Test {
- protected:
-  Storing() {
-    set.declare("a", {std::int64_t{1}, ParameterRange{0, 10}, ""});
-    set.declare("b", {2.0, std::nullopt, ""});
-    set.declare("fixed", {true, std::nullopt, "", true, {}});
-    set.finish();
-  }
-  ParameterSet set;
-};
-
-TEST_F(Storing, KeepsTheNamedOnesAsTheyAre) {
-  ASSERT_EQ(set.set_atomically({{"a", std::int64_t{4}}})[0], "");
-  const auto result = set.store({.names = {"a"}, .values = {}}, "now");
-  ASSERT_TRUE(result) << result.error();
-  EXPECT_THAT(*result, ElementsAre(StoredParameter{"a", std::int64_t{4}, false, "now"}));
-  EXPECT_TRUE(set.stored().empty()) << "not before it is on disk";
-}
-
-TEST_F(Storing, WithoutNamesKeepsWhatDiffersFromTheStart) {
-  ASSERT_EQ(set.set_atomically({{"b", 3.0}})[0], "");
-  const auto result = set.store({}, "now");
-  ASSERT_TRUE(result);
-  EXPECT_THAT(names_of(*result), ElementsAre("b"));
-}
-
-TEST_F(Storing, TakesAValueForTheNextStartAlsoOfAReadOnlyParameter) {
-  const auto result = set.store({.names = {}, .values = {{"fixed", false}}, .trial = true}, "now");
-  ASSERT_TRUE(result) << result.error();
-  EXPECT_TRUE(result->at(0).trial);
-  EXPECT_EQ(std::get<bool>(*set.find("fixed")), true) << "unchanged now";
-}
-
-TEST_F(Storing, IsAllOrNothingAndSaysWhy) {
-  EXPECT_EQ(set.store({.names = {}, .values = {{"b", 1.0}, {"a", std::int64_t{11}}}}, "now").error(),
-            "parameter 'a': 11 is outside 0..10");
-  EXPECT_EQ(set.store({.names = {"none"}, .values = {}}, "now").error(),
-            "parameter 'none' has not been declared");
-  EXPECT_EQ(set.store({.names = {"a"}, .values = {}, .clear = true}, "now").error(),
-            "parameter 'a' is not stored");
-}
-
-TEST_F(Storing, ReplacesAnOlderValueAndForgetsOnDemand) {
-  set.set_stored_now({stored("a", std::int64_t{2}), stored("b", 5.0)});
-  EXPECT_EQ(set.store({.names = {"a"}, .values = {}}, "now")->size(), 2U);
-  EXPECT_THAT(names_of(*set.store({.names = {"a"}, .values = {}, .clear = true}, "now")), ElementsAre("b"));
-  EXPECT_TRUE(set.store({.names = {}, .values = {}, .clear = true}, "now")->empty());
 }
 
 }  // namespace
