@@ -25,7 +25,7 @@ std::uint32_t checksum(std::string_view text) {
 }
 
 /// A double-quoted scalar of YAML, on one line.
-std::string quoted(std::string_view text) {
+std::string yaml_text(std::string_view text) {
   std::string out = "\"";
   for (const char c : text) {
     const auto octet = static_cast<unsigned char>(c);
@@ -93,10 +93,10 @@ std::string to_text(const AddedNodes& added) {
   if (added.nodes.empty()) text += " []";
   text += '\n';
   for (const AddedNode& node : added.nodes) {
-    text += fmt::format("  - node: {}\n    ring_after: {}\n", quoted(node.name), quoted(node.ring_after));
+    text += fmt::format("  - node: {}\n    ring_after: {}\n", yaml_text(node.name), yaml_text(node.ring_after));
     if (node.flag) text += fmt::format("    flag: {}\n", *node.flag);
-    text += fmt::format("    description: {}\n    dictionary: {}\n", quoted(node.description),
-                        quoted(node.dictionary));
+    text += fmt::format("    description: {}\n    dictionary: {}\n", yaml_text(node.description),
+                        yaml_text(node.dictionary));
   }
   return text + fmt::format("{}{:08x}\n", checksum_key, checksum(text));
 }

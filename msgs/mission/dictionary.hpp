@@ -82,6 +82,7 @@ struct ApplicationProcess {
   std::uint16_t apid = 0;
   std::string node;
   std::string description;
+  bool added = false;  ///< of a fragment
 };
 
 struct FailureCode {

@@ -129,6 +129,7 @@ class DictionaryLoader {
     for (std::size_t i = 0; i < files_.size(); ++i) {
       if (i >= own) check_keys(files_[i]);
       read_shared(files_[i]);
+      if (i >= own) d_.apids_.back().added = true;
     }
     for (const auto& file : files_) index_structures(file);
     for (std::size_t i = 0; i < files_.size(); ++i) {
