@@ -65,9 +65,10 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option("--state", a.state, "Folder of the security counter (default: ground beside the port)");
   app.add_option("--keys", a.keys, "Keys of this run: a, b or contingency (default: those last selected)")
       ->check(CLI::IsMember({"a", "b", "contingency"}));
-  app.add_option("--fragment", a.fragments,
-                 "Dictionary fragment of a node that was added; may be repeated (also taken: STATE/fragments/*.yaml, "
-                 "and what the VAR beside the port has)")
+  app.add_option(
+         "--fragment", a.fragments,
+         "Dictionary fragment of a node that was added; may be repeated (also taken: STATE/fragments/*.yaml, "
+         "and what the VAR beside the port has)")
       ->allow_extra_args(false);
   app.add_flag("--json", a.json, "One JSON object a line");
   app.add_flag("--ad", a.ad,

@@ -16,7 +16,8 @@ constexpr float lowest_threshold_v = 0.01F;
 
 nanoseconds ImpactDetector::draw_interval() {
   std::exponential_distribution<double> distribution(1.0);
-  return nanoseconds(static_cast<std::int64_t>(distribution(random_) * double(nanoseconds(mean_interval).count())));
+  return nanoseconds(
+      static_cast<std::int64_t>(distribution(random_) * double(nanoseconds(mean_interval).count())));
 }
 
 void ImpactDetector::step(nanoseconds dt) {
@@ -50,8 +51,9 @@ Octets ImpactDetector::measure() {
   OctetWriter out;
   out.u32(impacts_);
   out.u32(rejected_);
-  out.u32(since_last_ ? static_cast<std::uint32_t>(std::min<std::int64_t>(*since_last_ / milliseconds(1), 0xFFFFFFFE))
-                      : 0xFFFFFFFF);
+  out.u32(since_last_
+              ? static_cast<std::uint32_t>(std::min<std::int64_t>(*since_last_ / milliseconds(1), 0xFFFFFFFE))
+              : 0xFFFFFFFF);
   out.f32(last_amplitude_v_);
   out.f32(last_energy_uj_);
   out.f32(threshold_v_);

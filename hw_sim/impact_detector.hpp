@@ -7,12 +7,13 @@
 
 namespace srfs::sim {
 
-/// Impact detector, address 0x14: a plate with a sensor that counts hits of dust and debris above a threshold.
-/// It says nothing until it is asked. A restart keeps what it counted; loss of power clears it and sets the
-/// threshold back.
+/// Impact detector, address 0x14: a plate with a sensor that counts hits of dust and debris above a
+/// threshold. It says nothing until it is asked. A restart keeps what it counted; loss of power clears it and
+/// sets the threshold back.
 class ImpactDetector final : public PeripheralApplication {
  public:
-  static constexpr std::size_t bins = 8;  ///< of the energy: bin n holds 2^n to 2^(n+1) uJ, the last one all above
+  static constexpr std::size_t bins =
+      8;  ///< of the energy: bin n holds 2^n to 2^(n+1) uJ, the last one all above
   static constexpr float default_threshold_v = 0.05F;
   static constexpr seconds mean_interval{5};  ///< between hits, of which some stay below the threshold
 

@@ -17,7 +17,7 @@ constexpr nanoseconds world_step = milliseconds(20);
 constexpr nanoseconds longest_step = seconds(1);
 constexpr std::int64_t default_restart_ms = 100;  // of a controller that goes bus-off
 constexpr std::array<const char*, GpioBank::switch_count> peripheral_names{"adcs", "eps", "thermal",
-                                                                       "impact"};
+                                                                           "impact"};
 constexpr std::array<std::uint8_t, GpioBank::switch_count> peripheral_addresses{0x11, 0x12, 0x13, 0x14};
 
 /// The path of a device this program serves.
@@ -324,7 +324,8 @@ void Simulator::force_bus_off(const std::string& station, MonotonicTime now) {
   for (std::size_t i = 0; i < peripheral_names.size(); ++i) {
     if (station == peripheral_names.at(i)) address = peripheral_addresses.at(i);
   }
-  if (!address) throw std::invalid_argument("'bus_off': expected one of computer, adcs, eps, thermal, impact");
+  if (!address)
+    throw std::invalid_argument("'bus_off': expected one of computer, adcs, eps, thermal, impact");
   if (!hub_->force_bus_off(*address, now))
     throw std::invalid_argument(fmt::format("'bus_off': {} has not sent a frame yet", station));
 }

@@ -18,7 +18,8 @@ constexpr std::size_t checksum_octets = 8;
 constexpr int format = 1;
 // Escaping makes an octet up to four.
 constexpr std::size_t largest_file =
-    AddedNodes::nodes_max * 4 * (AddedNodes::description_octets_max + AddedNodes::dictionary_octets_max) + 4096;
+    AddedNodes::nodes_max * 4 * (AddedNodes::description_octets_max + AddedNodes::dictionary_octets_max) +
+    4096;
 
 std::uint32_t checksum(std::string_view text) {
   return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
@@ -93,7 +94,8 @@ std::string to_text(const AddedNodes& added) {
   if (added.nodes.empty()) text += " []";
   text += '\n';
   for (const AddedNode& node : added.nodes) {
-    text += fmt::format("  - node: {}\n    ring_after: {}\n", yaml_text(node.name), yaml_text(node.ring_after));
+    text +=
+        fmt::format("  - node: {}\n    ring_after: {}\n", yaml_text(node.name), yaml_text(node.ring_after));
     if (node.flag) text += fmt::format("    flag: {}\n", *node.flag);
     text += fmt::format("    description: {}\n    dictionary: {}\n", yaml_text(node.description),
                         yaml_text(node.dictionary));
@@ -104,8 +106,8 @@ std::string to_text(const AddedNodes& added) {
 Result<AddedNodes, std::string> added_nodes_from_text(const std::string& text) {
   if (!text.starts_with(head)) return Err(std::string("no list of added nodes"));
   const auto sum_begin = text.rfind(checksum_key);
-  if (sum_begin == std::string::npos || text.size() != sum_begin + checksum_key.size() + checksum_octets + 1 ||
-      text.back() != '\n')
+  if (sum_begin == std::string::npos ||
+      text.size() != sum_begin + checksum_key.size() + checksum_octets + 1 || text.back() != '\n')
     return Err(std::string("cut off"));
   std::uint32_t sum = 0;
   const char* const digits = text.data() + sum_begin + checksum_key.size();

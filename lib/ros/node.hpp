@@ -86,8 +86,8 @@ class LifecycleNode {
 
   [[nodiscard]] const std::string& name() const { return context_.name; }
   [[nodiscard]] std::uint32_t incarnation() const { return context_.incarnation; }
-  /// As it is now. Any thread; what it returns is whole and does not change, and stays until the list of added
-  /// nodes has changed LiveDeployment::kept more times.
+  /// As it is now. Any thread; what it returns is whole and does not change, and stays until the list of
+  /// added nodes has changed LiveDeployment::kept more times.
   [[nodiscard]] const Deployment& deployment() const;
   [[nodiscard]] const VarPaths& var() const { return context_.var; }
   [[nodiscard]] std::filesystem::path state_dir() const { return context_.var.state(name()); }

@@ -100,7 +100,8 @@ Result<void, std::string> check(const Deployment& file, const AddedNodes& added,
   if (node.description.size() > AddedNodes::description_octets_max)
     return Err(fmt::format("the description has more than {} octets", AddedNodes::description_octets_max));
   if (node.dictionary.size() > AddedNodes::dictionary_octets_max)
-    return Err(fmt::format("the dictionary fragment has more than {} octets", AddedNodes::dictionary_octets_max));
+    return Err(
+        fmt::format("the dictionary fragment has more than {} octets", AddedNodes::dictionary_octets_max));
   if (added.nodes.size() == AddedNodes::nodes_max)
     return Err(fmt::format("{} nodes were added already", AddedNodes::nodes_max));
   const AddedDescription description = read_added_description(node);

@@ -207,7 +207,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
     log::error("{}", participant.error());
     return code(ExitCode::middleware);
   }
-  NodeContext context{arguments.name,         deployment, var, incarnation.number, executor, **participant,
+  NodeContext context{arguments.name,          deployment, var, incarnation.number, executor, **participant,
                       page ? &*page : nullptr, &live};
   const std::unique_ptr<LifecycleNode> node = factory(context);
   node->finish_declarations();

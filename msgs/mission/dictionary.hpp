@@ -188,8 +188,8 @@ struct EncodedCommand {
 };
 
 /// What an added node brings into the dictionary: YAML like a file of it, about one node alone. Exactly one
-/// entry in `apids`, which names the node; enums, structures, functions (PUS 8), events and parameters of that
-/// node. Ids and names must be new; structures of the dictionary may be included.
+/// entry in `apids`, which names the node; enums, structures, functions (PUS 8), events and parameters of
+/// that node. Ids and names must be new; structures of the dictionary may be included.
 struct Fragment {
   static constexpr std::size_t octets_max = 32768;
   std::string name;  ///< for messages: a file or a node
@@ -206,8 +206,8 @@ struct RefusedFragment {
 
 class Dictionary {
  public:
-  /// Reads every *.yaml of the folder, mission.yaml first, then the fragments. Throws ConfigError (file, line,
-  /// key, expected), also for a fragment that does not fit. Blocks on the disk.
+  /// Reads every *.yaml of the folder, mission.yaml first, then the fragments. Throws ConfigError (file,
+  /// line, key, expected), also for a fragment that does not fit. Blocks on the disk.
   static Dictionary load(const std::filesystem::path& folder, const std::vector<Fragment>& fragments = {});
   /// The same, without fragments that do not fit: the dictionary of the mission is read whatever they are.
   static Dictionary load_fitting(const std::filesystem::path& folder, const std::vector<Fragment>& fragments,

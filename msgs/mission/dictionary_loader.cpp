@@ -16,8 +16,8 @@ namespace {
 
 constexpr int most_groups = 16;  // of one request with a repeated group
 // Of what a fragment brings; the mission's own files are held to them when the structs are generated.
-constexpr std::uint16_t highest_apid = 2039;    // CCSDS keeps those above
-constexpr std::size_t event_octets_max = 200;   // srfs_msgs/Event.data
+constexpr std::uint16_t highest_apid = 2039;      // CCSDS keeps those above
+constexpr std::size_t event_octets_max = 200;     // srfs_msgs/Event.data
 constexpr std::size_t argument_octets_max = 512;  // srfs_msgs/Telecommand.arguments
 
 constexpr std::array<std::pair<std::string_view, FieldType>, 15> type_names{
@@ -221,7 +221,8 @@ class DictionaryLoader {
     for (const std::string_view key : {"spacecraft", "services", "stores", "failure_codes"}) {
       if (fragment.has(key)) throw fragment.bad(key, "nothing: a fragment has none");
     }
-    if (fragment.sections("apids").size() != 1) throw fragment.bad("apids", "one entry, of the fragment's node");
+    if (fragment.sections("apids").size() != 1)
+      throw fragment.bad("apids", "one entry, of the fragment's node");
     (void)fragment.sections("apids").front().integer("apid", 1, highest_apid);
   }
 
@@ -517,7 +518,8 @@ Dictionary Dictionary::load(const std::filesystem::path& folder, const std::vect
   return DictionaryLoader().load(folder, fragments);
 }
 
-Dictionary Dictionary::load_fitting(const std::filesystem::path& folder, const std::vector<Fragment>& fragments,
+Dictionary Dictionary::load_fitting(const std::filesystem::path& folder,
+                                    const std::vector<Fragment>& fragments,
                                     std::vector<RefusedFragment>& refused) {
   try {
     return load(folder, fragments);

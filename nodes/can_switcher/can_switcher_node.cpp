@@ -53,9 +53,9 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
     const auto& payloads = std::get<std::vector<std::string>>(value);
     for (const std::string& payload : payloads) {
       const auto& slots = deployment().slots;
-      const bool known =
-          !payload.empty() &&
-          std::any_of(slots.begin(), slots.end(), [&](const ros::Slot& s) { return s.payload == payload; });
+      const bool known = !payload.empty() && std::any_of(slots.begin(), slots.end(), [&](const ros::Slot& s) {
+        return s.payload == payload;
+      });
       if (!known) return Err(fmt::format("rotation_order: '{}' has no slot in the deployment", payload));
       if (std::count(payloads.begin(), payloads.end(), payload) > 1)
         return Err(fmt::format("rotation_order: '{}' stands twice", payload));
@@ -149,7 +149,8 @@ void CanSwitcherNode::make_rotation() {
 std::optional<InheritedGrant> CanSwitcherNode::inherited(
     const std::optional<HolderRecord::Holder>& holder) const {
   // Of a payload that was removed meanwhile the process is gone: it was ended before.
-  if (!holder || holder->slot >= deployment().slots.size() || deployment().slots[holder->slot].payload.empty())
+  if (!holder || holder->slot >= deployment().slots.size() ||
+      deployment().slots[holder->slot].payload.empty())
     return std::nullopt;
   InheritedGrant granted{deployment().slots[holder->slot].payload, std::nullopt};
   const auto process = holder->process != 0 ? std::optional(holder->process) : std::nullopt;

@@ -152,7 +152,8 @@ class TaskFlagRotation {
   /// slot. A running slot is finished. The flags keep their positions.
   /// @return false: not a list of different payloads of the plan, or an empty one; nothing was changed
   bool set_order(const std::vector<std::string>& payloads);
-  /// Payloads joined or left: from the next grant on the rotation goes through @p order, which are payloads of
+  /// Payloads joined or left: from the next grant on the rotation goes through @p order, which are payloads
+  /// of
   /// @p slots, behind who had the bus last, so that nobody loses a turn. Who has a place in both plans keeps
   /// it. A running slot is finished, overrun or fenced by its old plan.
   /// @return false: that slot's place changes, and the change waits for its end: call it again then

@@ -1,5 +1,5 @@
-// What ttc does about nodes that are added and removed while it runs: their fragments in the dictionary, their
-// telemetry, their part of the beacon.
+// What ttc does about nodes that are added and removed while it runs: their fragments in the dictionary,
+// their telemetry, their part of the beacon.
 #include <algorithm>
 
 #include <lifecycle_msgs/msg/transition_event.hpp>
@@ -59,7 +59,8 @@ void TtcNode::take_dictionary(LoadedDictionary loaded) {
     log::error("the mission dictionary stays as it was: {}", loaded.problem);
   } else {
     // Its elements stay where they are when it is moved, so pointers into it hold.
-    auto old = std::make_unique<mission::Dictionary>(std::exchange(dictionary_, std::move(*loaded.dictionary)));
+    auto old =
+        std::make_unique<mission::Dictionary>(std::exchange(dictionary_, std::move(*loaded.dictionary)));
     fill_from_dictionary_again(*old);
     retired_dictionaries_.push_back({now(), std::move(old)});
   }
@@ -69,8 +70,9 @@ void TtcNode::take_dictionary(LoadedDictionary loaded) {
 }
 
 void TtcNode::drop_retired_dictionaries() {
-  std::erase_if(retired_dictionaries_,
-                [this](const RetiredDictionary& retired) { return now() - retired.since > retired_lifetime; });
+  std::erase_if(retired_dictionaries_, [this](const RetiredDictionary& retired) {
+    return now() - retired.since > retired_lifetime;
+  });
 }
 
 void TtcNode::add_structure(const mission::Structure& structure) {
@@ -137,8 +139,8 @@ void TtcNode::meet_added_nodes(bool tell) {
     return true;
   });
   for (const ros::AddedNode& node : added) {
-    const bool known =
-        std::any_of(guests_.begin(), guests_.end(), [&](const Guest& guest) { return guest.name == node.name; });
+    const bool known = std::any_of(guests_.begin(), guests_.end(),
+                                   [&](const Guest& guest) { return guest.name == node.name; });
     if (known) continue;
     guests_.push_back({node.name, apid_of(node.name), {}, {}, {}});
     listen_to(node.name);

@@ -44,7 +44,8 @@ enum class Call { reads, speaks, writes, changes };
 void count(Call call) {
   CrashPoint* point = crash_point();
   if (point == nullptr || point->begun == 0) return;
-  const bool wanted = point->changes_only != 0 ? call == Call::writes || call == Call::changes : call != Call::changes;
+  const bool wanted =
+      point->changes_only != 0 ? call == Call::writes || call == Call::changes : call != Call::changes;
   if (!wanted) return;
   std::uint64_t before = point->calls.load();
   while (before > 0 && !point->calls.compare_exchange_weak(before, before - 1)) {

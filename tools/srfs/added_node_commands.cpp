@@ -38,8 +38,9 @@ Result<ros::AddedNode, std::string> read_package(const std::filesystem::path& fo
                       manifest["deployment"].is_object() &&
                       (!manifest.contains("ring_after") || has_text("ring_after"));
   if (!usable)
-    return Err(fmt::format("{}: expected a JSON object with the texts node and ring_after and the object deployment",
-                           (folder / "package.json").string()));
+    return Err(
+        fmt::format("{}: expected a JSON object with the texts node and ring_after and the object deployment",
+                    (folder / "package.json").string()));
   ros::AddedNode node;
   node.name = manifest["node"].get<std::string>();
   if (has_text("ring_after")) node.ring_after = manifest["ring_after"].get<std::string>();
@@ -74,8 +75,8 @@ int add_node(const Target& target, const std::filesystem::path& folder, const st
   std::error_code ec;
   const bool had_versions = std::filesystem::exists(ros::versions_folder(target.var, node->name), ec);
   const auto stored = store_program(target.var, node->name, program, probation);
-  const auto added =
-      stored ? ros::add_node(target.var, target.deployment, *node) : Result<void, std::string>(Err(stored.error()));
+  const auto added = stored ? ros::add_node(target.var, target.deployment, *node)
+                            : Result<void, std::string>(Err(stored.error()));
   if (!added) {
     if (!had_versions) std::filesystem::remove_all(ros::versions_folder(target.var, node->name), ec);
     return fail(CommandExit::refused, fmt::format("{}: {}", node->name, added.error()), json);
@@ -91,10 +92,11 @@ int add_node(const Target& target, const std::filesystem::path& folder, const st
     if (!launched) problem = launched.error();
   }
   if (!problem.empty())
-    return fail(CommandExit::refused, fmt::format("{} belongs to the suite and does not start: {}", node->name, problem),
-                json);
+    return fail(CommandExit::refused,
+                fmt::format("{} belongs to the suite and does not start: {}", node->name, problem), json);
   if (json) {
-    std::cout << Json{{"ok", true}, {"node", node->name}, {"pid", pid ? Json(*pid) : Json(nullptr)}}.dump() << "\n";
+    std::cout << Json{{"ok", true}, {"node", node->name}, {"pid", pid ? Json(*pid) : Json(nullptr)}}.dump()
+              << "\n";
   } else {
     fmt::print("{} belongs to the suite{}\n", node->name, pid ? fmt::format(", pid {}", *pid) : "");
   }
@@ -117,20 +119,24 @@ int list_added_nodes(const Target& target, bool json) {
   Json list = Json::array();
   for (const ros::AddedNode& node : target.deployment.added) {
     const ros::AddedDescription description = ros::read_added_description(node);
-    list.push_back({{"name", node.name},
-                    {"ring_after", node.ring_after.empty() ? Json(nullptr) : Json(node.ring_after)},
-                    {"flag", node.flag ? Json(*node.flag) : Json(nullptr)},
-                    {"allotted_ms", description.slot ? Json(description.slot->allotted.count()) : Json(nullptr)},
-                    {"dictionary_octets", node.dictionary.size()}});
+    list.push_back(
+        {{"name", node.name},
+         {"ring_after", node.ring_after.empty() ? Json(nullptr) : Json(node.ring_after)},
+         {"flag", node.flag ? Json(*node.flag) : Json(nullptr)},
+         {"allotted_ms", description.slot ? Json(description.slot->allotted.count()) : Json(nullptr)},
+         {"dictionary_octets", node.dictionary.size()}});
     if (json) continue;
     fmt::print("{}: checked by {}, {}, dictionary fragment of {} octets\n", node.name,
                node.ring_after.empty() ? "the last one" : node.ring_after,
-               description.slot ? fmt::format("CAN slot of {} ms (flag {})", description.slot->allotted.count(), *node.flag)
+               description.slot ? fmt::format("CAN slot of {} ms (flag {})",
+                                              description.slot->allotted.count(), *node.flag)
                                 : "no CAN slot",
                node.dictionary.size());
   }
   if (json) {
-    std::cout << Json{{"revision", target.deployment.added_revision}, {"turns", turns}, {"nodes", list}}.dump(2) << "\n";
+    std::cout << Json{{"revision", target.deployment.added_revision}, {"turns", turns}, {"nodes", list}}.dump(
+                     2)
+              << "\n";
   } else if (target.deployment.added.empty()) {
     fmt::print("no nodes were added\n");
   }

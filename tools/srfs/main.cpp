@@ -235,7 +235,8 @@ struct NodeArguments {
 void add_node_commands(CLI::App& app, NodeArguments& a) {
   a.command = app.add_subcommand("node", "Nodes that were added to the suite beside those of the deployment");
   a.command->require_subcommand(1);
-  CLI::App* add = a.command->add_subcommand("add", "Add a node to the suite, also to a running one, and start it");
+  CLI::App* add =
+      a.command->add_subcommand("add", "Add a node to the suite, also to a running one, and start it");
   add->add_option("folder", a.folder, "Folder with package.json and dictionary.yaml")
       ->required()
       ->check(CLI::ExistingDirectory);

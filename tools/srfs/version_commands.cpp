@@ -99,7 +99,8 @@ int show_versions(const Target& target, const std::string& only, bool check, boo
     Json versions = Json::array();
     if (!json)
       fmt::print("{:<18} {:>7} {:<10} {:<8} {:>10} {:<12} {:<23}  {}\n", node.name, 0, "golden",
-                 mark(update::golden), "-", "-", "-", node.added ? "none, the node was added" : node.executable);
+                 mark(update::golden), "-", "-", "-",
+                 node.added ? "none, the node was added" : node.executable);
     for (const update::Version& v : table.versions()) {
       const auto damage = check ? store.damage(v) : std::nullopt;
       whole = whole && !damage;

@@ -61,7 +61,8 @@ TEST(ImpactProfile, PassesItsCommandsToThePeripheralAsTheyAre) {
   EXPECT_EQ(detector.impacts(), 1U);
   const auto clear = profile.decode_command(2, {});
   ASSERT_TRUE(clear);
-  EXPECT_EQ(detector.execute(std::get<PeripheralFunction>(*clear).function, {}), wire::PeripheralResult::done);
+  EXPECT_EQ(detector.execute(std::get<PeripheralFunction>(*clear).function, {}),
+            wire::PeripheralResult::done);
   EXPECT_EQ(detector.impacts(), 0U);
 
   EXPECT_EQ(profile.decode_command(1, mission::ImpactSetThreshold{.threshold_v = 9}.encoded()).error(),
@@ -80,7 +81,8 @@ TEST(ImpactFlux, IsHitsAnHourOverTheLastReadings) {
 
 TEST(ImpactDetector, HitsComeAboutAsOftenAsItsFluxSaysAndPowerLossForgetsThem) {
   sim::ImpactDetector detector(7);
-  for (int i = 0; i < 36000; ++i) detector.step(milliseconds(100));  // an hour: 720 hits, a third above the threshold
+  for (int i = 0; i < 36000; ++i)
+    detector.step(milliseconds(100));  // an hour: 720 hits, a third above the threshold
   EXPECT_GT(detector.impacts(), 100U);
   EXPECT_LT(detector.impacts(), 500U);
   detector.set_power(false);

@@ -113,7 +113,7 @@ class Restarter::Recorder {
  public:
   struct Job {
     FaultRecord record;
-    std::optional<pid_t> new_pid;  ///< whose incarnation and start record belong to it
+    std::optional<pid_t> new_pid;   ///< whose incarnation and start record belong to it
     std::optional<NodeEntry> node;  ///< the same
     LogEnd log_end;
     pid_t old_pid = 0;

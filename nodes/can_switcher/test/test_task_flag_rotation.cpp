@@ -327,7 +327,8 @@ TEST_F(TaskFlagRotationTest, LeavesOutAPayloadThatLeftAndGoesOnWithItsSuccessor)
     EXPECT_EQ(grant.payload, expected);
     release(grant);
   }
-  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {}, "impact", 5}, now), ReportVerdict::foreign);
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {}, "impact", 5}, now),
+            ReportVerdict::foreign);
 }
 
 TEST_F(TaskFlagRotationTest, FencesAPayloadThatLeftWhileItHadTheBusByItsOldPlan) {

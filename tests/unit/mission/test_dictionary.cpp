@@ -468,8 +468,10 @@ TEST(Fragment, MayNotTakeWhatIsTakenNorWhatIsTheWholeSpacecrafts) {
   EXPECT_THAT(refused("name: impact_measurement", "name: eps_measurement"), HasSubstr("eps_measurement"));
   EXPECT_THAT(refused("id: 1901", "id: 1701"), HasSubstr("event id 1701"));
   EXPECT_THAT(refused("impact.clear", "impact.set_threshold"), HasSubstr("stands twice"));
-  EXPECT_THAT(refused("apid: 19, node: payload_impact", "apid: 19, node: payload_eps"), HasSubstr("a node of the list apids"));
-  EXPECT_THAT(refused("subsystem: payload_impact", "stores: [{ name: s, id: 9, quota_mib: 1 }]"), HasSubstr("stores"));
+  EXPECT_THAT(refused("apid: 19, node: payload_impact", "apid: 19, node: payload_eps"),
+              HasSubstr("a node of the list apids"));
+  EXPECT_THAT(refused("subsystem: payload_impact", "stores: [{ name: s, id: 9, quota_mib: 1 }]"),
+              HasSubstr("stores"));
   EXPECT_THAT(refused("subsystem: payload_impact", "failure_codes: []"), HasSubstr("failure_codes"));
   EXPECT_THAT(refused("subsystem: payload_impact", "colour: red"), HasSubstr("colour"));
 }
@@ -488,8 +490,8 @@ TEST(Fragment, IsAboutItsNodeAloneAndHasFunctionsOnly) {
 
 TEST(Fragment, ThatDoesNotFitIsLeftOutAndTheOthersStay) {
   std::vector<RefusedFragment> refused;
-  const Dictionary loaded =
-      Dictionary::load_fitting(mission_folder, {{"broken", ": ["}, {"impact", fragment_text()}, {"again", fragment_text()}}, refused);
+  const Dictionary loaded = Dictionary::load_fitting(
+      mission_folder, {{"broken", ": ["}, {"impact", fragment_text()}, {"again", fragment_text()}}, refused);
   EXPECT_NE(loaded.structure("payload_impact"), nullptr);
   ASSERT_EQ(refused.size(), 2U);
   EXPECT_EQ(refused[0].name, "broken");
@@ -499,7 +501,8 @@ TEST(Fragment, ThatDoesNotFitIsLeftOutAndTheOthersStay) {
 TEST(Fragment, PointersIntoADictionaryHoldWhenItIsMoved) {
   Dictionary first = Dictionary::load(mission_folder);
   const Command* command = first.command("eps.switch_load");
-  const Dictionary kept = std::exchange(first, Dictionary::load(mission_folder, {{"impact", fragment_text()}}));
+  const Dictionary kept =
+      std::exchange(first, Dictionary::load(mission_folder, {{"impact", fragment_text()}}));
   EXPECT_EQ(kept.command("eps.switch_load"), command);
   EXPECT_EQ(command->arguments[1].enumeration->labels.at(1), "on");
 }

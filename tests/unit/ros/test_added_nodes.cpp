@@ -78,7 +78,8 @@ class AddedNodesTest : public testing::Test {
 };
 
 TEST_F(AddedNodesTest, AreReadAsTheyWereWrittenAndNoDamageIsTakenForThem) {
-  const AddedNodes added{7, {{"one", "a", "{}", "text: \"quoted\" \\ \t\x01\n\xC3\xA4", 3}, {"two", "", "", ""}}};
+  const AddedNodes added{
+      7, {{"one", "a", "{}", "text: \"quoted\" \\ \t\x01\n\xC3\xA4", 3}, {"two", "", "", ""}}};
   const std::string text = to_text(added);
   const auto read = added_nodes_from_text(text);
   ASSERT_TRUE(read) << read.error();
@@ -120,19 +121,22 @@ TEST_F(AddedNodesTest, ThatDoNotFitAreLeftOutAndTheOthersStay) {
   const AddedNode fine{"fifth", "", "{}", ""};
   const auto reading = with_added(deployment(), {1, {taken, same_name, bad_key, other_device, fine}});
 
-  EXPECT_THAT(reading.problems, ElementsAre(HasSubstr("flag 1 is that of c"), HasSubstr("a node of this name"),
-                                            HasSubstr("colour"), HasSubstr("device 'can'")));
+  EXPECT_THAT(reading.problems,
+              ElementsAre(HasSubstr("flag 1 is that of c"), HasSubstr("a node of this name"),
+                          HasSubstr("colour"), HasSubstr("device 'can'")));
   EXPECT_THAT(reading.deployment.nodes, SizeIs(4));
   EXPECT_NE(reading.deployment.find("fifth"), nullptr);
   EXPECT_THAT(reading.deployment.slots, SizeIs(2));
 }
 
 TEST_F(AddedNodesTest, AreMembersOfTheRingBehindWhoChecksThem) {
-  const Deployment d = with_added(deployment(), {5, {{"x", "a", "{}", ""}, {"y", "", "{}", ""}, {"z", "gone", "{}", ""}}})
-                           .deployment;
+  const Deployment d =
+      with_added(deployment(), {5, {{"x", "a", "{}", ""}, {"y", "", "{}", ""}, {"z", "gone", "{}", ""}}})
+          .deployment;
   EXPECT_EQ(read_membership(var_, d).membership, (Membership{6, {"a", "x", "b", "c", "y", "z"}}));
   ASSERT_TRUE(write_membership(var_, {3, {"y", "c", "a"}}));
-  EXPECT_EQ(read_membership(var_, d).membership, (Membership{8, {"y", "c", "a", "x", "z"}})) << "a place that is said stays";
+  EXPECT_EQ(read_membership(var_, d).membership, (Membership{8, {"y", "c", "a", "x", "z"}}))
+      << "a place that is said stays";
 }
 
 TEST_F(AddedNodesTest, AreAddedOnceWithTheLowestFreeFlag) {
@@ -161,29 +165,36 @@ TEST_F(AddedNodesTest, AreRefusedWithTheReasonAndNothingChanges) {
   EXPECT_THAT(changed([](AddedNode& n) { n.name = "../extra"; }), HasSubstr("name of 1-32 characters"));
   EXPECT_THAT(changed([](AddedNode& n) { n.name = "a"; }), HasSubstr("a node of this name"));
   EXPECT_THAT(changed([](AddedNode& n) { n.ring_after = "nobody"; }), HasSubstr("no node 'nobody'"));
-  EXPECT_THAT(changed([](AddedNode& n) { n.description = "{executable: /bin/sh}"; }), HasSubstr("executable"));
+  EXPECT_THAT(changed([](AddedNode& n) { n.description = "{executable: /bin/sh}"; }),
+              HasSubstr("executable"));
   EXPECT_THAT(changed([](AddedNode& n) { n.description = "[]"; }), HasSubstr("mapping"));
-  EXPECT_THAT(changed([](AddedNode& n) { n.description = "{slot: {after: a, allotted_ms: 1, overrun_ms: 1, reset_ms: 1}}"; }),
+  EXPECT_THAT(changed([](AddedNode& n) {
+                n.description = "{slot: {after: a, allotted_ms: 1, overrun_ms: 1, reset_ms: 1}}";
+              }),
               HasSubstr("'a' has no slot"));
-  EXPECT_THAT(changed([](AddedNode& n) { n.description.resize(AddedNodes::description_octets_max + 1, ' '); }),
-              HasSubstr("more than 4096 octets"));
+  EXPECT_THAT(
+      changed([](AddedNode& n) { n.description.resize(AddedNodes::description_octets_max + 1, ' '); }),
+      HasSubstr("more than 4096 octets"));
   EXPECT_THAT(changed([](AddedNode& n) { n.dictionary = "apids: [{ name: extra, apid: 17, node: extra }]"; }),
               HasSubstr("APID 17 stands twice"));
   EXPECT_THAT(changed([](AddedNode& n) { n.dictionary = "apids: [{ name: other, apid: 99, node: other }]"; }),
               HasSubstr("is about other, not about extra"));
-  EXPECT_THAT(changed([](AddedNode& n) { n.dictionary = std::string("apids: \xFF"); }), testing::Not(IsEmpty()));
+  EXPECT_THAT(changed([](AddedNode& n) { n.dictionary = std::string("apids: \xFF"); }),
+              testing::Not(IsEmpty()));
   EXPECT_EQ(list(), AddedNodes{});
   EXPECT_FALSE(std::filesystem::exists(added_nodes_file(var_)));
 
   const auto program = versions_folder(var_, "extra") / "extra.1";
-  std::filesystem::permissions(program, std::filesystem::perms::owner_write, std::filesystem::perm_options::add);
+  std::filesystem::permissions(program, std::filesystem::perms::owner_write,
+                               std::filesystem::perm_options::add);
   ASSERT_TRUE(write_file_atomically(program, "#!/bin/bad\n"));
   EXPECT_THAT(refusal(extra_), HasSubstr("octets"));
 }
 
 TEST_F(AddedNodesTest, HaveABoundAndAFlagEach) {
   for (std::size_t i = 0; i <= AddedNodes::nodes_max; ++i) {
-    const AddedNode node{"n" + std::to_string(i), "", "{slot: {allotted_ms: 1, overrun_ms: 1, reset_ms: 1}}", ""};
+    const AddedNode node{"n" + std::to_string(i), "", "{slot: {allotted_ms: 1, overrun_ms: 1, reset_ms: 1}}",
+                         ""};
     store_program(node.name);
     if (i < AddedNodes::nodes_max) {
       EXPECT_TRUE(add(node)) << i;
@@ -208,7 +219,8 @@ TEST_F(AddedNodesTest, AreRemovedWithTheirVersionsAndOthersCannotBe) {
 }
 
 TEST_F(AddedNodesTest, OfADamagedFileAreNoneUntilOneIsAddedWhichSetsItAside) {
-  ASSERT_TRUE(write_file_atomically(added_nodes_file(var_), "# Nodes that were added to the suite. Written by SRFS.\nrev"));
+  ASSERT_TRUE(write_file_atomically(added_nodes_file(var_),
+                                    "# Nodes that were added to the suite. Written by SRFS.\nrev"));
   const auto reading = load_deployment(file_, var_);
   EXPECT_THAT(reading.problems, ElementsAre(HasSubstr("cut off")));
   EXPECT_THAT(reading.deployment.nodes, SizeIs(3));
