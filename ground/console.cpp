@@ -24,6 +24,11 @@ constexpr seconds stats_period{5};
 constexpr milliseconds progress_period{500};
 constexpr milliseconds default_acceptance{5000};
 constexpr milliseconds default_clcw{35000};  // the beacon comes every 30 s
+constexpr seconds default_installation{900};
+constexpr milliseconds longest_order{35'000};  // of package.install itself
+constexpr seconds first_question{2};           // it may have been told before
+constexpr seconds question_period{15};
+constexpr seconds refusal_patience{2};  // for the event beside a failure report
 constexpr std::size_t longest_line = 4096;
 constexpr int exchange_attempts = 3;
 
@@ -146,13 +151,17 @@ void Console::carry_files(std::unique_ptr<cfdp::Postbox> postbox) {
 
 Exit Console::put(const std::string& file, const std::string& name, std::optional<milliseconds> timeout) {
   quiet_telemetry_ = true;
-  const auto id = put_file(*station_.files(), file, name);
-  if (!id) {
-    fail(id.error());
+  const auto deadline = timeout ? std::optional(monotonic_now() + *timeout) : std::nullopt;
+  return follow_file(put_file(*station_.files(), file, name), deadline);
+}
+
+Exit Console::follow_file(const Result<cfdp::TransactionId, std::string>& put,
+                          std::optional<MonotonicTime> deadline) {
+  if (!put) {
+    fail(put.error());
     return Exit::unusable;
   }
-  awaited_file_ = *id;
-  const auto deadline = timeout ? std::optional(monotonic_now() + *timeout) : std::nullopt;
+  awaited_file_ = *put;
   if (!run(
           Watch::port, [&] { return awaited_arrived_.has_value(); }, deadline))
     return Exit::link_closed;
@@ -161,6 +170,67 @@ Exit Console::put(const std::string& file, const std::string& name, std::optiona
     return Exit::refused;
   }
   return *awaited_arrived_ ? Exit::done : Exit::refused;
+}
+
+Exit Console::install(const std::string& file, const std::string& name, bool activate,
+                      std::optional<milliseconds> timeout) {
+  quiet_telemetry_ = true;
+  installation_begun_ = monotonic_now();
+  const auto deadline = timeout ? std::optional(installation_begun_ + *timeout) : std::nullopt;
+  const Exit up = follow_file(put_or_resume(*station_.files(), file, name), deadline);
+  if (up != Exit::done) return up;
+  installing_ = name;
+  const TelecommandText order = install_telecommand(name, activate);
+  if (deadline) {
+    const auto left = std::chrono::ceil<milliseconds>(*deadline - monotonic_now());
+    timeout = std::clamp(left, milliseconds(1), longest_order);
+  }
+  send(order.name, order.arguments, timeout);
+  const Exit taken = follow(true);
+  if (last_stage_ && last_stage_->failure_name == "package_refused" &&
+      !run(
+          Watch::port, [&] { return refusal_told_; }, monotonic_now() + refusal_patience))
+    return Exit::link_closed;
+  // Its reports may be lost on the way: the spacecraft is asked.
+  const bool unknown =
+      taken == Exit::refused && accepted_ && last_stage_ && last_stage_->stage == Stage::timed_out;
+  if (taken != Exit::done && !unknown) return taken;
+  return follow_installation(activate, deadline.value_or(monotonic_now() + default_installation));
+}
+
+Exit Console::follow_installation(bool activate, MonotonicTime deadline) {
+  for (seconds patience = first_question; !installation_end_ && !interrupted_ && monotonic_now() < deadline;
+       patience = question_period) {
+    if (!run(
+            Watch::port, [&] { return installation_end_.has_value(); },
+            std::min(deadline, monotonic_now() + patience)))
+      return Exit::link_closed;
+    if (installation_end_ || interrupted_) break;
+    const TelecommandText question = installation_question();
+    send(question.name, question.arguments, std::nullopt);
+  }
+  if (!installation_end_) {
+    fail("what became of it is not known yet; telecommand package.report tells");
+    return Exit::refused;
+  }
+  const bool wanted = activate ? installation_end_ == InstallationEnd::installed
+                               : installation_end_ != InstallationEnd::failed;
+  return wanted ? Exit::done : Exit::refused;
+}
+
+bool Console::on_installation(const TelemetryReport& report) {
+  if (installing_.empty() || !is_about_installation(report, installing_)) return false;
+  if (const auto end = installation_end(report, installing_)) installation_end_ = end;
+  refusal_told_ = refusal_told_ || report.name == "update.refused";
+  if (options_.json) {
+    write_json(to_json(report));
+  } else if (report.kind == TelemetryKind::event) {
+    const double elapsed_s = std::chrono::duration<double>(monotonic_now() - installation_begun_).count();
+    write_lines(fmt::format("{:>9.3f} s  {}\n", elapsed_s, report.text));
+  } else if (installation_end_) {
+    write_lines(to_lines(report, options_.colour));
+  }
+  return true;
 }
 
 Exit Console::files(std::optional<milliseconds> duration) {
@@ -479,6 +549,7 @@ void Console::send(const std::string& name, const std::vector<std::string>& argu
 }
 
 void Console::on_telemetry(const TelemetryReport& report) {
+  if (on_installation(report)) return;
   pong_ = pong_ || report.kind == TelemetryKind::pong;
   if (exchanging_) {
     if (report.kind != TelemetryKind::report && report.name != "parameter.refused") return;
@@ -507,7 +578,8 @@ void Console::on_stage(const StageReport& report) {
   accepted_ = accepted_ || (news && (report.stage == Stage::accepted || report.stage == Stage::scheduled ||
                                      report.stage == Stage::started || report.stage == Stage::progress ||
                                      report.stage == Stage::completed));
-  if (exchanging_ && !options_.json && !is_failure(report.stage)) return;
+  const bool asks = exchanging_ || report.command->name == installation_question().name;
+  if (asks && !options_.json && !is_failure(report.stage)) return;
   options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 

@@ -7,6 +7,7 @@
 
 #include "base/time.hpp"
 #include "ground/bridge.hpp"
+#include "ground/installation.hpp"
 #include "ground/remote.hpp"
 #include "ground/script.hpp"
 #include "ground/station.hpp"
@@ -61,6 +62,10 @@ class Console {
   /// One file up, until the spacecraft has it. What is not up by then stays in the queue.
   [[nodiscard]] Exit put(const std::string& file, const std::string& name,
                          std::optional<milliseconds> timeout);
+  /// Puts a package up, or goes on with it, orders package.install and follows that until the node runs it,
+  /// or without @p activate until it is built and tested. @param timeout for all of it
+  [[nodiscard]] Exit install(const std::string& file, const std::string& name, bool activate,
+                             std::optional<milliseconds> timeout);
   /// Carries the queue up and what comes down. @param duration nullopt: until interrupted
   [[nodiscard]] Exit files(std::optional<milliseconds> duration);
   /// What is asked of the folder of files on board, with the answers as lines. A file that is to arrive is
@@ -79,6 +84,13 @@ class Console {
   enum class Watch : std::uint8_t { port, port_and_input };
 
   void on_telemetry(const TelemetryReport& report);
+  /// Runs until the file that was put is up.
+  [[nodiscard]] Exit follow_file(const Result<cfdp::TransactionId, std::string>& put,
+                                 std::optional<MonotonicTime> deadline);
+  /// Tells and keeps what is about the installation. @return whether it was
+  bool on_installation(const TelemetryReport& report);
+  /// Runs until the spacecraft has said how the installation ended; asks now and then.
+  [[nodiscard]] Exit follow_installation(bool activate, MonotonicTime deadline);
   /// One telecommand until its end, again when answers were lost on the way; the answers are told and kept.
   /// @param left_before  of a listing (is_whole)
   [[nodiscard]] Exit exchange(const TelecommandText& telecommand, std::optional<milliseconds> timeout,
@@ -138,6 +150,10 @@ class Console {
   std::string awaited_name_;  // of a file that is to come down
   std::optional<cfdp::TransactionId> awaited_file_;
   std::optional<bool> awaited_arrived_;
+  std::string installing_;  // name on board of the package; empty: none
+  MonotonicTime installation_begun_;
+  std::optional<InstallationEnd> installation_end_;
+  bool refusal_told_ = false;
   MonotonicTime next_progress_;
   std::string last_progress_;
   bool progress_shown_ = false;  // the terminal's cursor is in a progress line

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "base/file.hpp"
+
 namespace srfs::ground {
 namespace {
 
@@ -62,6 +64,19 @@ Result<cfdp::TransactionId, std::string> put_file(cfdp::Postbox& postbox, const 
   const auto id = postbox.sending(name);
   if (!id) return Err(fmt::format("{}: waits in the queue, or cannot be sent", name));
   return *id;
+}
+
+Result<cfdp::TransactionId, std::string> put_or_resume(cfdp::Postbox& postbox,
+                                                       const std::filesystem::path& file,
+                                                       const std::string& name) {
+  const auto under_way = postbox.sending(name);
+  if (!under_way) return put_file(postbox, file, name);
+  const auto wanted = read_file(file);
+  if (!wanted) return Err(wanted.error().message);
+  const auto sent = read_file(postbox.outbox() / name);
+  if (!sent) return Err(sent.error().message);
+  if (*sent != *wanted) return Err(fmt::format("{}: another file of this name is under way", name));
+  return *under_way;
 }
 
 std::string to_text(cfdp::TransactionId id) {

@@ -24,6 +24,11 @@ namespace srfs::ground {
                                                                 const std::filesystem::path& file,
                                                                 const std::string& name);
 
+/// As put_file; but when an interrupted run left the same octets under way by this name, these go on.
+[[nodiscard]] Result<cfdp::TransactionId, std::string> put_or_resume(cfdp::Postbox& postbox,
+                                                                     const std::filesystem::path& file,
+                                                                     const std::string& name);
+
 /// "2:17": entity of the sender and number.
 [[nodiscard]] std::string to_text(cfdp::TransactionId id);
 [[nodiscard]] std::optional<cfdp::TransactionId> parse_transaction(const std::string& text);

@@ -11,8 +11,11 @@
 #include "base/file.hpp"
 #include "ground/console.hpp"
 #include "ground/fragments.hpp"
+#include "ground/installation.hpp"
+#include "ground/package_arguments.hpp"
 #include "ground/remote.hpp"
 #include "ros/deployment.hpp"
+#include "update/package_keys.hpp"
 
 namespace {
 
@@ -50,6 +53,7 @@ struct Arguments {
   std::string tm = "127.0.0.1:10015";
   std::string tc = "127.0.0.1:10025";
   std::vector<std::string> words;
+  PackageArguments package;
 };
 
 std::optional<milliseconds> duration(double value_s) {
@@ -154,6 +158,7 @@ void define(CLI::App& app, Arguments& a) {
       app.add_subcommand("bridge", "Carry TM frames and CLTUs or TC frames between the port and UDP");
   bridge->add_option("--tm", a.tm, "Where TM frames go, [HOST:]PORT")->capture_default_str();
   bridge->add_option("--tc", a.tc, "Where CLTUs or TC frames are taken, [HOST:]PORT")->capture_default_str();
+  define_package(app, a.package, a.timeout_s);
   for (auto* sub : app.get_subcommands({})) sub->fallthrough();
 }
 
@@ -226,7 +231,27 @@ bool confirmed(const Arguments& a) {
   return std::fgets(answer.data(), answer.size(), stdin) != nullptr && std::string(answer.data()) == "yes\n";
 }
 
+/// What is to be installed, before anything goes up.
+Result<Installation, std::string> installation(const Arguments& a, const mission::Dictionary& dictionary,
+                                               const std::filesystem::path& var_dir) {
+  std::string key = a.package.command.key;
+  const auto own = var_dir / update::public_key_file;
+  if (key.empty() && std::filesystem::exists(own)) key = own.string();
+  auto made = prepare_installation(a.package.command.file, key);
+  if (!made) return made;
+  made->activate = !a.package.no_activate;
+  const TelecommandText telecommand = install_telecommand(made->name, made->activate);
+  const auto encoded = dictionary.encode(telecommand.name, telecommand.arguments);
+  if (!encoded) return Err(encoded.error().message);
+  return made;
+}
+
 Exit operate(const CLI::App& app, Arguments& a) {
+  const bool installs = app.got_subcommand("package");
+  if (installs) {
+    a.package.command.json = a.json;
+    if (const auto ended = run_package(*app.get_subcommand("package"), a.package)) return *ended;
+  }
   const std::filesystem::path port_path = a.port;
   const auto var_dir = port_path.has_parent_path() ? port_path.parent_path() : std::filesystem::path(".");
   const std::filesystem::path state_dir =
@@ -275,6 +300,12 @@ Exit operate(const CLI::App& app, Arguments& a) {
   const auto deployment = find_deployment(a.deployment);
   if (!deployment) return fail(a, deployment.error());
   const auto link = ros::Deployment::load(*deployment).link;
+  Installation package;
+  if (installs) {
+    auto made = installation(a, dictionary, var_dir);
+    if (!made) return fail(a, made.error());
+    package = std::move(*made);
+  }
   auto port = Port::open(port_path, link.baud);
   if (!port) return fail(a, port.error());
   if (app.got_subcommand("bridge")) return bridge(a, link, std::move(*port));
@@ -287,7 +318,7 @@ Exit operate(const CLI::App& app, Arguments& a) {
   Console console(
       dictionary, link, std::move(*port), std::move(*uplink),
       {.json = a.json || app.got_subcommand("session"), .colour = colour, .ad = a.ad, .fop = fop});
-  const bool carries_files = !remote.awaited_file.empty() || app.got_subcommand("put") ||
+  const bool carries_files = !remote.awaited_file.empty() || installs || app.got_subcommand("put") ||
                              app.got_subcommand("files") || app.got_subcommand("listen") ||
                              app.got_subcommand("session");
   if (carries_files) {
@@ -303,6 +334,7 @@ Exit operate(const CLI::App& app, Arguments& a) {
         a.destination.empty() ? std::filesystem::path(a.source).filename().string() : a.destination;
     return console.put(a.source, name, duration(a.timeout_s));
   }
+  if (installs) return console.install(package.file, package.name, package.activate, duration(a.timeout_s));
   if (app.got_subcommand("remote")) return console.remote(remote, duration(a.timeout_s));
   if (app.got_subcommand("param")) {
     return a.action == "get" ? console.get_parameters(parameters, duration(a.timeout_s))

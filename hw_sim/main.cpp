@@ -21,6 +21,7 @@
 #include "hw_sim/seqpacket_server.hpp"
 #include "hw_sim/settings.hpp"
 #include "hw_sim/simulator.hpp"
+#include "update/package_keys.hpp"
 
 namespace {
 
@@ -86,6 +87,25 @@ void create_test_key(const path& file) {
   log::info("created the TEST key {} (random, for the simulation only)", file.string());
 }
 
+/// The pair that signs packages of sources, unless there is a public key: with one of its own an operator has
+/// the seed elsewhere.
+void create_package_test_keys(const path& var) {
+  const path public_file = var / update::public_key_file;
+  const path seed_file = var / "ground" / "package_test.seed";
+  if (std::filesystem::exists(public_file)) return;
+  std::filesystem::create_directories(public_file.parent_path());
+  std::filesystem::create_directories(seed_file.parent_path());
+  const auto made = [](const auto& result) {
+    if (!result) throw std::runtime_error(result.error().message);
+  };
+  if (!std::filesystem::exists(seed_file)) made(update::save_new_seed(seed_file, update::new_seed()));
+  const auto seed = update::load_seed(seed_file);
+  made(seed);
+  made(update::save_new_public_key(public_file, update::public_key_of(*seed)));
+  log::info("created the TEST key {} (its seed: {}; for the simulation only)", public_file.string(),
+            seed_file.string());
+}
+
 int simulate(const path& deployment_file, const path& var) {
   const sim::SimulationSettings settings = sim::read_settings(ConfigSection::load(deployment_file));
   const path run = var / "run";
@@ -94,6 +114,7 @@ int simulate(const path& deployment_file, const path& var) {
   unlink((run / "hw_sim.ready").c_str());  // of a predecessor that was killed
   for (const std::string& key : settings.key_files)
     create_test_key(path(key).is_absolute() ? path(key) : var / key);
+  create_package_test_keys(var);
 
   sim::EventLoop loop;
   const Fd signals = termination_signals();

@@ -48,6 +48,10 @@ enum class FailureCode : std::uint16_t {
   no_version = 57,
   time_jump_refused = 70,
   time_implausible = 71,
+  package_not_found = 140,
+  package_refused = 141,
+  update_under_way = 142,
+  no_update = 143,
 };
 
 /// A telecommand as it arrived.

@@ -18,7 +18,7 @@ constexpr std::size_t checksum_octets = 8;
 constexpr int format = 1;
 // Escaping makes an octet up to four.
 constexpr std::size_t largest_file =
-    AddedNodes::nodes_max * 4 * (AddedNodes::description_octets_max + AddedNodes::dictionary_octets_max) +
+    AddedNodes::nodes_max * 4 * (2 * AddedNodes::description_octets_max + AddedNodes::dictionary_octets_max) +
     4096;
 
 std::uint32_t checksum(std::string_view text) {
@@ -49,7 +49,10 @@ AddedNode read_added_node(const ConfigSection& section) {
                  section.text("dictionary")};
   if (section.has("flag"))
     node.flag = static_cast<std::size_t>(section.integer("flag", 0, slots_at_most - 1));
+  node.slot = section.text("slot", "");
   section.finish();
+  if (node.slot.size() > AddedNodes::description_octets_max)
+    throw section.bad("slot", fmt::format("{} octets at most", AddedNodes::description_octets_max));
   if (node.description.size() > AddedNodes::description_octets_max)
     throw section.bad("description", fmt::format("{} octets at most", AddedNodes::description_octets_max));
   if (node.dictionary.size() > AddedNodes::dictionary_octets_max)
@@ -97,6 +100,7 @@ std::string to_text(const AddedNodes& added) {
     text +=
         fmt::format("  - node: {}\n    ring_after: {}\n", yaml_text(node.name), yaml_text(node.ring_after));
     if (node.flag) text += fmt::format("    flag: {}\n", *node.flag);
+    if (!node.slot.empty()) text += fmt::format("    slot: {}\n", yaml_text(node.slot));
     text += fmt::format("    description: {}\n    dictionary: {}\n", yaml_text(node.description),
                         yaml_text(node.dictionary));
   }

@@ -126,8 +126,14 @@ AddedDescription read_added_description(const AddedNode& node) {
     throw ConfigError(node.name + ": expected a name of 1-32 characters of a-z, 0-9 and _");
   AddedDescription description{read_entry(root, node.name, ""), std::nullopt, {}};
   description.entry.added = true;
-  if (root.has("slot")) {
-    const ConfigSection slot = root.section("slot");
+  if (root.text("name", node.name) != node.name) throw root.bad("name", "the name of the node, or nothing");
+  (void)root.text("executable", "");  // its program is in the version store
+  if (root.has("slot") || !node.slot.empty()) {
+    if (root.has("slot") && !node.slot.empty()) throw root.bad("slot", "one slot");
+    const ConfigSection slot =
+        node.slot.empty() ? root.section("slot") : ConfigSection::parse(node.slot, node.name + "'s slot");
+    if (slot.text("payload", node.name) != node.name)
+      throw slot.bad("payload", "the name of the node, or nothing");
     description.slot = read_slot(slot, node.name);
     description.slot->after = slot.text("after", "");
     slot.finish();
@@ -136,6 +142,14 @@ AddedDescription read_added_description(const AddedNode& node) {
   for (const std::string& key : devices.keys()) description.devices[key] = devices.text(key);
   root.finish();
   return description;
+}
+
+std::string slot_text(const Slot& slot) {
+  std::string text = "{allotted_ms: " + std::to_string(slot.allotted.count()) +
+                     ", overrun_ms: " + std::to_string(slot.overrun.count()) +
+                     ", reset_ms: " + std::to_string(slot.reset.count());
+  if (!slot.after.empty()) text += ", after: " + slot.after;
+  return text + "}";
 }
 
 LinkSettings read_link(const ConfigSection& section) {

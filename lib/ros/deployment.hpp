@@ -52,6 +52,7 @@ struct AddedNode {
   std::string description;  ///< YAML or JSON, launch_config/README.md: "Added nodes"
   std::string dictionary;   ///< its fragment of the mission dictionary (YAML); empty: it has none
   std::optional<std::size_t> flag = {};  ///< position of its task flag; given by add_node(), none: no slot
+  std::string slot = {};  ///< its slot, where the description has none: YAML or JSON (slot_text())
 
   friend bool operator==(const AddedNode&, const AddedNode&) = default;
 };
@@ -137,6 +138,8 @@ struct AddedDescription {
   std::map<std::string, std::string> devices;
 };
 [[nodiscard]] AddedDescription read_added_description(const AddedNode& node);
+/// As AddedNode::slot has it.
+[[nodiscard]] std::string slot_text(const Slot& slot);
 
 /// Reads the `link` section; also for the ground, which shares it.
 [[nodiscard]] LinkSettings read_link(const ConfigSection& section);

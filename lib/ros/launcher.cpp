@@ -51,6 +51,7 @@ constexpr milliseconds longest_wait_for_instance{1000};
 constexpr milliseconds longest_wait_for_lock{3000};
 constexpr milliseconds longest_wait_for_end{1000};
 constexpr const char* no_golden = "a node that was added has no golden version";
+constexpr seconds longest_stand_in{6};
 
 /// Whom a process shall belong to.
 struct Owner {
@@ -81,6 +82,9 @@ struct Failure {
 /// Test tools only: sanitizer settings and the place of the mission dictionary of a build tree.
 constexpr std::array passed_on{"ASAN_OPTIONS", "UBSAN_OPTIONS",    "TSAN_OPTIONS",
                                "LSAN_OPTIONS", "SRFS_MISSION_DIR", "LD_LIBRARY_PATH"};
+
+/// Tells a program in a slot where the golden ones are.
+constexpr const char* bin_folder_variable = "SRFS_BIN_FOLDER";
 
 bool is_passed_on(std::string_view line) {
   return std::any_of(passed_on.begin(), passed_on.end(), [&](const char* name) {
@@ -126,7 +130,8 @@ std::filesystem::path golden_program(const LaunchRequest& request, const NodeEnt
 /// A program in a slot does not lie where its libraries are: it gets those that this process has.
 void add_own_libraries(std::vector<std::string>& environment) {
   Dl_info self{};
-  if (dladdr(reinterpret_cast<const void*>(&own_bin_folder), &self) == 0 || self.dli_fname == nullptr) return;
+  if (dladdr(reinterpret_cast<const void*>(&suite_bin_folder), &self) == 0 || self.dli_fname == nullptr)
+    return;
   const std::string folder = std::filesystem::absolute(self.dli_fname).parent_path().string();
   constexpr std::string_view name = "LD_LIBRARY_PATH=";
   for (std::string& line : environment) {
@@ -151,6 +156,8 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
                  "--var",
                  std::filesystem::absolute(request.var.root).string()};
   p.environment = absolute_environment(request.var);
+  p.environment.push_back(
+      fmt::format("{}={}", bin_folder_variable, std::filesystem::absolute(request.bin_folder).string()));
   if (in_slot) add_own_libraries(p.environment);
   auto owner = owner_of(node);
   if (!owner) return Err(owner.error());
@@ -385,6 +392,21 @@ Result<pid_t, std::string> start_version(const LaunchRequest& request, const Nod
   return process->pid();
 }
 
+/// While a node is down on purpose; nobody believes it for longer than the lease.
+class StandingIn {
+ public:
+  StandingIn(const VarPaths& var, const std::string& node, const std::string& by) : var_(var), node_(node) {
+    write_stand_in(var, node, by, monotonic_now() + longest_stand_in);
+  }
+  StandingIn(const StandingIn&) = delete;
+  StandingIn& operator=(const StandingIn&) = delete;
+  ~StandingIn() { end_stand_in(var_, node_); }
+
+ private:
+  const VarPaths& var_;
+  const std::string& node_;
+};
+
 /// For starts that no observer of the ring writes down. Blocks on the disk.
 void record_fallback(const LaunchRequest& request, const NodeEntry& node, const Launched& launched) {
   if (const auto settled = settle_versions(request.var, node.name); !settled)
@@ -413,7 +435,8 @@ std::string environment_for_nodes() {
   return lines;
 }
 
-std::filesystem::path own_bin_folder() {
+std::filesystem::path suite_bin_folder() {
+  if (const char* told = std::getenv(bin_folder_variable); told != nullptr && *told != '\0') return told;
   std::error_code ec;
   return std::filesystem::read_symlink("/proc/self/exe", ec).parent_path();
 }
@@ -535,6 +558,8 @@ Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& re
   const auto before = last_started(request.var, node.name);
   const bool runs_already = running && before && before->pid == running->pid() && before->version == version;
   if (!running || runs_already || node.name == self) return std::optional<Launched>();
+  const StandingIn standing_in(request.var, node.name, self.empty() ? "srfs" : self);
+  const MonotonicTime stopped = monotonic_now();
   running->signal(SIGTERM);
   running->signal(SIGCONT);  // a stopped process would sleep through it
   if (!running->wait_for_exit(longest_wait_for_end)) {
@@ -543,8 +568,9 @@ Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& re
       return Err(std::string("its process cannot be killed"));
   }
   if (std::filesystem::exists(request.var.stopping_flag())) return std::optional<Launched>();
-  const auto launched = launch_locked(request, node, *lock, ProgramCheck::size);
+  auto launched = launch_locked(request, node, *lock, ProgramCheck::size);
   if (!launched) return Err(launched.error());
+  launched->stopped = stopped;
   count_start_on_disk(request, node);
   if (launched->fallback) record_fallback(request, node, *launched);
   return std::optional(*launched);

@@ -63,6 +63,7 @@ struct Launched {
   pid_t pid = 0;
   std::uint32_t version = 0;                ///< 0: golden, the deployment's executable
   std::optional<VersionFallback> fallback;  ///< the active version could not be started
+  MonotonicTime stopped{};                  ///< of use_version(): when the process before it was told to end
 };
 /// The start alone, for who holds the lock and has looked that nobody runs or starts. Works on a full disk;
 /// waits for no fsync. Starts the active version (lib/update). One whose program is missing or damaged, and
@@ -91,7 +92,8 @@ void count_start_on_disk(const LaunchRequest& request, const NodeEntry& node);
 /// environment.
 [[nodiscard]] std::string environment_for_nodes();
 
-/// The folder of the running program's own executable.
-[[nodiscard]] std::filesystem::path own_bin_folder();
+/// The folder of the suite's executables: as the starter of this process said, which may run from a slot
+/// elsewhere; else that of its own executable.
+[[nodiscard]] std::filesystem::path suite_bin_folder();
 
 }  // namespace srfs::ros

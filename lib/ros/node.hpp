@@ -104,6 +104,9 @@ class LifecycleNode {
   [[nodiscard]] virtual WorkStatus work_status() const { return {}; }
   /// Nodes were added or removed: deployment() is another one. On the work thread, in any state.
   virtual void on_deployment_changed() {}
+  /// What a new version checks of itself before it may replace the one that runs (`--self-test`): it is
+  /// Active, has turned for a second, and every device is absent. @return what is wrong
+  [[nodiscard]] virtual Result<void, std::string> self_test() { return {}; }
   /// Time of this wake-up, read once before each callback.
   [[nodiscard]] MonotonicTime now() const { return context_.executor.now(); }
 

@@ -97,7 +97,7 @@ Result<void, std::string> check_program(const VarPaths& var, const std::string& 
 
 /// Gives the node its flag and says what does not fit. @param added  without the node
 Result<void, std::string> check(const Deployment& file, const AddedNodes& added, AddedNode& node) {
-  if (node.description.size() > AddedNodes::description_octets_max)
+  if (std::max(node.description.size(), node.slot.size()) > AddedNodes::description_octets_max)
     return Err(fmt::format("the description has more than {} octets", AddedNodes::description_octets_max));
   if (node.dictionary.size() > AddedNodes::dictionary_octets_max)
     return Err(

@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <random>
 
 #include <fmt/format.h>
 #include <malloc.h>
@@ -27,12 +28,14 @@ namespace {
 
 constexpr milliseconds longest_rest{200};
 constexpr seconds deployment_review{1};  ///< how often a node looks for added nodes
+constexpr seconds self_test_turns{1};
 
 struct Arguments {
   std::string name;
   std::filesystem::path deployment;
   std::filesystem::path var;
   std::optional<int> domain;
+  bool self_test = false;
 };
 
 int code(ExitCode c) {
@@ -256,6 +259,82 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
   return code(exit_code);
 }
 
+/// Devices that are never there: a test drives no hardware.
+void take_devices_away(Deployment& deployment) {
+  for (auto& [key, uri] : deployment.devices) {
+    const bool serial = uri.starts_with("serial:");
+    uri = fmt::format("{}:none/{}", serial ? "serial" : "sim", key);
+  }
+}
+
+/// Nobody's keys: a test must not need those of the spacecraft.
+void replace_keys(Deployment& deployment, const VarPaths& var) {
+  std::random_device random;
+  for (TelecommandChannel& channel : deployment.link.channels) {
+    channel.key_file = fmt::format("keys/self_test_{}.key", channel.spi);
+    std::string digits;
+    for (int i = 0; i < 8; ++i) digits += fmt::format("{:08x}", random());
+    const auto file = var.root / channel.key_file;
+    if (const auto written = write_file_atomically(file, digits + "\n"); !written)
+      throw ConfigError(written.error().message);
+    std::filesystem::permissions(file, std::filesystem::perms::owner_read);
+  }
+}
+
+/// @return what is wrong with the node
+Result<void, std::string> try_out(Executor& executor, LifecycleNode& node) {
+  const auto failure = [&](const char* what) {
+    return Err(
+        fmt::format("{}: {}", what, node.failure_reason().empty() ? "see the log" : node.failure_reason()));
+  };
+  if (!node.go_to(State::inactive)) return failure("it cannot be configured");
+  if (!node.go_to(State::active)) return failure("it cannot be activated");
+  executor.spin_until([&] { return !node.is_active(); }, monotonic_now() + self_test_turns);
+  if (!node.is_active()) return failure("it does not stay active");
+  if (node.failed_callbacks() > 0)
+    return Err(fmt::format("{} callbacks ended with an exception", node.failed_callbacks()));
+  if (auto own = node.self_test(); !own) return own;
+  if (!node.go_to(State::inactive)) return failure("it cannot be deactivated");
+  executor.spin_until([&] { return node.is_at_rest(); }, monotonic_now() + longest_rest);
+  if (!node.go_to(State::unconfigured)) return failure("it cannot be cleaned up");
+  if (!node.go_to(State::finalized)) return failure("it cannot be finalized");
+  return {};
+}
+
+int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
+  if (!arguments.domain) throw ConfigError("--self-test needs --domain, one that nobody else uses");
+  ignore_broken_pipes();
+  Deployment deployment = Deployment::load(arguments.deployment);
+  take_devices_away(deployment);
+  deployment.ring.enabled = false;
+  if (deployment.find(arguments.name) == nullptr)
+    throw ConfigError(fmt::format("{}: no node '{}'", deployment.file.string(), arguments.name));
+  const VarPaths var{std::filesystem::absolute(arguments.var)};
+  replace_keys(deployment, var);
+  auto lock = InstanceLock::take(var, arguments.name);
+  if (!lock) {
+    log::error("{}", lock.error());
+    return code(ExitCode::already_running);
+  }
+  mallopt(M_ARENA_MAX, 1);
+  Executor executor;
+  auto participant = Participant::create({*arguments.domain, deployment.interfaces, &executor});
+  if (!participant) {
+    log::error("{}", participant.error());
+    return code(ExitCode::middleware);
+  }
+  NodeContext context{arguments.name, deployment, var, 1, executor, **participant, nullptr};
+  const std::unique_ptr<LifecycleNode> node = factory(context);
+  node->finish_declarations();
+  const auto tried = try_out(executor, *node);
+  if (!tried) {
+    log::error("self-test failed: {}", tried.error());
+    return code(ExitCode::self_test_failed);
+  }
+  log::info("self-test passed");
+  return code(ExitCode::stopped);
+}
+
 }  // namespace
 
 const char* version() {
@@ -272,14 +351,18 @@ int run_node(int argc, char** argv, const NodeFactory& factory) {
   app.add_option("--var", arguments.var, "Folder of the running deployment")->default_val("var");
   app.add_option("--domain", arguments.domain,
                  "DDS domain; default: VAR/run/dds_domain, then the deployment's")
-      ->check(CLI::Range(0, 101));
+      ->check(
+          CLI::Range(0, 232));  // above 101: ports that the kernel gives out, good enough for a test alone
+  app.add_flag("--self-test", arguments.self_test,
+               "Go to Active and back without devices and without a ring, in a --var and a --domain of its "
+               "own; exit code 6: failed");
   app.set_version_flag("--version", version());
   CLI11_PARSE(app, argc, argv);
   log::set_name(arguments.name);
   std::optional<HeartbeatPage> page;
   int exit_code = code(ExitCode::bug);
   try {
-    exit_code = run(arguments, factory, page);
+    exit_code = arguments.self_test ? run_self_test(arguments, factory) : run(arguments, factory, page);
   } catch (const ConfigError& e) {
     log::error("{}", e.what());
     exit_code = code(ExitCode::configuration);

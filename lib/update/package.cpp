@@ -14,6 +14,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/fd.hpp"
+#include "update/deflate.hpp"
 #include "update/sha256.hpp"
 #include "update/version_table.hpp"
 
@@ -25,14 +26,16 @@ using Key = std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)>;
 using Context = std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)>;
 
 constexpr std::string_view magic = "SRFSNODE";
-constexpr std::uint16_t container_version = 1;
-constexpr std::string_view manifest_format = "srfs node package 1";
+constexpr std::uint16_t plain_format = 1;
+constexpr std::uint16_t compressed_format = 2;
+constexpr std::string_view plain_manifest = "srfs node package 1";
+constexpr std::string_view compressed_manifest = "srfs node package 2";
 constexpr std::string_view tag("SRFS-NODE-V1\0", 13);
-constexpr std::size_t key_id_octets = 8;
 constexpr std::size_t longest_name = 32;
 constexpr std::size_t largest_entry = 4096;
 constexpr int deepest_nesting = 16;
 constexpr seconds longest_self_test{60};
+constexpr std::uint64_t longest_slot_ms = 60'000;
 
 OctetView octets_of(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
@@ -48,12 +51,6 @@ Octets signed_octets(OctetView content) {
   const auto digest = sha256_of(content);
   message.insert(message.end(), digest.begin(), digest.end());
   return message;
-}
-
-/// Names the key in a package, so that a wrong one is told from a wrong signature; proves nothing.
-Octets key_id(const PublicKey& key) {
-  const auto digest = sha256_of(key);
-  return {digest.begin(), digest.begin() + key_id_octets};
 }
 
 tl::unexpected<PackageFailure> refuse(PackageRefusal refusal, std::string detail = {}) {
@@ -172,6 +169,115 @@ std::optional<PackageFailure> decode_options(const Json* list, std::vector<std::
   return std::nullopt;
 }
 
+std::optional<SlotRequest> decode_slot(const Json& json) {
+  if (!json.is_object()) return std::nullopt;
+  Fields fields(json);
+  SlotRequest slot;
+  if (fields.has("payload")) {
+    slot.payload = fields.text("payload");
+    if (!slot.payload || !is_node_name(*slot.payload)) return std::nullopt;
+  }
+  const auto duration = [&](const char* name, std::uint64_t least) -> std::optional<milliseconds> {
+    const auto value = fields.number(name);
+    if (!value || *value < least || *value > longest_slot_ms) return std::nullopt;
+    return milliseconds(*value);
+  };
+  const auto allotted = duration("allotted_ms", 1);
+  const auto overrun = duration("overrun_ms", 0);
+  const auto reset = duration("reset_ms", 1);
+  slot.after = fields.text("after").value_or("");
+  if (!allotted || !overrun || !reset || !is_node_name(slot.after) || !fields.all_taken())
+    return std::nullopt;
+  slot.allotted = *allotted;
+  slot.overrun = *overrun;
+  slot.reset = *reset;
+  return slot;
+}
+
+Json encode(const SlotRequest& slot) {
+  Json json = Json::object();
+  if (slot.payload) json["payload"] = *slot.payload;
+  json["allotted_ms"] = slot.allotted.count();
+  json["overrun_ms"] = slot.overrun.count();
+  json["reset_ms"] = slot.reset.count();
+  json["after"] = slot.after;
+  return json;
+}
+
+/// What may stand there or not.
+std::optional<PackageFailure> decode_optional(Fields& fields, Manifest& manifest) {
+  const auto bad = [](const char* field) { return PackageFailure{PackageRefusal::bad_manifest, field}; };
+  if (fields.has("binary_sha256")) {
+    manifest.binary_sha256 = fields.text("binary_sha256").value_or("");
+    if (!is_hash(*manifest.binary_sha256)) return bad("binary_sha256");
+  }
+  if (fields.has("ring_after")) {
+    manifest.ring_after = fields.text("ring_after").value_or("");
+    if (!is_node_name(*manifest.ring_after)) return bad("ring_after");
+  }
+  if (const Json* entry = fields.take("deployment")) {
+    manifest.deployment = entry->dump(-1, ' ', false, Json::error_handler_t::replace);
+    if (!entry->is_object() || manifest.deployment->size() > largest_entry) return bad("deployment");
+  }
+  if ((manifest.kind == PackageKind::add) != manifest.deployment.has_value()) return bad("deployment");
+  if (fields.has("dictionary")) {
+    manifest.dictionary = fields.text("dictionary").value_or("");
+    const bool is_there = std::ranges::any_of(
+        manifest.files, [&](const PackageFile& file) { return file.path == *manifest.dictionary; });
+    if (!is_there) return bad("dictionary");
+  }
+  if (const Json* slot = fields.take("slot")) {
+    manifest.slot = decode_slot(*slot);
+    if (!manifest.slot) return bad("slot");
+  }
+  return std::nullopt;
+}
+
+Result<PackageStream, PackageFailure> decode_stream(const Json* json) {
+  if (json == nullptr || !json->is_object()) return refuse(PackageRefusal::bad_manifest, "stream");
+  Fields fields(*json);
+  const auto octets = fields.number("octets");
+  const auto sha256 = fields.text("sha256");
+  if (!octets || !sha256 || !is_hash(*sha256) || !fields.all_taken())
+    return refuse(PackageRefusal::bad_manifest, "stream");
+  if (*octets > PackageLimits::package_octets) return refuse(PackageRefusal::too_large, "stream");
+  return PackageStream{*octets, *sha256};
+}
+
+std::string_view to_text(DeflateError error) {
+  switch (error) {
+    case DeflateError::damaged:
+      return "no whole DEFLATE stream";
+    case DeflateError::too_long:
+      return "it gives more than the files' octets";
+    case DeflateError::too_short:
+      return "it gives less than the files' octets";
+    case DeflateError::trailing:
+      return "octets behind its end";
+  }
+  return "?";
+}
+
+/// The files' octets, one behind the other. The memory is bounded: decode_files() has bounded the sum.
+Result<Octets, PackageFailure> expand_files(const Manifest& manifest, OctetView rest) {
+  if (rest.size() != manifest.stream->octets)
+    return refuse(PackageRefusal::wrong_size,
+                  fmt::format("stream: {} octets instead of {}", rest.size(), manifest.stream->octets));
+  if (to_digits(sha256_of(rest)) != manifest.stream->sha256)
+    return refuse(PackageRefusal::wrong_hash, "stream");
+  std::uint64_t total = 0;
+  for (const PackageFile& file : manifest.files) total += file.octets;
+  auto expanded = expand(rest, static_cast<std::size_t>(total));
+  if (!expanded) return refuse(PackageRefusal::bad_stream, std::string(to_text(expanded.error())));
+  return std::move(*expanded);
+}
+
+Octets joined(const std::vector<Octets>& contents) {
+  Octets all;
+  for (const Octets& content : contents) all.insert(all.end(), content.begin(), content.end());
+  return all;
+}
+
 Result<void, FileError> write_new(int folder, const std::string& path, OctetView content,
                                   const std::filesystem::path& shown) {
   const auto failed = [&](const char* what) {
@@ -262,8 +368,15 @@ std::string_view to_text(PackageRefusal refusal) {
       return "not as long as the manifest says";
     case PackageRefusal::wrong_hash:
       return "a file is not what was signed";
+    case PackageRefusal::bad_stream:
+      return "compressed files that are damaged, or too much";
   }
   return "?";
+}
+
+std::string to_text(const PackageFailure& failure) {
+  const std::string_view text = to_text(failure.refusal);
+  return failure.detail.empty() ? std::string(text) : fmt::format("{}: {}", text, failure.detail);
 }
 
 const std::vector<std::string>& allowed_options() {
@@ -275,7 +388,7 @@ std::string encode(const Manifest& manifest) {
   Json files = Json::array();
   for (const PackageFile& file : manifest.files)
     files.push_back({{"path", file.path}, {"octets", file.octets}, {"sha256", file.sha256}});
-  Json json{{"format", manifest_format},
+  Json json{{"format", manifest.stream ? compressed_manifest : plain_manifest},
             {"node", manifest.node},
             {"kind", manifest.kind == PackageKind::add ? "new" : "replace"},
             {"counter", manifest.counter},
@@ -283,9 +396,13 @@ std::string encode(const Manifest& manifest) {
             {"options", manifest.options},
             {"self_test_s", manifest.self_test.count()},
             {"probation_s", manifest.probation.count()}};
+  if (manifest.stream)
+    json["stream"] = {{"octets", manifest.stream->octets}, {"sha256", manifest.stream->sha256}};
   if (manifest.binary_sha256) json["binary_sha256"] = *manifest.binary_sha256;
   if (manifest.ring_after) json["ring_after"] = *manifest.ring_after;
   if (manifest.deployment) json["deployment"] = Json::parse(*manifest.deployment, nullptr, false);
+  if (manifest.dictionary) json["dictionary"] = *manifest.dictionary;
+  if (manifest.slot) json["slot"] = encode(*manifest.slot);
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
@@ -300,7 +417,9 @@ Result<Manifest, PackageFailure> decode_manifest(std::string_view text) {
   if (!json.is_object() || too_deep) return refuse(PackageRefusal::bad_manifest, "no JSON object");
   Fields fields(json);
   const auto bad = [](const char* field) { return refuse(PackageRefusal::bad_manifest, field); };
-  if (fields.text("format") != manifest_format) return refuse(PackageRefusal::unknown_format, "manifest");
+  const auto format = fields.text("format");
+  if (format != plain_manifest && format != compressed_manifest)
+    return refuse(PackageRefusal::unknown_format, "manifest");
   Manifest manifest;
   manifest.node = fields.text("node").value_or("");
   if (!is_node_name(manifest.node)) return bad("node");
@@ -321,40 +440,58 @@ Result<Manifest, PackageFailure> decode_manifest(std::string_view text) {
     return bad("probation_s");
   manifest.self_test = seconds(*self_test);
   manifest.probation = seconds(*probation);
-  if (fields.has("binary_sha256")) {
-    manifest.binary_sha256 = fields.text("binary_sha256").value_or("");
-    if (!is_hash(*manifest.binary_sha256)) return bad("binary_sha256");
+  if (auto failure = decode_optional(fields, manifest)) return Err(*failure);
+  if (format == compressed_manifest) {
+    auto stream = decode_stream(fields.take("stream"));
+    if (!stream) return Err(stream.error());
+    manifest.stream = std::move(*stream);
   }
-  if (fields.has("ring_after")) {
-    manifest.ring_after = fields.text("ring_after").value_or("");
-    if (!is_node_name(*manifest.ring_after)) return bad("ring_after");
-  }
-  if (const Json* entry = fields.take("deployment")) {
-    manifest.deployment = entry->dump(-1, ' ', false, Json::error_handler_t::replace);
-    if (!entry->is_object() || manifest.deployment->size() > largest_entry) return bad("deployment");
-  }
-  if ((manifest.kind == PackageKind::add) != manifest.deployment.has_value()) return bad("deployment");
   if (!fields.all_taken()) return bad("a key that is not known");
   return manifest;
 }
 
-Octets make_package(std::string_view manifest, const std::vector<Octets>& contents, const SigningSeed& seed) {
-  std::size_t size = 1024 + manifest.size();
-  for (const Octets& content : contents) size += content.size();
-  OctetWriter out(size);
+KeyId key_id_of(const PublicKey& key) {
+  const auto digest = sha256_of(key);
+  KeyId id{};
+  std::copy_n(digest.begin(), id.size(), id.begin());
+  return id;
+}
+
+Octets seal_package(std::uint16_t format, std::string_view manifest, OctetView rest,
+                    const SigningSeed& seed) {
+  OctetWriter out(1024 + manifest.size() + rest.size());
   out.bytes(octets_of(magic));
-  out.u16(container_version);
-  out.bytes(key_id(public_key_of(seed)));
+  out.u16(format);
+  out.bytes(key_id_of(public_key_of(seed)));
   out.u32(static_cast<std::uint32_t>(manifest.size()));
   out.bytes(octets_of(manifest));
   out.bytes(sign(octets_of(manifest), seed));
-  for (const Octets& content : contents) out.bytes(content);
+  out.bytes(rest);
   return out.take();
 }
 
-Result<VerifiedPackage, PackageFailure> verify_package(
-    OctetView package, const PublicKey& key,
-    const std::function<std::uint64_t(std::string_view node)>& last_counter) {
+Octets make_package(std::string_view manifest, const std::vector<Octets>& contents, const SigningSeed& seed) {
+  return seal_package(plain_format, manifest, joined(contents), seed);
+}
+
+Result<Octets, PackageFailure> make_package(Manifest manifest, const std::vector<Octets>& contents,
+                                            const SigningSeed& seed) {
+  if (contents.size() != manifest.files.size()) return refuse(PackageRefusal::wrong_size, "files");
+  for (std::size_t i = 0; i < contents.size(); ++i) {
+    manifest.files[i].octets = contents[i].size();
+    manifest.files[i].sha256 = to_digits(sha256_of(contents[i]));
+  }
+  const Octets stream = shrink(joined(contents));
+  manifest.stream = PackageStream{stream.size(), to_digits(sha256_of(stream))};
+  Octets package = seal_package(compressed_format, encode(manifest), stream, seed);
+  const std::uint64_t last = manifest.counter - std::min<std::uint64_t>(manifest.counter, 1);
+  const auto verified =
+      verify_package(package, public_key_of(seed), [last](std::string_view) { return last; });
+  if (!verified) return Err(verified.error());
+  return package;
+}
+
+Result<PackageParts, PackageFailure> open_package(OctetView package) {
   if (package.size() > PackageLimits::package_octets) return refuse(PackageRefusal::too_large);
   const auto take = [&](std::size_t octets) -> std::optional<OctetView> {
     if (package.size() < octets) return std::nullopt;
@@ -362,40 +499,62 @@ Result<VerifiedPackage, PackageFailure> verify_package(
     package = package.subspan(octets);
     return taken;
   };
+  PackageParts parts;
   const auto head = take(magic.size());
   if (!head || text_of(*head) != magic) return refuse(PackageRefusal::cut_off, "head");
   const auto version = take(2);
   if (!version) return refuse(PackageRefusal::cut_off, "head");
-  if (((*version)[0] << 8 | (*version)[1]) != container_version)
+  parts.format = static_cast<std::uint16_t>((*version)[0] << 8 | (*version)[1]);
+  if (parts.format != plain_format && parts.format != compressed_format)
     return refuse(PackageRefusal::unknown_format);
-  const auto id = take(key_id_octets);
+  const auto id = take(parts.key.size());
   const auto length = take(4);
   if (!id || !length) return refuse(PackageRefusal::cut_off, "head");
   std::size_t manifest_octets = 0;
   for (const std::uint8_t octet : *length) manifest_octets = manifest_octets << 8U | octet;
   if (manifest_octets > PackageLimits::manifest_octets) return refuse(PackageRefusal::too_large, "manifest");
-  const auto manifest_text = take(manifest_octets);
-  const auto raw_signature = take(Signature{}.size());
-  if (!manifest_text || !raw_signature) return refuse(PackageRefusal::cut_off, "manifest");
-  if (!std::ranges::equal(*id, key_id(key))) return refuse(PackageRefusal::wrong_key);
-  Signature signature{};
-  std::ranges::copy(*raw_signature, signature.begin());
-  if (!is_signed(*manifest_text, signature, key)) return refuse(PackageRefusal::wrong_signature);
+  const auto manifest = take(manifest_octets);
+  const auto signature = take(parts.signature.size());
+  if (!manifest || !signature) return refuse(PackageRefusal::cut_off, "manifest");
+  std::ranges::copy(*id, parts.key.begin());
+  std::ranges::copy(*signature, parts.signature.begin());
+  parts.manifest = text_of(*manifest);
+  parts.rest = package;
+  return parts;
+}
 
-  auto manifest = decode_manifest(text_of(*manifest_text));
+Result<VerifiedPackage, PackageFailure> verify_package(
+    OctetView package, const PublicKey& key,
+    const std::function<std::uint64_t(std::string_view node)>& last_counter) {
+  const auto parts = open_package(package);
+  if (!parts) return Err(parts.error());
+  if (parts->key != key_id_of(key)) return refuse(PackageRefusal::wrong_key);
+  if (!is_signed(octets_of(parts->manifest), parts->signature, key))
+    return refuse(PackageRefusal::wrong_signature);
+  auto manifest = decode_manifest(parts->manifest);
   if (!manifest) return Err(manifest.error());
+  if (manifest->stream.has_value() != (parts->format == compressed_format))
+    return refuse(PackageRefusal::unknown_format, "manifest and head differ");
   const std::uint64_t last = last_counter(manifest->node);
   if (manifest->counter <= last)
     return refuse(PackageRefusal::old_counter, fmt::format("{}, the last was {}", manifest->counter, last));
+
   VerifiedPackage verified;
-  for (const PackageFile& file : manifest->files) {
-    const auto content = take(static_cast<std::size_t>(file.octets));
-    if (!content) return refuse(PackageRefusal::wrong_size, file.path);
-    if (to_digits(sha256_of(*content)) != file.sha256) return refuse(PackageRefusal::wrong_hash, file.path);
-    verified.contents.push_back(*content);
+  OctetView rest = parts->rest;
+  if (manifest->stream) {
+    auto expanded = expand_files(*manifest, rest);
+    if (!expanded) return Err(expanded.error());
+    verified.expanded = std::make_unique<const Octets>(std::move(*expanded));
+    rest = *verified.expanded;
   }
-  if (!package.empty())
-    return refuse(PackageRefusal::wrong_size, fmt::format("{} octets more", package.size()));
+  for (const PackageFile& file : manifest->files) {
+    if (rest.size() < file.octets) return refuse(PackageRefusal::wrong_size, file.path);
+    const OctetView content = rest.first(static_cast<std::size_t>(file.octets));
+    rest = rest.subspan(content.size());
+    if (to_digits(sha256_of(content)) != file.sha256) return refuse(PackageRefusal::wrong_hash, file.path);
+    verified.contents.push_back(content);
+  }
+  if (!rest.empty()) return refuse(PackageRefusal::wrong_size, fmt::format("{} octets more", rest.size()));
   verified.manifest = std::move(*manifest);
   return verified;
 }

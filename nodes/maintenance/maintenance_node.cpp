@@ -74,12 +74,14 @@ MaintenanceNode::MaintenanceNode(ros::NodeContext& context) : CommandedNode(cont
 
 CallbackReturn MaintenanceNode::on_configure() {
   worker_ = create_worker("ring_files", 4, std::max<milliseconds>(worker_deadline(), longest_job));
+  open_packages();
   open_commanding();
   return CallbackReturn::success;
 }
 
 CallbackReturn MaintenanceNode::on_activate() {
   resume_commanding();
+  resume_update();
   return CallbackReturn::success;
 }
 
@@ -88,6 +90,7 @@ CallbackReturn MaintenanceNode::on_cleanup() {
   lines_.clear();
   parameters_of_.reset();
   close_commanding();
+  close_packages();
   worker_.reset();
   return CallbackReturn::success;
 }
@@ -116,6 +119,12 @@ FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) 
       return judge<mission::NodeRemoveVersion>(arguments, deployment());
     case mission::NodeReportVersions::function_id:
       return judge<mission::NodeReportVersions>(arguments, deployment());
+    case mission::PackageInstall::function_id:
+      return judge<mission::PackageInstall>(arguments, deployment());
+    case mission::PackageCancel::function_id:
+      return judge<mission::PackageCancel>(arguments, deployment());
+    case mission::PackageReport::function_id:
+      return judge<mission::PackageReport>(arguments, deployment());
     default:
       return FailureCode::unknown_function;
   }
@@ -171,6 +180,18 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       break;
     case mission::NodeReportVersions::function_id:
       report_versions(mission::NodeReportVersions::decode(arguments)->node);
+      break;
+    case mission::PackageInstall::function_id: {
+      const auto command = mission::PackageInstall::decode(arguments);
+      install_package(command->file, command->activate);
+      break;
+    }
+    case mission::PackageCancel::function_id:
+      finished(cancel_update());
+      break;
+    case mission::PackageReport::function_id:
+      lines_.push_back(telemetry(update_status()));
+      send_next();
       break;
     default:
       finished(FailureCode::unknown_function);  // stored by a version that knew it
@@ -244,7 +265,7 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
           *outcome = FailureCode::no_version;
           return;
         }
-        const ros::LaunchRequest request{deployment(), var(), ros::own_bin_folder(),
+        const ros::LaunchRequest request{deployment(), var(), ros::suite_bin_folder(),
                                          fmt::format("version {} by telecommand", *wanted)};
         const auto used = ros::use_version(request, *deployment().find(node), *wanted, probation, name());
         if (!used) {
@@ -296,7 +317,8 @@ void MaintenanceNode::send_report(const mission::NodeSendReport& command) {
         const auto reports = ros::find_crash_reports(var, command.node);
         const ros::CrashReport* report = choose_report(reports, incarnation);
         if (report == nullptr) return;
-        auto queued = queue_report(var.root / "files" / "outbox", command.node, *report);
+        auto queued = queue_report(var.root / "files" / "outbox",
+                                   fmt::format("{}_{}", command.node, report->incarnation), report->file);
         if (!queued) {
           log::error("the report of {} cannot go down: {}", command.node, queued.error().text);
           outcome->code = to_failure_code(queued.error().error);

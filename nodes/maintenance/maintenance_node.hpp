@@ -7,13 +7,16 @@
 #include <mission/structures.hpp>
 #include <rcl_interfaces/srv/set_parameters.hpp>
 
+#include "base/child_process.hpp"
 #include "commanding/commanded_node.hpp"
+#include "nodes/maintenance/lane_call.hpp"
+#include "nodes/maintenance/package_intake.hpp"
+#include "update/update_journal.hpp"
 
 namespace srfs {
 
 /// What the ground asks of the suite as such: the ring's hold and release, its fault ledger, reports of
-/// deaths, log levels, versions of the nodes' programs. (Parameters and nodes from uplinked source: not yet,
-/// README.md.)
+/// deaths, log levels, versions of the nodes' programs, and new ones from uplinked source.
 class MaintenanceNode : public CommandedNode {
  public:
   explicit MaintenanceNode(ros::NodeContext& context);
@@ -41,6 +44,48 @@ class MaintenanceNode : public CommandedNode {
   template <class Structure>
   [[nodiscard]] srfs_msgs::msg::PayloadTelemetry telemetry(const Structure& structure) const;
   void send_next();
+
+  // maintenance_packages.cpp: one package at a time, from the folder of files to a running program.
+  void open_packages();
+  void close_packages();
+  void resume_update();
+  void install_package(const std::string& file, bool activate);
+  [[nodiscard]] FailureCode cancel_update();
+  [[nodiscard]] mission::UpdateStatusHousekeeping update_status() const;
+  [[nodiscard]] LaneFolders lane_folders() const;
+  [[nodiscard]] IntakeRules intake_rules() const;
+  void go_on();
+  void run_lane(const std::vector<std::string>& command, milliseconds patience,
+                std::function<void(const LaneReport&)> done);
+  void read_lane_output();
+  void on_lane_end();
+  void on_built(const LaneReport& report);
+  void on_tested(const LaneReport& report);
+  void store_program();
+  void swap_program();
+  void await_active(pid_t pid, MonotonicTime stopped);
+  void end_update(update::UpdateStep step, const std::string& reason);
+  void announce();
+  void save_updates();
+  void send_lane_log();
+
+  /// The lane's process, and who waits for its end.
+  struct Lane {
+    ChildProcess child;
+    ros::Executor::Handle ended;
+    ros::Executor::Handle output;
+    ros::Timer deadline;
+    std::string line;   ///< begun by the child
+    bool late = false;  ///< killed at its deadline
+    bool cancelled = false;
+    std::function<void(const LaneReport&)> done;
+  };
+  update::UpdateJournal updates_;
+  update::Manifest manifest_;  ///< of the update that is built
+  std::optional<Lane> lane_;
+  bool taking_in_ = false;  ///< a package is being verified
+  std::shared_ptr<ros::Worker> package_worker_;
+  ros::Timer awaiting_active_;
 
   std::shared_ptr<ros::Worker> worker_;
   std::deque<srfs_msgs::msg::PayloadTelemetry> lines_;  ///< still to be sent, 100 at most

@@ -57,15 +57,15 @@ const ros::CrashReport* choose_report(const std::vector<ros::CrashReport>& repor
   return found == reports.rend() ? nullptr : &*found;
 }
 
-Result<QueuedReport, QueueFailure> queue_report(const std::filesystem::path& outbox, const std::string& node,
-                                                const ros::CrashReport& report) {
+Result<QueuedReport, QueueFailure> queue_report(const std::filesystem::path& outbox, const std::string& name,
+                                                const std::filesystem::path& file) {
   std::error_code ec;
   std::filesystem::create_directories(outbox, ec);
   if (ec) return failure(outbox, ec.value());
   const Fd folder(open(outbox.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder) return failure(outbox, errno);
 
-  QueuedReport queued{fmt::format("{}_{}{}", node, report.incarnation, extension), 0};
+  QueuedReport queued{name + std::string(extension), 0};
   const auto place = outbox / queued.name;
   if (!std::filesystem::exists(place, ec)) {
     const std::size_t waiting = count_reports(outbox, ec);
@@ -74,11 +74,11 @@ Result<QueuedReport, QueueFailure> queue_report(const std::filesystem::path& out
       return Err(
           QueueFailure{QueueError::full, fmt::format("{} reports wait in {}", waiting, outbox.string())});
     }
-    // A report is never written to again: it is replaced, which leaves a link as it was.
-    int error = link(report.file.c_str(), place.c_str()) == 0 ? 0 : errno;
+    // What replaces the file leaves a link to it as it was.
+    int error = link(file.c_str(), place.c_str()) == 0 ? 0 : errno;
     // EPERM: no links here, or none of another user's file (protected_hardlinks).
-    if (error == EXDEV || error == EPERM) error = copy_into(report.file, place);
-    if (error != 0 && error != EEXIST) return failure(report.file, error);
+    if (error == EXDEV || error == EPERM) error = copy_into(file, place);
+    if (error != 0 && error != EEXIST) return failure(file, error);
   }
   if (fsync(folder.get()) != 0) return failure(outbox, errno);
   struct stat status {};

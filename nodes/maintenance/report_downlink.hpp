@@ -21,7 +21,7 @@ constexpr std::size_t queued_reports_max = 16;
                                                     std::optional<std::uint32_t> incarnation);
 
 struct QueuedReport {
-  std::string name;  ///< NODE_INCARNATION.report, in the outbox and on the ground
+  std::string name;  ///< NAME.report, in the outbox and on the ground
   std::uint64_t octets = 0;
 };
 enum class QueueError : std::uint8_t {
@@ -37,8 +37,9 @@ struct QueueFailure {
 /// Puts a report where the file transfer looks for what to send (lib/cfdp/postbox.hpp): whole, and on the
 /// medium when it returns. One that waits there already stays as it is. A hard link, which a full disk allows
 /// too; a copy where there can be none. Blocks on the disk. One caller at a time.
+/// @param name  on the ground, without ".report". @param file  never written to again, only replaced
 [[nodiscard]] Result<QueuedReport, QueueFailure> queue_report(const std::filesystem::path& outbox,
-                                                              const std::string& node,
-                                                              const ros::CrashReport& report);
+                                                              const std::string& name,
+                                                              const std::filesystem::path& file);
 
 }  // namespace srfs

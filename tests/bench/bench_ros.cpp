@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Measures lib/ros beside raw Fast DDS; prints JSON"};
   app.require_subcommand(1);
   Json result;
-  const auto bin = srfs::ros::own_bin_folder();
+  const auto bin = srfs::ros::suite_bin_folder();
 
   LatencyOptions latency;
   int pause_ms = 1;

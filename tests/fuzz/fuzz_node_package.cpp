@@ -1,8 +1,11 @@
-// A package of sources as it comes from the line; and one whose manifest is signed, whatever stands in it.
+// A package of sources as it comes from the line; one whose manifest is signed, whatever stands in it; a
+// stream of compressed files; and one whose hash is signed.
 #include <algorithm>
 #include <cstdlib>
 
+#include "update/deflate.hpp"
 #include "update/package.hpp"
+#include "update/sha256.hpp"
 
 namespace {
 
@@ -28,6 +31,36 @@ void check(OctetView package) {
   }
 }
 
+/// A manifest, a zero, what stands for the files.
+void check_manifest(OctetView rest) {
+  const auto end = std::find(rest.begin(), rest.end(), 0);
+  const std::string manifest(rest.begin(), end);
+  const Octets files(end == rest.end() ? end : end + 1, rest.end());
+  const auto decoded = decode_manifest(manifest);
+  if (decoded && decode_manifest(encode(*decoded)) != *decoded) std::abort();
+  check(make_package(manifest, {files}, seed));
+  check(seal_package(2, manifest, files, seed));
+}
+
+/// Two octets: how much is expected of the stream behind them.
+void check_stream(OctetView rest) {
+  if (rest.size() < 2) return;
+  const std::size_t octets = static_cast<std::size_t>(rest[0]) << 8U | rest[1];
+  const OctetView stream = rest.subspan(2);
+  const auto expanded = expand(stream, octets);
+  if (expanded && expanded->size() != octets) std::abort();
+  if (expanded && expand(shrink(*expanded), octets) != *expanded) std::abort();
+
+  Manifest manifest{.node = "payload_eps", .counter = 6};
+  manifest.files = {{.path = "main.cpp",
+                     .octets = octets,
+                     .sha256 = to_digits(expanded ? sha256_of(*expanded) : sha256_of(stream))}};
+  manifest.stream = PackageStream{stream.size(), to_digits(sha256_of(stream))};
+  const Octets package = seal_package(2, encode(manifest), stream, seed);
+  const auto verified = verify_package(package, public_key_of(seed), [](std::string_view) { return 5U; });
+  if (verified.has_value() != expanded.has_value()) std::abort();
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -35,14 +68,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const OctetView rest(data + 1, size - 1);
   if (data[0] == 0) {
     check(rest);
-    return 0;
+  } else if (data[0] == 2) {
+    check_stream(rest);
+  } else {
+    check_manifest(rest);
   }
-  // A manifest, a zero, what stands for the files.
-  const auto end = std::find(rest.begin(), rest.end(), 0);
-  const std::string manifest(rest.begin(), end);
-  const Octets files(end == rest.end() ? end : end + 1, rest.end());
-  const auto decoded = decode_manifest(manifest);
-  if (decoded && decode_manifest(encode(*decoded)) != *decoded) std::abort();
-  check(make_package(manifest, {files}, seed));
   return 0;
 }

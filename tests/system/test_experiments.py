@@ -50,5 +50,17 @@ class Fig15Test(ExperimentTest):
         self.assertNotEqual(run.returncode, 0, run.stdout + run.stderr)
 
 
+class Fig16Test(ExperimentTest):
+    def test_fig16_and_its_files(self):
+        run = self.run_experiment("fig16", "--out", str(self.folder / "out"), "--var", str(self.var), "--json")
+
+        summary = json.loads(run.stdout or "{}")
+        self.assertEqual([c["what"] for c in summary.get("checks", [{"ok": False, "what": "no summary"}]) if not c["ok"]], [], run.stderr)
+        self.assertEqual(run.returncode, 0)
+        self.assertEqual(list(summary["steps_s"]), ["build", "self_test", "store", "swap", "installed"])
+        rows = (self.folder / "out" / "fig16.csv").read_text().splitlines()
+        self.assertEqual(rows[0], "payload,state,begin_s,end_s")
+
+
 if __name__ == "__main__":
     unittest.main()

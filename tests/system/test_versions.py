@@ -132,6 +132,19 @@ class WithRingTest(VersionsTest):
         lines = [json.loads(line) for line in self.srfs("faults", "--json").stdout.splitlines()]
         return next((line for line in reversed(lines) if line.get("failed_version") is not None), None)
 
+    def test_a_node_in_a_slot_restarts_the_golden_program_of_another(self):
+        self.up()
+        self.use(self.json("versions", "add", "faulty", str(BIN / "faulty_node"), "--origin", "a test")["version"])
+        self.wait_for_version(1)
+        second = {n["name"]: n for n in self.json_of_status()}["second"]
+        os.kill(second["pid"], signal.SIGKILL)
+
+        def is_back():
+            now = {n["name"]: n for n in self.json_of_status()}["second"]
+            return now["state"] == "active" and now["pid"] != second["pid"]
+
+        wait_until(is_back, DEADLINE_S, "second restarted by faulty")
+
     def test_a_version_that_crashes_in_its_probation_comes_back_as_the_last_good_one_at_once(self):
         self.up()
         self.add(GOOD)
@@ -152,7 +165,7 @@ class WithRingTest(VersionsTest):
         self.assertEqual(self.use(1).returncode, 0)
         self.wait_for_version(0)
         wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
-        self.assertIn("inactive instead of active on probation", self.fault()["reason"])
+        self.assertIn("instead of active on probation", self.fault()["reason"])
 
     def test_a_probation_that_is_survived_makes_the_version_the_last_good_one_and_later_deaths_keep_it(self):
         self.up()

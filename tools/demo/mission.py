@@ -56,6 +56,20 @@ def find_deployment(name):
     raise MissionError(f"no deployment '{name}': expected a file, or one of {known}", code=2)
 
 
+def installed(bin_dir):
+    """The programs of an installation of the build that bin_dir belongs to: what compiles on board needs headers and libraries beside them."""
+    build = pathlib.Path(bin_dir).absolute().parent
+    if not (build / "CMakeCache.txt").exists():
+        return bin_dir  # an installation already
+    stage = build / "stage"
+    with open(build / ".stage.lock", "a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        result = subprocess.run(["cmake", "--install", str(build), "--prefix", str(stage)], stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    if result.returncode != 0:
+        raise MissionError(f"cmake --install {build}: {result.stderr.strip()}")
+    return stage / "bin"
+
+
 def lock_owner(path):
     """Pid that holds the record lock of a node's lock file, as the kernel tells it; None when nobody does."""
     whole_file = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
@@ -94,7 +108,8 @@ def processes_of(var):
         words = command_line(entry.name)
         program = os.path.basename(words[0]) if words else ""
         place = words.index("--var") + 1 if "--var" in words else len(words)
-        if (program == "hw_sim" or program.endswith("_node")) and words[place : place + 1] == [str(var)]:
+        in_slot = bool(words) and words[0].startswith(f"{var}/versions/")
+        if (program == "hw_sim" or program.endswith("_node") or in_slot) and words[place : place + 1] == [str(var)]:
             found[int(entry.name)] = program
     return found
 

@@ -9,9 +9,10 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "demo"))
 
 import fig14  # noqa: E402
 import fig15  # noqa: E402
+import fig16  # noqa: E402
 import mission  # noqa: E402
 
-FIGURES = {name: module for module in (fig14, fig15) for name in module.TITLES}
+FIGURES = {name: module for module in (fig14, fig15, fig16) for name in module.TITLES}
 
 
 def parse():
@@ -20,7 +21,7 @@ def parse():
     parser.add_argument("name", choices=FIGURES, help="; ".join(f"{name}: {module.TITLES[name]}" for name, module in FIGURES.items()))
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="where the files go (default: var/experiments/NAME)")
     parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
-    parser.add_argument("--deployment", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: fig14 or fig15)")
+    parser.add_argument("--deployment", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: that of the figure)")
     parser.add_argument("--step-deadline", type=float, default=60, metavar="S", help="fig15: longest wait for each step (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print summary.json instead of lines")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
@@ -38,7 +39,8 @@ def main():
 
     figure = FIGURES[options.name]
     deployment = options.deployment or figure.DEPLOYMENT
-    with mission.Mission(options.var or out / "var", deployment, options.bin, say, figure.ONLY) as flight:
+    programs = mission.installed(options.bin) if getattr(figure, "INSTALLED", False) else options.bin
+    with mission.Mission(options.var or out / "var", deployment, programs, say, figure.ONLY) as flight:
         experiment = figure.Experiment(options.name, flight, signals, say)
         experiment.step_deadline_s = options.step_deadline
         experiment.run()

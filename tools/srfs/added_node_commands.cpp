@@ -28,29 +28,33 @@ int fail(CommandExit exit, const std::string& why, bool json) {
   return static_cast<int>(exit);
 }
 
-/// What a package says of its node.
+/// What the manifest beside a package's sources (ground/README.md) says of its node.
 Result<ros::AddedNode, std::string> read_package(const std::filesystem::path& folder) {
-  const auto text = read_file(folder / "package.json", ros::AddedNodes::description_octets_max);
-  if (!text) return Err(text.error().message);
-  const Json manifest = Json::parse(*text, nullptr, false);
-  const auto has_text = [&](const char* key) { return manifest.contains(key) && manifest[key].is_string(); };
-  const bool usable = manifest.is_object() && has_text("node") && manifest.contains("deployment") &&
-                      manifest["deployment"].is_object() &&
-                      (!manifest.contains("ring_after") || has_text("ring_after"));
-  if (!usable)
-    return Err(
-        fmt::format("{}: expected a JSON object with the texts node and ring_after and the object deployment",
-                    (folder / "package.json").string()));
-  ros::AddedNode node;
-  node.name = manifest["node"].get<std::string>();
-  if (has_text("ring_after")) node.ring_after = manifest["ring_after"].get<std::string>();
-  node.description = manifest["deployment"].dump(-1, ' ', false, Json::error_handler_t::replace);
-  std::error_code ec;
-  if (!std::filesystem::exists(folder / "dictionary.yaml", ec)) return node;
-  auto dictionary = read_file(folder / "dictionary.yaml", ros::AddedNodes::dictionary_octets_max);
-  if (!dictionary) return Err(dictionary.error().message);
-  node.dictionary = std::move(*dictionary);
-  return node;
+  const auto text_of = [&](const ConfigSection& manifest, const char* key, std::size_t most) {
+    const std::string file = manifest.text(key, "");
+    if (file.empty()) return std::string();
+    auto text = read_file(folder / file, most);
+    if (!text) throw ConfigError(text.error().message);
+    return std::move(*text);
+  };
+  try {
+    const ConfigSection manifest = ConfigSection::load(folder / "package.yaml");
+    ros::AddedNode node;
+    node.name = manifest.text("node");
+    node.ring_after = manifest.text("ring_after", "");
+    node.description = text_of(manifest, "deployment_entry", ros::AddedNodes::description_octets_max);
+    node.dictionary = text_of(manifest, "fragment", ros::AddedNodes::dictionary_octets_max);
+    if (manifest.has("slot")) {
+      const ConfigSection slot = manifest.section("slot");
+      const auto ms = [&](const char* key) { return milliseconds(slot.integer(key, 0, 60000)); };
+      node.slot = ros::slot_text({slot.text("payload", node.name), ms("allotted_ms"), ms("overrun_ms"),
+                                  ms("reset_ms"), slot.text("after", "")});
+      slot.finish();
+    }
+    return node;
+  } catch (const ConfigError& e) {
+    return Err(std::string(e.what()));
+  }
 }
 
 /// The program becomes the active version.

@@ -10,7 +10,7 @@ namespace srfs::tool {
 
 /// `srfs node add FOLDER --program FILE`: what maintenance does with a package of a new node, by hand: the
 /// program goes into the version store, the node into the list of added nodes, and it is started.
-/// @param folder     package.json (node, ring_after, deployment) and, where there is one, dictionary.yaml
+/// @param folder     with package.yaml, the manifest beside its sources (ground/README.md)
 /// @param probation  zero: none, the program is good from now on
 int add_node(const Target& target, const std::filesystem::path& folder, const std::filesystem::path& program,
              seconds probation, bool json);

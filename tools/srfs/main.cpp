@@ -237,7 +237,7 @@ void add_node_commands(CLI::App& app, NodeArguments& a) {
   a.command->require_subcommand(1);
   CLI::App* add =
       a.command->add_subcommand("add", "Add a node to the suite, also to a running one, and start it");
-  add->add_option("folder", a.folder, "Folder with package.json and dictionary.yaml")
+  add->add_option("folder", a.folder, "Folder with package.yaml, the manifest of the node's package")
       ->required()
       ->check(CLI::ExistingDirectory);
   add->add_option("--program", a.program, "Its program, which becomes its active version")

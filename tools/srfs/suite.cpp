@@ -226,7 +226,7 @@ UpReport up(const Target& suite, const UpOptions& options) {
   StateQuestions questions(bus, names(target.deployment));
 
   const MonotonicTime start = monotonic_now();
-  const ros::LaunchRequest request{suite.deployment, target.var, ros::own_bin_folder(), options.cause};
+  const ros::LaunchRequest request{suite.deployment, target.var, ros::suite_bin_folder(), options.cause};
   std::vector<NodeProcess> processes;
   Fd starting = lock_starting(target.var);
   for (const auto& node : target.deployment.nodes) {

@@ -163,7 +163,7 @@ int use_version(const Target& target, const std::string& node, const std::string
   if (entry == nullptr) return no_node(node, json);
   const auto number = parse_version(version, ros::read_versions(target.var, node).table);
   if (!number) return fail(CommandExit::usage, fmt::format("'{}' is no version of {}", version, node), json);
-  const ros::LaunchRequest request{target.deployment, target.var, ros::own_bin_folder(),
+  const ros::LaunchRequest request{target.deployment, target.var, ros::suite_bin_folder(),
                                    fmt::format("{} by command", name_of(*number))};
   const auto used = ros::use_version(request, *entry, *number, probation);
   if (!used) return fail(CommandExit::refused, fmt::format("{}: {}", name_of(*number), used.error()), json);

@@ -23,6 +23,10 @@ std::filesystem::path hold_file(const VarPaths& var, const std::string& node) {
   return var.state(node) / "hold";
 }
 
+std::filesystem::path stand_in_file(const VarPaths& var, const std::string& node) {
+  return var.memory() / (node + ".stand_in");
+}
+
 }  // namespace
 
 DeathHistory read_deaths(const VarPaths& var, const std::string& node) {
@@ -48,6 +52,34 @@ std::optional<StartingProcess> find_starting(const VarPaths& var, const std::str
   std::istringstream lock_text(read_file(var.instance_lock(node), 256).value_or(""));
   if (lock_text >> holder && holder == started->pid) return std::nullopt;
   return StartingProcess{std::move(*process), started->since};
+}
+
+bool write_stand_in(const VarPaths& var, const std::string& node, const std::string& by,
+                    MonotonicTime until) {
+  const auto ticks = process_start_ticks(getpid());
+  return ticks && replace_in_memory(stand_in_file(var, node),
+                                    fmt::format("{} {} {} {}\n", getpid(), *ticks, until.ns(), by));
+}
+
+void end_stand_in(const VarPaths& var, const std::string& node) {
+  std::error_code ec;
+  std::filesystem::remove(stand_in_file(var, node), ec);
+}
+
+std::optional<StandIn> read_stand_in(const VarPaths& var, const std::string& node) {
+  std::istringstream in(read_file(stand_in_file(var, node), 256).value_or(""));
+  StandIn stand_in;
+  std::int64_t until_ns = 0;
+  if (!(in >> stand_in.pid >> stand_in.start_ticks >> until_ns >> stand_in.by)) return std::nullopt;
+  stand_in.until = MonotonicTime(nanoseconds(until_ns));
+  return stand_in;
+}
+
+std::optional<Process> find_overrun(const StandIn& stand_in, MonotonicTime now) {
+  if (now < stand_in.until) return std::nullopt;
+  auto process = Process::open(stand_in.pid);
+  if (!process || process_start_ticks(stand_in.pid) != stand_in.start_ticks) return std::nullopt;
+  return process;
 }
 
 std::optional<std::string> held_because(const VarPaths& var, const std::string& node) {

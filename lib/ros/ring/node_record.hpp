@@ -28,6 +28,21 @@ struct StartingProcess {
 /// is still starting.
 [[nodiscard]] std::optional<StartingProcess> find_starting(const VarPaths& var, const std::string& node);
 
+/// Who has taken the node down to start another version of it, and until when nobody else may think of it as
+/// dead: the restart lock keeps others away, this bounds how long. Valid while that process lives; on tmpfs.
+struct StandIn {
+  std::string by;  ///< name of a node, or of a tool
+  pid_t pid = 0;
+  std::uint64_t start_ticks = 0;
+  MonotonicTime until;
+};
+/// Under the node's restart lock. @param by this process. @return false: not stored, no tmpfs
+bool write_stand_in(const VarPaths& var, const std::string& node, const std::string& by, MonotonicTime until);
+void end_stand_in(const VarPaths& var, const std::string& node);
+[[nodiscard]] std::optional<StandIn> read_stand_in(const VarPaths& var, const std::string& node);
+/// The process of a stand-in that has overrun its lease; nullopt: it has not, or has ended.
+[[nodiscard]] std::optional<Process> find_overrun(const StandIn& stand_in, MonotonicTime now);
+
 /// Why the operator holds the node: nobody restarts it, neither dead nor hung. nullopt: not held.
 [[nodiscard]] std::optional<std::string> held_because(const VarPaths& var, const std::string& node);
 [[nodiscard]] Result<void, std::string> hold(const VarPaths& var, const std::string& node,

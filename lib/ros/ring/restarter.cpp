@@ -285,7 +285,8 @@ RestartOutcome Restarter::restart(const Accusation& accusation) {
 
 RestartOutcome Restarter::decide_and_act(Case& c) {
   const auto lock = RestartLock::take(var_, c.node->name);
-  if (!lock) return {lock.error().held ? What::under_way : What::cannot_start, 0, {}, lock.error().text};
+  if (!lock && lock.error().held) return {What::under_way, 0, {}, wait_for_stand_in(c)};
+  if (!lock) return {What::cannot_start, 0, {}, lock.error().text};
   std::error_code ec;
   if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
   if (const auto why = held_because(var_, c.node->name)) return {What::held, 0, {}, *why};
@@ -299,6 +300,19 @@ RestartOutcome Restarter::decide_and_act(Case& c) {
         What::communication, c.process->pid(), {}, "another node was restarted for that a short time ago"};
   if (auto outcome = kill_old(c)) return *outcome;
   return start_new(c, *lock);
+}
+
+/// Somebody else has the node. One that stands in for it for longer than it may is ended, which frees the
+/// lock for the next attempt.
+std::string Restarter::wait_for_stand_in(const Case& c) const {
+  const auto stand_in = read_stand_in(var_, c.node->name);
+  if (!stand_in) return "somebody else restarts it";
+  const auto overrun = find_overrun(*stand_in, monotonic_now());
+  if (!overrun) return fmt::format("{} stands in for it", stand_in->by);
+  log::error("{} (pid {}) has stood in for {} beyond its lease and is killed", stand_in->by, stand_in->pid,
+             c.node->name);
+  (void)send_(*overrun, SIGKILL);
+  return fmt::format("{} stood in for it beyond its lease", stand_in->by);
 }
 
 /// Is the accused still what runs, and still as it was accused?

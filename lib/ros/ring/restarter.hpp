@@ -31,7 +31,7 @@ class Restarter {
 
   /// @param observer  name of the node that this process is, or of the tool
   Restarter(const Deployment& deployment, VarPaths var, std::string observer,
-            std::filesystem::path bin_folder = own_bin_folder());
+            std::filesystem::path bin_folder = suite_bin_folder());
   ~Restarter();  ///< waits for the records that are being written, 2 s at most
   Restarter(const Restarter&) = delete;
   Restarter& operator=(const Restarter&) = delete;
@@ -65,6 +65,7 @@ class Restarter {
   class Recorder;
   struct Case;
   [[nodiscard]] RestartOutcome decide_and_act(Case& c);
+  [[nodiscard]] std::string wait_for_stand_in(const Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> look_again(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> look_for_starting(Case& c) const;
   [[nodiscard]] std::optional<RestartOutcome> ask_policy(Case& c) const;

@@ -60,7 +60,9 @@ struct QueueReport : ::testing::Test {
     EXPECT_TRUE(write_file_atomically(file, content));
     return {incarnation, file, {}};
   }
-  auto queue(const CrashReport& report) const { return queue_report(outbox, "payload_eps", report); }
+  auto queue(const CrashReport& report) const {
+    return queue_report(outbox, "payload_eps_" + std::to_string(report.incarnation), report.file);
+  }
   std::set<std::string> waiting() const {
     std::set<std::string> names;
     for (const auto& entry : std::filesystem::directory_iterator(outbox))

@@ -35,6 +35,6 @@ int main(int argc, char** argv) {
     if (signal == SIGTERM) return 0;
     const std::string next = read_file(paths.run() / "start_next", 64).value_or("");
     const ros::NodeEntry* node = plan.find(next);
-    if (node == nullptr || !ros::launch({plan, paths, ros::own_bin_folder(), "probe"}, *node)) return 4;
+    if (node == nullptr || !ros::launch({plan, paths, ros::suite_bin_folder(), "probe"}, *node)) return 4;
   }
 }

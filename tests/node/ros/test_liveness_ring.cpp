@@ -77,7 +77,7 @@ class LivenessRingTest : public testing::Test {
     return true;
   }
   void start(const std::string& name) {
-    ASSERT_TRUE(launch({*deployment_, var_, own_bin_folder(), "test"}, *deployment_->find(name)));
+    ASSERT_TRUE(launch({*deployment_, var_, suite_bin_folder(), "test"}, *deployment_->find(name)));
   }
   void start_all() {
     for (const auto& name : names) start(name);

@@ -397,6 +397,37 @@ TEST_F(Restarting, WaitsForNobodyWhoHoldsTheRestartLock) {
   EXPECT_EQ(running().pid, old.pid);
 }
 
+TEST_F(Restarting, LeavesANodeToWhoStandsInForItUntilTheLeaseEndsAndThenEndsTheStandIn) {
+  const auto old = start();
+  for (const auto& [lease, outlives] : {std::pair{seconds(3600), true}, {seconds(-1), false}}) {
+    const pid_t holder = fork();
+    if (holder == 0) {
+      const auto lock = RestartLock::take(var_, "one");
+      if (lock) write_stand_in(var_, "one", "maintenance", monotonic_now() + lease);
+      while (true) pause();  // frozen, with the node in its hands
+    }
+    ASSERT_TRUE(wait_until([&] {
+      const auto stand_in = read_stand_in(var_, "one");
+      return stand_in && stand_in->pid == holder;
+    }));
+    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    signal_child(old.pid, SIGUSR1);
+    const auto first = restarter.restart(accuse(old, FaultClass::start_overdue));
+    EXPECT_EQ(first.what, What::under_way);
+    EXPECT_THAT(first.reason, testing::HasSubstr("maintenance"));
+    int status = 0;
+    if (outlives) {
+      EXPECT_EQ(waitpid(holder, &status, WNOHANG), 0) << "within its lease nobody ends it";
+      signal_child(holder, SIGKILL);
+    }
+    ASSERT_EQ(waitpid(holder, &status, 0), holder);
+    EXPECT_TRUE(WIFSIGNALED(status));
+    if (outlives) continue;
+    EXPECT_TRUE(wait_until(
+        [&] { return restarter.restart(accuse(old, FaultClass::start_overdue)).what == What::restarted; }));
+  }
+}
+
 TEST_F(Restarting, StartsNoSecondProcessWhileTheFirstIsOnTheWayToItsInstanceLock) {
   plan_.ring.start_deadline = std::chrono::hours(1);
   behave("one", "slow");

@@ -4,13 +4,16 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "cfdp/postbox.hpp"
 #include "ros/deployment.hpp"
 #include "tests/temporary_folder.hpp"
 #include "wire/cadu.hpp"
+#include "wire/cfdp_pdu.hpp"
 #include "wire/cltu.hpp"
 #include "wire/farm1.hpp"
 #include "wire/pus.hpp"
 #include "wire/sdls.hpp"
+#include "wire/space_packet.hpp"
 #include "wire/tc_frame.hpp"
 #include "wire/tm_frame.hpp"
 
@@ -40,7 +43,8 @@ class FakeSpacecraft {
         frames_({.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
                  .frame_octets = static_cast<std::size_t>(link.tm_frame_length)}) {}
 
-  /// The telecommands in the octets of the uplink. Only fresh, authentic ones that FARM-1 accepts.
+  /// The telecommands in the octets of the uplink, PDUs of files to `pdus`. Only fresh, authentic ones that
+  /// FARM-1 accepts.
   std::vector<wire::TcPacket> receive(OctetView octets) {
     std::vector<wire::TcPacket> packets;
     for (const auto& frame : cltus_.push(octets, MonotonicTime{})) {
@@ -64,7 +68,11 @@ class FakeSpacecraft {
       farm = outcome.state;
       if (outcome.verdict == wire::FarmVerdict::discard) continue;
       counter = opened->counter;
-      if (auto packet = wire::parse_tc_packet(opened->packet)) packets.push_back(*packet);
+      if (const auto pdu = cfdp::pdu_in_packet(opened->packet)) {
+        pdus.emplace_back(pdu->begin(), pdu->end());
+      } else if (auto packet = wire::parse_tc_packet(opened->packet)) {
+        packets.push_back(*packet);
+      }
     }
     return packets;
   }
@@ -79,13 +87,14 @@ class FakeSpacecraft {
                                 .subtype = subtype,
                                 .time = to_tai(*from_iso8601("2026-11-21T08:00:00Z")),
                                 .source = std::move(source)};
-    Octets line;
-    if (!frames_.queue_packet(vc, wire::make_tm_packet(packet))) return line;
-    while (frames_.queued_octets(vc) > 0) {
-      const Octets cadu = wire::encode_cadu(frames_.build(vc, clcw()), format());
-      line.insert(line.end(), cadu.begin(), cadu.end());
-    }
-    return line;
+    return send_packet(vc, wire::make_tm_packet(packet));
+  }
+  /// A PDU of a file.
+  Octets send_pdu(OctetView pdu) {
+    return send_packet(2, wire::encode_space_packet({.type = wire::PacketType::telemetry,
+                                                     .apid = wire::cfdp_apid,
+                                                     .sequence_count = file_sequence_++},
+                                                    pdu));
   }
   /// A verification report of @p packet.
   Octets verify(const wire::TcPacket& packet, std::uint8_t subtype, OctetView more = {}) {
@@ -98,12 +107,22 @@ class FakeSpacecraft {
   }
   Octets idle() { return wire::encode_cadu(frames_.build_idle(clcw()), format()); }
 
+  std::vector<Octets> pdus;
   std::optional<std::uint64_t> last_counter;
   std::optional<std::uint64_t> last_ad_counter;
   wire::FarmState farm;
   int lose_ad_frames = 0;  ///< on their way up
 
  private:
+  Octets send_packet(std::uint8_t vc, const Octets& packet) {
+    Octets line;
+    if (!frames_.queue_packet(vc, packet)) return line;
+    while (frames_.queued_octets(vc) > 0) {
+      const Octets cadu = wire::encode_cadu(frames_.build(vc, clcw()), format());
+      line.insert(line.end(), cadu.begin(), cadu.end());
+    }
+    return line;
+  }
   [[nodiscard]] std::uint32_t clcw() const { return wire::encode_clcw(wire::make_clcw(farm, 0)); }
   [[nodiscard]] wire::CaduFormat format() const {
     return {.frame_octets = static_cast<std::size_t>(link_.tm_frame_length),
@@ -117,6 +136,7 @@ class FakeSpacecraft {
   wire::CltuDecoder cltus_;
   wire::TmFrameBuilder frames_;
   std::uint16_t sequence_ = 0;
+  std::uint16_t file_sequence_ = 0;
 };
 
 /// A folder that ends with the test, with the test key where the deployment says.

@@ -2,8 +2,10 @@
 #include <array>
 #include <cstdio>
 #include <fstream>
+#include <functional>
 #include <numeric>
 #include <thread>
+#include <utility>
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -16,6 +18,7 @@
 #include <mission/structures.hpp>
 #include <nlohmann/json.hpp>
 
+#include "base/file.hpp"
 #include "fake_spacecraft.hpp"
 #include "ground/bridge.hpp"
 #include "ground/link.hpp"
@@ -46,8 +49,93 @@ class Pty {
   Fd slave_;
 };
 
+/// The spacecraft's side of an installation: takes the file, and tells of the package what it is told to.
+class Board {
+ public:
+  enum class Ending : std::uint8_t { installed, candidate, failed, refused, only_when_asked };
+
+  explicit Board(const std::filesystem::path& var) {
+    std::filesystem::create_directories(var / "board");
+    auto opened = cfdp::Postbox::open(var / "board/files", var / "board/cfdp",
+                                      {.own_entity = 2, .peer_entity = 1}, 1, monotonic_now());
+    if (opened) files_ = std::move(*opened);
+  }
+
+  void take_files(FakeSpacecraft& spacecraft, const std::function<void(const Octets&)>& put) {
+    for (const Octets& pdu : std::exchange(spacecraft.pdus, {})) files_->on_pdu(pdu, monotonic_now());
+    while (const auto pdu = files_->next_pdu(200, monotonic_now())) put(spacecraft.send_pdu(*pdu));
+    files_->entity().advance(monotonic_now());
+    static_cast<void>(files_->take_news());
+  }
+
+  void answer(const wire::TcPacket& packet, FakeSpacecraft& spacecraft,
+              const std::function<void(const Octets&)>& put) {
+    OctetReader in(packet.application);
+    const unsigned function = in.u16();
+    put(spacecraft.verify(packet, 1));
+    put(spacecraft.verify(packet, 3));
+    if (function == mission::PackageReport::function_id) {
+      mission::UpdateStatusHousekeeping status;
+      status.file = file;
+      status.step = mission::UpdateStep::installed;
+      put(spacecraft.send(mission::apid::maintenance, 3, 25,
+                          with_id(mission::structure::update_status, status)));
+      put(spacecraft.verify(packet, 7));
+      return;
+    }
+    if (ending == Ending::refused) {
+      mission::UpdateRefusedEvent event;
+      event.file = file;
+      event.reason = "signed with another key";
+      put(spacecraft.verify(packet, 8, *from_hex("008d")));
+      put(tell(spacecraft, event));
+      return;
+    }
+    mission::UpdateStepEvent step;
+    step.file = file;
+    step.step = mission::UpdateStep::build;
+    put(tell(spacecraft, step));
+    put(spacecraft.verify(packet, 7));
+    if (ending == Ending::installed) {
+      mission::UpdateInstalledEvent event;
+      event.file = file;
+      event.node = "payload_eps";
+      event.version = 3;
+      put(tell(spacecraft, event));
+    } else if (ending == Ending::candidate) {
+      mission::UpdateCandidateEvent event;
+      event.file = file;
+      put(tell(spacecraft, event));
+    } else if (ending == Ending::failed) {
+      mission::UpdateFailedEvent event;
+      event.file = file;
+      event.step = mission::UpdateStep::build;
+      event.reason = "main.cpp:1: error";
+      put(tell(spacecraft, event));
+    }
+  }
+
+  Ending ending = Ending::installed;
+  std::string file;
+
+ private:
+  template <class Fields>
+  static Octets with_id(std::uint16_t id, const Fields& fields) {
+    OctetWriter out;
+    out.u16(id);
+    fields.encode(out);
+    return out.take();
+  }
+  template <class Event>
+  static Octets tell(FakeSpacecraft& spacecraft, const Event& event) {
+    return spacecraft.send(mission::apid::maintenance, 5, 1, with_id(Event::event_id, event));
+  }
+  std::unique_ptr<cfdp::Postbox> files_;
+};
+
 /// Answers every telecommand until the program under test has ended.
-void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& over) {
+void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& over,
+           Board* board = nullptr) {
   const auto put = [&](const Octets& octets) {
     static_cast<void>(!write(pty.fd(), octets.data(), octets.size()));
   };
@@ -55,6 +143,7 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
   static Octets schedule;  // kept from one run of the tool to the next
   while (!over) {
     pollfd wait{pty.fd(), POLLIN, 0};
+    if (board != nullptr) board->take_files(spacecraft, put);
     if (poll(&wait, 1, 20) <= 0) continue;
     std::array<std::uint8_t, 4096> buffer{};
     const ssize_t got = read(pty.fd(), buffer.data(), buffer.size());
@@ -62,6 +151,10 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
     const auto packets = spacecraft.receive({buffer.data(), static_cast<std::size_t>(got)});
     put(spacecraft.idle());  // the CLCW
     for (const auto& packet : packets) {
+      if (board != nullptr && packet.apid == mission::apid::maintenance) {
+        board->answer(packet, spacecraft, put);
+        continue;
+      }
       if (packet.service == 8 && packet.application.at(2) == 3) {
         put(spacecraft.verify(packet, 2, *from_hex("0017")));
         continue;
@@ -99,14 +192,14 @@ class GroundProgram : public ::testing::Test {
     std::string output;
   };
   /// Runs srfs-ground to its end. @param input its standard input
-  Run run(const std::string& arguments, const std::string& input = "") {
+  Run run(const std::string& arguments, const std::string& input = "", Board* board = nullptr) {
     const auto file = var_.path() / "input";
     std::ofstream(file) << input;
     const std::string command = std::string(SRFS_BINARY_DIR) + "/bin/srfs-ground --port " +
                                 (var_.path() / "rs422").string() + " " + arguments + " 2>&1 < " +
                                 file.string();
     std::atomic<bool> over = false;
-    std::thread answering([&] { serve(pty_, spacecraft_, over); });
+    std::thread answering([&] { serve(pty_, spacecraft_, over, board); });
     Run result;
     FILE* pipe = popen(command.c_str(), "r");
     std::array<char, 4096> chunk{};
@@ -394,6 +487,72 @@ TEST_F(GroundProgram, BridgesWithoutALinkKeyAndRefusesAddressesItCannotRead) {
   EXPECT_EQ(run("bridge --tm nowhere:1").exit_code, 2);
   EXPECT_EQ(run("bridge --tm 0").exit_code, 2);
   EXPECT_EQ(run("bridge --tc 127.0.0.1:99999").exit_code, 2);
+}
+
+/// A package for payload_eps with counter 7, signed by a pair of the test's own.
+class PackageInstallation : public GroundProgram {
+ protected:
+  PackageInstallation() {
+    const std::string folder = var_.path().string();
+    std::ofstream(folder + "/main.cpp") << "int main() {}\n";
+    for (const std::string& command :
+         {"keygen " + folder + "/a.seed " + folder + "/a.pub",
+          "make --node payload_eps --kind replace --counter 7 --sources " + folder + "/main.cpp --root " +
+              folder + " --key " + folder + "/a.seed -o " + folder + "/any.pkg"}) {
+      const Run made = run("package " + command);
+      EXPECT_EQ(made.exit_code, 0) << made.output;
+    }
+    board_.file = "payload_eps_7.pkg";
+  }
+  Run install(const std::string& more = "") {
+    return run("package install " + (var_.path() / "any.pkg").string() + " --timeout 30 " + more, "",
+               &board_);
+  }
+  Board board_{var_.path()};
+};
+
+TEST_F(PackageInstallation, PutsThePackageUpAndTellsTheStagesUntilTheNodeRunsIt) {
+  const Run done = install();
+  EXPECT_EQ(done.exit_code, 0) << done.output;
+  EXPECT_THAT(done.output, HasSubstr("payload_eps_7.pkg     arrived"));
+  EXPECT_THAT(done.output, HasSubstr("package.install completed"));
+  EXPECT_THAT(done.output, HasSubstr(" s  payload_eps_7.pkg: build"));
+  EXPECT_THAT(done.output, HasSubstr("payload_eps runs version 3"));
+  const auto sent = read_file(var_.path() / "any.pkg");
+  EXPECT_EQ(*read_file(var_.path() / "board/files/payload_eps_7.pkg"), *sent);
+
+  board_.ending = Board::Ending::candidate;
+  EXPECT_EQ(install("--no-activate").exit_code, 0);
+  EXPECT_EQ(install().exit_code, 1) << "it was to be started";
+}
+
+TEST_F(PackageInstallation, EndsWithOneAndTheReasonWhenItFailsOrIsRefused) {
+  board_.ending = Board::Ending::failed;
+  const Run failed = install();
+  EXPECT_EQ(failed.exit_code, 1) << failed.output;
+  EXPECT_THAT(failed.output, HasSubstr("failed in build: main.cpp:1: error"));
+
+  board_.ending = Board::Ending::refused;
+  const Run refused = install();
+  EXPECT_EQ(refused.exit_code, 1) << refused.output;
+  EXPECT_THAT(refused.output, HasSubstr("package_refused"));
+  EXPECT_THAT(refused.output, HasSubstr("is refused: signed with another key"));
+}
+
+TEST_F(PackageInstallation, AsksForTheOutcomeThatWasLostOnTheWay) {
+  board_.ending = Board::Ending::only_when_asked;
+  const Run done = install();
+  EXPECT_EQ(done.exit_code, 0) << done.output;
+  EXPECT_THAT(done.output, HasSubstr("update_status"));
+  EXPECT_THAT(done.output, HasSubstr("installed"));
+}
+
+TEST_F(PackageInstallation, IsRefusedBeforeAnythingGoesUpWhenItWasNotSignedForThisSpacecraft) {
+  std::ofstream(var_.path() / "keys/package.pub") << std::string(64, '1') << "\n";
+  const Run refused = install();
+  EXPECT_EQ(refused.exit_code, 2) << refused.output;
+  EXPECT_THAT(refused.output, HasSubstr("refused: signed with another key"));
+  EXPECT_FALSE(std::filesystem::exists(var_.path() / "board/files/payload_eps_7.pkg"));
 }
 
 TEST_F(GroundProgram, SaysThatThePortIsBusy) {

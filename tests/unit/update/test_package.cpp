@@ -9,6 +9,7 @@
 
 #include "base/file.hpp"
 #include "tests/temporary_folder.hpp"
+#include "update/deflate.hpp"
 #include "update/sha256.hpp"
 
 namespace srfs::update {
@@ -231,8 +232,239 @@ TEST_F(PackageTest, IsRefusedWithOptionsOrKeysThatAreNotKnown) {
   manifest["probation_s"] = 0;
   EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
   manifest = before;
-  manifest["format"] = "srfs node package 2";
+  manifest["format"] = "srfs node package 3";
   EXPECT_EQ(refusal(), PackageRefusal::unknown_format);
+}
+
+TEST_F(PackageTest, MayBringADictionaryFragmentThatIsOneOfItsFiles) {
+  manifest["dictionary"] = "src/power.hpp";
+  const Octets good = package();
+  const auto verified = verify(good);
+  ASSERT_TRUE(verified) << verified.error().detail;
+  EXPECT_EQ(verified->manifest.dictionary, "src/power.hpp");
+  EXPECT_EQ(*decode_manifest(encode(verified->manifest)), verified->manifest);
+  for (const Json& other : {Json("elsewhere.yaml"), Json(""), Json(7), Json(nullptr)}) {
+    manifest["dictionary"] = other;
+    EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << other;
+  }
+}
+
+TEST_F(PackageTest, MayAskForASlotOnTheBus) {
+  const Json slot = {{"allotted_ms", 60}, {"overrun_ms", 0}, {"reset_ms", 40}, {"after", "payload_thermal"}};
+  manifest["slot"] = slot;
+  const Octets good = package();
+  const auto verified = verify(good);
+  ASSERT_TRUE(verified) << verified.error().detail;
+  ASSERT_TRUE(verified->manifest.slot);
+  EXPECT_EQ(verified->manifest.slot->payload, std::nullopt);
+  EXPECT_EQ(verified->manifest.slot->allotted, milliseconds(60));
+  EXPECT_EQ(verified->manifest.slot->overrun, milliseconds(0));
+  EXPECT_EQ(verified->manifest.slot->reset, milliseconds(40));
+  EXPECT_EQ(verified->manifest.slot->after, "payload_thermal");
+  EXPECT_EQ(*decode_manifest(encode(verified->manifest)), verified->manifest);
+  manifest["slot"]["payload"] = "impact";
+  EXPECT_EQ(refusal(), std::nullopt);
+  EXPECT_EQ(decode_manifest(manifest.dump())->slot->payload, "impact");
+
+  for (const char* field : {"allotted_ms", "overrun_ms", "reset_ms", "after"}) {
+    manifest["slot"] = slot;
+    manifest["slot"].erase(field);
+    EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << field;
+    for (const Json& value : {Json(-1), Json(60001), Json(1.5), Json("1"), Json("A b"), Json::array()}) {
+      manifest["slot"] = slot;
+      manifest["slot"][field] = value;
+      // "1" is no name, and no number either.
+      EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << field << " " << value;
+    }
+  }
+  for (const char* field : {"allotted_ms", "reset_ms"}) {
+    manifest["slot"] = slot;
+    manifest["slot"][field] = 0;
+    EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << field;
+  }
+  manifest["slot"] = slot;
+  manifest["slot"]["payload"] = "/x";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+  manifest["slot"] = slot;
+  manifest["slot"]["priority"] = 1;
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+  manifest["slot"] = "after payload_thermal";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+}
+
+/// Format 2: the same with the files in one DEFLATE stream.
+struct CompressedPackageTest : PackageTest {
+  Octets stream;
+
+  CompressedPackageTest() {
+    manifest["format"] = "srfs node package 2";
+    compress();
+  }
+  /// The stream of the contents, signed.
+  void compress() {
+    Octets all;
+    for (const Octets& content : contents) all.insert(all.end(), content.begin(), content.end());
+    carry(shrink(all));
+  }
+  void carry(Octets octets_of_stream) {
+    stream = std::move(octets_of_stream);
+    manifest["stream"] = {{"octets", stream.size()}, {"sha256", to_digits(sha256_of(stream))}};
+  }
+  [[nodiscard]] Octets package() const { return seal_package(2, manifest.dump(), stream, ours); }
+  [[nodiscard]] std::optional<PackageRefusal> refusal() const { return PackageTest::refusal(package()); }
+};
+
+TEST_F(CompressedPackageTest, ThatIsGoodGivesItsManifestAndFilesAndIsUnpacked) {
+  const Octets good = package();
+  auto verified = verify(good);
+  ASSERT_TRUE(verified) << verified.error().detail;
+  // Wherever it is moved.
+  const VerifiedPackage moved = std::move(*verified);
+  ASSERT_EQ(moved.contents.size(), 2U);
+  EXPECT_TRUE(std::ranges::equal(moved.contents[0], octets(source)));
+  EXPECT_EQ(moved.manifest.stream->octets, stream.size());
+  EXPECT_EQ(*decode_manifest(encode(moved.manifest)), moved.manifest);
+
+  const testing_support::TemporaryFolder folder;
+  ASSERT_TRUE(unpack(moved, folder.path() / "new"));
+  EXPECT_EQ(*read_file(folder.path() / "new" / "src" / "power.hpp"), "#pragma once\n");
+}
+
+TEST_F(CompressedPackageTest, IsRefusedWhenAnyOctetIsChangedOrMissing) {
+  const Octets good = package();
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    Octets changed = good;
+    changed[i] ^= 1U;
+    EXPECT_TRUE(PackageTest::refusal(changed)) << i;
+    EXPECT_TRUE(PackageTest::refusal(Octets(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(i))))
+        << i;
+  }
+  Octets longer = good;
+  longer.push_back(0);
+  EXPECT_EQ(PackageTest::refusal(longer), PackageRefusal::wrong_size);
+}
+
+TEST_F(CompressedPackageTest, OfAStreamThatWasNotSignedIsRefusedBeforeItIsExpanded) {
+  stream = shrink(octets(std::string(1'000'000, 'x')));
+  manifest["stream"]["octets"] = stream.size();
+  EXPECT_EQ(refusal(), PackageRefusal::wrong_hash);
+}
+
+TEST_F(CompressedPackageTest, ThatIsABombIsRefusedWithoutItsMemory) {
+  // A thousand times as much as its files have; no more than these plus one octet is ever expanded.
+  carry(shrink(Octets(4U << 20)));
+  EXPECT_LT(stream.size(), 5000U);
+  const auto verified = verify(package());
+  ASSERT_FALSE(verified);
+  EXPECT_EQ(verified.error().refusal, PackageRefusal::bad_stream);
+  EXPECT_EQ(verified.error().detail, "it gives more than the files' octets");
+
+  // One that says how much it is: above the limit for all files, before anything is expanded.
+  manifest["files"] = Json::array();
+  contents.clear();
+  for (int i = 0; i < 5; ++i) add("f" + std::to_string(i), std::string(1U << 20, '\0'));
+  compress();
+  EXPECT_EQ(refusal(), PackageRefusal::too_large);
+  manifest["files"].erase(4);
+  contents.pop_back();
+  compress();
+  EXPECT_EQ(refusal(), std::nullopt) << "4 MiB are allowed";
+}
+
+TEST_F(CompressedPackageTest, IsRefusedWithAStreamThatIsDamagedShortOrFollowedByMore) {
+  const Octets good = stream;
+  for (const Octets& bad : {Octets{}, Octets{0xFF, 0xFF, 0xFF}, Octets(good.begin(), good.end() - 1),
+                            shrink(octets(source)), [&] {
+                              Octets more = good;
+                              more.push_back(0);
+                              return more;
+                            }()}) {
+    carry(bad);
+    EXPECT_EQ(refusal(), PackageRefusal::bad_stream) << bad.size();
+  }
+}
+
+TEST_F(CompressedPackageTest, IsRefusedWhenAFileIsNotWhatWasSigned) {
+  contents[1][3] ^= 1U;
+  compress();
+  EXPECT_EQ(refusal(), PackageRefusal::wrong_hash);
+}
+
+TEST_F(CompressedPackageTest, NeedsItsStreamInTheManifestAndTheSameFormatInItsHead) {
+  const Json before = manifest;
+  manifest.erase("stream");
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+  for (const char* field : {"octets", "sha256"}) {
+    manifest = before;
+    manifest["stream"].erase(field);
+    EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << field;
+    manifest = before;
+    manifest["stream"][field] = -1;
+    EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << field;
+  }
+  manifest = before;
+  manifest["stream"]["coding"] = "xz";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
+  manifest = before;
+  manifest["stream"]["octets"] = PackageLimits::package_octets + 1;
+  EXPECT_EQ(refusal(), PackageRefusal::too_large);
+  manifest = before;
+  manifest["stream"]["octets"] = stream.size() + 1;
+  EXPECT_EQ(refusal(), PackageRefusal::wrong_size);
+  manifest = before;
+  manifest["format"] = "srfs node package 1";
+  EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << "a key that format 1 does not have";
+  manifest = before;
+  EXPECT_EQ(PackageTest::refusal(seal_package(1, manifest.dump(), stream, ours)),
+            PackageRefusal::unknown_format);
+  manifest.erase("stream");
+  manifest["format"] = "srfs node package 1";
+  EXPECT_EQ(PackageTest::refusal(seal_package(2, manifest.dump(), stream, ours)),
+            PackageRefusal::unknown_format);
+  EXPECT_EQ(PackageTest::refusal(seal_package(3, before.dump(), stream, ours)),
+            PackageRefusal::unknown_format);
+}
+
+TEST(MadePackage, HasTheSizesAndHashesOfItsFilesAndIsTheSameEachTime) {
+  Manifest manifest{.node = "payload_eps", .counter = 3, .options = {"-O2"}};
+  manifest.files = {{.path = "main.cpp"}, {.path = "empty.hpp"}};
+  const std::vector<Octets> contents{octets(source), {}};
+  const auto package = make_package(manifest, contents, ours);
+  ASSERT_TRUE(package) << package.error().detail;
+  EXPECT_EQ(*package, *make_package(manifest, contents, ours));
+  const auto verified = verify_package(*package, key, [](std::string_view) { return 2U; });
+  ASSERT_TRUE(verified);
+  EXPECT_EQ(verified->manifest.files[0].sha256, hash(source));
+  EXPECT_EQ(verified->manifest.files[1].octets, 0U);
+  EXPECT_TRUE(verified->contents[1].empty());
+  const auto parts = open_package(*package);
+  ASSERT_TRUE(parts);
+  EXPECT_EQ(parts->format, 2);
+  EXPECT_EQ(parts->key, key_id_of(key));
+  EXPECT_EQ(parts->rest.size(), verified->manifest.stream->octets);
+}
+
+TEST(MadePackage, IsRefusedForWhatTheSpacecraftWouldRefuse) {
+  const Manifest good{.node = "payload_eps", .counter = 3, .files = {{.path = "main.cpp"}}};
+  const std::vector<Octets> contents{octets(source)};
+  ASSERT_TRUE(make_package(good, contents, ours));
+  const auto refusal = [&](const Manifest& manifest, const std::vector<Octets>& files) {
+    return make_package(manifest, files, ours).error().refusal;
+  };
+  Manifest bad = good;
+  bad.files[0].path = "../main.cpp";
+  EXPECT_EQ(refusal(bad, contents), PackageRefusal::bad_path);
+  bad = good;
+  bad.options = {"-fplugin=x.so"};
+  EXPECT_EQ(refusal(bad, contents), PackageRefusal::bad_option);
+  bad = good;
+  bad.counter = 0;
+  EXPECT_EQ(refusal(bad, contents), PackageRefusal::bad_manifest);
+  bad = good;
+  bad.kind = PackageKind::add;
+  EXPECT_EQ(refusal(bad, contents), PackageRefusal::bad_manifest);
+  EXPECT_EQ(refusal(good, {}), PackageRefusal::wrong_size);
+  EXPECT_EQ(refusal(good, {Octets(PackageLimits::file_octets + 1)}), PackageRefusal::too_large);
 }
 
 TEST_F(PackageTest, OfDeepNestingIsRefusedWithoutHarm) {

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "ground/package_commands.hpp"
+
+namespace srfs::ground {
+
+/// What the command line says after `package`.
+struct PackageArguments {
+  PackageCommand command;
+  bool no_activate = false;
+};
+
+/// Adds `package` with its subcommands. @param timeout_s of install
+void define_package(CLI::App& app, PackageArguments& arguments, double& timeout_s);
+
+/// Runs what needs no spacecraft. nullopt: install, which does.
+[[nodiscard]] std::optional<Exit> run_package(const CLI::App& package, const PackageArguments& arguments);
+
+}  // namespace srfs::ground

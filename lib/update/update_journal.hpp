@@ -1,0 +1,116 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/file.hpp"
+#include "update/package.hpp"
+#include "update/version_table.hpp"
+
+namespace srfs::update {
+
+/// Where an uplinked package stands. Values of the mission dictionary's update_step.
+enum class UpdateStep : std::uint8_t {
+  none = 0,
+  verify = 1,
+  build = 2,
+  self_test = 3,
+  store = 4,  ///< the program becomes a candidate of the node's versions
+  swap = 5,   ///< the node is restarted in it
+  installed = 6,
+  candidate = 7,  ///< built and tested, and not to be started now
+  failed = 8,
+  cancelled = 9
+};
+[[nodiscard]] std::string_view to_text(UpdateStep step);
+/// Nothing is to be done any more.
+[[nodiscard]] bool is_over(UpdateStep step);
+
+/// One package on its way to a running program.
+struct Update {
+  std::string file;    ///< in the folder of files
+  std::string sha256;  ///< of the package
+  std::string node;
+  PackageKind kind = PackageKind::replace;
+  std::uint64_t counter = 0;
+  bool activate = true;
+  seconds probation{0};
+  UpdateStep step = UpdateStep::none;
+  UpdateStep ended_in = UpdateStep::none;  ///< the step that failed, or in which it was cancelled
+  VersionNumber version = golden;          ///< golden: not stored yet
+  std::uint64_t octets = 0;                ///< of the package
+  std::uint64_t program_octets = 0;
+  std::optional<milliseconds> build;   ///< what it took
+  std::optional<milliseconds> outage;  ///< end of the old process to the new one in its desired state
+  std::uint32_t starts = 0;            ///< how often it was begun
+  std::string reason;                  ///< why it failed
+
+  friend bool operator==(const Update&, const Update&) = default;
+};
+/// As the version that comes of it says where it is from; of one package only.
+[[nodiscard]] std::string origin_of(const Update& update);
+
+/// The package that was accepted last for a node.
+struct AcceptedPackage {
+  std::string node;
+  std::uint64_t counter = 0;
+  std::string sha256;
+
+  friend bool operator==(const AcceptedPackage&, const AcceptedPackage&) = default;
+};
+
+/// What is to survive the end of maintenance and of the computer: the update under way, or the last one, and
+/// the counters that forbid old packages. Pure.
+class UpdateJournal {
+ public:
+  static constexpr std::size_t most_nodes = 64;
+  static constexpr std::uint32_t most_starts = 3;
+
+  [[nodiscard]] std::uint64_t revision() const { return revision_; }
+  [[nodiscard]] const Update& update() const { return update_; }
+  [[nodiscard]] bool is_under_way() const { return !is_over(update_.step); }
+
+  /// What a package's counter has to be above. The package that was accepted last may come again: its
+  /// installation may have ended before its end.
+  [[nodiscard]] std::uint64_t last_counter(std::string_view node, std::string_view sha256) const;
+  /// A verified package: its counter is used up. @return false: no room for another node's counter
+  [[nodiscard]] bool begin(Update update);
+  void set(UpdateStep step);
+  void stored(VersionNumber version, std::uint64_t program_octets);
+  void built(milliseconds took);
+  /// @param step  failed or cancelled
+  void end(UpdateStep step, std::string_view reason);
+  void installed(std::optional<milliseconds> outage);
+
+  /// Where an update goes on whose process ended, by what the node's table of versions says now: build (from
+  /// the beginning), swap, or it is over. Begun too often, it failed.
+  void resume(const VersionTable& table);
+
+  friend bool operator==(const UpdateJournal&, const UpdateJournal&) = default;
+  /// One line of JSON and its CRC-32C.
+  friend std::string encode(const UpdateJournal& journal);
+  friend std::optional<UpdateJournal> decode_update_journal(std::string_view text);
+
+ private:
+  std::uint64_t revision_ = 0;
+  Update update_;
+  std::vector<AcceptedPackage> accepted_;
+};
+[[nodiscard]] std::string encode(const UpdateJournal& journal);
+[[nodiscard]] std::optional<UpdateJournal> decode_update_journal(std::string_view text);
+
+/// The journal in two copies, updates_a and updates_b, of which the newer readable one counts: damage of one
+/// loses no counter. Blocks on the disk.
+struct JournalReading {
+  UpdateJournal journal;
+  std::string problem;  ///< for people; empty: all is well
+};
+[[nodiscard]] JournalReading read_update_journal(const std::filesystem::path& folder);
+[[nodiscard]] Result<void, FileError> write_update_journal(const std::filesystem::path& folder,
+                                                           const UpdateJournal& journal);
+
+}  // namespace srfs::update

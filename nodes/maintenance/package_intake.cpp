@@ -1,0 +1,85 @@
+#include "nodes/maintenance/package_intake.hpp"
+
+#include <algorithm>
+#include <cerrno>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "cfdp/rooted_path.hpp"
+#include "update/package_keys.hpp"
+#include "update/sha256.hpp"
+
+namespace srfs {
+namespace {
+
+Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, const std::string& name) {
+  const auto missing = [&](std::string_view why) {
+    return Err(IntakeFailure{true, fmt::format("{}: {}", name, why)});
+  };
+  const Fd folder(open(root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!folder) return missing(errno_text(errno));
+  const auto place = cfdp::locate(folder.get(), name);
+  if (!place) return missing(cfdp::to_string(place.error()));
+  const Fd file(
+      openat(place->folder.get(), place->name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  if (!file) return missing(errno_text(errno));
+  struct stat status {};
+  if (fstat(file.get(), &status) != 0) return missing(errno_text(errno));
+  if (!S_ISREG(status.st_mode)) return missing("no file");
+  if (static_cast<std::uint64_t>(status.st_size) > update::PackageLimits::package_octets)
+    return Err(IntakeFailure{false, fmt::format("{}: {}", to_text(update::PackageRefusal::too_large), name)});
+  Octets content(static_cast<std::size_t>(status.st_size));
+  std::size_t done = 0;
+  while (done < content.size()) {
+    const ssize_t n = read(file.get(), content.data() + done, content.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return missing(n < 0 ? errno_text(errno) : "it became shorter while it was read");
+    done += static_cast<std::size_t>(n);
+  }
+  return content;
+}
+
+}  // namespace
+
+Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const std::string& file,
+                                              const update::UpdateJournal& journal,
+                                              const LaneFolders& folders) {
+  const auto refusal = [](std::string reason) { return Err(IntakeFailure{false, std::move(reason)}); };
+  const auto key = update::load_public_key(rules.public_key);
+  if (!key) return refusal("no key to verify with: " + key.error().message);
+  const auto content = read_package(rules.files, file);
+  if (!content) return Err(content.error());
+  const std::string sha256 = update::to_digits(update::sha256_of(*content));
+  const auto package = update::verify_package(
+      *content, *key, [&](std::string_view node) { return journal.last_counter(node, sha256); });
+  if (!package) return refusal(to_text(package.error()));
+  const update::Manifest& manifest = package->manifest;
+  const bool is_there = std::find(rules.nodes.begin(), rules.nodes.end(), manifest.node) != rules.nodes.end();
+  if (manifest.kind == update::PackageKind::replace && !is_there)
+    return refusal(fmt::format("there is no node '{}' to replace", manifest.node));
+  if (manifest.kind == update::PackageKind::add && is_there)
+    return refusal(fmt::format("there is a node '{}' already", manifest.node));
+
+  std::error_code ec;
+  std::filesystem::remove_all(folders.work, ec);
+  std::filesystem::create_directories(folders.lane(), ec);
+  if (ec) return refusal(fmt::format("{}: {}", folders.lane().string(), ec.message()));
+  if (const auto unpacked = update::unpack(*package, folders.sources()); !unpacked)
+    return refusal(unpacked.error().message);
+
+  Intake intake;
+  intake.manifest = manifest;
+  intake.update.file = file;
+  intake.update.sha256 = sha256;
+  intake.update.node = manifest.node;
+  intake.update.kind = manifest.kind;
+  intake.update.counter = manifest.counter;
+  intake.update.probation = manifest.probation;
+  intake.update.octets = content->size();
+  return intake;
+}
+
+}  // namespace srfs

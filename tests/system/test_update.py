@@ -1,0 +1,173 @@
+"""Packages of sources, from the ground to a running program: built by the lane, tested, swapped; refused or rolled back when they are bad."""
+
+import json
+import os
+import signal
+import subprocess
+import unittest
+
+import mission
+from support import BIN, DEADLINE_S, ROOT, SystemTest, wait_until
+
+BUILD_DEADLINE_S = 180  # a compiler on a loaded machine
+IDLE = ROOT / "examples" / "payload_idle" / "main.cpp"
+GOOD = IDLE.read_text()
+BEGIN = "int main(int argc, char** argv) {\n"
+# Healthy in the self-test, dead a moment after its activation.
+DIES = GOOD.replace(BEGIN, """#include <cstdlib>
+#include <string_view>
+#include <thread>
+""" + BEGIN + """  bool test = false;
+  for (int i = 0; i < argc; ++i) test = test || std::string_view(argv[i]) == "--self-test";
+  if (!test) std::thread([] { std::this_thread::sleep_for(std::chrono::milliseconds(700)); std::abort(); }).detach();
+""")  # fmt: skip
+FAILS_ITS_TEST = GOOD.replace(BEGIN, BEGIN + "  return 7;\n")
+NODE = "payload_thermal"
+
+
+class UpdateTest(SystemTest):
+    """The suite runs from an installation, which the lane builds against."""
+
+    counter = 0
+
+    def flight(self, deployment="fig16"):
+        return mission.Mission(self.var, deployment, mission.installed(BIN), print)
+
+    def package(self, text, key=None):
+        """A package that makes NODE of this source; its path."""
+        self.counter += 1
+        sources = self.folder / f"sources_{self.counter}"
+        sources.mkdir()
+        (sources / "main.cpp").write_text(text)
+        out = self.folder / f"{self.counter}.pkg"
+        command = [BIN / "srfs-ground", "package", "make", "--node", NODE, "--kind", "replace", "--counter", self.counter, "--sources", sources,
+                   "--option=-O0", "--probation", 3600, "--key", key or self.var / "ground" / "package_test.seed", "-o", out]  # fmt: skip
+        made = subprocess.run([str(word) for word in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        self.assertEqual(made.returncode, 0, made.stderr)
+        return out
+
+    def put(self, flight, package):
+        """As CFDP leaves it; the way up has tests of its own."""
+        files = flight.var / "files"
+        files.mkdir(exist_ok=True)
+        (files / package.name).write_bytes(package.read_bytes())
+        return package.name
+
+    def install(self, ground, flight, package, *more):
+        since = ground.position()
+        outcome = ground.command(f"tc package.install file={self.put(flight, package)} {' '.join(more)}", 60)
+        return outcome, since
+
+    def end(self, ground, since):
+        """The event that ends an update."""
+        ends = ("update.installed", "update.candidate", "update.failed", "update.refused")
+        event = ground.wait_for(lambda m: m["type"] == "event" and m["event"] in ends, BUILD_DEADLINE_S, since)
+        self.assertIsNotNone(event, "the update ended")
+        return event
+
+    def versions(self, flight):
+        return json.loads(flight.srfs("versions", "--node", NODE).stdout)[0]
+
+    def status(self, flight, node=NODE):
+        return {n["name"]: n for n in flight.status()}[node]
+
+    def outcomes(self, recorder):
+        return recorder.select(lambda m: m["type"] == "liveness" and m["verdict"] == "outcome")
+
+    def active(self, flight, node=NODE):
+        return self.status(flight, node)["state"] == "active"
+
+
+class GoodPackageTest(UpdateTest):
+    def test_a_package_is_built_tested_and_swapped_in_without_the_ring_and_with_nothing_lost(self):
+        with self.flight() as flight:
+            ground, recorder = flight.ground(), flight.recorder()
+            before = {n["name"]: n["pid"] for n in flight.status()}
+            outcome, since = self.install(ground, flight, self.package(GOOD))
+            self.assertEqual(outcome["stage"], "completed", outcome)
+            # Other telecommands to maintenance do not wait for a compiler.
+            self.assertEqual(ground.command("tc ring.report_faults count=1", DEADLINE_S)["stage"], "completed")
+            end = self.end(ground, since)
+            self.assertEqual((end["event"], end["fields"]["version"]), ("update.installed", 1), end)
+            print("outage", end["fields"]["outage_ms"], "ms")
+            after = {n["name"]: n["pid"] for n in flight.status()}
+            self.assertEqual({name for name in after if after[name] != before[name]}, {NODE})
+            self.assertEqual((self.versions(flight)["running"], self.versions(flight)["last_good"]), (1, 0))
+            self.assertEqual(self.outcomes(recorder), [], "the ring restarted nobody")
+            steps = [m["fields"]["step"] for m in ground.select(lambda m: m["type"] == "event" and m["event"] == "update.step", since)]
+            self.assertEqual(steps, ["build", "self_test", "store", "swap"])
+            ground.send("tc package.report")
+            status = ground.housekeeping("update_status", DEADLINE_S, since)["fields"]
+            self.assertEqual((status["step"], status["node"], status["counter"], status["starts"]), ("installed", NODE, 1, 1))
+            log = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "update.log_queued", DEADLINE_S, since)
+            self.assertEqual(log["fields"]["name"], f"{NODE}_package_1_build.report")
+            # The ring guards the new version.
+            os.kill(flight.node_pid(NODE), signal.SIGKILL)
+            wait_until(lambda: self.versions(flight)["running"] == 0 and self.active(flight), DEADLINE_S, "the last good version runs")
+            # The same package again is no old one; an older one is.
+            again, since = self.install(ground, flight, self.folder / "1.pkg", "activate=false")
+            self.assertEqual(again["stage"], "completed")
+            self.assertEqual(self.end(ground, since)["event"], "update.candidate")
+
+
+class BadPackageTest(UpdateTest):
+    def test_what_is_bad_is_refused_or_rolled_back_with_its_reason_and_the_node_works_on(self):
+        with self.flight() as flight:
+            ground = flight.ground()
+            pid = flight.node_pid(NODE)
+            good = self.package(GOOD)
+
+            tampered = self.folder / "tampered.pkg"
+            octets = bytearray(good.read_bytes())
+            octets[-1] ^= 1
+            tampered.write_bytes(octets)
+            subprocess.run([BIN / "srfs-ground", "package", "keygen", self.folder / "other.seed", self.folder / "other.pub"], check=True, timeout=60)
+            foreign = self.package(GOOD, self.folder / "other.seed")
+            for package, reason in ((tampered, "signed"), (foreign, "key")):
+                outcome, since = self.install(ground, flight, package)
+                self.assertEqual((outcome["stage"], outcome["name"]), ("failed", "package_refused"), package)
+                self.assertIn(reason, self.end(ground, since)["fields"]["reason"])
+            outcome = ground.command("tc package.install file=../keys/package.pub", DEADLINE_S)
+            self.assertEqual((outcome["stage"], outcome["name"]), ("failed", "package_not_found"))
+            self.assertEqual(ground.command("tc package.cancel", DEADLINE_S)["name"], "no_update")
+
+            outcome, since = self.install(ground, flight, self.package(GOOD + "\nthis is no C++;\n"))
+            self.assertEqual(outcome["stage"], "completed")
+            end = self.end(ground, since)
+            self.assertEqual((end["event"], end["fields"]["step"]), ("update.failed", "build"), end)
+            outcome, since = self.install(ground, flight, good)  # its counter is below the one that was used up
+            self.assertEqual(outcome["name"], "package_refused")
+
+            outcome, since = self.install(ground, flight, self.package(FAILS_ITS_TEST))
+            end = self.end(ground, since)
+            self.assertEqual((end["event"], end["fields"]["step"]), ("update.failed", "self_test"), end)
+            self.assertEqual(flight.node_pid(NODE), pid, "the node was not touched")
+
+            outcome, since = self.install(ground, flight, self.package(DIES))
+            self.assertEqual(self.end(ground, since)["event"], "update.installed")
+            wait_until(lambda: self.versions(flight)["running"] == 0 and self.active(flight), DEADLINE_S, "rolled back")
+            self.assertEqual(self.versions(flight)["versions"][-1]["state"], "failed")
+            self.assertEqual([p.name for p in (flight.var / "update").glob("*")], [], "nothing is left of it")
+
+
+class KilledMaintenanceTest(UpdateTest):
+    def test_an_update_goes_on_when_maintenance_is_killed_in_the_build_and_in_the_swap(self):
+        with self.flight("sim") as flight:
+            ground = flight.ground()
+            outcome, since = self.install(ground, flight, self.package(GOOD))
+            self.assertEqual(outcome["stage"], "completed")
+
+            def step(name):
+                return ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "update.step" and m["fields"]["step"] == name, BUILD_DEADLINE_S, since)
+
+            self.assertIsNotNone(step("build"))
+            os.kill(flight.node_pid("maintenance"), signal.SIGKILL)
+            self.assertIsNotNone(step("swap"))
+            os.kill(flight.node_pid("maintenance"), signal.SIGKILL)  # in it, or a moment later
+            wait_until(lambda: flight.node_pid("maintenance") and self.active(flight, "maintenance"), DEADLINE_S, "maintenance is back")
+            wait_until(lambda: self.versions(flight)["running"] == 1 and self.active(flight), BUILD_DEADLINE_S, "version 1 runs")
+            self.assertEqual(len(self.versions(flight)["versions"]), 1)
+
+
+if __name__ == "__main__":
+    unittest.main()
