@@ -304,7 +304,9 @@ Result<void, std::string> try_out(Executor& executor, LifecycleNode& node) {
 int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
   if (!arguments.domain) throw ConfigError("--self-test needs --domain, one that nobody else uses");
   ignore_broken_pipes();
-  Deployment deployment = Deployment::load(arguments.deployment);
+  // A node that is to be added stands in the list of the VAR that it tests itself in.
+  Deployment deployment =
+      load_deployment(arguments.deployment, VarPaths{std::filesystem::absolute(arguments.var)}).deployment;
   take_devices_away(deployment);
   deployment.ring.enabled = false;
   if (deployment.find(arguments.name) == nullptr)

@@ -121,11 +121,8 @@ class KilledToolTest(ToolTest):
         self.var.mkdir()
         self.package = self.folder / "package"
         self.package.mkdir()
-        (self.package / "package.yaml").write_text("node: extra
-deployment_entry: entry.yaml
-")
-        (self.package / "entry.yaml").write_text("parameters: { configure_ms: 20 }
-")
+        (self.package / "package.yaml").write_text("node: extra\ndeployment_entry: entry.yaml\n")
+        (self.package / "entry.yaml").write_text("parameters: { configure_ms: 20 }\n")
         self.program = self.folder / "program"
         self.program.write_text(f'#!/bin/sh\nexec {BIN}/faulty_node "$@"\n')
         self.point = self.folder / "point"
