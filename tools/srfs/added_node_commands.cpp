@@ -90,7 +90,7 @@ int add_node(const Target& target, const std::filesystem::path& folder, const st
   std::optional<pid_t> pid;
   std::string problem;
   if (running_domain(target) && entry != nullptr) {  // else it is for `srfs up`
-    const ros::LaunchRequest request{now.deployment, target.var, ros::own_bin_folder(), "added by command"};
+    const ros::LaunchRequest request{now.deployment, target.var, ros::suite_bin_folder(), "added by command"};
     const auto launched = ros::launch(request, *entry, patience_with_the_ring);
     if (launched) pid = *launched;
     if (!launched) problem = launched.error();

@@ -29,7 +29,7 @@ constexpr const char* deployment_text =
     "nodes:\n"
     "  - {name: a, executable: x}\n  - {name: b, executable: x}\n  - {name: c, executable: x}\n";
 
-constexpr const char* slot_text = "{slot: {after: b, allotted_ms: 30, overrun_ms: 10, reset_ms: 20}}";
+constexpr const char* after_b = "{slot: {after: b, allotted_ms: 30, overrun_ms: 10, reset_ms: 20}}";
 
 const char* const fragment_text = R"(
 apids: [{ name: extra, apid: 99, node: extra }]
@@ -74,7 +74,7 @@ class AddedNodesTest : public testing::Test {
 
   VarPaths var_;
   std::filesystem::path file_;
-  const AddedNode extra_{"extra", "b", slot_text, fragment_text};
+  const AddedNode extra_{"extra", "b", after_b, fragment_text};
 };
 
 TEST_F(AddedNodesTest, AreReadAsTheyWereWrittenAndNoDamageIsTakenForThem) {
@@ -127,7 +127,7 @@ TEST_F(AddedNodesTest, MayHaveTheirSlotApartFromTheirEntry) {
 }
 
 TEST_F(AddedNodesTest, ThatDoNotFitAreLeftOutAndTheOthersStay) {
-  AddedNode taken{"second", "", slot_text, "", std::size_t{1}};
+  AddedNode taken{"second", "", after_b, "", std::size_t{1}};
   const AddedNode same_name{"a", "", "{}", ""};
   const AddedNode bad_key{"third", "", "{colour: red}", ""};
   const AddedNode other_device{"fourth", "", "{devices: {can: \"sim:other\"}}", ""};
