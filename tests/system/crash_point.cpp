@@ -39,6 +39,9 @@ CrashPoint* crash_point() {
   return mapped;
 }
 
+/// Of the process that loaded this, not of what it forks on its way to start another.
+const pid_t own_pid = getpid();
+
 enum class Call { reads, speaks, writes, changes };
 
 void count(Call call) {
@@ -46,7 +49,7 @@ void count(Call call) {
   if (point == nullptr || point->begun == 0) return;
   const bool wanted =
       point->changes_only != 0 ? call == Call::writes || call == Call::changes : call != Call::changes;
-  if (!wanted) return;
+  if (!wanted || (point->changes_only != 0 && getpid() != own_pid)) return;
   std::uint64_t before = point->calls.load();
   while (before > 0 && !point->calls.compare_exchange_weak(before, before - 1)) {
   }
