@@ -145,7 +145,7 @@ AddedDescription read_added_description(const AddedNode& node) {
 }
 
 std::string slot_text(const Slot& slot) {
-  std::string text = "{allotted_ms: " + std::to_string(slot.allotted.count()) +
+  std::string text = "{payload: " + slot.payload + ", allotted_ms: " + std::to_string(slot.allotted.count()) +
                      ", overrun_ms: " + std::to_string(slot.overrun.count()) +
                      ", reset_ms: " + std::to_string(slot.reset.count());
   if (!slot.after.empty()) text += ", after: " + slot.after;

@@ -157,6 +157,19 @@ void clean_up(const VarPaths& var, const std::string& node) {
 
 }  // namespace
 
+AddedNode added_node_of(const update::Manifest& manifest, std::string dictionary) {
+  AddedNode node;
+  node.name = manifest.node;
+  node.ring_after = manifest.ring_after.value_or("");
+  node.description = manifest.deployment.value_or("");
+  node.dictionary = std::move(dictionary);
+  if (const auto& slot = manifest.slot) {
+    node.slot = slot_text(
+        {slot->payload.value_or(manifest.node), slot->allotted, slot->overrun, slot->reset, slot->after});
+  }
+  return node;
+}
+
 Result<void, std::string> add_node(const VarPaths& var, const Deployment& deployment, AddedNode node,
                                    const std::filesystem::path& dictionary) {
   const auto lock = lock_list(var);

@@ -4,12 +4,16 @@
 
 #include "base/result.hpp"
 #include "ros/added_nodes.hpp"
+#include "update/package.hpp"
 
 namespace srfs::ros {
 
 /// Adding a node to the running system, and removing it. The list of added nodes (added_nodes.hpp) is the one
 /// commit point of both: whoever is killed before it is replaced leaves the suite as it was, after it as it
 /// shall be. All block on the disk, and for the list's lock up to 2 s: not for a work thread.
+
+/// What the package of a new node says of it. @param dictionary  the text of its fragment; empty: it has none
+[[nodiscard]] AddedNode added_node_of(const update::Manifest& manifest, std::string dictionary);
 
 /// The node becomes a member of the suite: of its ring, its slot plan and its dictionary, within a second in
 /// every process. Its program must be in the version store, active, and whole. Everything is checked before

@@ -126,6 +126,22 @@ TEST_F(AddedNodesTest, MayHaveTheirSlotApartFromTheirEntry) {
   EXPECT_THAT(with_added(deployment(), {1, {node}}).problems, ElementsAre(HasSubstr("payload")));
 }
 
+TEST_F(AddedNodesTest, AreWhatTheirPackageSays) {
+  update::Manifest manifest;
+  manifest.node = "extra";
+  manifest.kind = update::PackageKind::add;
+  manifest.ring_after = "a";
+  manifest.deployment = "{\"memory_limit_mib\": 64}";
+  manifest.slot = update::SlotRequest{{}, milliseconds(30), milliseconds(0), milliseconds(20), "c"};
+  AddedNode node = added_node_of(manifest, fragment_text);
+  node.flag = 2;
+  const Deployment d = with({node});
+  EXPECT_EQ(d.find("extra")->memory_limit_mib, 64);
+  EXPECT_THAT(turns_of(d.slots), ElementsAre("b", "c", "extra"));
+  EXPECT_EQ(node.ring_after, "a");
+  EXPECT_EQ(node.dictionary, fragment_text);
+}
+
 TEST_F(AddedNodesTest, ThatDoNotFitAreLeftOutAndTheOthersStay) {
   AddedNode taken{"second", "", after_b, "", std::size_t{1}};
   const AddedNode same_name{"a", "", "{}", ""};
