@@ -10,6 +10,7 @@
 
 #include "base/file.hpp"
 #include "ground/console.hpp"
+#include "ground/fragments.hpp"
 #include "ground/installation.hpp"
 #include "ground/package_arguments.hpp"
 #include "ground/remote.hpp"
@@ -26,6 +27,7 @@ struct Arguments {
   std::string deployment = "sim";
   std::string state;
   std::string keys;
+  std::vector<std::string> fragments;
   bool json = false;
   double timeout_s = 0;
   bool wait = false;
@@ -67,6 +69,11 @@ void define(CLI::App& app, Arguments& a) {
   app.add_option("--state", a.state, "Folder of the security counter (default: ground beside the port)");
   app.add_option("--keys", a.keys, "Keys of this run: a, b or contingency (default: those last selected)")
       ->check(CLI::IsMember({"a", "b", "contingency"}));
+  app.add_option(
+         "--fragment", a.fragments,
+         "Dictionary fragment of a node that was added; may be repeated (also taken: STATE/fragments/*.yaml, "
+         "and what the VAR beside the port has)")
+      ->allow_extra_args(false);
   app.add_flag("--json", a.json, "One JSON object a line");
   app.add_flag("--ad", a.ad,
                "Send telecommands by the AD service (COP-1): in order, each once, repeated when lost");
@@ -246,7 +253,17 @@ Exit operate(const CLI::App& app, Arguments& a) {
     a.package.command.json = a.json;
     if (const auto ended = run_package(*app.get_subcommand("package"), a.package)) return *ended;
   }
-  const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder());
+  const std::filesystem::path port_path = a.port;
+  const auto var_dir = port_path.has_parent_path() ? port_path.parent_path() : std::filesystem::path(".");
+  const std::filesystem::path state_dir =
+      a.state.empty() ? var_dir / "ground" : std::filesystem::path(a.state);
+  std::vector<std::string> warnings;
+  const auto loaded =
+      load_dictionary(mission::Dictionary::default_folder(),
+                      {{a.fragments.begin(), a.fragments.end()}, state_dir / "fragments", var_dir}, warnings);
+  if (!loaded) return fail(a, loaded.error());
+  for (const std::string& warning : warnings) std::fprintf(stderr, "srfs-ground: %s\n", warning.c_str());
+  const mission::Dictionary& dictionary = *loaded;
   if (app.got_subcommand("list")) return list(dictionary, a.name, a.json);
   if (app.got_subcommand("tc") && a.at.empty() && !a.arm && !a.json && isatty(STDIN_FILENO) == 1) {
     const auto* command = dictionary.command(a.name);
@@ -278,9 +295,9 @@ Exit operate(const CLI::App& app, Arguments& a) {
   }
   std::vector<ScriptStep> steps;
   if (app.got_subcommand("script")) {
-    auto loaded = load_script(dictionary, a.file);
-    if (!loaded) return fail(a, loaded.error());
-    steps = std::move(*loaded);
+    auto script = load_script(dictionary, a.file);
+    if (!script) return fail(a, script.error());
+    steps = std::move(*script);
   }
   const auto at = a.at.empty() ? std::optional<TimeTag>{} : parse_time_tag(a.at);
   if (!a.at.empty() && !at) return fail(a, "--at needs " + std::string(time_tag_forms));
@@ -291,8 +308,6 @@ Exit operate(const CLI::App& app, Arguments& a) {
   const auto deployment = find_deployment(a.deployment);
   if (!deployment) return fail(a, deployment.error());
   const auto link = ros::Deployment::load(*deployment).link;
-  const std::filesystem::path port_path = a.port;
-  const auto var_dir = port_path.has_parent_path() ? port_path.parent_path() : std::filesystem::path(".");
   Installation package;
   if (installs) {
     auto made = installation(a, dictionary, var_dir);
@@ -302,8 +317,6 @@ Exit operate(const CLI::App& app, Arguments& a) {
   auto port = Port::open(port_path, link.baud);
   if (!port) return fail(a, port.error());
   if (app.got_subcommand("bridge")) return bridge(a, link, std::move(*port));
-  const std::filesystem::path state_dir =
-      a.state.empty() ? var_dir / "ground" : std::filesystem::path(a.state);
   auto uplink = Uplink::open(link, var_dir, state_dir, system_utc_now(), key_set_of(a.keys));
   if (!uplink) return fail(a, uplink.error());
   const bool colour = !a.json && isatty(STDOUT_FILENO) == 1;

@@ -149,7 +149,7 @@ int control(const std::string& request, const path& var) {
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "The simulated world around the on-board computer: CAN bus with three peripherals, GPS, RS422, GPIO, "
+      "The simulated world around the on-board computer: CAN bus with four peripherals, GPS, RS422, GPIO, "
       "watchdog."};
   std::string deployment;
   std::string var = "var";

@@ -16,8 +16,9 @@ namespace {
 constexpr nanoseconds world_step = milliseconds(20);
 constexpr nanoseconds longest_step = seconds(1);
 constexpr std::int64_t default_restart_ms = 100;  // of a controller that goes bus-off
-constexpr std::array<const char*, GpioBank::switch_count> peripheral_names{"adcs", "eps", "thermal"};
-constexpr std::array<std::uint8_t, GpioBank::switch_count> peripheral_addresses{0x11, 0x12, 0x13};
+constexpr std::array<const char*, GpioBank::switch_count> peripheral_names{"adcs", "eps", "thermal",
+                                                                           "impact"};
+constexpr std::array<std::uint8_t, GpioBank::switch_count> peripheral_addresses{0x11, 0x12, 0x13, 0x14};
 
 /// The path of a device this program serves.
 Result<std::filesystem::path, std::string> served(const std::string& uri, const char* scheme,
@@ -101,6 +102,7 @@ Simulator::Simulator(EventLoop& loop, const SimulationSettings& settings, Monoto
       adcs_(world_),
       eps_(world_),
       thermal_(world_),
+      impact_(settings.world.seed + 5),
       gpio_([this] { return world_.sensor_inputs(); },
             [this](std::size_t line, bool on) {
               log::info("power of {} switched {}", peripheral_names.at(line), on ? "on" : "off");
@@ -111,7 +113,8 @@ Simulator::Simulator(EventLoop& loop, const SimulationSettings& settings, Monoto
       step_timer_(loop.add_timer([this](MonotonicTime t) { step(t); })),
       stepped_(now),
       flushed_(now) {
-  const std::array<PeripheralApplication*, GpioBank::switch_count> applications{&adcs_, &eps_, &thermal_};
+  const std::array<PeripheralApplication*, GpioBank::switch_count> applications{&adcs_, &eps_, &thermal_,
+                                                                                &impact_};
   for (std::size_t i = 0; i < peripherals_.size(); ++i) {
     PeripheralSettings own = settings.peripheral;
     own.seed += i;
@@ -256,6 +259,7 @@ void Simulator::step(MonotonicTime now) {
     stepped_ = now - longest_step;
   }
   world_.step(now - stepped_);
+  impact_.step(now - stepped_);
   stepped_ = now;
   point_camera(now);
   rs422_->release_exclusive_holds();
@@ -272,7 +276,7 @@ void Simulator::set_peripheral_fault(const nlohmann::json& request, MonotonicTim
   const std::string name = request.at("peripheral").get<std::string>();
   const auto found = std::find(peripheral_names.begin(), peripheral_names.end(), name);
   if (found == peripheral_names.end())
-    throw std::invalid_argument("'peripheral': expected one of adcs, eps, thermal");
+    throw std::invalid_argument("'peripheral': expected one of adcs, eps, thermal, impact");
   const auto fault = peripheral_fault(request.value("fault", std::string("none")));
   if (!fault)
     throw std::invalid_argument("'fault': expected one of none, silent, late, short, garbage, babble");
@@ -320,7 +324,8 @@ void Simulator::force_bus_off(const std::string& station, MonotonicTime now) {
   for (std::size_t i = 0; i < peripheral_names.size(); ++i) {
     if (station == peripheral_names.at(i)) address = peripheral_addresses.at(i);
   }
-  if (!address) throw std::invalid_argument("'bus_off': expected one of computer, adcs, eps, thermal");
+  if (!address)
+    throw std::invalid_argument("'bus_off': expected one of computer, adcs, eps, thermal, impact");
   if (!hub_->force_bus_off(*address, now))
     throw std::invalid_argument(fmt::format("'bus_off': {} has not sent a frame yet", station));
 }

@@ -15,6 +15,7 @@
 #include "hw_sim/can_peripheral.hpp"
 #include "hw_sim/gpio_bank.hpp"
 #include "hw_sim/gps_device.hpp"
+#include "hw_sim/impact_detector.hpp"
 #include "hw_sim/peripheral_applications.hpp"
 #include "hw_sim/rs422_device.hpp"
 #include "hw_sim/settings.hpp"
@@ -74,6 +75,7 @@ class Simulator {
   AdcsApplication adcs_;
   EpsApplication eps_;
   ThermalApplication thermal_;
+  ImpactDetector impact_;
   std::array<std::unique_ptr<Peripheral>, GpioBank::switch_count> peripherals_;
   std::unique_ptr<CanLog> can_log_;
   std::unique_ptr<CanHub> hub_;  // none when the bus is a real interface

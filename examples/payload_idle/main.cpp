@@ -1,5 +1,6 @@
-// A payload without access to the CAN bus, as the paper's maintenance experiment begins with (section VI.D): it is in the
-// plan, and gives every slot back unused. `./run experiment fig16` replaces it in flight by one that uses the bus.
+// A payload without access to the CAN bus, as the paper's maintenance experiment begins with (section VI.D):
+// it is in the plan, and gives every slot back unused. `./run experiment fig16` replaces it in flight by one
+// that uses the bus.
 #include "ros/node.hpp"
 #include "ros/run_node.hpp"
 

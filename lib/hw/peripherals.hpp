@@ -17,6 +17,8 @@ struct Peripheral {
 inline constexpr Peripheral adcs{"payload_adcs", 0x11, gpio_power_adcs};
 inline constexpr Peripheral eps{"payload_eps", 0x12, gpio_power_eps};
 inline constexpr Peripheral thermal{"payload_thermal", 0x13, gpio_power_thermal};
-inline constexpr std::array peripherals{adcs, eps, thermal};
+/// Flies from the start, its node does not: that one is added (examples/payload_impact).
+inline constexpr Peripheral impact{"payload_impact", 0x14, gpio_power_impact};
+inline constexpr std::array peripherals{adcs, eps, thermal, impact};
 
 }  // namespace srfs::hw

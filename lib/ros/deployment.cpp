@@ -23,28 +23,35 @@ Scheduling read_scheduling(const ConfigSection& section) {
   return s;
 }
 
+bool is_node_name(const std::string& name) {
+  return !name.empty() && name.size() <= 32 &&
+         name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos;
+}
+
+/// All but the name, the executable and finish().
+NodeEntry read_entry(const ConfigSection& section, std::string name, std::string executable) {
+  return {std::move(name),
+          std::move(executable),
+          read_scheduling(section.section("scheduling")),
+          section.integer("memory_limit_mib", 0, 65536, 0),
+          static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
+          std::chrono::milliseconds(section.integer("worker_deadline_ms", 100, 3'600'000, 0)),
+          section.text("user", ""),
+          section.section("parameters")};
+}
+
 NodeEntry read_node(const ConfigSection& section) {
-  NodeEntry node{section.text("name"),
-                 section.text("executable"),
-                 read_scheduling(section.section("scheduling")),
-                 section.integer("memory_limit_mib", 0, 65536, 0),
-                 static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
-                 std::chrono::milliseconds(section.integer("worker_deadline_ms", 100, 3'600'000, 0)),
-                 section.text("user", ""),
-                 section.section("parameters")};
-  const bool fine = !node.name.empty() && node.name.size() <= 32 &&
-                    node.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos;
-  if (!fine) throw section.bad("name", "1-32 characters of a-z, 0-9 and _");
+  NodeEntry node = read_entry(section, section.text("name"), section.text("executable"));
+  if (!is_node_name(node.name)) throw section.bad("name", "1-32 characters of a-z, 0-9 and _");
   section.finish();
   return node;
 }
 
-Slot read_slot(const ConfigSection& section) {
-  Slot slot{section.text("payload"), std::chrono::milliseconds(section.integer("allotted_ms", 1, 60000)),
-            std::chrono::milliseconds(section.integer("overrun_ms", 0, 60000)),
-            std::chrono::milliseconds(section.integer("reset_ms", 1, 60000))};
-  section.finish();
-  return slot;
+/// All but finish().
+Slot read_slot(const ConfigSection& section, std::string payload) {
+  return {std::move(payload), std::chrono::milliseconds(section.integer("allotted_ms", 1, 60000)),
+          std::chrono::milliseconds(section.integer("overrun_ms", 0, 60000)),
+          std::chrono::milliseconds(section.integer("reset_ms", 1, 60000))};
 }
 
 RingSettings read_ring(const ConfigSection& section) {
@@ -109,6 +116,48 @@ void check_names(const Deployment& d, const ConfigSection& root) {
 }
 
 }  // namespace
+
+std::vector<std::string> turns_of(const std::vector<Slot>& slots) {
+  std::vector<std::string> turns;
+  for (const Slot& slot : slots) {
+    if (slot.payload.empty()) continue;
+    const auto before = std::find(turns.begin(), turns.end(), slot.after);
+    turns.insert(slot.after.empty() || before == turns.end() ? turns.end() : before + 1, slot.payload);
+  }
+  return turns;
+}
+
+AddedDescription read_added_description(const AddedNode& node) {
+  const ConfigSection root = ConfigSection::parse(node.description, node.name);
+  if (!is_node_name(node.name))
+    throw ConfigError(node.name + ": expected a name of 1-32 characters of a-z, 0-9 and _");
+  AddedDescription description{read_entry(root, node.name, ""), std::nullopt, {}};
+  description.entry.added = true;
+  if (root.text("name", node.name) != node.name) throw root.bad("name", "the name of the node, or nothing");
+  (void)root.text("executable", "");  // its program is in the version store
+  if (root.has("slot") || !node.slot.empty()) {
+    if (root.has("slot") && !node.slot.empty()) throw root.bad("slot", "one slot");
+    const ConfigSection slot =
+        node.slot.empty() ? root.section("slot") : ConfigSection::parse(node.slot, node.name + "'s slot");
+    if (slot.text("payload", node.name) != node.name)
+      throw slot.bad("payload", "the name of the node, or nothing");
+    description.slot = read_slot(slot, node.name);
+    description.slot->after = slot.text("after", "");
+    slot.finish();
+  }
+  const ConfigSection devices = root.section("devices");
+  for (const std::string& key : devices.keys()) description.devices[key] = devices.text(key);
+  root.finish();
+  return description;
+}
+
+std::string slot_text(const Slot& slot) {
+  std::string text = "{payload: " + slot.payload + ", allotted_ms: " + std::to_string(slot.allotted.count()) +
+                     ", overrun_ms: " + std::to_string(slot.overrun.count()) +
+                     ", reset_ms: " + std::to_string(slot.reset.count());
+  if (!slot.after.empty()) text += ", after: " + slot.after;
+  return text + "}";
+}
 
 LinkSettings read_link(const ConfigSection& section) {
   LinkSettings link;
@@ -180,7 +229,10 @@ Deployment Deployment::load(const std::filesystem::path& file) {
   const ConfigSection devices = root.section("devices");
   for (const std::string& key : devices.keys()) d.devices[key] = devices.text(key);
   d.link = read_link(root.section("link"));
-  for (const ConfigSection& slot : root.sections("slots")) d.slots.push_back(read_slot(slot));
+  for (const ConfigSection& slot : root.sections("slots")) {
+    d.slots.push_back(read_slot(slot, slot.text("payload")));
+    slot.finish();
+  }
   for (const ConfigSection& node : root.sections("nodes")) d.nodes.push_back(read_node(node));
   if (d.nodes.empty()) throw root.bad("nodes", "at least one node");
   (void)root.has("simulation");  // hw_sim's

@@ -29,14 +29,32 @@ struct NodeEntry {
   std::chrono::milliseconds worker_deadline{};  ///< of a job of its workers; the ring's unless the file says
   std::string user;                             ///< whom the process belongs to; empty: as its starter
   ConfigSection parameters;
+  bool added = false;  ///< not of the file (added_nodes.hpp): no executable, it has no golden version
 };
 
-/// One turn of the CAN plan (DESIGN section 5).
+/// One turn of the CAN plan (DESIGN section 5). Its index in the plan is the position of its task flag.
 struct Slot {
-  std::string payload;
+  std::string payload;  ///< empty: nobody's, the position is left free
   std::chrono::milliseconds allotted;
   std::chrono::milliseconds overrun;
   std::chrono::milliseconds reset;
+  std::string after = {};  ///< payload whose turn is before; empty: behind all that stand before it
+};
+inline constexpr std::size_t slots_at_most = 16;  ///< bound of TaskFlags.flags
+
+/// The payloads of a plan in the order of their turns.
+[[nodiscard]] std::vector<std::string> turns_of(const std::vector<Slot>& slots);
+
+/// A node that was added to the running system (added_nodes.hpp).
+struct AddedNode {
+  std::string name;
+  std::string ring_after;   ///< the member that checks it; empty, or no member: behind the last one
+  std::string description;  ///< YAML or JSON, launch_config/README.md: "Added nodes"
+  std::string dictionary;   ///< its fragment of the mission dictionary (YAML); empty: it has none
+  std::optional<std::size_t> flag = {};  ///< position of its task flag; given by add_node(), none: no slot
+  std::string slot = {};  ///< its slot, where the description has none: YAML or JSON (slot_text())
+
+  friend bool operator==(const AddedNode&, const AddedNode&) = default;
 };
 
 enum class ChannelSecurity : std::uint8_t { none, sdls };
@@ -107,12 +125,24 @@ struct Deployment {
   LinkSettings link;
   std::vector<Slot> slots;
   RingSettings ring;
-  std::vector<NodeEntry> nodes;  ///< in start order
+  std::vector<NodeEntry> nodes;      ///< in start order
+  std::vector<AddedNode> added;      ///< those of the nodes that were added (added_nodes.hpp)
+  std::uint32_t added_revision = 0;  ///< counts the changes of their list
 
   /// Throws ConfigError that names file, line, key and what was expected.
   static Deployment load(const std::filesystem::path& file);
   [[nodiscard]] const NodeEntry* find(const std::string& node) const;
 };
+
+/// What the description of an added node says. Throws ConfigError.
+struct AddedDescription {
+  NodeEntry entry;
+  std::optional<Slot> slot;
+  std::map<std::string, std::string> devices;
+};
+[[nodiscard]] AddedDescription read_added_description(const AddedNode& node);
+/// As AddedNode::slot has it.
+[[nodiscard]] std::string slot_text(const Slot& slot);
 
 /// Reads the `link` section; also for the ground, which shares it.
 [[nodiscard]] LinkSettings read_link(const ConfigSection& section);

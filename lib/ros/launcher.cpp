@@ -30,6 +30,7 @@
 #include "base/log.hpp"
 #include "base/process.hpp"
 #include "base/time.hpp"
+#include "ros/added_nodes.hpp"
 #include "ros/node_versions.hpp"
 #include "ros/ring/fault_ledger.hpp"
 #include "ros/ring/node_record.hpp"
@@ -50,6 +51,7 @@ constexpr milliseconds longest_exec{1000};
 constexpr milliseconds longest_wait_for_instance{1000};
 constexpr milliseconds longest_wait_for_lock{3000};
 constexpr milliseconds longest_wait_for_end{1000};
+constexpr const char* no_golden = "a node that was added has no golden version";
 constexpr seconds longest_stand_in{6};
 
 /// Whom a process shall belong to.
@@ -492,6 +494,9 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
 
 Result<Launched, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
                                             const RestartLock& /*held*/, ProgramCheck check) {
+  // Whoever asks may not have heard yet that it was removed; then its process would be nobody's.
+  if (node.added && read_added_nodes(request.var).added.find(node.name) == nullptr)
+    return Err(fmt::format("{} belongs to the suite no more", node.name));
   // Before the start: a starter that is killed right after it must not leave the next death uncounted.
   DeathHistory history = read_deaths(request.var, node.name);
   count_start(history, monotonic_now());
@@ -500,6 +505,10 @@ Result<Launched, std::string> launch_locked(const LaunchRequest& request, const 
   if (!problem.empty()) log::error("versions of {}: {}", node.name, problem);
   std::string first_failure;
   for (const update::VersionNumber number : table.start_order()) {
+    if (number == update::golden && node.added) {
+      if (first_failure.empty()) first_failure = no_golden;
+      continue;
+    }
     auto bad = damage_of(request.var, node, table, number, check);
     std::string failure = bad.value_or("");
     if (!bad) {
@@ -529,6 +538,7 @@ Result<Launched, std::string> launch_locked(const LaunchRequest& request, const 
 Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& request, const NodeEntry& node,
                                                          std::uint32_t version, milliseconds probation,
                                                          const std::string& self) {
+  if (version == update::golden && node.added) return Err(std::string(no_golden));
   // Before anything is locked or stopped: nobody waits for it.
   const auto before_change = read_versions(request.var, node.name).table;
   const bool leaves_a_good_one = before_change.active() == before_change.last_good();

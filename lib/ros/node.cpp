@@ -16,6 +16,7 @@
 #include <mission/structures.hpp>
 
 #include "base/file.hpp"
+#include "ros/added_nodes.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node_introspection.hpp"
 #include "ros/ring/check_alive.hpp"
@@ -201,6 +202,10 @@ struct LifecycleNode::Interfaces {
         parameter_qos);
   }
 };
+
+const Deployment& LifecycleNode::deployment() const {
+  return context_.live != nullptr ? context_.live->current() : context_.deployment;
+}
 
 LifecycleNode::LifecycleNode(NodeContext& context)
     : context_(context),

@@ -25,6 +25,8 @@
 
 namespace srfs::ros {
 
+class LiveDeployment;
+
 /// What run_node hands to a node. Outlives it.
 struct NodeContext {
   std::string name;
@@ -34,6 +36,8 @@ struct NodeContext {
   Executor& executor;
   Participant& participant;
   HeartbeatPage* heartbeat = nullptr;  ///< this process' page in the liveness ring
+  /// The deployment as it is now: nodes are added and removed while the process runs. nullptr: it stays.
+  const LiveDeployment* live = nullptr;
 };
 
 /// Name of the timer with which run_node brings a node up again.
@@ -83,7 +87,9 @@ class LifecycleNode {
 
   [[nodiscard]] const std::string& name() const { return context_.name; }
   [[nodiscard]] std::uint32_t incarnation() const { return context_.incarnation; }
-  [[nodiscard]] const Deployment& deployment() const { return context_.deployment; }
+  /// As it is now. Any thread; what it returns is whole and does not change, and stays until the list of
+  /// added nodes has changed LiveDeployment::kept more times.
+  [[nodiscard]] const Deployment& deployment() const;
   [[nodiscard]] const VarPaths& var() const { return context_.var; }
   [[nodiscard]] std::filesystem::path state_dir() const { return context_.var.state(name()); }
   /// URI of a device of the deployment; throws ConfigError naming the key when it is missing.
@@ -97,6 +103,8 @@ class LifecycleNode {
   /// For the ring: a node whose due work grows old while nothing more gets done is restarted. What waits as
   /// input is counted anyway.
   [[nodiscard]] virtual WorkStatus work_status() const { return {}; }
+  /// Nodes were added or removed: deployment() is another one. On the work thread, in any state.
+  virtual void on_deployment_changed() {}
   /// What a new version checks of itself before it may replace the one that runs (`--self-test`): it is
   /// Active, has turned for a second, and every device is absent. @return what is wrong
   [[nodiscard]] virtual Result<void, std::string> self_test() { return {}; }

@@ -14,6 +14,7 @@
 
 #include "base/file.hpp"
 #include "base/signals.hpp"
+#include "ros/added_nodes.hpp"
 #include "ros/crash_report.hpp"
 #include "ros/node.hpp"
 #include "ros/ring/heartbeat_page.hpp"
@@ -26,6 +27,7 @@ namespace srfs::ros {
 namespace {
 
 constexpr milliseconds longest_rest{200};
+constexpr seconds deployment_review{1};  ///< how often a node looks for added nodes
 constexpr seconds self_test_turns{1};
 
 struct Arguments {
@@ -152,6 +154,7 @@ struct RingPart {
                     std::move(exit)}) {
     restarter.set_generation_source(
         [&node] { return read_membership(node.var(), node.deployment()).membership.generation; });
+    restarter.set_deployment_source([&node]() -> const Deployment& { return node.deployment(); });
   }
 
   Restarter restarter;
@@ -162,13 +165,15 @@ struct RingPart {
 int run(const Arguments& arguments, const NodeFactory& factory, std::optional<HeartbeatPage>& page) {
   const Fd signals = termination_signals();
   ignore_broken_pipes();
-  const Deployment deployment = Deployment::load(arguments.deployment);
+  const VarPaths var{std::filesystem::absolute(arguments.var)};
+  LiveDeployment live(Deployment::load(arguments.deployment), var);
+  for (const std::string& problem : live.problems()) log::error("{}", problem);
+  const Deployment& deployment = live.first();
   const NodeEntry* entry = deployment.find(arguments.name);
   if (entry == nullptr) {
     throw ConfigError(
         fmt::format("{}: 'nodes': expected a node named '{}'", deployment.file.string(), arguments.name));
   }
-  const VarPaths var{std::filesystem::absolute(arguments.var)};
   auto lock = InstanceLock::take(var, arguments.name);
   if (!lock) {
     log::error("{}", lock.error());
@@ -205,8 +210,8 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
     log::error("{}", participant.error());
     return code(ExitCode::middleware);
   }
-  NodeContext context{arguments.name,         deployment, var, incarnation.number, executor, **participant,
-                      page ? &*page : nullptr};
+  NodeContext context{arguments.name,          deployment, var, incarnation.number, executor, **participant,
+                      page ? &*page : nullptr, &live};
   const std::unique_ptr<LifecycleNode> node = factory(context);
   node->finish_declarations();
   log::info("up: incarnation {}, version {}, pid {}, DDS domain {}", context.incarnation, version(), getpid(),
@@ -231,6 +236,17 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
         stopping = true;
       });
     }
+    const Timer changes = executor.add_timer(
+        monotonic_now() + deployment_review, deployment_review,
+        [&] {
+          if (!live.refresh()) return;
+          for (const std::string& problem : live.problems()) log::error("{}", problem);
+          log::info("the suite has {} added nodes (revision {})", live.current().added.size(),
+                    live.current().added_revision);
+          if (ring) ring->ring.on_deployment_changed();
+          node->on_deployment_changed();
+        },
+        "added nodes");
     const NodeRunner runner(executor, *node, desired_state(var, arguments.name));
     while (!stopping && executor.spin_once(nanoseconds::max())) {
     }
@@ -288,7 +304,9 @@ Result<void, std::string> try_out(Executor& executor, LifecycleNode& node) {
 int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
   if (!arguments.domain) throw ConfigError("--self-test needs --domain, one that nobody else uses");
   ignore_broken_pipes();
-  Deployment deployment = Deployment::load(arguments.deployment);
+  // A node that is to be added stands in the list of the VAR that it tests itself in.
+  Deployment deployment =
+      load_deployment(arguments.deployment, VarPaths{std::filesystem::absolute(arguments.var)}).deployment;
   take_devices_away(deployment);
   deployment.ring.enabled = false;
   if (deployment.find(arguments.name) == nullptr)

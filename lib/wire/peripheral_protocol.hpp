@@ -38,11 +38,17 @@ enum class ThermalFunction : std::uint8_t {
   set_setpoint = 2,  ///< u8 heater 0-1, f32 K 250-320
 };
 
+enum class ImpactFunction : std::uint8_t {
+  set_threshold = 1,  ///< f32 V 0.01-5
+  clear = 2,          ///< counts, histogram and the last impact; no arguments
+};
+
 /// Lengths of the measurement blocks, octets; their layout is the raw measurement structure of the mission
 /// dictionary.
 inline constexpr std::size_t adcs_measurement_size = 65;
 inline constexpr std::size_t eps_measurement_size = 41;
 inline constexpr std::size_t thermal_measurement_size = 33;
+inline constexpr std::size_t impact_measurement_size = 56;
 
 /// Room for variable parts within one ISO-TP message of 4095 octets.
 inline constexpr std::size_t peripheral_arguments_max = 4095 - 2 - 5 - 2;

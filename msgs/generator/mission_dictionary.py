@@ -15,6 +15,7 @@ MAX_STRUCTURE = 1024  # srfs_msgs/PayloadTelemetry.data
 MAX_EVENT = 200  # srfs_msgs/Event.data
 MAX_ARGUMENTS = 512  # srfs_msgs/Telecommand.arguments
 MAX_PACKET = 1024  # the same with a packet among them: never forwarded
+FRAGMENT_KEYS = {"subsystem", "apids", "enums", "structures", "commands", "events", "parameters"}
 IDENTIFIER = re.compile(r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$")
 
 
@@ -23,9 +24,9 @@ class DictionaryError(Exception):
 
 
 class Dictionary:
-    """All files of one folder, merged. Lists keep file order; files are read in the order of their names, mission.yaml first."""
+    """All files of one folder and fragments of added nodes, merged. Lists keep file order; files are read in the order of their names, mission.yaml first."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, fragments=()):
         self.spacecraft = {}
         self.apids, self.services, self.stores, self.failure_codes = [], [], [], []
         self.enums = {}
@@ -36,23 +37,28 @@ class Dictionary:
             raise DictionaryError(f"{folder}: no dictionary here")
         for file in files:
             self._merge(file)
+        for fragment in fragments:
+            self._merge(pathlib.Path(fragment), fragment=True)
         self.apid_of = {a["node"]: a["apid"] for a in self.apids}
         self.structure_of = {s["name"]: s for s in self.structures}
         self.parameters = [single for entry in self.parameters for single in self._of_each_node(entry)]
         self._check()
         self.wire_commands = list(self._wire_commands())
 
-    def _merge(self, file):
+    def _merge(self, file, fragment=False):
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        if fragment and not content.keys() <= FRAGMENT_KEYS:
+            raise DictionaryError(f"{file.name}: a fragment has only {', '.join(sorted(FRAGMENT_KEYS))}")
         self.spacecraft.update(content.get("spacecraft", {}))
         for name, enum in content.get("enums", {}).items():
             if name in self.enums:
                 raise DictionaryError(f"{file.name}: enum {name} stands twice")
-            self.enums[name] = enum
+            self.enums[name] = {**enum, "fragment": fragment}
         for key in ("apids", "services", "stores", "failure_codes", "structures", "commands", "events", "parameters"):
             for entry in content.get(key, []):
                 entry.setdefault("fields", [])
                 entry["file"] = file.name
+                entry["fragment"] = fragment
                 getattr(self, key).append(entry)
 
     @staticmethod
@@ -169,9 +175,19 @@ def snake(name):
     return name.replace(".", "_")
 
 
-def load(folder):
+class FragmentView:
+    """What the fragments of a dictionary add to it."""
+
+    def __init__(self, dictionary):
+        self.size, self.apid_of = dictionary.size, dictionary.apid_of
+        for key in ("apids", "structures", "commands", "events"):
+            setattr(self, key, [entry for entry in getattr(dictionary, key) if entry["fragment"]])
+        self.enums = {name: enum for name, enum in dictionary.enums.items() if enum["fragment"]}
+
+
+def load(folder, fragments=()):
     """Loads or ends the program with a readable message."""
     try:
-        return Dictionary(folder)
-    except (DictionaryError, KeyError, yaml.YAMLError) as error:
+        return Dictionary(folder, fragments)
+    except (DictionaryError, KeyError, OSError, yaml.YAMLError) as error:
         sys.exit(f"mission dictionary: {error}")

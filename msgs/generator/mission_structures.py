@@ -1,15 +1,18 @@
 #!/usr/bin/python3
 """Writes mission/structures.hpp: the C++ view of the mission dictionary for flight code.
 
-usage: mission_structures.py --dictionary FOLDER --out FILE
+With a fragment: what it adds alone, for the package of the node that it belongs to.
+
+usage: mission_structures.py --dictionary FOLDER --out FILE [--fragment FILE [--check]]
 """
 
 import argparse
 import pathlib
+import sys
 
 import jinja2
 
-from mission_dictionary import OCTETS, camel, has_packet, has_parameter_value, linear, load, snake
+from mission_dictionary import FragmentView, OCTETS, camel, has_packet, has_parameter_value, linear, load, snake
 
 CPP = {"u8": "std::uint8_t", "u16": "std::uint16_t", "u32": "std::uint32_t", "u64": "std::uint64_t", "i8": "std::int8_t",
        "i16": "std::int16_t", "i32": "std::int32_t", "i64": "std::int64_t", "f32": "float", "f64": "double", "bool": "bool",
@@ -115,15 +118,22 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--dictionary", required=True)
     parser.add_argument("--out", required=True)
+    parser.add_argument("--fragment", help="only what this fragment adds to the dictionary")
+    parser.add_argument("--check", action="store_true", help="only say whether the file is as it should be")
     arguments = parser.parse_args()
-    dictionary = load(arguments.dictionary)
+    dictionary = load(arguments.dictionary, [arguments.fragment] if arguments.fragment else [])
+    shown = FragmentView(dictionary) if arguments.fragment else dictionary
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(pathlib.Path(__file__).parent), trim_blocks=True,
                                      lstrip_blocks=True, undefined=jinja2.StrictUndefined)
     environment.globals.update(camel=camel, snake=snake, identifier=identifier, structure_type=structure_type, cpp=CPP,
-                               octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=dictionary, has_packet=has_packet,
-                               has_parameter_value=has_parameter_value)
+                               octets=OCTETS, severities=SEVERITIES, emit=Emitter(dictionary), d=shown, has_packet=has_packet,
+                               has_parameter_value=has_parameter_value, fragment=arguments.fragment and pathlib.Path(arguments.fragment).name)
     text = environment.get_template("mission_structures.hpp.jinja").render()
     out = pathlib.Path(arguments.out)
+    if arguments.check:
+        if not out.exists() or out.read_text(encoding="utf-8") != text:
+            sys.exit(f"{out} does not say what {arguments.fragment} says; write it again with mission_structures.py without --check")
+        return
     out.parent.mkdir(parents=True, exist_ok=True)
     if not out.exists() or out.read_text(encoding="utf-8") != text:
         out.write_text(text, encoding="utf-8")

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Writes the mission dictionary as XTCE 1.2 (OMG, namespace 20180204) for Yamcs and other ground systems.
 
-usage: mission_xtce.py --dictionary FOLDER --out FILE [--events FILE] [--verifiers yamcs|container]
+usage: mission_xtce.py --dictionary FOLDER --out FILE [--fragment FILE]... [--events FILE] [--verifiers yamcs|container]
 
 docs/yamcs/README.md says what is where in the file, and what XTCE cannot say.
 """
@@ -690,11 +690,12 @@ def digest_of(folder):
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("--dictionary", required=True)
+    parser.add_argument("--fragment", action="append", default=[], help="dictionary fragment of an added node; may be repeated")
     parser.add_argument("--out", required=True, help="file, or - for standard output")
     parser.add_argument("--events", help="also write the texts of the events for Yamcs (JSON)")
     parser.add_argument("--verifiers", choices=("yamcs", "container"), default="yamcs")
     arguments = parser.parse_args()
-    dictionary = load(arguments.dictionary)
+    dictionary = load(arguments.dictionary, arguments.fragment)
     try:
         text = Document(dictionary, digest_of(arguments.dictionary), arguments.verifiers).write()
     except (DictionaryError, KeyError) as error:

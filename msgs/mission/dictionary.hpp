@@ -82,6 +82,7 @@ struct ApplicationProcess {
   std::uint16_t apid = 0;
   std::string node;
   std::string description;
+  bool added = false;  ///< of a fragment
 };
 
 struct FailureCode {
@@ -187,11 +188,31 @@ struct EncodedCommand {
   Octets data;  ///< packet data after the PUS header: function id for service 8, count, arguments
 };
 
+/// What an added node brings into the dictionary: YAML like a file of it, about one node alone. Exactly one
+/// entry in `apids`, which names the node; enums, structures, functions (PUS 8), events and parameters of
+/// that node. Ids and names must be new; structures of the dictionary may be included.
+struct Fragment {
+  static constexpr std::size_t octets_max = 32768;
+  std::string name;  ///< for messages: a file or a node
+  std::string text;
+
+  /// The node that it is about; nullopt: not to be told.
+  [[nodiscard]] std::optional<std::string> node() const;
+};
+
+struct RefusedFragment {
+  std::string name;
+  std::string why;
+};
+
 class Dictionary {
  public:
-  /// Reads every *.yaml of the folder, mission.yaml first. Throws ConfigError (file, line, key, expected).
-  /// Blocks on the disk.
-  static Dictionary load(const std::filesystem::path& folder);
+  /// Reads every *.yaml of the folder, mission.yaml first, then the fragments. Throws ConfigError (file,
+  /// line, key, expected), also for a fragment that does not fit. Blocks on the disk.
+  static Dictionary load(const std::filesystem::path& folder, const std::vector<Fragment>& fragments = {});
+  /// The same, without fragments that do not fit: the dictionary of the mission is read whatever they are.
+  static Dictionary load_fitting(const std::filesystem::path& folder, const std::vector<Fragment>& fragments,
+                                 std::vector<RefusedFragment>& refused);
   /// Where the dictionary stands: $SRFS_MISSION_DIR, else ../share/srfs/mission beside the running program
   /// when it exists, else the folder in the source tree this was built from.
   static std::filesystem::path default_folder();

@@ -15,6 +15,10 @@ namespace srfs::mission {
 namespace {
 
 constexpr int most_groups = 16;  // of one request with a repeated group
+// Of what a fragment brings; the mission's own files are held to them when the structs are generated.
+constexpr std::uint16_t highest_apid = 2039;      // CCSDS keeps those above
+constexpr std::size_t event_octets_max = 200;     // srfs_msgs/Event.data
+constexpr std::size_t argument_octets_max = 512;  // srfs_msgs/Telecommand.arguments
 
 constexpr std::array<std::pair<std::string_view, FieldType>, 15> type_names{
     {{"u8", FieldType::u8},
@@ -114,11 +118,27 @@ RepeatClass parse_repeat(const ConfigSection& section) {
 /// Reads all files first, so that entries may name what stands in a later file.
 class DictionaryLoader {
  public:
-  Dictionary load(const std::filesystem::path& folder) {
+  Dictionary load(const std::filesystem::path& folder, const std::vector<Fragment>& fragments) {
     for (const auto& file : files_of(folder)) files_.push_back(ConfigSection::load(file));
-    for (const auto& file : files_) read_shared(file);
+    const std::size_t own = files_.size();
+    for (const Fragment& fragment : fragments) {
+      if (fragment.text.size() > Fragment::octets_max)
+        throw ConfigError(fmt::format("{}: more than {} octets", fragment.name, Fragment::octets_max));
+      files_.push_back(ConfigSection::parse(fragment.text, fragment.name));
+    }
+    for (std::size_t i = 0; i < files_.size(); ++i) {
+      if (i >= own) check_keys(files_[i]);
+      read_shared(files_[i]);
+      if (i >= own) d_.apids_.back().added = true;
+    }
     for (const auto& file : files_) index_structures(file);
-    for (const auto& file : files_) read_entries(file);
+    for (std::size_t i = 0; i < files_.size(); ++i) {
+      if (i < own) {
+        read_entries(files_[i]);
+      } else {
+        read_fragment(files_[i]);
+      }
+    }
     check_unique();
     return std::move(d_);
   }
@@ -194,6 +214,53 @@ class DictionaryLoader {
     const ConfigSection labels = section.section("labels");
     for (const auto& label : labels.keys()) e.labels[labels.integer(label, 0, 0xffffffff)] = label;
     section.finish();
+  }
+
+  /// What the whole spacecraft shares is none of a fragment's business.
+  static void check_keys(const ConfigSection& fragment) {
+    for (const std::string_view key : {"spacecraft", "services", "stores", "failure_codes"}) {
+      if (fragment.has(key)) throw fragment.bad(key, "nothing: a fragment has none");
+    }
+    if (fragment.sections("apids").size() != 1)
+      throw fragment.bad("apids", "one entry, of the fragment's node");
+    (void)fragment.sections("apids").front().integer("apid", 1, highest_apid);
+  }
+
+  void read_fragment(const ConfigSection& file) {
+    const std::size_t structures = d_.structures_.size();
+    const std::size_t commands = d_.commands_.size();
+    const std::size_t events = d_.events_.size();
+    const std::size_t parameters = d_.parameters_.size();
+    read_entries(file);
+    const std::string node = file.sections("apids").front().text("node");
+    const auto require = [&](bool fine, const std::string& entry, std::string_view expected) {
+      if (!fine) throw ConfigError(fmt::format("{}: {}: expected {}", file.file(), entry, expected));
+    };
+    const std::string of_the_node = fmt::format("an entry of the node {}, whose fragment this is", node);
+    for (std::size_t i = structures; i < d_.structures_.size(); ++i) {
+      const Structure& s = d_.structures_[i];
+      require(s.kind == StructureKind::group || s.node == node, s.name, of_the_node);
+      require(s.kind != StructureKind::report, s.name, "no report of a PUS service: ttc provides them");
+    }
+    for (std::size_t i = commands; i < d_.commands_.size(); ++i) {
+      const Command& c = d_.commands_[i];
+      require(c.node == node, c.name, of_the_node);
+      require(c.is_function(), c.name, "a function: ttc provides the PUS services");
+      require(octets_of(c.arguments) <= argument_octets_max, c.name,
+              fmt::format("arguments of {} octets at most", argument_octets_max));
+    }
+    for (std::size_t i = events; i < d_.events_.size(); ++i) {
+      require(octets_of(d_.events_[i].fields) <= event_octets_max, d_.events_[i].name,
+              fmt::format("fields of {} octets at most", event_octets_max));
+    }
+    for (std::size_t i = parameters; i < d_.parameters_.size(); ++i)
+      require(d_.parameters_[i].node == node, d_.parameters_[i].name, of_the_node);
+  }
+
+  static std::size_t octets_of(const std::vector<Field>& fields) {
+    std::size_t octets = 0;
+    for (const Field& field : fields) octets += field.max_size();
+    return octets;
   }
 
   void index_structures(const ConfigSection& file) {
@@ -404,6 +471,8 @@ class DictionaryLoader {
     require_unique(
         d_.apids_, [](const auto& a) { return a.apid; }, "APID");
     require_unique(
+        d_.apids_, [](const auto& a) { return a.node; }, "APID of the node");
+    require_unique(
         d_.failure_codes_, [](const auto& f) { return f.code; }, "failure code");
     require_unique(
         d_.stores_, [](const auto& s) { return s.id; }, "store id");
@@ -436,8 +505,40 @@ class DictionaryLoader {
   std::map<std::string, ConfigSection> by_name_;
 };
 
-Dictionary Dictionary::load(const std::filesystem::path& folder) {
-  return DictionaryLoader().load(folder);
+std::optional<std::string> Fragment::node() const {
+  try {
+    const auto apids = ConfigSection::parse(text, name).sections("apids");
+    if (apids.size() == 1) return apids.front().text("node");
+  } catch (const ConfigError&) {
+    // Its loader says what is wrong with it.
+  }
+  return std::nullopt;
+}
+
+Dictionary Dictionary::load(const std::filesystem::path& folder, const std::vector<Fragment>& fragments) {
+  return DictionaryLoader().load(folder, fragments);
+}
+
+Dictionary Dictionary::load_fitting(const std::filesystem::path& folder,
+                                    const std::vector<Fragment>& fragments,
+                                    std::vector<RefusedFragment>& refused) {
+  try {
+    return load(folder, fragments);
+  } catch (const ConfigError&) {
+    if (fragments.empty()) throw;
+  }
+  std::vector<Fragment> fitting;
+  Dictionary dictionary = load(folder);
+  for (const Fragment& fragment : fragments) {
+    fitting.push_back(fragment);
+    try {
+      dictionary = load(folder, fitting);
+    } catch (const ConfigError& e) {
+      fitting.pop_back();
+      refused.push_back({fragment.name, e.what()});
+    }
+  }
+  return dictionary;
 }
 
 std::filesystem::path Dictionary::default_folder() {

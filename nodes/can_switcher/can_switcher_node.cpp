@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include <fmt/ranges.h>
+
 #include <mission/structures.hpp>
 
 #include "hw/open.hpp"
@@ -17,7 +19,6 @@ using ros::CallbackReturn;
 constexpr nanoseconds housekeeping_period = seconds(1);
 constexpr nanoseconds failure_event_period = seconds(10);  // per payload
 constexpr const char* timing_node = "timing";              // whose ticks these are
-constexpr std::size_t slots_at_most = 16;                  // bound of TaskFlags.flags
 
 std::uint32_t as_us(nanoseconds d) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d.count() / 1000, 0, 0xFFFFFFFF));
@@ -52,8 +53,9 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
     const auto& payloads = std::get<std::vector<std::string>>(value);
     for (const std::string& payload : payloads) {
       const auto& slots = deployment().slots;
-      const bool known =
-          std::any_of(slots.begin(), slots.end(), [&](const ros::Slot& s) { return s.payload == payload; });
+      const bool known = !payload.empty() && std::any_of(slots.begin(), slots.end(), [&](const ros::Slot& s) {
+        return s.payload == payload;
+      });
       if (!known) return Err(fmt::format("rotation_order: '{}' has no slot in the deployment", payload));
       if (std::count(payloads.begin(), payloads.end(), payload) > 1)
         return Err(fmt::format("rotation_order: '{}' stands twice", payload));
@@ -66,20 +68,42 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
 void CanSwitcherNode::apply_parameters() {
   if (!rotation_) return;
   rotation_->set_early_handover(get_parameter<bool>("early_handover"));
+  if (!rotation_->set_order(turns())) log::error("rotation_order is no order of the payloads: unchanged");
+}
+
+std::vector<std::string> CanSwitcherNode::turns() const {
+  const auto all = ros::turns_of(deployment().slots);
   auto order = get_parameter<std::vector<std::string>>("rotation_order");
-  if (order.empty()) {
-    for (const Slot& slot : rotation_->slots()) order.push_back(slot.payload);
-  }
-  if (!rotation_->set_order(order)) log::error("rotation_order is no order of the payloads: unchanged");
+  std::erase_if(order, [&](const std::string& payload) {  // it may have been removed since
+    return std::find(all.begin(), all.end(), payload) == all.end();
+  });
+  return order.empty() ? all : order;
+}
+
+void CanSwitcherNode::on_deployment_changed() {
+  if (rotation_) take_plan();
+}
+
+void CanSwitcherNode::take_plan() {
+  const auto before = rotation_->turns();
+  plan_waits_ = !rotation_->set_plan(plan_of(deployment()), turns());
+  failure_reported_.resize(rotation_->slots().size());
+  slot_use_.resize(rotation_->slots().size());
+  const auto now_turns = rotation_->turns();
+  if (now_turns == before) return;
+  constexpr std::size_t longest_text = 190;
+  const std::string text = fmt::format("{}", fmt::join(now_turns, ", ")).substr(0, longest_text);
+  log::info("slots: {}", text);
+  raise(mission::CanSwitcherPlanChangedEvent{.slots = text});
 }
 
 // ---------------------------------------------------------------- lifecycle
 
 CallbackReturn CanSwitcherNode::on_configure() {
   const std::size_t count = deployment().slots.size();
-  if (count == 0 || count > slots_at_most) {
+  if (ros::turns_of(deployment().slots).empty() || count > ros::slots_at_most) {
     set_failure_reason(fmt::format("{}: 'slots': expected 1 to {} entries, found {}",
-                                   deployment().file.string(), slots_at_most, count));
+                                   deployment().file.string(), ros::slots_at_most, count));
     return CallbackReturn::failure;
   }
   make_rotation();
@@ -124,7 +148,10 @@ void CanSwitcherNode::make_rotation() {
 
 std::optional<InheritedGrant> CanSwitcherNode::inherited(
     const std::optional<HolderRecord::Holder>& holder) const {
-  if (!holder || holder->slot >= deployment().slots.size()) return std::nullopt;
+  // Of a payload that was removed meanwhile the process is gone: it was ended before.
+  if (!holder || holder->slot >= deployment().slots.size() ||
+      deployment().slots[holder->slot].payload.empty())
+    return std::nullopt;
   InheritedGrant granted{deployment().slots[holder->slot].payload, std::nullopt};
   const auto process = holder->process != 0 ? std::optional(holder->process) : std::nullopt;
   const auto instance = ros::find_instance(var(), granted.payload);
@@ -536,6 +563,7 @@ void CanSwitcherNode::report_power_cut(const hw::Peripheral& peripheral,
 // ---------------------------------------------------------------- housekeeping
 
 void CanSwitcherNode::publish_housekeeping() {
+  if (plan_waits_) take_plan();
   if (listener_) publish_bus_statistics();
   const TaskFlagRotation::Counters& counters = rotation_->counters();
   const TickFlywheel::Counters& ticks = flywheel_.counters();

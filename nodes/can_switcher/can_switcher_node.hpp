@@ -23,6 +23,8 @@ class CanSwitcherNode : public ros::LifecycleNode {
   explicit CanSwitcherNode(ros::NodeContext& context);
   /// The rotation's deadline that has passed.
   [[nodiscard]] ros::WorkStatus work_status() const override;
+  /// Payloads that were added get their slot from the next grant on, those that were removed lose it.
+  void on_deployment_changed() override;
 
  protected:
   ros::CallbackReturn on_configure() override;
@@ -34,6 +36,9 @@ class CanSwitcherNode : public ros::LifecycleNode {
 
  private:
   void apply_parameters();
+  /// The deployment's payloads in the order of their turns, or those of the parameter.
+  [[nodiscard]] std::vector<std::string> turns() const;
+  void take_plan();
   void on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received);
   /// A tick, heard or made. @return whether a slot was given
   bool beat(MonotonicTime received);
@@ -91,6 +96,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
     std::uint32_t late = 0;  ///< released after the allotted time
   };
   std::vector<SlotUse> slot_use_;
+  bool plan_waits_ = false;  ///< for the end of a slot whose place changes
 
   /// Lives as long as the process: its grant counter must never start again.
   std::optional<TaskFlagRotation> rotation_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cassert>
-#include <numeric>
 #include <utility>
 
 namespace srfs {
@@ -19,14 +18,15 @@ nanoseconds longest_lease(const std::vector<Slot>& slots) {
 TaskFlagRotation::TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
                                    const std::optional<InheritedGrant>& inherited)
     : slots_(std::move(slots)),
-      order_(slots_.size()),
       known_process_(slots_.size()),
       slot_counters_(slots_.size()),
       incarnation_(incarnation),
       had_this_tick_(slots_.size(), false),
       not_before_(now + longest_lease(slots_)) {
-  assert(!slots_.empty());
-  std::iota(order_.begin(), order_.end(), std::size_t{0});
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    if (!slots_[i].payload.empty()) order_.push_back(i);
+  }
+  assert(!order_.empty());
   if (inherited) inherit(*inherited, now);
 }
 
@@ -129,19 +129,62 @@ bool TaskFlagRotation::set_order(const std::vector<std::string>& payloads) {
   }
   if (order.empty()) return false;
   if (order == order_) return true;
-  order_ = std::move(order);
-  // It goes on behind who had the bus last.
-  const auto last = current_ && !current_->payload.empty()
-                        ? std::find(order_.begin(), order_.end(), current_->slot)
-                        : order_.end();
-  next_place_ =
-      last == order_.end() ? 0 : static_cast<std::size_t>(last - order_.begin() + 1) % order_.size();
+  const std::vector<std::size_t> before = std::exchange(order_, std::move(order));
+  const std::size_t next_before = std::exchange(next_place_, 0);
+  if (!current_ || current_->payload.empty()) return true;
+  // It goes on behind who had the bus last; when that one has left, with who would have been next.
+  const auto place_of = [this](std::size_t slot) { return std::find(order_.begin(), order_.end(), slot); };
+  const bool is_there = slots_[current_->slot].payload == current_->payload;
+  if (const auto last = place_of(current_->slot); is_there && last != order_.end()) {
+    next_place_ = static_cast<std::size_t>(last - order_.begin() + 1) % order_.size();
+    return true;
+  }
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const auto next = place_of(before[(next_before + i) % before.size()]);
+    if (next == order_.end()) continue;
+    next_place_ = static_cast<std::size_t>(next - order_.begin());
+    break;
+  }
   return true;
+}
+
+bool TaskFlagRotation::set_plan(const std::vector<Slot>& slots, const std::vector<std::string>& order) {
+  const std::size_t places = std::max(slots.size(), slots_.size());
+  slots_.resize(places);
+  known_process_.resize(places);
+  slot_counters_.resize(places);
+  had_this_tick_.resize(places, false);
+  const bool runs = phase_ != Phase::free && !current_->payload.empty();
+  bool whole = true;
+  for (std::size_t i = 0; i < places; ++i) {
+    const Slot wanted = i < slots.size() && !slots[i].payload.empty() ? slots[i] : Slot{};
+    if (wanted == slots_[i]) continue;
+    if (runs && current_->slot == i) {
+      whole = false;
+      continue;
+    }
+    if (wanted.payload != slots_[i].payload) {
+      known_process_[i].reset();
+      slot_counters_[i] = {};
+    }
+    slots_[i] = wanted;
+  }
+  std::vector<std::string> turns;
+  for (const std::string& payload : order) {
+    if (slot_of(payload)) turns.push_back(payload);  // one that waits for its place has no turn yet
+  }
+  return set_order(turns) && whole;
+}
+
+std::vector<std::string> TaskFlagRotation::turns() const {
+  std::vector<std::string> payloads;
+  for (const std::size_t slot : order_) payloads.push_back(slots_[slot].payload);
+  return payloads;
 }
 
 std::optional<std::size_t> TaskFlagRotation::slot_of(const std::string& payload) const {
   for (std::size_t i = 0; i < slots_.size(); ++i) {
-    if (slots_[i].payload == payload) return i;
+    if (!payload.empty() && slots_[i].payload == payload) return i;
   }
   return std::nullopt;
 }

@@ -11,13 +11,14 @@
 
 namespace srfs {
 
-/// One payload's place in the rotation.
+/// One payload's place in the plan.
 struct Slot {
-  std::string payload;
+  std::string payload;      ///< empty: the place is free
   nanoseconds allotted{0};  ///< time the payload may plan with
   nanoseconds overrun{0};   ///< tolerated beyond it before the payload is told to reset its peripheral
   nanoseconds reset{0};     ///< time for that reset; then the lease ends
   [[nodiscard]] nanoseconds lease() const { return allotted + overrun + reset; }
+  friend bool operator==(const Slot&, const Slot&) = default;
 };
 
 // What the rotation decides.
@@ -100,7 +101,7 @@ enum class ReportVerdict : std::uint8_t {
 /// and never spoke, so that it cannot have written - its lease ended. Pure; one thread.
 class TaskFlagRotation {
  public:
-  /// @param slots        rotation order, not empty; the indices are the flags' positions
+  /// @param slots        rotation order, with a payload at least; the indices are the flags' positions
   /// @param incarnation  of this switcher process, higher than any before it
   /// @param now          nothing is granted before now + the longest lease: an earlier switcher may have
   /// granted until now
@@ -151,6 +152,12 @@ class TaskFlagRotation {
   /// slot. A running slot is finished. The flags keep their positions.
   /// @return false: not a list of different payloads of the plan, or an empty one; nothing was changed
   bool set_order(const std::vector<std::string>& payloads);
+  /// Payloads joined or left: from the next grant on the rotation goes through @p order, which are payloads
+  /// of
+  /// @p slots, behind who had the bus last, so that nobody loses a turn. Who has a place in both plans keeps
+  /// it. A running slot is finished, overrun or fenced by its old plan.
+  /// @return false: that slot's place changes, and the change waits for its end: call it again then
+  bool set_plan(const std::vector<Slot>& slots, const std::vector<std::string>& order);
   /// Grants nothing until resume(); a running slot is finished or fenced as ever.
   void suspend() {
     suspended_ = true;
@@ -173,6 +180,8 @@ class TaskFlagRotation {
   };
   [[nodiscard]] std::optional<Holder> holder() const;
   [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
+  /// The payloads in the order of their turns.
+  [[nodiscard]] std::vector<std::string> turns() const;
 
   struct SlotCounters {
     std::uint32_t granted = 0;

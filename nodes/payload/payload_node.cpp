@@ -19,6 +19,7 @@ using ros::CallbackReturn;
 constexpr std::size_t longest_detail = 120;  // bound of BusStatus.detail
 constexpr nanoseconds counters_period = seconds(5);
 constexpr int frames_per_turn = 128;               // the rest of a flood waits for other input
+constexpr seconds longest_foreign_lease{180};      // three times the bound of a slot's parts
 constexpr std::uint32_t usual_bit_rate = 500'000;  // docs/icd_can.md, where the interface does not say
 
 std::uint64_t pack(GrantId grant) {
@@ -271,13 +272,24 @@ CallbackReturn PayloadNode::on_error() {
 
 bool PayloadNode::is_plausible(const srfs_msgs::msg::TaskFlags& flags) {
   const auto& slots = deployment().slots;
-  if (flags.flags.size() != slots.size()) return false;
-  nanoseconds longest_lease{0};
-  for (std::size_t i = 0; i < slots.size(); ++i) {
-    if (flags.flags[i] != (slots[i].payload == flags.holder)) return false;
+  // Of a payload that was just added or removed the switcher may know before this node, or after it: flags of
+  // nobody in this plan are free, the others must fit.
+  const bool known = flags.holder.empty() ||
+                     std::any_of(slots.begin(), slots.end(),
+                                 [&](const ros::Slot& slot) { return slot.payload == flags.holder; });
+  nanoseconds longest_lease = known ? nanoseconds(0) : longest_foreign_lease;
+  std::size_t others = 0;
+  for (std::size_t i = 0; i < std::max(slots.size(), flags.flags.size()); ++i) {
+    const bool flag = i < flags.flags.size() && flags.flags[i];
+    if (i >= slots.size() || slots[i].payload.empty()) {
+      others += flag ? 1 : 0;
+      continue;
+    }
+    if (flag != (slots[i].payload == flags.holder)) return false;
     longest_lease =
         std::max<nanoseconds>(longest_lease, slots[i].allotted + slots[i].overrun + slots[i].reset);
   }
+  if (others != (known ? 0U : 1U)) return false;
   const auto at = static_cast<std::uint64_t>(monotonic_now().ns());
   constexpr std::uint64_t oldest_ns = 10'000'000'000;  // a flag may be late, and is answered as such
   const bool lease_fits = flags.lease_end_ns + oldest_ns >= at &&

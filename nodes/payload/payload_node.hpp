@@ -47,8 +47,8 @@ class PayloadNode : public ros::LifecycleNode {
   void close();
 
   // Input
-  /// Our plan's slots, exactly the holder's flag, a lease that this plan can give, from the switcher that
-  /// runs.
+  /// Exactly the holder's flag, in its place if our plan has it, a lease that this plan can give, from the
+  /// switcher that runs.
   [[nodiscard]] bool is_plausible(const srfs_msgs::msg::TaskFlags& flags);
   void on_flags(const srfs_msgs::msg::TaskFlags& flags, const ros::MessageInfo& info);
   void on_telecommand(const srfs_msgs::msg::Telecommand& telecommand);

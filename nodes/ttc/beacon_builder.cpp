@@ -50,7 +50,9 @@ std::uint16_t packed_version(std::string_view version) {
 
 BeaconBuilder::BeaconBuilder(const mission::Dictionary& dictionary) {
   std::vector<const mission::ApplicationProcess*> processes;
-  for (const mission::ApplicationProcess& process : dictionary.apids()) processes.push_back(&process);
+  for (const mission::ApplicationProcess& process : dictionary.apids()) {
+    if (!process.added) processes.push_back(&process);  // those have a structure of their own
+  }
   std::sort(processes.begin(), processes.end(),
             [](const auto* a, const auto* b) { return a->apid < b->apid; });
   for (const auto* process : processes) {

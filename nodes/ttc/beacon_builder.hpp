@@ -56,7 +56,7 @@ class BeaconBuilder {
   static constexpr seconds value_lifetime{60};
   static constexpr std::size_t node_count = 9;
 
-  /// The nodes in the beacon are those of the dictionary in APID order.
+  /// The nodes in the beacon are those of the dictionary in APID order, without added ones.
   explicit BeaconBuilder(const mission::Dictionary& dictionary);
 
   [[nodiscard]] const std::vector<std::string>& nodes() const { return names_; }

@@ -42,6 +42,8 @@ class EventReporter {
   /// Event ids are unique in the whole dictionary. @param apid of the node that raises it
   void add_event(std::uint16_t event_id, bool enabled = true);
 
+  void remove_event(std::uint16_t event_id) { events_.erase(event_id); }
+
   /// One that the ground needs to finish something: no rate limit, and 5,6 on it is refused.
   void add_essential_event(std::uint16_t event_id);
 

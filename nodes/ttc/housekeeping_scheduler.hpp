@@ -44,6 +44,8 @@ class HousekeepingScheduler {
   void add_structure(std::uint16_t structure_id, std::uint16_t apid, std::size_t min_octets,
                      std::size_t max_octets, HousekeepingPlan plan);
 
+  void remove_structure(std::uint16_t structure_id) { structures_.erase(structure_id); }
+
   /// A new sample. @return nullopt: not in the dictionary (counted)
   [[nodiscard]] std::optional<HousekeepingReport> on_sample(std::uint16_t apid, std::uint16_t structure_id,
                                                             OctetView parameters, MonotonicTime now);

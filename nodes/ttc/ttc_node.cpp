@@ -644,6 +644,7 @@ void TtcNode::send_beacon() {
                                                     link_->beacon.build(in, now()), now());
   // Unasked and in every mode: nobody can switch it off.
   if (report) send(report->report, true, true, false);
+  send_added_nodes();
   settle();
 }
 
@@ -651,8 +652,10 @@ void TtcNode::look_at_nodes() {
   for (const std::string& node : std::exchange(answered_, {})) state_clients_.erase(node);
   using Facts = std::vector<std::pair<std::string, NodeFacts>>;
   auto facts = std::make_shared<Facts>();
+  std::vector<std::string> names = link_->beacon.nodes();
+  for (const Guest& guest : guests_) names.push_back(guest.name);
   state_worker_->post(
-      [paths = var(), names = link_->beacon.nodes(), facts] {
+      [paths = var(), names = std::move(names), facts] {
         for (const std::string& node : names) {
           NodeFacts known;
           if (const auto instance = ros::find_instance(paths, node)) {
@@ -667,9 +670,17 @@ void TtcNode::look_at_nodes() {
         for (const auto& [node, known] : *facts) {
           link_->beacon.on_facts(node,
                                  node == name() ? NodeFacts{true, known.restarts, ros::version()} : known);
+          for (Guest& guest : guests_) {
+            if (guest.name != node) continue;
+            guest.facts = known;
+            if (!known.running) guest.state.reset();  // the next process starts anew
+          }
         }
         link_->beacon.on_lifecycle(name(), static_cast<std::uint8_t>(state()));
         for (const std::string& node : link_->beacon.nodes_to_ask()) ask_for_state(node);
+        for (const Guest& guest : guests_) {
+          if (guest.facts.running && !guest.state) ask_for_state(guest.name);
+        }
       });
 }
 
@@ -680,6 +691,9 @@ void TtcNode::ask_for_state(const std::string& node) {
   state_clients_[node] = client;
   client->call({}, seconds(2), 1, [this, node](const auto& response) {
     if (response) link_->beacon.on_lifecycle(node, response->current_state.id);
+    for (Guest& guest : guests_) {
+      if (response && guest.name == node) guest.state = response->current_state.id;
+    }
     answered_.push_back(node);  // a client cannot be dropped within its own callback
   });
 }

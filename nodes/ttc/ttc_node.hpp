@@ -62,6 +62,7 @@ struct ImagingOutcome {
 class TtcNode : public ros::LifecycleNode {
  public:
   explicit TtcNode(ros::NodeContext& context);
+  void on_deployment_changed() override;
 
  protected:
   ros::CallbackReturn on_configure() override;
@@ -212,6 +213,26 @@ class TtcNode : public ros::LifecycleNode {
   bool write_outgoing();
   void arm_timer();
 
+  // Added nodes (ttc_added_nodes.cpp)
+  struct LoadedDictionary {
+    std::optional<mission::Dictionary> dictionary;
+    std::vector<mission::RefusedFragment> refused;
+    std::string problem;  ///< nothing could be loaded
+  };
+  [[nodiscard]] std::vector<mission::Fragment> fragments() const;
+  /// Reads the dictionary anew on a worker; what refers to the old one goes on with it.
+  void load_dictionary();
+  void take_dictionary(LoadedDictionary loaded);
+  /// What the structures and events of the dictionary are to the services 3 and 5, in place of @p old's.
+  void fill_from_dictionary_again(const mission::Dictionary& old);
+  void add_structure(const mission::Structure& structure);
+  void report_refused_fragments();
+  /// Follows the list of added nodes. @param tell whether it is said who came
+  void meet_added_nodes(bool tell);
+  void listen_to(const std::string& node);
+  void drop_retired_dictionaries();
+  void send_added_nodes();
+
   // Inputs from other nodes
   void on_tick(const srfs_msgs::msg::TimeTick& tick);
   void publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) override;
@@ -252,7 +273,23 @@ class TtcNode : public ros::LifecycleNode {
     [[nodiscard]] Result<void, std::string> open();
   };
 
+  std::vector<mission::RefusedFragment> refused_fragments_;  ///< to be said
   mission::Dictionary dictionary_;
+  struct RetiredDictionary {
+    MonotonicTime since;
+    std::unique_ptr<mission::Dictionary> dictionary;
+  };
+  std::vector<RetiredDictionary> retired_dictionaries_;  ///< commands under way may point into them
+  std::uint32_t dictionary_revision_ = 0;                ///< of the list of added nodes it was read with
+  bool dictionary_loads_ = false;
+  struct Guest {
+    std::string name;
+    std::uint16_t apid = 0;  ///< 0: none
+    NodeFacts facts;
+    std::optional<std::uint8_t> state;  ///< last told
+    std::vector<std::shared_ptr<void>> subscriptions;
+  };
+  std::vector<Guest> guests_;  ///< nodes that were added
   std::unique_ptr<Link> link_;
   std::unique_ptr<hw::SerialPort> line_;
 

@@ -105,7 +105,10 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
       clock(start) {}
 
 TtcNode::TtcNode(ros::NodeContext& context)
-    : LifecycleNode(context), dictionary_(mission::Dictionary::load(mission::Dictionary::default_folder())) {
+    : LifecycleNode(context),
+      dictionary_(mission::Dictionary::load_fitting(mission::Dictionary::default_folder(), fragments(),
+                                                    refused_fragments_)),
+      dictionary_revision_(deployment().added_revision) {
   declare_parameter("initial_mode", std::string("safe"),
                     "Mode of a deployment that never ran: safe or nominal", true);
   declare_parameter("beacon_period_ms", std::int64_t{30000}, ros::ParameterRange{1000, 600000},
@@ -283,6 +286,11 @@ ros::CallbackReturn TtcNode::on_configure() {
   }
   line_ = std::move(*line);
 
+  if (dictionary_revision_ != deployment().added_revision) {  // added or removed while nothing was open
+    dictionary_revision_ = deployment().added_revision;
+    dictionary_ = mission::Dictionary::load_fitting(mission::Dictionary::default_folder(), fragments(),
+                                                    refused_fragments_);
+  }
   const bool ran = ran_before();
   load_key_selection(*channels);
   AcceptanceJournal journal = load_journal();
@@ -307,6 +315,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   files_worker_ = create_worker("ttc_files", files_worker_capacity);
   files_status_ = {};
   subscribe();
+  meet_added_nodes(false);
   connect_imaging();
   say_how_the_link_is_secured();
   restore_telecommands();
@@ -360,16 +369,7 @@ void TtcNode::restore_telecommands() {
 
 void TtcNode::fill_from_dictionary() {
   for (const mission::Structure& structure : dictionary_.structures()) {
-    if (structure.kind != mission::StructureKind::housekeeping || structure.id == 0) continue;
-    // What ttc samples itself already comes at its period.
-    const bool own = structure.node == name();
-    std::size_t text_octets = 0;
-    for (const mission::Field& field : structure.fields) {
-      if (field.type == mission::FieldType::text) text_octets += field.max_text * field.count;
-    }
-    link_->housekeeping.add_structure(
-        structure.id, structure.apid, structure.max_size() - text_octets, structure.max_size(),
-        {.enabled = true, .interval = own ? milliseconds(0) : structure.interval});
+    if (structure.kind == mission::StructureKind::housekeeping && structure.id != 0) add_structure(structure);
   }
   for (const mission::Event& event : dictionary_.events()) link_->events.add_event(event.id);
   link_->events.add_essential_event(mission::event::ttc_retrieval_done);
@@ -422,6 +422,7 @@ void TtcNode::start_periods() {
 }
 
 ros::CallbackReturn TtcNode::on_activate() {
+  report_refused_fragments();
   line_watch_ = watch_fd(
       line_->fd(), EPOLLIN,
       [this](std::uint32_t) {
@@ -508,6 +509,7 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   files_worker_.reset();
   files_.reset();
   state_worker_.reset();
+  guests_.clear();  // a dictionary that was on its way may have met them again
   store_worker_.reset();
   stores_.reset();
   journal_file_.reset();

@@ -1,6 +1,7 @@
 // Preloaded into ttc by test_once.py: ends the process with SIGKILL at the n-th system call after a
 // telecommand came, of the kinds by which it takes octets, writes its journal, speaks to other nodes and to
-// the line. What is armed stands in a mapped file, so that only one process ends.
+// the line. What is armed stands in a mapped file, so that only one process ends. For tools
+// (test_added_node.py) those calls alone count that change something on the disk, from the start.
 
 #include <atomic>
 #include <cstdint>
@@ -9,8 +10,10 @@
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <stdio.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -20,6 +23,7 @@ struct CrashPoint {
   std::atomic<std::uint64_t>
       calls;  ///< 0: not armed. N: the process ends before its N-th call, and nobody is armed any more
   std::atomic<std::uint64_t> begun;  ///< a telecommand came since it was armed: calls count
+  std::atomic<std::uint64_t> changes_only;
 };
 
 CrashPoint* crash_point() {
@@ -35,9 +39,17 @@ CrashPoint* crash_point() {
   return mapped;
 }
 
-void count() {
+/// Of the process that loaded this, not of what it forks on its way to start another.
+const pid_t own_pid = getpid();
+
+enum class Call { reads, speaks, writes, changes };
+
+void count(Call call) {
   CrashPoint* point = crash_point();
   if (point == nullptr || point->begun == 0) return;
+  const bool wanted =
+      point->changes_only != 0 ? call == Call::writes || call == Call::changes : call != Call::changes;
+  if (!wanted || (point->changes_only != 0 && getpid() != own_pid)) return;
   std::uint64_t before = point->calls.load();
   while (before > 0 && !point->calls.compare_exchange_weak(before, before - 1)) {
   }
@@ -65,7 +77,7 @@ extern "C" {
 
 ssize_t read(int fd, void* data, size_t octets) {
   static auto* const real = next<ssize_t(int, void*, size_t)>("read");
-  count();
+  count(Call::reads);
   const ssize_t taken = real(fd, data, octets);
   look_for_a_telecommand(data, taken);
   return taken;
@@ -73,39 +85,69 @@ ssize_t read(int fd, void* data, size_t octets) {
 
 ssize_t write(int fd, const void* data, size_t octets) {
   static auto* const real = next<ssize_t(int, const void*, size_t)>("write");
-  count();
+  count(Call::writes);
   return real(fd, data, octets);
 }
 
 ssize_t pwrite64(int fd, const void* data, size_t octets, off64_t offset) {
   static auto* const real = next<ssize_t(int, const void*, size_t, off64_t)>("pwrite64");
-  count();
+  count(Call::writes);
   return real(fd, data, octets, offset);
 }
 
 ssize_t pwrite(int fd, const void* data, size_t octets, off_t offset) {
   static auto* const real = next<ssize_t(int, const void*, size_t, off_t)>("pwrite");
-  count();
+  count(Call::writes);
   return real(fd, data, octets, offset);
 }
 
 int fdatasync(int fd) {
   static auto* const real = next<int(int)>("fdatasync");
-  count();
+  count(Call::writes);
   return real(fd);
 }
 
 ssize_t sendto(int fd, const void* data, size_t octets, int flags, const sockaddr* to, socklen_t length) {
   static auto* const real =
       next<ssize_t(int, const void*, size_t, int, const sockaddr*, socklen_t)>("sendto");
-  count();
+  count(Call::speaks);
   return real(fd, data, octets, flags, to, length);
 }
 
 ssize_t sendmsg(int fd, const msghdr* message, int flags) {
   static auto* const real = next<ssize_t(int, const msghdr*, int)>("sendmsg");
-  count();
+  count(Call::speaks);
   return real(fd, message, flags);
+}
+
+int fsync(int fd) {
+  static auto* const real = next<int(int)>("fsync");
+  count(Call::changes);
+  return real(fd);
+}
+
+int rename(const char* from, const char* to) {
+  static auto* const real = next<int(const char*, const char*)>("rename");
+  count(Call::changes);
+  return real(from, to);
+}
+
+int unlink(const char* path) {
+  static auto* const real = next<int(const char*)>("unlink");
+  count(Call::changes);
+  return real(path);
+}
+
+int unlinkat(int folder, const char* path, int flags) {
+  static auto* const real = next<int(int, const char*, int)>("unlinkat");
+  count(Call::changes);
+  return real(folder, path, flags);
+}
+
+int mkdir(const char* path, mode_t mode) {
+  static auto* const real = next<int(const char*, mode_t)>("mkdir");
+  count(Call::changes);
+  return real(path, mode);
 }
 
 }  // extern "C"

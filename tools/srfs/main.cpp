@@ -8,7 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include "base/log.hpp"
+#include "ros/added_nodes.hpp"
 #include "ros/run_node.hpp"
+#include "tools/srfs/added_node_commands.hpp"
 #include "tools/srfs/node_commands.hpp"
 #include "tools/srfs/observer.hpp"
 #include "tools/srfs/ring_commands.hpp"
@@ -232,6 +234,42 @@ int run_versions(const Target& target, const VersionArguments& a, bool json) {
   return show_versions(target, a.node, a.check, json);
 }
 
+/// What the command line of `srfs node` says.
+struct NodeArguments {
+  std::string node;
+  std::string folder;
+  std::string program;
+  int probation_s = 0;
+  CLI::App* command = nullptr;
+};
+
+void add_node_commands(CLI::App& app, NodeArguments& a) {
+  a.command = app.add_subcommand("node", "Nodes that were added to the suite beside those of the deployment");
+  a.command->require_subcommand(1);
+  CLI::App* add =
+      a.command->add_subcommand("add", "Add a node to the suite, also to a running one, and start it");
+  add->add_option("folder", a.folder, "Folder with package.yaml, the manifest of the node's package")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  add->add_option("--program", a.program, "Its program, which becomes its active version")
+      ->required()
+      ->check(CLI::ExistingFile);
+  add->add_option("--probation", a.probation_s, "Seconds; 0: none. A node that dies in it stays down")
+      ->check(CLI::Range(0, static_cast<int>(update::VersionTable::longest_probation / seconds(1))))
+      ->capture_default_str();
+  a.command->add_subcommand("remove", "End a node that was added, and take it out of the suite")
+      ->add_option("node", a.node, "Node name")
+      ->required();
+  a.command->add_subcommand("list", "The nodes that were added");
+}
+
+int run_node_command(const Target& target, const NodeArguments& a, bool json) {
+  if (a.command->got_subcommand("add"))
+    return add_node(target, a.folder, a.program, seconds(a.probation_s), json);
+  if (a.command->got_subcommand("remove")) return remove_node(target, a.node, json);
+  return list_added_nodes(target, json);
+}
+
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
@@ -292,13 +330,18 @@ int run(int argc, char** argv) {
   add_ring_commands(app, ring);
   VersionArguments versions;
   add_version_commands(app, versions);
+  NodeArguments nodes;
+  add_node_commands(app, nodes);
   auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
   record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
       ->check(CLI::Range(0, 86400))
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
 
-  const Target target{ros::Deployment::load(deployment_file), ros::VarPaths{std::filesystem::absolute(var)}};
+  const ros::VarPaths paths{std::filesystem::absolute(var)};
+  auto reading = ros::load_deployment(deployment_file, paths);
+  for (const std::string& problem : reading.problems) fmt::print(stderr, "srfs: {}\n", problem);
+  const Target target{std::move(reading.deployment), paths};
   up_options.deadline = seconds(deadline_s);
   for (const std::string& name : up_options.only) {
     if (target.deployment.find(name) == nullptr)
@@ -313,6 +356,7 @@ int run(int argc, char** argv) {
   if (*ring.ring) return run_ring(target, ring, json);
   if (*ring.faults) return show_faults(target, ring.since, ring.node, json);
   if (*versions.command) return run_versions(target, versions, json);
+  if (*nodes.command) return run_node_command(target, nodes, json);
   if (*record_command) return record(target, seconds(duration_s));
   if (*restart_command) {
     if (up_options.cause == "up") up_options.cause = "restart by command";

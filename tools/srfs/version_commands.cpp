@@ -99,7 +99,8 @@ int show_versions(const Target& target, const std::string& only, bool check, boo
     Json versions = Json::array();
     if (!json)
       fmt::print("{:<18} {:>7} {:<10} {:<8} {:>10} {:<12} {:<23}  {}\n", node.name, 0, "golden",
-                 mark(update::golden), "-", "-", "-", node.executable);
+                 mark(update::golden), "-", "-", "-",
+                 node.added ? "none, the node was added" : node.executable);
     for (const update::Version& v : table.versions()) {
       const auto damage = check ? store.damage(v) : std::nullopt;
       whole = whole && !damage;
@@ -128,7 +129,7 @@ int show_versions(const Target& target, const std::string& only, bool check, boo
                       {"last_good", table.last_good()},
                       {"running", running ? Json(*running) : Json(nullptr)},
                       {"problem", problem.empty() ? Json(nullptr) : Json(problem)},
-                      {"golden", node.executable},
+                      {"golden", node.added ? Json(nullptr) : Json(node.executable)},
                       {"versions", versions}});
     if (!json && !problem.empty()) fmt::print(stderr, "srfs versions: {}: {}\n", node.name, problem);
   }

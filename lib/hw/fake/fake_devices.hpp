@@ -46,7 +46,7 @@ class FakeGpioLines : public GpioLines {
  public:
   [[nodiscard]] Result<void, GpioError> set_line(std::uint8_t line, bool on) override {
     if (fail_with) return error(*fail_with);
-    if (line > gpio_power_thermal) return error(GpioError::no_line);
+    if (line >= gpio_power_count) return error(GpioError::no_line);
     levels[line] = on;
     history.emplace_back(line, on);
     ++counters_.writes;

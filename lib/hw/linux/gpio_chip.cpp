@@ -14,7 +14,7 @@ namespace {
 constexpr const char* consumer = "srfs";
 
 bool is_power(std::uint8_t line) {
-  return line <= gpio_power_thermal;
+  return line < gpio_power_count;
 }
 bool is_input(std::uint8_t line) {
   return line >= gpio_first_input && line < gpio_first_input + gpio_input_count;

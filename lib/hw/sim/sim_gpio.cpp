@@ -18,7 +18,7 @@ constexpr std::uint8_t status_ok = 0;
 constexpr std::uint8_t status_no_line = 1;
 
 bool is_power(std::uint8_t line) {
-  return line <= gpio_power_thermal;
+  return line < gpio_power_count;
 }
 bool is_input(std::uint8_t line) {
   return line >= gpio_first_input && line < gpio_first_input + gpio_input_count;

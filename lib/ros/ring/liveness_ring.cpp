@@ -460,6 +460,11 @@ void LivenessRing::review_membership() {
   act();
 }
 
+void LivenessRing::on_deployment_changed() {
+  membership_stamp_ = "unread";
+  review_membership();
+}
+
 void LivenessRing::review_footprints() {
   for (const std::string_view subject : monitor_->watched()) {
     const std::string name(subject);

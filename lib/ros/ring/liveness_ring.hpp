@@ -39,6 +39,8 @@ class LivenessRing : private CheckAliveService::RingMember {
   LivenessRing(const LivenessRing&) = delete;
   LivenessRing& operator=(const LivenessRing&) = delete;
 
+  /// Nodes were added to the deployment, or removed: the membership is another one.
+  void on_deployment_changed();
   [[nodiscard]] const RingMonitor& monitor() const { return *monitor_; }
   /// Answers dropped because they came from outside the suite.
   [[nodiscard]] std::uint64_t foreign_answers() const { return foreign_answers_; }
@@ -92,7 +94,7 @@ class LivenessRing : private CheckAliveService::RingMember {
 
   LifecycleNode& node_;
   Executor& executor_;
-  const RingSettings& settings_;
+  const RingSettings settings_;
   Hooks hooks_;
   std::unique_ptr<RingMonitor> monitor_;
   std::map<std::string, Peer, std::less<>> peers_;

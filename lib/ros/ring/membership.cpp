@@ -86,6 +86,17 @@ Membership cleaned(Membership membership, const Deployment& deployment, std::vec
   return clean;
 }
 
+Membership with_added_nodes(Membership membership, const Deployment& deployment) {
+  membership.generation += deployment.added_revision;
+  auto& members = membership.members;
+  for (const AddedNode& node : deployment.added) {
+    if (membership.position_of(node.name) || members.size() == Membership::most_members) continue;
+    const auto before = std::find(members.begin(), members.end(), node.ring_after);
+    members.insert(before == members.end() ? before : before + 1, node.name);
+  }
+  return membership;
+}
+
 std::filesystem::path membership_file(const VarPaths& var) {
   return var.state("ring") / "membership";
 }
@@ -93,7 +104,7 @@ std::filesystem::path membership_file(const VarPaths& var) {
 MembershipReading read_membership(const VarPaths& var, const Deployment& deployment) {
   const auto file = membership_file(var);
   const auto fall_back = [&](std::vector<std::string> problems) {
-    return MembershipReading{{1, deployment.ring.members}, std::move(problems)};
+    return MembershipReading{with_added_nodes({1, deployment.ring.members}, deployment), std::move(problems)};
   };
   std::error_code ec;
   if (!std::filesystem::exists(file, ec) && !ec) return fall_back({});
@@ -105,6 +116,7 @@ MembershipReading read_membership(const VarPaths& var, const Deployment& deploym
         {fmt::format("{}: {}; the deployment's ring is used", file.string(), membership.error())});
   MembershipReading reading;
   reading.membership = cleaned(std::move(*membership), deployment, reading.problems);
+  reading.membership = with_added_nodes(std::move(reading.membership), deployment);
   for (std::string& problem : reading.problems) problem = fmt::format("{}: {}", file.string(), problem);
   return reading;
 }

@@ -39,6 +39,10 @@ struct Membership {
 [[nodiscard]] Membership cleaned(Membership membership, const Deployment& deployment,
                                  std::vector<std::string>& problems);
 
+/// With the nodes that were added (added_nodes.hpp): each behind the member that it names, or behind the last
+/// one. One that is a member already stays where it is. The generation counts the changes of their list too.
+[[nodiscard]] Membership with_added_nodes(Membership membership, const Deployment& deployment);
+
 /// VAR/state/ring/membership
 [[nodiscard]] std::filesystem::path membership_file(const VarPaths& var);
 
@@ -47,7 +51,7 @@ struct MembershipReading {
   std::vector<std::string> problems;  ///< for people; empty: all is well
 };
 /// The file's membership; without a file, or with a damaged one, the deployment's ring as generation 1. A
-/// damaged file stays as it is. Blocks on the disk.
+/// damaged file stays as it is. Added nodes are members too. Blocks on the disk.
 [[nodiscard]] MembershipReading read_membership(const VarPaths& var, const Deployment& deployment);
 /// Replaces the file. Blocks on the disk. @return what went wrong
 [[nodiscard]] Result<void, std::string> write_membership(const VarPaths& var, const Membership& membership);

@@ -118,7 +118,8 @@ class Restarter::Recorder {
  public:
   struct Job {
     FaultRecord record;
-    std::optional<pid_t> new_pid;  ///< whose incarnation and start record belong to it
+    std::optional<pid_t> new_pid;   ///< whose incarnation and start record belong to it
+    std::optional<NodeEntry> node;  ///< the same
     LogEnd log_end;
     pid_t old_pid = 0;
     bool report = false;
@@ -199,8 +200,7 @@ class Restarter::Recorder {
         record.new_incarnation = instance->incarnation;
         if (record.new_incarnation == 0) poll(nullptr, 0, 2);
       }
-      if (const NodeEntry* node = deployment_.find(record.subject))
-        count_start_on_disk({deployment_, var_, bin_folder_, what_happened(record)}, *node);
+      if (job.node) count_start_on_disk({deployment_, var_, bin_folder_, what_happened(record)}, *job.node);
     }
     const auto sequence = ledger_.append(record);
     if (sequence) {
@@ -279,7 +279,7 @@ bool Restarter::flush(milliseconds patience) {
 
 RestartOutcome Restarter::restart(const Accusation& accusation) {
   Case c(accusation);
-  c.node = deployment_.find(accusation.subject);
+  c.node = (deployment_now_ ? deployment_now_() : deployment_).find(accusation.subject);
   if (c.node == nullptr) return {What::not_believed, 0, {}, "no node of this deployment"};
   if (accusation.subject == observer_)
     return {What::not_believed, 0, {}, "an observer does not restart itself"};
@@ -561,6 +561,7 @@ void Restarter::record(const Case& c, const RestartOutcome& outcome) {
   if (c.started && c.gone) r.started = *c.started - *c.gone;
   if (c.started) {
     job.new_pid = outcome.pid;
+    job.node = *c.node;
     recorder_->remember_start(a.subject, *c.started);
   }
   job.old_pid = a.pid != 0 ? a.pid : c.last_page ? c.last_page->pid : 0;

@@ -50,6 +50,10 @@ class Restarter {
   void set_generation_source(std::function<std::optional<std::uint32_t>()> generation) {
     generation_ = std::move(generation);
   }
+  /// The deployment as it is now, asked at the begin of a restart. Without it: the constructor's.
+  void set_deployment_source(std::function<const Deployment&()> deployment) {
+    deployment_now_ = std::move(deployment);
+  }
   /// How signals reach a process; a test has one here that does not obey.
   void set_signaller(std::function<int(const Process&, int number)> send) { send_ = std::move(send); }
   /// Records that were not written: too many at once, or the disk refused them.
@@ -71,11 +75,12 @@ class Restarter {
   [[nodiscard]] bool take_deaf_turn() const;
   void record(const Case& c, const RestartOutcome& outcome);
 
-  const Deployment& deployment_;
+  const Deployment& deployment_;  ///< of the start; the ring's settings and the file never change
   VarPaths var_;
   std::string observer_;
   std::filesystem::path bin_folder_;
   std::function<std::optional<std::uint32_t>()> generation_;
+  std::function<const Deployment&()> deployment_now_;
   std::function<int(const Process&, int number)> send_;
   std::map<std::string, RestartOutcome::What> last_recorded_;  ///< a refusal that repeats is recorded once
   std::shared_ptr<Recorder> recorder_;

@@ -294,6 +294,85 @@ TEST_F(TaskFlagRotationTest, AChangeOfTheOrderLeavesTheRunningSlotAlone) {
   EXPECT_EQ(must_grant().payload, "thermal");
 }
 
+std::vector<Slot> plan_with(const std::string& fourth) {
+  auto slots = plan();
+  slots.push_back({fourth, milliseconds(60), milliseconds(20), milliseconds(40)});
+  return slots;
+}
+
+TEST_F(TaskFlagRotationTest, TakesInAPayloadThatJoinsAndNobodyLosesATurn) {
+  release(must_grant());  // adcs
+  const Grant running = must_grant();
+  take(running);  // eps
+
+  EXPECT_TRUE(rotation.set_plan(plan_with("impact"), {"adcs", "eps", "impact", "thermal"}));
+  EXPECT_EQ(release(running), ReportVerdict::applied);
+
+  for (const char* expected : {"impact", "thermal", "adcs", "eps", "impact"}) {
+    const Grant grant = must_grant();
+    EXPECT_EQ(grant.payload, expected);
+    EXPECT_EQ(rotation.slots()[grant.slot].payload, expected);
+    EXPECT_EQ(take(grant), ReportVerdict::applied);
+    EXPECT_EQ(release(grant), ReportVerdict::applied);
+  }
+}
+
+TEST_F(TaskFlagRotationTest, LeavesOutAPayloadThatLeftAndGoesOnWithItsSuccessor) {
+  ASSERT_TRUE(rotation.set_plan(plan_with("impact"), {"adcs", "impact", "eps", "thermal"}));
+  release(must_grant());
+  release(must_grant());  // impact
+  EXPECT_TRUE(rotation.set_plan(plan(), {"adcs", "eps", "thermal"}));
+  for (const char* expected : {"eps", "thermal", "adcs", "eps"}) {
+    const Grant grant = must_grant();
+    EXPECT_EQ(grant.payload, expected);
+    release(grant);
+  }
+  EXPECT_EQ(rotation.on_bus_status({BusReport::Kind::released, {}, "impact", 5}, now),
+            ReportVerdict::foreign);
+}
+
+TEST_F(TaskFlagRotationTest, FencesAPayloadThatLeftWhileItHadTheBusByItsOldPlan) {
+  ASSERT_TRUE(rotation.set_plan(plan_with("impact"), {"impact", "adcs", "eps", "thermal"}));
+  const Grant grant = must_grant();
+  take(grant);
+  EXPECT_EQ(grant.payload, "impact");
+
+  EXPECT_FALSE(rotation.set_plan(plan(), {"adcs", "eps", "thermal"})) << "to be called again";
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+  now = grant.granted + milliseconds(80);
+  EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now)));
+  now = grant.lease_end;
+  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now)));
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
+  rotation.on_fenced(grant.id, now);
+  now += TaskFlagRotation::guard_time;
+
+  EXPECT_TRUE(rotation.set_plan(plan(), {"adcs", "eps", "thermal"}));
+  EXPECT_EQ(must_grant().payload, "adcs");
+}
+
+TEST_F(TaskFlagRotationTest, GivesThePlaceOfWhoLeftToAnotherOnlyWhenItsSlotIsOver) {
+  ASSERT_TRUE(rotation.set_plan(plan_with("impact"), {"impact", "adcs", "eps", "thermal"}));
+  const Grant grant = must_grant();
+  take(grant);
+  const std::vector<std::string> order{"adcs", "other", "eps", "thermal"};
+
+  EXPECT_FALSE(rotation.set_plan(plan_with("other"), order));
+  EXPECT_EQ(release(grant), ReportVerdict::applied) << "its report is still its own";
+  EXPECT_TRUE(rotation.set_plan(plan_with("other"), order));
+
+  release(must_grant());  // adcs
+  EXPECT_EQ(must_grant().payload, "other");
+}
+
+TEST_F(TaskFlagRotationTest, LeavesAPlaceOfNobodyFree) {
+  auto slots = plan_with("");
+  slots.push_back({"impact", milliseconds(60), milliseconds(20), milliseconds(40)});
+  TaskFlagRotation with_hole(slots, incarnation, boot);
+  EXPECT_EQ(with_hole.turns(), (std::vector<std::string>{"adcs", "eps", "thermal", "impact"}));
+  EXPECT_EQ(with_hole.on_bus_status({BusReport::Kind::released, {}, "", 5}, now), ReportVerdict::foreign);
+}
+
 TEST_F(TaskFlagRotationTest, TakesBackAGrantWhoseFlagWasNotPublishedAndAccusesNobody) {
   rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5}, now);
   const Grant grant = must_grant();

@@ -437,5 +437,88 @@ TEST(Reports, AreFoundByServiceAndSubtype) {
   EXPECT_EQ(dictionary().report(3, 25), nullptr);
 }
 
+// ---- fragments of added nodes
+
+const std::string mission_folder = std::string(SRFS_SOURCE_DIR) + "/msgs/mission";
+
+std::string fragment_text() {
+  std::ifstream file(std::string(SRFS_SOURCE_DIR) + "/examples/payload_impact/dictionary.yaml");
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+/// What is wrong with the fragment after a part of it was replaced.
+std::string refused(const std::string& part, const std::string& by) {
+  std::string text = fragment_text();
+  const auto at = text.find(part);
+  EXPECT_NE(at, std::string::npos) << part;
+  text.replace(at, part.size(), by);
+  try {
+    (void)Dictionary::load(mission_folder, {{"changed", text}});
+    return "it was taken";
+  } catch (const ConfigError& e) {
+    return e.what();
+  }
+}
+
+TEST(Fragment, IsPartOfTheDictionary) {
+  const Dictionary with = Dictionary::load(mission_folder, {{"impact", fragment_text()}});
+  EXPECT_EQ(Fragment({"impact", fragment_text()}).node(), "payload_impact");
+  ASSERT_NE(with.apid_of_node("payload_impact"), nullptr);
+  EXPECT_TRUE(with.apid_of_node("payload_impact")->added);
+  EXPECT_FALSE(with.apid_of_node("payload_eps")->added);
+  ASSERT_NE(with.structure("payload_impact"), nullptr);
+  EXPECT_EQ(with.structure("payload_impact")->apid, 19);
+  EXPECT_NE(with.function(19, 1), nullptr);
+  EXPECT_NE(with.event(1901), nullptr);
+  EXPECT_EQ(with.structures().size(), dictionary().structures().size() + 3);
+  EXPECT_TRUE(with.encode("impact.set_threshold", {"threshold_v=0.5"}));
+}
+
+TEST(Fragment, MayNotTakeWhatIsTakenNorWhatIsTheWholeSpacecrafts) {
+  EXPECT_THAT(refused("apid: 19", "apid: 17"), HasSubstr("APID 17 stands twice"));
+  EXPECT_THAT(refused("apid: 19", "apid: 2045"), HasSubstr("2039")) << "files go by it";
+  EXPECT_THAT(refused("id: 1019", "id: 17"), HasSubstr("structure id 17 stands twice"));
+  EXPECT_THAT(refused("name: impact_measurement", "name: eps_measurement"), HasSubstr("eps_measurement"));
+  EXPECT_THAT(refused("id: 1901", "id: 1701"), HasSubstr("event id 1701"));
+  EXPECT_THAT(refused("impact.clear", "impact.set_threshold"), HasSubstr("stands twice"));
+  EXPECT_THAT(refused("apid: 19, node: payload_impact", "apid: 19, node: payload_eps"),
+              HasSubstr("a node of the list apids"));
+  EXPECT_THAT(refused("subsystem: payload_impact", "stores: [{ name: s, id: 9, quota_mib: 1 }]"),
+              HasSubstr("stores"));
+  EXPECT_THAT(refused("subsystem: payload_impact", "failure_codes: []"), HasSubstr("failure_codes"));
+  EXPECT_THAT(refused("subsystem: payload_impact", "colour: red"), HasSubstr("colour"));
+}
+
+TEST(Fragment, IsAboutItsNodeAloneAndHasFunctionsOnly) {
+  EXPECT_THAT(refused("    node: payload_impact\n    function: 1\n", "    node: ttc\n    function: 1\n"),
+              HasSubstr("whose fragment this is"));
+  EXPECT_THAT(refused("function: 1\n", "service: [20, 99]\n"), HasSubstr("a function"));
+  EXPECT_THAT(refused("description: \"Impacts of dust and debris\" }",
+                      "description: \"\" }\n  - { name: second, apid: 20, node: second }"),
+              HasSubstr("one entry"));
+  EXPECT_THAT(refused("{ structure: slot_statistics, as: slots }", "{ structure: no_such, as: slots }"),
+              HasSubstr("structure"));
+  EXPECT_FALSE(Fragment({"bad", "[1, 2"}).node());
+}
+
+TEST(Fragment, ThatDoesNotFitIsLeftOutAndTheOthersStay) {
+  std::vector<RefusedFragment> refused;
+  const Dictionary loaded = Dictionary::load_fitting(
+      mission_folder, {{"broken", ": ["}, {"impact", fragment_text()}, {"again", fragment_text()}}, refused);
+  EXPECT_NE(loaded.structure("payload_impact"), nullptr);
+  ASSERT_EQ(refused.size(), 2U);
+  EXPECT_EQ(refused[0].name, "broken");
+  EXPECT_EQ(refused[1].name, "again");
+}
+
+TEST(Fragment, PointersIntoADictionaryHoldWhenItIsMoved) {
+  Dictionary first = Dictionary::load(mission_folder);
+  const Command* command = first.command("eps.switch_load");
+  const Dictionary kept =
+      std::exchange(first, Dictionary::load(mission_folder, {{"impact", fragment_text()}}));
+  EXPECT_EQ(kept.command("eps.switch_load"), command);
+  EXPECT_EQ(command->arguments[1].enumeration->labels.at(1), "on");
+}
+
 }  // namespace
 }  // namespace srfs::mission

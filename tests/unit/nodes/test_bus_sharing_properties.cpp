@@ -203,6 +203,7 @@ struct Statistics {
   std::uint64_t frames_taken_back = 0;
   std::uint64_t unproven = 0;
   std::uint64_t reconfigured = 0;
+  std::uint64_t removed = 0;  ///< payloads taken out of the plan
   std::uint64_t substitutes = 0;
   std::uint64_t suite_restarts = 0;
 };
@@ -227,7 +228,7 @@ class World {
     const MonotonicTime end = now_ + seconds(20);
     while (now_ < end && !::testing::Test::HasFatalFailure()) {
       step();
-      if (switcher_.alive) switcher_.rotation->set_order({names.begin(), names.end()});
+      if (switcher_.alive) switcher_.rotation->set_plan(plan(), {names.begin(), names.end()});
     }
     if (::testing::Test::HasFatalFailure()) return;
     for (const auto& [id, t] : telecommands_) {
@@ -822,7 +823,16 @@ class World {
     std::vector<std::string> order{names.begin(), names.end()};
     std::shuffle(order.begin(), order.end(), random_);
     if (chance(3)) order.pop_back();
-    switcher_.rotation->set_order(order);
+    std::vector<Slot> slots = plan();
+    if (chance(2)) {  // a node is removed after its process was ended; another time it is added again
+      for (std::uint8_t i = 0; i < payload_count; ++i) {
+        if (payloads_[i].alive || order.size() == 1) continue;
+        slots[i] = {};
+        std::erase(order, std::string(names[i]));
+        ++statistics_.removed;
+      }
+    }
+    switcher_.rotation->set_plan(slots, order);
   }
 
   // --- payloads (as PayloadNode does it)

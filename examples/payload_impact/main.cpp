@@ -1,0 +1,7 @@
+#include "impact_profile.hpp"
+#include "nodes/payload/payload_node.hpp"
+#include "ros/run_node.hpp"
+
+int main(int argc, char** argv) {
+  return srfs::ros::run_node<srfs::PayloadNodeOf<srfs::ImpactProfile>>(argc, argv);
+}

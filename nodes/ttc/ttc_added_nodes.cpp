@@ -1,0 +1,187 @@
+// What ttc does about nodes that are added and removed while it runs: their fragments in the dictionary,
+// their telemetry, their part of the beacon.
+#include <algorithm>
+
+#include <lifecycle_msgs/msg/transition_event.hpp>
+#include <mission/structures.hpp>
+
+#include "nodes/ttc/ttc_node.hpp"
+
+namespace srfs {
+namespace {
+
+/// Longer than any telecommand waits between its judgement and its last look at the dictionary.
+constexpr seconds retired_lifetime{600};
+constexpr std::size_t longest_reason = 160;
+
+std::uint8_t state_of(const NodeFacts& facts, const std::optional<std::uint8_t>& told) {
+  using mission::LifecycleState;
+  if (!facts.running) return static_cast<std::uint8_t>(LifecycleState::absent);
+  return told.value_or(static_cast<std::uint8_t>(LifecycleState::transition));
+}
+
+}  // namespace
+
+std::vector<mission::Fragment> TtcNode::fragments() const {
+  std::vector<mission::Fragment> all;
+  for (const ros::AddedNode& node : deployment().added) {
+    if (!node.dictionary.empty()) all.push_back({node.name, node.dictionary});
+  }
+  return all;
+}
+
+void TtcNode::on_deployment_changed() {
+  if (state_worker_) load_dictionary();  // else on_configure() reads it
+}
+
+void TtcNode::load_dictionary() {
+  if (dictionary_loads_ || dictionary_revision_ == deployment().added_revision) return;
+  auto loaded = std::make_shared<LoadedDictionary>();
+  const std::uint32_t revision = deployment().added_revision;
+  dictionary_loads_ = state_worker_->post(
+      [loaded, parts = fragments(), folder = mission::Dictionary::default_folder()] {
+        try {
+          loaded->dictionary = mission::Dictionary::load_fitting(folder, parts, loaded->refused);
+        } catch (const ConfigError& e) {
+          loaded->problem = e.what();
+        }
+      },
+      [this, loaded, revision] {
+        dictionary_loads_ = false;
+        dictionary_revision_ = revision;
+        take_dictionary(std::move(*loaded));
+        load_dictionary();  // the list may have changed meanwhile
+      });
+}
+
+void TtcNode::take_dictionary(LoadedDictionary loaded) {
+  if (!loaded.dictionary) {
+    log::error("the mission dictionary stays as it was: {}", loaded.problem);
+  } else {
+    // Its elements stay where they are when it is moved, so pointers into it hold.
+    auto old =
+        std::make_unique<mission::Dictionary>(std::exchange(dictionary_, std::move(*loaded.dictionary)));
+    fill_from_dictionary_again(*old);
+    retired_dictionaries_.push_back({now(), std::move(old)});
+  }
+  refused_fragments_ = std::move(loaded.refused);
+  meet_added_nodes(true);
+  report_refused_fragments();
+}
+
+void TtcNode::drop_retired_dictionaries() {
+  std::erase_if(retired_dictionaries_, [this](const RetiredDictionary& retired) {
+    return now() - retired.since > retired_lifetime;
+  });
+}
+
+void TtcNode::add_structure(const mission::Structure& structure) {
+  // What ttc samples itself already comes at its period.
+  const bool own = structure.node == name();
+  std::size_t text_octets = 0;
+  for (const mission::Field& field : structure.fields) {
+    if (field.type == mission::FieldType::text) text_octets += field.max_text * field.count;
+  }
+  link_->housekeeping.add_structure(
+      structure.id, structure.apid, structure.max_size() - text_octets, structure.max_size(),
+      {.enabled = true, .interval = own ? milliseconds(0) : structure.interval});
+}
+
+void TtcNode::fill_from_dictionary_again(const mission::Dictionary& old) {
+  const auto is_sampled = [](const mission::Structure& s) {
+    return s.kind == mission::StructureKind::housekeeping && s.id != 0;
+  };
+  const auto same = [](const mission::Structure& a, const mission::Structure& b) {
+    return a.name == b.name && a.apid == b.apid && a.max_size() == b.max_size() && a.interval == b.interval;
+  };
+  for (const mission::Structure& structure : old.structures()) {
+    if (!is_sampled(structure)) continue;
+    const mission::Structure* now_there = dictionary_.structure(structure.id);
+    if (now_there == nullptr || !same(*now_there, structure))
+      link_->housekeeping.remove_structure(structure.id);
+  }
+  for (const mission::Structure& structure : dictionary_.structures()) {
+    if (is_sampled(structure) && !link_->housekeeping.plan(structure.id)) add_structure(structure);
+  }
+  for (const mission::Event& event : old.events()) {
+    if (dictionary_.event(event.id) == nullptr) link_->events.remove_event(event.id);
+  }
+  for (const mission::Event& event : dictionary_.events()) {
+    if (!link_->events.knows(event.id)) link_->events.add_event(event.id);
+  }
+}
+
+void TtcNode::report_refused_fragments() {
+  for (const mission::RefusedFragment& refused : std::exchange(refused_fragments_, {})) {
+    log::error("the dictionary fragment of {} is not used: {}", refused.name, refused.why);
+    mission::SuiteFragmentRefusedEvent event;
+    event.node = refused.name;
+    event.why = refused.why.substr(0, longest_reason);
+    raise(event.severity, event.event_id, event.encoded());
+  }
+}
+
+void TtcNode::meet_added_nodes(bool tell) {
+  const auto& added = deployment().added;
+  const auto apid_of = [this](const std::string& node) {
+    const auto* process = dictionary_.apid_of_node(node);
+    return process == nullptr ? std::uint16_t{0} : process->apid;
+  };
+  std::erase_if(guests_, [&](const Guest& guest) {
+    const bool stays = std::any_of(added.begin(), added.end(), [&](const ros::AddedNode& node) {
+      return node.name == guest.name && apid_of(guest.name) == guest.apid;
+    });
+    if (stays) return false;
+    log::info("{} belongs to the suite no more", guest.name);
+    mission::SuiteNodeLeftEvent event;
+    event.node = guest.name;
+    raise(event.severity, event.event_id, event.encoded());
+    return true;
+  });
+  for (const ros::AddedNode& node : added) {
+    const bool known = std::any_of(guests_.begin(), guests_.end(),
+                                   [&](const Guest& guest) { return guest.name == node.name; });
+    if (known) continue;
+    guests_.push_back({node.name, apid_of(node.name), {}, {}, {}});
+    listen_to(node.name);
+    log::info("{} belongs to the suite, APID {}", node.name, guests_.back().apid);
+    if (!tell) continue;
+    mission::SuiteNodeJoinedEvent event;
+    event.node = node.name;
+    event.apid = guests_.back().apid;
+    raise(event.severity, event.event_id, event.encoded());
+  }
+}
+
+void TtcNode::listen_to(const std::string& node) {
+  std::vector<std::shared_ptr<void>>& subscriptions = guests_.back().subscriptions;
+  subscriptions.push_back(create_subscription(ros::topics::telemetry(node),
+                                              [this, node](const srfs_msgs::msg::PayloadTelemetry& m) {
+                                                if (m.source == node) on_telemetry(m);
+                                              }));
+  subscriptions.push_back(create_subscription(
+      ros::Topic<lifecycle_msgs::msg::TransitionEvent>{"/" + node + "/transition_event", {}},
+      [this, node](const lifecycle_msgs::msg::TransitionEvent& m) {
+        for (Guest& guest : guests_) {
+          if (guest.name == node) guest.state = m.goal_state.id;
+        }
+      }));
+}
+
+void TtcNode::send_added_nodes() {
+  drop_retired_dictionaries();
+  if (guests_.empty()) return;
+  mission::AddedNodesHousekeeping h;
+  h.revision = deployment().added_revision;
+  for (std::size_t i = 0; i < std::min(guests_.size(), h.node_apid.size()); ++i) {
+    const Guest& guest = guests_[i];
+    h.names += (i == 0 ? "" : ",") + guest.name;
+    h.node_apid[i] = guest.apid;
+    h.node_state[i] = static_cast<mission::LifecycleState>(state_of(guest.facts, guest.state));
+    h.node_restarts[i] = static_cast<std::uint8_t>(std::min<std::uint32_t>(guest.facts.restarts, UINT8_MAX));
+  }
+  if (const auto report = link_->housekeeping.on_sample(h.apid, h.structure_id, h.encoded(), now()))
+    send(report->report, report->live, true, false);
+}
+
+}  // namespace srfs

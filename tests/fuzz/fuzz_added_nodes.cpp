@@ -1,0 +1,66 @@
+// The list of added nodes as it comes from the disk, and what a package says of a node: its description, its
+// slot and its dictionary fragment. Whatever it is: refused or used, and the deployment stays sound.
+#include <cstdlib>
+
+#include <fmt/format.h>
+
+#include "base/crc32c.hpp"
+#include "base/time.hpp"
+#include "msgs/mission/dictionary.hpp"
+#include "ros/added_nodes.hpp"
+
+namespace {
+
+using namespace srfs;
+
+const ros::Deployment& deployment() {
+  static const ros::Deployment made = [] {
+    ros::Deployment d;
+    d.devices = {{"can", "sim:can"}};
+    for (const char* node : {"timing", "payload_eps"})
+      d.nodes.push_back({node, "program", {}, 0, 0, {}, "", ConfigSection::parse("", node)});
+    d.slots = {{"payload_eps", milliseconds(60), milliseconds(20), milliseconds(40)}};
+    return d;
+  }();
+  return made;
+}
+
+void check(const ros::AddedNodes& added) {
+  const auto d = ros::with_added(deployment(), added).deployment;
+  if (d.nodes.size() != deployment().nodes.size() + d.added.size()) std::abort();
+  if (d.slots.size() > ros::slots_at_most) std::abort();
+  for (std::size_t i = 0; i < deployment().slots.size(); ++i) {
+    if (d.slots[i].payload != deployment().slots[i].payload) std::abort();
+  }
+  std::size_t payloads = 0;
+  for (const ros::Slot& slot : d.slots) payloads += slot.payload.empty() ? 0 : 1;
+  if (ros::turns_of(d.slots).size() != payloads) std::abort();
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size < 1) return 0;
+  const std::string text(reinterpret_cast<const char*>(data) + 1, size - 1);
+  switch (data[0] % 4) {
+    case 0: {  // with the right checksum, which random octets never have
+      std::string whole = "# Nodes that were added to the suite. Written by SRFS.\n" + text;
+      whole += fmt::format("# crc32c {:08x}\n",
+                           crc32c({reinterpret_cast<const std::uint8_t*>(whole.data()), whole.size()}));
+      if (const auto added = ros::added_nodes_from_text(whole)) check(*added);
+      break;
+    }
+    case 1:
+      check({1, {{"extra", "", text, "", std::size_t{3}}}});
+      break;
+    case 2:
+      check({1, {{"extra", "", "{}", "", std::size_t{3}, text}}});
+      break;
+    default: {
+      const auto node = mission::Fragment{"fuzz", text}.node();
+      if (node && text.empty()) std::abort();
+      break;
+    }
+  }
+  return 0;
+}

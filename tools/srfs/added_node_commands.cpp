@@ -1,0 +1,150 @@
+#include "tools/srfs/added_node_commands.hpp"
+
+#include <iostream>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "base/file.hpp"
+#include "ros/launcher.hpp"
+#include "ros/node_addition.hpp"
+#include "ros/node_versions.hpp"
+#include "tools/srfs/node_commands.hpp"
+
+namespace srfs::tool {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr milliseconds patience_with_the_ring{4000};  // it may start the node first
+
+int fail(CommandExit exit, const std::string& why, bool json) {
+  if (json) {
+    std::cout << Json{{"ok", false}, {"error", why}}.dump(-1, ' ', false, Json::error_handler_t::replace)
+              << "\n";
+  } else {
+    fmt::print(stderr, "srfs: {}\n", why);
+  }
+  return static_cast<int>(exit);
+}
+
+/// What the manifest beside a package's sources (ground/README.md) says of its node.
+Result<ros::AddedNode, std::string> read_package(const std::filesystem::path& folder) {
+  const auto text_of = [&](const ConfigSection& manifest, const char* key, std::size_t most) {
+    const std::string file = manifest.text(key, "");
+    if (file.empty()) return std::string();
+    auto text = read_file(folder / file, most);
+    if (!text) throw ConfigError(text.error().message);
+    return std::move(*text);
+  };
+  try {
+    const ConfigSection manifest = ConfigSection::load(folder / "package.yaml");
+    ros::AddedNode node;
+    node.name = manifest.text("node");
+    node.ring_after = manifest.text("ring_after", "");
+    node.description = text_of(manifest, "deployment_entry", ros::AddedNodes::description_octets_max);
+    node.dictionary = text_of(manifest, "fragment", ros::AddedNodes::dictionary_octets_max);
+    if (manifest.has("slot")) {
+      const ConfigSection slot = manifest.section("slot");
+      const auto ms = [&](const char* key) { return milliseconds(slot.integer(key, 0, 60000)); };
+      node.slot = ros::slot_text({slot.text("payload", node.name), ms("allotted_ms"), ms("overrun_ms"),
+                                  ms("reset_ms"), slot.text("after", "")});
+      slot.finish();
+    }
+    return node;
+  } catch (const ConfigError& e) {
+    return Err(std::string(e.what()));
+  }
+}
+
+/// The program becomes the active version.
+Result<void, std::string> store_program(const ros::VarPaths& var, const std::string& node,
+                                        const std::filesystem::path& program, seconds probation) {
+  return ros::change_versions(var, node, [&](update::VersionStore& store) -> Result<void, std::string> {
+    const auto number = store.add(program, program.string(), system_utc_now());
+    if (!number) return Err(number.error());
+    if (const auto used = store.use(*number, probation, "it is added anew"); !used) return used;
+    return probation > seconds(0) ? Result<void, std::string>() : store.commit(*number);
+  });
+}
+
+}  // namespace
+
+int add_node(const Target& target, const std::filesystem::path& folder, const std::filesystem::path& program,
+             seconds probation, bool json) {
+  const auto node = read_package(folder);
+  if (!node) return fail(CommandExit::usage, node.error(), json);
+  if (target.deployment.find(node->name) != nullptr)
+    return fail(CommandExit::refused, fmt::format("the suite has a node '{}' already", node->name), json);
+  std::error_code ec;
+  const bool had_versions = std::filesystem::exists(ros::versions_folder(target.var, node->name), ec);
+  const auto stored = store_program(target.var, node->name, program, probation);
+  const auto added = stored ? ros::add_node(target.var, target.deployment, *node)
+                            : Result<void, std::string>(Err(stored.error()));
+  if (!added) {
+    if (!had_versions) std::filesystem::remove_all(ros::versions_folder(target.var, node->name), ec);
+    return fail(CommandExit::refused, fmt::format("{}: {}", node->name, added.error()), json);
+  }
+  const auto now = ros::load_deployment(target.deployment.file, target.var);
+  const ros::NodeEntry* entry = now.deployment.find(node->name);
+  std::optional<pid_t> pid;
+  std::string problem;
+  if (running_domain(target) && entry != nullptr) {  // else it is for `srfs up`
+    const ros::LaunchRequest request{now.deployment, target.var, ros::suite_bin_folder(), "added by command"};
+    const auto launched = ros::launch(request, *entry, patience_with_the_ring);
+    if (launched) pid = *launched;
+    if (!launched) problem = launched.error();
+  }
+  if (!problem.empty())
+    return fail(CommandExit::refused,
+                fmt::format("{} belongs to the suite and does not start: {}", node->name, problem), json);
+  if (json) {
+    std::cout << Json{{"ok", true}, {"node", node->name}, {"pid", pid ? Json(*pid) : Json(nullptr)}}.dump()
+              << "\n";
+  } else {
+    fmt::print("{} belongs to the suite{}\n", node->name, pid ? fmt::format(", pid {}", *pid) : "");
+  }
+  return static_cast<int>(CommandExit::done);
+}
+
+int remove_node(const Target& target, const std::string& node, bool json) {
+  const auto removed = ros::remove_node(target.var, node);
+  if (!removed) return fail(CommandExit::refused, removed.error(), json);
+  if (json) {
+    std::cout << Json{{"ok", true}, {"node", node}}.dump() << "\n";
+  } else {
+    fmt::print("{} is removed\n", node);
+  }
+  return static_cast<int>(CommandExit::done);
+}
+
+int list_added_nodes(const Target& target, bool json) {
+  const auto turns = ros::turns_of(target.deployment.slots);
+  Json list = Json::array();
+  for (const ros::AddedNode& node : target.deployment.added) {
+    const ros::AddedDescription description = ros::read_added_description(node);
+    list.push_back(
+        {{"name", node.name},
+         {"ring_after", node.ring_after.empty() ? Json(nullptr) : Json(node.ring_after)},
+         {"flag", node.flag ? Json(*node.flag) : Json(nullptr)},
+         {"allotted_ms", description.slot ? Json(description.slot->allotted.count()) : Json(nullptr)},
+         {"dictionary_octets", node.dictionary.size()}});
+    if (json) continue;
+    fmt::print("{}: checked by {}, {}, dictionary fragment of {} octets\n", node.name,
+               node.ring_after.empty() ? "the last one" : node.ring_after,
+               description.slot ? fmt::format("CAN slot of {} ms (flag {})",
+                                              description.slot->allotted.count(), *node.flag)
+                                : "no CAN slot",
+               node.dictionary.size());
+  }
+  if (json) {
+    std::cout << Json{{"revision", target.deployment.added_revision}, {"turns", turns}, {"nodes", list}}.dump(
+                     2)
+              << "\n";
+  } else if (target.deployment.added.empty()) {
+    fmt::print("no nodes were added\n");
+  }
+  return static_cast<int>(CommandExit::done);
+}
+
+}  // namespace srfs::tool
