@@ -136,6 +136,20 @@ TEST_F(ImagingDeskTest, ATaskIsCapturedProcessedAndSentWithProgressAtEachStage) 
   EXPECT_EQ(h.products_queued, 1U);
 }
 
+TEST_F(ImagingDeskTest, ProductsAreOfTheirRunWhereTheyTellWhatItFound) {
+  for (const char* product : {"products/0000000005/findings.json", "products/0000000005/thumbnail.png"}) {
+    send("image.capture", {"task=5"});
+    static_cast<void>(orders());
+    end(last_id_, Server::acquisition, frames(1));
+    static_cast<void>(orders());
+    end(last_id_, Server::processing, {.files = {product}, .run = 0xA1});
+    static_cast<void>(orders());
+    EXPECT_EQ(last_.action, ImagingAction::queue_products);
+    EXPECT_EQ(last_.run, std::string(product).ends_with(".json") ? 0xA1U : 0U);
+    desk_.on_products_queued(last_id_, 0, "", 1);
+  }
+}
+
 TEST_F(ImagingDeskTest, WithoutAMethodATaskEndsWithItsFrames) {
   send("image.capture", {"task=5", "method="});
   static_cast<void>(orders());
