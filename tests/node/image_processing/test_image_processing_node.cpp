@@ -11,6 +11,7 @@
 #include <mission/structures.hpp>
 #include <srfs_msgs/srv/check_alive.hpp>
 
+#include "base/fd.hpp"
 #include "base/file.hpp"
 #include "image/frame_file.hpp"
 #include "image/frame_mark.hpp"
