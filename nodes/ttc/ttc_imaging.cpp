@@ -98,8 +98,8 @@ void TtcNode::send_image_goal(ImageGoals<A>& goals, ImageServer server, std::uin
   };
   callbacks.ended = [this, id, server, &goals](const ros::GoalOutcome<A>& outcome) {
     ImageGoalEnd end = to_end<A>(outcome);
-    if (const auto goal = goals.under_way.find(id); goal != goals.under_way.end())
-      end.run = image::run_of_goal(goal->second->id());
+    if (const auto known = goals.under_way.find(id); known != goals.under_way.end())
+      end.run = image::run_of_goal(known->second->id());
     link_->imaging.on_goal_end(id, server, std::move(end), monotonic_now());
     goals.under_way.erase(id);
     if (is_active()) settle();
