@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include <Eigen/Dense>
 
@@ -274,6 +275,7 @@ std::optional<Registration> register_stars(const std::vector<Star>& stars, const
     }
     if (lost) continue;
     double reach = 3;
+    double by_chance = 0;  // pairs
     std::optional<Registration> found;
     bool grows = false;
     // A projection is found in a part of the frame first, and reaches farther each time.
@@ -286,10 +288,12 @@ std::optional<Registration> register_stars(const std::vector<Star>& stars, const
       const double rms = fit(pairs, width, height, false, *transform);
       grows = transform->is_projection() && (!found || static_cast<int>(pairs.size()) > found->stars);
       found = Registration{*transform, static_cast<int>(pairs.size()), rms};
+      by_chance = static_cast<double>(many.size()) * static_cast<double>(many_of_reference.size()) *
+                  std::numbers::pi * reach * reach / (static_cast<double>(width) * height);
       reach = std::clamp(4 * rms, 0.7, 3.0);
     }
     const double scale = found ? scale_of(found->to_reference, width, height) : 0;
-    if (found && scale > 0.9 && scale < 1.1 &&
+    if (found && scale > 0.9 && scale < 1.1 && found->stars > by_chance + 5 * std::sqrt(by_chance) &&
         3 * static_cast<std::size_t>(found->stars) >= std::min(some.size(), some_of_reference.size()))
       return found;
   }
