@@ -16,8 +16,9 @@ constexpr std::size_t fitted_of = 2000;  ///< brightest stars that are fitted
 constexpr std::size_t agreeing_least = 4;
 
 // A projection has twice as many numbers to fit.
-constexpr std::size_t projected_least = 24;    ///< stars
-constexpr double projected_rms_most = 0.9;     ///< of that without
+constexpr std::size_t projected_least_mixed = 16;  ///< while only the brightest are looked at
+constexpr std::size_t projected_least = 24;        ///< stars
+constexpr double projected_rms_most = 0.9;         ///< of that without
 constexpr double projected_gain_least = 20;    ///< variance explained by each more number over what is left
 constexpr double projected_share_least = 0.6;  ///< of the pairs, when those that are none were left out
 constexpr double projected_w_most = 0.4;       ///< how far from 1 its denominator is within the frame
@@ -221,12 +222,13 @@ void leave_out_others(std::vector<Pair>& pairs, const FrameTransform& transform)
 double fit(const std::vector<Pair>& pairs, int width, int height, bool mixed, FrameTransform& transform) {
   FrameTransform projected = transform;
   const double rms = fit_similarity(pairs, transform, weight_of);
-  if (pairs.size() < projected_least) return rms;
+  const std::size_t least = mixed ? projected_least_mixed : projected_least;
+  if (pairs.size() < least) return rms;
   std::vector<Pair> kept = pairs;
   if (!projected.is_projection()) projected = transform;
   const int rounds = mixed ? 6 : 1;
   for (int round = 0; round < rounds; ++round) {
-    if (kept.size() < projected_least) return rms;
+    if (kept.size() < least) return rms;
     if (!fit_projection(kept, projected, width, height)) return rms;
     if (round + 1 == rounds) break;
     kept = pairs;
@@ -264,6 +266,7 @@ std::optional<Registration> register_stars(const std::vector<Star>& stars, const
   const std::vector<Star> many_of_reference = brightest(reference, fitted_of);
   const PlaceIndex few(some_of_reference);
   const PlaceIndex all(many_of_reference);
+  std::optional<Registration> best;
   for (const double bin : {3.0, 10.0, 30.0}) {
     auto transform = vote(some, some_of_reference, width, height, bin);
     if (!transform) continue;
@@ -294,10 +297,14 @@ std::optional<Registration> register_stars(const std::vector<Star>& stars, const
     }
     const double scale = found ? scale_of(found->to_reference, width, height) : 0;
     if (found && scale > 0.9 && scale < 1.1 && found->stars > by_chance + 5 * std::sqrt(by_chance) &&
-        3 * static_cast<std::size_t>(found->stars) >= std::min(some.size(), some_of_reference.size()))
-      return found;
+        3 * static_cast<std::size_t>(found->stars) >= std::min(some.size(), some_of_reference.size()) &&
+        (!best || found->stars > best->stars))
+      best = found;
+    // Else it may be a part of the frame only, of one that a wider vote has as a whole.
+    if (best && 2 * static_cast<std::size_t>(best->stars) >= std::min(many.size(), many_of_reference.size()))
+      break;
   }
-  return std::nullopt;
+  return best;
 }
 
 }  // namespace srfs::image
