@@ -139,7 +139,6 @@ CallbackReturn ImageAcquisitionNode::on_error() {
 void ImageAcquisitionNode::release() {
   wake_.reset();
   soon_.reset();
-  store_retry_.reset();
   housekeeping_.reset();
   server_.reset();
   adcs_.reset();
@@ -147,6 +146,7 @@ void ImageAcquisitionNode::release() {
   camera_worker_.reset();
   if (store_worker_) store_worker_->drain();
   store_worker_.reset();
+  store_retry_.reset();  // the drain may have set it
   images_.reset();
   camera_.reset();
   store_.reset();

@@ -48,6 +48,12 @@ ImageProcessingNode::ImageProcessingNode(ros::NodeContext& context) : LifecycleN
       true);
 }
 
+bool ImageProcessingNode::is_at_rest() const {
+  if (!worker_) return true;
+  const ros::WorkerProgress progress = worker_->progress();
+  return !progress.busy && progress.waiting == 0;
+}
+
 // ---------------------------------------------------------------- lifecycle
 
 CallbackReturn ImageProcessingNode::on_configure() {
@@ -149,7 +155,6 @@ void ImageProcessingNode::post_step() {
         step->store_octets = (*store)->octets();
       },
       [this, task = running_->task, step] { on_step(task, *step); });
-  steps_running_ += taken ? 1 : 0;
   if (taken) return;
   const Goal goal = running_->goal;
   running_.reset();
@@ -157,7 +162,6 @@ void ImageProcessingNode::post_step() {
 }
 
 void ImageProcessingNode::on_step(const std::shared_ptr<ImageTask>& task, const Step& step) {
-  --steps_running_;
   counters_.product_store_mib = as_u32(step.store_octets / mebibyte);
   if (!running_ || running_->task != task) return;  // aborted meanwhile
   for (const std::string& problem : step.report.problems)

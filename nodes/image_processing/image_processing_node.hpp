@@ -20,7 +20,7 @@ class ImageProcessingNode : public ros::LifecycleNode {
   explicit ImageProcessingNode(ros::NodeContext& context);
 
   /// The step that ran at a deactivation, or a cleanup, has ended.
-  [[nodiscard]] bool is_at_rest() const override { return steps_running_ == 0; }
+  [[nodiscard]] bool is_at_rest() const override;
 
  protected:
   ros::CallbackReturn on_configure() override;
@@ -61,7 +61,6 @@ class ImageProcessingNode : public ros::LifecycleNode {
   void abort_all();
   void publish_housekeeping();
 
-  int steps_running_ = 0;
   std::shared_ptr<ros::Worker> worker_;  ///< from the first configuring on
   StoreSlot store_;
   std::shared_ptr<ros::ActionServer<Process>> server_;
