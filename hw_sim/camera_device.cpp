@@ -94,6 +94,14 @@ void CameraDevice::set_pose(const CameraPose& pose, MonotonicTime at, double tem
   temperature_k_ = temperature_k;
 }
 
+void CameraDevice::set_power(bool on) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(has_power_, on) == on) return;
+  }
+  ::eventfd_write(wake_.get(), 1);
+}
+
 void CameraDevice::misbehave(CameraMisbehaviour how, int frames) {
   {
     const std::lock_guard lock(mutex_);
@@ -179,7 +187,7 @@ void CameraDevice::follow_absence() {
   bool absent = false;
   {
     const std::lock_guard lock(mutex_);
-    absent = how_ == CameraMisbehaviour::absent;
+    absent = how_ == CameraMisbehaviour::absent || !has_power_;
   }
   if (absent == !listener_) return;
   if (absent) {

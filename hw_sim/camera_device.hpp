@@ -41,6 +41,8 @@ class CameraDevice {
   // From any thread:
   /// The satellite's attitude at @p at, and how warm the camera is.
   void set_pose(const CameraPose& pose, MonotonicTime at, double temperature_k);
+  /// Without power it is as absent as unplugged.
+  void set_power(bool on);
   /// @param frames so many frames; `absent` lasts until it is ended
   void misbehave(CameraMisbehaviour how, int frames);
   /// An object crosses the middle of the next frame.
@@ -98,6 +100,7 @@ class CameraDevice {
   CameraPose pose_;
   MonotonicTime pose_at_;
   double temperature_k_ = 293;
+  bool has_power_ = true;
   CameraMisbehaviour how_ = CameraMisbehaviour::none;
   int misbehaving_frames_ = 0;
   bool pass_next_ = false;

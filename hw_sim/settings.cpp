@@ -112,6 +112,7 @@ void read_camera(const ConfigSection& section, SkyCameraSettings& camera) {
   camera.fwhm_px = section.number("fwhm_px", 0.5, 6, camera.fwhm_px);
   camera.background_e_s = section.number("background_e_s", 0, 1e6, camera.background_e_s);
   camera.read_noise_e = section.number("read_noise_e", 0, 1000, camera.read_noise_e);
+  camera.switched = section.boolean("switched", camera.switched);
   camera.hot_pixels = static_cast<int>(section.integer("hot_pixels", 0, 100'000, camera.hot_pixels));
   if (section.has("pointing")) {
     const ConfigSection pointing = section.section("pointing");

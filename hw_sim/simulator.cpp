@@ -192,6 +192,7 @@ Result<void, std::string> Simulator::open_camera(const SimulationSettings& setti
   auto camera = CameraDevice::create(*path, settings.camera);
   if (!camera) return Err(camera.error());
   camera_ = std::move(*camera);
+  camera_switched_ = settings.camera.switched;
   point_camera(now);
   return {};
 }
@@ -201,6 +202,7 @@ void Simulator::point_camera(MonotonicTime now) {
   const AttitudeState& state = world_.attitude().state();
   camera_->set_pose({state.attitude, state.rate_rad_s}, now,
                     world_.thermal().temperature_k(ThermalNode::camera));
+  if (camera_switched_) camera_->set_power(world_.power().is_on(Load::camera));
 }
 
 Result<void, std::string> Simulator::open_others(const SimulationSettings& settings,

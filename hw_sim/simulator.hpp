@@ -85,6 +85,7 @@ class Simulator {
   std::unique_ptr<GpsDevice> gps_;
   std::unique_ptr<Rs422Device> rs422_;
   std::unique_ptr<CameraDevice> camera_;  // none when the deployment has another
+  bool camera_switched_ = false;          ///< it follows its load switch
   std::unique_ptr<WatchdogDevice> watchdog_;
   std::unique_ptr<SeqpacketServer> watchdog_socket_;
   std::unique_ptr<SeqpacketServer> control_socket_;

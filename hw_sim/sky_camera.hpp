@@ -46,6 +46,7 @@ struct SkyCameraSettings {
   std::uint64_t seed = 1;
   std::optional<FixedPointing> pointing;
   DebrisSettings debris;
+  bool switched = false;  ///< it has power only while its load switch is on
 };
 
 /// Attitude of the camera during an exposure.

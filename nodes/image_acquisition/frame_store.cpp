@@ -27,17 +27,21 @@ std::optional<T> whole_number(const std::string& text, std::size_t digits) {
 }
 
 FrameStanding standing_of(const fs::path& frame) {
+  if (image::has_unsent_detection(frame)) return FrameStanding::detected;
   if (image::has_mark(frame, FrameMark::sent)) return FrameStanding::sent;
-  if (image::has_mark(frame, FrameMark::detected)) return FrameStanding::detected;
   return image::has_mark(frame, FrameMark::nothing) ? FrameStanding::nothing : FrameStanding::unmarked;
 }
 
-/// The names in a folder; empty when it cannot be read.
-std::vector<fs::path> entries(const fs::path& folder) {
+tl::unexpected<FileError> unreadable(const fs::path& path, const std::error_code& why) {
+  return Err(FileError{fmt::format("{}: {}", path.string(), why.message())});
+}
+
+Result<std::vector<fs::path>, FileError> entries(const fs::path& folder) {
   std::vector<fs::path> found;
   std::error_code failed;
   for (fs::directory_iterator at(folder, failed), end; !failed && at != end; at.increment(failed))
     found.push_back(at->path());
+  if (failed) return unreadable(folder, failed);
   return found;
 }
 
@@ -48,15 +52,31 @@ std::string frame_file(std::uint32_t task, std::uint16_t number) {
 }
 
 Result<void, FileError> FrameStore::open() {
+  auto read = read_index();
+  open_ = read.has_value();
+  if (open_) return read;
+  frames_.clear();
+  last_number_.clear();
+  octets_ = 0;
+  return read;
+}
+
+Result<void, FileError> FrameStore::read_index() {
   frames_.clear();
   last_number_.clear();
   octets_ = 0;
   std::error_code failed;
   fs::create_directories(images_ / "frames", failed);
-  if (failed) return Err(FileError{fmt::format("{}: {}", (images_ / "frames").string(), failed.message())});
-  for (const fs::path& folder : entries(images_ / "frames")) {
+  if (failed) return unreadable(images_ / "frames", failed);
+  const auto folders = entries(images_ / "frames");
+  if (!folders) return Err(folders.error());
+  for (const fs::path& folder : *folders) {
     const auto task = whole_number<std::uint32_t>(folder.filename().string(), task_digits);
-    if (task && fs::is_directory(folder, failed)) take_task(folder, *task);
+    if (!task) continue;
+    const bool is_folder = fs::is_directory(folder, failed);
+    if (failed) return unreadable(folder, failed);
+    if (!is_folder) continue;
+    if (auto taken = take_task(folder, *task); !taken) return taken;
   }
   // Their age is the file's: the clock may have been wrong then, the order within a run is right.
   std::vector<std::pair<fs::file_time_type, StoredFrame>> aged;
@@ -71,9 +91,11 @@ Result<void, FileError> FrameStore::open() {
   return {};
 }
 
-void FrameStore::take_task(const fs::path& folder, std::uint32_t task) {
+Result<void, FileError> FrameStore::take_task(const fs::path& folder, std::uint32_t task) {
+  const auto files = entries(folder);
+  if (!files) return Err(files.error());
   std::error_code failed;
-  for (const fs::path& file : entries(folder)) {
+  for (const fs::path& file : *files) {
     // Of a frame; a mark may be being written by another process.
     if (file.extension() == ".tmp" && file.filename().string().find(".fits.") != std::string::npos) {
       fs::remove(file, failed);
@@ -88,18 +110,20 @@ void FrameStore::take_task(const fs::path& folder, std::uint32_t task) {
       if (is_mark && !frame_there && !failed) fs::remove(file, failed);
       continue;
     }
+    last_number_[task] = std::max(last_number_[task], *number);
     const auto octets = fs::file_size(file, failed);
-    if (failed || frames_.size() >= frames_max) continue;
+    if (failed) return unreadable(file, failed);
+    if (frames_.size() >= frames_max) continue;
     frames_.push_back({task, *number, octets, FrameStanding::unmarked});
     octets_ += octets;
-    last_number_[task] = std::max(last_number_[task], *number);
   }
+  return {};
 }
 
 std::optional<std::uint16_t> FrameStore::next_number(std::uint32_t task) const {
   const auto found = last_number_.find(task);
   const std::uint16_t last = found != last_number_.end() ? found->second : std::uint16_t{0};
-  if (last >= number_max || frames_.size() >= frames_max) return std::nullopt;
+  if (!open_ || last >= number_max || frames_.size() >= frames_max) return std::nullopt;
   return static_cast<std::uint16_t>(last + 1);
 }
 
@@ -144,6 +168,7 @@ Result<void, FrameStore::Failure> FrameStore::make_room(std::uint64_t needed, st
 
 Result<std::string, FrameStore::Failure> FrameStore::add(std::uint32_t task, std::uint16_t number,
                                                          OctetView content) {
+  if (!open_) return Err(Failure{false, "the folder of frames could not be read"});
   if (auto room = make_room(content.size(), task); !room) return Err(std::move(room.error()));
   std::string name = frame_file(task, number);
   const auto written =

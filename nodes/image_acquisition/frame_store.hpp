@@ -37,22 +37,27 @@ class FrameStore {
       : images_(std::move(images)), quota_(quota_octets) {}
 
   /// Reads what is there, and removes what a power loss left half done: temporary files and marks without
-  /// their frame. @return why the folder cannot be used
+  /// their frame. @return why not all of it can be read: the store is closed then, for it does not know which
+  /// numbers are taken and what may go; to be opened again
   [[nodiscard]] Result<void, FileError> open();
-  /// Number of the next frame of a task: after the highest that is there. nullopt: no more numbers.
+  [[nodiscard]] bool is_open() const { return open_; }
+  /// Number of the next frame of a task: after the highest that is there. nullopt: no more numbers, or
+  /// closed.
   [[nodiscard]] std::optional<std::uint16_t> next_number(std::uint32_t task) const;
   /// Stores a frame, whose number next_number() gave. @return its name below the folder of images
   [[nodiscard]] Result<std::string, Failure> add(std::uint32_t task, std::uint16_t number, OctetView content);
   [[nodiscard]] StoreFigures figures() const { return {frames_.size(), octets_, removed_}; }
 
  private:
-  void take_task(const std::filesystem::path& folder, std::uint32_t task);
+  [[nodiscard]] Result<void, FileError> read_index();
+  [[nodiscard]] Result<void, FileError> take_task(const std::filesystem::path& folder, std::uint32_t task);
   void look_at_marks();
   [[nodiscard]] Result<void, Failure> make_room(std::uint64_t needed, std::uint32_t task);
   [[nodiscard]] bool remove(const StoredFrame& frame);
 
   std::filesystem::path images_;
   std::uint64_t quota_;
+  bool open_ = false;
   std::vector<StoredFrame> frames_;  ///< oldest first
   std::map<std::uint32_t, std::uint16_t> last_number_;
   std::uint64_t octets_ = 0;

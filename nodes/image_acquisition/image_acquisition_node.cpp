@@ -25,6 +25,7 @@ constexpr nanoseconds camera_patience = seconds(5);  // of a task while the came
 constexpr nanoseconds housekeeping_period = mission::ImageAcquisitionHousekeeping::default_interval;
 constexpr nanoseconds attitude_age_max = seconds(10);
 constexpr milliseconds longest_job = seconds(10);
+constexpr nanoseconds store_retry_interval = seconds(2);
 constexpr std::size_t storing_max = 2;  // frames that wait for the disk; the camera then waits, too
 constexpr std::size_t camera_queue = 8;
 constexpr std::size_t store_queue = storing_max + 2;
@@ -81,13 +82,7 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
   const milliseconds deadline = std::max(worker_deadline(), longest_job);
   camera_worker_ = create_worker("camera", camera_queue, deadline);
   store_worker_ = create_worker("frame_store", store_queue, deadline);
-  const auto opened = std::make_shared<Result<void, FileError>>();
-  store_worker_->post([this, opened] { *opened = store_->open(); },
-                      [this, opened] {
-                        store_figures_ = store_->figures();
-                        if (!*opened) log::error("frames cannot be stored: {}", opened->error().message);
-                      });
-
+  open_store();
   images_ = create_publisher(ros::topics::image_raw);
   ticks_ = create_subscription(ros::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& tick) {
     time_.on_tick(tick);
@@ -151,9 +146,11 @@ void ImageAcquisitionNode::release() {
   camera_worker_.reset();
   if (store_worker_) store_worker_->drain();
   store_worker_.reset();
+  store_retry_.reset();  // the drain may have set it
   images_.reset();
   camera_.reset();
   store_.reset();
+  store_problem_.clear();
   camera_jobs_ = 0;
   frames_storing_ = 0;
   camera_state_ = mission::CameraState::closed;
@@ -166,6 +163,7 @@ void ImageAcquisitionNode::on_goal(const Goal& goal) {
   const CaptureRequest request = request_of(goal->goal());
   if (!is_active()) return refuse_goal(goal, {failure::camera_absent, "the node is not active"});
   if (!camera_) return refuse_goal(goal, {failure::camera_absent, camera_problem_});
+  if (!store_problem_.empty()) return refuse_goal(goal, {failure::disk_failed, store_problem_});
   if (const auto refused = refuse(request)) return refuse_goal(goal, *refused);
   const auto same = [&](const TaskPointer& task) { return task && task->request.task == request.task; };
   if (same(current_) || std::any_of(waiting_.begin(), waiting_.end(), same))
@@ -485,6 +483,35 @@ void ImageAcquisitionNode::on_frame(const TaskPointer& task, hw::CameraFrame fra
 
 // ---------------------------------------------------------------- store
 
+void ImageAcquisitionNode::open_store() {
+  const auto opened = std::make_shared<Result<void, FileError>>();
+  const bool posted = store_worker_->post([this, opened] { *opened = store_->open(); },
+                                          [this, opened] { on_store_opened(*opened); });
+  if (!posted) open_store_later();
+}
+
+void ImageAcquisitionNode::open_store_later() {
+  store_retry_ = create_one_shot(
+      now() + store_retry_interval, [this] { open_store(); }, "frame store");
+}
+
+void ImageAcquisitionNode::on_store_opened(const Result<void, FileError>& opened) {
+  store_figures_ = store_->figures();
+  if (opened) {
+    if (!store_problem_.empty()) log::info("frames can be stored again");
+    store_problem_.clear();
+    return;
+  }
+  open_store_later();
+  const bool known = !store_problem_.empty();
+  store_problem_ = "frames cannot be read: " + opened.error().message;
+  if (known) return;
+  ++counters_.store_failures;
+  log::error("{}; no frame is taken until it is mended, which is looked at every {} s", store_problem_,
+             store_retry_interval / seconds(1));
+  raise(mission::NodeErrorEvent{.what = store_problem_.substr(0, reason_max)});
+}
+
 void ImageAcquisitionNode::store(const TaskPointer& task, TakenFrame frame) {
   struct Job {
     TakenFrame taken;
@@ -497,6 +524,7 @@ void ImageAcquisitionNode::store(const TaskPointer& task, TakenFrame frame) {
   ++frames_storing_;
   const auto write = [this, job]() -> Result<std::string, FrameStore::Failure> {
     FrameFacts& facts = job->taken.facts;
+    if (!store_->is_open()) return Err(FrameStore::Failure{false, "the folder of frames cannot be read"});
     const auto number = store_->next_number(facts.task);
     if (!number) return Err(FrameStore::Failure{true, "no number is left"});
     facts.number = *number;

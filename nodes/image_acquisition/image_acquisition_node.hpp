@@ -108,6 +108,9 @@ class ImageAcquisitionNode : public ros::LifecycleNode {
   void camera_lost(const std::string& why);
 
   // Store's worker
+  void open_store();
+  void open_store_later();
+  void on_store_opened(const Result<void, FileError>& opened);
   void store(const TaskPointer& task, TakenFrame taken);
   void on_stored(const TaskPointer& task, const std::string& file, const TakenFrame& taken);
   void on_store_failure(const TaskPointer& task, const FrameStore::Failure& failure);
@@ -140,6 +143,7 @@ class ImageAcquisitionNode : public ros::LifecycleNode {
   std::vector<TaskPointer> waiting_;
   TaskPointer current_;
 
+  std::string store_problem_;  ///< nothing is taken while it cannot be read
   StoreFigures store_figures_;
   mission::ImageAcquisitionHousekeeping counters_;
 
@@ -149,6 +153,7 @@ class ImageAcquisitionNode : public ros::LifecycleNode {
   std::shared_ptr<ros::ActionServer<Capture>> server_;
   ros::Timer wake_;
   ros::Timer soon_;
+  ros::Timer store_retry_;
   ros::Timer housekeeping_;
 };
 

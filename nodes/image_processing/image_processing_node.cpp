@@ -23,8 +23,8 @@ std::uint32_t as_u32(std::uint64_t value) {
   return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
 }
 
-ProcessRequest to_request(const srfs_msgs::action::ProcessImage::Goal& goal) {
-  return {goal.task, goal.files, goal.method, goal.parameters, goal.budget_octets, goal.full_frames};
+ProcessRequest to_request(const srfs_msgs::action::ProcessImage::Goal& goal, image::ProcessingRun run) {
+  return {goal.task, goal.files, goal.method, goal.parameters, goal.budget_octets, goal.full_frames, run};
 }
 
 srfs_msgs::msg::ImageStreak to_message(const image::Streak& s) {
@@ -48,11 +48,20 @@ ImageProcessingNode::ImageProcessingNode(ros::NodeContext& context) : LifecycleN
       true);
 }
 
+bool ImageProcessingNode::is_at_rest() const {
+  if (!worker_) return true;
+  const ros::WorkerProgress progress = worker_->progress();
+  return !progress.busy && progress.waiting == 0;
+}
+
 // ---------------------------------------------------------------- lifecycle
 
 CallbackReturn ImageProcessingNode::on_configure() {
-  worker_ = create_worker("image", 4, std::max<milliseconds>(worker_deadline(), longest_step));
-  open_store();
+  if (!worker_) worker_ = create_worker("image", 4, std::max<milliseconds>(worker_deadline(), longest_step));
+  if (!open_store()) {
+    set_failure_reason("a step of an earlier task has not ended yet");
+    return CallbackReturn::failure;
+  }
   detections_ = create_publisher(ros::topics::image_detections);
   ticks_ = create_subscription(ros::topics::time_tick,
                                [this](const srfs_msgs::msg::TimeTick& tick) { time_.on_tick(tick); });
@@ -68,11 +77,12 @@ CallbackReturn ImageProcessingNode::on_configure() {
   return CallbackReturn::success;
 }
 
-void ImageProcessingNode::open_store() {
+/// @return whether it will be: behind a step that still runs
+bool ImageProcessingNode::open_store() {
   store_ = std::make_shared<std::optional<ProductStore>>();
   const auto quota = static_cast<std::uint64_t>(get_parameter<std::int64_t>("product_quota_mib")) * mebibyte;
   auto octets = std::make_shared<std::uint64_t>(0);
-  worker_->post(
+  return worker_->post(
       [slot = store_, images = images_of(var()), quota, octets] {
         slot->emplace(images, quota);
         *octets = (*slot)->octets();
@@ -85,12 +95,11 @@ CallbackReturn ImageProcessingNode::on_deactivate() {
   return CallbackReturn::success;
 }
 
+/// The worker stays: nobody waits for the step that runs, and what comes later comes behind it.
 CallbackReturn ImageProcessingNode::on_cleanup() {
   abort_all();
   housekeeping_timer_.reset();
   server_.reset();
-  worker_.reset();  // the step that runs ends first
-  steps_running_ = 0;
   store_.reset();
   ticks_.reset();
   detections_.reset();
@@ -128,7 +137,7 @@ void ImageProcessingNode::begin_next() {
 }
 
 void ImageProcessingNode::begin(const Goal& goal) {
-  auto order = check_request(to_request(goal->goal()));
+  auto order = check_request(to_request(goal->goal(), image::run_of_goal(goal->id())));
   if (!order) return abort(goal, order.error().failure_code, order.error().reason);
   const ImageTask::Limits limits{get_parameter<std::int64_t>("frame_pixels_max")};
   running_ = {goal, std::make_shared<ImageTask>(*std::move(order), images_of(var()), limits)};
@@ -146,7 +155,6 @@ void ImageProcessingNode::post_step() {
         step->store_octets = (*store)->octets();
       },
       [this, task = running_->task, step] { on_step(task, *step); });
-  steps_running_ += taken ? 1 : 0;
   if (taken) return;
   const Goal goal = running_->goal;
   running_.reset();
@@ -154,7 +162,6 @@ void ImageProcessingNode::post_step() {
 }
 
 void ImageProcessingNode::on_step(const std::shared_ptr<ImageTask>& task, const Step& step) {
-  --steps_running_;
   counters_.product_store_mib = as_u32(step.store_octets / mebibyte);
   if (!running_ || running_->task != task) return;  // aborted meanwhile
   for (const std::string& problem : step.report.problems)

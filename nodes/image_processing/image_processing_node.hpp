@@ -19,8 +19,8 @@ class ImageProcessingNode : public ros::LifecycleNode {
  public:
   explicit ImageProcessingNode(ros::NodeContext& context);
 
-  /// The step that ran at a deactivation has ended.
-  [[nodiscard]] bool is_at_rest() const override { return steps_running_ == 0; }
+  /// The step that ran at a deactivation, or a cleanup, has ended.
+  [[nodiscard]] bool is_at_rest() const override;
 
  protected:
   ros::CallbackReturn on_configure() override;
@@ -45,7 +45,7 @@ class ImageProcessingNode : public ros::LifecycleNode {
     std::uint64_t store_octets = 0;
   };
 
-  void open_store();
+  [[nodiscard]] bool open_store();
   void on_goal(Goal goal);
   ros::CancelResponse on_cancel(const Goal& goal);
   void begin_next();
@@ -61,8 +61,7 @@ class ImageProcessingNode : public ros::LifecycleNode {
   void abort_all();
   void publish_housekeeping();
 
-  int steps_running_ = 0;
-  std::shared_ptr<ros::Worker> worker_;
+  std::shared_ptr<ros::Worker> worker_;  ///< from the first configuring on
   StoreSlot store_;
   std::shared_ptr<ros::ActionServer<Process>> server_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::ImageDetections>> detections_;

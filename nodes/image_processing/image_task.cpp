@@ -183,18 +183,14 @@ void ImageTask::take_findings(const std::string& file, const image::Frame& frame
   used_.push_back(std::move(used));
 }
 
-/// What was found once stays so: another method sees less.
+/// What was found once stays so: another method or other parameters see less.
 void ImageTask::mark(const std::string& file, bool detected, StepReport& report) const {
   const auto path = frame_path(images_, file);
   if (!path) return;
   using image::FrameMark;
   if (!detected && image::has_mark(*path, FrameMark::detected)) return;
-  auto marked = image::mark_frame(*path, detected ? FrameMark::detected : FrameMark::nothing);
-  // What was sent of it before did not have this detection.
-  for (const FrameMark old : {FrameMark::nothing, FrameMark::sent}) {
-    if (marked && detected && image::has_mark(*path, old))
-      marked = remove_durably(image::mark_path(*path, old));
-  }
+  const auto marked = detected ? image::mark_detected(*path, order_.request.method, order_.request.run)
+                               : image::mark_frame(*path, FrameMark::nothing);
   if (!marked) report.problems.push_back(marked.error().message);
 }
 

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "image/frame_mark.hpp"
 #include "image/method.hpp"
 
 namespace srfs {
@@ -19,6 +20,7 @@ struct ProcessRequest {
   std::string parameters;  ///< "name=value", separated by commas
   std::uint32_t budget_octets = 0;
   bool full_frames = false;
+  image::ProcessingRun run = 0;  ///< for the frames' marks
 };
 
 /// The same, checked.

@@ -24,13 +24,14 @@ constexpr std::string_view outbox_prefix = "outbox/";
 constexpr std::size_t rank_digits = 3;
 constexpr std::size_t task_digits = 10;
 constexpr std::size_t frame_digits = 4;
+constexpr std::size_t run_digits = 8;  // hexadecimal
 constexpr int name_attempts = 9;
 
 /// Takes a number of so many digits and the underscore behind it.
 template <class Number>
-bool take(std::string_view& rest, std::size_t digits, Number& number) {
+bool take(std::string_view& rest, std::size_t digits, Number& number, int base = 10) {
   if (rest.size() <= digits || rest[digits] != '_') return false;
-  const auto [end, error] = std::from_chars(rest.data(), rest.data() + digits, number);
+  const auto [end, error] = std::from_chars(rest.data(), rest.data() + digits, number, base);
   if (error != std::errc() || end != rest.data() + digits) return false;
   rest.remove_prefix(digits + 1);
   return true;
@@ -99,14 +100,20 @@ std::optional<OutboxImage> outbox_image(std::string_view name) {
   name.remove_prefix(is_strip ? strip_prefix.size() : product_prefix.size());
   OutboxImage image;
   std::uint32_t rank = 0;
-  if (!take(name, rank_digits, rank) || !take(name, task_digits, image.task)) return std::nullopt;
+  if (!take(name, rank_digits, rank)) return std::nullopt;
+  if (!is_strip && name.starts_with('r')) {
+    name.remove_prefix(1);
+    if (!take(name, run_digits, image.run, 16)) return std::nullopt;
+  }
+  if (!take(name, task_digits, image.task)) return std::nullopt;
   if (is_strip && !take(name, frame_digits, image.frame)) return std::nullopt;
   return image;
 }
 
 std::string outbox_image_name(const OutboxImage& image, std::size_t rank, std::string_view name) {
-  const std::string of = fmt::format("{}{:0{}}_{:0{}}_", image.frame == 0 ? product_prefix : strip_prefix,
-                                     rank, rank_digits, image.task, task_digits);
+  const std::string run = image.run == 0 ? "" : fmt::format("r{:0{}x}_", image.run, run_digits);
+  const std::string of = fmt::format("{}{:0{}}_{}{:0{}}_", image.frame == 0 ? product_prefix : strip_prefix,
+                                     rank, rank_digits, run, image.task, task_digits);
   return image.frame == 0 ? of + std::string(name)
                           : fmt::format("{}{:0{}}_{}", of, image.frame, frame_digits, name);
 }
@@ -215,14 +222,13 @@ bool ImageOutbox::on_sent(std::string_view source_file) {
 void ImageOutbox::mark_some() {
   if (to_mark_.empty()) return;
   const OutboxImage image = to_mark_.front();
+  const auto run = image.frame == 0 ? std::optional(image.run) : std::nullopt;
   std::size_t marked = 0;
   for (const std::string& frame : frames_of(image.task, image.frame)) {
     const std::filesystem::path path = images_ / frame;
-    const bool searched = image.frame != 0 || image::has_mark(path, image::FrameMark::detected) ||
-                          image::has_mark(path, image::FrameMark::nothing);
-    if (!searched || image::has_mark(path, image::FrameMark::sent)) continue;
+    if (!image::lacks_sent_mark(path, run)) continue;
     if (marked++ == marks_per_call) return;  // goes on with the next call
-    const auto done = image::mark_frame(images_ / frame, image::FrameMark::sent);
+    const auto done = image::mark_sent(path, run);
     if (done) continue;
     log::warn("{} is not marked as sent: {}", frame, done.error().message);
     break;

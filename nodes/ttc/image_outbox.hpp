@@ -9,13 +9,17 @@
 #include <string_view>
 #include <vector>
 
+#include "image/frame_mark.hpp"
+
 namespace srfs {
 
-/// What a file in the outbox is of, as its name says: image_RANK_TASK_NAME is a product of a task,
-/// strip_RANK_TASK_FRAME_NAME a part of one frame.
+/// What a file in the outbox is of, as its name says: image_RANK_rRUN_TASK_NAME is a product of a run of a
+/// task's processing, strip_RANK_TASK_FRAME_NAME a part of one frame.
 struct OutboxImage {
   std::uint32_t task = 0;
   std::uint16_t frame = 0;  ///< 0: a product of all its frames
+  /// Of a product. 0: not known, or one that does not say what was found; not in the name then
+  image::ProcessingRun run = 0;
   friend bool operator==(const OutboxImage&, const OutboxImage&) = default;
 };
 /// nullopt: another file. @param name without folder
@@ -31,9 +35,9 @@ struct QueuedProducts {
 };
 
 /// Imaging's files between the folder of images and the folder of files: products into the outbox, and frames
-/// marked as sent when the ground has all that was made of them. The outbox is the only memory, so a restart
-/// forgets nothing. The file on board stays: it is linked, not moved. Used on the thread that owns the disk;
-/// blocks on it.
+/// marked as sent when the ground has all that a run made of them. The outbox is the only memory, so a
+/// restart forgets nothing. The file on board stays: it is linked, not moved. Used on the thread that owns
+/// the disk; blocks on it.
 class ImageOutbox {
  public:
   static constexpr std::size_t max_frames = 256;         ///< of one order; a task number used again has more
@@ -63,8 +67,8 @@ class ImageOutbox {
   /// The ground has a file of the outbox, which has left it. @param source_file as CFDP names it
   /// @return whether it is one of imaging
   bool on_sent(std::string_view source_file);
-  /// Marks some of the frames whose products were all sent, of those that were searched for debris, or sent
-  /// whole. A restart in between forgets the rest: their
+  /// Marks some of the frames whose products were all sent, of those in which that run found something or
+  /// nothing ever was found, or that were sent whole. A restart in between forgets the rest: their
   /// frames are then kept for longer.
   void mark_some();
 

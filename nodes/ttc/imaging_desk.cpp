@@ -8,6 +8,7 @@ namespace {
 
 constexpr std::array quarter_steps{25, 50, 75};
 constexpr std::size_t why_octets = 120;  ///< of the event
+constexpr std::string_view findings_file = "/findings.json";
 
 }  // namespace
 
@@ -356,6 +357,8 @@ void ImagingDesk::on_processed(Task& task, ImageGoalEnd end, MonotonicTime now) 
   counters_.detections += end.detections;
   progress(task, step_processed);
   if (end.files.empty()) return complete(task.origin.id);
+  const bool tells = std::any_of(end.files.begin(), end.files.end(),
+                                 [](const std::string& file) { return file.ends_with(findings_file); });
   task.files = std::move(end.files);
   task.state = State::queueing;
   task.silent_at = now + answer_patience;
@@ -363,7 +366,8 @@ void ImagingDesk::on_processed(Task& task, ImageGoalEnd end, MonotonicTime now) 
                      .id = task.origin.id,
                      .task = task.settings.task,
                      .frame = task.frame,
-                     .files = task.files});
+                     .files = task.files,
+                     .run = tells ? end.run : 0});
 }
 
 void ImagingDesk::on_instance(ImageServer server, std::uint32_t incarnation, MonotonicTime looked) {

@@ -43,6 +43,7 @@ struct ImagingOrder {
   std::string parameters = {};
   std::uint32_t budget_octets = 0;
   bool full_frames = false;
+  std::uint32_t run = 0;  ///< queue_products: of the processing, if the products tell all it found; else 0
   ImageServer server = ImageServer::acquisition;  ///< cancel_goal, cancel_all
 };
 
@@ -59,6 +60,7 @@ struct ImageGoalEnd {
   std::string reason = {};
   std::vector<std::string> files = {};  ///< frames or products, below the folder of images
   std::uint32_t detections = 0;         ///< streaks and tracklets
+  std::uint32_t run = 0;                ///< of the processing (lib/image/frame_mark.hpp)
 };
 
 /// The time as far as it is known.

@@ -97,7 +97,10 @@ void TtcNode::send_image_goal(ImageGoals<A>& goals, ImageServer server, std::uin
     if (is_active()) settle();
   };
   callbacks.ended = [this, id, server, &goals](const ros::GoalOutcome<A>& outcome) {
-    link_->imaging.on_goal_end(id, server, to_end<A>(outcome), monotonic_now());
+    ImageGoalEnd end = to_end<A>(outcome);
+    if (const auto known = goals.under_way.find(id); known != goals.under_way.end())
+      end.run = image::run_of_goal(known->second->id());
+    link_->imaging.on_goal_end(id, server, std::move(end), monotonic_now());
     goals.under_way.erase(id);
     if (is_active()) settle();
   };
@@ -180,7 +183,7 @@ void TtcNode::on_imaging_job(const ImagingOrder& order, const ImagingOutcome& ou
 
 ImagingOutcome TtcNode::Files::serve(const ImagingOrder& order) {
   ImagingOutcome outcome;
-  const OutboxImage image{.task = order.task, .frame = order.frame};
+  const OutboxImage image{.task = order.task, .frame = order.frame, .run = order.run};
   if (order.action == ImagingAction::list_frames) {
     outcome.frames = images->newest_frames_of(order.task, order.frame);
     return outcome;

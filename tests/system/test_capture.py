@@ -7,7 +7,7 @@ import unittest
 
 from support import BIN, DEADLINE_S, SystemTest
 
-CAMERA = """  camera: { width: 960, height: 540, field_deg: 12, pointing: { ra_deg: 100, dec_deg: 40, roll_deg: 20 }, debris: { magnitude: 2, rate_deg_s: 3 } }
+CAMERA = """  camera: { width: 960, height: 540, field_deg: 12, pointing: { ra_deg: 100, dec_deg: 40, roll_deg: 20 }, debris: { magnitude: 2, rate_deg_s: 3 }, switched: true }
   watchdog:"""
 
 CAMERA_ABSENT, CAMERA_FAILED, BAD_SETTING = 110, 111, 120
@@ -32,6 +32,13 @@ class CaptureTest(SystemTest):
 
             def wait_for_telemetry(matches, what):
                 self.assertIsNotNone(ground.housekeeping("image_acquisition", DEADLINE_S, matches=matches), what)
+
+            with self.subTest("without power there is no camera"):
+                failed = self.capture(16)
+                self.assertEqual((failed["state"], failed["failure_code"]), ("aborted", CAMERA_ABSENT), failed)
+                since = ground.position()
+                ground.command("tc eps.switch_load load=2 state=on --wait", DEADLINE_S)
+                self.assertTrue(ground.wait_for(lambda m: m.get("event") == "image.camera_ready", DEADLINE_S, since))
 
             with self.subTest("at the commanded time"):
                 result = self.capture(17, "--frames", "3", "--interval-ms", "400", "--start-in-ms", "3000", "--exposure-us", "100000")

@@ -14,12 +14,14 @@ import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
 MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf", "uhid", "hid-mcp2221")
+# Two capture devices, of the single- and of the multi-planar API, each a webcam and nothing else.
+VIVID = ["vivid", "n_devs=2", "multiplanar=1,2", "node_types=0x1,0x1", "num_inputs=1,1", "input_types=0,0", "num_outputs=0,0"]
 CAN_DEADLINE_S = 1200
 
 
 def load_modules():
     # echo=1: an own frame comes back when it leaves the interface, as with a real controller.
-    for words in (["vcan", "echo=1"], *([module] for module in MODULES)):
+    for words in (["vcan", "echo=1"], VIVID, *([module] for module in MODULES)):
         subprocess.run(["modprobe", *words], check=False)  # what is built in, or missing, shows in the tests
 
 

@@ -1,5 +1,5 @@
 """The tests that need a kernel with CAN (tests/vm): the suite and its SocketCAN driver against Linux' own CAN stack and can-utils, the GPIO
-driver on a chip of the kernel's.
+driver on a chip of the kernel's, the V4L2 driver on the kernel's virtual camera.
 
 Where this kernel can make a vcan interface (as root), they run directly, on interfaces of their own that are removed afterwards. Elsewhere
 a virtual machine is booted with Debian's kernel, about 5 s; the first time its package is fetched (70 MB). About a minute then, --full 6.

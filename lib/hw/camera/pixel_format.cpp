@@ -86,6 +86,12 @@ const PixelFormat* find_pixel_format(std::uint32_t code) {
   return found != formats.end() ? &*found : nullptr;
 }
 
+const PixelFormat* find_pixel_format(std::string_view name) {
+  const auto found = std::find_if(formats.begin(), formats.end(),
+                                  [name](const PixelFormat& format) { return format.name == name; });
+  return found != formats.end() ? &*found : nullptr;
+}
+
 std::size_t row_octets(const PixelFormat& format, int width) {
   const auto n = static_cast<std::size_t>(width);
   switch (format.packing) {

@@ -30,6 +30,7 @@ struct PixelFormat {
 [[nodiscard]] std::span<const PixelFormat> pixel_formats();
 /// @return nullptr when it is not one of them
 [[nodiscard]] const PixelFormat* find_pixel_format(std::uint32_t fourcc);
+[[nodiscard]] const PixelFormat* find_pixel_format(std::string_view name);
 
 /// Octets of one row without padding.
 [[nodiscard]] std::size_t row_octets(const PixelFormat& format, int width);

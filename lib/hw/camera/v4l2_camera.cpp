@@ -19,6 +19,7 @@ namespace srfs::hw {
 namespace {
 
 constexpr std::uint32_t buffers_wanted = 4;
+constexpr std::size_t formats_most = 256;  // of a device; the kernel's virtual camera has 70
 constexpr std::uint32_t frame_octets_max = 2U * static_cast<std::uint32_t>(image::frame_pixels_max);
 
 int request(int fd, unsigned long code, void* argument) {
@@ -43,8 +44,10 @@ class Mapping {
     if (start_ != MAP_FAILED) ::munmap(start_, length_);
   }
   [[nodiscard]] bool valid() const { return start_ != MAP_FAILED; }
-  [[nodiscard]] OctetView octets(std::size_t used) const {
-    return {static_cast<const std::uint8_t*>(start_), std::min(used, length_)};
+  [[nodiscard]] OctetView octets(std::size_t begin, std::size_t end) const {
+    const std::size_t until = std::min(end, length_);
+    const std::size_t from = std::min(begin, until);
+    return {static_cast<const std::uint8_t*>(start_) + from, until - from};
   }
 
  private:
@@ -81,6 +84,10 @@ class V4l2Camera : public Camera {
     if ((can & (V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_VIDEO_CAPTURE_MPLANE)) == 0 ||
         (can & V4L2_CAP_STREAMING) == 0)
       return lost(fmt::format("{}: no device that streams pictures", path_.string()));
+    if (!options_.controls.empty()) {
+      controls_ = Fd(::open(options_.controls.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC));
+      if (!controls_) return lost(fmt::format("{}: {}", options_.controls.string(), errno_text(errno)));
+    }
     if (const auto chosen = choose_format(); !chosen) return Err(chosen.error());
     return fmt::format("{}, {} x {}, {}", reinterpret_cast<const char*>(capability.card), width_, height_,
                        format_->name);
@@ -89,6 +96,7 @@ class V4l2Camera : public Camera {
   void close() override {
     stop();
     device_.reset();
+    controls_.reset();
     format_ = nullptr;
     last_settings_.reset();
   }
@@ -152,15 +160,17 @@ class V4l2Camera : public Camera {
     std::vector<std::uint32_t> offered;
     v4l2_fmtdesc description{};
     description.type = type();
-    for (; offered.size() < 64 && request(device_.get(), VIDIOC_ENUM_FMT, &description) == 0;
+    for (; offered.size() < formats_most && request(device_.get(), VIDIOC_ENUM_FMT, &description) == 0;
          ++description.index)
       offered.push_back(description.pixelformat);
     for (const PixelFormat& format : pixel_formats()) {
+      if (options_.format != nullptr && options_.format != &format) continue;
       if (std::find(offered.begin(), offered.end(), format.fourcc) == offered.end()) continue;
       if (set_format(format)) return {};
     }
-    return lost(
-        fmt::format("{}: none of its {} formats is monochrome or Bayer", path_.string(), offered.size()));
+    const std::string_view wanted =
+        options_.format != nullptr ? options_.format->name : "monochrome or Bayer, in whole frames";
+    return lost(fmt::format("{}: none of its {} formats is {}", path_.string(), offered.size(), wanted));
   }
 
   bool set_format(const PixelFormat& format) {
@@ -170,11 +180,13 @@ class V4l2Camera : public Camera {
     if (planes_) {
       wanted.fmt.pix_mp.pixelformat = format.fourcc;
       wanted.fmt.pix_mp.num_planes = 1;
+      wanted.fmt.pix_mp.field = V4L2_FIELD_NONE;
       if (options_.width != 0) wanted.fmt.pix_mp.width = options_.width;
       if (options_.height != 0) wanted.fmt.pix_mp.height = options_.height;
       wanted.fmt.pix_mp.plane_fmt[0] = {};
     } else {
       wanted.fmt.pix.pixelformat = format.fourcc;
+      wanted.fmt.pix.field = V4L2_FIELD_NONE;
       if (options_.width != 0) wanted.fmt.pix.width = options_.width;
       if (options_.height != 0) wanted.fmt.pix.height = options_.height;
       wanted.fmt.pix.bytesperline = 0;
@@ -186,7 +198,9 @@ class V4l2Camera : public Camera {
                 : wanted.fmt.pix.pixelformat == format.fourcc;
     const std::uint32_t width = planes_ ? wanted.fmt.pix_mp.width : wanted.fmt.pix.width;
     const std::uint32_t height = planes_ ? wanted.fmt.pix_mp.height : wanted.fmt.pix.height;
-    if (!kept || image::refuse_size(width, height)) return false;
+    const std::uint32_t field = planes_ ? wanted.fmt.pix_mp.field : wanted.fmt.pix.field;
+    const bool whole = field == V4L2_FIELD_NONE || field == V4L2_FIELD_ANY;  // no half pictures
+    if (!kept || !whole || image::refuse_size(width, height)) return false;
     width_ = static_cast<int>(width);
     height_ = static_cast<int>(height);
     row_step_ = planes_ ? wanted.fmt.pix_mp.plane_fmt[0].bytesperline : wanted.fmt.pix.bytesperline;
@@ -199,10 +213,8 @@ class V4l2Camera : public Camera {
     // Cameras without automatic exposure have no such control.
     static_cast<void>(set_control(V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_MANUAL));
     static_cast<void>(set_control(V4L2_CID_AUTOGAIN, 0));
-    const double exposure_us = static_cast<double>(settings.exposure.count());
-    const Set exposed = options_.line_us > 0 ? set_control(V4L2_CID_EXPOSURE, exposure_us / options_.line_us)
-                                             : set_control(V4L2_CID_EXPOSURE_ABSOLUTE, exposure_us / 100);
-    if (exposed != Set::done) return bad_setting("exposure", exposed);
+    if (const Set exposed = set_exposure(settings.exposure); exposed != Set::done)
+      return bad_setting("exposure", exposed);
     Set gained = set_control(V4L2_CID_ANALOGUE_GAIN, settings.gain_db / options_.gain_step_db);
     if (gained == Set::no_control)
       gained = set_control(V4L2_CID_GAIN, settings.gain_db / options_.gain_step_db);
@@ -212,6 +224,14 @@ class V4l2Camera : public Camera {
   }
 
   enum class Set : std::uint8_t { done, no_control, out_of_range, refused };
+
+  Set set_exposure(microseconds exposure) {
+    if (options_.fixed_exposure > microseconds(0))
+      return exposure == options_.fixed_exposure ? Set::done : Set::out_of_range;
+    const auto exposure_us = static_cast<double>(exposure.count());
+    return options_.line_us > 0 ? set_control(V4L2_CID_EXPOSURE, exposure_us / options_.line_us)
+                                : set_control(V4L2_CID_EXPOSURE_ABSOLUTE, exposure_us / 100);
+  }
 
   static tl::unexpected<CameraFault> bad_setting(const char* what, Set how) {
     const char* const why = how == Set::no_control     ? "has no control"
@@ -223,12 +243,13 @@ class V4l2Camera : public Camera {
   Set set_control(std::uint32_t id, double value) {
     v4l2_queryctrl range{};
     range.id = id;
-    if (request(device_.get(), VIDIOC_QUERYCTRL, &range) != 0 || (range.flags & V4L2_CTRL_FLAG_DISABLED) != 0)
+    const int fd = controls_ ? controls_.get() : device_.get();
+    if (request(fd, VIDIOC_QUERYCTRL, &range) != 0 || (range.flags & V4L2_CTRL_FLAG_DISABLED) != 0)
       return Set::no_control;
     const double rounded = std::round(value);
     if (rounded < range.minimum || rounded > range.maximum) return Set::out_of_range;
     v4l2_control control{.id = id, .value = static_cast<std::int32_t>(rounded)};
-    return request(device_.get(), VIDIOC_S_CTRL, &control) == 0 ? Set::done : Set::refused;
+    return request(fd, VIDIOC_S_CTRL, &control) == 0 ? Set::done : Set::refused;
   }
 
   Result<void, CameraFault> start() {
@@ -252,6 +273,7 @@ class V4l2Camera : public Camera {
     int stream = static_cast<int>(type());
     if (request(device_.get(), VIDIOC_STREAMON, &stream) != 0) return failed("start the stream");
     streaming_ = true;
+    sequence_base_ = last_sequence_ + 1;
     return {};
   }
 
@@ -294,8 +316,10 @@ class V4l2Camera : public Camera {
     pollfd waiting{.fd = device_.get(), .events = POLLIN, .revents = 0};
     const int ready = ::ppoll(&waiting, 1, &wait, nullptr);
     if (ready < 0 && errno != EINTR) return failed("poll");
-    // Unplugged, or the stream ended by itself.
-    if (ready > 0 && (waiting.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) return lost("unplugged");
+    if (ready > 0 && (waiting.revents & (POLLHUP | POLLNVAL)) != 0)
+      return lost(fmt::format("{}: unplugged", path_.string()));
+    if (ready > 0 && (waiting.revents & POLLERR) != 0)
+      return lost(fmt::format("{}: the stream failed", path_.string()));
     return ready > 0;
   }
 
@@ -309,14 +333,17 @@ class V4l2Camera : public Camera {
       return Err(CameraFault{CameraFault::Kind::unsound, std::move(why)});
     };
     if ((buffer.flags & V4L2_BUF_FLAG_ERROR) != 0) return unsound("torn: the driver marked it");
+    const std::size_t begin_octet = planes_ ? taken.planes[0].data_offset : 0;
     const std::size_t used = planes_ ? taken.planes[0].bytesused : buffer.bytesused;
     CameraFrame frame;
     frame.pixels = image::Grid<std::uint16_t>::unset(width_, height_);
-    if (!unpack_pixels(*format_, mappings_[buffer.index].octets(used), row_step_, frame.pixels))
+    if (!unpack_pixels(*format_, mappings_[buffer.index].octets(begin_octet, used), row_step_, frame.pixels))
       return unsound(fmt::format("short: {} octets", used));
     frame.bits = format_->bits;
     frame.saturation_adu = static_cast<std::uint16_t>((1U << format_->bits) - 1);
-    frame.sequence = buffer.sequence;
+    // A driver begins at 0 with each stream.
+    last_sequence_ = sequence_base_ + buffer.sequence;
+    frame.sequence = last_sequence_;
     frame.begin = begin;
     frame.settings = last_settings_.value_or(CameraSettings{});
     return std::optional<CameraFrame>(std::move(frame));
@@ -324,9 +351,12 @@ class V4l2Camera : public Camera {
 
   [[nodiscard]] MonotonicTime begin_of(const v4l2_buffer& buffer) const {
     const nanoseconds exposure = last_settings_ ? nanoseconds(last_settings_->exposure) : nanoseconds(0);
+    const MonotonicTime arrival = monotonic_now();
     if ((buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC)
-      return monotonic_now() - exposure;
-    const MonotonicTime stamp(seconds(buffer.timestamp.tv_sec) + microseconds(buffer.timestamp.tv_usec));
+      return arrival - exposure;
+    // Some drivers reckon the end of a frame ahead of it.
+    const MonotonicTime stamp = std::min(
+        arrival, MonotonicTime(seconds(buffer.timestamp.tv_sec) + microseconds(buffer.timestamp.tv_usec)));
     const bool of_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
     return of_start ? stamp : stamp - exposure;
   }
@@ -334,6 +364,7 @@ class V4l2Camera : public Camera {
   std::filesystem::path path_;
   V4l2Options options_;
   Fd device_;
+  Fd controls_;  ///< none: the device has them
   bool planes_ = false;
   const PixelFormat* format_ = nullptr;  ///< none: closed
   int width_ = 0;
@@ -341,6 +372,8 @@ class V4l2Camera : public Camera {
   std::size_t row_step_ = 0;
   std::vector<Mapping> mappings_;
   bool streaming_ = false;
+  std::uint32_t sequence_base_ = 0;  ///< of the stream's frames
+  std::uint32_t last_sequence_ = 0;
   std::optional<CameraSettings> last_settings_;
   std::optional<MonotonicTime> begun_;
 };

@@ -104,6 +104,23 @@ TEST_F(FrameStoreTest, MakesRoomBySentThenEmptyThenUnmarkedFramesWithTheirMarks)
   EXPECT_FALSE(is_there(detected));
 }
 
+TEST_F(FrameStoreTest, KeepsAFrameWhoseDetectionIsOfARunThatWasNotSent) {
+  FrameStore store(images_, 2 * kib);
+  ASSERT_TRUE(store.open());
+  const std::string kept = add(store, 1).value();
+  const std::string gone = add(store, 2).value();
+  for (const std::string& file : {kept, gone}) {
+    ASSERT_TRUE(image::mark_detected(images_ / file, "streak", 0xA));
+    ASSERT_TRUE(image::mark_sent(images_ / file, 0xA));
+  }
+  ASSERT_TRUE(image::mark_detected(images_ / kept, "tracklet", 0xB));
+  ASSERT_TRUE(add(store, 3));
+  EXPECT_TRUE(is_there(kept)) << "the older one, but of run B the ground has nothing";
+  EXPECT_FALSE(is_there(gone));
+  ASSERT_TRUE(add(store, 4));
+  EXPECT_TRUE(is_there(kept)) << "rather the new one";
+}
+
 TEST_F(FrameStoreTest, SaysWhenTheDiskFails) {
   FrameStore store(images_, 100 * kib);
   ASSERT_TRUE(store.open());
@@ -116,6 +133,28 @@ TEST_F(FrameStoreTest, SaysWhenTheDiskFails) {
 
   FrameStore nowhere(images_ / "frames/0000000009/x", kib);
   EXPECT_FALSE(nowhere.open());
+}
+
+TEST_F(FrameStoreTest, TakesNothingWhileItCannotReadAllThatIsThere) {
+  FrameStore store(images_, 2 * kib);
+  ASSERT_TRUE(store.open());
+  const std::string first = add(store, 5).value();
+  const fs::path loop = images_ / "frames/0000000009";
+  fs::create_symlink("0000000009", loop);
+
+  const auto opened = store.open();
+  ASSERT_FALSE(opened);
+  EXPECT_NE(opened.error().message.find("0000000009: "), std::string::npos) << opened.error().message;
+  EXPECT_FALSE(store.is_open());
+  EXPECT_EQ(store.next_number(5), std::nullopt) << "the first one's number is taken, but nobody knows";
+  const auto refused = store.add(5, 1, Octets(kib));
+  ASSERT_FALSE(refused);
+  EXPECT_FALSE(refused.error().full);
+  EXPECT_TRUE(is_there(first));
+
+  fs::remove(loop);
+  ASSERT_TRUE(store.open());
+  EXPECT_EQ(add(store, 5).value(), "frames/0000000005/0002.fits");
 }
 
 TEST_F(FrameStoreTest, HasNumbersToFourDigits) {

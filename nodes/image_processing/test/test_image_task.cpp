@@ -45,7 +45,7 @@ class ImageTaskTest : public testing::Test {
   ImageTask task(std::vector<std::string> files, const std::string& method, std::uint32_t budget = 200'000,
                  const std::string& parameters = "", bool full_frames = false,
                  std::int64_t pixels = 6'000'000) {
-    auto order = check_request({17, std::move(files), method, parameters, budget, full_frames});
+    auto order = check_request({17, std::move(files), method, parameters, budget, full_frames, run_});
     if (!order) throw std::runtime_error(order.error().reason);
     return {*std::move(order), images_, {pixels}};
   }
@@ -65,6 +65,7 @@ class ImageTaskTest : public testing::Test {
   testing_support::TemporaryFolder folder_;
   std::filesystem::path images_ = folder_.path() / "images";
   ProductStore store_{images_, 10'000'000};
+  image::ProcessingRun run_ = 0xA1;  ///< of the next task
   std::vector<std::string> refused_;
   std::vector<FrameReport> frames_;
 };
@@ -210,6 +211,24 @@ TEST_F(ImageTaskTest, WhatWasDetectedOnceStaysMarked) {
   EXPECT_FALSE(image::has_mark(images_ / with, FrameMark::nothing));
   EXPECT_TRUE(image::has_mark(images_ / without, FrameMark::detected));
   EXPECT_FALSE(image::has_mark(images_ / without, FrameMark::nothing));
+}
+
+TEST_F(ImageTaskTest, ADetectionWaitsForTheProductsOfItsOwnRun) {
+  const auto frame = store_frame(1, true);
+  ImageTask cancelled = task({frame}, "streak");
+  static_cast<void>(cancelled.step(store_));  // the frame is marked, no product is made
+  run_ = 0xA2;
+  ImageTask other = task({frame}, "thumbnail");
+  run(other);
+  EXPECT_FALSE(image::lacks_sent_mark(images_ / frame, 0xA2)) << "it says nothing of the streak";
+  EXPECT_TRUE(image::has_unsent_detection(images_ / frame));
+
+  run_ = 0xA3;
+  ImageTask again = task({frame}, "streak");
+  run(again);
+  EXPECT_TRUE(image::lacks_sent_mark(images_ / frame, 0xA3));
+  ASSERT_TRUE(image::mark_sent(images_ / frame, 0xA3));
+  EXPECT_FALSE(image::has_unsent_detection(images_ / frame)) << "instead of what the first run found";
 }
 
 TEST_F(ImageTaskTest, MethodsThatDoNotLookForDebrisLeaveTheMarks) {

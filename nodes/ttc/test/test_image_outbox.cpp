@@ -44,11 +44,15 @@ TEST_F(ImageOutboxTest, ANameSaysWhatTheFileIsOf) {
   EXPECT_EQ(outbox_image_name({.task = 5}, 1, "findings.json"), "image_001_0000000005_findings.json");
   EXPECT_EQ(outbox_image_name({.task = 4294967295, .frame = 256}, 256, "a_b"),
             "strip_256_4294967295_0256_a_b");
-  for (const OutboxImage image : {OutboxImage{.task = 5}, OutboxImage{.task = 4294967295, .frame = 256}})
+  EXPECT_EQ(outbox_image_name({.task = 5, .run = 0xA1}, 1, "findings.json"),
+            "image_001_r000000a1_0000000005_findings.json");
+  for (const OutboxImage image : {OutboxImage{.task = 5}, OutboxImage{.task = 4294967295, .frame = 256},
+                                  OutboxImage{.task = 5, .run = 0xFEDCBA98}})
     EXPECT_EQ(outbox_image(outbox_image_name(image, 7, "name")), image);
   for (const char* other :
        {"", "image_", "image_001_5_x", "image_001_00000000050_x", "image_0x1_0000000005_x",
-        "image_001_9999999999_x", "strip_001_0000000005_x", "crash_report", "image_001"})
+        "image_001_9999999999_x", "image_001_ra1_0000000005_x", "strip_001_r000000a1_0000000005_0002_x",
+        "strip_001_0000000005_x", "crash_report", "image_001"})
     EXPECT_FALSE(outbox_image(other)) << other;
 }
 
@@ -149,6 +153,27 @@ TEST_F(ImageOutboxTest, FramesAreMarkedWhenTheGroundHasAllProductsAlsoAfterARest
   for (int i = 1; i <= 9; ++i)
     EXPECT_TRUE(
         std::filesystem::exists(folder_ / ("images/frames/0000000005/000" + std::to_string(i) + ".sent")));
+}
+
+TEST_F(ImageOutboxTest, OnlyTheDetectionsOfTheRunThatWasSentAreMarked) {
+  const std::filesystem::path frames = folder_ / "images/frames/0000000005";
+  for (const char* name : {"0001", "0002", "0003"})
+    write(std::string("images/frames/0000000005/") + name + ".fits");
+  ASSERT_TRUE(image::mark_detected(frames / "0001.fits", "streak", 0xA));  // cancelled: no products
+  ASSERT_TRUE(image::mark_detected(frames / "0002.fits", "tracklet", 0xB));
+  ASSERT_TRUE(image::mark_frame(frames / "0003.fits", image::FrameMark::nothing));
+  write("files/outbox/image_001_r0000000a_0000000005_x");
+  write("files/outbox/image_001_r0000000b_0000000005_findings.json");
+  send("image_001_r0000000b_0000000005_findings.json");
+  for (int i = 0; i < 4; ++i) outbox_.mark_some();
+  EXPECT_TRUE(image::has_unsent_detection(frames / "0001.fits"));
+  EXPECT_FALSE(image::has_unsent_detection(frames / "0002.fits"))
+      << "the other run's products are still here";
+  EXPECT_TRUE(image::has_mark(frames / "0003.fits", image::FrameMark::sent));
+
+  send("strip_001_0000000005_0001_a");
+  outbox_.mark_some();
+  EXPECT_FALSE(image::has_unsent_detection(frames / "0001.fits")) << "the ground has the whole frame";
 }
 
 TEST_F(ImageOutboxTest, AProductThatCouldNotBeSentKeepsItsFramesUnmarked) {

@@ -136,6 +136,20 @@ TEST_F(ImagingDeskTest, ATaskIsCapturedProcessedAndSentWithProgressAtEachStage) 
   EXPECT_EQ(h.products_queued, 1U);
 }
 
+TEST_F(ImagingDeskTest, ProductsAreOfTheirRunWhereTheyTellWhatItFound) {
+  for (const char* product : {"products/0000000005/findings.json", "products/0000000005/thumbnail.png"}) {
+    send("image.capture", {"task=5"});
+    static_cast<void>(orders());
+    end(last_id_, Server::acquisition, frames(1));
+    static_cast<void>(orders());
+    end(last_id_, Server::processing, {.files = {product}, .run = 0xA1});
+    static_cast<void>(orders());
+    EXPECT_EQ(last_.action, ImagingAction::queue_products);
+    EXPECT_EQ(last_.run, std::string(product).ends_with(".json") ? 0xA1U : 0U);
+    desk_.on_products_queued(last_id_, 0, "", 1);
+  }
+}
+
 TEST_F(ImagingDeskTest, WithoutAMethodATaskEndsWithItsFrames) {
   send("image.capture", {"task=5", "method="});
   static_cast<void>(orders());
@@ -212,16 +226,16 @@ TEST_F(ImagingDeskTest, ProcessesStoredFramesAgain) {
 }
 
 TEST_F(ImagingDeskTest, SendsOneFrameWithoutLossAndWithoutAMethod) {
-  send("image.send_frame", {"task=5", "frame=3"});
+  send("image.send_frame", {"task=5", "frame=9999"});
   EXPECT_THAT(orders(), ElementsAre("list 1"));
-  EXPECT_EQ(last_.frame, 3);
-  desk_.on_frames_listed(1, {{"frames/0000000005/0003.fits"}});
+  EXPECT_EQ(last_.frame, 9999) << "as many as the store gives numbers";
+  desk_.on_frames_listed(1, {{"frames/0000000005/9999.fits"}});
   EXPECT_THAT(orders(), ElementsAre("process 1"));
   EXPECT_TRUE(last_.full_frames);
   EXPECT_EQ(last_.method, "");
   end(1, Server::processing, products());
   EXPECT_THAT(orders(), ElementsAre("queue 1"));
-  EXPECT_EQ(last_.frame, 3);
+  EXPECT_EQ(last_.frame, 9999);
 }
 
 TEST_F(ImagingDeskTest, ATaskWithoutFramesIsUnknown) {

@@ -104,6 +104,22 @@ TEST_F(SimCameraTest, IsGoneWhenUnpluggedAndBackWhenPluggedIn) {
   EXPECT_TRUE(shoot());
 }
 
+TEST_F(SimCameraTest, IsAbsentWithoutPowerEvenWhenPluggedIn) {
+  serve();
+  device_->set_power(false);
+  device_->misbehave(CameraMisbehaviour::none, 1);
+  const MonotonicTime deadline = monotonic_now() + seconds(10);
+  while (shoot() && monotonic_now() < deadline) {
+  }
+  const auto opened = camera_->open();
+  ASSERT_FALSE(opened);
+  EXPECT_EQ(opened.error().kind, CameraFault::Kind::absent);
+  device_->set_power(true);
+  while (!camera_->open() && monotonic_now() < deadline) {
+  }
+  EXPECT_TRUE(shoot());
+}
+
 TEST_F(SimCameraTest, GivesAnExposureUpForTheNext) {
   serve();
   ASSERT_TRUE(camera_->prepare({seconds(60), 0}));

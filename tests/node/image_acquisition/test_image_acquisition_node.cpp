@@ -301,6 +301,24 @@ TEST_F(ImageAcquisitionNodeTest, FailsWithTheStoreFullAndRemovesNoDetection) {
   EXPECT_FALSE(std::filesystem::exists(old));
 }
 
+TEST_F(ImageAcquisitionNodeTest, RefusesTasksWhileTheStoreCannotBeReadAndGoesOnWhenItIsMended) {
+  ASSERT_TRUE(write_file_atomically(images() / "frames", "a file where a folder is due"));
+  activate();
+  const auto refused = capture(task(29), GoalState::aborted);
+  EXPECT_EQ(refused.failure_code, failure::disk_failed);
+  EXPECT_THAT(refused.reason, HasSubstr("images/frames"));
+
+  std::filesystem::remove(images() / "frames");
+  const auto is_taken = [&](std::uint32_t number) {
+    Sent sent;
+    send(sent, task(number));
+    return wait([&] { return sent.outcome.has_value(); }) && *sent.outcome &&
+           (*sent.outcome)->state == GoalState::succeeded;
+  };
+  const MonotonicTime deadline = monotonic_now() + seconds(20);
+  for (std::uint32_t number = 30; !is_taken(number); ++number) ASSERT_LT(monotonic_now(), deadline);
+}
+
 TEST_F(ImageAcquisitionNodeTest, ClosesTheCameraWhenInactiveAndEndsItsTasksThen) {
   activate();
   script_->next({Shot::silent});

@@ -3,12 +3,15 @@
 #include <algorithm>
 #include <filesystem>
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <mission/structures.hpp>
 #include <srfs_msgs/srv/check_alive.hpp>
 
+#include "base/fd.hpp"
 #include "base/file.hpp"
 #include "image/frame_file.hpp"
 #include "image/frame_mark.hpp"
@@ -238,6 +241,49 @@ TEST_F(ImageProcessingNodeTest, AnswersLivenessWhileItComputes) {
   EXPECT_FALSE(running.outcome.has_value());
   running.goal->cancel();
   end_of(running, ros::GoalState::canceled);
+}
+
+/// A file whose reader waits until it is let go: a disk that does not answer.
+class HangingFile {
+ public:
+  explicit HangingFile(std::filesystem::path path) : path_(std::move(path)) {
+    EXPECT_EQ(::mkfifo(path_.c_str(), 0600), 0) << errno_text(errno);
+  }
+  ~HangingFile() { let_go(); }
+  HangingFile(const HangingFile&) = delete;
+  HangingFile& operator=(const HangingFile&) = delete;
+  void let_go() const { const Fd writer(::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK)); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+TEST_F(ImageProcessingNodeTest, ACleanupDoesNotWaitForTheStepThatRunsAndWhatComesNextDoes) {
+  const auto slow = store_frame(1, true);
+  const auto next = store_frame(2, false);
+  const HangingFile mark(image::mark_path(images_ / slow, image::FrameMark::sent));
+  Sent hanging;
+  send(hanging, goal({slow}));
+  ASSERT_TRUE(wait([&] { return !node_->is_at_rest(); }));
+
+  ASSERT_TRUE(node_->go_to(ros::State::unconfigured));
+  EXPECT_FALSE(node_->is_at_rest()) << "the step has not ended";
+  ros::Client<srfs_msgs::srv::CheckAlive> alive(executor_, *there_, "/image_processing/check_alive",
+                                                ros::Qos{}, ros::Priority::liveness);
+  bool answered = false;
+  alive.call({}, seconds(15), 1, [&](const auto& answer) { answered = answer.has_value(); });
+  EXPECT_TRUE(wait([&] { return answered; }));
+  ASSERT_TRUE(wait([&] { return !client_->is_ready(); })) << "its action is gone";
+
+  ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
+  ASSERT_TRUE(wait([&] { return client_->is_ready(); }));
+  Sent later;
+  send(later, goal({next}));
+  ASSERT_TRUE(wait([&] { return later.accepted; }));
+  EXPECT_FALSE(later.outcome) << "two steps at once would write over each other";
+  mark.let_go();
+  EXPECT_EQ(end_of(later, ros::GoalState::succeeded).failure_code, 0);
+  EXPECT_TRUE(wait([&] { return node_->is_at_rest(); }));
 }
 
 TEST_F(ImageProcessingNodeTest, AbortsItsGoalsWhenItIsDeactivatedAndTakesNewOnesLater) {

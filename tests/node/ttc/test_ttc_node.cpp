@@ -804,9 +804,11 @@ TEST_F(TtcImagingTest, ATelecommandIsCapturedProcessedAndItsProductsGoDown) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "images/products/0000000005/findings.json"));
 
   // Nobody at the ground takes it: it is still there to be taken back.
-  ASSERT_TRUE(std::filesystem::exists(folder_ / "files/outbox/image_001_0000000005_findings.json"));
+  const std::string queued = fmt::format("files/outbox/image_001_r{:08x}_0000000005_findings.json",
+                                         image::run_of_goal(processes_[0]->id()));
+  ASSERT_TRUE(std::filesystem::exists(folder_ / queued));
   EXPECT_TRUE(verified(7, send("image.cancel", {"task=5"})));
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "files/outbox/image_001_0000000005_findings.json"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / queued));
   EXPECT_TRUE(fails(8, send("image.cancel", {"task=6"}), mission::failure::unknown_task));
 }
 

@@ -1,6 +1,7 @@
 #include <cmath>
 #include <fstream>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -90,11 +91,15 @@ TEST(OpenCamera, NamesWhatIsWrongWithTheUri) {
     return camera ? std::string() : camera.error().message;
   };
   EXPECT_EQ(problem("v4l2:/dev/video0?width=1920&height=1080&line_us=14.8&gain_step_db=0.3"), "");
+  EXPECT_EQ(problem("v4l2:/dev/video0?format=SRGGB12P&exposure_us=5000&controls=/dev/v4l-subdev2"), "");
   EXPECT_EQ(problem("sim:run/camera.sock"), "");
   EXPECT_EQ(problem("dir:pictures"), "");
   EXPECT_THAT(problem("usb:1"), HasSubstr("expected v4l2:, sim:, dir:"));
   EXPECT_THAT(problem("v4l2:/dev/video0?width=1"), HasSubstr("'width=1', expected width"));
-  EXPECT_THAT(problem("v4l2:/dev/video0?zoom=2"), HasSubstr("'zoom=2'"));
+  for (const char* option : {"zoom=2", "format=JPEG", "exposure_us=0", "line_us=x", "controls="}) {
+    EXPECT_THAT(problem((std::string("v4l2:/dev/video0?") + option).c_str()),
+                HasSubstr(fmt::format("'{}'", option)));
+  }
   EXPECT_THAT(problem("dir:pictures?x=1"), HasSubstr("has no options"));
 }
 
