@@ -55,6 +55,7 @@ enum class FailureCode : std::uint16_t {
   package_refused = 141,
   update_under_way = 142,
   no_update = 143,
+  not_added = 165,
 };
 
 /// A telecommand as it arrived.

@@ -36,6 +36,7 @@ struct Arguments {
   std::filesystem::path var;
   std::optional<int> domain;
   bool self_test = false;
+  std::filesystem::path added_nodes;
 };
 
 int code(ExitCode c) {
@@ -301,12 +302,23 @@ Result<void, std::string> try_out(Executor& executor, LifecycleNode& node) {
   return {};
 }
 
+Deployment deployment_of_test(const Arguments& arguments) {
+  Deployment file = Deployment::load(arguments.deployment);
+  if (arguments.added_nodes.empty()) return file;
+  const auto text = read_file(arguments.added_nodes);
+  if (!text) throw ConfigError(text.error().message);
+  const auto added = added_nodes_from_text(*text);
+  if (!added) throw ConfigError(fmt::format("{}: {}", arguments.added_nodes.string(), added.error()));
+  auto [deployment, problems] = with_added(std::move(file), *added);
+  if (!problems.empty()) throw ConfigError(problems.front());
+  return deployment;
+}
+
 int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
   if (!arguments.domain) throw ConfigError("--self-test needs --domain, one that nobody else uses");
   ignore_broken_pipes();
   // A node that is to be added stands in the list of the VAR that it tests itself in.
-  Deployment deployment =
-      load_deployment(arguments.deployment, VarPaths{std::filesystem::absolute(arguments.var)}).deployment;
+  Deployment deployment = deployment_of_test(arguments);
   take_devices_away(deployment);
   deployment.ring.enabled = false;
   if (deployment.find(arguments.name) == nullptr)
@@ -358,6 +370,8 @@ int run_node(int argc, char** argv, const NodeFactory& factory) {
   app.add_flag("--self-test", arguments.self_test,
                "Go to Active and back without devices and without a ring, in a --var and a --domain of its "
                "own; exit code 6: failed");
+  app.add_option("--added-nodes", arguments.added_nodes,
+                 "With --self-test: the list of added nodes, where the node is one");
   app.set_version_flag("--version", version());
   CLI11_PARSE(app, argc, argv);
   log::set_name(arguments.name);

@@ -29,10 +29,14 @@ std::vector<std::string> build_command(const LaneFolders& folders, const update:
 
 std::vector<std::string> self_test_command(const LaneFolders& folders, const update::Manifest& manifest,
                                            const std::filesystem::path& deployment) {
-  return {folders.program, "self-test",   "--program",    folders.built(manifest.node),
-          "--name",        manifest.node, "--deployment", deployment,
-          "--work",        folders.lane,  "--seconds",    std::to_string(manifest.self_test.count()),
-          "--log",         folders.log(), "--report",     folders.report()};
+  std::vector<std::string> command{
+      folders.program, "self-test",   "--program",    folders.built(manifest.node),
+      "--name",        manifest.node, "--deployment", deployment,
+      "--work",        folders.lane,  "--seconds",    std::to_string(manifest.self_test.count()),
+      "--log",         folders.log(), "--report",     folders.report()};
+  if (manifest.kind == update::PackageKind::add)
+    command.push_back("--added-nodes=" + folders.added_nodes().string());
+  return command;
 }
 
 LaneReport read_lane_report(std::string_view json, std::string_view end) {

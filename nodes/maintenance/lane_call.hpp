@@ -20,6 +20,8 @@ struct LaneFolders {
 
   [[nodiscard]] std::filesystem::path sources() const { return work / "sources"; }
   [[nodiscard]] std::filesystem::path built(const std::string& node) const { return work / node; }
+  /// The list of added nodes that a new node is tested with.
+  [[nodiscard]] std::filesystem::path added_nodes() const { return work / "added_nodes"; }
   [[nodiscard]] std::filesystem::path log() const { return work / "log"; }
   [[nodiscard]] std::filesystem::path report() const { return work / "report.json"; }
 };

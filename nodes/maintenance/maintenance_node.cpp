@@ -141,6 +141,8 @@ FailureCode MaintenanceNode::check(std::uint16_t function, OctetView arguments) 
       return judge<mission::NodeReportVersions>(arguments, deployment());
     case mission::PackageInstall::function_id:
       return judge<mission::PackageInstall>(arguments, deployment());
+    case mission::NodeRemove::function_id:
+      return judge<mission::NodeRemove>(arguments, deployment());
     case mission::PackageCancel::function_id:
       return judge<mission::PackageCancel>(arguments, deployment());
     case mission::PackageReport::function_id:
@@ -216,6 +218,9 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       install_package(command->file, command->activate);
       break;
     }
+    case mission::NodeRemove::function_id:
+      remove_node(mission::NodeRemove::decode(arguments)->node);
+      break;
     case mission::PackageCancel::function_id:
       finished(cancel_update());
       break;

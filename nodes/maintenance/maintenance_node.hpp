@@ -14,8 +14,9 @@
 #include "commanding/commanded_node.hpp"
 #include "nodes/maintenance/lane_call.hpp"
 #include "nodes/maintenance/package_intake.hpp"
-#include "update/update_journal.hpp"
+#include "ros/launcher.hpp"
 #include "update/scrubber.hpp"
+#include "update/update_journal.hpp"
 
 namespace srfs {
 
@@ -72,6 +73,11 @@ class MaintenanceNode : public CommandedNode {
   void on_tested(const LaneReport& report);
   void store_program();
   void swap_program();
+  void add_program();
+  void on_swapped(const Result<std::optional<ros::Launched>, std::string>& swapped);
+  [[nodiscard]] std::optional<std::string> describe_new_node() const;
+  void review_added_nodes();
+  void remove_node(const std::string& node);
   void await_active(pid_t pid, MonotonicTime stopped);
   void end_update(update::UpdateStep step, const std::string& reason);
   void announce();
@@ -91,6 +97,8 @@ class MaintenanceNode : public CommandedNode {
   };
   update::UpdateJournal updates_;
   update::Manifest manifest_;  ///< of the update that is built
+  std::string dictionary_;     ///< the fragment that it brings; empty: none
+  ros::Timer reviewing_added_;
   std::optional<Lane> lane_;
   bool taking_in_ = false;  ///< a package is being verified
   std::shared_ptr<ros::Worker> package_worker_;

@@ -12,6 +12,7 @@
 #include "nodes/maintenance/maintenance_node.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
 #include "ros/launcher.hpp"
+#include "ros/node_addition.hpp"
 #include "ros/node_versions.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 
@@ -28,6 +29,8 @@ constexpr auto cancel_patience = seconds(5);
 constexpr auto look_for_active = milliseconds(5);
 constexpr auto longest_wait_for_active = seconds(10);
 constexpr auto before_own_end = seconds(1);
+constexpr auto between_reviews = seconds(2);
+constexpr auto longest_wait_for_lock = seconds(3);
 constexpr std::size_t longest_event_text = 120;
 constexpr std::size_t longest_line = 200;
 constexpr std::size_t largest_report = 64U << 10;
@@ -50,11 +53,14 @@ void MaintenanceNode::open_packages() {
   auto [journal, problem] = update::read_update_journal(state_dir());
   if (!problem.empty()) log::error("journal of updates: {}", problem);
   updates_ = std::move(journal);
+  reviewing_added_ = create_timer(
+      between_reviews, [this] { review_added_nodes(); }, "added nodes");
 }
 
 /// What is not done stays in the journal; the lane dies with its handle.
 void MaintenanceNode::close_packages() {
   awaiting_active_.reset();
+  reviewing_added_.reset();
   lane_.reset();
   taking_in_ = false;
   if (package_worker_) package_worker_->drain();
@@ -85,7 +91,7 @@ void MaintenanceNode::install_package(const std::string& file, bool activate) {
   }
   struct Outcome {
     std::optional<update::UpdateJournal> journal;
-    update::Manifest manifest;
+    Intake intake;
     IntakeFailure failure;
   };
   auto outcome = std::make_shared<Outcome>();
@@ -106,7 +112,7 @@ void MaintenanceNode::install_package(const std::string& file, bool activate) {
           outcome->failure.reason = written.error().message;
           return;
         }
-        outcome->manifest = intake->manifest;
+        outcome->intake = std::move(*intake);
         outcome->journal = std::move(journal);
       },
       [this, outcome, file] {
@@ -122,7 +128,8 @@ void MaintenanceNode::install_package(const std::string& file, bool activate) {
           return;
         }
         updates_ = std::move(*outcome->journal);
-        manifest_ = std::move(outcome->manifest);
+        manifest_ = std::move(outcome->intake.manifest);
+        dictionary_ = std::move(outcome->intake.dictionary);
         finished(FailureCode::none);
         go_on();
       });
@@ -142,7 +149,8 @@ void MaintenanceNode::resume_update() {
     announce();
     return;
   }
-  if (updates_.update().step == UpdateStep::swap) {
+  // What is said of a new node stands in its package.
+  if (updates_.update().step == UpdateStep::swap && updates_.update().kind == update::PackageKind::replace) {
     go_on();
     return;
   }
@@ -159,6 +167,7 @@ void MaintenanceNode::resume_update() {
           end_update(UpdateStep::failed, "the package is another one now");
         } else {
           manifest_ = (*intake)->manifest;
+          dictionary_ = (*intake)->dictionary;
           go_on();
         }
       });
@@ -266,6 +275,10 @@ void MaintenanceNode::go_on() {
                [this](const LaneReport& report) { on_built(report); });
       break;
     case UpdateStep::self_test:
+      if (const auto problem = describe_new_node()) {
+        end_update(UpdateStep::failed, *problem);
+        break;
+      }
       run_lane(self_test_command(lane_folders(), manifest_, deployment().file),
                manifest_.self_test + beyond_self_test,
                [this](const LaneReport& report) { on_tested(report); });
@@ -274,7 +287,11 @@ void MaintenanceNode::go_on() {
       store_program();
       break;
     case UpdateStep::swap:
-      swap_program();
+      if (updates_.update().kind == update::PackageKind::add) {
+        add_program();
+      } else {
+        swap_program();
+      }
       break;
     default:
       break;
@@ -348,52 +365,126 @@ void MaintenanceNode::store_program() {
   if (!taken) end_update(UpdateStep::failed, "the worker is busy");
 }
 
+using Swapped = Result<std::optional<ros::Launched>, std::string>;
+
 void MaintenanceNode::swap_program() {
-  struct Outcome {
-    std::optional<ros::Launched> launched;
-    std::string problem;
-  };
-  auto outcome = std::make_shared<Outcome>();
+  auto swapped = std::make_shared<Swapped>(Err(std::string()));
   const bool taken = package_worker_->post(
-      [this, outcome, u = updates_.update()] {
-        const ros::NodeEntry* node = deployment().find(u.node);
+      [swapped, u = updates_.update(), deployment = deployment(), var = var(), self = name()] {
+        const ros::NodeEntry* node = deployment.find(u.node);
         if (node == nullptr) {
-          outcome->problem = "the deployment has no such node";
+          *swapped = Err(std::string("the deployment has no such node"));
           return;
         }
-        const ros::LaunchRequest request{deployment(), var(), ros::suite_bin_folder(),
+        const ros::LaunchRequest request{deployment, var, ros::suite_bin_folder(),
                                          fmt::format("version {} from {}", u.version, u.file)};
-        auto used = ros::use_version(request, *node, u.version, u.probation, name());
-        if (used) {
-          outcome->launched = *used;
-        } else {
-          outcome->problem = used.error();
-        }
+        *swapped = ros::use_version(request, *node, u.version, u.probation, self);
       },
-      [this, outcome] {
-        const update::Update& u = updates_.update();
-        if (!outcome->problem.empty()) {
-          end_update(UpdateStep::failed, outcome->problem);
-        } else if (u.node == name()) {
-          own_end_ = create_one_shot(
-              now() + before_own_end,
-              [] {
-                log::info("ending, for the ring to start the other version");
-                kill(getpid(), SIGTERM);
-              },
-              "own end");
-        } else if (!outcome->launched) {
-          updates_.installed(std::nullopt);  // the node does not run now
-          save_updates();
-          announce();
-        } else if (outcome->launched->version != u.version) {
-          end_update(UpdateStep::failed, outcome->launched->fallback ? to_text(*outcome->launched->fallback)
-                                                                     : "another version was started");
-        } else {
-          await_active(outcome->launched->pid, outcome->launched->stopped);
-        }
-      });
+      [this, swapped] { on_swapped(*swapped); });
   if (!taken) end_update(UpdateStep::failed, "the worker is busy");
+}
+
+/// A node that was not there: its program becomes the active version, then it joins the suite, then it is
+/// started. Each may be done already.
+void MaintenanceNode::add_program() {
+  auto swapped = std::make_shared<Swapped>(Err(std::string()));
+  const bool taken = package_worker_->post(
+      [swapped, u = updates_.update(), node = ros::added_node_of(manifest_, dictionary_),
+       deployment = deployment(), var = var()] {
+        const auto used = ros::change_versions(var, u.node, [&](update::VersionStore& store) {
+          return store.use(u.version, u.probation, "another version was asked for");
+        });
+        const auto added = used ? ros::add_node(var, deployment, node) : used;
+        if (!added) {
+          *swapped = Err(added.error());
+          return;
+        }
+        const auto reading = ros::load_deployment(deployment.file, var);
+        const ros::NodeEntry* entry = reading.deployment.find(u.node);
+        const auto pid =
+            entry == nullptr
+                ? Result<pid_t, std::string>(Err(std::string("it is not in the list of added nodes")))
+                : ros::launch({reading.deployment, var, ros::suite_bin_folder(), "added by a package"},
+                              *entry, longest_wait_for_lock);
+        if (!pid) {
+          *swapped = Err(pid.error());
+          return;
+        }
+        ros::Launched launched;
+        launched.pid = *pid;
+        launched.version = u.version;
+        launched.stopped = monotonic_now();
+        *swapped = std::optional(launched);
+      },
+      [this, swapped] { on_swapped(*swapped); });
+  if (!taken) end_update(UpdateStep::failed, "the worker is busy");
+}
+
+void MaintenanceNode::on_swapped(const Swapped& swapped) {
+  const update::Update& u = updates_.update();
+  if (!swapped) {
+    end_update(UpdateStep::failed, swapped.error());
+  } else if (u.node == name()) {
+    own_end_ = create_one_shot(
+        now() + before_own_end,
+        [] {
+          log::info("ending, for the ring to start the other version");
+          kill(getpid(), SIGTERM);
+        },
+        "own end");
+  } else if (!*swapped) {
+    updates_.installed(std::nullopt);  // the node does not run now
+    save_updates();
+    announce();
+  } else if ((*swapped)->version != u.version) {
+    end_update(UpdateStep::failed, (*swapped)->fallback ? ros::to_text(*(*swapped)->fallback)
+                                                        : std::string("another version was started"));
+  } else {
+    await_active((*swapped)->pid, (*swapped)->stopped);
+  }
+}
+
+/// Writes the list of added nodes that a new node's self-test reads. @return why it cannot be
+std::optional<std::string> MaintenanceNode::describe_new_node() const {
+  if (manifest_.kind != update::PackageKind::add) return std::nullopt;
+  ros::AddedNode node = ros::added_node_of(manifest_, dictionary_);
+  if (!node.slot.empty()) node.flag = deployment().slots.size();
+  const ros::AddedNodes list{1, {std::move(node)}};
+  const auto written = write_file_atomically(lane_folders().added_nodes(), to_text(list));
+  return written ? std::nullopt : std::optional(written.error().message);
+}
+
+/// An added node has no golden version: one whose last version failed leaves the suite again.
+void MaintenanceNode::review_added_nodes() {
+  for (const ros::NodeEntry& node : deployment().nodes) {
+    if (!node.added || updates_.is_under_way()) continue;
+    const auto table = ros::read_versions(var(), node.name).table;
+    if (table.active() != update::golden) continue;
+    const std::string reason =
+        table.versions().empty() ? "it has no version" : "rolled back: " + table.versions().back().reason;
+    log::error("{} is removed: {}", node.name, reason);
+    (void)package_worker_->post([var = var(), node = node.name] { (void)ros::remove_node(var, node); },
+                                [this, node = node.name, reason] {
+                                  mission::UpdateRemovedEvent event;
+                                  event.node = node;
+                                  event.reason = reason.substr(0, longest_event_text);
+                                  raise(event);
+                                });
+    return;  // one at a time: the list changes
+  }
+}
+
+void MaintenanceNode::remove_node(const std::string& node) {
+  const ros::NodeEntry* entry = deployment().find(node);
+  if (entry != nullptr && !entry->added) {
+    finished(FailureCode::not_added);
+    return;
+  }
+  run([var = var(), node] {
+    const auto removed = ros::remove_node(var, node);
+    if (!removed) log::error("{}", removed.error());
+    return removed ? FailureCode::none : FailureCode::not_done;
+  });
 }
 
 void MaintenanceNode::await_active(pid_t pid, MonotonicTime stopped) {

@@ -73,6 +73,11 @@ Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const st
 
   Intake intake;
   intake.manifest = manifest;
+  for (std::size_t i = 0; i < manifest.files.size(); ++i) {
+    if (manifest.files[i].path != manifest.dictionary) continue;
+    const auto& text = package->contents[i];
+    intake.dictionary.assign(text.begin(), text.end());
+  }
   intake.update.file = file;
   intake.update.sha256 = sha256;
   intake.update.node = manifest.node;

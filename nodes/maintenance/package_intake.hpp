@@ -22,6 +22,7 @@ struct IntakeRules {
 struct Intake {
   update::Update update;  ///< step build, not in the journal yet
   update::Manifest manifest;
+  std::string dictionary;  ///< text of the fragment that the package brings; empty: none
 };
 struct IntakeFailure {
   bool not_found = false;

@@ -4,6 +4,7 @@ import argparse
 import json
 import pathlib
 import random
+import shutil
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "demo"))
@@ -11,14 +12,16 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "
 import faults  # noqa: E402
 import fencing  # noqa: E402
 import mission  # noqa: E402
+import updates  # noqa: E402
 
 
 def parse():
     parser = argparse.ArgumentParser(prog="./run campaign", description="Long runs of the real processes under faults. "
                                      "Exit code 0 only if every invariant held.")  # fmt: skip
-    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing"),
+    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates"),
                         help="faults (default): every class of failure in every node, healed by the ring; "
-                        "fencing: processes are stopped and killed at random points of their CAN slots")  # fmt: skip
+                        "fencing: processes are stopped and killed at random points of their CAN slots; "
+                        "updates: packages of sources in a row, a third of them bad, with processes killed")  # fmt: skip
     parser.add_argument("--seed", type=int, metavar="S", help="of the faults (default: a random one, which is printed)")
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="where the files go (default: var/campaign/NAME)")
     parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
@@ -39,6 +42,8 @@ def parse():
                       help="SCHED_FIFO for every node and the simulated devices, which a mission has on a board (needs CAP_SYS_NICE)")  # fmt: skip
     slots = parser.add_argument_group("fencing")
     slots.add_argument("--slots", type=int, default=10_000, metavar="N", help="grants of the bus (default: %(default)s)")
+    packages = parser.add_argument_group("updates")
+    packages.add_argument("--updates", type=int, default=200, metavar="N", help="packages (default: %(default)s)")
     options = parser.parse_args()
     known = {c.name: c for c in faults.CLASSES}
     wanted = {None: list(known), "all": list(known), "none": []}.get(options.classes, (options.classes or "").split(","))
@@ -126,6 +131,17 @@ def run_faults(options, out, seed, signals, say):
     return summary, lambda: faults.draw(out, campaign)
 
 
+def run_updates(options, out, seed, signals, say):
+    text = mission.find_deployment("fig16").read_text().replace("  members: [payload_adcs, payload_thermal, payload_eps]\n", "")
+    (out / "deployment.yaml").write_text(text)  # the ring has everybody, so that maintenance comes back
+    shutil.rmtree(out / "var", ignore_errors=True)
+    say(f"{options.updates} updates, seed {seed}")
+    with mission.Mission(options.var or out / "var", options.deployment or out / "deployment.yaml", mission.installed(options.bin), say) as flight:
+        campaign = updates.Updates(flight, signals, options.updates, seed, say)
+        campaign.run()
+    return campaign.judge(), lambda: None
+
+
 def main():
     options = parse()
     signals = mission.StopSignals()
@@ -136,7 +152,7 @@ def main():
     def say(text):
         print(f"[{options.name}] {text}", file=sys.stderr, flush=True)
 
-    run = run_fencing if options.name == "fencing" else run_faults
+    run = {"fencing": run_fencing, "updates": run_updates, "faults": run_faults}[options.name]
     verdict, draw = run(options, out, seed, signals, say)
     summary = {"campaign": options.name, "seed": seed, **verdict}
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
@@ -148,6 +164,9 @@ def main():
         print(json.dumps(summary))
     elif options.name == "fencing":
         show(summary, out)
+    elif options.name == "updates":
+        updates.show(summary)
+        print(f"  seed {seed}; files in {out}")
     else:
         faults.show(summary)
         print(f"  seed {seed}; files in {out}")

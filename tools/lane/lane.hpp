@@ -56,7 +56,8 @@ struct SelfTestOrder {
   std::filesystem::path deployment;
   int domain = 0;
   std::size_t log_octets = 64U << 10;
-  std::filesystem::path log;  ///< empty: none
+  std::filesystem::path log;          ///< empty: none
+  std::filesystem::path added_nodes;  ///< list of added nodes that the program finds; empty: none
 };
 [[nodiscard]] update::LaneExit self_test(const Lane& lane, const SelfTestOrder& order, Report& report);
 

@@ -92,6 +92,7 @@ int main(int argc, char** argv) {
   BuildOrder order;
   SelfTestOrder test;
   unsigned log_kib = 256;
+  std::string added_nodes;
   std::string sources, out, log, program, deployment;
 
   CLI::App* const build_app =
@@ -126,6 +127,8 @@ int main(int argc, char** argv) {
       ->add_option("--domain", test.domain, "DDS domain; nobody else's, where the host's loopback is seen")
       ->capture_default_str()
       ->check(CLI::Range(0, 232));
+  test_app->add_option("--added-nodes", added_nodes,
+                       "List of added nodes that the program finds (lib/ros/added_nodes)");
   test_app->add_option("--log", log, "What it wrote, 64 KiB");
   test.domain = 232;
 
@@ -191,6 +194,7 @@ int main(int argc, char** argv) {
   } else {
     test.program = fs::absolute(program);
     test.deployment = fs::absolute(deployment);
+    if (!added_nodes.empty()) test.added_nodes = fs::absolute(added_nodes);
     if (!log.empty()) test.log = fs::absolute(log);
     exit = self_test(lane, test, report);
   }

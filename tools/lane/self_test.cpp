@@ -28,16 +28,23 @@ LaneExit self_test(const Lane& lane, const SelfTestOrder& order, Report& report)
     if (error) return conclude(SelfTestOutcome::sandbox_failed, *error);
 
   const std::filesystem::path& folder = work->path();
-  const std::vector<std::string> command{folder / "program",
-                                         "--self-test",
-                                         "--name",
-                                         order.node,
-                                         "--deployment",
-                                         folder / "deployment" / deployment_name,
-                                         "--var",
-                                         folder / "var",
-                                         "--domain",
-                                         std::to_string(order.domain)};
+  std::vector<std::string> command{folder / "program",
+                                   "--self-test",
+                                   "--name",
+                                   order.node,
+                                   "--deployment",
+                                   folder / "deployment" / deployment_name,
+                                   "--var",
+                                   folder / "var",
+                                   "--domain",
+                                   std::to_string(order.domain)};
+  if (!order.added_nodes.empty()) {
+    const auto added = read_file(order.added_nodes, deployment_octets);
+    if (!added) return conclude(SelfTestOutcome::sandbox_failed, added.error().message);
+    if (const auto error = work->put("deployment/added_nodes", *added))
+      return conclude(SelfTestOutcome::sandbox_failed, *error);
+    command.insert(command.end(), {"--added-nodes", folder / "deployment/added_nodes"});
+  }
   HeadAndTail log(order.log_octets);
   const auto listen = [&](std::string_view text) { log.append(text); };
   const auto ended = run_confined(lane.confinement, *work, [&] { return execute(command, folder); },
