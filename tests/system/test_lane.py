@@ -45,6 +45,7 @@ int main() {
 """
 HANDS = """#include <csignal>
 #include <fcntl.h>
+#include <initializer_list>
 #include <unistd.h>
 int main() {
   for (const char* path : {"/etc/x", "/usr/x", "/x", OUTSIDE}) if (open(path, O_WRONLY | O_CREAT, 0600) >= 0) return 20;
