@@ -150,7 +150,7 @@ class BuildTest(LaneTest):
         self.assertEqual((code, again["precompiled_header"]), (0, False))
 
     def test_an_error_is_in_the_log_and_no_program_comes_out(self):
-        code, report = self.build(self.sources(main="int main() { return undeclared; }"))
+        code, report = self.build(self.sources(main="int main() { return undeclared; }"), "--no-precompiled-header")
         self.assertEqual((code, report["outcome"]), (1, "compiler_failed"))
         self.assertIn("main.cpp:1:21: error: ‘undeclared’ was not declared", self.log())
         self.assertFalse((self.folder / "probe").exists())
