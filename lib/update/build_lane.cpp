@@ -152,7 +152,8 @@ BuildOutcome judge_build(const Ended& ended, std::string_view log, const Limits&
   if (ended.out_of_memory || says(log, "out of memory allocating") || says(log, "virtual memory exhausted") ||
       says(log, "std::bad_alloc"))
     return BuildOutcome::memory_limit;
-  if (ended.signal == SIGXCPU || used_up_cpu(ended, limits)) return BuildOutcome::cpu_limit;
+  if (ended.signal == SIGXCPU || says(log, "CPU time limit exceeded") || used_up_cpu(ended, limits))
+    return BuildOutcome::cpu_limit;
   if (ended.signal == SIGXFSZ || says(log, "File size limit exceeded") || says(log, "File too large"))
     return BuildOutcome::output_too_large;
   if (says(log, "No space left on device")) return BuildOutcome::quota;

@@ -57,7 +57,7 @@ struct Limits {
       256U << 20;  ///< all files together; where the work folder is in memory, part of it
   std::uint64_t file_octets = 128U << 20;
   std::uint64_t files = 4096;
-  unsigned processes = 32;
+  unsigned processes = 64;  ///< threads count
   unsigned open_files = 256;
   bool lowest_priority = true;
 };

@@ -45,6 +45,7 @@ int main() {
 """
 HANDS = """#include <csignal>
 #include <fcntl.h>
+#include <initializer_list>
 #include <unistd.h>
 int main() {
   for (const char* path : {"/etc/x", "/usr/x", "/x", OUTSIDE}) if (open(path, O_WRONLY | O_CREAT, 0600) >= 0) return 20;
@@ -149,7 +150,7 @@ class BuildTest(LaneTest):
         self.assertEqual((code, again["precompiled_header"]), (0, False))
 
     def test_an_error_is_in_the_log_and_no_program_comes_out(self):
-        code, report = self.build(self.sources(main="int main() { return undeclared; }"))
+        code, report = self.build(self.sources(main="int main() { return undeclared; }"), "--no-precompiled-header")
         self.assertEqual((code, report["outcome"]), (1, "compiler_failed"))
         self.assertIn("main.cpp:1:21: error: ‘undeclared’ was not declared", self.log())
         self.assertFalse((self.folder / "probe").exists())

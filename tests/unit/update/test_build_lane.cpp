@@ -83,6 +83,9 @@ TEST(BuildJudgementTest, NamesTheLimitThatWasReached) {
   EXPECT_EQ(judge(ended_with(1), "File size limit exceeded signal terminated program as"),
             BuildOutcome::output_too_large);
   EXPECT_EQ(judge(ended_by(SIGXCPU)), BuildOutcome::cpu_limit);
+  EXPECT_EQ(
+      judge(ended_with(1), "g++: fatal error: CPU time limit exceeded signal terminated program cc1plus"),
+      BuildOutcome::cpu_limit);
 
   Ended ended = ended_with(1);
   ended.out_of_memory = true;
