@@ -38,7 +38,8 @@ std::vector<ScrubFile> files_to_scrub(const ros::Deployment& deployment, const r
                                       const Installation& installation) {
   std::vector<ScrubFile> files;
   files.push_back({deployment.file, ScrubKind::text, {}});
-  files.push_back({installation.bin_folder / "srfs", ScrubKind::program, {}});
+  add_files(files, installation.bin_folder, ScrubKind::program,
+            [](const path& file) { return file.filename() == "srfs" || file.filename() == "srfs-lane"; });
   for (const ros::NodeEntry& node : deployment.nodes) {
     files.push_back({installation.bin_folder / node.executable, ScrubKind::program, {}});
     const auto versions = ros::read_versions(var, node.name);
