@@ -14,8 +14,8 @@
 #include "commanding/commanded_node.hpp"
 #include "nodes/maintenance/lane_call.hpp"
 #include "nodes/maintenance/package_intake.hpp"
-#include "update/update_journal.hpp"
 #include "update/scrubber.hpp"
+#include "update/update_journal.hpp"
 
 namespace srfs {
 
