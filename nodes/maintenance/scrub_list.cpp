@@ -38,9 +38,11 @@ std::vector<ScrubFile> files_to_scrub(const ros::Deployment& deployment, const r
                                       const Installation& installation) {
   std::vector<ScrubFile> files;
   files.push_back({deployment.file, ScrubKind::text, {}});
-  files.push_back({installation.bin_folder / "srfs", ScrubKind::program, {}});
+  add_files(files, installation.bin_folder, ScrubKind::program,
+            [](const path& file) { return file.filename() == "srfs" || file.filename() == "srfs-lane"; });
   for (const ros::NodeEntry& node : deployment.nodes) {
-    files.push_back({installation.bin_folder / node.executable, ScrubKind::program, {}});
+    if (!node.executable.empty())  // an added node has its programs in the version store alone
+      files.push_back({installation.bin_folder / node.executable, ScrubKind::program, {}});
     const auto versions = ros::read_versions(var, node.name);
     for (const update::Version& version : versions.table.versions()) {
       files.push_back({ros::versions_folder(var, node.name) / fmt::format("{}.{}", node.name, version.number),

@@ -18,9 +18,9 @@ struct Installation {
   std::filesystem::path dictionary_folder;
 };
 
-/// What must not rot: the golden programs of all nodes and `srfs`, the suite's libraries, stored versions,
-/// keys, the deployment file, the mission dictionary. Of what is gone only the programs are named: the
-/// manifest knows the rest. Blocks on the disk.
+/// What must not rot: the golden programs of all nodes, `srfs` and `srfs-lane`, the suite's libraries, stored
+/// versions, keys, the deployment file, the mission dictionary. Of what is gone only the programs are named:
+/// the manifest knows the rest. Blocks on the disk.
 [[nodiscard]] std::vector<update::ScrubFile> files_to_scrub(const ros::Deployment& deployment,
                                                             const ros::VarPaths& var,
                                                             const Installation& installation);
