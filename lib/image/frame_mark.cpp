@@ -136,6 +136,7 @@ Result<void, FileError> mark_detected(const fs::path& frame, std::string_view me
   text += fmt::format("{} {:08x}\n", method, run);
   if (auto written = write_file_atomically(mark_path(frame, FrameMark::detected), text); !written)
     return written;
+  if (!has_mark(frame, FrameMark::nothing)) return {};
   return remove_durably(mark_path(frame, FrameMark::nothing));
 }
 

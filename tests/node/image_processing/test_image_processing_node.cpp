@@ -249,12 +249,17 @@ class HangingFile {
   explicit HangingFile(std::filesystem::path path) : path_(std::move(path)) {
     EXPECT_EQ(::mkfifo(path_.c_str(), 0600), 0) << errno_text(errno);
   }
-  ~HangingFile() { let_go(); }
+  ~HangingFile() {
+    const Fd writer = open();
+    std::filesystem::remove(path_);  // who comes later does not hang
+  }
   HangingFile(const HangingFile&) = delete;
   HangingFile& operator=(const HangingFile&) = delete;
-  void let_go() const { const Fd writer(::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK)); }
+  /// Who reads it now.
+  void let_go() const { const Fd writer = open(); }
 
  private:
+  [[nodiscard]] Fd open() const { return Fd(::open(path_.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK)); }
   std::filesystem::path path_;
 };
 
@@ -281,7 +286,10 @@ TEST_F(ImageProcessingNodeTest, ACleanupDoesNotWaitForTheStepThatRunsAndWhatCome
   send(later, goal({next}));
   ASSERT_TRUE(wait([&] { return later.accepted; }));
   EXPECT_FALSE(later.outcome) << "two steps at once would write over each other";
-  mark.let_go();
+  ASSERT_TRUE(wait([&] {
+    mark.let_go();  // it may not have come there before
+    return later.outcome.has_value();
+  }));
   EXPECT_EQ(end_of(later, ros::GoalState::succeeded).failure_code, 0);
   EXPECT_TRUE(wait([&] { return node_->is_at_rest(); }));
 }
