@@ -19,6 +19,8 @@ constexpr float clipped_spread = 1.0F / 0.95535F;
 /// Level and spread of a cell start from so many of its pixels.
 constexpr int sample_of_cell = 256;
 constexpr std::size_t sample_least = 8;
+/// About a step of quantised values, beside the noise that their rounding makes at least.
+constexpr float wider_at_first = 2.5F;
 
 struct CellStatistics {
   float level = unknown;
@@ -63,8 +65,9 @@ std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell,
   const float median = *middle;
   const auto quarter = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 4);
   std::nth_element(sample.begin(), quarter, middle);
-  // The lower half has fewer stars in it. Coarsely quantised values may make it zero wide.
-  CellStatistics guess{median, std::max((median - *quarter) * 1.4826F, noise_least)};
+  // The lower half has fewer stars in it. Of coarsely quantised values it may be zero wide, and a clip that
+  // leaves one of two such values never lets the second in again: rather too wide at first.
+  CellStatistics guess{median, (median - *quarter) * 1.4826F + wider_at_first * noise_least};
   for (int round = 0; round < 3; ++round)
     guess = next(guess,
                  clipped_moments(sample.data(), static_cast<int>(sample.size()), guess.level,

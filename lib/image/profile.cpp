@@ -265,6 +265,59 @@ void profile_gradients(const Profile& profile, const Patch& patch, float x, floa
 }
 
 SRFS_VECTORISED
+PairSums pair_sums(const std::array<ProfileGradients, 2>& stars, const Patch& patch,
+                   const std::array<float, 2>& heights, float shot) {
+  PairSums sums{};
+  constexpr int lanes = Patch::lanes;
+  std::array<std::array<float, lanes>, 28> totals{};
+  const float* const light = patch.light.data();
+  const float* const use = patch.use.data();
+  const std::array<const float*, 2> h{stars[0].height.data(), stars[1].height.data()};
+  const std::array<const float*, 2> gx{stars[0].x.data(), stars[1].x.data()};
+  const std::array<const float*, 2> gy{stars[0].y.data(), stars[1].y.data()};
+  std::array<std::array<float, lanes>, 6> g;
+  std::array<float, lanes> weight;
+  std::array<float, lanes> residuum;
+  for (std::size_t at = 0; at < patch.size(); at += lanes) {
+#pragma omp simd
+    for (std::size_t i = 0; i < lanes; ++i) {
+      g[0][i] = heights[0] * gx[0][at + i];
+      g[1][i] = heights[0] * gy[0][at + i];
+      g[2][i] = h[0][at + i];
+      g[3][i] = heights[1] * gx[1][at + i];
+      g[4][i] = heights[1] * gy[1][at + i];
+      g[5][i] = h[1][at + i];
+      const float model = heights[0] * g[2][i] + heights[1] * g[5][i];
+      weight[i] = use[at + i] / (1 + shot * (model > 0 ? model : 0.0F));
+      residuum[i] = light[at + i] - model;
+    }
+    std::size_t k = 0;
+    for (std::size_t a = 0; a < 6; ++a) {
+      std::array<float, lanes> weighted;
+#pragma omp simd
+      for (std::size_t i = 0; i < lanes; ++i) weighted[i] = weight[i] * g[a][i];
+      for (std::size_t b = a; b < 6; ++b, ++k) {
+#pragma omp simd
+        for (std::size_t i = 0; i < lanes; ++i) totals[k][i] += weighted[i] * g[b][i];
+      }
+#pragma omp simd
+      for (std::size_t i = 0; i < lanes; ++i) totals[21 + a][i] += weighted[i] * residuum[i];
+    }
+#pragma omp simd
+    for (std::size_t i = 0; i < lanes; ++i) totals[27][i] += weight[i] * residuum[i] * residuum[i];
+  }
+  const auto sum = [&totals](std::size_t k) {
+    float all = 0;
+    for (const float v : totals[k]) all += v;
+    return all;
+  };
+  for (std::size_t k = 0; k < sums.normal.size(); ++k) sums.normal[k] = sum(k);
+  for (std::size_t k = 0; k < sums.right.size(); ++k) sums.right[k] = sum(21 + k);
+  sums.mismatch = sum(27);
+  return sums;
+}
+
+SRFS_VECTORISED
 void add_profile(const Profile& profile, float height, float dx, float dy, float* row, int n) {
   if (profile.gamma < gaussian_below)
     add_row(Gaussian(profile), height, dx, dy, row, n);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <ctime>
 #include <numbers>
 #include <optional>
 
@@ -26,6 +27,19 @@ constexpr double model_error = 0.05;
 /// Where the noise is so many times that of the calm quarter of the frame there are trees, buildings or the
 /// Earth, and edges in all directions.
 constexpr float unrest_most = 5;
+
+static double env(const char* n, double d) {
+  const char* v = getenv(n);
+  return v ? atof(v) : d;
+}
+static const double on_clip = env("ON_CLIP", 12);
+static const double on_least = env("ON_LEAST", 2.5);
+static const bool dbg = getenv("DBGS");
+static const double dark_share = env("DARK_SHARE", 1);
+static const std::size_t dark_lines_most = (std::size_t)env("DARK_RANK", 20);
+static const double adv = env("ADV", 0);
+static const double even_rest = env("EVEN_REST", 0.45);
+#define WHY(...) (dbg ? (void)fprintf(stderr, __VA_ARGS__) : (void)0)
 
 /// What a quarter of the frame's cells stay below.
 float calm_noise(const Surface& noise) {
@@ -77,6 +91,24 @@ void high_pass(Plane& plane) {
   }
 }
 
+/// Whether the frame was coded in blocks of 8 x 8 pixels (JPEG): between them values change more than within.
+bool is_made_of_blocks(const Plane& signal) {
+  constexpr int side = 8;
+  constexpr float change_most = 3;  // of a neighbour that counts: stars say nothing
+  constexpr double step_least = 1.2;
+  std::array<double, side> changes{};
+  for (int y = 0; y < signal.height(); y += 4) {
+    const float* row = signal.row(y);
+    for (int x = 0; x + side < signal.width(); x += side) {
+      for (int k = 0; k < side; ++k)
+        changes[static_cast<std::size_t>(k)] +=
+            double(std::min(change_most, std::abs(row[x + k + 1] - row[x + k])));
+    }
+  }
+  std::sort(changes.begin(), changes.end());
+  return changes[side - 1] > step_least * changes[side - 2];
+}
+
 /// What lies near a line.
 class Band {
  public:
@@ -116,12 +148,22 @@ class Finder {
     prepare();
     std::vector<Seed> seeds = find_seeds();
     int fits = 0;
+    int known = 0, looks = 0;
+    const auto t0 = std::clock();
     for (const Seed& seed : seeds) {
-      if (is_known(seed.line) || is_in_unrest(seed.line)) continue;
-      if (!looks_like_streak(seed.line)) continue;
+      if (is_known(seed.line) || is_in_unrest(seed.line)) {
+        ++known;
+        continue;
+      }
+      if (!looks_like_streak(seed.line)) {
+        ++looks;
+        continue;
+      }
       if (++fits > fits_max) break;
       examine(seed.line);
     }
+    WHY("seeds %zu known %d looks %d fits %d found %zu ms %.1f\n", seeds.size(), known, looks, fits,
+        found_.size(), 1e3 * double(std::clock() - t0) / CLOCKS_PER_SEC);
     merge();
     return result();
   }
@@ -213,7 +255,8 @@ class Finder {
     std::vector<Seed> seeds;
     double correlation = 0;
     const Plane cells = binned(correlation);
-    for (const LineHit& hit : search_lines(cells, correlation, hit_least, cell_clip)) {
+    if (is_made_of_blocks(clean_.signal)) raise_limit(cells, correlation);
+    for (const LineHit& hit : search_lines(cells, correlation, hit_least * restless_, cell_clip)) {
       const auto px = [](double cell) { return cell * cell_px + (cell_px - 1) / 2.0; };
       seeds.push_back({Line{px(hit.x1), px(hit.y1), px(hit.x2), px(hit.y2)}, hit.significance});
     }
@@ -221,6 +264,17 @@ class Finder {
     std::stable_sort(seeds.begin(), seeds.end(),
                      [](const Seed& a, const Seed& b) { return a.significance > b.significance; });
     return seeds;
+  }
+
+  /// Nothing in the sky is dark: what lines of less light than around them are there, the coding has made,
+  /// and as many of more light.
+  void raise_limit(const Plane& cells, double correlation) {
+    Plane dark = Plane::unset(cells.width(), cells.height());
+    for (std::size_t i = 0; i < dark.size(); ++i) dark.cells()[i] = -cells.cells()[i];
+    const std::vector<LineHit> lines = search_lines(dark, correlation, hit_least, cell_clip);
+    if (lines.size() > dark_lines_most)
+      restless_ = std::max(1.0, dark_share * lines[dark_lines_most].significance / hit_least);
+    WHY("dark %zu restless %.2f\n", lines.size(), restless_);
   }
 
   /// Means of squares of pixels, noise 1 again. @param correlation  of neighbouring cells: sigma of the
@@ -283,24 +337,32 @@ class Finder {
     const double d = 1.7 * fwhm_ + 1.5;
     // Through the filter, values this far apart know little of each other.
     const int n = std::clamp(static_cast<int>(length / (2 * sigma_ + 1)), 2, 60);
-    double on = 0;
+    // The line may lie a little off, at each of its ends.
+    constexpr std::array<double, 3> off{-1, 0, 1};
+    std::array<double, 9> on{};
     double beside = 0;
     double squares = 0;
     for (int i = 0; i <= n; ++i) {
-      const double x = l.x1 + (l.x2 - l.x1) * i / n;
-      const double y = l.y1 + (l.y2 - l.y1) * i / n;
-      // The line may lie a little off.
-      const double here = std::max({sample(x, y), sample(x - uy, y + ux), sample(x + uy, y - ux)});
-      on += std::min(here, 12.0);
+      const double t = static_cast<double>(i) / n;
+      const double x = l.x1 + (l.x2 - l.x1) * t;
+      const double y = l.y1 + (l.y2 - l.y1) * t;
+      std::array<double, 3> here;
+      for (std::size_t k = 0; k < 3; ++k)
+        here[k] = std::min(sample(x - off[k] * uy, y + off[k] * ux), on_clip);
+      for (std::size_t k = 0; k < 9; ++k) {
+        const double place = (1 - t) * static_cast<double>(k / 3) + t * static_cast<double>(k % 3);
+        on[k] += here[static_cast<std::size_t>(place + 0.5)];
+      }
       for (const double side : {-1.0, 1.0}) {
-        const double v = std::clamp(sample(x - side * d * uy, y + side * d * ux), -12.0, 12.0);
+        const double v = std::clamp(sample(x - side * d * uy, y + side * d * ux), -on_clip, on_clip);
         beside += v;
         squares += v * v;
       }
     }
     const double count = n + 1;
     const double spread = std::sqrt(std::max(1.0, squares / (2 * count) - std::pow(beside / (2 * count), 2)));
-    return on / count - beside / (2 * count) > 2.5 * spread / std::sqrt(count);
+    return *std::max_element(on.begin(), on.end()) / count - beside / (2 * count) >
+           on_least * spread / std::sqrt(count);
   }
 
   /// Within the light of a streak already found, or about the same as one refused.
@@ -336,6 +398,7 @@ class Finder {
   /// With the light of the doubtful stars, then without.
   void examine(const Line& seed) {
     Line line = seed;
+    WHY("EX %.0f %.0f %.0f %.0f\n", seed.x1, seed.y1, seed.x2, seed.y2);
     std::optional<double> snr = fit_among_stars(line);
     if (!snr) {
       line = seed;
@@ -347,13 +410,15 @@ class Finder {
       refused_.push_back(seed);
   }
 
+  [[nodiscard]] double snr_least() const { return options_.snr_least * restless_; }
+
   [[nodiscard]] double noise_at(const Line& l) const {
     return std::max(0.5, double(noise_.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2)));
   }
 
   /// Settles a line and judges it. @return its SNR
   [[nodiscard]] std::optional<double> settled(Line& line) {
-    const auto significance = fitter_.settle(line, options_.snr_least * noise_at(line));
+    const auto significance = fitter_.settle(line, snr_least() * noise_at(line));
     if (!significance) return std::nullopt;
     return *significance / noise_at(line);
   }
@@ -422,7 +487,8 @@ class Finder {
     const double as_stars =
         line_mismatch(shape, 0, fitter_.collect(line, reach, reach), fitter_.noise()) / unit;
     for (const std::size_t i : pieces) add_light(i, 1);
-    return as_line < as_stars + advantage(pieces.size());
+    WHY("  line %.1f stars %.1f advantage %.1f\n", as_line, as_stars, advantage(pieces.size()));
+    return as_line < as_stars + advantage(pieces.size()) + adv * (8 - options_.caution);
   }
 
   /// How much worse a line may fit than so many stars: it has fewer parameters, but in a crowded field stars
@@ -473,6 +539,8 @@ class Finder {
       as_stars += (light - of_stars) * (light - of_stars) / variance;
     }
     const double unit = noise_at(line) * noise_at(line);
+    WHY("  two: line %.1f stars %.1f caution %.1f\n", as_line / unit, as_stars / unit,
+        options_.caution * (1 + 0.5 * std::log(1 + touching_pairs())));
     return as_stars < as_line + unit * options_.caution * (1 + 0.5 * std::log(1 + touching_pairs()));
   }
 
@@ -512,6 +580,7 @@ class Finder {
       all += m;
       if ((clean_.flaws.at(x, y) & flaw_spike) != 0) spikes += m;
     });
+    WHY("  seen %.2f spikes %.2f\n", seen / all, spikes / all);
     if (seen < (length < 25 ? 0.7 : 0.45) * all || spikes > 0.15 * all) return false;
     int lit = 0;
     int looked = 0;
@@ -531,15 +600,19 @@ class Finder {
       if (k != brightest) rest_product += product[k], rest_energy += energy[k];
     }
     const double rest = rest_energy > 0 ? rest_product / std::sqrt(rest_energy) / noise_at(l) : 0;
-    return looked >= 2 && lit >= looked - 1 && rest > 0.45 * snr;
+    WHY("  looked %d lit %d rest %.2f\n", looked, lit, rest / snr);
+    return looked >= 2 && lit >= looked - 1 && rest > even_rest * snr;
   }
 
   [[nodiscard]] bool is_streak(const Line& l, double snr) {
     // Between stars that touch there is room for something short and faint.
-    if (snr < options_.snr_least * (l.length() < 25 ? 1.2 : 1) ||
+    if (dbg && snr < options_.snr_least * 1.2) WHY("  snr low %.1f\n", snr);
+    if (snr < snr_least() * (l.length() < 25 ? 1.2 : 1) ||
         l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm_))
       return false;
     const double error = 2 / snr;
+    WHY("  is_streak? %.0f %.0f %.0f %.0f snr %.1f scale %.2f h %.1f\n", l.x1, l.y1, l.x2, l.y2, snr, l.scale,
+        l.height);
     // The sharper the optics, the more a particle's track looks like a streak; wide lines lose their flanks
     // to the high-pass.
     const double narrowest = fwhm_ < 1.8 ? 0.92 : 0.85;
@@ -557,6 +630,7 @@ class Finder {
     for (std::size_t i = 0; i + 1 < beside.size(); ++i) squares += beside[i] * beside[i];
     const double spread = std::sqrt(squares / static_cast<double>(beside.size() - 1));
     const double error = l.height / snr;
+    WHY("  out %.2f mid %.2f err %.2f spread %.2f\n", l.height, middle, error, spread);
     return l.height - std::max(0.0, middle) > std::max(5 * error, 3 * spread);
   }
 
@@ -615,7 +689,9 @@ class Finder {
 
   [[nodiscard]] std::vector<Streak> result() {
     std::vector<Streak> streaks;
-    for (const auto& [l, snr] : found_) {
+    static const bool weigh = env("WEIGH", 1) > 0;
+    for (auto& [l, snr] : found_) {
+      if (weigh) fitter_.weigh_ends(l, noise_at(l));
       const double unit = double(clean_.noise_adu.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2));
       // Across the line a Gaussian; along it all light lies between the ends, on average.
       const double light = l.length() * std::sqrt(2 * std::numbers::pi) * sigma_ * l.scale;
@@ -634,8 +710,9 @@ class Finder {
   Plane light_;  ///< without background and certain stars, in noise
   Grid<std::uint8_t> mask_;
   LineFitter fitter_;
-  Plane filtered_;  ///< the light through the matched filter, noise 1
-  Surface noise_;   ///< of the filtered light, before it was made 1
+  Plane filtered_;       ///< the light through the matched filter, noise 1
+  Surface noise_;        ///< of the filtered light, before it was made 1
+  double restless_ = 1;  ///< how many times more significant a line has to be here
   std::vector<Found> found_;
   std::vector<Line> refused_;
   std::vector<bool> taken_;  ///< stars that are parts of streaks
