@@ -77,13 +77,14 @@ std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell,
 }
 
 /// Mean and spread of the pixels that are near, until they settle.
+/// @param row_step  1: of all rows
 CellStatistics settle(CellStatistics is, const Plane& pixels, const Grid<std::uint8_t>* masked,
-                      const Cell& cell, float noise_least) {
+                      const Cell& cell, float noise_least, int row_step = 1) {
   const int width = cell.x1 - cell.x0;
   for (int round = 0; round < 6; ++round) {
     const float reach = clip_sigma * is.noise;
     Moments all{0, 0, 0};
-    for (int y = cell.y0; y < cell.y1; ++y) {
+    for (int y = cell.y0; y < cell.y1; y += row_step) {
       const float* row = pixels.row(y) + cell.x0;
       const Moments m = masked != nullptr
                             ? clipped_moments(row, masked->row(y) + cell.x0, width, is.level, reach)
@@ -285,8 +286,9 @@ SkyLevel measure_sky(const Plane& pixels, float noise_least) {
 
 SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked) {
   constexpr float least = 0.05F;
+  const int row_step = masked == nullptr ? 2 : 1;  // filtered light: every row is like the next
   return measure_cells(signal, least, [&](const Cell& cell) {
-    return settle({0, 1}, signal, masked, cell, least);
+    return settle({0, 1}, signal, masked, cell, least, row_step);
   });
 }
 

@@ -12,13 +12,9 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 constexpr double beyond_least_px = 60;
 constexpr double beyond_share = 1.2;
 /// What counts of a bin's light along a line above the mean, in errors: the rest may be a star.
-static double env(const char* n, double d) {
-  const char* v = getenv(n);
-  return v ? atof(v) : d;
-}
-static const double bin_clip = env("BIN_CLIP", 1);
+constexpr double bin_clip = 1;
 /// Spread of the places an end may have, from which on all of them count instead of the best one.
-static const double open_end_px = env("OPEN_END", 1.2);
+constexpr double open_end_px = 1.2;
 
 /// Ends and direction as the fit changes them.
 void move(Line& line, const LineShape& from, const Vector6& step) {

@@ -207,21 +207,27 @@ void take_patch(const Grid<float>& light, const Grid<std::uint8_t>& flaws, doubl
   patch.y0 = yi - radius;
   patch.rows = 2 * radius + 1;
   patch.width = (2 * radius + Patch::lanes) / Patch::lanes * Patch::lanes;
-  patch.light.assign(patch.size(), 0.0F);
-  patch.use.assign(patch.size(), 0.0F);
+  patch.light.resize(patch.size());
+  patch.use.resize(patch.size());
   const int from = std::max(0, patch.x0);
   const int end = std::min(light.width(), xi + radius + 1);
   for (int j = 0; j < patch.rows; ++j) {
     const int row = patch.y0 + j;
-    if (row < 0 || row >= light.height() || from >= end) continue;
-    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(j) * patch.width + (from - patch.x0);
+    float* const to = patch.light.data() + static_cast<std::ptrdiff_t>(j) * patch.width;
+    float* const use = patch.use.data() + static_cast<std::ptrdiff_t>(j) * patch.width;
+    const bool inside = row >= 0 && row < light.height() && from < end;
+    const int first = inside ? from - patch.x0 : 0;
+    const int last = inside ? end - patch.x0 : 0;
+    for (float* values : {to, use}) {
+      std::fill(values, values + first, 0.0F);
+      std::fill(values + last, values + patch.width, 0.0F);
+    }
+    if (!inside) continue;
     const float* pixel = light.row(row) + from;
     const std::uint8_t* flaw = flaws.row(row) + from;
-    float* to = patch.light.data() + at;
-    float* use = patch.use.data() + at;
-    for (int i = 0; i < end - from; ++i) {
-      to[i] = pixel[i];
-      use[i] = flaw[i] == 0 ? 1.0F : 0.0F;
+    for (int i = 0; i < last - first; ++i) {
+      to[first + i] = pixel[i];
+      use[first + i] = flaw[i] == 0 ? 1.0F : 0.0F;
     }
   }
 }

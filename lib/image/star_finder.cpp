@@ -30,12 +30,17 @@ constexpr double split_gain = 6;
 constexpr double split_least = 10;
 constexpr double split_most = 25;
 constexpr double split_share = 0.5;  ///< of the model's error, squared
-/// Wider than this, beside the frame's stars, less half an error: perhaps two.
-constexpr double split_scale = 1;
-constexpr double split_scale_if_none = 1.1;  ///< of what is no single star
+/// Perhaps two: wider than the frame's stars by so much, after so many errors of its width; and what the
+/// heights have to be in their errors.
+struct Doubt {
+  double scale;
+  double errors;
+  double height_errors;
+};
+constexpr Doubt seldom{1.1, 2.5, 4};
+constexpr Doubt readily{1, 0.5, 1.5};
 /// Hidden stars are at most so far from the one that hid them, in FWHM.
 constexpr double beside_most = 1.4;
-constexpr double split_height_errors = 1.5;
 /// A wrong level of the sky that matters, times the width of a star, both in noise and px.
 constexpr float level_least = 0.05F;
 
@@ -69,6 +74,7 @@ class Finder {
         psf_(clean.psf),
         profile_(clean.psf.profile()),
         options_(options),
+        doubt_(options.close_ones ? readily : seldom),
         residual_(clean.signal) {
     const int r = 3 * psf_.fit_radius();
     for (int y = -r; y <= r; ++y) {
@@ -89,12 +95,12 @@ class Finder {
       const std::size_t known = stars_.size();
       const PlaceIndex places(stars_);
       for (const Peak& peak : find_peaks()) {
-        if (pass == 0 || !try_beside(peak, places)) try_peak(peak, pass);
+        if (pass == 0 || !options_.close_ones || !try_beside(peak, places)) try_peak(peak, pass);
       }
       if (stars_.size() == known) break;
       if (pass == 0) {
         measure_shot_noise();
-        measure_model_error();
+        if (options_.close_ones) measure_model_error();
       }
       find_crowds(known);
       refine();
@@ -486,9 +492,9 @@ class Finder {
       const bool is_star = saturated || (has_width && !is_sharper(star));
       Fitted first = star;
       Fitted second = star;
-      const bool wide =
-          !saturated && star.scale - 0.5 * star.scale_error > (is_star ? split_scale : split_scale_if_none);
-      if (!wide || !split(first, second, drawn_apart(star), is_star ? any : mismatch_of_two())) {
+      const bool wide = !saturated && star.scale - doubt_.errors * star.scale_error > doubt_.scale;
+      if (!wide || !(is_star || options_.close_ones) ||
+          !split(first, second, drawn_apart(star), is_star ? any : mismatch_of_two())) {
         if (is_star) continue;
         add_light(star, 1);
         sharp_.push_back(star);
@@ -504,6 +510,7 @@ class Finder {
 
   /// The likelier two stars are so close by chance, the less the light has to say for it.
   [[nodiscard]] double gain_least() const {
+    if (!options_.close_ones) return split_most;
     const double a_pixel = static_cast<double>(stars_.size()) / static_cast<double>(residual_.size());
     const double chance = std::min(1.0, a_pixel * std::numbers::pi * psf_.fwhm_px() * psf_.fwhm_px());
     return std::clamp(split_gain - 2 * std::log(chance), split_least, split_most);
@@ -538,7 +545,7 @@ class Finder {
     if (apart < 0.35 * psf_.fwhm_px()) return false;
     for (std::size_t k = 0; k < 2; ++k) {
       if (std::hypot(s.x[k] - first.x, s.y[k] - first.y) > 1.2 * beside_most * psf_.fwhm_px()) return false;
-      if (s.height[k] < split_height_errors * found->height_errors[k] * first.noise) return false;
+      if (s.height[k] < doubt_.height_errors * found->height_errors[k] * first.noise) return false;
     }
     const double gained = before - found->mismatch;
     const double energy = first.height * first.height * first.energy;
@@ -660,6 +667,7 @@ class Finder {
   const Psf& psf_;
   Profile profile_;
   const StarOptions& options_;
+  Doubt doubt_;
   Plane residual_;
   Plane filtered_;
   Surface noise_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <ctime>
 #include <numbers>
 #include <optional>
 
@@ -28,18 +27,16 @@ constexpr double model_error = 0.05;
 /// Earth, and edges in all directions.
 constexpr float unrest_most = 5;
 
-static double env(const char* n, double d) {
-  const char* v = getenv(n);
-  return v ? atof(v) : d;
-}
-static const double on_clip = env("ON_CLIP", 12);
-static const double on_least = env("ON_LEAST", 2.5);
-static const bool dbg = getenv("DBGS");
-static const double dark_share = env("DARK_SHARE", 1);
-static const std::size_t dark_lines_most = (std::size_t)env("DARK_RANK", 20);
-static const double adv = env("ADV", 0);
-static const double even_rest = env("EVEN_REST", 0.45);
-#define WHY(...) (dbg ? (void)fprintf(stderr, __VA_ARGS__) : (void)0)
+/// What one place counts at most, and what the sum has to be in errors, of a line that is looked at quickly.
+constexpr double on_clip = 4;
+constexpr double on_least = 3.5;
+/// So many places along a line tell whether it is lit throughout: half of them to this share.
+constexpr int even_least = 6;
+constexpr double even_share = 0.35;
+/// Of a frame coded in blocks: this dark line counts, the strongest ones may be a star's surroundings; lines
+/// have to be so many times more significant.
+constexpr std::size_t dark_line = 5;
+constexpr double dark_share = 1.2;
 
 /// What a quarter of the frame's cells stay below.
 float calm_noise(const Surface& noise) {
@@ -148,22 +145,12 @@ class Finder {
     prepare();
     std::vector<Seed> seeds = find_seeds();
     int fits = 0;
-    int known = 0, looks = 0;
-    const auto t0 = std::clock();
     for (const Seed& seed : seeds) {
-      if (is_known(seed.line) || is_in_unrest(seed.line)) {
-        ++known;
-        continue;
-      }
-      if (!looks_like_streak(seed.line)) {
-        ++looks;
-        continue;
-      }
+      if (is_known(seed.line) || is_in_unrest(seed.line)) continue;
+      if (!looks_like_streak(seed.line)) continue;
       if (++fits > fits_max) break;
       examine(seed.line);
     }
-    WHY("seeds %zu known %d looks %d fits %d found %zu ms %.1f\n", seeds.size(), known, looks, fits,
-        found_.size(), 1e3 * double(std::clock() - t0) / CLOCKS_PER_SEC);
     merge();
     return result();
   }
@@ -272,9 +259,8 @@ class Finder {
     Plane dark = Plane::unset(cells.width(), cells.height());
     for (std::size_t i = 0; i < dark.size(); ++i) dark.cells()[i] = -cells.cells()[i];
     const std::vector<LineHit> lines = search_lines(dark, correlation, hit_least, cell_clip);
-    if (lines.size() > dark_lines_most)
-      restless_ = std::max(1.0, dark_share * lines[dark_lines_most].significance / hit_least);
-    WHY("dark %zu restless %.2f\n", lines.size(), restless_);
+    if (lines.size() > dark_line)
+      restless_ = std::max(1.0, dark_share * lines[dark_line].significance / hit_least);
   }
 
   /// Means of squares of pixels, noise 1 again. @param correlation  of neighbouring cells: sigma of the
@@ -361,8 +347,30 @@ class Finder {
     }
     const double count = n + 1;
     const double spread = std::sqrt(std::max(1.0, squares / (2 * count) - std::pow(beside / (2 * count), 2)));
-    return *std::max_element(on.begin(), on.end()) / count - beside / (2 * count) >
-           on_least * spread / std::sqrt(count);
+    const auto best = std::max_element(on.begin(), on.end());
+    const double light = *best / count - beside / (2 * count);
+    if (light <= on_least * spread / std::sqrt(count)) return false;
+    const auto offsets = static_cast<std::size_t>(best - on.begin());
+    return n < even_least || is_lit_throughout(l, off[offsets / 3], off[offsets % 3], n, light);
+  }
+
+  /// Half of the line has to have a good part of its light: stars in a row light little of it.
+  /// @param off1, off2  of the ends, across
+  [[nodiscard]] bool is_lit_throughout(const Line& l, double off1, double off2, int n, double light) const {
+    const double length = std::max(1e-6, l.length());
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    std::vector<float> seen;
+    for (int i = 0; i <= n; ++i) {
+      const double t = static_cast<double>(i) / n;
+      const double off = off1 + t * (off2 - off1);
+      const int x = static_cast<int>(l.x1 + (l.x2 - l.x1) * t - off * uy + 0.5);
+      const int y = static_cast<int>(l.y1 + (l.y2 - l.y1) * t + off * ux + 0.5);
+      if (filtered_.contains(x, y) && mask_.at(x, y) == 0) seen.push_back(filtered_.at(x, y));
+    }
+    if (static_cast<int>(seen.size()) < even_least) return true;
+    const double error = 1.25 / std::sqrt(static_cast<double>(seen.size()));
+    return double(median_of(seen)) > even_share * light - 2 * error;
   }
 
   /// Within the light of a streak already found, or about the same as one refused.
@@ -398,7 +406,6 @@ class Finder {
   /// With the light of the doubtful stars, then without.
   void examine(const Line& seed) {
     Line line = seed;
-    WHY("EX %.0f %.0f %.0f %.0f\n", seed.x1, seed.y1, seed.x2, seed.y2);
     std::optional<double> snr = fit_among_stars(line);
     if (!snr) {
       line = seed;
@@ -424,7 +431,8 @@ class Finder {
   }
 
   [[nodiscard]] std::optional<double> fit_among_stars(Line& line) {
-    if (!settled(line)) return std::nullopt;
+    auto snr = settled(line);
+    if (!snr) return std::nullopt;
     // Stars that a line of this height cannot be go, certain ones that may be pieces of it come.
     const auto too_bright = [&](std::size_t i) {
       return shown_[i] && height_of(i) > piece_most * line.height;
@@ -437,7 +445,7 @@ class Finder {
     const std::vector<std::size_t> come = stars_near(line, may_be_piece);
     for (const std::size_t i : gone) take_away(i);
     for (const std::size_t i : come) show(i);
-    const auto snr = settled(line);
+    if (!gone.empty() || !come.empty()) snr = settled(line);
     if (snr && is_streak(line, *snr)) {
       const std::vector<std::size_t> pieces = stars_near(line, [&](std::size_t i) {
         return shown_[i] && !taken_[i] && is_on(line, field_.stars[i].x, field_.stars[i].y, 0.75 * fwhm_);
@@ -487,8 +495,7 @@ class Finder {
     const double as_stars =
         line_mismatch(shape, 0, fitter_.collect(line, reach, reach), fitter_.noise()) / unit;
     for (const std::size_t i : pieces) add_light(i, 1);
-    WHY("  line %.1f stars %.1f advantage %.1f\n", as_line, as_stars, advantage(pieces.size()));
-    return as_line < as_stars + advantage(pieces.size()) + adv * (8 - options_.caution);
+    return as_line < as_stars + advantage(pieces.size()) + StreakOptions{}.caution - options_.caution;
   }
 
   /// How much worse a line may fit than so many stars: it has fewer parameters, but in a crowded field stars
@@ -539,8 +546,6 @@ class Finder {
       as_stars += (light - of_stars) * (light - of_stars) / variance;
     }
     const double unit = noise_at(line) * noise_at(line);
-    WHY("  two: line %.1f stars %.1f caution %.1f\n", as_line / unit, as_stars / unit,
-        options_.caution * (1 + 0.5 * std::log(1 + touching_pairs())));
     return as_stars < as_line + unit * options_.caution * (1 + 0.5 * std::log(1 + touching_pairs()));
   }
 
@@ -580,7 +585,6 @@ class Finder {
       all += m;
       if ((clean_.flaws.at(x, y) & flaw_spike) != 0) spikes += m;
     });
-    WHY("  seen %.2f spikes %.2f\n", seen / all, spikes / all);
     if (seen < (length < 25 ? 0.7 : 0.45) * all || spikes > 0.15 * all) return false;
     int lit = 0;
     int looked = 0;
@@ -600,19 +604,15 @@ class Finder {
       if (k != brightest) rest_product += product[k], rest_energy += energy[k];
     }
     const double rest = rest_energy > 0 ? rest_product / std::sqrt(rest_energy) / noise_at(l) : 0;
-    WHY("  looked %d lit %d rest %.2f\n", looked, lit, rest / snr);
-    return looked >= 2 && lit >= looked - 1 && rest > even_rest * snr;
+    return looked >= 2 && lit >= looked - 1 && rest > 0.45 * snr;
   }
 
   [[nodiscard]] bool is_streak(const Line& l, double snr) {
     // Between stars that touch there is room for something short and faint.
-    if (dbg && snr < options_.snr_least * 1.2) WHY("  snr low %.1f\n", snr);
     if (snr < snr_least() * (l.length() < 25 ? 1.2 : 1) ||
         l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm_))
       return false;
     const double error = 2 / snr;
-    WHY("  is_streak? %.0f %.0f %.0f %.0f snr %.1f scale %.2f h %.1f\n", l.x1, l.y1, l.x2, l.y2, snr, l.scale,
-        l.height);
     // The sharper the optics, the more a particle's track looks like a streak; wide lines lose their flanks
     // to the high-pass.
     const double narrowest = fwhm_ < 1.8 ? 0.92 : 0.85;
@@ -630,7 +630,6 @@ class Finder {
     for (std::size_t i = 0; i + 1 < beside.size(); ++i) squares += beside[i] * beside[i];
     const double spread = std::sqrt(squares / static_cast<double>(beside.size() - 1));
     const double error = l.height / snr;
-    WHY("  out %.2f mid %.2f err %.2f spread %.2f\n", l.height, middle, error, spread);
     return l.height - std::max(0.0, middle) > std::max(5 * error, 3 * spread);
   }
 
@@ -689,9 +688,8 @@ class Finder {
 
   [[nodiscard]] std::vector<Streak> result() {
     std::vector<Streak> streaks;
-    static const bool weigh = env("WEIGH", 1) > 0;
     for (auto& [l, snr] : found_) {
-      if (weigh) fitter_.weigh_ends(l, noise_at(l));
+      fitter_.weigh_ends(l, noise_at(l));
       const double unit = double(clean_.noise_adu.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2));
       // Across the line a Gaussian; along it all light lies between the ends, on average.
       const double light = l.length() * std::sqrt(2 * std::numbers::pi) * sigma_ * l.scale;

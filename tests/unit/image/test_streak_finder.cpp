@@ -18,7 +18,7 @@ using hw_sim::SkyStreak;
 std::vector<Streak> streaks_in(const Frame& frame) {
   FrameFindings findings;
   const CleanFrame clean = clean_frame(frame, findings);
-  StarField field = find_stars(clean, {});
+  StarField field = find_stars(clean, {.close_ones = false});
   return find_streaks(clean, field, {});
 }
 
