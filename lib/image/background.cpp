@@ -19,6 +19,8 @@ constexpr float clipped_spread = 1.0F / 0.95535F;
 /// Level and spread of a cell start from so many of its pixels.
 constexpr int sample_of_cell = 256;
 constexpr std::size_t sample_least = 8;
+/// About a step of quantised values, beside the noise that their rounding makes at least.
+constexpr float wider_at_first = 2.5F;
 
 struct CellStatistics {
   float level = unknown;
@@ -63,8 +65,9 @@ std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell,
   const float median = *middle;
   const auto quarter = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 4);
   std::nth_element(sample.begin(), quarter, middle);
-  // The lower half has fewer stars in it. Coarsely quantised values may make it zero wide.
-  CellStatistics guess{median, std::max((median - *quarter) * 1.4826F, noise_least)};
+  // The lower half has fewer stars in it. Of coarsely quantised values it may be zero wide, and a clip that
+  // leaves one of two such values never lets the second in again: rather too wide at first.
+  CellStatistics guess{median, (median - *quarter) * 1.4826F + wider_at_first * noise_least};
   for (int round = 0; round < 3; ++round)
     guess = next(guess,
                  clipped_moments(sample.data(), static_cast<int>(sample.size()), guess.level,
@@ -74,13 +77,14 @@ std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell,
 }
 
 /// Mean and spread of the pixels that are near, until they settle.
+/// @param row_step  1: of all rows
 CellStatistics settle(CellStatistics is, const Plane& pixels, const Grid<std::uint8_t>* masked,
-                      const Cell& cell, float noise_least) {
+                      const Cell& cell, float noise_least, int row_step = 1) {
   const int width = cell.x1 - cell.x0;
   for (int round = 0; round < 6; ++round) {
     const float reach = clip_sigma * is.noise;
     Moments all{0, 0, 0};
-    for (int y = cell.y0; y < cell.y1; ++y) {
+    for (int y = cell.y0; y < cell.y1; y += row_step) {
       const float* row = pixels.row(y) + cell.x0;
       const Moments m = masked != nullptr
                             ? clipped_moments(row, masked->row(y) + cell.x0, width, is.level, reach)
@@ -282,8 +286,9 @@ SkyLevel measure_sky(const Plane& pixels, float noise_least) {
 
 SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked) {
   constexpr float least = 0.05F;
+  const int row_step = masked == nullptr ? 2 : 1;  // filtered light: every row is like the next
   return measure_cells(signal, least, [&](const Cell& cell) {
-    return settle({0, 1}, signal, masked, cell, least);
+    return settle({0, 1}, signal, masked, cell, least, row_step);
   });
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <variant>
@@ -26,6 +27,8 @@ struct Streak {
   double snr;       ///< of all its light over the noise of the sky in a matched filter
   double flux;      ///< ADU above the sky
   double width_px;  ///< FWHM across
+
+  [[nodiscard]] double length_px() const { return std::hypot(x2 - x1, y2 - y1); }
 };
 
 /// Where a frame looks and how it lies.

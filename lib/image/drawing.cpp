@@ -47,7 +47,7 @@ class Pen {
   }
   /// Around a streak, which stays visible.
   void box(const Streak& s, double margin, const Colour& colour) {
-    const double length = std::max(1e-6, std::hypot(s.x2 - s.x1, s.y2 - s.y1));
+    const double length = std::max(1e-6, s.length_px());
     const double ux = margin * (s.x2 - s.x1) / length;
     const double uy = margin * (s.y2 - s.y1) / length;
     const std::array<std::array<double, 2>, 4> corners{{{s.x1 - ux - uy, s.y1 - uy + ux},

@@ -13,6 +13,8 @@ constexpr double beyond_least_px = 60;
 constexpr double beyond_share = 1.2;
 /// What counts of a bin's light along a line above the mean, in errors: the rest may be a star.
 constexpr double bin_clip = 1;
+/// Spread of the places an end may have, from which on all of them count instead of the best one.
+constexpr double open_end_px = 1.2;
 
 /// Ends and direction as the fit changes them.
 void move(Line& line, const LineShape& from, const Vector6& step) {
@@ -130,23 +132,39 @@ std::optional<double> LineFitter::fit(Line& line, double blur, bool with_ends, i
   return line.height * std::sqrt(energy);
 }
 
-/// The light along the line in steps of a pixel; then the piece that a line of this height explains best.
-void LineFitter::find_ends(Line& line) {
-  const double beyond = std::max(beyond_least_px, beyond_share * line.length());
+/// The light along the line in steps of a pixel.
+LineFitter::Steps LineFitter::steps_along(const Line& line) const {
   const double length = line.length();
-  const auto bins = static_cast<std::size_t>(length + 2 * beyond) + 2;
-  std::vector<double> light(bins, 0.0);
-  std::vector<double> energy(bins, 0.0);
+  Steps steps;
+  steps.before = std::max(beyond_least_px, beyond_share * length);
+  const auto bins = static_cast<std::size_t>(length + 2 * steps.before) + 2;
+  steps.light.assign(bins, 0.0);
+  steps.energy.assign(bins, 0.0);
   const double narrow = 0.5 / (sigma_ * sigma_ * line.scale * line.scale);
-  for_pixels_along(line, light_.width(), light_.height(), 2.2 * sigma_, beyond,
+  for_pixels_along(line, light_.width(), light_.height(), 2.2 * sigma_, steps.before,
                    [&](int x, int y, double along, double across) {
                      if (mask_.at(x, y) != 0) return;
                      const auto bin = static_cast<std::size_t>(
-                         std::clamp(along + beyond + 0.5, 0.0, static_cast<double>(bins) - 1));
+                         std::clamp(along + steps.before + 0.5, 0.0, static_cast<double>(bins) - 1));
                      const double p = std::exp(-across * across * narrow);
-                     light[bin] += p * double(light_.at(x, y));
-                     energy[bin] += p * p;
+                     steps.light[bin] += p * double(light_.at(x, y));
+                     steps.energy[bin] += p * p;
                    });
+  return steps;
+}
+
+/// What a step speaks for a line of this height here: by how much chi squared is less with it.
+double LineFitter::gain_of(const Steps& steps, std::size_t i, double height) {
+  const double most = height * steps.energy[i] + bin_clip * std::sqrt(steps.energy[i]);
+  return height * (2 * std::min(steps.light[i], most) - height * steps.energy[i]);
+}
+
+/// The piece that a line of this height explains best.
+void LineFitter::find_ends(Line& line) {
+  const double length = line.length();
+  const auto steps = steps_along(line);
+  const auto& [light, energy, beyond] = steps;
+  const std::size_t bins = light.size();
   double height = line.height;
   double from = beyond;
   double to = beyond + length;
@@ -155,10 +173,8 @@ void LineFitter::find_ends(Line& line) {
     double sum = 0, best = 0;
     std::size_t start = 0, best_from = 0, best_to = 0;
     for (std::size_t i = 0; i < bins; ++i) {
-      const double most = height * energy[i] + bin_clip * std::sqrt(energy[i]);
-      const double gain = height * (2 * std::min(light[i], most) - height * energy[i]);
       if (sum <= 0) sum = 0, start = i;
-      sum += gain;
+      sum += gain_of(steps, i, height);
       if (sum > best) best = sum, best_from = start, best_to = i;
     }
     if (best <= 0 || static_cast<double>(best_to) < from || static_cast<double>(best_from) > to) return;
@@ -181,6 +197,43 @@ void LineFitter::find_ends(Line& line) {
   line.x1 = x + (from - beyond) * ux, line.y1 = y + (from - beyond) * uy;
   line.x2 = x + (to - beyond) * ux, line.y2 = y + (to - beyond) * uy;
   line.height = height;
+}
+
+void LineFitter::weigh_ends(Line& line, double noise) {
+  const double length = line.length();
+  const auto steps = steps_along(line);
+  // Of an end in the middle of step i: all steps between it and the middle of the line are lit.
+  const auto middle = static_cast<std::ptrdiff_t>(steps.before + length / 2 + 0.5);
+  const auto bins = static_cast<std::ptrdiff_t>(steps.light.size());
+  const auto mean_end = [&](std::ptrdiff_t step, double is) {
+    double gain = 0;
+    double most = 0;
+    std::vector<double> gains;
+    for (std::ptrdiff_t i = middle; i >= 0 && i < bins; i += step) {
+      gain += gain_of(steps, static_cast<std::size_t>(i), line.height) / (noise * noise);
+      gains.push_back(gain);
+      most = std::max(most, gain);
+    }
+    double all = 0, mean = 0, squares = 0;
+    for (std::size_t k = 0; k < gains.size(); ++k) {
+      const double weight = std::exp((gains[k] - most) / 2);
+      const double place = static_cast<double>(k) + 0.5;
+      all += weight, mean += weight * place, squares += weight * place * place;
+    }
+    if (!(all > 0)) return is;
+    mean /= all;
+    const double spread = std::sqrt(std::max(0.0, squares / all - mean * mean));
+    return spread > open_end_px
+               ? static_cast<double>(middle) + static_cast<double>(step) * mean - steps.before
+               : is;
+  };
+  const double from = mean_end(-1, 0);
+  const double to = mean_end(1, length);
+  if (to - from < 0.5 * length) return;
+  const double ux = (line.x2 - line.x1) / std::max(1e-3, length);
+  const double uy = (line.y2 - line.y1) / std::max(1e-3, length);
+  line.x2 = line.x1 + to * ux, line.y2 = line.y1 + to * uy;
+  line.x1 += from * ux, line.y1 += from * uy;
 }
 
 std::vector<double> LineFitter::heights_beside(const Line& line) {

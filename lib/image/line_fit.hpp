@@ -33,6 +33,10 @@ class LineFitter {
   /// The ends too, from near by.
   [[nodiscard]] std::optional<double> fit(Line& line) { return fit(line, 1, true, 12); }
 
+  /// Ends that the noise leaves open are the mean of all places, each as likely as it explains the light.
+  /// @param noise  of the matched filter, beside that of a pixel
+  void weigh_ends(Line& line, double noise);
+
   /// Pixels within @p reach_px of the line and at most @p beyond_px behind its ends.
   const LinePixels& collect(const Line& line, double reach_px, double beyond_px);
   [[nodiscard]] LineShape shape_of(const Line& line) const;
@@ -46,6 +50,13 @@ class LineFitter {
   /// @param blur  the line is taken for so much wider, to be found from farther
   [[nodiscard]] std::optional<double> fit(Line& line, double blur, bool with_ends, int rounds);
   void find_ends(Line& line);
+  struct Steps {
+    std::vector<double> light;   ///< weighted by the line's profile
+    std::vector<double> energy;  ///< of the weights
+    double before = 0;           ///< px from the first step to the line
+  };
+  [[nodiscard]] Steps steps_along(const Line& line) const;
+  [[nodiscard]] static double gain_of(const Steps& steps, std::size_t step, double height);
 
   const Plane& light_;
   const Grid<std::uint8_t>& mask_;

@@ -50,7 +50,7 @@ class StreakSearch final : public Method {
   Result<FrameFindings, Refusal> process(const Frame& frame) override {
     FrameFindings findings;
     const CleanFrame clean = clean_frame(frame, findings);
-    StarField field = find_stars(clean, {.stars_max = std::numeric_limits<int>::max()});
+    StarField field = find_stars(clean, {.stars_max = std::numeric_limits<int>::max(), .close_ones = false});
     findings.streaks = find_streaks(clean, field, options_);
     if (!with_trails_) drop_star_trails(field.stars.size(), findings);
     if (with_stars_) findings.stars = std::move(field.stars);
@@ -80,7 +80,7 @@ constexpr std::array streak_parameters{
     ParameterSpec{"threshold", 7, 3, 1000, "least SNR of a whole streak"},
     ParameterSpec{"min_length", 10, 3, 10000, "px"},
     ParameterSpec{"caution", 8, -100, 1000,
-                  "by how much of chi squared a short streak has to be likelier than two stars"},
+                  "by how much of chi squared a short streak has to be likelier than stars"},
     ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
     ParameterSpec{"trails", 0, 0, 1, "1: also what the stars draw when the camera turns"},
 };
@@ -97,7 +97,8 @@ class TrackletSearch final : public Method {
       return Err(Refusal{fmt::format("more than {} frames in a sequence", frames_most)});
     FrameFindings findings;
     const CleanFrame clean = clean_frame(frame, findings);
-    StarField field = find_stars(clean, {.snr_least = faint_least, .stars_max = faint_most});
+    StarField field =
+        find_stars(clean, {.snr_least = faint_least, .stars_max = faint_most, .close_ones = false});
     FrameDetections of_frame;
     of_frame.stars = field.stars;
     of_frame.streaks = find_streaks(clean, field, streaks_);
@@ -133,8 +134,8 @@ constexpr std::array tracklet_parameters{
     ParameterSpec{"max_speed", 40, 0.1, 10000, "px per frame; four times that of what is seen as streaks"},
     ParameterSpec{"streak_threshold", 7, 3, 1000, "least SNR of a streak in one frame"},
     ParameterSpec{"min_length", 10, 3, 10000, "of streaks, px"},
-    ParameterSpec{"caution", -12, -100, 1000,
-                  "by how much of chi squared a streak has to be likelier than two stars in the one frame"},
+    ParameterSpec{"caution", -100, -1000, 1000,
+                  "by how much of chi squared a streak has to be likelier than stars in the one frame"},
 };
 
 /// The attitude from the stars.

@@ -207,21 +207,27 @@ void take_patch(const Grid<float>& light, const Grid<std::uint8_t>& flaws, doubl
   patch.y0 = yi - radius;
   patch.rows = 2 * radius + 1;
   patch.width = (2 * radius + Patch::lanes) / Patch::lanes * Patch::lanes;
-  patch.light.assign(patch.size(), 0.0F);
-  patch.use.assign(patch.size(), 0.0F);
+  patch.light.resize(patch.size());
+  patch.use.resize(patch.size());
   const int from = std::max(0, patch.x0);
   const int end = std::min(light.width(), xi + radius + 1);
   for (int j = 0; j < patch.rows; ++j) {
     const int row = patch.y0 + j;
-    if (row < 0 || row >= light.height() || from >= end) continue;
-    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(j) * patch.width + (from - patch.x0);
+    float* const to = patch.light.data() + static_cast<std::ptrdiff_t>(j) * patch.width;
+    float* const use = patch.use.data() + static_cast<std::ptrdiff_t>(j) * patch.width;
+    const bool inside = row >= 0 && row < light.height() && from < end;
+    const int first = inside ? from - patch.x0 : 0;
+    const int last = inside ? end - patch.x0 : 0;
+    for (float* values : {to, use}) {
+      std::fill(values, values + first, 0.0F);
+      std::fill(values + last, values + patch.width, 0.0F);
+    }
+    if (!inside) continue;
     const float* pixel = light.row(row) + from;
     const std::uint8_t* flaw = flaws.row(row) + from;
-    float* to = patch.light.data() + at;
-    float* use = patch.use.data() + at;
-    for (int i = 0; i < end - from; ++i) {
-      to[i] = pixel[i];
-      use[i] = flaw[i] == 0 ? 1.0F : 0.0F;
+    for (int i = 0; i < last - first; ++i) {
+      to[first + i] = pixel[i];
+      use[first + i] = flaw[i] == 0 ? 1.0F : 0.0F;
     }
   }
 }
@@ -262,6 +268,59 @@ void profile_gradients(const Profile& profile, const Patch& patch, float x, floa
     fill_gradients(Gaussian(profile), patch, x, y, out.height.data(), out.x.data(), out.y.data());
   else
     fill_gradients(Moffat(profile), patch, x, y, out.height.data(), out.x.data(), out.y.data());
+}
+
+SRFS_VECTORISED
+PairSums pair_sums(const std::array<ProfileGradients, 2>& stars, const Patch& patch,
+                   const std::array<float, 2>& heights, float shot) {
+  PairSums sums{};
+  constexpr int lanes = Patch::lanes;
+  std::array<std::array<float, lanes>, 28> totals{};
+  const float* const light = patch.light.data();
+  const float* const use = patch.use.data();
+  const std::array<const float*, 2> h{stars[0].height.data(), stars[1].height.data()};
+  const std::array<const float*, 2> gx{stars[0].x.data(), stars[1].x.data()};
+  const std::array<const float*, 2> gy{stars[0].y.data(), stars[1].y.data()};
+  std::array<std::array<float, lanes>, 6> g;
+  std::array<float, lanes> weight;
+  std::array<float, lanes> residuum;
+  for (std::size_t at = 0; at < patch.size(); at += lanes) {
+#pragma omp simd
+    for (std::size_t i = 0; i < lanes; ++i) {
+      g[0][i] = heights[0] * gx[0][at + i];
+      g[1][i] = heights[0] * gy[0][at + i];
+      g[2][i] = h[0][at + i];
+      g[3][i] = heights[1] * gx[1][at + i];
+      g[4][i] = heights[1] * gy[1][at + i];
+      g[5][i] = h[1][at + i];
+      const float model = heights[0] * g[2][i] + heights[1] * g[5][i];
+      weight[i] = use[at + i] / (1 + shot * (model > 0 ? model : 0.0F));
+      residuum[i] = light[at + i] - model;
+    }
+    std::size_t k = 0;
+    for (std::size_t a = 0; a < 6; ++a) {
+      std::array<float, lanes> weighted;
+#pragma omp simd
+      for (std::size_t i = 0; i < lanes; ++i) weighted[i] = weight[i] * g[a][i];
+      for (std::size_t b = a; b < 6; ++b, ++k) {
+#pragma omp simd
+        for (std::size_t i = 0; i < lanes; ++i) totals[k][i] += weighted[i] * g[b][i];
+      }
+#pragma omp simd
+      for (std::size_t i = 0; i < lanes; ++i) totals[21 + a][i] += weighted[i] * residuum[i];
+    }
+#pragma omp simd
+    for (std::size_t i = 0; i < lanes; ++i) totals[27][i] += weight[i] * residuum[i] * residuum[i];
+  }
+  const auto sum = [&totals](std::size_t k) {
+    float all = 0;
+    for (const float v : totals[k]) all += v;
+    return all;
+  };
+  for (std::size_t k = 0; k < sums.normal.size(); ++k) sums.normal[k] = sum(k);
+  for (std::size_t k = 0; k < sums.right.size(); ++k) sums.right[k] = sum(21 + k);
+  sums.mismatch = sum(27);
+  return sums;
 }
 
 SRFS_VECTORISED

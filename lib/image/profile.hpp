@@ -75,6 +75,17 @@ struct ProfileGradients {
 };
 void profile_gradients(const Profile& profile, const Patch& patch, float x, float y, ProfileGradients& out);
 
+/// What the least-squares fit of two stars together needs to know of a patch: sums of products of the
+/// derivatives by x, y and height of the one, then of the other (upper triangle, row by row), and of the
+/// residuum; chi squared. Weights as of fit_sums.
+struct PairSums {
+  std::array<float, 21> normal;
+  std::array<float, 6> right;
+  float mismatch;
+};
+[[nodiscard]] PairSums pair_sums(const std::array<ProfileGradients, 2>& stars, const Patch& patch,
+                                 const std::array<float, 2>& heights, float shot);
+
 /// Adds a star's light to @p n pixels of a row, the first of which is @p dx from it.
 void add_profile(const Profile& profile, float height, float dx, float dy, float* row, int n);
 

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <numeric>
 
 #include "image/filter.hpp"
+#include "image/place_index.hpp"
 #include "image/rows.hpp"
 #include "image/two_stars.hpp"
 
@@ -14,14 +17,30 @@ namespace {
 
 constexpr float candidate_least = 3.5F;  ///< in noise of the filtered frame
 constexpr std::size_t candidates_max = 60000;
-/// What a bright star's model may leave of it.
-constexpr double model_error = 0.06;
+/// What a bright star's model may leave of it: as the frame's own bright stars show, within these; the most
+/// where there are too few.
+constexpr double model_error_most = 0.06;
+constexpr double model_error_least = 0.025;
+constexpr float model_error_height = 60;  ///< of stars that show it
 /// Unexplained energy that the model's own error may leave.
 constexpr double sharper_share = 0.02;
-/// What chi squared has to gain by a second star: so much, and a share of the first one's energy for what its
-/// model lacks.
-constexpr double split_least = 25;
-constexpr double split_share = 0.002;
+/// What chi squared has to gain by a second star beside what the chance of one so close takes from it (three
+/// parameters), within limits; and a share of the first one's energy for what its model lacks.
+constexpr double split_gain = 6;
+constexpr double split_least = 10;
+constexpr double split_most = 25;
+constexpr double split_share = 0.5;  ///< of the model's error, squared
+/// Perhaps two: wider than the frame's stars by so much, after so many errors of its width; and what the
+/// heights have to be in their errors.
+struct Doubt {
+  double scale;
+  double errors;
+  double height_errors;
+};
+constexpr Doubt seldom{1.1, 2.5, 4};
+constexpr Doubt readily{1, 0.5, 1.5};
+/// Hidden stars are at most so far from the one that hid them, in FWHM.
+constexpr double beside_most = 1.4;
 /// A wrong level of the sky that matters, times the width of a star, both in noise and px.
 constexpr float level_least = 0.05F;
 
@@ -55,6 +74,7 @@ class Finder {
         psf_(clean.psf),
         profile_(clean.psf.profile()),
         options_(options),
+        doubt_(options.close_ones ? readily : seldom),
         residual_(clean.signal) {
     const int r = 3 * psf_.fit_radius();
     for (int y = -r; y <= r; ++y) {
@@ -73,9 +93,15 @@ class Finder {
       noise_ = measure_flattened(filtered_, nullptr).noise;
       for (Fitted& star : stars_) star.noise = noise_at(star.x, star.y);
       const std::size_t known = stars_.size();
-      for (const Peak& peak : find_peaks()) try_peak(peak, pass);
+      const PlaceIndex places(stars_);
+      for (const Peak& peak : find_peaks()) {
+        if (pass == 0 || !options_.close_ones || !try_beside(peak, places)) try_peak(peak, pass);
+      }
       if (stars_.size() == known) break;
-      if (pass == 0) measure_shot_noise();
+      if (pass == 0) {
+        measure_shot_noise();
+        if (options_.close_ones) measure_model_error();
+      }
       find_crowds(known);
       refine();
     }
@@ -185,6 +211,35 @@ class Finder {
     stars_.push_back(star);
   }
 
+  /// Light that is left beside a star that was fitted alone: what was hidden has pulled its place and height.
+  /// @return whether there are two now
+  [[nodiscard]] bool try_beside(const Peak& peak, const PlaceIndex& places) {
+    std::size_t nearest = stars_.size();
+    double closest = beside_most * psf_.fwhm_px();
+    places.near(peak.x, peak.y, closest, [&](std::size_t i, double distance) {
+      if (distance <= closest) nearest = i, closest = distance;
+    });
+    if (nearest == stars_.size()) return false;
+    Fitted first = stars_[nearest];
+    if (first.radius > psf_.fit_radius()) return false;
+    take_with_light(first, first.radius + 1);
+    Fitted second = first;
+    const double height = 1.3 * double(peak.value) / std::sqrt(energy_);
+    if (!split(first, second, {{first.x, double(peak.x)}, {first.y, double(peak.y)}, {first.height, height}}))
+      return false;
+    replace(stars_[nearest], first, second);
+    stars_.push_back(second);
+    return true;
+  }
+
+  /// The light of one star by that of two.
+  void replace(Fitted& star, const Fitted& first, const Fitted& second) {
+    add_light(star, 1);
+    add_light(first, -1);
+    add_light(second, -1);
+    star = first;
+  }
+
   [[nodiscard]] static double significance_of(const Fitted& star) {
     return star.height / std::hypot(star.noise / std::sqrt(star.energy), star.left_over);
   }
@@ -202,7 +257,7 @@ class Finder {
         others = std::max(others, double(clean_.signal.at(i, j)) - double(residual_.at(i, j)) - own_light);
       }
     }
-    star.left_over = (pass == 0 ? 1 : 1.5) * model_error * others;
+    star.left_over = (pass == 0 ? 1 : 1.5) * model_error_ * others;
     star.significance = significance_of(star);
   }
 
@@ -338,6 +393,30 @@ class Finder {
     if (shares.size() >= 5) shot_ = std::clamp(double(median_of(shares)), 0.0, 0.5);
   }
 
+  /// What the brightest stars leave beyond their noise, beside their light.
+  void measure_model_error() {
+    std::vector<float> shares;
+    for (const Fitted& star : stars_) {
+      if (star.height < double(model_error_height) || star.radius > psf_.fit_radius() || shares.size() >= 50)
+        continue;
+      take_with_light(star, star.radius);
+      profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+      double excess = 0;
+      double energy = 0;
+      for (std::size_t i = 0; i < patch_.size(); ++i) {
+        const double model = star.height * double(heights_[i]);
+        const double r = double(patch_.light[i]) - model;
+        const double variance = 1 + shot_ * model;
+        excess += double(patch_.use[i]) * (r * r / variance - 1);
+        energy += double(patch_.use[i]) * model * model / variance;
+      }
+      shares.push_back(static_cast<float>(excess / energy));
+    }
+    if (shares.size() < 5) return;
+    model_error_ =
+        std::clamp(std::sqrt(std::max(0.0, double(median_of(shares)))), model_error_least, model_error_most);
+  }
+
   /// Which stars have neighbours whose light matters, which of those are new since @p known, and which touch.
   void find_crowds(std::size_t known) {
     const double reach = 3 * psf_.fwhm_px();
@@ -401,6 +480,7 @@ class Finder {
 
   /// Beside the other stars only.
   void judge_changed() {
+    constexpr double any = std::numeric_limits<double>::infinity();
     std::vector<Fitted> second_stars;
     for (Fitted& star : stars_) {
       if (!star.changed) continue;
@@ -408,49 +488,70 @@ class Finder {
       judge(star, 1, star.height);
       const bool saturated = star.radius > psf_.fit_radius();  // its core is unknown
       take_with_light(star, star.radius + 1);
-      const bool is_star = saturated || (has_star_width(star, 4) && !is_sharper(star));
-      if (!is_star) {
+      const bool has_width = saturated || has_star_width(star, 4);
+      const bool is_star = saturated || (has_width && !is_sharper(star));
+      Fitted first = star;
+      Fitted second = star;
+      const bool wide = !saturated && star.scale - doubt_.errors * star.scale_error > doubt_.scale;
+      if (!wide || !(is_star || options_.close_ones) ||
+          !split(first, second, drawn_apart(star), is_star ? any : mismatch_of_two())) {
+        if (is_star) continue;
         add_light(star, 1);
         sharp_.push_back(star);
         star.height = 0;
         continue;
       }
-      if (saturated || star.scale - 2.5 * star.scale_error < 1.1) continue;
-      Fitted first = star;
-      Fitted second = star;
-      if (!split(first, second)) continue;
-      add_light(star, 1);
-      add_light(first, -1);
-      add_light(second, -1);
-      star = first;
+      replace(star, first, second);
       second_stars.push_back(second);
     }
     std::erase_if(stars_, [](const Fitted& s) { return s.height <= 0; });
     stars_.insert(stars_.end(), second_stars.begin(), second_stars.end());
   }
 
-  /// Two stars where one is too wide: least squares of both together. @return whether they explain the light
-  /// of the patch so much better that it is two
-  [[nodiscard]] bool split(Fitted& first, Fitted& second) {
-    TwoStars two(profile_, patch_, shot_);
-    const double before = two.mismatch({{first.x, first.x}, {first.y, first.y}, {first.height, 0}});
-    const auto [angle, distance] = elongation(first);
+  /// The likelier two stars are so close by chance, the less the light has to say for it.
+  [[nodiscard]] double gain_least() const {
+    if (!options_.close_ones) return split_most;
+    const double a_pixel = static_cast<double>(stars_.size()) / static_cast<double>(residual_.size());
+    const double chance = std::min(1.0, a_pixel * std::numbers::pi * psf_.fwhm_px() * psf_.fwhm_px());
+    return std::clamp(split_gain - 2 * std::log(chance), split_least, split_most);
+  }
+
+  /// Chi squared that two stars leave of the patch at most, by chance.
+  [[nodiscard]] double mismatch_of_two() const {
+    const double n = std::accumulate(patch_.use.begin(), patch_.use.end(), 0.0);
+    return n + 4 * std::sqrt(2 * n);
+  }
+
+  /// Where two stars would be that one is taken for.
+  [[nodiscard]] StarPair drawn_apart(const Fitted& star) {
+    const auto [angle, distance] = elongation(star);
     const double dx = distance / 2 * std::cos(angle);
     const double dy = distance / 2 * std::sin(angle);
-    const double half = 0.6 * first.height;
-    const auto found =
-        two.fit({{first.x - dx, first.x + dx}, {first.y - dy, first.y + dy}, {half, half}}, psf_.fwhm_px());
+    const double half = 0.6 * star.height;
+    return {{star.x - dx, star.x + dx}, {star.y - dy, star.y + dy}, {half, half}};
+  }
+
+  /// Two stars where one was: least squares of both together. @pre the patch is around it, with its light
+  /// @param mismatch_most  that they may leave of it, in chi squared beside the noise
+  /// @return whether they explain the light of the patch so much better that it is two
+  [[nodiscard]] bool split(Fitted& first, Fitted& second, const StarPair& start,
+                           double mismatch_most = std::numeric_limits<double>::infinity()) {
+    TwoStars two(profile_, patch_, shot_);
+    const double before = two.mismatch({{first.x, first.x}, {first.y, first.y}, {first.height, 0}});
+    const auto found = two.fit(start, psf_.fwhm_px());
     if (!found) return false;
     const StarPair& s = found->stars;
     const double apart = std::hypot(s.x[1] - s.x[0], s.y[1] - s.y[0]);
     if (apart < 0.35 * psf_.fwhm_px()) return false;
     for (std::size_t k = 0; k < 2; ++k) {
-      if (std::hypot(s.x[k] - first.x, s.y[k] - first.y) > 1.2 * psf_.fwhm_px()) return false;
-      if (s.height[k] < 4 * found->height_errors[k] * first.noise) return false;
+      if (std::hypot(s.x[k] - first.x, s.y[k] - first.y) > 1.2 * beside_most * psf_.fwhm_px()) return false;
+      if (s.height[k] < doubt_.height_errors * found->height_errors[k] * first.noise) return false;
     }
     const double gained = before - found->mismatch;
     const double energy = first.height * first.height * first.energy;
-    if (gained < split_least * first.noise * first.noise + split_share * energy) return false;
+    const double share = split_share * model_error_ * model_error_;
+    if (gained < gain_least() * first.noise * first.noise + share * energy) return false;
+    if (found->mismatch > mismatch_most * first.noise * first.noise + share * energy) return false;
     first.x = s.x[0], first.y = s.y[0], first.height = s.height[0];
     second.x = s.x[1], second.y = s.y[1], second.height = s.height[1];
     for (Fitted* star : {&first, &second}) {
@@ -566,6 +667,7 @@ class Finder {
   const Psf& psf_;
   Profile profile_;
   const StarOptions& options_;
+  Doubt doubt_;
   Plane residual_;
   Plane filtered_;
   Surface noise_;
@@ -573,6 +675,7 @@ class Finder {
   std::vector<float> heights_;
   double energy_ = 0;
   double shot_ = 0;
+  double model_error_ = model_error_most;
   std::vector<Fitted> stars_;
   std::vector<Fitted> sharp_;  ///< taken for stars at first
 };

@@ -24,7 +24,7 @@ struct Shape {
 
 Shape shape_of(const Streak& s) {
   const double angle = std::atan2(s.y2 - s.y1, s.x2 - s.x1);
-  return {std::hypot(s.x2 - s.x1, s.y2 - s.y1), angle < 0 ? angle + std::numbers::pi : angle};
+  return {s.length_px(), angle < 0 ? angle + std::numbers::pi : angle};
 }
 
 bool alike(const Shape& a, const Shape& b) {

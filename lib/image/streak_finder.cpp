@@ -27,6 +27,17 @@ constexpr double model_error = 0.05;
 /// Earth, and edges in all directions.
 constexpr float unrest_most = 5;
 
+/// What one place counts at most, and what the sum has to be in errors, of a line that is looked at quickly.
+constexpr double on_clip = 4;
+constexpr double on_least = 3.5;
+/// So many places along a line tell whether it is lit throughout: half of them to this share.
+constexpr int even_least = 6;
+constexpr double even_share = 0.35;
+/// Of a frame coded in blocks: this dark line counts, the strongest ones may be a star's surroundings; lines
+/// have to be so many times more significant.
+constexpr std::size_t dark_line = 5;
+constexpr double dark_share = 1.2;
+
 /// What a quarter of the frame's cells stay below.
 float calm_noise(const Surface& noise) {
   std::vector<float> nodes(noise.nodes().cells().begin(), noise.nodes().cells().end());
@@ -75,6 +86,24 @@ void high_pass(Plane& plane) {
     for (int x = inside_end; x < w; ++x)
       to[x] -= mean(std::max(0, x - box_radius), std::min(w, x + box_radius + 1));
   }
+}
+
+/// Whether the frame was coded in blocks of 8 x 8 pixels (JPEG): between them values change more than within.
+bool is_made_of_blocks(const Plane& signal) {
+  constexpr int side = 8;
+  constexpr float change_most = 3;  // of a neighbour that counts: stars say nothing
+  constexpr double step_least = 1.2;
+  std::array<double, side> changes{};
+  for (int y = 0; y < signal.height(); y += 4) {
+    const float* row = signal.row(y);
+    for (int x = 0; x + side < signal.width(); x += side) {
+      for (int k = 0; k < side; ++k)
+        changes[static_cast<std::size_t>(k)] +=
+            double(std::min(change_most, std::abs(row[x + k + 1] - row[x + k])));
+    }
+  }
+  std::sort(changes.begin(), changes.end());
+  return changes[side - 1] > step_least * changes[side - 2];
 }
 
 /// What lies near a line.
@@ -213,7 +242,8 @@ class Finder {
     std::vector<Seed> seeds;
     double correlation = 0;
     const Plane cells = binned(correlation);
-    for (const LineHit& hit : search_lines(cells, correlation, hit_least, cell_clip)) {
+    if (is_made_of_blocks(clean_.signal)) raise_limit(cells, correlation);
+    for (const LineHit& hit : search_lines(cells, correlation, hit_least * restless_, cell_clip)) {
       const auto px = [](double cell) { return cell * cell_px + (cell_px - 1) / 2.0; };
       seeds.push_back({Line{px(hit.x1), px(hit.y1), px(hit.x2), px(hit.y2)}, hit.significance});
     }
@@ -221,6 +251,16 @@ class Finder {
     std::stable_sort(seeds.begin(), seeds.end(),
                      [](const Seed& a, const Seed& b) { return a.significance > b.significance; });
     return seeds;
+  }
+
+  /// Nothing in the sky is dark: what lines of less light than around them are there, the coding has made,
+  /// and as many of more light.
+  void raise_limit(const Plane& cells, double correlation) {
+    Plane dark = Plane::unset(cells.width(), cells.height());
+    for (std::size_t i = 0; i < dark.size(); ++i) dark.cells()[i] = -cells.cells()[i];
+    const std::vector<LineHit> lines = search_lines(dark, correlation, hit_least, cell_clip);
+    if (lines.size() > dark_line)
+      restless_ = std::max(1.0, dark_share * lines[dark_line].significance / hit_least);
   }
 
   /// Means of squares of pixels, noise 1 again. @param correlation  of neighbouring cells: sigma of the
@@ -283,24 +323,54 @@ class Finder {
     const double d = 1.7 * fwhm_ + 1.5;
     // Through the filter, values this far apart know little of each other.
     const int n = std::clamp(static_cast<int>(length / (2 * sigma_ + 1)), 2, 60);
-    double on = 0;
+    // The line may lie a little off, at each of its ends.
+    constexpr std::array<double, 3> off{-1, 0, 1};
+    std::array<double, 9> on{};
     double beside = 0;
     double squares = 0;
     for (int i = 0; i <= n; ++i) {
-      const double x = l.x1 + (l.x2 - l.x1) * i / n;
-      const double y = l.y1 + (l.y2 - l.y1) * i / n;
-      // The line may lie a little off.
-      const double here = std::max({sample(x, y), sample(x - uy, y + ux), sample(x + uy, y - ux)});
-      on += std::min(here, 12.0);
+      const double t = static_cast<double>(i) / n;
+      const double x = l.x1 + (l.x2 - l.x1) * t;
+      const double y = l.y1 + (l.y2 - l.y1) * t;
+      std::array<double, 3> here;
+      for (std::size_t k = 0; k < 3; ++k)
+        here[k] = std::min(sample(x - off[k] * uy, y + off[k] * ux), on_clip);
+      for (std::size_t k = 0; k < 9; ++k) {
+        const double place = (1 - t) * static_cast<double>(k / 3) + t * static_cast<double>(k % 3);
+        on[k] += here[static_cast<std::size_t>(place + 0.5)];
+      }
       for (const double side : {-1.0, 1.0}) {
-        const double v = std::clamp(sample(x - side * d * uy, y + side * d * ux), -12.0, 12.0);
+        const double v = std::clamp(sample(x - side * d * uy, y + side * d * ux), -on_clip, on_clip);
         beside += v;
         squares += v * v;
       }
     }
     const double count = n + 1;
     const double spread = std::sqrt(std::max(1.0, squares / (2 * count) - std::pow(beside / (2 * count), 2)));
-    return on / count - beside / (2 * count) > 2.5 * spread / std::sqrt(count);
+    const auto best = std::max_element(on.begin(), on.end());
+    const double light = *best / count - beside / (2 * count);
+    if (light <= on_least * spread / std::sqrt(count)) return false;
+    const auto offsets = static_cast<std::size_t>(best - on.begin());
+    return n < even_least || is_lit_throughout(l, off[offsets / 3], off[offsets % 3], n, light);
+  }
+
+  /// Half of the line has to have a good part of its light: stars in a row light little of it.
+  /// @param off1, off2  of the ends, across
+  [[nodiscard]] bool is_lit_throughout(const Line& l, double off1, double off2, int n, double light) const {
+    const double length = std::max(1e-6, l.length());
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    std::vector<float> seen;
+    for (int i = 0; i <= n; ++i) {
+      const double t = static_cast<double>(i) / n;
+      const double off = off1 + t * (off2 - off1);
+      const int x = static_cast<int>(l.x1 + (l.x2 - l.x1) * t - off * uy + 0.5);
+      const int y = static_cast<int>(l.y1 + (l.y2 - l.y1) * t + off * ux + 0.5);
+      if (filtered_.contains(x, y) && mask_.at(x, y) == 0) seen.push_back(filtered_.at(x, y));
+    }
+    if (static_cast<int>(seen.size()) < even_least) return true;
+    const double error = 1.25 / std::sqrt(static_cast<double>(seen.size()));
+    return double(median_of(seen)) > even_share * light - 2 * error;
   }
 
   /// Within the light of a streak already found, or about the same as one refused.
@@ -347,19 +417,22 @@ class Finder {
       refused_.push_back(seed);
   }
 
+  [[nodiscard]] double snr_least() const { return options_.snr_least * restless_; }
+
   [[nodiscard]] double noise_at(const Line& l) const {
     return std::max(0.5, double(noise_.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2)));
   }
 
   /// Settles a line and judges it. @return its SNR
   [[nodiscard]] std::optional<double> settled(Line& line) {
-    const auto significance = fitter_.settle(line, options_.snr_least * noise_at(line));
+    const auto significance = fitter_.settle(line, snr_least() * noise_at(line));
     if (!significance) return std::nullopt;
     return *significance / noise_at(line);
   }
 
   [[nodiscard]] std::optional<double> fit_among_stars(Line& line) {
-    if (!settled(line)) return std::nullopt;
+    auto snr = settled(line);
+    if (!snr) return std::nullopt;
     // Stars that a line of this height cannot be go, certain ones that may be pieces of it come.
     const auto too_bright = [&](std::size_t i) {
       return shown_[i] && height_of(i) > piece_most * line.height;
@@ -372,7 +445,7 @@ class Finder {
     const std::vector<std::size_t> come = stars_near(line, may_be_piece);
     for (const std::size_t i : gone) take_away(i);
     for (const std::size_t i : come) show(i);
-    const auto snr = settled(line);
+    if (!gone.empty() || !come.empty()) snr = settled(line);
     if (snr && is_streak(line, *snr)) {
       const std::vector<std::size_t> pieces = stars_near(line, [&](std::size_t i) {
         return shown_[i] && !taken_[i] && is_on(line, field_.stars[i].x, field_.stars[i].y, 0.75 * fwhm_);
@@ -422,7 +495,7 @@ class Finder {
     const double as_stars =
         line_mismatch(shape, 0, fitter_.collect(line, reach, reach), fitter_.noise()) / unit;
     for (const std::size_t i : pieces) add_light(i, 1);
-    return as_line < as_stars + advantage(pieces.size());
+    return as_line < as_stars + advantage(pieces.size()) + StreakOptions{}.caution - options_.caution;
   }
 
   /// How much worse a line may fit than so many stars: it has fewer parameters, but in a crowded field stars
@@ -536,7 +609,7 @@ class Finder {
 
   [[nodiscard]] bool is_streak(const Line& l, double snr) {
     // Between stars that touch there is room for something short and faint.
-    if (snr < options_.snr_least * (l.length() < 25 ? 1.2 : 1) ||
+    if (snr < snr_least() * (l.length() < 25 ? 1.2 : 1) ||
         l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm_))
       return false;
     const double error = 2 / snr;
@@ -615,7 +688,8 @@ class Finder {
 
   [[nodiscard]] std::vector<Streak> result() {
     std::vector<Streak> streaks;
-    for (const auto& [l, snr] : found_) {
+    for (auto& [l, snr] : found_) {
+      fitter_.weigh_ends(l, noise_at(l));
       const double unit = double(clean_.noise_adu.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2));
       // Across the line a Gaussian; along it all light lies between the ends, on average.
       const double light = l.length() * std::sqrt(2 * std::numbers::pi) * sigma_ * l.scale;
@@ -634,8 +708,9 @@ class Finder {
   Plane light_;  ///< without background and certain stars, in noise
   Grid<std::uint8_t> mask_;
   LineFitter fitter_;
-  Plane filtered_;  ///< the light through the matched filter, noise 1
-  Surface noise_;   ///< of the filtered light, before it was made 1
+  Plane filtered_;       ///< the light through the matched filter, noise 1
+  Surface noise_;        ///< of the filtered light, before it was made 1
+  double restless_ = 1;  ///< how many times more significant a line has to be here
   std::vector<Found> found_;
   std::vector<Line> refused_;
   std::vector<bool> taken_;  ///< stars that are parts of streaks

@@ -7,7 +7,8 @@ namespace srfs::image {
 struct StreakOptions {
   double snr_least = 7;  ///< of the whole streak
   double length_least_px = 10;
-  /// How much better, in chi squared, a line has to explain what two stars that touch could be.
+  /// How much better, in chi squared, a line has to explain what stars that touch could be. Less where other
+  /// frames show what stands still.
   double caution = 8;
 };
 

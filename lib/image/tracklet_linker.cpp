@@ -362,8 +362,7 @@ class Linker {
     double longest = shortest_streak;
     for (const auto& [f, k] : hits) {
       const Streak* streak = movers_[f][k].streak;
-      if (streak != nullptr)
-        longest = std::max(longest, std::hypot(streak->x2 - streak->x1, streak->y2 - streak->y1));
+      if (streak != nullptr) longest = std::max(longest, streak->length_px());
     }
     return longest;
   }
@@ -406,14 +405,12 @@ class Linker {
 
   /// @pre it is a streak
   [[nodiscard]] double turn_most(const Mover& m) const {
-    const double length = std::hypot(m.streak->x2 - m.streak->x1, m.streak->y2 - m.streak->y1);
-    return 0.1 + widest_ / std::max(length, 1.0);
+    return 0.1 + widest_ / std::max(m.streak->length_px(), 1.0);
   }
 
   /// How far from its place a detection may be found.
   [[nodiscard]] double tolerance(const Mover& m) const {
-    const double along =
-        m.streak == nullptr ? 0 : 0.1 * std::hypot(m.streak->x2 - m.streak->x1, m.streak->y2 - m.streak->y1);
+    const double along = m.streak == nullptr ? 0 : 0.1 * m.streak->length_px();
     return 0.5 + 1.3 * widest_ / std::max(3.0, m.snr) + along;
   }
 

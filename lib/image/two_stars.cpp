@@ -20,25 +20,15 @@ void TwoStars::fill(const StarPair& stars, Equations& e) {
   for (std::size_t k = 0; k < 2; ++k)
     profile_gradients(profile_, patch_, static_cast<float>(stars.x[k]), static_cast<float>(stars.y[k]),
                       gradients_[k]);
-  e.normal.setZero();
-  e.right.setZero();
-  e.mismatch = 0;
-  for (std::size_t i = 0; i < patch_.size(); ++i) {
-    if (patch_.use[i] == 0) continue;
-    Vector6 g;
-    for (std::size_t k = 0; k < 2; ++k) {
-      const auto at = static_cast<Eigen::Index>(3 * k);
-      g[at] = stars.height[k] * double(gradients_[k].x[i]);
-      g[at + 1] = stars.height[k] * double(gradients_[k].y[i]);
-      g[at + 2] = double(gradients_[k].height[i]);
-    }
-    const double model = stars.height[0] * g[2] + stars.height[1] * g[5];
-    const double r = double(patch_.light[i]) - model;
-    const double weight = 1 / (1 + shot_ * std::max(0.0, model));
-    e.normal.noalias() += weight * g * g.transpose();
-    e.right += weight * r * g;
-    e.mismatch += weight * r * r;
+  const PairSums sums = pair_sums(gradients_, patch_,
+                                  {static_cast<float>(stars.height[0]), static_cast<float>(stars.height[1])},
+                                  static_cast<float>(shot_));
+  std::size_t k = 0;
+  for (Eigen::Index a = 0; a < 6; ++a) {
+    e.right[a] = double(sums.right[static_cast<std::size_t>(a)]);
+    for (Eigen::Index b = a; b < 6; ++b) e.normal(a, b) = e.normal(b, a) = double(sums.normal[k++]);
   }
+  e.mismatch = double(sums.mismatch);
 }
 
 double TwoStars::mismatch(const StarPair& stars) {

@@ -80,6 +80,32 @@ TEST_F(LineInNoise, DoesNotReachForAStarBeyondItsEnd) {
   EXPECT_LT(line.x2, 108);
 }
 
+TEST_F(LineInNoise, LeavesEndsThatAreClearAsTheyAre) {
+  const Line truth{40.3, 50.2, 130.7, 95.4, 2.5};
+  add(truth);
+  LineFitter fitter = this->fitter();
+  Line line = truth;
+  ASSERT_TRUE(fitter.settle(line, 5));
+  const Line before = line;
+
+  fitter.weigh_ends(line, 1);
+
+  EXPECT_LT(distance(line.x1, line.y1, before.x1, before.y1), 0.01);
+  EXPECT_LT(distance(line.x2, line.y2, before.x2, before.y2), 0.01);
+}
+
+TEST_F(LineInNoise, PutsEndsThatAreLostInTheNoiseAmongAllPlacesTheyMayHave) {
+  const Line truth{30.3, 50.2, 150.7, 95.4, 0.55};
+  add(truth);
+  Line line = truth;
+
+  fitter().weigh_ends(line, 1);
+
+  EXPECT_LT(distance(line.x1, line.y1, truth.x1, truth.y1), 8);
+  EXPECT_LT(distance(line.x2, line.y2, truth.x2, truth.y2), 8);
+  EXPECT_GT(distance(line.x1, line.y1, truth.x1, truth.y1), 0.01);
+}
+
 TEST_F(LineInNoise, ShowsWhatIsBesideIt) {
   add({40, 80, 140, 80, 3});
   EXPECT_EQ(fitter().heights_beside({40, 80, 140, 80, 3}).size(), 6U);

@@ -107,6 +107,45 @@ TEST(StarFinder, SeparatesTwoStarsThatTouch) {
   EXPECT_NE(bright, faint);
 }
 
+TEST(StarFinder, FindsAFaintStarThatABrightOneOutshines) {
+  SkyScene scene = small_scene(4, 18);
+  std::vector<SkyStar> truth = lattice(scene, 120, 70.3);
+  truth.push_back({60, 55, hw_sim::flux_for_snr(scene, 60, 55, 120)});
+  truth.push_back({63.2, 55.5, hw_sim::flux_for_snr(scene, 63.2, 55.5, 25)});
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  const Star* bright = nearest(found, 60, 55, 0.5);
+  const Star* faint = nearest(found, 63.2, 55.5, 1);
+  ASSERT_NE(bright, nullptr);
+  ASSERT_NE(faint, nullptr);
+  EXPECT_NE(bright, faint);
+}
+
+TEST(StarFinder, FindsBothOfTwoEqualStarsThatLookLikeOneWithoutAMiddle) {
+  SkyScene scene = small_scene(4, 19);
+  std::vector<SkyStar> truth = lattice(scene, 60, 70.3);
+  truth.push_back({60, 55, hw_sim::flux_for_snr(scene, 60, 55, 45)});
+  truth.push_back({65.1, 55.4, hw_sim::flux_for_snr(scene, 65.1, 55.4, 44)});
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth));
+
+  EXPECT_NE(nearest(found, 60, 55, 0.7), nullptr);
+  EXPECT_NE(nearest(found, 65.1, 55.4, 0.7), nullptr);
+}
+
+TEST(StarFinder, TakesASkyOfOnlyAFewValuesForNoStars) {
+  SkyScene scene = small_scene(1.6, 20);
+  scene.background_e = 20;
+  scene.read_noise_e = 3;
+  scene.adu_step = 5.5;  // about the noise
+  scene.gradient = 0.3;
+
+  const std::vector<Star> found = stars_in(frame_of(scene, lattice(scene, 60, 60.3)));
+
+  EXPECT_LE(found.size(), lattice(scene, 60, 60.3).size() + 3);
+}
+
 TEST(StarFinder, PlacesASaturatedStarByItsFlanks) {
   SkyScene scene = small_scene(3, 9);
   scene.saturation_adu = 4000;

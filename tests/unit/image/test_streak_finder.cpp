@@ -1,6 +1,7 @@
 #include "image/streak_finder.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <gmock/gmock.h>
@@ -17,7 +18,7 @@ using hw_sim::SkyStreak;
 std::vector<Streak> streaks_in(const Frame& frame) {
   FrameFindings findings;
   const CleanFrame clean = clean_frame(frame, findings);
-  StarField field = find_stars(clean, {});
+  StarField field = find_stars(clean, {.close_ones = false});
   return find_streaks(clean, field, {});
 }
 
@@ -109,6 +110,48 @@ TEST(StreakFinder, FindsNoneInATexturedForegroundButThatInTheSkyAboveIt) {
 
   ASSERT_EQ(found.size(), 1U);
   EXPECT_LT(end_error(found[0], truth), 4);
+}
+
+/// As JPEG does: the cosines of blocks of 8 x 8 pixels, rounded.
+void code_in_blocks(Plane& pixels, double step) {
+  constexpr int side = 8;
+  std::array<std::array<double, side>, side> cosine;
+  for (std::size_t k = 0; k < side; ++k) {
+    for (std::size_t i = 0; i < side; ++i)
+      cosine[k][i] = (k == 0 ? std::sqrt(0.5) : 1) / 2 *
+                     std::cos((2 * static_cast<double>(i) + 1) * static_cast<double>(k) * 3.14159265 / 16);
+  }
+  for (int y0 = 0; y0 + side <= pixels.height(); y0 += side) {
+    for (int x0 = 0; x0 + side <= pixels.width(); x0 += side) {
+      Grid<double> coded(side, side);
+      for (int k = 0; k < side * side; ++k) {
+        double sum = 0;
+        for (int i = 0; i < side * side; ++i)
+          sum += cosine[static_cast<std::size_t>(k / side)][static_cast<std::size_t>(i / side)] *
+                 cosine[static_cast<std::size_t>(k % side)][static_cast<std::size_t>(i % side)] *
+                 double(pixels.at(x0 + i % side, y0 + i / side));
+        coded.at(k % side, k / side) = step * std::round(sum / step);
+      }
+      for (int i = 0; i < side * side; ++i) {
+        double sum = 0;
+        for (int k = 0; k < side * side; ++k)
+          sum += cosine[static_cast<std::size_t>(k / side)][static_cast<std::size_t>(i / side)] *
+                 cosine[static_cast<std::size_t>(k % side)][static_cast<std::size_t>(i % side)] *
+                 coded.at(k % side, k / side);
+        pixels.at(x0 + i % side, y0 + i / side) = static_cast<float>(std::round(sum));
+      }
+    }
+  }
+}
+
+TEST(StreakFinder, TakesTheBlocksOfAStronglyCodedFrameForNoStreaks) {
+  SkyScene scene = small_scene(3, 44);
+  Frame frame = frame_of(scene, lattice(scene, 60, 57.9));
+  const double noise = std::hypot(std::sqrt(scene.background_e), scene.read_noise_e) / scene.gain_e_per_adu;
+  code_in_blocks(frame.pixels, 5 * noise);
+  frame.step = 1;
+
+  EXPECT_TRUE(streaks_in(frame).empty());
 }
 
 TEST(StreakFinder, MakesOneOfPiecesThatAStarSeparates) {
