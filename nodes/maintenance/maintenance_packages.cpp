@@ -97,13 +97,18 @@ void MaintenanceNode::install_package(const std::string& file, bool activate) {
   auto outcome = std::make_shared<Outcome>();
   const bool taken = package_worker_->post(
       [outcome, file, activate, journal = updates_, rules = intake_rules(), folders = lane_folders(),
-       state = state_dir()]() mutable {
+       state = state_dir(), ring = deployment().ring]() mutable {
         auto intake = take_in_package(rules, file, journal, folders);
         if (!intake) {
           outcome->failure = intake.error();
           return;
         }
         intake->update.activate = activate;
+        // Of those that the operator has to confirm the package cannot shorten the time for it.
+        if (ros::needs_confirmation(ring, intake->update.node))
+          intake->update.probation =
+              std::max(intake->update.probation,
+                       std::chrono::ceil<seconds>(ros::default_probation(ring, intake->update.node)));
         if (!journal.begin(intake->update)) {
           outcome->failure.reason = "too many nodes have had packages";
           return;

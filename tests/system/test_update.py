@@ -149,6 +149,36 @@ class BadPackageTest(UpdateTest):
             self.assertFalse((flight.var / "update" / "job").exists(), "nothing is left of it")
 
 
+class NewNodeTest(UpdateTest):
+    """The worked example: the impact payload comes up as sources."""
+
+    def test_a_package_of_kind_new_joins_the_suite_and_a_telecommand_removes_it(self):
+        added = "payload_impact"
+        with self.flight("sim") as flight:
+            ground = flight.ground()
+            package = self.folder / "impact.pkg"
+            made = subprocess.run([str(BIN / "srfs-ground"), "package", "make", "--manifest", str(ROOT / "examples/payload_impact/package.yaml"),
+                                   "--key", str(self.var / "ground" / "package_test.seed"), "-o", str(package)],
+                                  stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)  # fmt: skip
+            self.assertEqual(made.returncode, 0, made.stderr)
+            before = {n["name"]: n["pid"] for n in flight.status()}
+            outcome, since = self.install(ground, flight, package)
+            self.assertEqual(outcome["stage"], "completed", outcome)
+            end = self.end(ground, since)
+            self.assertEqual((end["event"], end["fields"]["node"]), ("update.installed", added), end)
+            wait_until(lambda: self.active(flight, added), DEADLINE_S, "the new node is Active")
+            ground.end()
+            ground = flight.ground()  # one that has its fragment
+            self.assertIsNotNone(ground.housekeeping(added, DEADLINE_S), "its telemetry decodes on the ground")
+            self.assertTrue(ground.command("tc impact.set_threshold threshold_v=0.5")["success"])
+            self.assertEqual({n["name"]: n["pid"] for n in flight.status() if n["name"] != added}, before, "nobody else was restarted")
+
+            self.assertTrue(ground.command(f"arm node.remove node={added}", DEADLINE_S)["success"])
+            self.assertEqual(ground.command(f"tc node.remove node={added}", DEADLINE_S)["stage"], "completed")
+            wait_until(lambda: added not in {n["name"] for n in flight.status()}, DEADLINE_S, "it is gone")
+            self.assertFalse((flight.var / "versions" / added).exists())
+
+
 class KilledMaintenanceTest(UpdateTest):
     def test_an_update_goes_on_when_maintenance_is_killed_in_the_build_and_in_the_swap(self):
         # Here the ring has everybody, so that maintenance comes back.

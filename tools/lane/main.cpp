@@ -37,7 +37,6 @@ struct Arguments {
   bool no_namespaces = false;
   bool normal_priority = false;
   pid_t caller = 0;
-  bool with_parent = false;
   std::uint64_t memory_mib = 1536;
   std::uint64_t work_mib = 256;
   std::uint64_t file_mib = 128;
@@ -71,7 +70,6 @@ void add_common(CLI::App& app, Arguments& a) {
         return update::layer_of(name) ? std::string() : "no layer: " + name;
       });
   app.add_flag("--no-namespaces", a.no_namespaces, "As if the kernel had none");
-  app.add_flag("--with-parent", a.with_parent, "Cancelled when the process that started this one ends");
   app.add_option("--caller", a.caller, "Ends at once (SIGKILL) with this process, its parent");
   app.add_flag("--normal-priority", a.normal_priority, "Not SCHED_IDLE");
 }
@@ -143,7 +141,6 @@ int main(int argc, char** argv) {
     return fail("the caller is gone");
   const Fd termination = termination_signals();
   ignore_broken_pipes();
-  if (a.with_parent) prctl(PR_SET_PDEATHSIG, SIGTERM);
   Lane lane;
   lane.prefix = fs::absolute(a.prefix).lexically_normal();
   lane.work = fs::absolute(a.work).lexically_normal();
@@ -174,7 +171,7 @@ int main(int argc, char** argv) {
   const Fd lock(open((lane.work / "lock").c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
   if (!lock) return fail(fmt::format("{}: {}", lane.work.string(), errno_text(errno)));
   // One that was killed with its caller may be on its way out.
-  const MonotonicTime give_up = monotonic_now() + lock_patience;
+  const MonotonicTime give_up = monotonic_now() + (a.caller != 0 ? lock_patience : seconds(0));
   while (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
     if (monotonic_now() >= give_up) return fail(lane.work.string() + ": another one works there");
     poll(nullptr, 0, 20);
