@@ -54,18 +54,12 @@ Json to_json(const Tracklet& t) {
 Json to_json(const FrameRegistration& r) {
   if (!r.registered) return nullptr;
   const FrameTransform& t = r.registration.to_reference;
-  Json json{{"dx", rounded(t.shift_x, 1e-4)},
-            {"dy", rounded(t.shift_y, 1e-4)},
-            {"a", t.a},
-            {"b", t.b},
-            {"stars", r.registration.stars},
-            {"rms", rounded(r.registration.rms_px, 1e-4)}};
-  if (t.is_projection()) {
-    json["stretch"] = t.stretch;
-    json["shear"] = t.shear;
-    json["tilt"] = {t.tilt_x, t.tilt_y};
-  }
-  return json;
+  return {{"dx", rounded(t.shift_x, 1e-4)},
+          {"dy", rounded(t.shift_y, 1e-4)},
+          {"a", t.a},
+          {"b", t.b},
+          {"stars", r.registration.stars},
+          {"rms", rounded(r.registration.rms_px, 1e-4)}};
 }
 
 Json to_json(const std::optional<Attitude>& a) {

@@ -1,4 +1,6 @@
 // Limit violations of versions on probation: seen here, judged and carried out by the ring.
+#include <malloc.h>
+
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/maintenance/limit_watch.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
@@ -27,6 +29,7 @@ void MaintenanceNode::open_limits() {
       },
       [this, dictionary] {
         if (*dictionary) watch_limits(std::make_shared<Limits>(std::move(**dictionary)));
+        malloc_trim(0);  // what reading YAML took
       });
 }
 
