@@ -101,6 +101,8 @@ class MaintenanceNode : public CommandedNode {
   ros::Timer reviewing_added_;
   std::optional<Lane> lane_;
   bool taking_in_ = false;  ///< a package is being verified
+  bool packages_open_ = false;
+  bool resume_pending_ = false;  ///< what an earlier process left is looked at once
   std::shared_ptr<ros::Worker> package_worker_;
   ros::Timer awaiting_active_;
 

@@ -3,6 +3,7 @@
 // stands, so that it goes on wherever maintenance or the computer ended.
 #include <algorithm>
 #include <csignal>
+#include <utility>
 
 #include <fmt/format.h>
 #include <sys/epoll.h>
@@ -53,17 +54,20 @@ void MaintenanceNode::open_packages() {
   auto [journal, problem] = update::read_update_journal(state_dir());
   if (!problem.empty()) log::error("journal of updates: {}", problem);
   updates_ = std::move(journal);
+  packages_open_ = true;
+  resume_pending_ = true;
   reviewing_added_ = create_timer(
       between_reviews, [this] { review_added_nodes(); }, "added nodes");
 }
 
 /// What is not done stays in the journal; the lane dies with its handle.
 void MaintenanceNode::close_packages() {
-  awaiting_active_.reset();
+  packages_open_ = false;
   reviewing_added_.reset();
+  if (package_worker_) package_worker_->drain();  // what a step that ends now would begin is left
+  awaiting_active_.reset();
   lane_.reset();
   taking_in_ = false;
-  if (package_worker_) package_worker_->drain();
   package_worker_.reset();
 }
 
@@ -144,9 +148,11 @@ void MaintenanceNode::install_package(const std::string& file, bool activate) {
 
 /// After a start of this process: what it left.
 void MaintenanceNode::resume_update() {
-  if (!updates_.is_under_way() || lane_ || taking_in_) return;
+  if (!std::exchange(resume_pending_, false) || !updates_.is_under_way()) return;
   const std::string node = updates_.update().node;
   updates_.resume(ros::read_versions(var(), node).table);
+  const bool has_joined = deployment().find(node) != nullptr;
+  if (updates_.update().step == UpdateStep::installed && !has_joined) updates_.set(UpdateStep::swap);
   log::warn("update of {} from {} goes on: {} {}", node, updates_.update().file,
             to_text(updates_.update().step), updates_.update().reason);
   save_updates();
@@ -273,6 +279,7 @@ mission::UpdateStatusHousekeeping MaintenanceNode::update_status() const {
 // ---------------------------------------------------------------- the steps
 
 void MaintenanceNode::go_on() {
+  if (!packages_open_) return;
   announce();
   switch (updates_.update().step) {
     case UpdateStep::build:
