@@ -6,47 +6,19 @@
 #include <utility>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
-#include "base/crc32c.hpp"
+#include "update/json_line.hpp"
 
 namespace srfs::update {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using update::get;
 
 constexpr std::string_view format_name = "srfs updates 1";
 constexpr std::array step_names{"none", "verify",    "build",     "self_test", "store",
                                 "swap", "installed", "candidate", "failed",    "cancelled"};
 constexpr std::size_t longest_text = 200;
 constexpr std::size_t largest_journal = 64U << 10;
-
-std::uint32_t checksum(std::string_view text) {
-  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
-
-std::string plain(std::string_view text) {
-  std::string kept(text.substr(0, longest_text));
-  std::replace_if(
-      kept.begin(), kept.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-  return kept;
-}
-
-template <class T>
-bool get(const Json& json, const char* key, T& value) {
-  const auto found = json.find(key);
-  if (found == json.end()) return false;
-  if constexpr (std::is_same_v<T, std::string>) {
-    if (!found->is_string()) return false;
-  } else if constexpr (std::is_same_v<T, bool>) {
-    if (!found->is_boolean()) return false;
-  } else {
-    if (!found->is_number_unsigned()) return false;
-    if (found->template get<std::uint64_t>() > std::numeric_limits<T>::max()) return false;
-  }
-  value = found->template get<T>();
-  return true;
-}
 
 bool get(const Json& json, const char* key, UpdateStep& step) {
   std::string name;
@@ -132,7 +104,7 @@ bool UpdateJournal::begin(Update update) {
   found->counter = update.counter;
   found->sha256 = update.sha256;
   update_ = std::move(update);
-  update_.file = plain(update_.file);
+  update_.file = plain_text(update_.file, longest_text);
   update_.step = UpdateStep::build;
   update_.starts = 1;
   ++revision_;
@@ -158,7 +130,7 @@ void UpdateJournal::built(milliseconds took) {
 void UpdateJournal::end(UpdateStep step, std::string_view reason) {
   update_.ended_in = update_.step;
   update_.step = step;
-  update_.reason = plain(reason);
+  update_.reason = plain_text(reason, longest_text);
   ++revision_;
 }
 
@@ -212,17 +184,13 @@ std::string encode(const UpdateJournal& journal) {
     accepted.push_back({{"node", a.node}, {"counter", a.counter}, {"sha256", a.sha256}});
   const Json json{
       {"format", format_name}, {"revision", journal.revision_}, {"update", update}, {"accepted", accepted}};
-  const std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return fmt::format("{}\n{:08x}\n", text, checksum(text));
+  return to_checked_line(json);
 }
 
 std::optional<UpdateJournal> decode_update_journal(std::string_view text) {
-  const std::size_t end = text.find('\n');
-  if (end == std::string_view::npos) return std::nullopt;
-  const std::string_view line = text.substr(0, end);
-  if (text.substr(end) != fmt::format("\n{:08x}\n", checksum(line))) return std::nullopt;
-  const Json json = Json::parse(line, nullptr, false);
-  if (!json.is_object()) return std::nullopt;
+  const auto read = from_checked_line(text);
+  if (!read) return std::nullopt;
+  const Json& json = *read;
   UpdateJournal journal;
   std::string format;
   if (!get(json, "format", format) || format != format_name || !get(json, "revision", journal.revision_))

@@ -2,51 +2,21 @@
 
 #include <algorithm>
 #include <array>
-#include <limits>
 #include <utility>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
-#include "base/crc32c.hpp"
+#include "update/json_line.hpp"
 
 namespace srfs::update {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr std::array state_names{"candidate", "probation", "committed", "previous", "failed"};
 constexpr std::string_view format_name = "srfs versions 1";
 constexpr std::size_t hash_digits = 64;
 
-std::uint32_t checksum(std::string_view text) {
-  return crc32c({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-}
-
-/// Plain ASCII of bounded length: it goes into logs, events and onto terminals.
-std::string plain(std::string_view text) {
-  std::string kept(text.substr(0, VersionTable::longest_text));
-  std::replace_if(
-      kept.begin(), kept.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-  return kept;
-}
-
 bool is_hash(std::string_view text) {
   return text.size() == hash_digits && text.find_first_not_of("0123456789abcdef") == std::string_view::npos;
-}
-
-template <class T>
-bool get(const Json& json, const char* key, T& value) {
-  const auto found = json.find(key);
-  if (found == json.end()) return false;
-  if constexpr (std::is_same_v<T, std::string>) {
-    if (!found->is_string()) return false;
-  } else {
-    if (!found->is_number_unsigned()) return false;
-    if (found->template get<std::uint64_t>() > std::numeric_limits<T>::max()) return false;
-  }
-  value = found->template get<T>();
-  return true;
 }
 
 std::optional<Version> version_of(const Json& json) {
@@ -145,7 +115,7 @@ VersionNumber VersionTable::add(std::string sha256, std::uint64_t octets, std::s
   version.number = next_++;
   version.sha256 = std::move(sha256);
   version.octets = octets;
-  version.origin = plain(origin);
+  version.origin = plain_text(origin, VersionTable::longest_text);
   version.added = UtcTime(nanoseconds(now.ns() / 1000 * 1000));  // as it is written
   versions_.push_back(std::move(version));
   ++revision_;
@@ -178,7 +148,7 @@ Result<void, VersionRefusal> VersionTable::use(VersionNumber number, millisecond
     before->state = settles                      ? VersionState::failed
                     : before->good_revision != 0 ? VersionState::previous
                                                  : VersionState::candidate;
-    if (settles) before->reason = plain(reason);
+    if (settles) before->reason = plain_text(reason, VersionTable::longest_text);
   }
   if (settles) {
     settle(number);
@@ -207,7 +177,7 @@ Result<void, VersionRefusal> VersionTable::fail(VersionNumber number, std::strin
   const bool was_active = number == active_;
   const bool was_good = number == last_good_;
   version->state = VersionState::failed;
-  version->reason = plain(reason);
+  version->reason = plain_text(reason, VersionTable::longest_text);
   if (!was_active && !was_good) return {};
   const auto order = start_order();
   const VersionNumber next =
@@ -271,17 +241,13 @@ std::string encode(const VersionTable& table) {
   }
   const Json json{{"format", format_name},   {"revision", table.revision_},   {"next", table.next_},
                   {"active", table.active_}, {"last_good", table.last_good_}, {"versions", versions}};
-  const std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return fmt::format("{}\n{:08x}\n", text, checksum(text));
+  return to_checked_line(json);
 }
 
 std::optional<VersionTable> decode_versions(std::string_view text) {
-  const std::size_t end = text.find('\n');
-  if (end == std::string_view::npos) return std::nullopt;
-  const std::string_view line = text.substr(0, end);
-  if (text.substr(end) != fmt::format("\n{:08x}\n", checksum(line))) return std::nullopt;
-  const Json json = Json::parse(line, nullptr, false);
-  if (!json.is_object()) return std::nullopt;
+  const auto read = from_checked_line(text);
+  if (!read) return std::nullopt;
+  const Json& json = *read;
   VersionTable table;
   std::string format;
   const bool complete = get(json, "format", format) && get(json, "revision", table.revision_) &&
