@@ -144,7 +144,6 @@ Step limit_resources(const Limits& limits, bool own_user) {
     const rlimit wanted{value, value + grace};
     return setrlimit(resource, &wanted);
   };
-  constexpr rlim_t reserved_addresses = 4ULL << 30;  // stacks and heaps of threads, never touched
   // 1, not 0: with a program as core_pattern the kernel takes 0 for "as much as you like".
   if (limit(RLIMIT_CORE, 1) != 0) return failed("RLIMIT_CORE");
   if (limit(RLIMIT_CPU, static_cast<rlim_t>(limits.cpu.count()), 2) != 0) return failed("RLIMIT_CPU");
@@ -155,6 +154,7 @@ Step limit_resources(const Limits& limits, bool own_user) {
   if (limit(RLIMIT_SIGPENDING, 256) != 0) return failed("RLIMIT_SIGPENDING");
   if (limit(RLIMIT_NICE, 0) != 0 || limit(RLIMIT_RTPRIO, 0) != 0) return failed("RLIMIT_NICE");
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they map terabytes
+  constexpr rlim_t reserved_addresses = 4ULL << 30;  // stacks and heaps of threads, never touched
   if (limit(RLIMIT_AS, limits.memory_octets + reserved_addresses) != 0) return failed("RLIMIT_AS");
   if (limit(RLIMIT_DATA, limits.memory_octets) != 0) return failed("RLIMIT_DATA");
 #endif

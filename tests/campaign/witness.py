@@ -156,10 +156,6 @@ class Telecommand:
     failure: int | None = None
 
     @property
-    def ended(self):
-        return self.success or self.failure is not None
-
-    @property
     def at_most_once(self):
         return self.function >= FIRST_PERIPHERAL_ACTION
 
@@ -224,7 +220,8 @@ def told_to_the_ground(stages):
 
 
 def at_most_once(telecommands, frames, orders):
-    """Resets carry no id: there may not be more of them on the bus than were ordered, by telecommand or by the switcher."""
+    """Resets carry no id: there may not be more of them on the bus than were ordered, by telecommand or by the switcher. Their ends are
+    judged where the ground hears them: an observer may not know a process yet that was just started and reports."""
     wrong = []
     by_payload = collections.Counter(frame.payload for frame in frames if frame.is_reset)
     for payload, seen in by_payload.items():
@@ -232,11 +229,7 @@ def at_most_once(telecommands, frames, orders):
         ordered = sum(1 for m in orders if m["payload"] == payload)
         if seen > commanded + ordered:
             wrong.append(f"{seen} resets of {payload}, ordered by {commanded} telecommands and {ordered} times by the switcher")
-    unended = [f"{number:#x} to {t.target} has no end" for number, t in telecommands.items() if t.at_most_once and t.accepted and not t.ended]
-    return [
-        check(wrong, "at-most-once telecommands are never repeated", sum(by_payload.values())),
-        check(unended, "every accepted at-most-once telecommand has an end, if only 'outcome unknown'"),
-    ]
+    return check(wrong, "at-most-once telecommands are never repeated", sum(by_payload.values()))
 
 
 # --- recovery -----------------------------------------------------------------------------------------------------------
@@ -316,7 +309,7 @@ def judge(lines, messages, executed, faults, bound_ns):
         frames_in_their_slots(frames, grants),
         no_interleaving(frames, grants),
         *executed_once(telecommands, executed),
-        *at_most_once(telecommands, frames, orders),
+        at_most_once(telecommands, frames, orders),
         told_to_the_ground([m for m in messages if m["type"] == "tc_stage"]),
         bounded_gaps(found, bound_ns),
     ]
