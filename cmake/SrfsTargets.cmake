@@ -1,3 +1,10 @@
+# srfs_compile_alone(<sources>...): sources that cannot stand in one translation unit with their neighbours, because both have a name of
+# their own for the same thing ("redefinition of (anonymous namespace)::start"). All others are compiled eight at a time where
+# CMAKE_UNITY_BUILD is on (all presets but debug): half the time from nothing.
+function(srfs_compile_alone)
+  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+endfunction()
+
 # srfs_add_library(<name> [SHARED] [INSTALL] SOURCES ... [DEPS ...] [PRIVATE_DEPS ...]): a library of the house. SHARED for what
 # several nodes use: its code is then in memory once, not once a process. Shared ones are installed and found as
 # srfs::<name without srfs_>; INSTALL does the same for a static one.
@@ -139,8 +146,9 @@ function(srfs_add_fuzzer name)
 endfunction()
 
 # srfs_add_group_targets(): called once at the end. `programs`: all that is installed; `unit_tests`: the programs of the label unit;
-# `fuzzers`: those of the label fuzz.
+# `fuzzers`: those of the label fuzz; `generated`: the headers that a tool needs to read the sources.
 function(srfs_add_group_targets)
+  add_custom_target(generated DEPENDS srfs_msgs_generate srfs_mission_generate)
   get_property(programs GLOBAL PROPERTY SRFS_PROGRAMS)
   add_custom_target(programs DEPENDS ${programs})
   get_property(unit_tests GLOBAL PROPERTY SRFS_UNIT_TESTS)

@@ -3,17 +3,12 @@
 #include <algorithm>
 #include <array>
 
-#include <fmt/format.h>
-#include <nlohmann/json.hpp>
-
-#include "base/crc32c.hpp"
 #include "update/build_id.hpp"
+#include "update/json_line.hpp"
 #include "update/sha256.hpp"
 
 namespace srfs::update {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr std::array kind_names{"program", "version", "text"};
 constexpr std::string_view format_name = "srfs golden 1";
@@ -91,19 +86,15 @@ std::string encode(const GoldenManifest& manifest) {
                      {"mode", file.mode},
                      {"build_id", file.build_id}});
   }
-  const Json json{{"format", format_name}, {"revision", manifest.revision}, {"files", files}};
-  const std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
-  return fmt::format("{}\n{:08x}\n", text, crc32c(octets_of(text)));
+  return to_checked_line({{"format", format_name}, {"revision", manifest.revision}, {"files", files}});
 }
 
 std::optional<GoldenManifest> decode_golden(std::string_view text) {
-  const std::size_t end = text.find('\n');
-  if (end == std::string_view::npos) return std::nullopt;
-  const std::string_view line = text.substr(0, end);
-  if (text.substr(end) != fmt::format("\n{:08x}\n", crc32c(octets_of(line)))) return std::nullopt;
+  const auto read = from_checked_line(text);
+  if (!read) return std::nullopt;
+  const Json& json = *read;
   GoldenManifest manifest;
   try {
-    const Json json = Json::parse(line);
     if (json.at("format").get<std::string>() != format_name) return std::nullopt;
     manifest.revision = json.at("revision").get<std::uint64_t>();
     const Json& files = json.at("files");

@@ -150,8 +150,10 @@ class WitnessTest(unittest.TestCase):
         order = {"type": "peripheral_reset", "at_ns": 0, "payload": EPS, "grant": 2, "reason": ""}
         self.assertEqual(self.broken(lines=reset, messages=[order]), [])
 
-    def test_a_reset_by_telecommand_needs_an_end(self):
-        self.assert_broken("has an end", messages=[telecommand(9, function=16), report(9, 1)])
+    def test_the_end_of_a_reset_is_asked_for_on_the_ground_not_of_the_observer(self):
+        heard = [telecommand(9, function=16), report(9, 1)]
+        self.assertEqual(self.broken(messages=heard), [])
+        self.assert_broken("the ground is told", messages=[*heard, self.stage("accepted", False)])
 
     # --- recovery
 
