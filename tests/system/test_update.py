@@ -149,34 +149,60 @@ class BadPackageTest(UpdateTest):
             self.assertFalse((flight.var / "update" / "job").exists(), "nothing is left of it")
 
 
-class NewNodeTest(UpdateTest):
+class NewNodeUpdateTest(UpdateTest):
+    def joined(self, flight, added):
+        """The node of examples/ADDED comes up as sources and joins; a session that has its fragment."""
+        ground = flight.ground()
+        package = self.folder / "new.pkg"
+        made = subprocess.run([str(BIN / "srfs-ground"), "package", "make", "--manifest", str(ROOT / "examples" / added / "package.yaml"),
+                               "--key", str(self.var / "ground" / "package_test.seed"), "-o", str(package)],
+                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)  # fmt: skip
+        self.assertEqual(made.returncode, 0, made.stderr)
+        before = {n["name"]: n["pid"] for n in flight.status()}
+        outcome, since = self.install(ground, flight, package)
+        self.assertEqual(outcome["stage"], "completed", outcome)
+        end = self.end(ground, since)
+        self.assertEqual((end["event"], end["fields"]["node"]), ("update.installed", added), end)
+        wait_until(lambda: self.active(flight, added), DEADLINE_S, "the new node is Active")
+        self.assertEqual({n["name"]: n["pid"] for n in flight.status() if n["name"] != added}, before, "nobody else was restarted")
+        ground.end()
+        return flight.ground()
+
+
+class NewNodeTest(NewNodeUpdateTest):
     """The worked example: the impact payload comes up as sources."""
 
     def test_a_package_of_kind_new_joins_the_suite_and_a_telecommand_removes_it(self):
         added = "payload_impact"
         with self.flight("sim") as flight:
-            ground = flight.ground()
-            package = self.folder / "impact.pkg"
-            made = subprocess.run([str(BIN / "srfs-ground"), "package", "make", "--manifest", str(ROOT / "examples/payload_impact/package.yaml"),
-                                   "--key", str(self.var / "ground" / "package_test.seed"), "-o", str(package)],
-                                  stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)  # fmt: skip
-            self.assertEqual(made.returncode, 0, made.stderr)
-            before = {n["name"]: n["pid"] for n in flight.status()}
-            outcome, since = self.install(ground, flight, package)
-            self.assertEqual(outcome["stage"], "completed", outcome)
-            end = self.end(ground, since)
-            self.assertEqual((end["event"], end["fields"]["node"]), ("update.installed", added), end)
-            wait_until(lambda: self.active(flight, added), DEADLINE_S, "the new node is Active")
-            ground.end()
-            ground = flight.ground()  # one that has its fragment
+            ground = self.joined(flight, added)
             self.assertIsNotNone(ground.housekeeping(added, DEADLINE_S), "its telemetry decodes on the ground")
             self.assertTrue(ground.command("tc impact.set_threshold threshold_v=0.5")["success"])
-            self.assertEqual({n["name"]: n["pid"] for n in flight.status() if n["name"] != added}, before, "nobody else was restarted")
 
             self.assertTrue(ground.command(f"arm node.remove node={added}", DEADLINE_S)["success"])
             self.assertEqual(ground.command(f"tc node.remove node={added}", DEADLINE_S)["stage"], "completed")
             wait_until(lambda: added not in {n["name"] for n in flight.status()}, DEADLINE_S, "it is gone")
             self.assertFalse((flight.var / "versions" / added).exists())
+
+
+class NewImageMethodTest(NewNodeUpdateTest):
+    """A method of image processing as a node of its own."""
+
+    def test_a_method_that_came_up_as_sources_measures_the_frames_of_the_camera(self):
+        added = "image_straylight"
+        with self.flight("sim") as flight:
+            ground = self.joined(flight, added)
+            outcome = ground.command(f"tc parameters.set parameter={added}.sky_limit_adu value=1", DEADLINE_S)
+            self.assertEqual(outcome["stage"], "completed", outcome)
+            since = ground.position()
+            outcome = ground.command("tc image.capture task=1 frames=2 exposure_us=100000 interval_ms=300", 120)
+            self.assertEqual(outcome["stage"], "completed", outcome)
+            event = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "straylight.bright_sky", DEADLINE_S, since)
+            self.assertIsNotNone(event, "any sky is above one unit")
+            self.assertEqual(event["fields"]["frame"], "0000000001/0001")
+            told = ground.housekeeping(added, DEADLINE_S, since, lambda fields: fields["frames"] == 2)
+            self.assertIsNotNone(told, "both frames were measured")
+            self.assertGreater(told["fields"]["sky_adu"], 1)
 
 
 class KilledMaintenanceTest(UpdateTest):
