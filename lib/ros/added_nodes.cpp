@@ -167,12 +167,21 @@ DeploymentReading with_added(Deployment file, const AddedNodes& added) {
   return reading;
 }
 
+namespace {
+
+DeploymentReading with_list(Deployment file, const VarPaths& var) {
+  const AddedNodesReading added = read_added_nodes(var);
+  DeploymentReading reading = with_added(std::move(file), added.added);
+  if (!added.damage.empty()) reading.problems.push_back(added.damage + "; the deployment is used without it");
+  reading.deployment.added_problems = reading.problems;
+  return reading;
+}
+
+}  // namespace
+
 DeploymentReading load_deployment(const std::filesystem::path& file, const VarPaths& var) {
   Deployment deployment = Deployment::load(file);
-  const AddedNodesReading added = read_added_nodes(var);
-  DeploymentReading reading = with_added(std::move(deployment), added.added);
-  if (!added.damage.empty()) reading.problems.push_back(added.damage + "; the deployment is used without it");
-  return reading;
+  return with_list(std::move(deployment), var);
 }
 
 LiveDeployment::LiveDeployment(Deployment file, VarPaths var)
@@ -184,7 +193,9 @@ bool LiveDeployment::refresh() {
   stamp_ = std::move(now);
   std::unique_ptr<const Deployment> fresh = read();
   const Deployment& old = current();
-  if (fresh->added_revision == old.added_revision && fresh->added == old.added) return false;
+  if (fresh->added_revision == old.added_revision && fresh->added == old.added &&
+      fresh->added_problems == old.added_problems)
+    return false;
   later_[next_] = std::move(fresh);
   current_.store(later_[next_].get(), std::memory_order_release);
   next_ = (next_ + 1) % kept;
@@ -199,11 +210,7 @@ std::string LiveDeployment::stamp() const {
 }
 
 std::unique_ptr<const Deployment> LiveDeployment::read() {
-  const AddedNodesReading added = read_added_nodes(var_);
-  DeploymentReading reading = with_added(file_, added.added);
-  problems_ = std::move(reading.problems);
-  if (!added.damage.empty()) problems_.push_back(added.damage + "; the deployment is used without it");
-  return std::make_unique<const Deployment>(std::move(reading.deployment));
+  return std::make_unique<const Deployment>(with_list(file_, var_).deployment);
 }
 
 }  // namespace srfs::ros

@@ -74,8 +74,6 @@ class LiveDeployment {
   /// Looks at the file (one `stat`), reads it when it is another one. One thread. Blocks on the disk.
   /// @return whether current() is another one now
   bool refresh();
-  /// Problems of the last reading.
-  [[nodiscard]] const std::vector<std::string>& problems() const { return problems_; }
 
  private:
   [[nodiscard]] std::string stamp() const;
@@ -84,7 +82,6 @@ class LiveDeployment {
   const Deployment file_;
   const VarPaths var_;
   std::string stamp_;
-  std::vector<std::string> problems_;
   std::unique_ptr<const Deployment> first_;
   std::array<std::unique_ptr<const Deployment>, kept> later_;
   std::size_t next_ = 0;  ///< in later_

@@ -128,6 +128,7 @@ struct Deployment {
   std::vector<NodeEntry> nodes;      ///< in start order
   std::vector<AddedNode> added;      ///< those of the nodes that were added (added_nodes.hpp)
   std::uint32_t added_revision = 0;  ///< counts the changes of their list
+  std::vector<std::string> added_problems;  ///< for people: what of their list is not used
 
   /// Throws ConfigError that names file, line, key and what was expected.
   static Deployment load(const std::filesystem::path& file);

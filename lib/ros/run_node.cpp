@@ -168,7 +168,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
   ignore_broken_pipes();
   const VarPaths var{std::filesystem::absolute(arguments.var)};
   LiveDeployment live(Deployment::load(arguments.deployment), var);
-  for (const std::string& problem : live.problems()) log::error("{}", problem);
+  for (const std::string& problem : live.current().added_problems) log::error("{}", problem);
   const Deployment& deployment = live.first();
   const NodeEntry* entry = deployment.find(arguments.name);
   if (entry == nullptr) {
@@ -241,7 +241,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
         monotonic_now() + deployment_review, deployment_review,
         [&] {
           if (!live.refresh()) return;
-          for (const std::string& problem : live.problems()) log::error("{}", problem);
+          for (const std::string& problem : live.current().added_problems) log::error("{}", problem);
           log::info("the suite has {} added nodes (revision {})", live.current().added.size(),
                     live.current().added_revision);
           if (ring) ring->ring.on_deployment_changed();

@@ -30,7 +30,17 @@ std::vector<mission::Fragment> TtcNode::fragments() const {
   return all;
 }
 
+/// Once a change of the list, and once a start.
+void TtcNode::report_added_problems() {
+  for (const std::string& problem : deployment().added_problems) {
+    mission::SuiteAddedNodesDamagedEvent event;
+    event.why = problem.substr(0, longest_reason);
+    raise(event.severity, event.event_id, event.encoded());
+  }
+}
+
 void TtcNode::on_deployment_changed() {
+  report_added_problems();
   if (state_worker_) load_dictionary();  // else on_configure() reads it
 }
 

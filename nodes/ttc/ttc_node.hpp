@@ -227,6 +227,7 @@ class TtcNode : public ros::LifecycleNode {
   void fill_from_dictionary_again(const mission::Dictionary& old);
   void add_structure(const mission::Structure& structure);
   void report_refused_fragments();
+  void report_added_problems();
   /// Follows the list of added nodes. @param tell whether it is said who came
   void meet_added_nodes(bool tell);
   void listen_to(const std::string& node);

@@ -423,6 +423,7 @@ void TtcNode::start_periods() {
 
 ros::CallbackReturn TtcNode::on_activate() {
   report_refused_fragments();
+  report_added_problems();
   line_watch_ = watch_fd(
       line_->fd(), EPOLLIN,
       [this](std::uint32_t) {

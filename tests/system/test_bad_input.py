@@ -84,6 +84,15 @@ class BadInputTest(SystemTest):
                     self.assertIn(named, outcome["message"])
             self.assertEqual(ground.stats()["telecommands_sent"], 0)
 
+            # And a list of added nodes that no tool wrote: the suite flies on, and the ground is told.
+            before = {node["name"]: node["pid"] for node in flight.up_report["nodes"]}
+            since = ground.position()
+            (flight.var / "state" / "suite" / "added_nodes").write_text("revision: 1\nnodes: [{ name: intruder }]\n")
+            told = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "suite.added_nodes_damaged", DEADLINE_S, since)
+            self.assertIsNotNone(told, "the ground is told")
+            self.assertIn("checksum", told["fields"]["why"])
+            self.assertEqual({node["name"]: node["pid"] for node in flight.status()}, before)
+
 
 if __name__ == "__main__":
     unittest.main()
