@@ -41,7 +41,8 @@ std::string limit_command(const std::string& user, const std::string& item, cons
 std::optional<std::string> refusal_to_lock(bool privileged, rlim_t limit, const std::string& user) {
   if (privileged || limit == RLIM_INFINITY) return std::nullopt;
   return fmt::format(
-      "user {} may lock {} KiB, expected no limit (RLIMIT_MEMLOCK); as root: {} (for the next login; in a unit "
+      "user {} may lock {} KiB, expected no limit (RLIMIT_MEMLOCK); as root: {} (for the next login; in a "
+      "unit "
       "of systemd LimitMEMLOCK=infinity)",
       user, limit >> 10U, limit_command(user, "memlock", "unlimited"));
 }
@@ -85,7 +86,8 @@ std::vector<std::string> missing_of(const Scheduling& wanted) {
   CPU_ZERO(&given);
   CPU_ZERO(&cpus);
   for (const int cpu : wanted.cpus) CPU_SET(static_cast<unsigned>(cpu), &cpus);
-  if (!wanted.cpus.empty() && sched_getaffinity(0, sizeof given, &given) == 0 && CPU_EQUAL(&given, &cpus) == 0)
+  if (!wanted.cpus.empty() && sched_getaffinity(0, sizeof given, &given) == 0 &&
+      CPU_EQUAL(&given, &cpus) == 0)
     missing.emplace_back("CPU set");
   return missing;
 }

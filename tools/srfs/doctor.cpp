@@ -49,13 +49,14 @@ void print(const ros::Deployment& deployment, const std::vector<Finding>& findin
     fmt::print("{}\n", line);
   }
   const std::size_t failed = count(findings, Verdict::fail);
-  fmt::print("{} for '{}': {} OK, {} notes, {} unknown, {} warnings, {} failures{}\n",
-             failed == 0 ? "Ready" : "NOT ready", deployment.name, count(findings, Verdict::ok),
-             count(findings, Verdict::note), count(findings, Verdict::unknown),
-             count(findings, Verdict::warn), failed,
-             std::any_of(findings.begin(), findings.end(), [](const Finding& f) { return !f.command.empty(); })
-                 ? "; what stands behind -> is a command for root"
-                 : "");
+  fmt::print(
+      "{} for '{}': {} OK, {} notes, {} unknown, {} warnings, {} failures{}\n",
+      failed == 0 ? "Ready" : "NOT ready", deployment.name, count(findings, Verdict::ok),
+      count(findings, Verdict::note), count(findings, Verdict::unknown), count(findings, Verdict::warn),
+      failed,
+      std::any_of(findings.begin(), findings.end(), [](const Finding& f) { return !f.command.empty(); })
+          ? "; what stands behind -> is a command for root"
+          : "");
 }
 
 }  // namespace
@@ -80,8 +81,7 @@ void Examination::unknown(std::string check, std::string why, std::string expect
 
 void Examination::add(Verdict verdict, std::string check, std::string found, std::string expected,
                       std::string command) {
-  findings.push_back(
-      {verdict, std::move(check), std::move(found), std::move(expected), std::move(command)});
+  findings.push_back({verdict, std::move(check), std::move(found), std::move(expected), std::move(command)});
 }
 
 bool Examination::flies() const {

@@ -25,7 +25,7 @@ enum class Verdict : std::uint8_t {
 /// One line of `srfs doctor`.
 struct Finding {
   Verdict verdict;
-  std::string check;     ///< what was looked at, a name for tools: "sysctl.net.core.rmem_max"
+  std::string check;  ///< what was looked at, a name for tools: "sysctl.net.core.rmem_max"
   std::string found;
   std::string expected;  ///< empty: nothing in particular
   std::string command;   ///< for root, changes what was found; empty: there is no single one

@@ -47,8 +47,8 @@ std::string mib_text(std::uint64_t octets) {
 
 struct LimitNeed {
   const char* check;
-  const char* name;   ///< in /proc/self/limits
-  const char* item;   ///< in limits.conf
+  const char* name;  ///< in /proc/self/limits
+  const char* item;  ///< in limits.conf
   std::uint64_t value;
   std::string value_text;  ///< in limits.conf
   std::string asked_by;    ///< empty: by nobody
@@ -58,13 +58,13 @@ struct LimitNeed {
 
 void examine_limit(Examination& x, const LimitNeed& need) {
   const auto limit = hard_limit(x.machine, need.name);
-  const std::string found = !limit ? "?"
+  const std::string found = !limit                                                ? "?"
                             : *limit == std::numeric_limits<std::uint64_t>::max() ? "unlimited"
-                                                                                   : std::to_string(*limit);
+                                                                                  : std::to_string(*limit);
   if (need.asked_by.empty()) return x.ok(need.check, fmt::format("{}; no node asks for more", found));
   if (need.privileged)
-    return x.ok(need.check, fmt::format("{} may, by {}; asked by {}", x.starter.name, need.capability,
-                                        need.asked_by));
+    return x.ok(need.check,
+                fmt::format("{} may, by {}; asked by {}", x.starter.name, need.capability, need.asked_by));
   if (!limit) return x.unknown(need.check, "/proc/self/limits does not tell", need.value_text);
   if (*limit >= need.value) return x.ok(need.check, fmt::format("{}; asked by {}", found, need.asked_by));
   const bool root = x.starter.user == 0;  // whom no login gives limits: a container
@@ -193,7 +193,8 @@ void examine_kernel(Examination& x) {
   const std::string kind = version->find("PREEMPT_DYNAMIC") != std::string::npos ? "PREEMPT_DYNAMIC"
                            : version->find("PREEMPT") != std::string::npos       ? "PREEMPT"
                                                                                  : "no preemption";
-  if (!x.is_real_time()) return x.note("kernel.preemption", kind + "; no node of the deployment is real-time");
+  if (!x.is_real_time())
+    return x.note("kernel.preemption", kind + "; no node of the deployment is real-time");
   x.add(Verdict::warn, "kernel.preemption", kind, "PREEMPT_RT, for nodes under SCHED_FIFO", real_time_kernel);
 }
 
@@ -277,8 +278,9 @@ void examine_limits(Examination& x) {
                     std::to_string(priority), by_priority, nices || raises, "CAP_SYS_NICE"});
   examine_limit(x, {"limit.nice", "Max nice priority", "nice", static_cast<std::uint64_t>(20 - nice),
                     std::to_string(nice), by_nice, nices || raises, "CAP_SYS_NICE"});
-  examine_limit(x, {"limit.memlock", "Max locked memory", "memlock", std::numeric_limits<std::uint64_t>::max(),
-                    "unlimited", by_lock, raises || keeps_capabilities, "CAP_IPC_LOCK"});
+  examine_limit(x,
+                {"limit.memlock", "Max locked memory", "memlock", std::numeric_limits<std::uint64_t>::max(),
+                 "unlimited", by_lock, raises || keeps_capabilities, "CAP_IPC_LOCK"});
   examine_limit(x, {"limit.nofile", "Max open files", "nofile", open_files, std::to_string(open_files),
                     "all nodes", raises, "CAP_SYS_RESOURCE"});
   if (by_score.empty()) return;
@@ -290,8 +292,8 @@ void examine_limits(Examination& x) {
 void examine_users(Examination& x) {
   std::set<std::string> looked_at;
   std::vector<std::pair<std::string, Account>> accounts;  // of ring members
-  const bool may_change = x.starter.user == 0 && x.starter.has(Capability::setuid) &&
-                          x.starter.has(Capability::setgid);
+  const bool may_change =
+      x.starter.user == 0 && x.starter.has(Capability::setuid) && x.starter.has(Capability::setgid);
   for (const NodeEntry& node : x.deployment.nodes) {
     const auto account = x.account(node);
     if (account) accounts.emplace_back(node.name, *account);
@@ -304,7 +306,8 @@ void examine_users(Examination& x) {
       x.ok(check, fmt::format("uid {}, of {}", account->user, node.name));
     } else {
       x.add(Verdict::fail, check, fmt::format("{} cannot start a node as another user", x.starter.name),
-            "root, asked by " + node.name, fmt::format("srfs up --deployment {}", x.deployment.file.string()));
+            "root, asked by " + node.name,
+            fmt::format("srfs up --deployment {}", x.deployment.file.string()));
     }
   }
   if (!x.deployment.ring.enabled) return;
@@ -322,26 +325,30 @@ void examine_users(Examination& x) {
 void examine_sysctls(Examination& x) {
   const auto enough = [](std::int64_t value) { return value >= socket_buffer_octets; };
   const Verdict required = x.flies() ? Verdict::fail : Verdict::warn;
-  examine_sysctl(x, {"net.core.rmem_max", socket_buffer_octets, "at least 4 MiB: images take 30 times as long",
-                     required},
-                 enough);
-  examine_sysctl(x, {"net.core.wmem_max", socket_buffer_octets, "at least 4 MiB, as much as is asked for",
-                     x.when_flying(Verdict::warn)},
+  examine_sysctl(
+      x,
+      {"net.core.rmem_max", socket_buffer_octets, "at least 4 MiB: images take 30 times as long", required},
+      enough);
+  examine_sysctl(x,
+                 {"net.core.wmem_max", socket_buffer_octets, "at least 4 MiB, as much as is asked for",
+                  x.when_flying(Verdict::warn)},
                  enough);
   if (x.is_real_time()) {
     const char* const name = "kernel.sched_rt_runtime_us";
     const auto runtime = x.machine.number(sysctl_file(name));
     if (runtime && *runtime < 0) {
-      x.note(std::string("sysctl.") + name, "-1: only RLIMIT_RTTIME (0.5 s) ends a real-time thread that runs "
-                                            "away", "950000", sysctl_command(name, 950'000));
+      x.note(std::string("sysctl.") + name,
+             "-1: only RLIMIT_RTTIME (0.5 s) ends a real-time thread that runs "
+             "away",
+             "950000", sysctl_command(name, 950'000));
     } else {
       examine_sysctl(x, {name, 950'000, "950000 of 1000000, or real-time threads are held up", Verdict::warn},
                      [](std::int64_t value) { return value >= 950'000; });
     }
   }
-  examine_sysctl(x, {"vm.overcommit_memory", 0, "0 or 1: reserved stacks count as used otherwise",
-                     Verdict::warn},
-                 [](std::int64_t value) { return value != 2; });
+  examine_sysctl(
+      x, {"vm.overcommit_memory", 0, "0 or 1: reserved stacks count as used otherwise", Verdict::warn},
+      [](std::int64_t value) { return value != 2; });
   if (x.machine.lines("/proc/swaps").size() > 1) {
     examine_sysctl(x, {"vm.swappiness", 1, "10 at most where there is swap", x.when_flying(Verdict::warn)},
                    [](std::int64_t value) { return value <= 10; });
@@ -354,8 +361,9 @@ void examine_sysctls(Examination& x) {
                                 [](const NodeEntry& node) { return node.scheduling.nice != 0; });
   const char* const autogroup = "kernel.sched_autogroup_enabled";
   if (nice && x.machine.exists(sysctl_file(autogroup))) {
-    examine_sysctl(x, {autogroup, 0, "0: each node is a session, and nice counts within one only",
-                       x.when_flying(Verdict::warn)},
+    examine_sysctl(x,
+                   {autogroup, 0, "0: each node is a session, and nice counts within one only",
+                    x.when_flying(Verdict::warn)},
                    [](std::int64_t value) { return value == 0; });
   }
   const auto pattern = x.machine.text("/proc/sys/kernel/core_pattern");
@@ -397,10 +405,11 @@ void examine_disk(Examination& x) {
     x.add(Verdict::fail, "disk.kind", mount->point + " is read-only", "a file system that can be written",
           "mount -o remount,rw " + mount->point);
   } else if (mount->type == "vfat" || mount->type == "exfat" || mount->type.starts_with("ntfs")) {
-    x.add(Verdict::fail, "disk.kind", mount->type, "a journalling file system with owners and modes (ext4)", "");
+    x.add(Verdict::fail, "disk.kind", mount->type, "a journalling file system with owners and modes (ext4)",
+          "");
   } else if (mount->type == "tmpfs" || mount->type == "ramfs" || mount->type == "overlay") {
-    x.add(x.when_flying(Verdict::warn), "disk.kind",
-          fmt::format("{} on {}", mount->type, mount->point), "one that outlives a loss of power (ext4)", "");
+    x.add(x.when_flying(Verdict::warn), "disk.kind", fmt::format("{} on {}", mount->type, mount->point),
+          "one that outlives a loss of power (ext4)", "");
   } else {
     x.ok("disk.kind", fmt::format("{} on {}", mount->type, mount->point));
   }
@@ -459,7 +468,7 @@ void examine_clock(Examination& x) {
   const NodeEntry* timing = x.running("timing_node");
   const bool system = timing != nullptr && timing->parameters.text("clock", "mission") == "system";
   // Who slews the system clock slews the monotonic one, too, by which the pulse is timed.
-  const Verdict verdict = system                         ? Verdict::fail
+  const Verdict verdict = system                        ? Verdict::fail
                           : is_real_pulse(x.deployment) ? Verdict::warn
                                                         : Verdict::note;
   bool found = false;
@@ -489,7 +498,8 @@ void examine_clock(Examination& x) {
   }
   if (!system) return;
   const auto account = x.account(*timing);
-  if (account && account->has(Capability::sys_time)) return x.ok("clock.right", account->name + " may set it");
+  if (account && account->has(Capability::sys_time))
+    return x.ok("clock.right", account->name + " may set it");
   x.add(Verdict::fail, "clock.right", "timing may not set the system clock",
         "CAP_SYS_TIME, for `clock: system`", "");
 }

@@ -45,10 +45,14 @@ Module module_state(const Machine& machine, const std::string& file) {
 void examine_module(Examination& x, const std::string& file, Verdict without, const std::string& why) {
   const std::string check = "kernel.module." + file;
   switch (module_state(x.machine, file)) {
-    case Module::there: return x.ok(check, "there");
-    case Module::loadable: return x.note(check, "not loaded", why, "modprobe " + file);
-    case Module::unknown: return x.unknown(check, "neither loaded nor listed in /lib/modules", why);
-    case Module::absent: break;
+    case Module::there:
+      return x.ok(check, "there");
+    case Module::loadable:
+      return x.note(check, "not loaded", why, "modprobe " + file);
+    case Module::unknown:
+      return x.unknown(check, "neither loaded nor listed in /lib/modules", why);
+    case Module::absent:
+      break;
   }
   x.add(without, check, "this kernel has none", why,
         "apt-get install linux-image-$(dpkg --print-architecture)");
@@ -68,11 +72,12 @@ struct Kind {
 };
 constexpr std::array kinds{
     Kind{"serial", "serial line", "/sys/class/tty", "tty", "dialout", "dmesg | grep -i tty", R_OK | W_OK},
-    Kind{"pps", "source of pulses", "/sys/class/pps", "pps", "dialout", "modprobe pps-gpio; dmesg | grep -i pps",
+    Kind{"pps", "source of pulses", "/sys/class/pps", "pps", "dialout",
+         "modprobe pps-gpio; dmesg | grep -i pps", R_OK | W_OK},
+    Kind{"gpiochip", "GPIO chip", "/sys/bus/gpio/devices", "gpio", "gpio", "dmesg | grep -i gpio",
          R_OK | W_OK},
-    Kind{"gpiochip", "GPIO chip", "/sys/bus/gpio/devices", "gpio", "gpio", "dmesg | grep -i gpio", R_OK | W_OK},
-    Kind{"dev", "watchdog", "/sys/class/watchdog", "watchdog", "watchdog", "dmesg | grep -i -e watchdog -e wdt",
-         W_OK},
+    Kind{"dev", "watchdog", "/sys/class/watchdog", "watchdog", "watchdog",
+         "dmesg | grep -i -e watchdog -e wdt", W_OK},
     Kind{"v4l2", "camera", "/sys/class/video4linux", "video4linux", "video", "dmesg | grep -i video",
          R_OK | W_OK}};
 
@@ -141,7 +146,8 @@ bool examine_file(Examination& x, const std::string& check, std::string_view key
   const fs::path entry = fs::path(kind.class_folder) / x.machine.name_behind(path);
   // The old name /dev/watchdog is the first device's.
   if (!x.machine.exists(entry) && entry.filename() != "watchdog") {
-    x.unknown(check, fmt::format("{} is there, but {} does not say what it is", path.string(), entry.string()),
+    x.unknown(check,
+              fmt::format("{} is there, but {} does not say what it is", path.string(), entry.string()),
               fmt::format("a {}", kind.what));
     return false;
   }
@@ -164,8 +170,9 @@ void examine_can(Examination& x, const std::string& check, const std::string& in
   const std::string expected = virtual_one ? "up" : fmt::format("up, {} bit/s", bit_rate);
   if (!x.machine.exists(folder))
     return x.add(Verdict::fail, check, "there is no interface " + interface, expected,
-                 virtual_one ? fmt::format("modprobe vcan; ip link add {} type vcan && {}", interface, bring_up)
-                             : "dmesg | grep -i can");
+                 virtual_one
+                     ? fmt::format("modprobe vcan; ip link add {} type vcan && {}", interface, bring_up)
+                     : "dmesg | grep -i can");
   if (const auto type = x.machine.number(folder / "type"); type && *type != can_type)
     return x.add(Verdict::fail, check, interface + " is no CAN interface", expected, "ip -d link show");
   const auto flags = x.machine.text(folder / "flags");
@@ -179,8 +186,8 @@ void examine_can(Examination& x, const std::string& check, const std::string& in
                      expected);
   if (!link->bit_rate) return x.unknown(check, interface + " is up and does not tell its bit rate", expected);
   if (*link->bit_rate != bit_rate)
-    return x.add(Verdict::fail, check, fmt::format("{} runs at {} bit/s", interface, *link->bit_rate), expected,
-                 fmt::format("ip link set {} down && {}", interface, bring_up));
+    return x.add(Verdict::fail, check, fmt::format("{} runs at {} bit/s", interface, *link->bit_rate),
+                 expected, fmt::format("ip link set {} down && {}", interface, bring_up));
   if (link->state == hw::CanBusState::bus_off)
     return x.add(Verdict::fail, check, interface + " is bus-off: cabling, bit rate, no partner", "active",
                  fmt::format("ip link set {} type can restart", interface));
@@ -196,9 +203,8 @@ void examine_serial(Examination& x, const std::string& check, const fs::path& pa
     return words.find("getty") != std::string::npos && words.find(tty) != std::string::npos;
   });
   if (!login.found.empty())
-    return x.add(Verdict::fail, check,
-                 fmt::format("a login waits on {} (pid {})", tty, login.found.front()), "nobody else",
-                 fmt::format("systemctl disable --now serial-getty@{}.service", tty));
+    return x.add(Verdict::fail, check, fmt::format("a login waits on {} (pid {})", tty, login.found.front()),
+                 "nobody else", fmt::format("systemctl disable --now serial-getty@{}.service", tty));
   const auto consoles = x.machine.text("/sys/class/tty/console/active");
   if (!consoles || !login.complete)
     return x.unknown(check, fmt::format("{} is there; who else uses it does not show", path.string()));
@@ -233,8 +239,9 @@ void examine_watchdog_users(Examination& x, const std::string& check) {
       const std::string value = line.starts_with(key) ? line.substr(key.size()) : "";
       if (value.empty() || value == "0" || value == "off" || value == "infinity") continue;
       x.add(Verdict::fail, check + ".user", fmt::format("{}: {}", file, line), "that timing alone feeds it",
-            fmt::format("sed -i 's/^RuntimeWatchdogSec=.*/RuntimeWatchdogSec=off/' {} && systemctl daemon-reexec",
-                        file));
+            fmt::format(
+                "sed -i 's/^RuntimeWatchdogSec=.*/RuntimeWatchdogSec=off/' {} && systemctl daemon-reexec",
+                file));
     }
   }
   for (const char* daemon : {"watchdog", "wd_keepalive"}) {
@@ -252,11 +259,13 @@ void examine_watchdog(Examination& x, const std::string& check, const fs::path& 
   const std::string identity = x.machine.text(folder / "identity").value_or("a watchdog");
   const auto nowayout = x.machine.text(folder / "nowayout");
   if (!nowayout) {
-    x.unknown(check, fmt::format("{}: {}; {} does not tell nowayout", path.string(), identity, folder.string()),
+    x.unknown(check,
+              fmt::format("{}: {}; {} does not tell nowayout", path.string(), identity, folder.string()),
               "nowayout");
   } else if (*nowayout == "0") {
-    x.add(Verdict::warn, check, fmt::format("{}: {}, without nowayout: root can stop it", path.string(), identity),
-          "nowayout", fmt::format("echo 1 > {}/nowayout", folder.string()));
+    x.add(Verdict::warn, check,
+          fmt::format("{}: {}, without nowayout: root can stop it", path.string(), identity), "nowayout",
+          fmt::format("echo 1 > {}/nowayout", folder.string()));
   } else {
     x.ok(check, fmt::format("{}: {}, nowayout", path.string(), identity));
   }
@@ -266,7 +275,8 @@ void examine_watchdog(Examination& x, const std::string& check, const fs::path& 
   const std::int64_t wanted =
       timing != nullptr ? timing->parameters.integer("watchdog_timeout_s", 1, 3600, usual_timeout_s) : 0;
   if (timing == nullptr || !longest || *longest == 0) return;
-  if (*longest >= wanted) return x.ok(check + ".timeout", fmt::format("{} s of at most {} s", wanted, *longest));
+  if (*longest >= wanted)
+    return x.ok(check + ".timeout", fmt::format("{} s of at most {} s", wanted, *longest));
   x.add(Verdict::fail, check + ".timeout", fmt::format("{} s at most", *longest),
         fmt::format("{} s, timing's watchdog_timeout_s", wanted), "");
 }
@@ -289,8 +299,8 @@ void examine_device(Examination& x, const std::string& key, const std::string& u
   if (parsed->scheme == "sim" || fs::path(parsed->rest).is_relative())
     return x.note(check, fmt::format("{}: simulated, {}", uri,
                                      x.machine.exists(path) ? "and there" : "there while hw_sim runs"));
-  const auto* const kind = std::find_if(kinds.begin(), kinds.end(),
-                                        [&](const Kind& k) { return k.scheme == parsed->scheme; });
+  const auto* const kind =
+      std::find_if(kinds.begin(), kinds.end(), [&](const Kind& k) { return k.scheme == parsed->scheme; });
   if (kind == kinds.end() || !examine_file(x, check, key, *kind, path)) return;
   if (parsed->scheme == "serial") return examine_serial(x, check, path);
   if (parsed->scheme == "pps") return examine_pulse(x, check, path);
@@ -310,9 +320,8 @@ constexpr std::array intruders{Intruder{"gpsd", "gpsd.socket gpsd.service", "tak
 
 void examine_devices(Examination& x) {
   for (const auto& [key, uri] : x.deployment.devices) examine_device(x, key, uri);
-  const bool serial =
-      std::any_of(x.deployment.devices.begin(), x.deployment.devices.end(),
-                  [](const auto& device) { return device.second.starts_with("serial:/"); });
+  const bool serial = std::any_of(x.deployment.devices.begin(), x.deployment.devices.end(),
+                                  [](const auto& device) { return device.second.starts_with("serial:/"); });
   if (!serial) return;
   for (const Intruder& one : intruders) {
     const auto running =
@@ -320,7 +329,8 @@ void examine_devices(Examination& x) {
     if (running.found.empty()) continue;
     x.add(Verdict::fail, std::string("device.intruder"),
           fmt::format("{} runs (pid {})", one.process, running.found.front()),
-          fmt::format("that it does not: it {}", one.why), fmt::format("systemctl disable --now {}", one.units));
+          fmt::format("that it does not: it {}", one.why),
+          fmt::format("systemctl disable --now {}", one.units));
   }
 }
 

@@ -91,15 +91,15 @@ void examine_namespaces(Examination& x, const Account& owner) {
       return x.add(Verdict::warn, "lane.namespaces", fmt::format("this kernel has no {} namespaces", name),
                    weaker, "");
   }
-  if (owner.user == 0 && owner.has(Capability::sys_admin))
-    return x.ok("lane.namespaces", "by CAP_SYS_ADMIN");
+  if (owner.user == 0 && owner.has(Capability::sys_admin)) return x.ok("lane.namespaces", "by CAP_SYS_ADMIN");
   if (owner.user == 0)
-    return x.add(Verdict::warn, "lane.namespaces", "root without CAP_SYS_ADMIN, as in a container", weaker, "");
+    return x.add(Verdict::warn, "lane.namespaces", "root without CAP_SYS_ADMIN, as in a container", weaker,
+                 "");
   if (x.machine.number("/proc/sys/user/max_user_namespaces") == 0)
     return x.add(Verdict::warn, "lane.namespaces", "no user namespaces", weaker,
                  "sysctl -w user.max_user_namespaces=1024 | tee -a /etc/sysctl.d/60-srfs.conf");
-  for (const auto& [name, good] : {std::pair{"unprivileged_userns_clone", 1},
-                                   std::pair{"apparmor_restrict_unprivileged_userns", 0}}) {
+  for (const auto& [name, good] :
+       {std::pair{"unprivileged_userns_clone", 1}, std::pair{"apparmor_restrict_unprivileged_userns", 0}}) {
     const auto value = x.machine.number(fs::path("/proc/sys/kernel") / name);
     if (value && *value != good)
       return x.add(Verdict::warn, "lane.namespaces", fmt::format("kernel.{} = {}", name, *value), weaker,
@@ -180,7 +180,8 @@ void examine_key(Examination& x, const fs::path& path, bool secret, const std::o
   if (!file)
     return x.add(secret ? Verdict::fail : Verdict::warn, check,
                  fmt::format("{}: {}", path.string(), errno_text(file.error())),
-                 secret ? "the key that the ground has, too" : "the key of packages; else all are refused", make);
+                 secret ? "the key that the ground has, too" : "the key of packages; else all are refused",
+                 make);
   if (!S_ISREG(file->mode))
     return x.add(Verdict::fail, check, path.string() + " is no ordinary file", "a key", "");
   const unsigned forbidden = secret ? 077U : 022U;

@@ -85,9 +85,7 @@ struct Account {
   std::set<gid_t> groups;
   std::uint64_t capabilities = 0;
 
-  [[nodiscard]] bool has(Capability c) const {
-    return (capabilities >> static_cast<unsigned>(c) & 1U) != 0;
-  }
+  [[nodiscard]] bool has(Capability c) const { return (capabilities >> static_cast<unsigned>(c) & 1U) != 0; }
   /// By the file's mode. @param wanted  of R_OK and W_OK
   [[nodiscard]] bool may(const Machine::File& file, int wanted) const;
 };

@@ -278,9 +278,9 @@ std::string deployment_file_of(const std::string& named) {
   const fs::path file = "launch_config/" + named + ".yaml";
   const fs::path installed = ros::suite_bin_folder().parent_path() / "share/srfs" / file;
   std::error_code ec;
-  if (named.find('/') != std::string::npos || fs::exists(named, ec)) return named;
+  if (named.find('/') != std::string::npos || fs::is_regular_file(named, ec)) return named;
   for (const fs::path& candidate : {file, installed})
-    if (fs::exists(candidate, ec)) return candidate;
+    if (fs::is_regular_file(candidate, ec)) return candidate;
   return named;
 }
 
@@ -346,11 +346,12 @@ int run(int argc, char** argv) {
   add_version_commands(app, versions);
   NodeArguments nodes;
   add_node_commands(app, nodes);
-  auto* doctor_command = app.add_subcommand(
-      "doctor",
-      "Is this machine ready for the deployment? One line for each check: OK, note, unknown, WARN or FAIL, what "
-      "was found, what is expected, and the command that changes it. Starts and changes nothing. Exit code 0: "
-      "nothing fails; 1: something does");
+  auto* doctor_command = app.add_subcommand("doctor",
+                                            "Is this machine ready for the deployment? One line for each "
+                                            "check: OK, note, unknown, WARN or FAIL, what "
+                                            "was found, what is expected, and the command that changes it. "
+                                            "Starts and changes nothing. Exit code 0: "
+                                            "nothing fails; 1: something does");
   auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
   record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
       ->check(CLI::Range(0, 86400))
