@@ -4,10 +4,12 @@ import collections
 import json
 import re
 import subprocess
+import unittest
 
 from support import BIN, ROOT, SystemTest, ToolTest
 
 LINE = re.compile(r"^(OK|note|unknown|WARN|FAIL) +(\S+) +(\S.*)$")
+VERDICTS = ("OK", "note", "unknown", "WARN", "FAIL")
 VARYING = {"memory.suites"}  # other tests run beside this one
 
 
@@ -32,14 +34,14 @@ class DoctorTest(SystemTest):
         count = collections.Counter(verdict for verdict, _ in found)
         self.assertEqual(result.returncode, 1 if count["FAIL"] else 0)
         self.assertTrue(summary.startswith("NOT ready for 'sim'" if count["FAIL"] else "Ready for 'sim'"), summary)
-        self.assertIn(f"{count['OK']} OK, {count['note']} notes, {count['unknown']} unknown", summary)
+        self.assertIn(", ".join(f"{count[v]} {v}" for v in VERDICTS), summary)
         for device in ("can", "rs422", "gps_pulse", "watchdog"):
             self.assertIn(("note", f"device.{device}"), found, "simulated ones")
 
         result = self.doctor("--deployment", str(ROOT / "launch_config" / "sim.yaml"), "--json")
         report = json.loads(result.stdout)
         verdicts = [finding["verdict"] for finding in report["findings"]]
-        self.assertEqual(report["counts"], {v: verdicts.count(v) for v in ("OK", "note", "unknown", "WARN", "FAIL")})
+        self.assertEqual(report["counts"], {v: verdicts.count(v) for v in VERDICTS})
         self.assertEqual(report["ok"], "FAIL" not in verdicts)
         self.assertEqual(result.returncode, 0 if report["ok"] else 1)
         names = {check for _, check in found} - VARYING
@@ -86,4 +88,7 @@ class HeldMemoryTest(ToolTest):
             self.assertIn("limits.d", log)
         self.assertGreaterEqual(kib("held", "VmStk"), 512)
         self.assertEqual(kib("free", "VmLck"), 0)
-        print({node: {key: kib(node, key) for key in ("VmLck", "VmRSS", "VmStk")} for node in states})
+
+
+if __name__ == "__main__":
+    unittest.main()

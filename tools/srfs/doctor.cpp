@@ -48,15 +48,13 @@ void print(const ros::Deployment& deployment, const std::vector<Finding>& findin
     if (!f.command.empty()) line += " -> " + f.command;
     fmt::print("{}\n", line);
   }
-  const std::size_t failed = count(findings, Verdict::fail);
-  fmt::print(
-      "{} for '{}': {} OK, {} notes, {} unknown, {} warnings, {} failures{}\n",
-      failed == 0 ? "Ready" : "NOT ready", deployment.name, count(findings, Verdict::ok),
-      count(findings, Verdict::note), count(findings, Verdict::unknown), count(findings, Verdict::warn),
-      failed,
-      std::any_of(findings.begin(), findings.end(), [](const Finding& f) { return !f.command.empty(); })
-          ? "; what stands behind -> is a command for root"
-          : "");
+  std::string counts;
+  for (const Verdict verdict : verdicts)
+    counts += fmt::format("{}{} {}", counts.empty() ? "" : ", ", count(findings, verdict), to_text(verdict));
+  const bool commands =
+      std::any_of(findings.begin(), findings.end(), [](const Finding& f) { return !f.command.empty(); });
+  fmt::print("{} for '{}': {}{}\n", count(findings, Verdict::fail) == 0 ? "Ready" : "NOT ready",
+             deployment.name, counts, commands ? "; what stands behind -> is a command for root" : "");
 }
 
 }  // namespace

@@ -140,7 +140,7 @@ void examine_leftovers(Examination& x) {
     if (used) {
       x.note("memory.suites", folder + (own == folder ? ": this suite runs" : ": another suite runs"));
     } else if (!mapped.complete) {
-      x.unknown("memory.suites", folder + ": not all processes can be seen; ask as root");
+      x.unknown("memory.suites", folder + ": may be in use, not all processes can be seen");
     } else if (own == folder) {
       x.note("memory.suites", folder + ": this suite was killed", "nothing, or that srfs up takes it over",
              fmt::format("srfs down --deployment {} --var {}", x.deployment.file.string(), x.var.string()));

@@ -233,7 +233,11 @@ void examine_pulse(Examination& x, const std::string& check, const fs::path& pat
 
 /// systemd or a daemon that has the watchdog keeps timing from it.
 void examine_watchdog_users(Examination& x, const std::string& check) {
-  for (const char* file : {"/etc/systemd/system.conf", "/etc/systemd/system.conf.d/watchdog.conf"}) {
+  const std::string drop_ins = "/etc/systemd/system.conf.d";
+  std::vector<std::string> files{"/etc/systemd/system.conf"};
+  for (const std::string& name : x.machine.names(drop_ins).value_or(std::vector<std::string>()))
+    files.push_back(drop_ins + "/" + name);
+  for (const std::string& file : files) {
     for (const std::string& line : x.machine.lines(file)) {
       const std::string key = "RuntimeWatchdogSec=";
       const std::string value = line.starts_with(key) ? line.substr(key.size()) : "";
@@ -274,7 +278,11 @@ void examine_watchdog(Examination& x, const std::string& check, const fs::path& 
   constexpr std::int64_t usual_timeout_s = 30;  // nodes/timing/timing_node.cpp
   const std::int64_t wanted =
       timing != nullptr ? timing->parameters.integer("watchdog_timeout_s", 1, 3600, usual_timeout_s) : 0;
-  if (timing == nullptr || !longest || *longest == 0) return;
+  if (timing == nullptr) return;
+  if (!longest)
+    return x.unknown(check + ".timeout", folder.string() + " does not tell the longest",
+                     fmt::format("{} s, timing's watchdog_timeout_s", wanted));
+  if (*longest == 0) return x.ok(check + ".timeout", fmt::format("{} s, the driver has no limit", wanted));
   if (*longest >= wanted)
     return x.ok(check + ".timeout", fmt::format("{} s of at most {} s", wanted, *longest));
   x.add(Verdict::fail, check + ".timeout", fmt::format("{} s at most", *longest),

@@ -284,6 +284,12 @@ std::string deployment_file_of(const std::string& named) {
   return named;
 }
 
+constexpr const char* doctor_help =
+    "Is this machine ready for the deployment? One line for each check: OK, note, unknown, WARN or FAIL, "
+    "what "
+    "was found, what is expected, and the command that changes it. Starts and changes nothing. --deployment, "
+    "--var and --json as for every command. Exit code 0: nothing fails; 1: something does";
+
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
@@ -346,12 +352,7 @@ int run(int argc, char** argv) {
   add_version_commands(app, versions);
   NodeArguments nodes;
   add_node_commands(app, nodes);
-  auto* doctor_command = app.add_subcommand("doctor",
-                                            "Is this machine ready for the deployment? One line for each "
-                                            "check: OK, note, unknown, WARN or FAIL, what "
-                                            "was found, what is expected, and the command that changes it. "
-                                            "Starts and changes nothing. Exit code 0: "
-                                            "nothing fails; 1: something does");
+  auto* doctor_command = app.add_subcommand("doctor", doctor_help);
   auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
   record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
       ->check(CLI::Range(0, 86400))

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <fstream>
 #include <map>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/file.hpp"
 #include "ros/instance.hpp"
 #include "tests/temporary_folder.hpp"
 #include "tools/srfs/doctor.hpp"
@@ -86,7 +86,7 @@ class DoctorTest : public testing::Test {
 
   void put(const fs::path& path, const std::string& text) {
     fs::create_directories(machine_.at(path).parent_path());
-    EXPECT_TRUE(write_file_atomically(machine_.at(path), text));
+    std::ofstream(machine_.at(path), std::ios::binary) << text;
   }
   void remove(const fs::path& path) { fs::remove_all(machine_.at(path)); }
   void device(const std::string& path, unsigned mode, gid_t group) {
@@ -353,6 +353,10 @@ TEST_F(DoctorTest, AWatchdogThatCanBeStoppedIsFedByOthersOrIsTooFastIsNamed) {
   EXPECT_EQ(finding("device.watchdog").command, "echo 1 > /sys/class/watchdog/watchdog0/nowayout");
   EXPECT_EQ(finding("device.watchdog.timeout").verdict, Verdict::fail);
   EXPECT_EQ(finding("device.watchdog.user").verdict, Verdict::fail);
+  remove("/etc/systemd/system.conf");
+  EXPECT_EQ(finding("device.watchdog.user").check, "none");
+  put("/etc/systemd/system.conf.d/10-board.conf", "[Manager]\nRuntimeWatchdogSec=20\n");
+  EXPECT_THAT(finding("device.watchdog.user").found, HasSubstr("10-board.conf"));
   remove("/sys/class/watchdog");
   EXPECT_EQ(finding("device.watchdog").verdict, Verdict::unknown);
 }
