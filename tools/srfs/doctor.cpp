@@ -43,7 +43,7 @@ Json to_json(const ros::Deployment& deployment, const std::vector<Finding>& find
 
 void print(const ros::Deployment& deployment, const std::vector<Finding>& findings) {
   for (const Finding& f : findings) {
-    std::string line = fmt::format("{:<8} {:<32} {}", to_text(f.verdict), f.check, f.found);
+    std::string line = fmt::format("{:<8} {:<38} {}", to_text(f.verdict), f.check, f.found);
     if (!f.expected.empty()) line += "; expected " + f.expected;
     if (!f.command.empty()) line += " -> " + f.command;
     fmt::print("{}\n", line);
@@ -116,8 +116,7 @@ std::vector<Finding> examine(const Machine& machine, const ros::Deployment& depl
   Examination x{machine, deployment, var, prefix, now, {}};
   if (const auto account = caller(machine)) {
     x.starter = *account;
-    x.note("user",
-           fmt::format("{} is taken for who starts the suite", account->user == 0 ? "root" : account->name));
+    x.note("user", fmt::format("{} is taken for who starts the suite", account->name));
   } else {
     x.starter = {"nobody", 65534, {65534}, 0};
     x.unknown("user", "/proc/self/status does not tell; taken for nobody");

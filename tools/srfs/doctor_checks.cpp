@@ -63,12 +63,12 @@ void examine_limit(Examination& x, const LimitNeed& need) {
                                                                                   : std::to_string(*limit);
   if (need.asked_by.empty()) return x.ok(need.check, fmt::format("{}; no node asks for more", found));
   if (need.privileged)
-    return x.ok(need.check,
-                fmt::format("{} may, by {}; asked by {}", x.starter.name, need.capability, need.asked_by));
+    return x.ok(need.check, fmt::format("user {} may, by {}; asked by {}", x.starter.name, need.capability,
+                                        need.asked_by));
   if (!limit) return x.unknown(need.check, "/proc/self/limits does not tell", need.value_text);
   if (*limit >= need.value) return x.ok(need.check, fmt::format("{}; asked by {}", found, need.asked_by));
   const bool root = x.starter.user == 0;  // whom no login gives limits: a container
-  x.add(Verdict::fail, need.check, fmt::format("{} of {}", found, x.starter.name),
+  x.add(Verdict::fail, need.check, fmt::format("{} of user {}", found, x.starter.name),
         fmt::format("{}, asked by {}{}", need.value_text, need.asked_by,
                     root ? fmt::format(", or {} (of a container: --cap-add)", need.capability)
                          : ", with the next login"),
@@ -167,6 +167,27 @@ bool is_real_pulse(const ros::Deployment& deployment) {
   return uri != deployment.devices.end() && !uri->second.starts_with("sim:");
 }
 
+void examine_cpu_sets(Examination& x, const std::set<int>& online) {
+  bool whole = true;
+  for (const NodeEntry& node : x.deployment.nodes) {
+    std::vector<int> missing;
+    std::string switches;  // of those that the machine has
+    for (const int cpu : node.scheduling.cpus) {
+      if (online.contains(cpu)) continue;
+      missing.push_back(cpu);
+      const std::string folder = fmt::format("/sys/devices/system/cpu/cpu{}", cpu);
+      if (x.machine.exists(folder)) switches += fmt::format(" {}/online", folder);
+    }
+    if (missing.empty()) continue;
+    whole = false;
+    const bool none_left = missing.size() == node.scheduling.cpus.size();
+    x.add(none_left ? Verdict::fail : Verdict::warn, "cpu.sets",
+          fmt::format("{} CPUs are online, not {} of {}", online.size(), fmt::join(missing, ","), node.name),
+          "the CPUs of the deployment's `cpus`", switches.empty() ? "" : "echo 1 | tee" + switches);
+  }
+  if (whole) x.ok("cpu.sets", fmt::format("{} CPUs online, enough for all nodes", online.size()));
+}
+
 }  // namespace
 
 void examine_kernel(Examination& x) {
@@ -205,22 +226,7 @@ void examine_processors(Examination& x) {
     x.unknown("cpu.sets", "/sys does not tell which CPUs are online");
     return x.unknown("cpu.governor", "/sys does not tell which CPUs are online", "performance");
   }
-  bool whole = true;
-  for (const NodeEntry& node : x.deployment.nodes) {
-    std::vector<int> missing;
-    for (const int cpu : node.scheduling.cpus)
-      if (!online->contains(cpu)) missing.push_back(cpu);
-    if (missing.empty()) continue;
-    whole = false;
-    const bool none = missing.size() == node.scheduling.cpus.size();
-    x.add(none ? Verdict::fail : Verdict::warn, "cpu.sets",
-          fmt::format("{} CPUs are online, not {} of {}", online->size(), fmt::join(missing, ","), node.name),
-          "the CPUs of the deployment's `cpus`",
-          fmt::format("echo 1 | tee /sys/devices/system/cpu/cpu{}/online",
-                      missing.size() == 1 ? std::to_string(missing[0])
-                                          : fmt::format("{{{}}}", fmt::join(missing, ","))));
-  }
-  if (whole) x.ok("cpu.sets", fmt::format("{} CPUs online, enough for all nodes", online->size()));
+  examine_cpu_sets(x, *online);
 
   std::vector<std::string> others;
   std::vector<std::string> slowed;
@@ -284,8 +290,8 @@ void examine_limits(Examination& x) {
   examine_limit(x, {"limit.nofile", "Max open files", "nofile", open_files, std::to_string(open_files),
                     "all nodes", raises, "CAP_SYS_RESOURCE"});
   if (by_score.empty()) return;
-  if (raises) return x.ok("limit.oom_score_adj", x.starter.name + " may, by CAP_SYS_RESOURCE");
-  x.add(Verdict::fail, "limit.oom_score_adj", x.starter.name + " may not lower it",
+  if (raises) return x.ok("limit.oom_score_adj", "user " + x.starter.name + " may, by CAP_SYS_RESOURCE");
+  x.add(Verdict::fail, "limit.oom_score_adj", "user " + x.starter.name + " may not lower it",
         "CAP_SYS_RESOURCE, asked by " + by_score, "");
 }
 
@@ -305,7 +311,7 @@ void examine_users(Examination& x) {
     } else if (account->user == x.starter.user || may_change) {
       x.ok(check, fmt::format("uid {}, of {}", account->user, node.name));
     } else {
-      x.add(Verdict::fail, check, fmt::format("{} cannot start a node as another user", x.starter.name),
+      x.add(Verdict::fail, check, fmt::format("user {} cannot start a node as another one", x.starter.name),
             "root, asked by " + node.name,
             fmt::format("srfs up --deployment {}", x.deployment.file.string()));
     }
@@ -316,7 +322,7 @@ void examine_users(Examination& x) {
                                     [&](const auto& o) { return o.second.user != account.user; });
     if (account.user == 0 || other == accounts.end()) continue;
     x.add(Verdict::warn, "user.ring",
-          fmt::format("{} runs as {} and cannot restart {}", name, account.name, other->first),
+          fmt::format("{} runs as user {} and cannot restart {}", name, account.name, other->first),
           "members of the ring that can restart each other: root, or one user for all", "");
     return;
   }
@@ -437,7 +443,7 @@ void examine_disk(Examination& x) {
                                         name_of_user(x.machine, file->owner), file->mode & 07777U);
   if (!refused.empty()) {
     x.add(Verdict::fail, "disk.access", owner,
-          fmt::format("that {} may write there", fmt::join(refused, ", ")),
+          fmt::format("that user {} may write there", fmt::join(refused, ", ")),
           fmt::format("install -d -o {} -m 0755 {}", *refused.begin(), x.var.string()));
   } else if (folder == x.var && (file->mode & 002U) != 0) {
     x.add(Verdict::warn, "disk.access", owner, "that nobody else may write there",
@@ -499,7 +505,7 @@ void examine_clock(Examination& x) {
   if (!system) return;
   const auto account = x.account(*timing);
   if (account && account->has(Capability::sys_time))
-    return x.ok("clock.right", account->name + " may set it");
+    return x.ok("clock.right", "user " + account->name + " may set it");
   x.add(Verdict::fail, "clock.right", "timing may not set the system clock",
         "CAP_SYS_TIME, for `clock: system`", "");
 }

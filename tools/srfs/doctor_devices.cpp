@@ -60,26 +60,22 @@ void examine_module(Examination& x, const std::string& file, Verdict without, co
 
 // ---------------------------------------------------------------- files of devices
 
-/// What of /sys and of udev belongs to a kind of device.
+/// What of /sys and of the system's groups belongs to a kind of device.
 struct Kind {
   std::string_view scheme;
   const char* what;
   const char* class_folder;  ///< of /sys
-  const char* subsystem;     ///< for udev
   const char* group;
   const char* look;  ///< where a missing one can be found out
   int access;
 };
 constexpr std::array kinds{
-    Kind{"serial", "serial line", "/sys/class/tty", "tty", "dialout", "dmesg | grep -i tty", R_OK | W_OK},
-    Kind{"pps", "source of pulses", "/sys/class/pps", "pps", "dialout",
-         "modprobe pps-gpio; dmesg | grep -i pps", R_OK | W_OK},
-    Kind{"gpiochip", "GPIO chip", "/sys/bus/gpio/devices", "gpio", "gpio", "dmesg | grep -i gpio",
+    Kind{"serial", "serial line", "/sys/class/tty", "dialout", "dmesg | grep -i tty", R_OK | W_OK},
+    Kind{"pps", "source of pulses", "/sys/class/pps", "dialout", "modprobe pps-gpio; dmesg | grep -i pps",
          R_OK | W_OK},
-    Kind{"dev", "watchdog", "/sys/class/watchdog", "watchdog", "watchdog",
-         "dmesg | grep -i -e watchdog -e wdt", W_OK},
-    Kind{"v4l2", "camera", "/sys/class/video4linux", "video4linux", "video", "dmesg | grep -i video",
-         R_OK | W_OK}};
+    Kind{"gpiochip", "GPIO chip", "/sys/bus/gpio/devices", "gpio", "dmesg | grep -i gpio", R_OK | W_OK},
+    Kind{"dev", "watchdog", "/sys/class/watchdog", "watchdog", "dmesg | grep -i -e watchdog -e wdt", W_OK},
+    Kind{"v4l2", "camera", "/sys/class/video4linux", "video", "dmesg | grep -i video", R_OK | W_OK}};
 
 /// Executables that open a device; empty: one of added nodes, or unknown.
 std::vector<std::string_view> users_of(std::string_view key) {
@@ -110,15 +106,15 @@ std::vector<Account> accounts_for(const Examination& x, std::string_view key) {
 }
 
 /// A group that may, or a rule of udev that makes one.
-std::string access_command(const Examination& x, const Kind& kind, const Machine::File& file,
-                           const std::string& user) {
+std::string access_command(const Examination& x, const Kind& kind, const fs::path& path,
+                           const Machine::File& file, const std::string& user) {
   const auto wanted = static_cast<unsigned>(kind.access);
   if (file.group != 0 && (file.mode >> 3U & wanted) == wanted)
     return fmt::format("usermod -aG {} {}", name_of_group(x.machine, file.group), user);
   return fmt::format(
-      "groupadd -f --system {0} && usermod -aG {0} {1} && echo 'SUBSYSTEM==\"{2}\", GROUP=\"{0}\", "
+      "groupadd -f --system {0} && usermod -aG {0} {1} && echo 'KERNEL==\"{2}\", GROUP=\"{0}\", "
       "MODE=\"0660\"' >> /etc/udev/rules.d/60-srfs.rules && udevadm control --reload && udevadm trigger",
-      kind.group, user, kind.subsystem);
+      kind.group, user, x.machine.name_behind(path));
 }
 
 /// Existence, type and access. @return whether it is one that can be used
@@ -140,7 +136,8 @@ bool examine_file(Examination& x, const std::string& check, std::string_view key
     x.add(Verdict::fail, check,
           fmt::format("{} is {}:{} {:04o}", path.string(), name_of_user(x.machine, file->owner),
                       name_of_group(x.machine, file->group), file->mode & 07777U),
-          fmt::format("that {} may use it", account.name), access_command(x, kind, *file, account.name));
+          fmt::format("that user {} may use it", account.name),
+          access_command(x, kind, path, *file, account.name));
     return false;
   }
   const fs::path entry = fs::path(kind.class_folder) / x.machine.name_behind(path);

@@ -70,8 +70,8 @@ void examine_lane_user(Examination& x, const Account& owner) {
   const uid_t uid = update::Confinement().user;
   const std::string expected = fmt::format("a user of its own, uid {}: maintenance runs as root", uid);
   if (owner.user != 0)
-    return x.add(Verdict::warn, "lane.user", fmt::format("what is compiled runs as {}", owner.name), expected,
-                 "");
+    return x.add(Verdict::warn, "lane.user", fmt::format("what is compiled runs as user {}", owner.name),
+                 expected, "");
   if (!owner.has(Capability::setuid) || !owner.has(Capability::setgid))
     return x.add(Verdict::fail, "lane.user", "root without the right to change the user",
                  "CAP_SETUID, CAP_SETGID", "");
@@ -124,7 +124,7 @@ void examine_control_groups(Examination& x, const Account& owner) {
                    "mount -o remount,rw /sys/fs/cgroup");
   }
   if (owner.user != 0)
-    return x.add(Verdict::warn, check, fmt::format("{} may not make any", owner.name), expected, "");
+    return x.add(Verdict::warn, check, fmt::format("user {} may not make any", owner.name), expected, "");
   if (!version_2) return x.ok(check, "version 1: memory, pids");
   const std::string enabled = " " + x.machine.text(groups / "cgroup.subtree_control").value_or("") + " ";
   for (const char* controller : {" memory ", " pids "}) {
@@ -192,7 +192,7 @@ void examine_key(Examination& x, const fs::path& path, bool secret, const std::o
   if (reader && !reader->may(*file, R_OK))
     return x.add(Verdict::fail, check,
                  fmt::format("{} belongs to {}", path.string(), name_of_user(x.machine, file->owner)),
-                 fmt::format("that {} may read it", reader->name),
+                 fmt::format("that user {} may read it", reader->name),
                  fmt::format("chown {} {}", reader->name, path.string()));
   const auto text = x.machine.text(path);
   if (!text) return x.unknown(check, path.string() + " cannot be read; ask as root");

@@ -286,9 +286,8 @@ std::string deployment_file_of(const std::string& named) {
 
 constexpr const char* doctor_help =
     "Is this machine ready for the deployment? One line for each check: OK, note, unknown, WARN or FAIL, "
-    "what "
-    "was found, what is expected, and the command that changes it. Starts and changes nothing. --deployment, "
-    "--var and --json as for every command. Exit code 0: nothing fails; 1: something does";
+    "what was found, what is expected, and the command that changes it. Starts and changes nothing. "
+    "--deployment, --var and --json as for every command. Exit code 0: nothing fails; 1: something does";
 
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};

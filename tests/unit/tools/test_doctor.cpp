@@ -273,7 +273,7 @@ TEST_F(DoctorTest, WhoMayNotGiveANodeItsPriorityIsToldWhichLimitGivesIt) {
   put("/proc/self/status", user_status);
   const Finding priority = finding("limit.rtprio");
   EXPECT_EQ(priority.verdict, Verdict::fail);
-  EXPECT_EQ(priority.found, "0 of sat");
+  EXPECT_EQ(priority.found, "0 of user sat");
   EXPECT_THAT(priority.expected, HasSubstr("60, asked by timing"));
   EXPECT_EQ(priority.command, "echo 'sat - rtprio 60' >> /etc/security/limits.d/60-srfs.conf");
   EXPECT_EQ(finding("limit.memlock").verdict, Verdict::fail);
@@ -309,7 +309,7 @@ TEST_F(DoctorTest, ADeviceThatOthersMayUseIsOpenedByAGroupOrARuleOfUdev) {
   const Finding watchdog = finding("device.watchdog");
   EXPECT_EQ(watchdog.verdict, Verdict::fail);
   EXPECT_EQ(watchdog.found, "/dev/watchdog is root:root 0600");
-  EXPECT_THAT(watchdog.command, HasSubstr("SUBSYSTEM==\"watchdog\", GROUP=\"watchdog\", MODE=\"0660\""));
+  EXPECT_THAT(watchdog.command, HasSubstr("KERNEL==\"watchdog\", GROUP=\"watchdog\", MODE=\"0660\""));
 }
 
 TEST_F(DoctorTest, ADeviceThatIsMissingOrNoDeviceFails) {
