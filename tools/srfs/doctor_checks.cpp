@@ -63,8 +63,8 @@ void examine_limit(Examination& x, const LimitNeed& need) {
                                                                                   : std::to_string(*limit);
   if (need.asked_by.empty()) return x.ok(need.check, fmt::format("{}; no node asks for more", found));
   if (need.privileged)
-    return x.ok(need.check, fmt::format("user {} may, by {}; asked by {}", x.starter.name, need.capability,
-                                        need.asked_by));
+    return x.ok(need.check,
+                fmt::format("user {} may, whatever the limit; asked by {}", x.starter.name, need.asked_by));
   if (!limit) return x.unknown(need.check, "/proc/self/limits does not tell", need.value_text);
   if (*limit >= need.value) return x.ok(need.check, fmt::format("{}; asked by {}", found, need.asked_by));
   const bool root = x.starter.user == 0;  // whom no login gives limits: a container
@@ -230,30 +230,38 @@ void examine_processors(Examination& x) {
 
   std::vector<std::string> others;
   std::vector<std::string> slowed;
-  bool told = false;
+  std::size_t governors = 0;
+  std::size_t frequencies = 0;
   for (const int cpu : *online) {
     const fs::path scaling = folder / fmt::format("cpu{}", cpu) / "cpufreq";
     const auto governor = x.machine.text(scaling / "scaling_governor");
-    if (!governor) continue;
-    told = true;
-    if (*governor != "performance") others.push_back(fmt::format("cpu{}: {}", cpu, *governor));
+    if (governor) ++governors;
+    if (governor && *governor != "performance") others.push_back(fmt::format("cpu{}: {}", cpu, *governor));
     const auto limit = x.machine.number(scaling / "scaling_max_freq");
     const auto possible = x.machine.number(scaling / "cpuinfo_max_freq");
+    if (limit && possible) ++frequencies;
     if (limit && possible && *limit < *possible)
       slowed.push_back(fmt::format("cpu{}: {} of {} kHz", cpu, *limit, *possible));
   }
-  if (!told) return x.unknown("cpu.governor", "no cpufreq here: firmware or host decide", "performance");
-  if (others.empty()) {
-    x.ok("cpu.governor", "performance");
-  } else {
+  const std::string untold = "no cpufreq of every CPU here: firmware or host decide";
+  if (!others.empty()) {
     x.add(x.when_flying(Verdict::warn), "cpu.governor", fmt::format("{}", fmt::join(others, ", ")),
           "performance", "echo performance | tee /sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor");
+  } else if (governors < online->size()) {
+    x.unknown("cpu.governor", untold, "performance");
+  } else {
+    x.ok("cpu.governor", "performance");
   }
-  if (slowed.empty()) return x.ok("cpu.frequency", "not limited");
-  x.add(x.when_flying(Verdict::warn), "cpu.frequency", fmt::format("{}", fmt::join(slowed, ", ")),
-        "the highest of the hardware",
-        "for f in /sys/devices/system/cpu/cpu[0-9]*/cpufreq; do cat $f/cpuinfo_max_freq > "
-        "$f/scaling_max_freq; done");
+  if (!slowed.empty()) {
+    x.add(x.when_flying(Verdict::warn), "cpu.frequency", fmt::format("{}", fmt::join(slowed, ", ")),
+          "the highest of the hardware",
+          "for f in /sys/devices/system/cpu/cpu[0-9]*/cpufreq; do cat $f/cpuinfo_max_freq > "
+          "$f/scaling_max_freq; done");
+  } else if (frequencies < online->size()) {
+    x.unknown("cpu.frequency", untold, "the highest of the hardware");
+  } else {
+    x.ok("cpu.frequency", "not limited");
+  }
 }
 
 void examine_limits(Examination& x) {
