@@ -9,6 +9,7 @@
 #include <fmt/ranges.h>
 #include <unistd.h>
 
+#include "base/fd.hpp"
 #include "ros/instance.hpp"
 #include "ros/real_time.hpp"
 #include "tools/srfs/doctor.hpp"
@@ -92,6 +93,27 @@ void examine_sysctl(Examination& x, const SysctlNeed& need, const std::function<
   x.add(need.verdict, check, std::to_string(*value), need.expected, sysctl_command(need.name, need.value));
 }
 
+void examine_swap(Examination& x) {
+  if (x.machine.lines("/proc/swaps").size() > 1) {
+    examine_sysctl(x, {"vm.swappiness", 1, "10 at most where there is swap", x.when_flying(Verdict::warn)},
+                   [](std::int64_t value) { return value <= 10; });
+  } else if (x.machine.exists("/proc/swaps")) {
+    x.ok("sysctl.vm.swappiness", "no swap");
+  } else {
+    x.unknown("sysctl.vm.swappiness", "/proc/swaps does not tell whether there is swap");
+  }
+}
+
+void examine_core_pattern(Examination& x) {
+  const auto pattern = x.machine.text("/proc/sys/kernel/core_pattern");
+  if (!pattern) return x.unknown("sysctl.kernel.core_pattern", "this kernel does not tell");
+  if (!pattern->starts_with("|"))
+    return x.ok("sysctl.kernel.core_pattern", pattern->empty() ? "none" : *pattern);
+  x.add(x.when_flying(Verdict::warn), "sysctl.kernel.core_pattern", *pattern,
+        "no program: a node that dies waits for it, whatever its limit of core files",
+        "sysctl -w kernel.core_pattern=core | tee -a /etc/sysctl.d/60-srfs.conf");
+}
+
 // ---------------------------------------------------------------- memory
 
 struct Mount {
@@ -150,6 +172,63 @@ void examine_leftovers(Examination& x) {
     }
   }
   if (suites == 0) x.ok("memory.suites", "nothing left in /dev/shm");
+}
+
+// ---------------------------------------------------------------- disk
+
+void examine_file_system(Examination& x, const fs::path& folder) {
+  const auto mount = mount_of(x.machine, folder);
+  if (!mount) {
+    x.unknown("disk.kind", "/proc/mounts does not tell");
+  } else if (mount->read_only) {
+    x.add(Verdict::fail, "disk.kind", mount->point + " is read-only", "a file system that can be written",
+          "mount -o remount,rw " + mount->point);
+  } else if (mount->type == "vfat" || mount->type == "exfat" || mount->type.starts_with("ntfs")) {
+    x.add(Verdict::fail, "disk.kind", mount->type, "a journalling file system with owners and modes (ext4)",
+          "");
+  } else if (mount->type == "tmpfs" || mount->type == "ramfs" || mount->type == "overlay") {
+    x.add(x.when_flying(Verdict::warn), "disk.kind", fmt::format("{} on {}", mount->type, mount->point),
+          "one that outlives a loss of power (ext4)", "");
+  } else {
+    x.ok("disk.kind", fmt::format("{} on {}", mount->type, mount->point));
+  }
+}
+
+void examine_room(Examination& x, const fs::path& folder) {
+  const auto room = x.machine.room(folder);
+  const std::string expected = mib_text(good_disk) + " free for VAR";
+  if (!room) {
+    x.unknown("disk.room", folder.string() + " does not tell", expected);
+  } else if (room->free_octets >= good_disk) {
+    x.ok("disk.room", fmt::format("{} free in {}", mib_text(room->free_octets), folder.string()));
+  } else {
+    x.add(room->free_octets < least_disk ? Verdict::fail : Verdict::warn, "disk.room",
+          fmt::format("{} free in {}", mib_text(room->free_octets), folder.string()), expected,
+          fmt::format("du -xhd2 {} | sort -h", folder.string()));
+  }
+}
+
+/// Of what is there already of VAR.
+void examine_access(Examination& x, const fs::path& folder) {
+  const auto file = x.machine.look(folder);
+  if (!file) return x.unknown("disk.access", folder.string() + " cannot be looked at");
+  std::set<std::string> refused;
+  for (const NodeEntry& node : x.deployment.nodes) {
+    const auto account = x.account(node);
+    if (account && !account->may(*file, R_OK | W_OK)) refused.insert(account->name);
+  }
+  const std::string owner = fmt::format("{} belongs to {}, mode {:04o}", folder.string(),
+                                        name_of_user(x.machine, file->owner), file->mode & 07777U);
+  if (!refused.empty()) {
+    x.add(Verdict::fail, "disk.access", owner,
+          fmt::format("that user {} may write there", fmt::join(refused, ", ")),
+          fmt::format("install -d -o {} -m 0755 {}", *refused.begin(), x.var.string()));
+  } else if (folder == x.var && (file->mode & 002U) != 0) {
+    x.add(Verdict::warn, "disk.access", owner, "that nobody else may write there",
+          "chmod o-w " + folder.string());
+  } else {
+    x.ok("disk.access", owner);
+  }
 }
 
 // ---------------------------------------------------------------- clock
@@ -363,14 +442,7 @@ void examine_sysctls(Examination& x) {
   examine_sysctl(
       x, {"vm.overcommit_memory", 0, "0 or 1: reserved stacks count as used otherwise", Verdict::warn},
       [](std::int64_t value) { return value != 2; });
-  if (x.machine.lines("/proc/swaps").size() > 1) {
-    examine_sysctl(x, {"vm.swappiness", 1, "10 at most where there is swap", x.when_flying(Verdict::warn)},
-                   [](std::int64_t value) { return value <= 10; });
-  } else if (x.machine.exists("/proc/swaps")) {
-    x.ok("sysctl.vm.swappiness", "no swap");
-  } else {
-    x.unknown("sysctl.vm.swappiness", "/proc/swaps does not tell whether there is swap");
-  }
+  examine_swap(x);
   const bool nice = std::any_of(x.deployment.nodes.begin(), x.deployment.nodes.end(),
                                 [](const NodeEntry& node) { return node.scheduling.nice != 0; });
   const char* const autogroup = "kernel.sched_autogroup_enabled";
@@ -380,12 +452,7 @@ void examine_sysctls(Examination& x) {
                     x.when_flying(Verdict::warn)},
                    [](std::int64_t value) { return value == 0; });
   }
-  const auto pattern = x.machine.text("/proc/sys/kernel/core_pattern");
-  if (!pattern) return x.unknown("sysctl.kernel.core_pattern", "this kernel does not tell");
-  if (!pattern->starts_with("|")) return x.ok("sysctl.kernel.core_pattern", *pattern);
-  x.add(x.when_flying(Verdict::warn), "sysctl.kernel.core_pattern", *pattern,
-        "no program: a node that dies waits for it, whatever its limit of core files",
-        "sysctl -w kernel.core_pattern=core | tee -a /etc/sysctl.d/60-srfs.conf");
+  examine_core_pattern(x);
 }
 
 void examine_memory(Examination& x) {
@@ -393,7 +460,7 @@ void examine_memory(Examination& x) {
   const auto room = x.machine.room("/dev/shm");
   const std::string expected = fmt::format("{} free, in memory", mib_text(least_shared_memory));
   if (!room) {
-    x.add(Verdict::fail, "memory.shm", "there is no /dev/shm", expected,
+    x.add(Verdict::fail, "memory.shm", "/dev/shm: " + errno_text(room.error()), expected,
           "mkdir -p /dev/shm && mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm");
   } else if (!mount) {
     x.unknown("memory.shm", "/proc/mounts does not tell what /dev/shm is", expected);
@@ -412,53 +479,9 @@ void examine_memory(Examination& x) {
 void examine_disk(Examination& x) {
   fs::path folder = x.var;
   while (!x.machine.exists(folder) && folder.has_relative_path()) folder = folder.parent_path();
-  const auto mount = mount_of(x.machine, folder);
-  if (!mount) {
-    x.unknown("disk.kind", "/proc/mounts does not tell");
-  } else if (mount->read_only) {
-    x.add(Verdict::fail, "disk.kind", mount->point + " is read-only", "a file system that can be written",
-          "mount -o remount,rw " + mount->point);
-  } else if (mount->type == "vfat" || mount->type == "exfat" || mount->type.starts_with("ntfs")) {
-    x.add(Verdict::fail, "disk.kind", mount->type, "a journalling file system with owners and modes (ext4)",
-          "");
-  } else if (mount->type == "tmpfs" || mount->type == "ramfs" || mount->type == "overlay") {
-    x.add(x.when_flying(Verdict::warn), "disk.kind", fmt::format("{} on {}", mount->type, mount->point),
-          "one that outlives a loss of power (ext4)", "");
-  } else {
-    x.ok("disk.kind", fmt::format("{} on {}", mount->type, mount->point));
-  }
-
-  const auto room = x.machine.room(folder);
-  const std::string expected = mib_text(good_disk) + " free for VAR";
-  if (!room) {
-    x.unknown("disk.room", folder.string() + " does not tell", expected);
-  } else if (room->free_octets >= good_disk) {
-    x.ok("disk.room", fmt::format("{} free in {}", mib_text(room->free_octets), folder.string()));
-  } else {
-    x.add(room->free_octets < least_disk ? Verdict::fail : Verdict::warn, "disk.room",
-          fmt::format("{} free in {}", mib_text(room->free_octets), folder.string()), expected,
-          fmt::format("du -xhd2 {} | sort -h", folder.string()));
-  }
-
-  const auto file = x.machine.look(folder);
-  if (!file) return x.unknown("disk.access", folder.string() + " cannot be looked at");
-  std::set<std::string> refused;
-  for (const NodeEntry& node : x.deployment.nodes) {
-    const auto account = x.account(node);
-    if (account && !account->may(*file, R_OK | W_OK)) refused.insert(account->name);
-  }
-  const std::string owner = fmt::format("{} belongs to {}, mode {:04o}", folder.string(),
-                                        name_of_user(x.machine, file->owner), file->mode & 07777U);
-  if (!refused.empty()) {
-    x.add(Verdict::fail, "disk.access", owner,
-          fmt::format("that user {} may write there", fmt::join(refused, ", ")),
-          fmt::format("install -d -o {} -m 0755 {}", *refused.begin(), x.var.string()));
-  } else if (folder == x.var && (file->mode & 002U) != 0) {
-    x.add(Verdict::warn, "disk.access", owner, "that nobody else may write there",
-          "chmod o-w " + folder.string());
-  } else {
-    x.ok("disk.access", owner);
-  }
+  examine_file_system(x, folder);
+  examine_room(x, folder);
+  examine_access(x, folder);
 }
 
 void examine_network(Examination& x) {
