@@ -195,7 +195,7 @@ std::optional<std::set<int>> parse_cpus(const std::string& list) {
   std::set<int> cpus;
   for (const std::string& part : fields(list, ',')) {
     const auto ends = fields(part, '-');
-    if (ends.empty() || ends.size() > 2) return std::nullopt;
+    if (ends.empty() || ends.size() > 2 || part.ends_with('-')) return std::nullopt;
     const auto first = to_number<int>(ends.front());
     const auto last = to_number<int>(ends.back());
     if (!first || !last || *first < 0 || *last > highest) return std::nullopt;
