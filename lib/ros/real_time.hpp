@@ -20,7 +20,7 @@ namespace srfs::ros {
 [[nodiscard]] std::optional<std::string> refusal_to_lock(bool privileged, rlim_t limit,
                                                          const std::string& user);
 
-/// The command, for root, that gives a user's next login a limit (limits.conf(5)).
+/// The command, for root, that gives a user's next login another limit (limits.conf(5)).
 [[nodiscard]] std::string limit_command(const std::string& user, const std::string& item,
                                         const std::string& value);
 

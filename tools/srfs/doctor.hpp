@@ -28,7 +28,7 @@ struct Finding {
   std::string check;  ///< what was looked at, a name for tools: "sysctl.net.core.rmem_max"
   std::string found;
   std::string expected;  ///< empty: nothing in particular
-  std::string command;   ///< for root, changes what was found; empty: there is no single one
+  std::string command;   ///< for root: changes it, or tells more; empty: there is none
 };
 
 /// What is asked, and what has been found so far.

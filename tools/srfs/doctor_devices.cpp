@@ -297,7 +297,8 @@ void examine_device(Examination& x, const std::string& key, const std::string& u
   const std::string check = "device." + key;
   const auto parsed =
       hw::parse_device_uri(uri, {"socketcan", "serial", "pps", "gpiochip", "dev", "v4l2", "dir", "sim"});
-  if (!parsed) return x.add(Verdict::fail, check, parsed.error().message, "", "");
+  if (!parsed)
+    return x.add(Verdict::fail, check, parsed.error().message, "a URI as lib/hw/open.hpp has it", "");
   if (parsed->scheme == "socketcan") return examine_can(x, check, parsed->rest);
   const fs::path path = hw::below_var(parsed->rest, x.var);
   if (parsed->scheme == "dir") return examine_folder(x, check, path);
