@@ -23,6 +23,14 @@ Scheduling read_scheduling(const ConfigSection& section) {
   return s;
 }
 
+MemorySettings read_memory(const ConfigSection& section) {
+  MemorySettings m;
+  m.lock = section.boolean("lock", m.lock);
+  m.stack_kib = static_cast<int>(section.integer("stack_kib", 0, 4096, m.stack_kib));
+  section.finish();
+  return m;
+}
+
 bool is_node_name(const std::string& name) {
   return !name.empty() && name.size() <= 32 &&
          name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos;
@@ -33,6 +41,7 @@ NodeEntry read_entry(const ConfigSection& section, std::string name, std::string
   return {std::move(name),
           std::move(executable),
           read_scheduling(section.section("scheduling")),
+          read_memory(section.section("memory")),
           section.integer("memory_limit_mib", 0, 65536, 0),
           static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
           std::chrono::milliseconds(section.integer("worker_deadline_ms", 100, 3'600'000, 0)),

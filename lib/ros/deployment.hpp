@@ -20,10 +20,17 @@ struct Scheduling {
   std::vector<int> cpus;  ///< empty: all
 };
 
+/// What of a node's memory never waits for the disk; run_node arranges it before the node is configured.
+struct MemorySettings {
+  bool lock = false;  ///< mlockall (real_time.hpp)
+  int stack_kib = 0;  ///< of the work thread's stack, touched before it works
+};
+
 struct NodeEntry {
   std::string name;        ///< without slash
   std::string executable;  ///< beside the launcher, or a path
   Scheduling scheduling;
+  MemorySettings memory;
   std::int64_t memory_limit_mib = 0;  ///< private memory (RLIMIT_DATA); 0: none
   int oom_score_adj = 0;
   std::chrono::milliseconds worker_deadline{};  ///< of a job of its workers; the ring's unless the file says

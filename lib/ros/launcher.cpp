@@ -201,7 +201,7 @@ void set_limits(const NodeEntry& node) {
   limit(RLIMIT_CORE, 0);
   limit(RLIMIT_DATA,
         node.memory_limit_mib > 0 ? static_cast<rlim_t>(node.memory_limit_mib) << 20 : RLIM_INFINITY);
-  limit(RLIMIT_MEMLOCK, locked_octets);
+  limit(RLIMIT_MEMLOCK, node.memory.lock ? RLIM_INFINITY : locked_octets);
   limit(RLIMIT_MSGQUEUE, 819200);
   limit(RLIMIT_NICE, 40, 40);
   limit(RLIMIT_NOFILE, open_files, most_open_files);

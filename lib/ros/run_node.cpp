@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 #include <malloc.h>
-#include <sched.h>
 #include <sys/epoll.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
@@ -17,6 +16,7 @@
 #include "ros/added_nodes.hpp"
 #include "ros/crash_report.hpp"
 #include "ros/node.hpp"
+#include "ros/real_time.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/liveness_ring.hpp"
 #include "ros/ring/membership.hpp"
@@ -57,16 +57,6 @@ Result<int, std::string> domain_of(const Arguments& arguments, const Deployment&
   if (deployment.domain) return *deployment.domain;
   return Err(fmt::format("no DDS domain: {} is missing; start the suite with `srfs up`, or give --domain",
                          var.domain_file().string()));
-}
-
-/// Says once what the deployment asked for and this process was not given.
-void check_scheduling(const NodeEntry& entry) {
-  static constexpr std::array policies{SCHED_OTHER, SCHED_FIFO, SCHED_BATCH, SCHED_IDLE};
-  const int wanted = policies[static_cast<std::size_t>(entry.scheduling.policy)];
-  if (sched_getscheduler(0) == wanted) return;
-  log::warn(
-      "running without the deployment's scheduling policy (no permission?); `srfs up` as root or with "
-      "CAP_SYS_NICE sets it");
 }
 
 }  // namespace
@@ -191,7 +181,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
   } else {
     log::error("no heartbeat page, so the ring takes silence for death: {}", created.error());
   }
-  check_scheduling(*entry);
+  arrange_real_time(*entry);
 
   const auto domain = domain_of(arguments, deployment, var);
   if (!domain) throw ConfigError(domain.error());

@@ -9,8 +9,10 @@
 
 #include "base/log.hpp"
 #include "ros/added_nodes.hpp"
+#include "ros/launcher.hpp"
 #include "ros/run_node.hpp"
 #include "tools/srfs/added_node_commands.hpp"
+#include "tools/srfs/doctor.hpp"
 #include "tools/srfs/node_commands.hpp"
 #include "tools/srfs/observer.hpp"
 #include "tools/srfs/ring_commands.hpp"
@@ -270,6 +272,23 @@ int run_node_command(const Target& target, const NodeArguments& a, bool json) {
   return list_added_nodes(target, json);
 }
 
+/// What `--deployment` means: a file, or the name of one in launch_config here or of the installation.
+std::string deployment_file_of(const std::string& named) {
+  namespace fs = std::filesystem;
+  const fs::path file = "launch_config/" + named + ".yaml";
+  const fs::path installed = ros::suite_bin_folder().parent_path() / "share/srfs" / file;
+  std::error_code ec;
+  if (named.find('/') != std::string::npos || fs::is_regular_file(named, ec)) return named;
+  for (const fs::path& candidate : {file, installed})
+    if (fs::is_regular_file(candidate, ec)) return candidate;
+  return named;
+}
+
+constexpr const char* doctor_help =
+    "Is this machine ready for the deployment? One line for each check: OK, note, unknown, WARN or FAIL, "
+    "what was found, what is expected, and the command that changes it. Starts and changes nothing. "
+    "--deployment, --var and --json as for every command. Exit code 0: nothing fails; 1: something does";
+
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
@@ -278,7 +297,7 @@ int run(int argc, char** argv) {
   std::string deployment_file = "launch_config/sim.yaml";
   std::string var = "var";
   bool json = false;
-  app.add_option("--deployment", deployment_file, "Deployment file")->capture_default_str();
+  app.add_option("--deployment", deployment_file, "Deployment file, or its name: sim")->capture_default_str();
   app.add_option("--var", var, "Folder of the running deployment")->capture_default_str();
   app.add_flag("--json", json, "Machine-readable output");
 
@@ -332,16 +351,23 @@ int run(int argc, char** argv) {
   add_version_commands(app, versions);
   NodeArguments nodes;
   add_node_commands(app, nodes);
+  auto* doctor_command = app.add_subcommand("doctor", doctor_help);
   auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
   record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
       ->check(CLI::Range(0, 86400))
       ->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : static_cast<int>(CommandExit::usage);
+  }
 
+  deployment_file = deployment_file_of(deployment_file);
   const ros::VarPaths paths{std::filesystem::absolute(var)};
   auto reading = ros::load_deployment(deployment_file, paths);
   for (const std::string& problem : reading.problems) fmt::print(stderr, "srfs: {}\n", problem);
   const Target target{std::move(reading.deployment), paths};
+  if (*doctor_command) return doctor(target.deployment, target.var.root, json);
   up_options.deadline = seconds(deadline_s);
   for (const std::string& name : up_options.only) {
     if (target.deployment.find(name) == nullptr)

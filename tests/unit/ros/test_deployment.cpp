@@ -110,6 +110,28 @@ TEST_F(DeploymentTest, AWorkersDeadlineIsTheRingsUnlessTheNodeHasItsOwn) {
               testing::ElementsAre(milliseconds(700), seconds(60)));
 }
 
+TEST_F(DeploymentTest, ANodesMemoryIsLeftAloneUnlessTheFileSaysWhatIsToBeHeld) {
+  const auto load = [&](const std::string& rest) {
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + rest));
+    return Deployment::load(folder_ / "d.yaml").nodes.back().memory;
+  };
+  EXPECT_FALSE(load("").lock);
+  EXPECT_EQ(load("").stack_kib, 0);
+  const MemorySettings memory =
+      load("  - {name: fast, executable: x, memory: {lock: true, stack_kib: 256}}\n");
+  EXPECT_TRUE(memory.lock);
+  EXPECT_EQ(memory.stack_kib, 256);
+
+  const auto error = [&](const std::string& keys) {
+    return error_of("deployment: x\nnodes:\n  - {name: fast, executable: x, memory: {" + keys + "}}\n");
+  };
+  EXPECT_EQ(error("lock: perhaps"),
+            "d.yaml:3: 'nodes[0].memory.lock': expected true or false, found 'perhaps'");
+  EXPECT_EQ(error("stack_kib: 8192"),
+            "d.yaml:3: 'nodes[0].memory.stack_kib': expected an integer from 0 to 4096, found '8192'");
+  EXPECT_EQ(error("stack: 64").substr(0, 49), "d.yaml:3: 'nodes[0].memory.stack': unknown key, e");
+}
+
 TEST_F(DeploymentTest, TheGraphsDialectAndTheRuleForForeignersAreTheDeployments) {
   const auto load = [&](const std::string& dds) {
     EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + "dds: " + dds + "\n"));

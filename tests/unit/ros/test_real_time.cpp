@@ -1,0 +1,108 @@
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "ros/real_time.hpp"
+
+namespace srfs::ros {
+namespace {
+
+using testing::HasSubstr;
+
+long kib_of(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;) {
+    long kib = 0;
+    if (word == key && status >> kib) return kib;
+  }
+  return -1;
+}
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool locking_is_left_out = true;  // sanitizers answer mlockall without doing it
+#else
+constexpr bool locking_is_left_out = false;
+#endif
+
+/// In a process of its own: what it locks and limits goes with it.
+template <class Work>
+int exit_code_of(const Work& work) {
+  const pid_t child = fork();
+  if (child == 0) _exit(work());
+  int status = 0;
+  EXPECT_EQ(waitpid(child, &status, 0), child);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+TEST(RefusalToLock, ALimitIsRefusedWithTheCommandThatMendsItUnlessACapabilityMakesUpForIt) {
+  EXPECT_EQ(refusal_to_lock(false, RLIM_INFINITY, "sat"), std::nullopt);
+  EXPECT_EQ(refusal_to_lock(true, 0, "sat"), std::nullopt);
+  const auto refusal = refusal_to_lock(false, 8U << 20, "sat");
+  ASSERT_TRUE(refusal);
+  EXPECT_THAT(*refusal, HasSubstr("user sat may lock 8192 KiB"));
+  EXPECT_THAT(*refusal, HasSubstr("echo 'sat - memlock unlimited' >> /etc/security/limits.d/60-srfs.conf"));
+}
+
+TEST(LockedMemory, HoldsWhatIsLoadedOrSaysWhyNotAndHoldsNothing) {
+  if (locking_is_left_out) GTEST_SKIP();
+  EXPECT_EQ(exit_code_of([] {
+              const auto locked = lock_memory();
+              const long held = kib_of("VmLck:");
+              return locked ? (held > 1024 ? 0 : 1) : (!locked.error().empty() && held == 0 ? 0 : 2);
+            }),
+            0);
+}
+
+TEST(LockedMemory, StacksOfLaterThreadsCostWhatTheyUse) {
+  if (locking_is_left_out) GTEST_SKIP();
+  EXPECT_EQ(exit_code_of([] {
+              if (!lock_memory()) return 0;  // no permission here
+              const long before = kib_of("VmRSS:");
+              constexpr std::size_t octets = 64U << 20;
+              const auto stack = std::make_unique_for_overwrite<char[]>(octets);  // as mapped as a stack is
+              const_cast<volatile char*>(stack.get())[0] = 1;
+              return kib_of("VmRSS:") - before < 1024 ? 0 : 1;
+            }),
+            0);
+}
+
+TEST(TouchedStack, IsGivenBeforeItIsNeeded) {
+  EXPECT_EQ(exit_code_of([] {
+              const long before = kib_of("VmStk:");
+              touch_stack(2U << 20);
+              return kib_of("VmStk:") - before >= 1024 ? 0 : 1;
+            }),
+            0);
+}
+
+TEST(TouchedStack, IsNeverMoreThanHalfOfWhatTheLimitAllows) {
+  EXPECT_EQ(exit_code_of([] {
+              const rlimit narrow{1U << 20, 1U << 20};
+              if (setrlimit(RLIMIT_STACK, &narrow) != 0) return 1;
+              touch_stack(64U << 20);
+              return 0;
+            }),
+            0);
+}
+
+TEST(MissingScheduling, IsNamedOneByOne) {
+  EXPECT_EQ(exit_code_of([] {
+              Scheduling wanted;
+              if (nice(1) == -1) return 1;  // at least 1 from here on
+              wanted.nice = getpriority(PRIO_PROCESS, 0);
+              if (!missing_of(wanted).empty()) return 2;
+              wanted.nice -= 1;
+              wanted.cpus = {1023};
+              const auto missing = missing_of(wanted);
+              if (missing.size() != 2) return 3;
+              return missing[0].starts_with("nice") && missing[1] == "CPU set" ? 0 : 4;
+            }),
+            0);
+}
+
+}  // namespace
+}  // namespace srfs::ros
