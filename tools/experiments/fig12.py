@@ -24,7 +24,7 @@ from timeline import check
 
 TITLES = {"fig12": "scheduling latency (cyclictest, 1 ms, priority 99): idle, under load, idle without power management"}
 DEPLOYMENT = None
-DURATION_S = 60  # of a phase
+PHASE_S = 60
 PRIORITY = 99
 INTERVAL_US = 1000
 BOUND_US = 500  # the paper's
@@ -46,7 +46,7 @@ class NotPossible(Exception):
 def preemption(version, realtime, mode, configuration, command_line):
     """The kernel's preemption model. Pure.
 
-    version        uname -v, with the word PREEMPT_RT, PREEMPT_DYNAMIC or PREEMPT; none of them: none
+    version        uname -v, with the word PREEMPT_RT, PREEMPT_DYNAMIC, PREEMPT or none of them
     realtime       /sys/kernel/realtime
     mode           of PREEMPT_DYNAMIC now: /sys/kernel/debug/sched/preempt, "none (voluntary) full"
     configuration  the kernel's, with the mode it starts in; command_line may change that
@@ -55,7 +55,7 @@ def preemption(version, realtime, mode, configuration, command_line):
     if realtime == "1" or "PREEMPT_RT" in version:
         return "PREEMPT_RT"
     if "PREEMPT_DYNAMIC" not in version:
-        return "PREEMPT" if "PREEMPT" in version else "none"
+        return "PREEMPT" if "PREEMPT" in version else "PREEMPT_NONE or PREEMPT_VOLUNTARY"
     now = re.search(r"\((\w+)\)", mode or "") or re.search(r"\bpreempt=(\w+)", command_line or "")
     configured = re.search(r"^CONFIG_PREEMPT_(NONE|VOLUNTARY|LAZY)=y$", configuration or "", re.M)
     known = now or configured
@@ -211,18 +211,18 @@ class Experiment:
         self.name = name
         self.signals = signals
         self.say = say
-        self.duration_s = DURATION_S
+        self.phase_s = PHASE_S
         self.found = {}  # phase -> what parse_histogram returns
         self.not_possible = {}  # phase -> why
         self.stolen_s = {}
 
     def run(self):
         self.machine = machine()
-        surroundings = {IDLE: contextlib.nullcontext, LOAD: lambda: load(self.duration_s), LOCKED: LockedFrequency}
+        surroundings = {IDLE: contextlib.nullcontext, LOAD: lambda: load(self.phase_s), LOCKED: LockedFrequency}
         for phase in PHASES:
             try:
                 with surroundings[phase]():
-                    self.say(f"{LABELS[phase]}: {self.duration_s:g} s")
+                    self.say(f"{LABELS[phase]}: {self.phase_s:g} s")
                     stolen = stolen_s()
                     self.found[phase] = self.cyclictest(power_management=phase != LOCKED)
                     self.stolen_s[phase] = round(stolen_s() - stolen, 2)
@@ -236,11 +236,11 @@ class Experiment:
             raise NotPossible("cyclictest is missing (packages.txt: rt-tests)")
         if not ros_measures.may_be_real_time():
             raise NotPossible("this process may not use SCHED_FIFO (root or CAP_SYS_NICE)")
-        command = ["cyclictest", "-m", f"-p{PRIORITY}", f"-i{INTERVAL_US}", "-t", "-a", "-q", f"-h{LARGEST_US}", f"-D{max(1, round(self.duration_s))}"]
+        command = ["cyclictest", "-m", f"-p{PRIORITY}", f"-i{INTERVAL_US}", "-t", "-a", "-q", f"-h{LARGEST_US}", f"-D{max(1, round(self.phase_s))}"]
         with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as problem:
             with subprocess.Popen(command + ["--default-system"] * power_management, stdin=subprocess.DEVNULL, stdout=out, stderr=problem) as run:
                 try:
-                    mission.wait_until(lambda: run.poll() is not None or self.signals.wait(0.1), self.duration_s + 30, "cyclictest ends")
+                    mission.wait_until(lambda: run.poll() is not None or self.signals.wait(0.1), self.phase_s + 30, "cyclictest ends")
                 finally:
                     run.terminate()
             if self.signals.asked:
@@ -258,13 +258,13 @@ class Experiment:
         realtime = self.machine["preemption"] == "PREEMPT_RT"
         checks = []
         for name, phase in phases.items():
-            expected = round(self.duration_s * 1e6 / INTERVAL_US) * len(self.found[name]["counts"])
+            expected = round(self.phase_s * 1e6 / INTERVAL_US) * len(self.found[name]["counts"])
             checks += judge_phase(name, phase, expected, realtime)
         return {
             "experiment": self.name,
             "title": TITLES[self.name],
             "machine": self.machine,
-            "phase_s": self.duration_s,
+            "phase_s": self.phase_s,
             "priority": PRIORITY,
             "interval_us": INTERVAL_US,
             "phases": phases,
