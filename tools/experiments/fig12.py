@@ -17,6 +17,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+import textwrap
 
 import mission
 import ros_measures
@@ -294,34 +295,36 @@ class Experiment:
                     rows.writerows([[phase, cpu, f">{LARGEST_US - 1}", later]] if later else [])
 
     def draw(self, folder):
-        """SVG and PNG like the paper's figure: a histogram a phase, counts on a logarithmic axis, a line a CPU."""
+        """SVG and PNG like the paper's figure: a histogram a phase, both axes logarithmic, a color a CPU."""
         import matplotlib
 
         matplotlib.use("Agg")
         from matplotlib import pyplot
 
-        figure, axes = pyplot.subplots(1, len(PHASES), figsize=(14, 4.6), sharey=True)
+        figure, axes = pyplot.subplots(1, len(PHASES), figsize=(12, 4.2), sharey=True)
         longest = max([max(f["max_us"]) for f in self.found.values() if f["max_us"]], default=BOUND_US)
         for number, (axis, phase) in enumerate(zip(axes, PHASES)):
-            axis.set_title(f"({'abc'[number]}) {LABELS[phase]}", fontsize=9)
+            axis.set_title(f"({'abc'[number]}) {LABELS[phase]}", fontsize=8)
             axis.set_xlabel("latency [us]")
             axis.set_xscale("log")
+            axis.xaxis.set_major_formatter("{x:g}")
             axis.set_yscale("log")
             axis.set_xlim(1, 1.5 * max(longest, BOUND_US))
-            axis.axvline(BOUND_US, color="red", linewidth=0.9, linestyle="--", label=f"{BOUND_US} us")
             if phase in self.not_possible:
-                axis.text(0.5, 0.5, f"not possible here:\n{self.not_possible[phase]}", transform=axis.transAxes, ha="center", fontsize=8, wrap=True)
+                why = "\n".join(textwrap.wrap(self.not_possible[phase], 40))
+                axis.text(0.5, 0.5, f"not possible here:\n{why}", transform=axis.transAxes, ha="center", fontsize=8)
                 continue
+            axis.axvline(BOUND_US, color="red", linewidth=0.9, linestyle="--", label=f"{BOUND_US} us")
             found = self.found[phase]
             for cpu, counts in enumerate(found["counts"]):
                 us = sorted(counts)
-                axis.step(us, [counts[u] for u in us], where="mid", linewidth=0.9, label=f"CPU {cpu}, at most {found['max_us'][cpu]} us")
-            axis.legend(fontsize=7, loc="upper right")
+                axis.plot(us, [counts[u] for u in us], ".", markersize=2.5, rasterized=True, label=f"CPU {cpu}, at most {found['max_us'][cpu]} us")
+            axis.legend(fontsize=7, loc="upper right", markerscale=3)
         axes[0].set_ylabel("wake-ups")
         figure.suptitle(f"Fig. 12: scheduling latency; {described(self.machine)}", fontsize=10)
         figure.tight_layout()
         for kind in ("svg", "png"):
-            figure.savefig(folder / f"{self.name}.{kind}", dpi=110)
+            figure.savefig(folder / f"{self.name}.{kind}", dpi=90)
         pyplot.close(figure)
 
 
