@@ -8,9 +8,9 @@ from support import BIN, PYTHON, ROOT, SystemTest
 
 
 class ExperimentTest(SystemTest):
-    def run_experiment(self, *arguments):
+    def run_experiment(self, *arguments, **options):
         return subprocess.run([PYTHON, "-B", str(ROOT / "tools" / "experiments" / "experiment.py"), *arguments, "--bin", str(BIN)],
-                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200)  # fmt: skip
+                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)  # fmt: skip
 
 
 class ExperimentsTest(ExperimentTest):
@@ -46,6 +46,15 @@ class Fig12Test(ExperimentTest):
         rows = (self.folder / "out" / "fig12.csv").read_text().splitlines()
         self.assertEqual(rows[0], "phase,cpu,latency_us,wakeups")
         self.assertEqual(sum(int(row.rsplit(",", 1)[1]) for row in rows[1:]), sum(p["wakeups"] for p in summary["phases"].values()))
+
+    def test_what_is_not_possible_is_said_and_not_judged(self):
+        run = self.run_experiment("fig12", "--out", str(self.folder / "out"), "--json", env={"PATH": str(self.folder)})  # no cyclictest there
+
+        summary = json.loads(run.stdout)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual((summary["phases"], summary["checks"]), ({}, []))
+        for why in summary["not_possible"].values():
+            self.assertIn("cyclictest is missing", why)
 
 
 class Fig13Test(ExperimentTest):

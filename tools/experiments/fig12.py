@@ -35,7 +35,7 @@ IDLE, LOAD, LOCKED = PHASES = ("idle", "load", "idle_locked")
 LABELS = {IDLE: "no load", LOAD: "full load (stress-ng)", LOCKED: "no load, governor performance and frequency locked"}
 CPUS = pathlib.Path("/sys/devices/system/cpu")
 # Waits until this process is gone or closes the pipe, however it ends, then writes each value into its file.
-PUT_BACK = 'cat > /dev/null; while [ $# -gt 1 ]; do printf %s "$2" > "$1"; shift 2; done'
+PUT_BACK = 'read -r _; while [ $# -gt 1 ]; do printf %s "$2" > "$1"; shift 2; done'
 
 
 class NotPossible(Exception):
@@ -93,6 +93,13 @@ def machine():
 def stolen_s():
     """CPU time that the host gave to others since the boot, of all CPUs."""
     return int(ros_measures.read("/proc/stat").split()[8]) / os.sysconf("SC_CLK_TCK")
+
+
+def require_cyclictest():
+    if shutil.which("cyclictest") is None:
+        raise NotPossible("cyclictest is missing (packages.txt: rt-tests)")
+    if not ros_measures.may_be_real_time():
+        raise NotPossible("this process may not use SCHED_FIFO (root or CAP_SYS_NICE)")
 
 
 # --- cyclictest -------------------------------------------------------------------------------------------------------
@@ -222,6 +229,7 @@ class Experiment:
         surroundings = {IDLE: contextlib.nullcontext, LOAD: lambda: load(self.phase_s), LOCKED: LockedFrequency}
         for phase in PHASES:
             try:
+                require_cyclictest()
                 with surroundings[phase]():
                     self.say(f"{LABELS[phase]}: {self.phase_s:g} s")
                     stolen = stolen_s()
@@ -233,10 +241,6 @@ class Experiment:
 
     def cyclictest(self, power_management):
         """@return its histogram. The end by the user's wish is a MissionError."""
-        if shutil.which("cyclictest") is None:
-            raise NotPossible("cyclictest is missing (packages.txt: rt-tests)")
-        if not ros_measures.may_be_real_time():
-            raise NotPossible("this process may not use SCHED_FIFO (root or CAP_SYS_NICE)")
         command = ["cyclictest", "-m", f"-p{PRIORITY}", f"-i{INTERVAL_US}", "-t", "-a", "-q", f"-h{LARGEST_US}", f"-D{max(1, round(self.phase_s))}"]
         with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as problem:
             with subprocess.Popen(command + ["--default-system"] * power_management, stdin=subprocess.DEVNULL, stdout=out, stderr=problem) as run:
