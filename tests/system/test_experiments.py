@@ -35,7 +35,7 @@ class ExperimentsTest(ExperimentTest):
 
 class Fig12Test(ExperimentTest):
     def test_fig12_and_its_files(self):
-        run = self.run_experiment("fig12", "--out", str(self.folder / "out"), "--phase", "2", "--json")
+        run = self.run_experiment("fig12", "--out", str(self.folder / "out"), "--phase", "1", "--json")
 
         summary = json.loads(run.stdout)
         self.assertIn("preemption", summary["machine"])
@@ -59,7 +59,7 @@ class Fig12Test(ExperimentTest):
 
 class Fig13Test(ExperimentTest):
     def test_fig13_and_its_files(self):
-        run = self.run_experiment("fig13", "--out", str(self.folder / "out"), "--var", str(self.var), "--phase", "3", "--json")
+        run = self.run_experiment("fig13", "--out", str(self.folder / "out"), "--var", str(self.var), "--phase", "2", "--json")
 
         summary = json.loads(run.stdout or "{}")
         failed = [c["what"] for c in summary.get("checks", [{"ok": False, "what": "no summary"}]) if not c["ok"]]

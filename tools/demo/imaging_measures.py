@@ -44,9 +44,9 @@ def deployment(folder, fifo):
     return file
 
 
-def begin_imaging(ground):
-    """Enough tasks for the whole flight. @return once one is captured while another is processed"""
-    lines = [ground.send(f"tc image.capture task={task} exposure_us=50000 frames={FRAMES} interval_ms={INTERVAL_MS} method=streak") for task in range(1, TASKS + 1)]
+def begin_imaging(ground, frames=FRAMES):
+    """As many tasks as ttc takes, enough for the whole flight. @return once one is captured while another is processed"""
+    lines = [ground.send(f"tc image.capture task={task} exposure_us=50000 frames={frames} interval_ms={INTERVAL_MS} method=streak") for task in range(1, TASKS + 1)]
     first = ground.wait_for(lambda m: m["type"] == "tc_stage" and m["line"] == lines[0] and (m["final"] or m.get("step", 0) >= PROCESSING_STEP), READY_S)
     if first is None or first["final"]:
         raise mission.MissionError(f"imaging does not begin: {first}")
