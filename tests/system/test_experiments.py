@@ -8,9 +8,9 @@ from support import BIN, PYTHON, ROOT, SystemTest
 
 
 class ExperimentTest(SystemTest):
-    def run_experiment(self, *arguments):
+    def run_experiment(self, *arguments, **options):
         return subprocess.run([PYTHON, "-B", str(ROOT / "tools" / "experiments" / "experiment.py"), *arguments, "--bin", str(BIN)],
-                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200)  # fmt: skip
+                              stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)  # fmt: skip
 
 
 class ExperimentsTest(ExperimentTest):
@@ -31,6 +31,45 @@ class ExperimentsTest(ExperimentTest):
         run = self.run_experiment("fig14b", "--out", str(self.folder / "out"), "--var", str(self.var), "--deployment", str(deployment))
         self.assertEqual(run.returncode, 1, run.stdout + run.stderr)
         self.assertIn("NOT OK  payload_eps has the bus over a heartbeat (0 times)", run.stdout)
+
+
+class Fig12Test(ExperimentTest):
+    def test_fig12_and_its_files(self):
+        run = self.run_experiment("fig12", "--out", str(self.folder / "out"), "--phase", "1", "--json")
+
+        summary = json.loads(run.stdout)
+        self.assertIn("preemption", summary["machine"])
+        self.assertEqual({*summary["phases"], *summary["not_possible"]}, {"idle", "load", "idle_locked"}, "each phase ran, or is said not to be possible")
+        # How late is this machine's business; that everything was recorded is ours.
+        self.assertEqual([c["what"] for c in summary["checks"] if not c["ok"] and "wake-ups of about" in c["what"]], [], run.stderr)
+        self.assertEqual(run.returncode, 0 if summary["ok"] else 1, run.stderr)
+        rows = (self.folder / "out" / "fig12.csv").read_text().splitlines()
+        self.assertEqual(rows[0], "phase,cpu,latency_us,wakeups")
+        self.assertEqual(sum(int(row.rsplit(",", 1)[1]) for row in rows[1:]), sum(p["wakeups"] for p in summary["phases"].values()))
+
+    def test_what_is_not_possible_is_said_and_not_judged(self):
+        run = self.run_experiment("fig12", "--out", str(self.folder / "out"), "--json", env={"PATH": str(self.folder)})  # no cyclictest there
+
+        summary = json.loads(run.stdout)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual((summary["phases"], summary["checks"]), ({}, []))
+        for why in summary["not_possible"].values():
+            self.assertIn("cyclictest is missing", why)
+
+
+class Fig13Test(ExperimentTest):
+    def test_fig13_and_its_files(self):
+        run = self.run_experiment("fig13", "--out", str(self.folder / "out"), "--var", str(self.var), "--phase", "2", "--json")
+
+        summary = json.loads(run.stdout or "{}")
+        failed = [c["what"] for c in summary.get("checks", [{"ok": False, "what": "no summary"}]) if not c["ok"]]
+        # How late is this machine's business, when others compute beside it; that everything was heard is ours.
+        self.assertEqual([what for what in failed if "later than" not in what], [], run.stderr)
+        self.assertEqual(run.returncode, 1 if failed else 0)
+        rows = (self.folder / "out" / "fig13.csv").read_text().splitlines()
+        self.assertEqual(rows[0], "phase,topic,published_s,latency_ms")
+        for phase in ("idle", "imaging"):
+            self.assertEqual(sum(row.startswith(f"{phase},") for row in rows), summary["phases"][phase]["samples"])
 
 
 class Fig15Test(ExperimentTest):

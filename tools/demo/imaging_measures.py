@@ -23,19 +23,30 @@ RATIO_GOAL = 1.3
 REALTIME = {**PRIORITIES, "ttc": 20}
 
 
+def scheduled(text, scheduling):
+    """The text of a deployment with other values of `scheduling`: {node: text in braces}."""
+    for node, value in scheduling.items():
+        text, count = re.subn(rf"(name: {node}\n.*\n    scheduling: )\{{[^}}]*\}}", rf"\1{{ {value} }}", text)
+        if count != 1:
+            raise mission.MissionError(f"the deployment has no node '{node}' with a scheduling", code=2)
+    return text
+
+
+def realtime():
+    """{node: scheduling}: housekeeping as on a board."""
+    return {node: f"policy: fifo, priority: {priority}, cpus: []" for node, priority in REALTIME.items()}
+
+
 def deployment(folder, fifo):
     text = mission.find_deployment("sim").read_text()
-    for node, priority in REALTIME.items() if fifo else ():
-        text, count = re.subn(rf"(name: {node}\n.*\n    scheduling: )\{{[^}}]*\}}", rf"\1{{ policy: fifo, priority: {priority}, cpus: [] }}", text)
-        assert count == 1, node
     file = Path(folder) / "imaging.yaml"
-    file.write_text(text)
+    file.write_text(scheduled(text, realtime()) if fifo else text)
     return file
 
 
-def begin_imaging(ground):
-    """Enough tasks for the whole flight. @return once one is captured while another is processed"""
-    lines = [ground.send(f"tc image.capture task={task} exposure_us=50000 frames={FRAMES} interval_ms={INTERVAL_MS} method=streak") for task in range(1, TASKS + 1)]
+def begin_imaging(ground, frames=FRAMES):
+    """As many tasks as ttc takes, enough for the whole flight. @return once one is captured while another is processed"""
+    lines = [ground.send(f"tc image.capture task={task} exposure_us=50000 frames={frames} interval_ms={INTERVAL_MS} method=streak") for task in range(1, TASKS + 1)]
     first = ground.wait_for(lambda m: m["type"] == "tc_stage" and m["line"] == lines[0] and (m["final"] or m.get("step", 0) >= PROCESSING_STEP), READY_S)
     if first is None or first["final"]:
         raise mission.MissionError(f"imaging does not begin: {first}")

@@ -1,6 +1,7 @@
 """./run experiment: the paper's experiments with the real processes; drawings, CSV and summary.json; exit code 0 if they show what it says."""
 
 import argparse
+import contextlib
 import json
 import pathlib
 import shutil
@@ -8,12 +9,14 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "demo"))
 
+import fig12  # noqa: E402
+import fig13  # noqa: E402
 import fig14  # noqa: E402
 import fig15  # noqa: E402
 import fig16  # noqa: E402
 import mission  # noqa: E402
 
-FIGURES = {name: module for module in (fig14, fig15, fig16) for name in module.TITLES}
+FIGURES = {name: module for module in (fig12, fig13, fig14, fig15, fig16) for name in module.TITLES}
 
 
 def parse():
@@ -23,10 +26,27 @@ def parse():
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="where the files go (default: var/experiments/NAME)")
     parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
     parser.add_argument("--deployment", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: that of the figure)")
+    parser.add_argument("--phase", type=float, metavar="S", help="fig12, fig13: length of each phase (default: 60)")
     parser.add_argument("--step-deadline", type=float, default=60, metavar="S", help="fig15: longest wait for each step (default: %(default)s)")
     parser.add_argument("--json", action="store_true", help="print summary.json instead of lines")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
     return parser.parse_args()
+
+
+@contextlib.contextmanager
+def flight_of(figure, options, out, say):
+    """The flight that the experiment is made with; None for one that needs none."""
+    if figure.DEPLOYMENT is None:
+        yield None
+        return
+    deployment = options.deployment or figure.DEPLOYMENT
+    if hasattr(figure, "varied"):
+        deployment = figure.varied(deployment, out)
+    if options.var is None:
+        shutil.rmtree(out / "var", ignore_errors=True)  # what an earlier run left: versions, stores
+    programs = mission.installed(options.bin) if getattr(figure, "INSTALLED", False) else options.bin
+    with mission.Mission(options.var or out / "var", deployment, programs, say, figure.ONLY) as flight:
+        yield flight
 
 
 def main():
@@ -39,13 +59,11 @@ def main():
         print(f"[{options.name}] {text}", file=sys.stderr, flush=True)
 
     figure = FIGURES[options.name]
-    deployment = options.deployment or figure.DEPLOYMENT
-    if options.var is None:
-        shutil.rmtree(out / "var", ignore_errors=True)  # what an earlier run left: versions, stores
-    programs = mission.installed(options.bin) if getattr(figure, "INSTALLED", False) else options.bin
-    with mission.Mission(options.var or out / "var", deployment, programs, say, figure.ONLY) as flight:
+    with flight_of(figure, options, out, say) as flight:
         experiment = figure.Experiment(options.name, flight, signals, say)
         experiment.step_deadline_s = options.step_deadline
+        if options.phase:
+            experiment.phase_s = options.phase
         experiment.run()
     summary = experiment.judge()
     experiment.write_csv(out / f"{options.name}.csv")
