@@ -16,7 +16,6 @@ set(CMAKE_SYSROOT ${SRFS_ARM64_SYSROOT})
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)
 set(CMAKE_CXX_COMPILER aarch64-linux-gnu-g++)
 set(CMAKE_LIBRARY_ARCHITECTURE aarch64-linux-gnu)
-set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE arm64)
 
 # Programs (generators, ccache) are this machine's; libraries, headers and packages the sysroot's alone.
 set(CMAKE_FIND_ROOT_PATH ${CMAKE_SYSROOT})

@@ -282,8 +282,12 @@ int run(int argc, char** argv) {
   std::string deployment_file = "launch_config/sim.yaml";
   std::string var = "var";
   bool json = false;
-  app.add_option("--deployment", deployment_file, "Deployment file")->capture_default_str();
-  app.add_option("--var", var, "Folder of the running deployment")->capture_default_str();
+  app.add_option("--deployment", deployment_file, "Deployment file")
+      ->capture_default_str()
+      ->envname("SRFS_DEPLOYMENT");
+  app.add_option("--var", var, "Folder of the running deployment")
+      ->capture_default_str()
+      ->envname("SRFS_VAR");
   app.add_flag("--json", json, "Machine-readable output");
 
   UpOptions up_options;
