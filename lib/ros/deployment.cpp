@@ -36,6 +36,13 @@ bool is_node_name(const std::string& name) {
          name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string::npos;
 }
 
+std::string read_control_group(const ConfigSection& section) {
+  std::string group = section.text("control_group", "");
+  if (group.starts_with('/') || group.find("..") != std::string::npos)
+    throw section.bad("control_group", "a folder below /sys/fs/cgroup, as srfs.slice/srfs.service");
+  return group;
+}
+
 /// All but the name, the executable and finish().
 NodeEntry read_entry(const ConfigSection& section, std::string name, std::string executable) {
   return {std::move(name),
@@ -46,6 +53,7 @@ NodeEntry read_entry(const ConfigSection& section, std::string name, std::string
           static_cast<int>(section.integer("oom_score_adj", -1000, 1000, 0)),
           std::chrono::milliseconds(section.integer("worker_deadline_ms", 100, 3'600'000, 0)),
           section.text("user", ""),
+          read_control_group(section),
           section.section("parameters")};
 }
 

@@ -35,6 +35,8 @@ struct NodeEntry {
   int oom_score_adj = 0;
   std::chrono::milliseconds worker_deadline{};  ///< of a job of its workers; the ring's unless the file says
   std::string user;                             ///< whom the process belongs to; empty: as its starter
+  /// Folder below /sys/fs/cgroup that the process enters where there is one; empty: its starter's.
+  std::string control_group;
   ConfigSection parameters;
   bool added = false;  ///< not of the file (added_nodes.hpp): no executable, it has no golden version
 };

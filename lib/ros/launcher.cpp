@@ -53,6 +53,7 @@ constexpr milliseconds longest_wait_for_lock{3000};
 constexpr milliseconds longest_wait_for_end{1000};
 constexpr const char* no_golden = "a node that was added has no golden version";
 constexpr seconds longest_stand_in{6};
+const std::filesystem::path control_groups = "/sys/fs/cgroup";
 
 /// Whom a process shall belong to.
 struct Owner {
@@ -70,6 +71,7 @@ struct Preparation {
   std::vector<char*> envp;
   std::string oom_score_adj;
   std::optional<Owner> owner;
+  Fd control_group;  ///< its list of processes, opened; none: it stays where its starter is
   Fd log;
   Fd null;
 };
@@ -168,6 +170,10 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
   p.argv.push_back(nullptr);
   p.envp.push_back(nullptr);
   p.oom_score_adj = std::to_string(node.oom_score_adj);
+  if (!node.control_group.empty()) {
+    const auto members = control_groups / node.control_group / "cgroup.procs";
+    p.control_group = Fd(open(members.c_str(), O_WRONLY | O_CLOEXEC));
+  }
 
   const auto log = request.var.log(node.name);
   std::error_code ec;
@@ -246,6 +252,12 @@ void write_oom_score(const std::string& value) {
   close(fd);
 }
 
+void enter_control_group(int members) {
+  if (members < 0) return;
+  constexpr std::string_view oneself = "0";
+  [[maybe_unused]] const ssize_t ignored = write(members, oneself.data(), oneself.size());
+}
+
 [[noreturn]] void report_and_exit(int pipe_fd, const char* step) {
   Failure failure{errno, {}};
   strncpy(failure.step, step, sizeof failure.step - 1);
@@ -265,6 +277,7 @@ void write_oom_score(const std::string& value) {
       dup2(p.log.get(), STDERR_FILENO) < 0) {
     report_and_exit(pipe_fd, "dup2");
   }
+  enter_control_group(p.control_group.get());
   set_limits(node);
   set_scheduling(node.scheduling);
   write_oom_score(p.oom_score_adj);

@@ -42,13 +42,13 @@ class RestartLock {
   Fd fd_;
 };
 
-/// Starts one node, the same way whoever asks: environment, user, scheduling, CPUs, limits, I/O priority,
-/// timer slack, working folder, signal mask and descriptors are set absolutely from the deployment. Limits
-/// are soft ones: the hard ones stay open, so that a node can start another one whose limits are wider. What
-/// the system does not permit leaves the node running without it; the node says so once. The node is no child
-/// of the caller. One starter at a time (restart lock); never a second instance (instance lock); never while
-/// the suite is stopping. Blocks until the program holds its instance lock or has ended: some 10 ms, 2 s at
-/// most.
+/// Starts one node, the same way whoever asks: environment, user, control group, scheduling, CPUs, limits,
+/// I/O priority, timer slack, working folder, signal mask and descriptors are set absolutely from the
+/// deployment. Limits are soft ones: the hard ones stay open, so that a node can start another one whose
+/// limits are wider. What the system does not permit leaves the node running without it; the node says so
+/// once. The node is no child of the caller. One starter at a time (restart lock); never a second instance
+/// (instance lock); never while the suite is stopping. Blocks until the program holds its instance lock or
+/// has ended: some 10 ms, 2 s at most.
 /// @param patience  with somebody else who is starting it
 /// @return what went wrong, ready to print. A node that runs or starts already is no error: its pid is
 /// returned.

@@ -59,6 +59,17 @@ Result<int, std::string> domain_of(const Arguments& arguments, const Deployment&
                          var.domain_file().string()));
 }
 
+void check_control_group(const NodeEntry& entry) {
+  constexpr std::size_t largest = 4096;
+  if (entry.control_group.empty()) return;
+  const std::string groups = read_file("/proc/self/cgroup", largest).value_or("");
+  if (("\n" + groups).find("\n0::/" + entry.control_group + "\n") != std::string::npos) return;
+  log::warn(
+      "running without the bounds of the control group {} (not there, or no permission); the units of the "
+      "package make it",
+      entry.control_group);
+}
+
 }  // namespace
 
 /// Brings a node to its desired state and keeps trying: a device that is missing now may come.
@@ -182,6 +193,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
     log::error("no heartbeat page, so the ring takes silence for death: {}", created.error());
   }
   arrange_real_time(*entry);
+  check_control_group(*entry);
 
   const auto domain = domain_of(arguments, deployment, var);
   if (!domain) throw ConfigError(domain.error());

@@ -24,6 +24,13 @@ bool is_version_2() {
   return access((groups / "cgroup.controllers").c_str(), F_OK) == 0;
 }
 
+/// Where groups are made: the one that systemd leaves to us with the bounds of all builds (packaging/
+/// srfs-build.service), else the root.
+std::filesystem::path parent_of_version_2() {
+  const std::filesystem::path delegated = groups / "srfs.slice/srfs-build.slice/srfs-build.service";
+  return access((delegated / "cgroup.procs").c_str(), W_OK) == 0 ? delegated : groups;
+}
+
 /// @return 0 or errno
 int write_value(const std::filesystem::path& file, const std::string& value) {
   const Fd fd(open(file.c_str(), O_WRONLY | O_CLOEXEC));
@@ -72,8 +79,8 @@ ControlGroup::ControlGroup(std::uint64_t memory_octets, unsigned processes) {
   // Several of one process, one behind the other, share the name: the one before has gone.
   const std::string name =
       fmt::format("{}{}.{}", prefix, getpid(), process_start_ticks(getpid()).value_or(0));
-  memory_ = v2 ? groups / name : groups / "memory" / name;
-  processes_ = v2 ? groups / name : groups / "pids" / name;
+  memory_ = v2 ? parent_of_version_2() / name : groups / "memory" / name;
+  processes_ = v2 ? memory_ : groups / "pids" / name;
   memory_refusal_ = make_group(memory_, v2 ? "memory.max" : "memory.limit_in_bytes", memory_octets);
   process_refusal_ = make_group(processes_, "pids.max", processes);
   const auto made = std::array{memory_, processes_};
@@ -126,6 +133,7 @@ std::optional<std::uint64_t> ControlGroup::peak_octets() const {
 void ControlGroup::remove_abandoned() {
   if (is_version_2()) {
     remove_abandoned_in(groups);
+    remove_abandoned_in(parent_of_version_2());
   } else {
     remove_abandoned_in(groups / "memory");
     remove_abandoned_in(groups / "pids");

@@ -9,7 +9,8 @@
 namespace srfs::update {
 
 /// Control groups of one confined program: memory and number of processes over all of them together. Version
-/// 2 or 1, whichever is mounted at /sys/fs/cgroup. Removed with this object, once nobody is in them.
+/// 2 or 1, whichever is mounted at /sys/fs/cgroup; with the package's units below srfs-build.slice. Removed
+/// with this object, once nobody is in them.
 class ControlGroup {
  public:
   ControlGroup(std::uint64_t memory_octets, unsigned processes);

@@ -44,7 +44,7 @@ class NodeToolsTest(ToolTest):
         self.assertEqual(self.srfs("down").returncode, 0)
         self.starts_as("exit 1")
         result = self.srfs("up", "--deadline", "600")  # longer than this test waits for it
-        self.assertEqual(result.returncode, 1, result.stdout + result.stderr)
+        self.assertEqual(result.returncode, 3, result.stdout + result.stderr)
         self.assertIn("faulty is not running instead of active", result.stderr)
 
     def test_a_transition_that_takes_longer_than_the_deadline_is_still_running_not_failed(self):

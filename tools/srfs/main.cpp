@@ -55,6 +55,7 @@ void print_table(const std::vector<NodeStatus>& nodes) {
   }
 }
 
+/// @return 0: all are in their desired state; 1: not all, the ring goes on with them; 3: none runs
 int run_up(const Target& target, const UpOptions& options, bool json) {
   const UpReport report = up(target, options);
   if (json) {
@@ -73,7 +74,10 @@ int run_up(const Target& target, const UpOptions& options, bool json) {
           report.nodes.size() - report.held.size(), report.took.count(), report.domain, report.domain);
     }
   }
-  return report.all_reached ? 0 : 1;
+  if (report.all_reached) return 0;
+  const bool one_runs = std::any_of(report.nodes.begin(), report.nodes.end(),
+                                    [](const NodeStatus& s) { return s.instance.has_value(); });
+  return one_runs ? 1 : 3;
 }
 
 int run_down(const Target& target, int patience_ms, bool json) {
@@ -297,8 +301,12 @@ int run(int argc, char** argv) {
   std::string deployment_file = "launch_config/sim.yaml";
   std::string var = "var";
   bool json = false;
-  app.add_option("--deployment", deployment_file, "Deployment file, or its name: sim")->capture_default_str();
-  app.add_option("--var", var, "Folder of the running deployment")->capture_default_str();
+  app.add_option("--deployment", deployment_file, "Deployment file, or its name: sim")
+      ->capture_default_str()
+      ->envname("SRFS_DEPLOYMENT");
+  app.add_option("--var", var, "Folder of the running deployment")
+      ->capture_default_str()
+      ->envname("SRFS_VAR");
   app.add_flag("--json", json, "Machine-readable output");
 
   UpOptions up_options;

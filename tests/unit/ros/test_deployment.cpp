@@ -144,6 +144,34 @@ TEST_F(DeploymentTest, TheGraphsDialectAndTheRuleForForeignersAreTheDeployments)
   EXPECT_TRUE(load("{foreign: drop}").drop_foreign);
 }
 
+TEST_F(DeploymentTest, AControlGroupIsAFolderBelowThatOfTheKernel) {
+  const std::string begin = "deployment: x\nnodes:\n  - {name: n, executable: x, control_group: ";
+  EXPECT_NE(error_of(begin + "/srfs.slice}\n").find("below /sys/fs/cgroup"), std::string::npos);
+  EXPECT_NE(error_of(begin + "srfs.slice/../x}\n").find("below /sys/fs/cgroup"), std::string::npos);
+  ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml", begin + "srfs.slice/a.service}\n"));
+  EXPECT_EQ(Deployment::load(folder_ / "d.yaml").nodes[0].control_group, "srfs.slice/a.service");
+}
+
+TEST_F(DeploymentTest, OnTheBoardEveryDeviceIsNamedTheTimeCriticalHaveRealTimeAndImagesOtherCpus) {
+  const Deployment board = Deployment::load(SRFS_SOURCE_DIR "/launch_config/board_rk3568.yaml");
+  for (const char* device : {"can", "rs422", "gps_serial", "gps_pulse", "gpio", "watchdog", "camera"}) {
+    ASSERT_TRUE(board.devices.contains(device)) << device;
+    EXPECT_FALSE(board.devices.at(device).starts_with("sim:")) << device;
+  }
+  for (const NodeEntry& entry : board.nodes) {
+    const bool images = entry.name.starts_with("image_");
+    const bool time_critical = !images && entry.name != "maintenance";
+    EXPECT_EQ(entry.scheduling.policy == SchedulingPolicy::fifo, time_critical) << entry.name;
+    EXPECT_EQ(entry.scheduling.cpus, time_critical ? (std::vector{0, 1}) : (std::vector{2, 3})) << entry.name;
+    EXPECT_GT(entry.memory_limit_mib, 0) << entry.name;
+    EXPECT_EQ(entry.oom_score_adj > 0, images) << entry.name;
+    EXPECT_EQ(entry.control_group.find("srfs-image") != std::string::npos, images) << entry.name;
+  }
+  for (const Slot& slot : board.slots) {
+    EXPECT_LT(slot.allotted + slot.overrun + slot.reset, seconds(1)) << "a slot ends before the next tick";
+  }
+}
+
 TEST_F(DeploymentTest, IncarnationsOnlyGoUpAlsoFromADamagedFile) {
   const VarPaths var{folder_};
   EXPECT_EQ(next_incarnation(var, "timing").number, 1U);

@@ -1,0 +1,126 @@
+"""Nodes of the arm64 build talk to each other: timing, can_switcher and payload_eps, each a process of its own in QEMU's user-mode
+emulation, over Fast DDS on the loopback interface, with the simulated spacecraft of the same build.
+
+Seen from outside, by an emulated `srfs record`: ticks reach the switcher, its flags the payload, and the payload's peripheral answers
+over the simulated CAN bus before it releases its slot. Emulated threads are slow and their times say nothing, so there is no ring, and
+slots are long. Exit code 0: all of it was seen.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+import yaml
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools/demo"))
+
+import mission  # noqa: E402  (found through the path above)
+
+EMULATOR = "qemu-aarch64-static"
+NODES = ("timing", "can_switcher", "payload_eps")
+READY_DEADLINE_S = 60
+WANTED = 5  # slots that were used
+
+
+def deployment_text():
+    """vcan.yaml, whose times fit an emulated processor, on the simulated bus, with three of its nodes."""
+    deployment = yaml.safe_load((ROOT / "launch_config/vcan.yaml").read_text())
+    deployment["devices"]["can"] = "sim:run/can_hub.sock"
+    deployment["nodes"] = [node for node in deployment["nodes"] if node["name"] in NODES]
+    deployment["slots"] = [slot for slot in deployment["slots"] if slot["payload"] in NODES]
+    deployment["dds"]["domain"] = 0  # a namespace of its own
+    return yaml.safe_dump(deployment)
+
+
+class Emulated:
+    """Starts programs of the build under the emulator and ends them."""
+
+    def __init__(self, build, sysroot, var, deployment):
+        self.build, self.var, self.deployment = build, var, deployment
+        shim = var / "multicast_if.so"
+        subprocess.run(["aarch64-linux-gnu-gcc", "-shared", "-fPIC", "-O1", "-o", shim, ROOT / "tools/arm64/multicast_if.c"], check=True)
+        self.prefix = [EMULATOR, "-L", str(sysroot), "-E", f"LD_PRELOAD={shim}"]
+        self.running = []
+
+    def start(self, program, *arguments, **options):
+        command = [*self.prefix, self.build / "bin" / program, "--deployment", self.deployment, "--var", self.var, *arguments]
+        process = subprocess.Popen(list(map(str, command)), stdin=subprocess.DEVNULL, **options)
+        self.running.append(process)
+        return process
+
+    def start_logged(self, program, name, *arguments):
+        with open(self.var / "log" / f"{name}.log", "wb") as log:
+            return self.start(program, *arguments, stdout=log, stderr=log)
+
+    def end(self):
+        for process in reversed(self.running):
+            process.terminate()
+        for process in self.running:
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def fly(build, sysroot, folder, deadline_s):
+    var = folder / "var"
+    (var / "log").mkdir(parents=True)
+    (var / "run").mkdir()
+    deployment = folder / "emulated.yaml"
+    deployment.write_text(deployment_text())
+    suite = Emulated(build, sysroot, var, deployment)
+    seen = {"tick": 0, "flags": 0, "taken": 0, "released": 0}
+    try:
+        suite.start_logged("hw_sim", "hw_sim")
+        mission.wait_until((var / "run/hw_sim.ready").exists, READY_DEADLINE_S, "the simulated spacecraft is ready")
+        (var / "run/dds_domain").write_text("0\n")
+        for name in NODES:
+            suite.start_logged(f"{name}_node", name, "--name", name, "--domain", "0")
+        record = suite.start("srfs", "record", "--duration", str(deadline_s), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        begin = time.monotonic()
+        for line in record.stdout:
+            message = json.loads(line)
+            kind = message.get("type")
+            if kind in ("tick", "flags"):
+                seen[kind] += 1
+            if kind == "bus" and (message["status"] == "taken" or (message["status"] == "released" and message["received"] > 0)):
+                seen[message["status"]] += 1
+            if min(seen.values()) >= WANTED:
+                print(f"after {time.monotonic() - begin:.1f} s: {seen}")
+                return 0
+        print(f"node_to_node: not within {deadline_s} s: {seen}", file=sys.stderr)
+        for log in sorted((var / "log").iterdir()):
+            print(f"--- {log.name}", *log.read_text(errors="replace").splitlines()[-10:], sep="\n", file=sys.stderr)
+        return 1
+    finally:
+        suite.end()
+        shutil.rmtree(mission.memory_folder(var), ignore_errors=True)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-arm64")
+    parser.add_argument("--sysroot", type=pathlib.Path,
+                        default=pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "srfs/arm64/sysroot")  # fmt: skip
+    parser.add_argument("--deadline", type=int, default=120, metavar="S")
+    parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if not arguments.inside:
+        # Loopback, processes and shared memory of its own: shared memory of another architecture's Fast DDS would crash it.
+        inside = "ip link set lo up && mount -t tmpfs tmpfs /dev/shm && exec \"$@\""
+        os.execvp("unshare", ["unshare", "--map-root-user", "--net", "--mount", "--pid", "--fork", "--kill-child", "--mount-proc", "sh", "-c", inside, "sh",
+                              sys.executable, "-B", *sys.argv, "--inside"])  # fmt: skip
+    with tempfile.TemporaryDirectory(prefix="srfs_arm64_") as folder:
+        sys.exit(fly(arguments.build.absolute(), arguments.sysroot, pathlib.Path(folder), arguments.deadline))
+
+
+if __name__ == "__main__":
+    main()
