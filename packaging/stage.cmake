@@ -1,19 +1,19 @@
 # Run by CPack behind the installation into the package's folder (SrfsPackaging.cmake): what lies outside the prefix.
 set(source ${CPACK_SRFS_SOURCE}/packaging)
-set(root ${CPACK_TEMPORARY_INSTALL_DIRECTORY})
+set(root ${CPACK_TEMPORARY_INSTALL_DIRECTORY})  # file(COPY): file(INSTALL) would put DESTDIR before it
 
 function(put file destination)
   cmake_path(GET destination PARENT_PATH folder)
   cmake_path(GET destination FILENAME name)
   cmake_path(GET file FILENAME old_name)
-  file(INSTALL ${file} DESTINATION ${root}/${folder} ${ARGN})
+  file(COPY ${file} DESTINATION ${root}/${folder} ${ARGN})
   if(NOT name STREQUAL old_name)
     file(RENAME ${root}/${folder}/${old_name} ${root}/${folder}/${name})
   endif()
 endfunction()
 
 file(GLOB units ${source}/systemd/*.service ${source}/systemd/*.slice)
-file(INSTALL ${units} DESTINATION ${root}/usr/lib/systemd/system)
+file(COPY ${units} DESTINATION ${root}/usr/lib/systemd/system)
 put(${source}/systemd/manager.conf usr/lib/systemd/system.conf.d/50-srfs.conf)
 put(${source}/70-srfs.rules usr/lib/udev/rules.d/70-srfs.rules)
 put(${source}/sysctl.conf usr/lib/sysctl.d/60-srfs.conf)
