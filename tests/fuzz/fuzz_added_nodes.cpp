@@ -17,13 +17,8 @@ const ros::Deployment& deployment() {
   static const ros::Deployment made = [] {
     ros::Deployment d;
     d.devices = {{"can", "sim:can"}};
-    for (const char* node : {"timing", "payload_eps"}) {
-      ros::NodeEntry entry;
-      entry.name = node;
-      entry.executable = "program";
-      entry.parameters = ConfigSection::parse("", node);
-      d.nodes.push_back(std::move(entry));
-    }
+    for (const char* node : {"timing", "payload_eps"})
+      d.nodes.push_back({node, "program", {}, {}, 0, 0, {}, "", "", ConfigSection::parse("", node)});
     d.slots = {{"payload_eps", milliseconds(60), milliseconds(20), milliseconds(40)}};
     return d;
   }();
