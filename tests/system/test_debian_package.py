@@ -88,7 +88,7 @@ class DebianPackageTest(unittest.TestCase):
         (self.folder / "debian/control").write_text("Source: srfs\n\nPackage: srfs\nArchitecture: any\n")
         elf = [p for place in ("bin", "lib") for p in (self.root / "opt/srfs" / place).iterdir()
                if p.is_file() and not p.is_symlink() and p.read_bytes()[:4] == b"\x7fELF"]  # fmt: skip
-        out = run("dpkg-shlibdeps", "-O", f"-l{self.root}/opt/srfs/lib", *elf, cwd=self.folder)
+        out = run("dpkg-shlibdeps", "--ignore-missing-info", "-O", f"-l{self.root}/opt/srfs/lib", *elf, cwd=self.folder)
         needed = set(re.findall(r"(?:=|, )([a-z0-9.+-]+)", out.partition("shlibs:Depends")[2]))
         listed = set(re.findall(r"(?:^|, )([a-z0-9.+-]+)", self.field("Depends")))
         self.assertEqual(listed - {"adduser", "iproute2", "libgcc-s1", "zlib1g"}, needed - {"libgcc-s1", "zlib1g"})
@@ -108,8 +108,8 @@ class DebianPackageTest(unittest.TestCase):
         self.assertEqual((self.root / "usr/bin/srfs").stat().st_mode & 0o111, 0o111)
         script = (self.root / "usr/bin/srfs").read_text().replace("/opt/srfs", f"{self.root}/opt/srfs")
         script = script.replace("/etc/srfs", f"{self.root}/etc/srfs").replace("/var/lib/srfs", str(self.folder / "var"))
-        nodes = run("sh", "-c", f"{script} || true", "srfs", "status", "--json")
-        self.assertIn('"maintenance"', nodes)
+        told = subprocess.run(["sh", "-c", script, "srfs", "status", "--json"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        self.assertIn('"maintenance"', told.stdout, told.stderr)  # none of them runs, and it says so with its exit code
 
 
 if __name__ == "__main__":

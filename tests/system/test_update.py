@@ -192,6 +192,7 @@ class NewImageMethodTest(NewNodeUpdateTest):
         added = "image_straylight"
         with self.flight("sim") as flight:
             ground = self.joined(flight, added)
+            self.assertIsNotNone(ground.housekeeping(added, DEADLINE_S), "ttc knows its fragment")
             outcome = ground.command(f"tc parameters.set parameter={added}.sky_limit_adu value=1", DEADLINE_S)
             self.assertEqual(outcome["stage"], "completed", outcome)
             since = ground.position()

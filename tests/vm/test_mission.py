@@ -143,8 +143,8 @@ class MissionOnVcan(unittest.TestCase):
             for identifier in (0x98DA0100 | address, 0x98DA0001 | address << 8):
                 self.assertIn(f"{identifier:08x}", [words[1] for words in of_raw_sockets["rcvlist_eff"]])
         self.assertEqual(len(of_raw_sockets["rcvlist_all"]), 1, "can_switcher's, which measures the load")
-        # The peripherals' two each (to them, their echoes) and candump's.
-        self.assertEqual(len(of_raw_sockets["rcvlist_fil"]), 7)
+        # Two each of the four peripherals (to them, their echoes) and candump's.
+        self.assertEqual(len(of_raw_sockets["rcvlist_fil"]), 9)
 
     def test_the_rotation_goes_on_under_foreign_traffic(self):
         generators = flight.disturb()
