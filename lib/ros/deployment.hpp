@@ -134,9 +134,9 @@ struct Deployment {
   LinkSettings link;
   std::vector<Slot> slots;
   RingSettings ring;
-  std::vector<NodeEntry> nodes;      ///< in start order
-  std::vector<AddedNode> added;      ///< those of the nodes that were added (added_nodes.hpp)
-  std::uint32_t added_revision = 0;  ///< counts the changes of their list
+  std::vector<NodeEntry> nodes;             ///< in start order
+  std::vector<AddedNode> added;             ///< those of the nodes that were added (added_nodes.hpp)
+  std::uint32_t added_revision = 0;         ///< counts the changes of their list
   std::vector<std::string> added_problems;  ///< for people: what of their list is not used
 
   /// Throws ConfigError that names file, line, key and what was expected.
