@@ -24,6 +24,7 @@ UPDATE_DEADLINE_S = 240
 STEADY_DEADLINE_S = 60
 KILLED = ("maintenance", NODE, "payload_eps", "ttc")
 LATEST_KILL_S = 12
+UNKNOWN_MS = 2**32 - 1
 
 UNLESS_TESTED = """#include <cstdlib>
 #include <string_view>
@@ -53,6 +54,10 @@ WAYS = {
     "old counter": (None, "verify"),
     "one bit of it is another": (None, "verify"),
 }  # fmt: skip
+
+
+def known(ms):
+    return None if ms == UNKNOWN_MS else ms
 
 
 class Updates:
@@ -225,7 +230,7 @@ class Updates:
             problems.append(f"left behind: {left}")
         self.trials.append({"way": way or "good", "kill": kill, "took_s": round(took, 2), "refused": outcome.get("name") if refused else None,
                             "step": status.get("step"), "failed_in": status.get("failed_in"), "reason": status.get("reason"), "starts": status.get("starts"),
-                            "build_ms": status.get("build_ms"), "outage_ms": status.get("outage_ms"), "active": after["active"], "problems": problems, "left": left})  # fmt: skip
+                            "build_ms": known(status.get("build_ms")), "outage_ms": known(status.get("outage_ms")), "active": after["active"], "problems": problems, "left": left})  # fmt: skip
         if way is None and after["active"] == status.get("version"):  # the next one has it to go back to
             self.flight.srfs("versions", "confirm", NODE, str(after["active"]))
         return self.trials[-1]
@@ -234,8 +239,9 @@ class Updates:
         ground = self.flight.ground()
         ways = list(WAYS)
         for number in range(1, self.count + 1):
-            if number % 8 == 1 and number > 1:
-                ground = self.flight.ground()  # a session must not grow without bound
+            if number % 8 == 1 and number > 1:  # a session must not grow without bound
+                self.flight.hang_up(ground)
+                ground = self.flight.ground()
             way = ways[(number // 3 - 1) % len(ways)] if number % 3 == 0 else None
             try:
                 trial = self.trial(ground, way)
@@ -254,7 +260,7 @@ class Updates:
         trials = self.trials
         lefts = [t["left"] for t in trials if "left" in t]
         grown = {what: lefts[-1][what] - lefts[len(lefts) // 4][what] for what in ("mounts", "descriptors of maintenance")} if lefts else {}
-        outages = sorted(t["outage_ms"] for t in trials if t.get("outage_ms"))
+        outages = sorted(t["outage_ms"] for t in trials if t.get("outage_ms") is not None)
         builds = sorted(t["build_ms"] for t in trials if t.get("build_ms") and t.get("step") == "installed")
         checks = [
             {"ok": not any(t["problems"] for t in trials), "what": f"after each update exactly one working version, the right one ({sum(not t['problems'] for t in trials)} of {len(trials)})"},

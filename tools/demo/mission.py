@@ -467,6 +467,11 @@ class Mission:
         self._lines.append(GroundSession(self))
         return self._lines[-1]
 
+    def hang_up(self, session):
+        """Ends a session before the mission ends; the line serves one at a time."""
+        self._lines.remove(session)
+        session.end()
+
     def recorder(self):
         """Listens to the nodes' own topics; ended with the mission."""
         command = [self.program("srfs"), "record", "--deployment", str(self.deployment), "--var", str(self.var)]
