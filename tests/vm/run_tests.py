@@ -13,7 +13,8 @@ import tempfile
 import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
-MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf", "uhid", "hid-mcp2221")
+MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf", "uhid", "hid-mcp2221", "pps_parport")
+PARALLEL_PORT = ["parport_pc", "io=0x378", "irq=7"]  # QEMU's, on which pps_parport has its pulses
 # Two capture devices, of the single- and of the multi-planar API, each a webcam and nothing else.
 VIVID = ["vivid", "n_devs=2", "multiplanar=1,2", "node_types=0x1,0x1", "num_inputs=1,1", "input_types=0,0", "num_outputs=0,0"]
 CAN_DEADLINE_S = 1200
@@ -21,7 +22,7 @@ CAN_DEADLINE_S = 1200
 
 def load_modules():
     # echo=1: an own frame comes back when it leaves the interface, as with a real controller.
-    for words in (["vcan", "echo=1"], VIVID, *([module] for module in MODULES)):
+    for words in (["vcan", "echo=1"], VIVID, PARALLEL_PORT, *([module] for module in MODULES)):
         subprocess.run(["modprobe", *words], check=False)  # what is built in, or missing, shows in the tests
 
 
@@ -56,7 +57,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, default=HERE.parents[1] / "build-release", metavar="DIR", help="default: %(default)s")
     parser.add_argument("--full", action="store_true", help="everything several times, in random order")
-    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN, ISO-TP and GPIO, or the mission, alone")
+    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN, ISO-TP, GPIO, pulses and camera, or the mission, alone")
     options = parser.parse_args()
     os.environ["SRFS_BIN"] = str(options.build / "bin")
     os.environ["SRFS_VM_FULL"] = str(int(options.full))

@@ -7,11 +7,15 @@ take; SRFS_PATIENCE stretches the deadlines. SRFS_VM_FULL=1: longer.
 import os
 import pathlib
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
+
+import yaml
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
 
@@ -25,6 +29,8 @@ FULL = os.environ.get("SRFS_VM_FULL") == "1"
 PATIENCE_S = DEADLINE_S * mission.PATIENCE
 SLOTS = 100 if FULL else 4  # of each payload, wherever the rotation is watched
 CLOCK_ERROR_NS = 2_000_000  # between the two clocks, should the host's be slewed meanwhile
+REAL_TIME_KERNEL = pathlib.Path("/sys/kernel/realtime").exists()
+PRIORITIES = {"timing": 50, "can_switcher": 48, **dict.fromkeys(PAYLOADS, 45), "ttc": 40}  # of launch_config/board_rk3568.yaml
 
 
 def ip(*words):
@@ -35,6 +41,37 @@ def start(command, output=subprocess.DEVNULL, errors=subprocess.DEVNULL):
     return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=errors)
 
 
+def kernel_pulse_device():
+    """/dev/ppsN of pps_parport on QEMU's parallel port (run_tests.py loads it); None where there is none."""
+    for entry in pathlib.Path("/sys/class/pps").glob("pps*"):
+        if (entry / "name").read_text().strip() == "pps_parport":
+            return f"/dev/{entry.name}"
+    return None
+
+
+class PulseWire:
+    """Leads the simulated receiver's pulses to the parallel port, whose interrupt the kernel stamps."""
+
+    def __init__(self, source):
+        self.pulses = 0
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._socket.connect(str(source))
+        self._port = os.open("/dev/port", os.O_WRONLY)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        while self._socket.recv(64):
+            os.pwrite(self._port, b"\x1c", 0x378 + 2)  # control register: initialised, selected, interrupts, no strobe
+            self.pulses += 1
+
+    def close(self):
+        self._socket.shutdown(socket.SHUT_RDWR)
+        self._thread.join()
+        self._socket.close()
+        os.close(self._port)
+
+
 class Flight:
     """What all tests share: interface, recorder, disturbance, spacecraft and ground."""
 
@@ -43,19 +80,34 @@ class Flight:
         self.interface = f"sv{os.getpid()}"
         self.programs = []
         self.mission = None
+        self.pulse_wire = None
+        self.pulse_device = kernel_pulse_device()
+
+    def write_deployment(self, path):
+        """vcan.yaml on our interface; with the kernel's pulses where it has them, with a board's priorities where it keeps them."""
+        deployment = yaml.safe_load((ROOT / "launch_config" / "vcan.yaml").read_text())
+        deployment["devices"]["can"] = f"socketcan:{self.interface}"
+        if self.pulse_device:
+            deployment["devices"]["gps_pulse"] = f"pps:{self.pulse_device}"
+        if REAL_TIME_KERNEL:
+            for node in deployment["nodes"]:
+                node["scheduling"] = {"policy": "fifo", "priority": PRIORITIES[node["name"]], "cpus": []}
+                node["memory"] = {"lock": True}
+        path.write_text(yaml.safe_dump(deployment, sort_keys=False))
 
     def start(self):
         ip("add", self.interface, "type", "vcan")
         ip("set", self.interface, "up")
-        text = (ROOT / "launch_config" / "vcan.yaml").read_text()
         deployment = self.folder / "vcan.yaml"
-        deployment.write_text(text.replace("socketcan:vcan0", f"socketcan:{self.interface}"))
+        self.write_deployment(deployment)
         # Only frames of ISO-TP: the disturbance is counted by the interface. -D: the interface will go down.
         with open(self.folder / "candump.log", "wb") as log:
             self.candump = start(["candump", "-D", "-L", "-r", "4000000", f"{self.interface},18DA0000:1FFF0000"], log)
         self.programs.append(self.candump)
         self.mission = mission.Mission(self.folder / "var", deployment, BIN, print)
         self.mission.start()
+        if self.pulse_device:
+            self.pulse_wire = PulseWire(self.mission.run_dir / "gps_pulse.sock")
         self.ground = self.mission.ground()
         self.recorder = self.mission.recorder()
         self.rotation = Rotation()
@@ -63,6 +115,8 @@ class Flight:
 
     def stop(self):
         """What was left behind."""
+        if self.pulse_wire:
+            self.pulse_wire.close()
         left = self.mission.stop() if self.mission and self.mission.up_report else []
         for program in self.programs:
             program.kill()
@@ -186,6 +240,23 @@ class MissionOnVcan(unittest.TestCase):
             ip("set", flight.interface, "up")
             flight.wait_for_slots(2, "after the interface came back")
 
+    @unittest.skipUnless(kernel_pulse_device(), "this kernel has no pulse device that we can drive")
+    def test_timing_follows_pulses_that_the_kernel_stamped(self):
+        seen = flight.ground.housekeeping("timing", PATIENCE_S, None, lambda fields: fields["time_valid"] and fields["sync_state"] != "unlocked")
+        self.assertIsNotNone(seen, "timing does not follow the pulse")
+        told = seen["fields"]
+        print(f"{told['pulses_seen']} pulses of the kernel, {told['pulse_outliers']} outliers; {told['sync_state']}, offset {told['offset_us']:.0f} us", flush=True)
+        self.assertLessEqual(told["pulses_seen"], flight.pulse_wire.pulses, "each once")
+
+    @unittest.skipUnless(REAL_TIME_KERNEL, "no kernel with PREEMPT_RT")
+    def test_every_node_has_its_priority_and_its_memory_on_a_real_time_kernel(self):
+        for name, priority in PRIORITIES.items():
+            pid = flight.mission.node_pid(name)
+            self.assertEqual((os.sched_getscheduler(pid), os.sched_getparam(pid).sched_priority), (os.SCHED_FIFO, priority), name)
+            status = pathlib.Path(f"/proc/{pid}/status").read_text()
+            locked_kib = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmLck:"))
+            self.assertGreater(locked_kib, 1024, name)
+
     def test_no_two_payloads_ever_shared_a_slot(self):
         flight.wait_for_slots(1, "to judge")
         frames = can_frames.computer_frames(flight.candump_lines())
@@ -206,6 +277,7 @@ class MissionOnVcan(unittest.TestCase):
 def load_tests(loader, tests, pattern):
     """In the order of a flight: what judges the whole comes last."""
     story = ("telemetry_of_every_payload_arrives_at_the_ground", "the_kernel_hands_a_payload_only_the_frames_of_its_own_transfers",
+             "timing_follows_pulses_that_the_kernel_stamped", "every_node_has_its_priority_and_its_memory_on_a_real_time_kernel",
              "the_rotation_goes_on_under_foreign_traffic", "a_telecommand_is_executed_in_the_payloads_slot",
              "the_suite_survives_that_the_interface_goes_down_and_up", "no_two_payloads_ever_shared_a_slot")  # fmt: skip
     return unittest.TestSuite(MissionOnVcan(f"test_{name}") for name in story)

@@ -6,7 +6,7 @@ command finds everything where it is and changes nothing. It has no network and 
 code about as fast as outside, floating point 10 times slower, cryptography 100 times.
 
     vm.py run [options] -- COMMAND...    prints what the command prints while it runs; its exit code
-    vm.py fetch                          only gets the kernel
+    vm.py fetch [--kernel rt]            only gets the kernel
 
 Exit codes of its own: 2 cannot be done here (the reason is printed), 124 the guest did not end before --deadline, 125 it reset itself
 (a kernel panic, a watchdog) or went off without an exit code; the end of its console is printed then.
@@ -32,7 +32,7 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 QEMU = "qemu-system-x86_64"
-PACKAGE = "linux-image-amd64"  # the newest kernel of the release: it depends on the package of that version
+PACKAGES = {"amd64": "linux-image-amd64", "rt": "linux-image-rt-amd64"}  # each depends on the newest kernel of its kind
 BOOT_MODULES = ("virtio_pci", "9pnet_virtio", "9p", "overlay")
 DOWNLOAD_DEADLINE_S = 900
 EXIT_CANNOT = 2
@@ -69,10 +69,10 @@ def quietly(command, deadline_s, **options):
     return result.stdout
 
 
-def newest_package():
+def newest_package(kind):
     """linux-image-6.1.0-NN-amd64, as apt's lists have it; None when they do not know it."""
     with contextlib.suppress(CannotRun):
-        for line in quietly(["apt-cache", "depends", PACKAGE], 60).splitlines():
+        for line in quietly(["apt-cache", "depends", PACKAGES[kind]], 60).splitlines():
             word, _, name = line.strip().partition("Depends: ")
             if not word and name.startswith("linux-image-"):
                 return name
@@ -105,7 +105,7 @@ def extract_vmlinux(image):
     raise CannotRun(f"{image.name}: no kernel compressed with xz inside")
 
 
-def download(package, folder, say):
+def download(package, kind, folder, say):
     """The package file, in `folder`; apt-get checks it against the release's signed lists."""
     say(f"fetching {package} (about 70 MB)")
     sandbox = ["-o", "APT::Sandbox::User=root"] if os.geteuid() == 0 else []
@@ -117,7 +117,7 @@ def download(package, folder, say):
         root = [] if os.geteuid() == 0 else ["sudo", "-n"]
         with contextlib.suppress(CannotRun):
             quietly([*root, "apt-get", "update", "-q"], DOWNLOAD_DEADLINE_S)
-        package = newest_package() or package
+        package = newest_package(kind) or package
         quietly([*fetch[:-1], package], DOWNLOAD_DEADLINE_S, cwd=folder)
     return next(folder.glob("*.deb"))
 
@@ -134,15 +134,20 @@ def unpack(archive, folder):
     (folder / "contents.json").write_text(json.dumps({"vmlinux": sha256(folder / "vmlinux"), "sizes": sizes}))
 
 
-def kernel_folder(say):
+def kernels_of(kind, cache):
+    """The unpacked ones, newest first."""
+    folders = [path for path in cache.glob("linux-image-*") if path.is_dir() and ("-rt-" in path.name) == (kind == "rt")]
+    return sorted(folders, key=lambda path: path.stat().st_mtime, reverse=True)
+
+
+def kernel_folder(say, kind="amd64"):
     """The unpacked kernel, fetched when it is not there or damaged. With an older one there, a failing network is no obstacle."""
     cache = cache_folder()
     cache.mkdir(parents=True, exist_ok=True)
     with open(cache / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # somebody else may be fetching it right now
-        package = newest_package()
-        known = sorted((p for p in cache.glob("linux-image-*") if p.is_dir()), key=lambda p: p.stat().st_mtime, reverse=True)
-        for kernel in known:
+        package = newest_package(kind)
+        for kernel in kernels_of(kind, cache):
             if package in (None, kernel.name):
                 if is_whole(kernel):
                     return kernel
@@ -151,23 +156,23 @@ def kernel_folder(say):
         for left_over in [*cache.glob("new.*"), *cache.glob("unpack.*")]:
             shutil.rmtree(left_over)
         try:
-            return fetch(package or PACKAGE, cache, say)
+            return fetch(package or PACKAGES[kind], kind, cache, say)
         except CannotRun as error:
-            for kernel in cache.glob("linux-image-*"):
+            for kernel in kernels_of(kind, cache):
                 if is_whole(kernel):
                     say(f"{error}\nusing {kernel.name}, which is there")
                     return kernel
             raise CannotRun(f"the kernel package cannot be fetched, and {cache} has none: {error}") from error
 
 
-def fetch(package, cache, say):
+def fetch(package, kind, cache, say):
     new = pathlib.Path(tempfile.mkdtemp(dir=cache, prefix="new."))
     try:
         with tempfile.TemporaryDirectory(dir=cache, prefix="unpack.") as place:
-            archive = download(package, pathlib.Path(place), say)
+            archive = download(package, kind, pathlib.Path(place), say)
             name = archive.name.split("_")[0]
             unpack(archive, new)
-        for old in cache.glob("linux-image-*"):
+        for old in kernels_of(kind, cache):
             shutil.rmtree(old)
         new.chmod(0o755)
         return new.rename(cache / name)
@@ -215,7 +220,7 @@ def qemu_command(kernel, exchange, options, devices=(), may_reset=False):
     # No KVM: where it is offered inside a virtual machine it often does not work, and the guest shall be the same everywhere.
     return [
         QEMU, "-accel", "tcg,thread=multi,tb-size=512", "-cpu", "max", "-smp", str(options.cpus), "-m", str(options.memory_mib),
-        "-nodefaults", "-nographic", *([] if may_reset else ["-no-reboot"]), "-monitor", "none", "-serial", f"file:{exchange / 'console'}",
+        "-nodefaults", "-parallel", "null", "-nographic", *([] if may_reset else ["-no-reboot"]), "-monitor", "none", "-serial", f"file:{exchange / 'console'}",
         "-device", "virtio-rng-pci", *(word for device in devices for word in ("-device", device)),
         *share("/", "root", ",readonly=on,multidevs=remap"), *share(exchange, "vm"),
         "-kernel", str(kernel / "vmlinux"), "-initrd", str(exchange / "initramfs"),
@@ -289,7 +294,7 @@ def run(command, options, say, devices=(), may_reset=False, keep_file=None):
                         "The tests run directly on a kernel with CAN: as root, `modprobe vcan` and try again")  # fmt: skip
     if not shutil.which(QEMU):
         raise CannotRun(f"{QEMU} is missing: install the packages of packages.txt (group vm)")
-    kernel = kernel_folder(say)
+    kernel = kernel_folder(say, options.kernel)
     exchange = pathlib.Path(tempfile.mkdtemp(prefix="srfs-vm-"))
     try:
         prepare(exchange, kernel, command)
@@ -328,6 +333,7 @@ def run(command, options, say, devices=(), may_reset=False, keep_file=None):
 
 
 def add_options(parser, deadline="300"):
+    parser.add_argument("--kernel", choices=PACKAGES, default="amd64", help="Debian's usual one, or the one with PREEMPT_RT (default: %(default)s)")
     parser.add_argument("--cpus", type=int, default=2, metavar="N", help="of the guest (default: %(default)s)")
     parser.add_argument("--memory-mib", type=int, default=3072, metavar="N", help="of the guest; 60 %% of it may hold files (default: %(default)s)")
     parser.add_argument("--deadline", type=float, default=300, metavar="S", help=f"the guest is ended after S seconds (default: {deadline})")
@@ -354,12 +360,13 @@ def main():
     runner = commands.add_parser("run", help="boot and run a command")
     add_options(runner)
     runner.add_argument("command", nargs="+", metavar="COMMAND")
-    commands.add_parser("fetch", help="only get the kernel")
+    fetcher = commands.add_parser("fetch", help="only get the kernel")
+    fetcher.add_argument("--kernel", choices=PACKAGES, default="amd64")
     options = parser.parse_args()
     interruptible()
     try:
         if options.action == "fetch":
-            print(kernel_folder(say))
+            print(kernel_folder(say, options.kernel))
             return 0
         return run(options.command, options, say)
     except CannotRun as error:

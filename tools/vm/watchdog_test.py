@@ -22,6 +22,7 @@ DEADLINE_S = 420
 
 
 class Options:
+    kernel = "amd64"
     cpus = 2
     memory_mib = 3072
     deadline = DEADLINE_S

@@ -9,6 +9,7 @@
 #include <linux/pps.h>
 #include <sys/eventfd.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/bounded_queue.hpp"
@@ -115,18 +116,28 @@ class Pps : public PulseSource {
     edge.timeout.nsec = static_cast<int>(nanoseconds(fetch_timeout).count());
     if (::ioctl(device, PPS_FETCH, &edge) != 0) {
       if (errno == EINTR) return true;
-      if (errno != ETIMEDOUT) return lost();
+      if (errno != ETIMEDOUT) return lost("PPS_FETCH: " + errno_text(errno));
+      // A device whose driver went away times out like one without pulses; its file tells.
+      if (!is_the_file(device)) return lost(device_path_.string() + " was removed");
       // An edge between two waits is found by asking once without waiting (a time-out of zero).
       edge = {};
-      if (::ioctl(device, PPS_FETCH, &edge) != 0) return errno == EINTR || lost();
+      if (::ioctl(device, PPS_FETCH, &edge) != 0)
+        return errno == EINTR || lost("PPS_FETCH: " + errno_text(errno));
     }
     on_edge(edge.info);
     return true;
   }
 
-  bool lost() {
+  bool is_the_file(int device) const {
+    struct stat opened {};
+    struct stat named {};
+    return ::fstat(device, &opened) == 0 && ::stat(device_path_.c_str(), &named) == 0 &&
+           opened.st_dev == named.st_dev && opened.st_ino == named.st_ino;
+  }
+
+  bool lost(std::string reason) {
     const std::lock_guard lock(mutex_);
-    reason_ = "PPS_FETCH: " + errno_text(errno);
+    reason_ = std::move(reason);
     log::warn("{}: {}", uri_, reason_);
     return false;
   }

@@ -18,17 +18,15 @@
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/membership.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/sanitized.hpp"
 
 namespace srfs::ros {
 namespace {
 
+using testing_support::sanitized;
+
 constexpr seconds patience{60};
 const std::array<std::string, 3> names{"a", "b", "c"};
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool sanitized = true;  // several times slower, and with terabytes of shadow memory
-#else
-constexpr bool sanitized = false;
-#endif
 
 class LivenessRingTest : public testing::Test {
  protected:

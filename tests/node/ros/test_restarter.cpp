@@ -23,21 +23,19 @@
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/node_record.hpp"
 #include "ros/ring/restarter.hpp"
+#include "tests/sanitized.hpp"
 #include "tests/signal_child.hpp"
 
 namespace srfs::ros {
 namespace {
+
+using testing_support::sanitized;
 
 using What = RestartOutcome::What;
 using testing_support::signal_child;
 
 constexpr seconds patience{30};
 const std::string probe = SRFS_BINARY_DIR "/tests/restart_probe";
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool sanitized = true;
-#else
-constexpr bool sanitized = false;
-#endif
 
 bool wait_until(const std::function<bool()>& condition) {
   const MonotonicTime deadline = monotonic_now() + patience;

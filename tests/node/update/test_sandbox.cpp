@@ -27,6 +27,7 @@
 
 #include "base/file.hpp"
 #include "base/process.hpp"
+#include "tests/sanitized.hpp"
 #include "tests/temporary_folder.hpp"
 #include "update/control_group.hpp"
 #include "update/sandbox.hpp"
@@ -156,9 +157,7 @@ TEST_P(SandboxTest, AnEndlessLoopEndsWithTheTimeOrTheCpu) {
 }
 
 TEST_P(SandboxTest, AnAllocationBombGetsNoFurtherThanItsLimit) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "sanitizers map more than any limit";
-#endif
+  if (testing_support::sanitized) GTEST_SKIP() << "sanitizers map more than any limit";
   confinement_.limits.memory_octets = 64U << 20;
   const Ended ended = run([] {
     for (int i = 0; i < 1024; ++i) {

@@ -25,14 +25,13 @@
 #include "nodes/can_switcher/tick_flywheel.hpp"
 #include "nodes/can_switcher/transmit_drain.hpp"
 #include "nodes/payload/payload_cycle.hpp"
+#include "tests/sanitized.hpp"
 
 namespace srfs {
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr std::uint64_t default_slots = 30'000;
-#elif defined(__OPTIMIZE__)
-constexpr std::uint64_t default_slots = 1'000'000;
+#if defined(__OPTIMIZE__)
+constexpr std::uint64_t default_slots = testing_support::sanitized ? 30'000 : 1'000'000;
 #else
 constexpr std::uint64_t default_slots = 30'000;
 #endif

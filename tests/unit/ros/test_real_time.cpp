@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "ros/real_time.hpp"
+#include "tests/sanitized.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -21,12 +22,6 @@ long kib_of(const std::string& key) {
   }
   return -1;
 }
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool locking_is_left_out = true;  // sanitizers answer mlockall without doing it
-#else
-constexpr bool locking_is_left_out = false;
-#endif
 
 /// In a process of its own: what it locks and limits goes with it.
 template <class Work>
@@ -48,7 +43,7 @@ TEST(RefusalToLock, ALimitIsRefusedWithTheCommandThatMendsItUnlessACapabilityMak
 }
 
 TEST(LockedMemory, HoldsWhatIsLoadedOrSaysWhyNotAndHoldsNothing) {
-  if (locking_is_left_out) GTEST_SKIP();
+  if (testing_support::sanitized) GTEST_SKIP() << "sanitizers answer mlockall without doing it";
   EXPECT_EQ(exit_code_of([] {
               const auto locked = lock_memory();
               const long held = kib_of("VmLck:");
@@ -58,7 +53,7 @@ TEST(LockedMemory, HoldsWhatIsLoadedOrSaysWhyNotAndHoldsNothing) {
 }
 
 TEST(LockedMemory, StacksOfLaterThreadsCostWhatTheyUse) {
-  if (locking_is_left_out) GTEST_SKIP();
+  if (testing_support::sanitized) GTEST_SKIP() << "sanitizers answer mlockall without doing it";
   EXPECT_EQ(exit_code_of([] {
               if (!lock_memory()) return 0;  // no permission here
               const long before = kib_of("VmRSS:");

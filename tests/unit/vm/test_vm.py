@@ -38,9 +38,9 @@ class VmTest(unittest.TestCase):
         (kernel / "contents.json").write_text(json.dumps({"vmlinux": vm.sha256(kernel / "vmlinux"), "sizes": sizes}))
         return kernel
 
-    def kernel_folder(self, newest=PACKAGE, fetch=None):
-        with mock.patch.object(vm, "newest_package", lambda: newest), mock.patch.object(vm, "fetch", fetch or self.no_network):
-            return vm.kernel_folder(self.said.append)
+    def kernel_folder(self, newest=PACKAGE, fetch=None, kind="amd64"):
+        with mock.patch.object(vm, "newest_package", lambda kind: newest), mock.patch.object(vm, "fetch", fetch or self.no_network):
+            return vm.kernel_folder(self.said.append, kind)
 
     def no_network(self, *arguments):
         raise vm.CannotRun("no network")
@@ -64,13 +64,19 @@ class CacheTest(VmTest):
             with self.subTest(name):
                 kernel = self.kernel()
                 damage(kernel)
-                self.assertEqual(self.kernel_folder(fetch=lambda package, cache, say: package), PACKAGE)
+                self.assertEqual(self.kernel_folder(fetch=lambda package, *more: package), PACKAGE)
                 self.assertFalse(kernel.exists())
 
     def test_an_older_kernel_serves_while_the_newer_cannot_be_fetched(self):
         older = self.kernel("linux-image-6.1.0-0-amd64")
         self.assertEqual(self.kernel_folder(), older)
         self.assertIn("no network", self.said[0])
+
+    def test_the_real_time_kernel_and_the_usual_one_are_kept_side_by_side(self):
+        usual, real_time = self.kernel(), self.kernel("linux-image-6.1.0-1-rt-amd64")
+        self.assertEqual(self.kernel_folder(newest=None), usual)
+        self.assertEqual(self.kernel_folder(newest=None, kind="rt"), real_time)
+        self.assertEqual(self.kernel_folder("linux-image-6.1.0-2-rt-amd64", kind="rt"), real_time, "the older of the same kind")
 
     def test_without_kernel_and_network_the_reason_is_said(self):
         with self.assertRaisesRegex(vm.CannotRun, "cannot be fetched.*no network"):
@@ -99,10 +105,10 @@ class GuestTest(VmTest):
         program = self.folder / "qemu"
         program.write_text(f"#!/bin/sh\ncd $1\n{script}\n")
         program.chmod(0o755)
-        options = argparse.Namespace(deadline=deadline_s, keep=False)
+        options = argparse.Namespace(deadline=deadline_s, keep=False, kernel="amd64")
         out = mock.Mock(buffer=io.BytesIO())
         with contextlib.ExitStack() as patches:
-            patches.enter_context(mock.patch.object(vm, "kernel_folder", lambda say: self.folder))
+            patches.enter_context(mock.patch.object(vm, "kernel_folder", lambda say, kind: self.folder))
             patches.enter_context(mock.patch.object(vm, "prepare", lambda exchange, kernel, command: None))
             patches.enter_context(mock.patch.object(vm, "qemu_command", lambda kernel, exchange, *more: [str(program), str(exchange)]))
             patches.enter_context(mock.patch.object(vm.platform, "machine", lambda: "x86_64"))

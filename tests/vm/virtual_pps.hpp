@@ -1,0 +1,57 @@
+#pragma once
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "base/fd.hpp"
+#include "tests/vm/virtual_can.hpp"
+
+namespace srfs::vm {
+
+/// A pulse-per-second device of the kernel's: its driver pps_parport on a parallel port that QEMU plays. The
+/// port interrupts, as after each octet it sent, when the control register is written without the strobe.
+/// Needs root and the modules parport_pc and pps_parport; they stay loaded.
+class VirtualPps {
+ public:
+  static bool kernel_has_it() { return ::access("/dev/port", W_OK) == 0 && !find().empty(); }
+
+  VirtualPps() : port_(::open("/dev/port", O_RDWR | O_CLOEXEC)) {
+    EXPECT_TRUE(port_) << "/dev/port: " << errno_text(errno);
+  }
+
+  /// /dev/ppsN; empty while it is unplugged.
+  [[nodiscard]] static std::filesystem::path device() { return find(); }
+
+  void pulse() {
+    constexpr off_t control_register = 0x378 + 2;
+    constexpr std::uint8_t initialised = 0x04;
+    constexpr std::uint8_t selected = 0x08;
+    constexpr std::uint8_t interrupts = 0x10;
+    const std::uint8_t value = initialised | selected | interrupts;
+    EXPECT_EQ(::pwrite(port_.get(), &value, 1, control_register), 1) << errno_text(errno);
+  }
+
+  static void unplug() { shell("modprobe --remove pps_parport"); }
+  static void plug() { shell("modprobe pps_parport"); }
+
+ private:
+  static std::filesystem::path find() {
+    std::error_code none;
+    for (const auto& entry : std::filesystem::directory_iterator("/sys/class/pps", none)) {
+      std::ifstream file(entry.path() / "name");
+      std::string name;
+      if (std::getline(file, name) && name == "pps_parport") return "/dev" / entry.path().filename();
+    }
+    return {};
+  }
+
+  Fd port_;
+};
+
+}  // namespace srfs::vm
