@@ -21,6 +21,7 @@
 namespace srfs::ros {
 namespace {
 
+using testing_support::sanitized;
 using What = RestartOutcome::What;
 
 class RingWorld {
