@@ -83,28 +83,30 @@ class Flight:
         self.pulse_wire = None
         self.pulse_device = kernel_pulse_device()
 
-    def write_deployment(self, path):
-        """vcan.yaml on our interface; with the kernel's pulses where it has them, with a board's priorities where it keeps them."""
+    def write_deployments(self, nodes, simulator):
+        """vcan.yaml on our interface; the nodes with the kernel's pulses where it has them, with a board's priorities where it keeps them."""
         deployment = yaml.safe_load((ROOT / "launch_config" / "vcan.yaml").read_text())
         deployment["devices"]["can"] = f"socketcan:{self.interface}"
+        simulator.write_text(yaml.safe_dump(deployment, sort_keys=False))
         if self.pulse_device:
             deployment["devices"]["gps_pulse"] = f"pps:{self.pulse_device}"
         if REAL_TIME_KERNEL:
             for node in deployment["nodes"]:
                 node["scheduling"] = {"policy": "fifo", "priority": PRIORITIES[node["name"]], "cpus": []}
                 node["memory"] = {"lock": True}
-        path.write_text(yaml.safe_dump(deployment, sort_keys=False))
+        nodes.write_text(yaml.safe_dump(deployment, sort_keys=False))
 
     def start(self):
         ip("add", self.interface, "type", "vcan")
         ip("set", self.interface, "up")
-        deployment = self.folder / "vcan.yaml"
-        self.write_deployment(deployment)
+        deployment, simulated = self.folder / "vcan.yaml", self.folder / "simulated.yaml"
+        self.write_deployments(deployment, simulated)
         # Only frames of ISO-TP: the disturbance is counted by the interface. -D: the interface will go down.
         with open(self.folder / "candump.log", "wb") as log:
             self.candump = start(["candump", "-D", "-L", "-r", "4000000", f"{self.interface},18DA0000:1FFF0000"], log)
         self.programs.append(self.candump)
         self.mission = mission.Mission(self.folder / "var", deployment, BIN, print)
+        self.mission.simulated = simulated
         self.mission.start()
         if self.pulse_device:
             self.pulse_wire = PulseWire(self.mission.run_dir / "gps_pulse.sock")

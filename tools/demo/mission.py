@@ -288,6 +288,7 @@ class Mission:
     def __init__(self, var, deployment="sim", bin_dir="build-release/bin", say=lambda text: None, only=()):
         self.var = pathlib.Path(var).absolute()
         self.deployment = find_deployment(deployment)
+        self.simulated = self.deployment  # what hw_sim reads; another file where a real device stands in for one of its own
         self.bin_dir = pathlib.Path(bin_dir).absolute()
         self.say = say
         self.only = only  # nodes that are started; empty: all
@@ -385,7 +386,7 @@ class Mission:
         with open(log, "ab") as file:
             begin = file.tell()
             self.hw_sim = subprocess.Popen(
-                [self.program("hw_sim"), "--deployment", str(self.deployment), "--var", str(self.var)],
+                [self.program("hw_sim"), "--deployment", str(self.simulated), "--var", str(self.var)],
                 stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True,
             )  # fmt: skip
         wait_until(
