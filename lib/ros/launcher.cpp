@@ -32,6 +32,7 @@
 #include "base/time.hpp"
 #include "ros/added_nodes.hpp"
 #include "ros/node_versions.hpp"
+#include "ros/real_time.hpp"
 #include "ros/ring/fault_ledger.hpp"
 #include "ros/ring/node_record.hpp"
 #include "ros/state_files.hpp"
@@ -45,8 +46,6 @@ constexpr rlim_t most_open_files = 4096;
 constexpr rlim_t stack_octets = 8U << 20;
 constexpr rlim_t locked_octets = 64U << 20;
 constexpr unsigned long timer_slack_ns = 50'000;  // the kernel's own default
-constexpr rlim_t rt_time_us =
-    500'000;  // a real-time node that never sleeps is stopped by the kernel, not by luck
 constexpr milliseconds longest_exec{1000};
 constexpr milliseconds longest_wait_for_instance{1000};
 constexpr milliseconds longest_wait_for_lock{3000};
@@ -212,7 +211,8 @@ void set_limits(const NodeEntry& node) {
   limit(RLIMIT_NICE, 40, 40);
   limit(RLIMIT_NOFILE, open_files, most_open_files);
   limit(RLIMIT_RTPRIO, 99, 99);
-  limit(RLIMIT_RTTIME, node.scheduling.policy == SchedulingPolicy::fifo ? rt_time_us : RLIM_INFINITY);
+  constexpr auto start_us = static_cast<rlim_t>(microseconds(real_time_in_transition).count());
+  limit(RLIMIT_RTTIME, node.scheduling.policy == SchedulingPolicy::fifo ? start_us : RLIM_INFINITY);
   limit(RLIMIT_SIGPENDING, 4096);
   limit(RLIMIT_STACK, stack_octets);
 }

@@ -19,6 +19,7 @@
 #include "ros/added_nodes.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node_introspection.hpp"
+#include "ros/real_time.hpp"
 #include "ros/ring/check_alive.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 
@@ -451,6 +452,7 @@ TransitionResult LifecycleNode::pass_through(const LifecycleRow& row, const std:
   failure_reason_ = cause;
   last_transition_ = {.label = std::string(row.label), .reason = {}};
   Outcome outcome = cause.empty() ? Outcome::succeeded : Outcome::error;
+  bound_real_time(real_time_in_transition);
   enter(row);
   while (!is_primary(state_)) {
     const State transition_state = state_;
@@ -468,6 +470,7 @@ TransitionResult LifecycleNode::pass_through(const LifecycleRow& row, const std:
     }
     enter(*find_row(transition_state, to_trigger(returned)));
   }
+  if (is_active()) bound_real_time(real_time_at_work);
   if (outcome != Outcome::succeeded) ++failed_transitions_;
   if (outcome == Outcome::failed) {
     const mission::NodeTransitionFailedEvent event{

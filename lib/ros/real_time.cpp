@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <thread>
 
 #include <fmt/format.h>
 #include <linux/capability.h>
@@ -90,6 +91,16 @@ std::vector<std::string> missing_of(const Scheduling& wanted) {
       CPU_EQUAL(&given, &cpus) == 0)
     missing.emplace_back("CPU set");
   return missing;
+}
+
+void bound_real_time(milliseconds longest) {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_RTTIME, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return;
+  const auto wanted = std::min(static_cast<rlim_t>(microseconds(longest).count()), limit.rlim_max);
+  if (wanted == limit.rlim_cur) return;
+  std::this_thread::sleep_for(microseconds(100));  // the kernel counts from the last pause of a thread
+  limit.rlim_cur = wanted;
+  setrlimit(RLIMIT_RTTIME, &limit);
 }
 
 void arrange_real_time(const NodeEntry& entry) {

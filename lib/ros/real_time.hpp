@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/result.hpp"
+#include "base/time.hpp"
 #include "ros/deployment.hpp"
 
 namespace srfs::ros {
@@ -35,6 +36,16 @@ void touch_stack(std::size_t octets);
 
 /// What of a scheduling this process was not given, each ready to print.
 [[nodiscard]] std::vector<std::string> missing_of(const Scheduling& wanted);
+
+/// How long a thread under SCHED_FIFO may compute without a pause before the kernel ends the process, which
+/// would keep its CPU from everybody else (RLIMIT_RTTIME, SIGXCPU): at work; and while a node starts or
+/// changes its state, when it reads dictionaries and keys, and the ring counts the time.
+inline constexpr milliseconds real_time_at_work{500};
+inline constexpr milliseconds real_time_in_transition{30'000};
+
+/// Sets that bound for this process, whose launcher set one; without one, nothing. What the calling thread
+/// computed before does not count.
+void bound_real_time(milliseconds longest);
 
 /// For the thread that works, before it does: arranges NodeEntry::memory. Without a permission the node runs
 /// all the same; what it was not given is said once, in the log.

@@ -1,6 +1,10 @@
+#include <sched.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <ctime>
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -82,6 +86,44 @@ TEST(TouchedStack, IsNeverMoreThanHalfOfWhatTheLimitAllows) {
               return 0;
             }),
             0);
+}
+
+/// Computes, without a pause, for so long on a CPU.
+void compute(milliseconds how_long) {
+  const auto begun = std::clock();
+  while (std::clock() - begun < how_long.count() * CLOCKS_PER_SEC / 1000) {
+  }
+}
+
+TEST(RealTimeBound, LeavesAProcessAloneWhoseLauncherSetNone) {
+  EXPECT_EQ(exit_code_of([] {
+              rlimit limit{};
+              getrlimit(RLIMIT_RTTIME, &limit);
+              limit.rlim_cur = limit.rlim_max;
+              if (setrlimit(RLIMIT_RTTIME, &limit) != 0 || limit.rlim_max != RLIM_INFINITY) return 0;
+              bound_real_time(real_time_at_work);
+              getrlimit(RLIMIT_RTTIME, &limit);
+              return limit.rlim_cur == RLIM_INFINITY ? 0 : 1;
+            }),
+            0);
+}
+
+TEST(RealTimeBound, EndsAThreadThatNeverPausesAndCountsNothingFromBefore) {
+  const auto computes_at_work = [](milliseconds how_long) {
+    rlimit limit{};
+    getrlimit(RLIMIT_RTTIME, &limit);
+    limit.rlim_cur = std::min<rlim_t>(30'000'000, limit.rlim_max);  // the launcher's
+    const sched_param priority{.sched_priority = 1};
+    if (setrlimit(RLIMIT_RTTIME, &limit) != 0 || sched_setscheduler(0, SCHED_FIFO, &priority) != 0) _exit(7);
+    compute(milliseconds(800));  // reads its dictionary
+    bound_real_time(real_time_at_work);
+    compute(how_long);
+    return 0;
+  };
+  const int well = exit_code_of([&] { return computes_at_work(milliseconds(50)); });
+  if (well == 7) GTEST_SKIP() << "no permission for SCHED_FIFO";
+  EXPECT_EQ(well, 0);
+  EXPECT_EQ(exit_code_of([&] { return computes_at_work(milliseconds(2000)); }), -1) << "not ended";
 }
 
 TEST(MissingScheduling, IsNamedOneByOne) {
