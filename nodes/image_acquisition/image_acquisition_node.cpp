@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include "image/fits_writer.hpp"
 
@@ -197,6 +199,7 @@ void ImageAcquisitionNode::end_task(const TaskPointer& task) {
     result.reason = "canceled";
   }
   counters_.tasks_failed += task->failure || canceled ? 1 : 0;
+  keeps_frames_ = true;
   if (canceled) {
     task->goal->canceled(std::move(result));
   } else if (task->failure) {
@@ -611,6 +614,7 @@ void ImageAcquisitionNode::publish_housekeeping() {
   h.store_removed = as_u32(store_figures_.removed);
   publish_telemetry(
       ros::telemetry_message(name(), h, time_.cycle(), time_.utc_at(now()), time_.valid(), now()));
+  if (!current_ && std::exchange(keeps_frames_, false)) malloc_trim(0);  // what frames took
 }
 
 }  // namespace srfs

@@ -142,6 +142,7 @@ class ImageAcquisitionNode : public ros::LifecycleNode {
 
   std::vector<TaskPointer> waiting_;
   TaskPointer current_;
+  bool keeps_frames_ = false;  ///< memory of a task that ended
 
   std::string store_problem_;  ///< nothing is taken while it cannot be read
   StoreFigures store_figures_;

@@ -70,6 +70,7 @@ class ImageProcessingNode : public ros::LifecycleNode {
   ros::MissionTime time_;
   std::deque<Goal> waiting_;  // as many as the action server lets in
   std::optional<Running> running_;
+  bool keeps_frames_ = false;  ///< memory of a task that ended
   mission::ImageProcessingHousekeeping counters_;
 };
 
