@@ -31,6 +31,8 @@ constexpr seconds question_period{15};
 constexpr seconds refusal_patience{2};  // for the event beside a failure report
 constexpr std::size_t longest_line = 4096;
 constexpr int exchange_attempts = 3;
+constexpr milliseconds report_gap{500};  // between the packets of a report
+constexpr seconds longest_report{5};
 
 std::vector<std::string> words_of(const std::string& line) {
   std::istringstream in(line);
@@ -86,6 +88,17 @@ Exit Console::telecommand(const std::string& name, const std::vector<std::string
   if (!wait && !timeout && !at) timeout = default_acceptance;
   send(name, arguments, timeout, at);
   return follow(wait);
+}
+
+Exit Console::telecommand_with_report(const std::string& name, const std::vector<std::string>& arguments,
+                                      const std::string& structure, std::optional<milliseconds> timeout) {
+  shown_structure_ = structure;
+  if (const Exit sent = telecommand(name, arguments, true, timeout); sent != Exit::done) return sent;
+  const auto is_over = [&] { return structure_came_ && monotonic_now() - *structure_came_ > report_gap; };
+  if (!run(Watch::port, is_over, monotonic_now() + longest_report)) return Exit::link_closed;
+  if (structure_came_) return Exit::done;
+  fail(fmt::format("no packet of structure {} came within {} s", structure, longest_report / seconds(1)));
+  return Exit::refused;
 }
 
 Exit Console::arm(const std::string& name, const std::vector<std::string>& arguments,
@@ -566,6 +579,10 @@ void Console::on_telemetry(const TelemetryReport& report) {
   }
   const bool wanted = report.kind == TelemetryKind::pong || report.kind == TelemetryKind::schedule ||
                       report.vc == tm_channel::playback;
+  if (!shown_structure_.empty() && report.name == shown_structure_ && report.vc == tm_channel::live) {
+    structure_came_ = monotonic_now();
+    return options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
+  }
   if (quiet_telemetry_ && !wanted) return;
   if (options_.json) {
     write_json(to_json(report));

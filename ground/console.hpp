@@ -41,6 +41,13 @@ class Console {
   [[nodiscard]] Exit telecommand(const std::string& name, const std::vector<std::string>& arguments,
                                  bool wait, std::optional<milliseconds> timeout,
                                  const std::optional<TimeTag>& at = std::nullopt);
+  /// One telecommand until completion, and the live packets of one structure that come meanwhile: the report
+  /// that it asks for. The last of them is behind it when none came for half a second. Exit::refused: none
+  /// came in five.
+  [[nodiscard]] Exit telecommand_with_report(const std::string& name,
+                                             const std::vector<std::string>& arguments,
+                                             const std::string& structure,
+                                             std::optional<milliseconds> timeout);
   /// Arms a hazardous telecommand with these arguments, until that is completed, or with @p at scheduled.
   [[nodiscard]] Exit arm(const std::string& name, const std::vector<std::string>& arguments,
                          std::optional<milliseconds> timeout,
@@ -146,6 +153,8 @@ class Console {
   std::optional<bool> step_judgement_;
   bool accepted_ = false;
   bool pong_ = false;
+  std::string shown_structure_;                  // telemetry that is told though the rest is quiet
+  std::optional<MonotonicTime> structure_came_;  // the last of it
   std::optional<Retrieval> last_retrieval_;
   bool exchanging_ = false;  // only answers and failures are told
   std::vector<TelemetryReport> answers_;

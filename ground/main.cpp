@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
@@ -31,6 +32,7 @@ struct Arguments {
   bool json = false;
   double timeout_s = 0;
   bool wait = false;
+  std::string show;
   bool arm = false;
   double duration_s = 0;
   std::string name;
@@ -97,6 +99,9 @@ void define(CLI::App& app, Arguments& a) {
   tc->add_flag("--wait", a.wait, "Until completion, not only acceptance");
   const std::string at_help = "When the spacecraft releases it: UTC, or +30s, +5min from now";
   auto* at = tc->add_option("--at", a.at, at_help);
+  tc->add_option("--show", a.show,
+                 "With completion, also the packets of this structure: the report that was asked for")
+      ->excludes(at);
   tc->add_flag("--arm", a.arm, "Arm the hazardous telecommand first, and send it when that is completed")
       ->excludes(at);
   timeout(tc);
@@ -305,6 +310,8 @@ Exit operate(const CLI::App& app, Arguments& a) {
   const auto scheduling = schedules ? schedule_command(a) : std::nullopt;
   if (schedules && !scheduling)
     return fail(a, "schedule " + a.action + ": these numbers do not fit (--help)");
+  if (!a.show.empty() && dictionary.structure(a.show) == nullptr)
+    return fail(a, fmt::format("--show: there is no structure '{}' (docs/dictionary.md)", a.show));
   const auto deployment = find_deployment(a.deployment);
   if (!deployment) return fail(a, deployment.error());
   const auto link = ros::Deployment::load(*deployment).link;
@@ -355,6 +362,8 @@ Exit operate(const CLI::App& app, Arguments& a) {
     const Exit armed = console.arm(a.name, a.pairs, duration(a.timeout_s), at);
     if (armed != Exit::done || app.got_subcommand("arm")) return armed;
   }
+  if (app.got_subcommand("tc") && !a.show.empty())
+    return console.telecommand_with_report(a.name, a.pairs, a.show, duration(a.timeout_s));
   if (app.got_subcommand("tc"))
     return console.telecommand(a.name, a.pairs, a.wait, duration(a.timeout_s), at);
   if (scheduling)
