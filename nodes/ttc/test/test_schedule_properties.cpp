@@ -7,7 +7,7 @@
 
 #include "nodes/ttc/schedule_service.hpp"
 #include "nodes/ttc/test/simulated_medium.hpp"
-#include "tests/sanitized.hpp"
+#include "tests/build_kind.hpp"
 #include "wire/cuc.hpp"
 
 namespace srfs {
@@ -438,7 +438,7 @@ TEST(ScheduleProperties, EveryOrderHoldsOnceAndEveryActivityIsExecutedOnceWherev
   const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
   std::uint64_t losses = 0;
   std::size_t executed = 0;
-  constexpr unsigned step = testing_support::sanitized ? 3 : 1;
+  constexpr unsigned step = testing_support::slow ? 3 : 1;
   for (std::uint64_t lose_at = 0; lose_at < 160; lose_at += step) {
     SCOPED_TRACE(testing::Message() << "power lost in call " << lose_at);
     Mission mission(dictionary, lose_at);
@@ -459,7 +459,7 @@ TEST(ScheduleProperties, EveryOrderHoldsOnceAndEveryActivityIsExecutedOnceWherev
 
 TEST(ScheduleProperties, AMissionWithoutLossesFollowsTheModel) {
   const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
-  for (std::uint64_t seed = 0; seed < (testing_support::sanitized ? 1 : 4); ++seed) {
+  for (std::uint64_t seed = 0; seed < (testing_support::slow ? 1 : 4); ++seed) {
     Mission mission(dictionary, seed * 8);
     ASSERT_FALSE(mission.run(800));
     ASSERT_FALSE(HasFatalFailure()) << seed;

@@ -17,8 +17,8 @@
 #include "ros/lifecycle.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/membership.hpp"
+#include "tests/build_kind.hpp"
 #include "tests/dds_domain.hpp"
-#include "tests/sanitized.hpp"
 
 namespace srfs::ros {
 namespace {

@@ -23,7 +23,7 @@
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/node_record.hpp"
 #include "ros/ring/restarter.hpp"
-#include "tests/sanitized.hpp"
+#include "tests/build_kind.hpp"
 #include "tests/signal_child.hpp"
 
 namespace srfs::ros {

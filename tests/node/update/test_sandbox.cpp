@@ -27,7 +27,7 @@
 
 #include "base/file.hpp"
 #include "base/process.hpp"
-#include "tests/sanitized.hpp"
+#include "tests/build_kind.hpp"
 #include "tests/temporary_folder.hpp"
 #include "update/control_group.hpp"
 #include "update/sandbox.hpp"

@@ -25,13 +25,13 @@
 #include "nodes/can_switcher/tick_flywheel.hpp"
 #include "nodes/can_switcher/transmit_drain.hpp"
 #include "nodes/payload/payload_cycle.hpp"
-#include "tests/sanitized.hpp"
+#include "tests/build_kind.hpp"
 
 namespace srfs {
 namespace {
 
 #if defined(__OPTIMIZE__)
-constexpr std::uint64_t default_slots = testing_support::sanitized ? 30'000 : 1'000'000;
+constexpr std::uint64_t default_slots = testing_support::slow ? 30'000 : 1'000'000;
 #else
 constexpr std::uint64_t default_slots = 30'000;
 #endif

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include "tests/sanitized.hpp"
+#include "tests/build_kind.hpp"
 #include "tests/temporary_folder.hpp"
 #include "tests/unit/update/memory_version_files.hpp"
 #include "update/version_store.hpp"
@@ -50,7 +50,7 @@ TEST(VersionStoreProperties, EachChangeHappensWholeOrNotAtAllWhereverThePowerIsL
   files.elsewhere = {{"one", std::string(900, '1')}, {"other", std::string(1200, '2')}};
   VersionStore store(files, "node");
   std::size_t losses = 0;
-  constexpr std::size_t changes = testing_support::sanitized ? 20 : 60;
+  constexpr std::size_t changes = testing_support::slow ? 20 : 60;
   for (std::size_t i = 0; i < changes; ++i) {
     const std::uint32_t kind = files.draw(7);
     const auto disk = files.disk;

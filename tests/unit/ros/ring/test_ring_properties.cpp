@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "ros/ring/ring_monitor.hpp"
-#include "tests/sanitized.hpp"
+#include "tests/build_kind.hpp"
 
 // Whole rings of monitors in a simulated world: processes that die, hang, are stopped, go deaf; messages that
 // are late or lost; a restarter as its contract has it. What must hold for every seed is asserted where it
@@ -21,7 +21,7 @@
 namespace srfs::ros {
 namespace {
 
-using testing_support::sanitized;
+using testing_support::slow;
 using What = RestartOutcome::What;
 
 class RingWorld {
@@ -424,7 +424,7 @@ TEST(RingProperties, AQuietRingAccusesNobodyWhateverIsLostAndLate) {
 
 TEST(RingProperties, EverySubsetKilledAtOnceIsBackWithinTheBound) {
   nanoseconds longest{0};
-  for (std::uint64_t subset = 1; subset < 511; subset += sanitized ? 7 : 1) {
+  for (std::uint64_t subset = 1; subset < 511; subset += slow ? 7 : 1) {
     RingWorld world(subset, {});
     for (std::size_t i = 0; i < world.size(); ++i) {
       if ((subset >> i & 1U) != 0) world.kill(i);
@@ -440,7 +440,7 @@ TEST(RingProperties, EverySubsetKilledAtOnceIsBackWithinTheBound) {
 }
 
 TEST(RingProperties, EverySubsetHungAtOnceIsBackWithinTheBound) {
-  for (std::uint64_t subset = 1; subset < 511; subset += sanitized ? 7 : 1) {
+  for (std::uint64_t subset = 1; subset < 511; subset += slow ? 7 : 1) {
     RingWorld world(subset, {});
     for (std::size_t i = 0; i < world.size(); ++i) {
       if ((subset >> i & 1U) != 0) world.hang(i);
@@ -452,7 +452,7 @@ TEST(RingProperties, EverySubsetHungAtOnceIsBackWithinTheBound) {
 }
 
 TEST(RingProperties, RandomFaultsAreHealedWhileOneHealthyMemberLives) {
-  for (std::uint64_t seed = 1; seed <= (sanitized ? 80 : 400); ++seed) {
+  for (std::uint64_t seed = 1; seed <= (slow ? 80 : 400); ++seed) {
     const std::size_t nodes = 2 + seed % 8;
     RingWorld world(seed, {.nodes = nodes, .forger = seed % 2 == 0});
     const auto pick = [&] {
