@@ -1,13 +1,16 @@
 #include "base/process.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
 #include <sstream>
 #include <string>
 
+#include <fcntl.h>
 #include <poll.h>
 #include <sys/syscall.h>
 #include <unistd.h>
-#include <cerrno>
 
 #include "base/file.hpp"
 
@@ -66,6 +69,17 @@ std::optional<std::uint64_t> process_start_ticks(pid_t pid) {
   for (int field = 3; field < 22; ++field) in >> skipped;  // proc(5): starttime is the 22nd
   std::uint64_t ticks = 0;
   return in >> ticks ? std::optional(ticks) : std::nullopt;
+}
+
+int set_session_niceness(int nice) {
+  const int file = ::open("/proc/self/autogroup", O_WRONLY | O_CLOEXEC);
+  if (file < 0) return errno == ENOENT ? 0 : errno;
+  std::array<char, 8> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), nice).ptr;
+  const auto length = static_cast<std::size_t>(end - text.data());
+  const int error = ::write(file, text.data(), length) < 0 ? errno : 0;
+  ::close(file);
+  return error;
 }
 
 }  // namespace srfs

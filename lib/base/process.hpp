@@ -43,4 +43,10 @@ class Process {
 /// has. nullopt: there is no such process.
 [[nodiscard]] std::optional<std::uint64_t> process_start_ticks(pid_t pid);
 
+/// Gives the session of this process a weight against others where the kernel groups tasks by session
+/// (sched(7), "The autogroup feature"; Debian's does): there a thread's niceness and SCHED_IDLE count within
+/// its session alone. For a process that leads its session. Async-signal-safe. @param nice -20 to 19 @return
+/// 0 or errno; 0 too where the kernel has no such groups
+int set_session_niceness(int nice);
+
 }  // namespace srfs

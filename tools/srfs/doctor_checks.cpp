@@ -443,15 +443,6 @@ void examine_sysctls(Examination& x) {
       x, {"vm.overcommit_memory", 0, "0 or 1: reserved stacks count as used otherwise", Verdict::warn},
       [](std::int64_t value) { return value != 2; });
   examine_swap(x);
-  const bool nice = std::any_of(x.deployment.nodes.begin(), x.deployment.nodes.end(),
-                                [](const NodeEntry& node) { return node.scheduling.nice != 0; });
-  const char* const autogroup = "kernel.sched_autogroup_enabled";
-  if (nice && x.machine.exists(sysctl_file(autogroup))) {
-    examine_sysctl(x,
-                   {autogroup, 0, "0: each node is a session, and nice counts within one only",
-                    x.when_flying(Verdict::warn)},
-                   [](std::int64_t value) { return value == 0; });
-  }
   examine_core_pattern(x);
 }
 

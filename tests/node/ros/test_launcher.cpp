@@ -59,6 +59,8 @@ Setting setting_of(pid_t pid) {
   }
   const std::string stat = text_of(proc / "stat");
   s["nice"] = stat_field(stat, 19);
+  const std::string session = text_of(proc / "autogroup");  // "/autogroup-12 nice 10"
+  s["nice of its session"] = session.empty() ? "" : session.substr(session.find("nice"));
   s["rt priority"] = stat_field(stat, 40);
   s["policy"] = stat_field(stat, 41);
   s["leads its session"] = stat_field(stat, 6) == std::to_string(pid) ? "yes" : "no";
@@ -247,13 +249,15 @@ TEST_F(Launching, SetsWhatTheDeploymentSays) {
   const Setting humble = started_by_this_process("humble");
   EXPECT_EQ(humble.at("policy"), std::to_string(SCHED_BATCH));
   EXPECT_EQ(humble.at("nice"), "10");
+  EXPECT_THAT(humble.at("nice of its session"), testing::AnyOf("nice 10\n", ""))
+      << "nothing where sessions are no groups";
   EXPECT_EQ(humble.at("oom_score_adj"), "300\n");
   EXPECT_THAT(humble.at("limits"), testing::ContainsRegex("Max data size +134217728"));
   EXPECT_THAT(humble.at("limits"), testing::ContainsRegex("Max realtime timeout +unlimited"));
 
   const Setting urgent = started_by_this_process("urgent");
   EXPECT_THAT(urgent.at("Cpus_allowed_list"), testing::EndsWith("\t0"));
-  EXPECT_THAT(urgent.at("limits"), testing::ContainsRegex("Max realtime timeout +500000"));
+  EXPECT_THAT(urgent.at("limits"), testing::ContainsRegex("Max realtime timeout +30000000"));
 }
 
 TEST_F(Launching, TakesTheTestToolsVariablesFromTheSuiteNotFromTheStarter) {

@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
 #include <string>
 #include <thread>
@@ -355,6 +356,10 @@ TEST_P(SandboxTest, ItStaysAtTheLowestPriority) {
   confinement_.limits.lowest_priority = true;
   const Ended ended = run([] {
     if (sched_getscheduler(0) != SCHED_IDLE || getpriority(PRIO_PROCESS, 0) != 19) return 1;
+    char session[64] = {};
+    const Fd group(open("/proc/self/autogroup", O_RDONLY | O_CLOEXEC));
+    if (group && read(group.get(), session, sizeof session - 1) > 0 && strstr(session, "nice 19") == nullptr)
+      return 3;
     const sched_param normal{};
     return sched_setscheduler(0, SCHED_OTHER, &normal) == 0 || setpriority(PRIO_PROCESS, 0, 0) == 0 ? 2 : 0;
   });

@@ -130,7 +130,6 @@ class DoctorTest : public testing::Test {
     sysctl("net/core/rmem_max", "4194304");
     sysctl("net/core/wmem_max", "4194304");
     sysctl("kernel/sched_rt_runtime_us", "950000");
-    sysctl("kernel/sched_autogroup_enabled", "0");
     sysctl("vm/overcommit_memory", "0");
     sysctl("kernel/core_pattern", "core");
     put("/sys/devices/system/clocksource/clocksource0/current_clocksource", "arch_sys_counter\n");
@@ -397,7 +396,6 @@ TEST_F(DoctorTest, ModulesOfTheKernelAreThereLoadableMissingOrUnknown) {
 TEST_F(DoctorTest, ASysctlIsNamedWithTheCommandThatChangesItNowAndForTheNextBoot) {
   sysctl("net/core/rmem_max", "212992");
   sysctl("kernel/sched_rt_runtime_us", "-1");
-  sysctl("kernel/sched_autogroup_enabled", "1");
   sysctl("kernel/core_pattern", "|/usr/lib/systemd/systemd-coredump %P");
   sysctl("vm/overcommit_memory", "2");
   const Finding buffers = finding("sysctl.net.core.rmem_max");
@@ -405,7 +403,6 @@ TEST_F(DoctorTest, ASysctlIsNamedWithTheCommandThatChangesItNowAndForTheNextBoot
   EXPECT_EQ(buffers.found, "212992");
   EXPECT_EQ(buffers.command, "sysctl -w net.core.rmem_max=4194304 | tee -a /etc/sysctl.d/60-srfs.conf");
   EXPECT_EQ(finding("sysctl.kernel.sched_rt_runtime_us").verdict, Verdict::note);
-  EXPECT_EQ(finding("sysctl.kernel.sched_autogroup_enabled").verdict, Verdict::warn);
   EXPECT_EQ(finding("sysctl.kernel.core_pattern").verdict, Verdict::warn);
   EXPECT_EQ(finding("sysctl.vm.overcommit_memory").verdict, Verdict::warn);
   EXPECT_EQ(finding("sysctl.vm.swappiness").found, "no swap");
