@@ -381,8 +381,8 @@ void step(Process& process, Model& model, std::mt19937_64& random) {
 
 TEST(AcceptanceJournalProperties, NothingAcceptedIsLostAndNothingComesTwiceWhereverThePowerIsLost) {
   std::uint64_t losses = 0;
-  constexpr unsigned step = testing_support::slow ? 3 : 1;
-  for (std::uint64_t lose_at = 0; lose_at < 240; lose_at += step) {
+  constexpr unsigned stride = testing_support::slow ? 3 : 1;
+  for (std::uint64_t lose_at = 0; lose_at < 240; lose_at += stride) {
     SCOPED_TRACE(testing::Message() << "power lost in call " << lose_at);
     SimulatedMedium medium(lose_at);
     std::mt19937_64 random(lose_at / 8);  // several fates of the unsynced octets at each point
@@ -409,7 +409,7 @@ TEST(AcceptanceJournalProperties, NothingAcceptedIsLostAndNothingComesTwiceWhere
     Process last(medium, "last");
     ASSERT_NO_FATAL_FAILURE(check(last, last.journal(), model));
   }
-  EXPECT_GT(losses, 480U / step);
+  EXPECT_GT(losses, 480U / stride);
 }
 
 }  // namespace
