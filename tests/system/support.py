@@ -25,9 +25,14 @@ from mission import wait_until  # noqa: E402, F401
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
 NODES = ("timing", "can_switcher", *PAYLOADS, "ttc", "image_acquisition", "image_processing", "maintenance")
 DEADLINE_S = 30  # for a condition; generous, the machine may be busy
-
-
 FOLDER_PREFIX = "srfs_test_"
+
+
+def run(*command, **options):
+    """Standard output of a program that ends well; what it said when it does not."""
+    done = subprocess.run([str(c) for c in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)
+    assert done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
+    return done.stdout
 
 
 def _lock(folder):

@@ -9,15 +9,9 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN, ROOT
+from support import BIN, ROOT, run
 
 BUILD = Path(BIN).parent
-
-
-def run(*command, **options):
-    done = subprocess.run([str(c) for c in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)
-    assert done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
-    return done.stdout
 
 
 class DebianPackageTest(unittest.TestCase):

@@ -1,21 +1,14 @@
 """An installed SRFS as others build against it: moved elsewhere, and with this tree's paths nowhere in it."""
 
 import shutil
-import subprocess
 import tempfile
 import unittest
 from pathlib import Path
 
-from support import BIN
+from support import BIN, run
 
 SOURCE = Path(__file__).resolve().parents[2]
 BUILD = Path(BIN).parent
-
-
-def run(*command, **options):
-    done = subprocess.run([str(c) for c in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)
-    assert done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
-    return done.stdout
 
 
 class FindPackageTest(unittest.TestCase):
