@@ -45,12 +45,14 @@ void take_sample(const Plane& pixels, const Cell& cell, std::vector<float>& samp
   }
 }
 
-/// Mean and spread of the values around the last ones.
+/// Mean and spread of the values around the last ones, which stay where the squares are beyond what a float
+/// holds.
 CellStatistics next(const CellStatistics& last, const Moments& m, float noise_least) {
   if (m.n < static_cast<float>(sample_least)) return last;
   const float mean = m.sum / m.n;
   const float spread = std::sqrt(std::max(0.0F, m.squares / m.n - mean * mean));
-  return {last.level + mean, std::max(spread * clipped_spread, noise_least)};
+  const CellStatistics is{last.level + mean, std::max(spread * clipped_spread, noise_least)};
+  return std::isfinite(is.level) && std::isfinite(is.noise) ? is : last;
 }
 
 /// Level and spread of a sample: median and quartile first, whatever stands in the cell; then mean and spread
@@ -67,7 +69,8 @@ std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell,
   std::nth_element(sample.begin(), quarter, middle);
   // The lower half has fewer stars in it. Of coarsely quantised values it may be zero wide, and a clip that
   // leaves one of two such values never lets the second in again: rather too wide at first.
-  CellStatistics guess{median, (median - *quarter) * 1.4826F + wider_at_first * noise_least};
+  const float noise = (median - *quarter) * 1.4826F + wider_at_first * noise_least;
+  CellStatistics guess{median, std::min(noise, std::numeric_limits<float>::max())};
   for (int round = 0; round < 3; ++round)
     guess = next(guess,
                  clipped_moments(sample.data(), static_cast<int>(sample.size()), guess.level,
@@ -110,17 +113,17 @@ void fill_unknown(Plane& nodes) {
     for (int y = 0; y < nodes.height(); ++y) {
       for (int x = 0; x < nodes.width(); ++x) {
         if (!std::isnan(before.at(x, y))) continue;
-        float sum = 0;
+        double sum = 0;
         int n = 0;
         for (int j = y - 1; j <= y + 1; ++j) {
           for (int i = x - 1; i <= x + 1; ++i) {
             if (!before.contains(i, j) || std::isnan(before.at(i, j))) continue;
-            sum += before.at(i, j);
+            sum += double(before.at(i, j));
             ++n;
           }
         }
         if (n > 0)
-          nodes.at(x, y) = sum / static_cast<float>(n);
+          nodes.at(x, y) = static_cast<float>(sum / n);
         else
           more = true;
       }

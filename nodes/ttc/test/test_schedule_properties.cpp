@@ -453,8 +453,8 @@ TEST(ScheduleProperties, EveryOrderHoldsOnceAndEveryActivityIsExecutedOnceWherev
     ASSERT_FALSE(HasFatalFailure());
     executed += mission.executed();
   }
-  EXPECT_GT(losses, 350U / step);
-  EXPECT_GT(executed, 400U / step);
+  EXPECT_GT(losses, 300U / step);
+  EXPECT_GT(executed, 300U / step);
 }
 
 TEST(ScheduleProperties, AMissionWithoutLossesFollowsTheModel) {

@@ -30,7 +30,7 @@ LEVELS = {"none": "none", "green": "normal", "yellow": "warning", "red": "critic
 def generate(dictionary, *options):
     """@return the XTCE file"""
     return subprocess.run([sys.executable, "-B", GENERATOR / "mission_xtce.py", "--dictionary", DICTIONARIES[dictionary], "--out", "-",
-                           *options], check=True, capture_output=True, text=True, timeout=60).stdout
+                           *options], check=True, capture_output=True, text=True, timeout=200).stdout
 
 
 def crc16(octets):
@@ -73,7 +73,7 @@ class XtceTest(unittest.TestCase):
         cls.lines = {}
         for name, folder in DICTIONARIES.items():
             seed = os.environ.get("XTCE_SEED", "1")
-            run = subprocess.run([pathlib.Path(os.environ["SRFS_TEST_BIN"]) / f"xtce_peer_{name}", folder, seed, str(ROUNDS[name])],
+            run = subprocess.run([*os.environ.get("SRFS_TEST_EMULATOR", "").split(), pathlib.Path(os.environ["SRFS_TEST_BIN"]) / f"xtce_peer_{name}", folder, seed, str(ROUNDS[name])],
                                  check=True, capture_output=True, text=True, timeout=60)
             cls.lines[name] = [json.loads(line) for line in run.stdout.splitlines()]
 
