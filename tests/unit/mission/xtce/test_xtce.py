@@ -1,6 +1,7 @@
 """The XTCE file against the flight code's encoders: values and octets, for every packet and telecommand of the dictionary."""
 
 import json
+import math
 import os
 import pathlib
 import re
@@ -141,7 +142,10 @@ class XtceTest(unittest.TestCase):
                     self.assertEqual(seen.level, LEVELS[ground["limit"]], field)
                     judged[seen.level] += 1
                     if ground.get("value") is not None:
-                        self.assertEqual(seen.value, ground["value"], field)
+                        if isinstance(ground["value"], float):  # a processor that multiplies and adds in one step rounds once
+                            self.assertTrue(math.isclose(seen.value, ground["value"], rel_tol=1e-12), f"{field}: {seen.value}, {ground['value']}")
+                        else:
+                            self.assertEqual(seen.value, ground["value"], field)
         self.assertGreater(min(judged.values()), 20, judged)
 
     def test_every_structure_event_and_report_was_compared(self):
