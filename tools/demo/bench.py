@@ -41,7 +41,7 @@ def main():
     parser.add_argument("--duration", type=float, default=110, metavar="S", help="of the flight; 110 s have more than 1000 ticks")
     parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="of bench can, at each tick period")
     parser.add_argument("--fifo", action="store_true", help="bench can, imaging: timing, switcher and payloads (imaging: ttc too) under SCHED_FIFO, as on a board")
-    parser.add_argument("--imaging-for", type=float, default=60, metavar="S", help="of bench imaging, each of its two flights; 70 at most")
+    parser.add_argument("--imaging-for", type=float, default=60, metavar="S", help="of bench imaging, each of its three flights; 70 at most")
     parser.add_argument("--seeds", type=int, default=20, metavar="N", help="of bench time")
     parser.add_argument("--json", action="store_true", help="one JSON object")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)

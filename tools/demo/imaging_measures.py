@@ -1,11 +1,15 @@
-"""./run bench imaging: what imaging flat out does to the rest of the suite.
+"""./run bench imaging: what imaging flat out, and compiling on board, do to the rest of the suite.
 
-Two flights, one after the other: the same telecommands at the same rate, without imaging, then while frames of 1920 x 1080 pixels are captured five
-times a second and those of the task before are searched for streaks. Latencies are those of the nodes themselves.
+Three flights, one after the other: the same telecommands at the same rate, without a load; while frames of 1920 x 1080 pixels are captured five
+times a second and those of the task before are searched for streaks; while packages of sources are built, one after the other, whose self-test
+fails, so that nothing is swapped. Latencies are those of the nodes themselves.
 """
 
+import contextlib
 import re
+import subprocess
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -20,6 +24,8 @@ PING_PERIOD_S = 0.1
 READY_S = 30
 PROCESSING_STEP = 101
 RATIO_GOAL = 1.3
+LOADS = ("idle", "imaging", "building")
+UPDATE_S = 120
 REALTIME = {**PRIORITIES, "ttc": 20}
 
 
@@ -52,20 +58,63 @@ def begin_imaging(ground, frames=FRAMES):
         raise mission.MissionError(f"imaging does not begin: {first}")
 
 
-def fly(bin_dir, folder, name, duration_s, imaging, fifo):
-    with mission.Mission(Path(folder) / name, deployment(folder, fifo), bin_dir) as flight:
+class Building:
+    """Packages of payload_thermal, one after the other in a session's telecommands, until the end of the block."""
+
+    def __init__(self, flight, ground):
+        self.flight, self.ground = flight, ground
+        self.built = 0
+        self._enough = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self):
+        self._begin(1)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *failure):
+        self._enough.set()
+        self._thread.join()
+
+    def _begin(self, counter):
+        sources, files = self.flight.var / "sources", self.flight.var / "files"
+        sources.mkdir(exist_ok=True)
+        files.mkdir(exist_ok=True)
+        text = (mission.ROOT / "examples" / "payload_idle" / "main.cpp").read_text()
+        (sources / "main.cpp").write_text(text.replace("int main(int argc, char** argv) {\n", "int main(int argc, char** argv) {\n  return 6;\n") + f"// {counter}\n")
+        command = [self.flight.program("srfs-ground"), "package", "make", "--node", "payload_thermal", "--kind", "replace", "--counter", str(counter), "--sources", str(sources),
+                   "--option=-O2", "--self-test", "3", "--probation", "60", "--key", str(self.flight.var / "ground" / "package_test.seed"), "-o", str(files / f"{counter}.pkg")]  # fmt: skip
+        subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=True, timeout=60)
+        outcome = self.ground.command(f"tc package.install file={counter}.pkg", UPDATE_S)
+        if (outcome or {}).get("stage") != "completed":
+            raise mission.MissionError(f"package.install: {outcome}")
+
+    def _run(self):
+        for counter in range(2, 100):
+            failed = self.ground.wait_for(lambda m, file=f"{counter - 1}.pkg": m.get("event") == "update.failed" and file in m["text"], UPDATE_S)
+            if failed is None or self._enough.is_set():
+                return
+            self.built += 1
+            self._begin(counter)
+
+
+def fly(bin_dir, folder, name, duration_s, fifo):
+    imaging = name == "imaging"
+    with mission.Mission(Path(folder) / name, deployment(folder, fifo), bin_dir) as flight, contextlib.ExitStack() as load:
         recorder, rotation = flight.recorder(), Rotation()
         recorder.on_message(rotation.on_message)
         ground = flight.ground()
         mission.wait_until(lambda: len(rotation.slots()) == 3, READY_S, "slots of all payloads")
         if imaging:
             begin_imaging(ground)
+        building = load.enter_context(Building(flight, ground)) if name == "building" else None
         frames_before = frames(flight.var)
         begin, position, pings = time.monotonic_ns(), recorder.position(), []
         while time.monotonic_ns() - begin < duration_s * 1e9:
             pings.append(ground.send("ping"))
             time.sleep(PING_PERIOD_S)
         end = time.monotonic_ns()
+        built = building.built if building else 0
         frames_after = frames(flight.var)
         lost_pings = sum(1 for line in pings if (ground.outcome(line, READY_S) or {}).get("stage") != "completed")
         ttc, switcher = (ground.fresh(structure, READY_S) for structure in ("ttc", "can_switcher"))
@@ -83,6 +132,7 @@ def fly(bin_dir, folder, name, duration_s, imaging, fifo):
         "slots_lost": sum(1 for s in slots if s["status"] not in ("released", "not used")),
         "frames_per_s": round((frames_after["captured"] - frames_before["captured"]) / ((end - begin) / 1e9), 2),
         "processed_per_s": round((frames_after["processed"] - frames_before["processed"]) / ((end - begin) / 1e9), 2),
+        "packages_built": built,
         "restarts": restarts,
     }
 
@@ -96,21 +146,23 @@ def frames(var):
 def measure(bin_dir, options, say):
     result = {"scheduling": "fifo" if options.fifo else "other"}
     with tempfile.TemporaryDirectory(prefix="srfs-bench-imaging-") as folder:
-        for name in ("idle", "imaging"):
+        for name in LOADS:
             say(f"bench imaging: {name}, {options.imaging_for:.0f} s")
-            result[name] = fly(bin_dir, folder, name, options.imaging_for, name == "imaging", options.fifo)
-    result["ratio_p99"] = {key: round(result["imaging"][key]["p99"] / max(1, result["idle"][key]["p99"]), 2) for key in ("accept_us", "tick_late_us", "flag_us")}
+            result[name] = fly(mission.installed(bin_dir), folder, name, options.imaging_for, options.fifo)
+    for name in LOADS[1:]:
+        result[f"ratio_p99_{name}"] = {key: round(result[name][key]["p99"] / max(1, result["idle"][key]["p99"]), 2) for key in ("accept_us", "tick_late_us", "flag_us")}
     return result
 
 
 def is_sound(result):
     """Nothing that no load excuses."""
-    return all(result[name]["telecommands_lost"] == 0 and result[name]["restarts"] == 0 for name in ("idle", "imaging"))
+    return all(result[name]["telecommands_lost"] == 0 and result[name]["restarts"] == 0 for name in LOADS)
 
 
 def show(result):
-    for name in ("idle", "imaging"):
+    for name in LOADS:
         row = result[name]
         print(f"  {name}: telecommand to 1,1 {row['accept_us']}, tick behind its time {row['tick_late_us']}, tick to flag {row['flag_us']} us; {row['slots_lost']} of {row['slots']} slots lost; "
-              f"{row['telecommands_lost']} of {row['telecommands']} telecommands lost; {row['frames_per_s']} frames/s captured, {row['processed_per_s']} processed")  # fmt: skip
-    print(f"  p99 while imaging over idle: {result['ratio_p99']} (goal {RATIO_GOAL})")
+              f"{row['telecommands_lost']} of {row['telecommands']} telecommands lost; {row['frames_per_s']} frames/s captured, {row['processed_per_s']} processed, {row['packages_built']} packages built")  # fmt: skip
+    for name in LOADS[1:]:
+        print(f"  p99 while {name} over idle: {result[f'ratio_p99_{name}']} (goal {RATIO_GOAL})")
