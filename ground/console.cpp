@@ -577,12 +577,11 @@ void Console::on_telemetry(const TelemetryReport& report) {
     if (report.kind == TelemetryKind::event) write_lines(to_lines(report, options_.colour));
     return;
   }
+  const bool asked_for =
+      !shown_structure_.empty() && report.name == shown_structure_ && report.vc == tm_channel::live;
+  if (asked_for) structure_came_ = monotonic_now();
   const bool wanted = report.kind == TelemetryKind::pong || report.kind == TelemetryKind::schedule ||
-                      report.vc == tm_channel::playback;
-  if (!shown_structure_.empty() && report.name == shown_structure_ && report.vc == tm_channel::live) {
-    structure_came_ = monotonic_now();
-    return options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
-  }
+                      report.vc == tm_channel::playback || asked_for;
   if (quiet_telemetry_ && !wanted) return;
   if (options_.json) {
     write_json(to_json(report));

@@ -137,9 +137,9 @@ Step take_lowest_priority() {
   const sched_param none{};
   if (setpriority(PRIO_PROCESS, 0, 19) != 0) return failed("nice 19");
   if (sched_setscheduler(0, SCHED_IDLE, &none) != 0) return failed("SCHED_IDLE");
+  // EAGAIN: without privileges it may be set ten times a second by all.
   if (const int error = set_session_niceness(19); error != 0 && error != EAGAIN)
-    return {"niceness of the session",
-            error};  // EAGAIN: without privileges it may be set ten times a second by all
+    return {"niceness of the session", error};
   if (syscall(SYS_ioprio_set, of_this_process, 0, idle_class) != 0) return failed("idle I/O");
   return {};
 }

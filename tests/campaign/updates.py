@@ -11,7 +11,6 @@ import os
 import pathlib
 import random
 import signal
-import subprocess
 import threading
 import time
 
@@ -86,13 +85,8 @@ class Updates:
         out.parent.mkdir(exist_ok=True)
         command = ["package", "make", "--node", NODE, "--kind", "replace", "--counter", self.counter, "--sources", sources, "--option=-O0",
                    "--self-test", 3, "--probation", 3600, "--key", key or self.seed_file, "-o", out]  # fmt: skip
-        self.ground_tool(*command)
+        self.flight.ground_tool(*command)
         return out
-
-    def ground_tool(self, *arguments):
-        run = subprocess.run([self.flight.program("srfs-ground"), *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
-        if run.returncode != 0:
-            raise mission.MissionError(f"srfs-ground: {run.stderr.strip()}")
 
     def make(self, way):
         text = SOURCE.read_text() + f"// {self.counter + 1}\n"
@@ -104,7 +98,7 @@ class Updates:
         if way == "foreign signature":
             foreign = self.work / "foreign.seed"
             if not foreign.exists():
-                self.ground_tool("package", "keygen", foreign, self.work / "foreign.pub")
+                self.flight.ground_tool("package", "keygen", foreign, self.work / "foreign.pub")
             return self.package(text, foreign)
         if way == "old counter" and self.counter > 0:
             self.counter -= 2 if self.counter > 1 else 1

@@ -100,6 +100,11 @@ class SystemTest(unittest.TestCase):
         with mission.Mission(self.var, deployment, BIN, print) as flight:
             yield flight
 
+    def ground_run(self, *words):
+        """One run of srfs-ground on the flight's line, beside no session."""
+        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), *words]
+        return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+
     def deployment(self, *replacements, base="sim"):
         """A copy of a deployment with some text replaced."""
         text = (ROOT / "launch_config" / f"{base}.yaml").read_text()

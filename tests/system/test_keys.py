@@ -2,10 +2,9 @@
 
 import os
 import signal
-import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, SystemTest, wait_until
+from support import DEADLINE_S, SystemTest, wait_until
 
 
 class KeysTest(SystemTest):
@@ -26,10 +25,6 @@ class KeysTest(SystemTest):
 
     def ping(self, ground):
         return ground.command("ping --timeout 2").get("stage") == "completed"
-
-    def one_run(self, *words):
-        command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), *words]
-        return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
 
     def spoil_the_selection(self):
         for copy in ("0", "1"):
@@ -58,13 +53,13 @@ class KeysTest(SystemTest):
             self.assertTrue(self.ping(ground))
             ground.end()
 
-            result = self.one_run("--keys", "b", "ping", "--timeout", "2")
+            result = self.ground_run("--keys", "b", "ping", "--timeout", "2")
             self.assertEqual(result.returncode, 1, "keys that are not selected")
-            result = self.one_run("--keys", "contingency", "ping", "--timeout", str(DEADLINE_S))
+            result = self.ground_run("--keys", "contingency", "ping", "--timeout", str(DEADLINE_S))
             self.assertEqual(result.returncode, 0, result.stderr)
-            result = self.one_run("--keys", "contingency", "tc", "ttc.select_keys", "set=b", "--wait")
+            result = self.ground_run("--keys", "contingency", "tc", "ttc.select_keys", "set=b", "--wait")
             self.assertEqual(result.returncode, 0, result.stderr)
-            result = self.one_run("ping", "--timeout", str(DEADLINE_S))
+            result = self.ground_run("ping", "--timeout", str(DEADLINE_S))
             self.assertEqual(result.returncode, 0, result.stderr)
 
             for log in (self.var / "log").glob("*.log"):
@@ -75,9 +70,9 @@ class KeysTest(SystemTest):
         with self.flight() as flight:
             self.configure_anew(flight, self.lose_two_keys)
             wait_until(
-                lambda: self.one_run("--keys", "contingency", "ping", "--timeout", "2").returncode == 0, DEADLINE_S, "the contingency works"
+                lambda: self.ground_run("--keys", "contingency", "ping", "--timeout", "2").returncode == 0, DEADLINE_S, "the contingency works"
             )
-            result = self.one_run("--keys", "b", "ping", "--timeout", str(DEADLINE_S))
+            result = self.ground_run("--keys", "b", "ping", "--timeout", str(DEADLINE_S))
             self.assertEqual(result.returncode, 0, "the other set is taken instead: " + result.stderr)
 
 

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import subprocess
 import unittest
 
 from support import BIN, DEADLINE_S, ROOT, SystemTest, wait_until
@@ -124,16 +123,12 @@ class RingCommandsTest(SystemTest):
             self.complete(ground, f"node.send_report node=payload_eps incarnation={report.stem}")
 
     def test_a_report_is_shown_with_the_telecommand_that_asks_for_it(self):
-        def told(*words):
-            command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), "tc", *words]
-            return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=2 * DEADLINE_S)
-
         with self.flight():
-            shown = told("node.report_versions", "node=payload_eps", "--show", "node_version")
+            shown = self.ground_run("tc", "node.report_versions", "node=payload_eps", "--show", "node_version")
             self.assertEqual(shown.returncode, 0, shown.stdout + shown.stderr)
             self.assertIn("golden", shown.stdout)
             self.assertNotIn("payload_adcs", shown.stdout, "other telemetry")
-            wrong = told("package.report", "--show", "nonsense")
+            wrong = self.ground_run("tc", "package.report", "--show", "nonsense")
             self.assertEqual(wrong.returncode, 2, wrong.stdout + wrong.stderr)
             self.assertIn("no structure 'nonsense'", wrong.stdout + wrong.stderr)
 

@@ -7,7 +7,6 @@ fails, so that nothing is swapped. Latencies are those of the nodes themselves.
 
 import contextlib
 import re
-import subprocess
 import tempfile
 import threading
 import time
@@ -82,9 +81,8 @@ class Building:
         files.mkdir(exist_ok=True)
         text = (mission.ROOT / "examples" / "payload_idle" / "main.cpp").read_text()
         (sources / "main.cpp").write_text(text.replace("int main(int argc, char** argv) {\n", "int main(int argc, char** argv) {\n  return 6;\n") + f"// {counter}\n")
-        command = [self.flight.program("srfs-ground"), "package", "make", "--node", "payload_thermal", "--kind", "replace", "--counter", str(counter), "--sources", str(sources),
-                   "--option=-O2", "--self-test", "3", "--probation", "60", "--key", str(self.flight.var / "ground" / "package_test.seed"), "-o", str(files / f"{counter}.pkg")]  # fmt: skip
-        subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=True, timeout=60)
+        self.flight.ground_tool("package", "make", "--node", "payload_thermal", "--kind", "replace", "--counter", counter, "--sources", sources, "--option=-O2", "--self-test", 3,
+                                "--probation", 60, "--key", self.flight.var / "ground" / "package_test.seed", "-o", files / f"{counter}.pkg")  # fmt: skip
         outcome = self.ground.command(f"tc package.install file={counter}.pkg", UPDATE_S)
         if (outcome or {}).get("stage") != "completed":
             raise mission.MissionError(f"package.install: {outcome}")
@@ -99,13 +97,12 @@ class Building:
 
 
 def fly(bin_dir, folder, name, duration_s, fifo):
-    imaging = name == "imaging"
     with mission.Mission(Path(folder) / name, deployment(folder, fifo), bin_dir) as flight, contextlib.ExitStack() as load:
         recorder, rotation = flight.recorder(), Rotation()
         recorder.on_message(rotation.on_message)
         ground = flight.ground()
         mission.wait_until(lambda: len(rotation.slots()) == 3, READY_S, "slots of all payloads")
-        if imaging:
+        if name == "imaging":
             begin_imaging(ground)
         building = load.enter_context(Building(flight, ground)) if name == "building" else None
         frames_before = frames(flight.var)
@@ -145,10 +142,11 @@ def frames(var):
 
 def measure(bin_dir, options, say):
     result = {"scheduling": "fifo" if options.fifo else "other"}
+    programs = mission.installed(bin_dir)  # what compiles on board needs headers and libraries
     with tempfile.TemporaryDirectory(prefix="srfs-bench-imaging-") as folder:
         for name in LOADS:
             say(f"bench imaging: {name}, {options.imaging_for:.0f} s")
-            result[name] = fly(mission.installed(bin_dir), folder, name, options.imaging_for, options.fifo)
+            result[name] = fly(programs, folder, name, options.imaging_for, options.fifo)
     for name in LOADS[1:]:
         result[f"ratio_p99_{name}"] = {key: round(result[name][key]["p99"] / max(1, result["idle"][key]["p99"]), 2) for key in ("accept_us", "tick_late_us", "flag_us")}
     return result

@@ -432,6 +432,13 @@ class Mission:
             stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s,
         )  # fmt: skip
 
+    def ground_tool(self, *arguments, timeout_s=60):
+        """What one run of srfs-ground prints that needs no line to the spacecraft: packages, keys."""
+        run = subprocess.run([self.program("srfs-ground"), *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)
+        if run.returncode != 0:
+            raise MissionError(f"srfs-ground {arguments[0]} {arguments[1]}: {run.stderr.strip()}")
+        return run.stdout
+
     def status(self):
         """[{name, state, pid, incarnation, version, restarts, last_restart_cause}] as `srfs status` lists them."""
         return json.loads(self.srfs("status").stdout)

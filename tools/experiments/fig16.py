@@ -6,7 +6,6 @@ the old program; the ring of the payloads goes on. Everything on CLOCK_MONOTONIC
 
 import csv
 import json
-import subprocess
 import time
 
 import mission
@@ -53,12 +52,6 @@ class Experiment:
         if self.signals.wait(QUIET_S):
             raise mission.MissionError("interrupted", code=130)
 
-    def ground(self, *arguments):
-        run = subprocess.run([self.flight.program("srfs-ground"), *map(str, arguments)], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
-        if run.returncode != 0:
-            raise mission.MissionError(f"srfs-ground {arguments[0]} {arguments[1]}: {run.stderr.strip()}")
-        return run.stdout
-
     def uses_the_bus(self, since=0):
         return sum(1 for at, who, state in list(self.timeline.changes) if who == THIRD and state == OCCUPYING and at >= since)
 
@@ -74,7 +67,7 @@ class Experiment:
         self.used_before = self.uses_the_bus()
 
         package = self.flight.var / "payload_thermal_1.pkg"
-        self.ground("package", "make", "--manifest", PACKAGE, "--counter", 1, "--key", self.flight.var / "ground" / "package_test.seed", "-o", package)
+        self.flight.ground_tool("package", "make", "--manifest", PACKAGE, "--counter", 1, "--key", self.flight.var / "ground" / "package_test.seed", "-o", package)
         self.package_octets = package.stat().st_size
         self.say(f"the package has {self.package_octets} octets")
         self.ordered = time.monotonic_ns()

@@ -29,9 +29,8 @@
 namespace srfs::ros {
 namespace {
 
-using testing_support::sanitized;
-
 using What = RestartOutcome::What;
+using testing_support::sanitized;
 using testing_support::signal_child;
 
 constexpr seconds patience{30};
