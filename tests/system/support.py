@@ -24,6 +24,7 @@ from mission import wait_until  # noqa: E402, F401
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
 NODES = ("timing", "can_switcher", *PAYLOADS, "ttc", "image_acquisition", "image_processing", "maintenance")
+ON_THE_BUS = NODES[:6]  # and who they cannot do without
 DEADLINE_S = 30  # for a condition; generous, the machine may be busy
 FOLDER_PREFIX = "srfs_test_"
 
@@ -50,13 +51,16 @@ def _lock(folder):
 
 
 def remove_abandoned_folders(parent=None, youngest_s=60):
-    """Removes what killed tests left, of system, node and unit tests (tests/temporary_folder.hpp): a living owner holds its lock."""
+    """Removes what killed tests left, of system, node and unit tests (tests/temporary_folder.hpp): a living owner holds its lock. Ends the
+    processes of their flights first, which would open the lines of the next one: the kernel gives the numbers of terminals again."""
     for folder in pathlib.Path(parent or tempfile.gettempdir()).glob(f"{FOLDER_PREFIX}*"):
         fd = _lock(folder)
         if fd is None:
             continue
         status = os.fstat(fd)
         if status.st_uid == os.geteuid() and time.time() - status.st_mtime >= youngest_s:
+            for var in filter(pathlib.Path.is_dir, folder.iterdir()):
+                mission.end_processes(mission.processes_of(var))
             shutil.rmtree(folder, ignore_errors=True)
         os.close(fd)
 
@@ -82,12 +86,17 @@ class SystemTest(unittest.TestCase):
         for var in self.folder.iterdir():
             left.update(mission.processes_of(var))
         mission.end_processes(left)
-        if left or not self._outcome.success:
+        if left or self._has_failed():
             self._show_logs()
         for var in self.folder.iterdir():
             shutil.rmtree(mission.memory_folder(var), ignore_errors=True)  # what was shared by processes that were killed
         shutil.rmtree(self.folder, ignore_errors=True)
         self.assertEqual(left, {}, "processes left behind")
+
+    def _has_failed(self):
+        # Not _outcome.success: during a clean-up that tells about the clean-up.
+        result = self._outcome.result
+        return any(self in (test, getattr(test, "test_case", None)) for test, _ in result.failures + result.errors)
 
     def _show_logs(self):
         for log in sorted(self.folder.glob("*/log/*.log")):
@@ -132,6 +141,13 @@ class ToolTest(SystemTest):
         result = self.srfs(*arguments, "--json")
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
         return json.loads(result.stdout)
+
+
+def restarts(flight, nodes=ON_THE_BUS):
+    """Name: how often it was restarted. Two of these are compared, the first from when the suite is at work: while nine nodes start on
+    a busy machine, one may get no CPU time for the length of its lease of the bus, and be fenced for it. The nodes that search images
+    run behind all others."""
+    return {node["name"]: node["restarts"] for node in flight.status() if node["name"] in nodes}
 
 
 def slots(recorder, payload, status, since=0):

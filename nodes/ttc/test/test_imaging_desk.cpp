@@ -6,6 +6,8 @@
 
 #include <gmock/gmock.h>
 
+#include "tests/build_kind.hpp"
+
 namespace srfs {
 namespace {
 
@@ -500,7 +502,7 @@ TEST_F(ImagingDeskTest, StoredFramesAreProcessedAfterARestart) {
 /// Random telecommands and random answers, also wrong and late ones: every telecommand that is taken ends
 /// exactly once, each server has one goal at a time, and no capture is asked for twice.
 TEST_F(ImagingDeskTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
-  for (std::uint32_t seed = 0; seed < 300; ++seed) {
+  for (std::uint32_t seed = 0; seed < (testing_support::slow ? 60 : 300); ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
     const auto any = [&](std::uint32_t below) { return static_cast<std::uint32_t>(random() % below); };

@@ -2,6 +2,7 @@
 // disturb it.
 #include <gtest/gtest.h>
 
+#include "tests/build_kind.hpp"
 #include "tests/timing_simulation.hpp"
 
 namespace srfs {
@@ -9,6 +10,7 @@ namespace {
 
 using sim::GpsDisturbance;
 using sim::GpsFault;
+using testing_support::slow;
 using testing_support::TimingSimulation;
 
 constexpr double tick_bound = 0.0100001;  // 1 %, and the rounding to nanoseconds
@@ -30,7 +32,7 @@ void expect_smooth(const TimingSimulation& s) {
 }
 
 TEST(SimulatedDiscipline, IsWithinTwoMicrosecondsAfterSixtyPulses) {
-  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+  for (std::uint64_t seed = 1; seed <= (slow ? 4 : 20); ++seed) {
     for (const double drift_ppm : {1.0, -1.0, 50.0, -400.0}) {
       sim::GpsSettings settings = ordinary(seed);
       settings.drift_ppm = drift_ppm;
@@ -46,7 +48,7 @@ TEST(SimulatedDiscipline, IsWithinTwoMicrosecondsAfterSixtyPulses) {
 }
 
 TEST(SimulatedDiscipline, HoldsAMillisecondForAnHourWhenTheOscillatorSwingsByATenthOfAPpmAnOrbit) {
-  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+  for (std::uint64_t seed = 1; seed <= (slow ? 2 : 8); ++seed) {
     sim::GpsSettings settings = ordinary(seed);
     settings.wander_ppm = 0.1;
     settings.wander_period = seconds(5700);
@@ -141,7 +143,7 @@ TEST(SimulatedDiscipline, FindsTheTimeWithTroubleFromTheStart) {
       {"half the sentences spoilt", {.bad_checksum = 0.3, .cut_short = 0.2}, 300, {}},
       {"week rollover", {.week_eras = -1}, 60, {}},
   };
-  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+  for (std::uint64_t seed = 1; seed <= (slow ? 3 : 10); ++seed) {
     for (const Trouble& trouble : troubles) {
       SCOPED_TRACE(trouble.name);
       TimingSimulation s(ordinary(seed));
@@ -214,7 +216,7 @@ TEST(SimulatedDiscipline, SurvivesADayOfChangingTrouble) {
   settings.wander_ppm = 0.2;
   TimingSimulation s(settings, {}, seconds(1));
   s.run(300);
-  while (s.last().second < 86'400) {
+  while (s.last().second < (slow ? 20'000 : 86'400)) {
     GpsDisturbance d;
     d.fault = static_cast<GpsFault>(random() % 8 < 4 ? random() % 4 : 0);
     d.lost_pulses = random() % 2 ? 0.2 : 0;

@@ -11,6 +11,7 @@
 
 #include "base/file.hpp"
 #include "ros/parameter_keeper.hpp"
+#include "tests/build_kind.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs::ros {
@@ -491,7 +492,7 @@ class KeeperModel {
 };
 
 TEST(KeeperProperties, WhatNobodyConfirmedNeitherOutlivesItsTimeNorAnyDeath) {
-  for (unsigned seed = 0; seed < 80 && !testing::Test::HasFailure(); ++seed) {
+  for (unsigned seed = 0; seed < (testing_support::slow ? 20 : 80) && !testing::Test::HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
     KeeperModel(seed).run(150);
   }
