@@ -37,6 +37,13 @@ constexpr double even_share = 0.35;
 /// have to be so many times more significant.
 constexpr std::size_t dark_line = 5;
 constexpr double dark_share = 1.2;
+/// A line that lies on a streak already found in so many of its places shows its light; in fewer, it crosses
+/// it.
+constexpr int known_places = 9;
+constexpr int known_least = 4;
+/// How much worse a line may fit than stars in its place, of the square of its SNR: the brighter it is, the
+/// more the model's errors count, and stars have more parameters to follow them.
+constexpr double model_share = 0.005;
 
 /// What a quarter of the frame's cells stay below.
 float calm_noise(const Surface& noise) {
@@ -151,6 +158,7 @@ class Finder {
       if (++fits > fits_max) break;
       examine(seed.line);
     }
+    for (const Found& f : found_) hide(f.line, -1);
     merge();
     return result();
   }
@@ -375,13 +383,14 @@ class Finder {
 
   /// Within the light of a streak already found, or about the same as one refused.
   [[nodiscard]] bool is_known(const Line& seed) const {
-    const double mx = (seed.x1 + seed.x2) / 2;
-    const double my = (seed.y1 + seed.y2) / 2;
     for (const Found& f : found_) {
-      if (is_on(f.line, mx, my, 3 * sigma_ + 3) ||
-          is_on(f.line, 0.75 * seed.x1 + 0.25 * seed.x2, 0.75 * seed.y1 + 0.25 * seed.y2, 3 * sigma_ + 3) ||
-          is_on(f.line, 0.25 * seed.x1 + 0.75 * seed.x2, 0.25 * seed.y1 + 0.75 * seed.y2, 3 * sigma_ + 3))
-        return true;
+      const Band band(f.line, 3 * sigma_ + 3);
+      int on = 0;
+      for (int k = 0; k < known_places; ++k) {
+        const double t = (k + 0.5) / known_places;
+        on += band.contains(seed.x1 + t * (seed.x2 - seed.x1), seed.y1 + t * (seed.y2 - seed.y1));
+      }
+      if (on >= known_least) return true;
     }
     return std::any_of(refused_.begin(), refused_.end(), [&](const Line& l) {
       const double reach = sigma_ + 2;
@@ -411,10 +420,21 @@ class Finder {
       line = seed;
       snr = fit_without_stars(line);
     }
-    if (snr)
+    if (snr) {
       found_.push_back({line, *snr});
-    else
+      hide(line, 1);
+    } else {
       refused_.push_back(seed);
+    }
+  }
+
+  /// A streak that crosses this one is judged by what is seen on both sides of it. @param change  of the
+  /// count
+  void hide(const Line& line, int change) {
+    const double reach = fitter_.reach_px(line);
+    for_pixels_along(line, light_.width(), light_.height(), reach, reach, [&](int x, int y, double, double) {
+      mask_.at(x, y) = static_cast<std::uint8_t>(std::clamp(mask_.at(x, y) + change, 0, 255));
+    });
   }
 
   [[nodiscard]] double snr_least() const { return options_.snr_least * restless_; }
@@ -450,7 +470,7 @@ class Finder {
       const std::vector<std::size_t> pieces = stars_near(line, [&](std::size_t i) {
         return shown_[i] && !taken_[i] && is_on(line, field_.stars[i].x, field_.stars[i].y, 0.75 * fwhm_);
       });
-      if (explains_better(line, pieces) && !are_two_stars(line)) {
+      if (explains_better(line, *snr, pieces) && !are_two_stars(line)) {
         for (const std::size_t i : pieces) taken_[i] = true;
         return snr;
       }
@@ -484,7 +504,7 @@ class Finder {
   }
 
   /// Whether the line explains the light better than the stars that it would replace.
-  [[nodiscard]] bool explains_better(const Line& line, const std::vector<std::size_t>& pieces) {
+  [[nodiscard]] bool explains_better(const Line& line, double snr, const std::vector<std::size_t>& pieces) {
     if (pieces.empty()) return true;
     const double reach = fitter_.reach_px(line) + 0.5 * fwhm_;
     const LineShape shape = fitter_.shape_of(line);
@@ -495,13 +515,20 @@ class Finder {
     const double as_stars =
         line_mismatch(shape, 0, fitter_.collect(line, reach, reach), fitter_.noise()) / unit;
     for (const std::size_t i : pieces) add_light(i, 1);
-    return as_line < as_stars + advantage(pieces.size()) + StreakOptions{}.caution - options_.caution;
+    return as_line < as_stars + advantage(pieces.size(), snr) + StreakOptions{}.caution - options_.caution;
   }
 
-  /// How much worse a line may fit than so many stars: it has fewer parameters, but in a crowded field stars
-  /// that touch are the likelier explanation.
-  [[nodiscard]] double advantage(std::size_t stars) const {
-    return std::min(4 * (3 * static_cast<double>(stars) - 5), 8.0) - 2 * std::log(1 + touching_pairs());
+  /// How much worse a line may fit than so many stars: it has fewer parameters. But in a crowded field stars
+  /// that touch are the likelier explanation, the less so the more of them stand in a row.
+  [[nodiscard]] double advantage(std::size_t stars, double snr) const {
+    const double n = static_cast<double>(stars);
+    const double parameters = 3 * n - 5;
+    const double density = static_cast<double>(field_.stars.size()) / static_cast<double>(light_.size());
+    // Where the next one of a row has to be: as near as a touching one, and beside the row by little.
+    const double next = std::min(1.0, density * 2 * fwhm_ * fwhm_);
+    const double rows = touching_pairs() * std::pow(next, std::max(0.0, n - 2));
+    return std::min(4 * parameters, std::max(8.0, 2 * parameters)) + model_share * snr * snr -
+           2 * std::log(1 + rows);
   }
 
   /// Whether two stars explain a short line's light about as well: then they are likelier.
@@ -604,7 +631,7 @@ class Finder {
       if (k != brightest) rest_product += product[k], rest_energy += energy[k];
     }
     const double rest = rest_energy > 0 ? rest_product / std::sqrt(rest_energy) / noise_at(l) : 0;
-    return looked >= 2 && lit >= looked - 1 && rest > 0.45 * snr;
+    return looked >= 2 && lit >= looked - 1 && rest > std::max(0.45 * snr, 0.65 * snr_least());
   }
 
   [[nodiscard]] bool is_streak(const Line& l, double snr) {
@@ -626,8 +653,10 @@ class Finder {
     if (beside.size() < 3) return true;
     std::sort(beside.begin(), beside.end());
     const double middle = beside[beside.size() / 2];
-    double squares = 0;  // without the highest, which may be a star
-    for (std::size_t i = 0; i + 1 < beside.size(); ++i) squares += beside[i] * beside[i];
+    // Without the highest, which may be a star. The high-pass may have darkened all of them.
+    const double level = std::min(0.0, middle);
+    double squares = 0;
+    for (std::size_t i = 0; i + 1 < beside.size(); ++i) squares += (beside[i] - level) * (beside[i] - level);
     const double spread = std::sqrt(squares / static_cast<double>(beside.size() - 1));
     const double error = l.height / snr;
     return l.height - std::max(0.0, middle) > std::max(5 * error, 3 * spread);

@@ -159,14 +159,19 @@ class Wrappers:
         new.chmod(0o755)
         new.rename(self.path(node))
 
-    def deployment(self, base, changed, misses=3, realtime=False):
-        """A copy of a deployment whose nodes are started through the wrappers."""
+    def deployment(self, base, changed, misses=3, realtime=False, tick_ms=100):
+        """A copy of a deployment whose nodes are started through the wrappers. Slots are as long whatever the ticks: a holder that needs
+        more than one blocks the switch for another."""
         text = base.read_text()
         for node in NODES:
             text = text.replace(f"executable: {node}_node\n", f"executable: {self.path(node)}\n")
         # A node dies here more often than any node should: patience is for deaths that follow upon each other.
         text = text.replace("ring:", f"ring:\n  window_ms: {round(WINDOW_S * 1000)}", 1)
         text = re.sub(r"^  misses: \d+", f"  misses: {misses}", text, count=1, flags=re.MULTILINE)
+        if tick_ms != 100:
+            text, found = re.subn(r"tick_period_ms: 100\b", f"tick_period_ms: {tick_ms}", text)
+            if found != 1:
+                raise mission.MissionError(f"--tick-ms: {base} has no ticks of 100 ms", code=2)
         if realtime:
             text = re.sub(r"scheduling: \{ policy: other, priority: 0(, nice: \d+)?,", f"scheduling: {{ policy: fifo, priority: {NODE_PRIORITY},", text)
         changed.write_text(text)
@@ -221,6 +226,8 @@ class FaultCampaign:
         self._quit = threading.Event()
         self._threads = []
         self.usage = []
+        self._ticks = 0  # heard in all
+        self.soak_ticks = 0
 
     # --- watching ---------------------------------------------------------------------------------------------------
 
@@ -231,6 +238,8 @@ class FaultCampaign:
                     self._alive[message["subject"]] = (message["subject_incarnation"], message["lifecycle_state"], message["said_ns"])
                 elif message["verdict"] == "accused":
                     self._accusations.append((message["said_ns"], message["subject"], message["observer"], message["fault"]))
+        elif message["type"] == "tick":
+            self._ticks += 1
         elif message["type"] in KEPT:
             self.messages.append(message)
 
@@ -516,7 +525,7 @@ class FaultCampaign:
         """Nothing but load for so long: false restarts, and the slopes of memory and descriptors."""
         self.wait_until_steady()
         trial = Trial("soak", NODES, "none", begin=time.monotonic_ns())
-        before = self._pids()
+        before, ticks = self._pids(), self._ticks
         self.usage = []  # (s, {node: (KiB, descriptors)})
         with stress() as load:
             end = time.monotonic() + seconds
@@ -525,6 +534,7 @@ class FaultCampaign:
                 time.sleep(min(10, max(0.1, seconds / 20)))
             trial.note = "" if load.poll() is None else f"{LOAD[0]} ended by itself"
         trial.false_restarts = self._changed(before)
+        self.soak_ticks = self._ticks - ticks
         self.trials.append(trial)
 
 
@@ -668,7 +678,7 @@ def summarize(campaign):
             slopes[node] = {"memory_kib_per_hour": round(slope_per_hour([(at, memory) for at, (memory, _) in seen])),
                             "descriptors_per_hour": round(slope_per_hour([(at, descriptors) for at, (_, descriptors) in seen]), 1),
                             "memory_kib": seen[-1][1][0], "descriptors": seen[-1][1][1]}  # fmt: skip
-    return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
+    return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "soak_ticks": campaign.soak_ticks, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
                              "executed": len(campaign.executions),
                              "not_accepted": unheard, "ends_lost_with_ttc": with_ttc}}  # fmt: skip
@@ -691,6 +701,8 @@ def show(summary):
         print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}{count}")
         for line in result["shown"]:
             print(f"            {line}")
+    if summary["soak_slopes"]:
+        print(f"  soak of {summary['soak_ticks']} ticks")
     for node, slope in summary["soak_slopes"].items():
         print(f"  {node:18} {slope['memory_kib']} KiB anonymous memory, {slope['memory_kib_per_hour']:+} KiB/h; {slope['descriptors']} descriptors, {slope['descriptors_per_hour']:+}/h")
     t = summary["telecommands"]
@@ -712,7 +724,7 @@ def report(summary):
     t = summary["telecommands"]
     lines += [f"- {t['accepted']} of {t['sent']} telecommands accepted, {t['executed']} executed; {summary['recorded_s']} s"]
     if summary["soak_slopes"]:
-        lines += ["", "| Node | Anonymous memory, KiB | Slope, KiB/h | Descriptors | Slope, 1/h |", "|---|---|---|---|---|"]
+        lines += ["", f"Soak of {summary['soak_ticks']} ticks.", "", "| Node | Anonymous memory, KiB | Slope, KiB/h | Descriptors | Slope, 1/h |", "|---|---|---|---|---|"]
         lines += [f"| {node} | {s['memory_kib']} | {s['memory_kib_per_hour']:+} | {s['descriptors']} | {s['descriptors_per_hour']:+} |"
                   for node, s in summary["soak_slopes"].items()]  # fmt: skip
     return "\n".join(lines) + "\n"

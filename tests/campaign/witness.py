@@ -19,7 +19,8 @@ COMPUTER = "01"
 
 ACCEPTED, STARTED, COMPLETED = 1, 3, 7  # stages of srfs_msgs/TelecommandReport
 INTERRUPTED, EXPIRED = 36, 20  # failure codes: "outcome unknown", never begun
-UNANSWERED = {30, 31, 35}  # silence, garbage, slot over: a reset is not tried again
+UNANSWERED = {30, 31, 35}  # silence, garbage, slot over, three times in a row: outcome unknown, too
+ANSWERED_OF = 100  # of so many telecommands one may go unanswered where only the machine was busy
 REFUSALS = {10, 11, 22}  # by the node, before it accepts: no room, no storage, not active
 FIRST_PERIPHERAL_ACTION = 16  # functions from here on reset or power-cycle the peripheral: at most once
 
@@ -182,7 +183,7 @@ def telecommands_of(messages):
 def executed_once(telecommands, executed):
     """executed: {payload: [low 32 bits of ids, in order]} as the peripherals tell it."""
     counts = {payload: collections.Counter(ids) for payload, ids in executed.items()}
-    repeated, missing, false_reports = [], [], []
+    repeated, missing, false_reports, unanswered = [], [], [], []
     accepted = 0
     for number, t in telecommands.items():
         if t.at_most_once:
@@ -197,24 +198,28 @@ def executed_once(telecommands, executed):
         if t.failure == EXPIRED and times > 0:
             false_reports.append(f"{name} is reported as expired and was executed")
         # A process that was just started may report before the observer hears it; what the ground was told is judged apart.
-        if t.accepted and not t.success and t.failure != INTERRUPTED and not (t.failure is None and times == 1) and not (t.failure == EXPIRED and times == 0):
+        if t.accepted and not t.success and t.failure not in UNANSWERED | {INTERRUPTED} and not (t.failure is None and times == 1) and not (t.failure == EXPIRED and times == 0):
             missing.append(f"{name}: {'failure code ' + str(t.failure) if t.failure is not None else 'no end was reported'}, executed {times} times")
+        if t.accepted and t.failure in UNANSWERED:
+            unanswered.append(f"{name}: failure code {t.failure}, executed {times} times")
     return [
         check(repeated, "no telecommand is executed twice at a peripheral"),
         check(false_reports, "what is reported is what the peripheral did"),
         check(missing, "every accepted telecommand is executed once, or reported as expired or of unknown outcome", accepted),
+        check(unanswered if len(unanswered) > accepted // ANSWERED_OF else [], f"peripherals answer all but {len(unanswered)} telecommands, at most one in {ANSWERED_OF}"),
     ]
 
 
 def told_to_the_ground(stages):
-    """Every telecommand that went up has its end on the ground, and one that was accepted fails only in ways that say what happened."""
+    """Every telecommand that went up has its end on the ground, and one that was accepted fails only in ways that say what happened.
+    How many peripherals may leave unanswered executed_once() judges."""
     last, wrong = {}, []
     for m in stages:
         last[m["line"]] = m
     for m in last.values():
         if not m["final"]:
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, and no end")
-        elif not m["success"] and m["code"] not in REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if m["command"].endswith(".reset_peripheral") else set()):
+        elif not m["success"] and m["code"] not in REFUSALS | UNANSWERED | {INTERRUPTED, EXPIRED}:
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, code {m['code']}")
     return check(wrong, "the ground is told the end of every telecommand", len(last))
 

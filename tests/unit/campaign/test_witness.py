@@ -127,8 +127,12 @@ class WitnessTest(unittest.TestCase):
         self.assert_broken("the ground is told", messages=[accepted])
         self.assert_broken("the ground is told", messages=[accepted, self.stage("completion_failed", True, 21)])
 
-    def test_an_accepted_telecommand_that_was_given_up_is_found(self):
-        self.assert_broken("executed once", messages=[*self.DONE[:2], report(0x1_0000_0007, 7, False, 35)])
+    def test_accepted_telecommands_that_were_given_up_are_found_when_they_are_many(self):
+        given_up = [*self.DONE[:2], report(0x1_0000_0007, 7, False, 35)]
+        self.assert_broken("peripherals answer", messages=given_up)
+        self.assert_broken("executed once", messages=[*self.DONE[:2], report(0x1_0000_0007, 7, False, 32)])
+        others = [m for n in range(8, 108) for m in (telecommand(n), report(n, 1), report(n, 7))]
+        self.assertEqual(self.broken(messages=[*given_up, *others], executed={EPS: list(range(7, 108))}), [], "its outcome is unknown")
 
     def test_an_unknown_outcome_may_be_executed_or_not(self):
         unknown = [*self.DONE[:2], report(0x1_0000_0007, 7, False, 36)]
