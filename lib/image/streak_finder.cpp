@@ -42,7 +42,7 @@ constexpr double dark_share = 1.2;
 constexpr int known_places = 9;
 constexpr int known_least = 4;
 /// How much worse a line may fit than stars in its place, of the square of its SNR: the brighter it is, the
-/// more the model's errors count, and stars have more parameters to follow them.
+/// more the model's errors count.
 constexpr double model_share = 0.005;
 
 /// What a quarter of the frame's cells stay below.

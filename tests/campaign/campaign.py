@@ -37,8 +37,8 @@ def parse():
     ring.add_argument("--everybody", type=int, default=0, metavar="N", help="all nine killed at once so often; the watchdog raises them (default: %(default)s)")
     ring.add_argument("--soak", type=float, default=0, metavar="S",
                       help="seconds without a fault beside 'stress-ng --cpu 4 --io 2': false restarts, memory, descriptors (default: %(default)s)")  # fmt: skip
-    ring.add_argument("--tick-ms", type=int, default=100, metavar="T",
-                      help="period of the ticks (default: %(default)s): a divisor of 1000; the 86400 of a day of a board are a soak of 2160 s at 25 ms")  # fmt: skip
+    ring.add_argument("--tick-ms", type=int, metavar="T",
+                      help="period of the ticks, a divisor of 1000 (default: the deployment's, 100): the 86400 of a day of a board are a soak of 2160 s at 25 ms")  # fmt: skip
     ring.add_argument("--misses", type=int, default=3, metavar="N", help="unanswered checks in a row that are death, 1 to 10 (default: %(default)s)")
     ring.add_argument("--realtime", action="store_true",
                       help="SCHED_FIFO for every node and the simulated devices, which a mission has on a board (needs CAP_SYS_NICE)")  # fmt: skip
@@ -59,7 +59,7 @@ def parse():
         options.subsets = faults.SUBSETS if options.subsets == "all" else int(options.subsets or 0)
     except ValueError:
         parser.error("--subsets: expected 'all' or a number")
-    if min(options.slots, options.repeat) < 1 or not 1 <= options.misses <= 10 or not 20 <= options.tick_ms <= 1000 or not 0 <= options.subsets <= faults.SUBSETS or min(options.stops, options.everybody, options.soak) < 0:
+    if min(options.slots, options.repeat) < 1 or not 1 <= options.misses <= 10 or (options.tick_ms is not None and (options.tick_ms < 20 or 1000 % options.tick_ms)) or not 0 <= options.subsets <= faults.SUBSETS or min(options.stops, options.everybody, options.soak) < 0:
         parser.error("a number is out of its range")
     return options
 
@@ -126,7 +126,7 @@ def run_faults(options, out, seed, signals, say):
                         + (f"Active again after {active:.3f} s" if active is not None else trial.note or "nobody restarted")
                         + (f"; FALSE RESTARTS: {', '.join(trial.false_restarts)}" if trial.false_restarts else ""))  # fmt: skip
             if options.soak:
-                campaign.soak(options.soak)
+                campaign.soak(options.soak, faults.tick_ms(deployment))
         faults.write(out, campaign)
     summary = {"misses": options.misses, "realtime": options.realtime, **faults.summarize(campaign)}
     (out / "report.md").write_text(faults.report(summary))

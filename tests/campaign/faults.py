@@ -159,7 +159,7 @@ class Wrappers:
         new.chmod(0o755)
         new.rename(self.path(node))
 
-    def deployment(self, base, changed, misses=3, realtime=False, tick_ms=100):
+    def deployment(self, base, changed, misses=3, realtime=False, tick_ms=None):
         """A copy of a deployment whose nodes are started through the wrappers. Slots are as long whatever the ticks: a holder that needs
         more than one blocks the switch for another."""
         text = base.read_text()
@@ -168,10 +168,8 @@ class Wrappers:
         # A node dies here more often than any node should: patience is for deaths that follow upon each other.
         text = text.replace("ring:", f"ring:\n  window_ms: {round(WINDOW_S * 1000)}", 1)
         text = re.sub(r"^  misses: \d+", f"  misses: {misses}", text, count=1, flags=re.MULTILINE)
-        if tick_ms != 100:
-            text, found = re.subn(r"tick_period_ms: 100\b", f"tick_period_ms: {tick_ms}", text)
-            if found != 1:
-                raise mission.MissionError(f"--tick-ms: {base} has no ticks of 100 ms", code=2)
+        if tick_ms:
+            text = re.sub(r"tick_period_ms: \d+", f"tick_period_ms: {tick_ms}", text)
         if realtime:
             text = re.sub(r"scheduling: \{ policy: other, priority: 0(, nice: \d+)?,", f"scheduling: {{ policy: fifo, priority: {NODE_PRIORITY},", text)
         changed.write_text(text)
@@ -521,8 +519,8 @@ class FaultCampaign:
         self.trials.append(trial)
         return trial
 
-    def soak(self, seconds):
-        """Nothing but load for so long: false restarts, and the slopes of memory and descriptors."""
+    def soak(self, seconds, tick_ms):
+        """Nothing but load for so long: false restarts, ticks, and the slopes of memory and descriptors."""
         self.wait_until_steady()
         trial = Trial("soak", NODES, "none", begin=time.monotonic_ns())
         before, ticks = self._pids(), self._ticks
@@ -535,6 +533,9 @@ class FaultCampaign:
             trial.note = "" if load.poll() is None else f"{LOAD[0]} ended by itself"
         trial.false_restarts = self._changed(before)
         self.soak_ticks = self._ticks - ticks
+        expected = seconds * 1000 / tick_ms
+        if self.soak_ticks < 0.99 * expected - 1:
+            trial.note = trial.note or f"{self.soak_ticks} ticks where {expected:.0f} were due"
         self.trials.append(trial)
 
 
@@ -561,6 +562,11 @@ def make_realtime(pid):
             os.sched_setscheduler(int(task), os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
     except PermissionError:
         raise mission.MissionError("--realtime needs CAP_SYS_NICE: run it as root", code=2) from None
+
+
+def tick_ms(deployment):
+    """The period of a deployment file's ticks."""
+    return int(re.search(r"tick_period_ms: (\d+)", deployment.read_text()).group(1))
 
 
 def slope_per_hour(points):
@@ -662,11 +668,12 @@ def summarize(campaign):
             "telemetry_gap_s": max((t.telemetry_gap_s for t in trials), default=0),
             "found_as": dict(collections.Counter(t.found_as for t in trials if t.found_as)),
         })  # fmt: skip
+    soak = len(campaign.usage) > 0  # a busy machine for long: some answers come too late
     telecommands = witness.telecommands_of(campaign.messages)
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     checks = [
-        *witness.executed_once(telecommands, campaign.executions.of),
-        witness.told_to_the_ground(others),
+        *witness.executed_once(telecommands, campaign.executions.of, soak),
+        witness.told_to_the_ground(others, soak),
         witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
         witness.check([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),

@@ -24,9 +24,10 @@ from mission import wait_until  # noqa: E402, F401
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
 NODES = ("timing", "can_switcher", *PAYLOADS, "ttc", "image_acquisition", "image_processing", "maintenance")
-ON_THE_BUS = NODES[:6]  # and who they cannot do without
+JUDGED = tuple(name for name in NODES if not name.startswith("image_"))  # those run behind all others, and starve first
 DEADLINE_S = 30  # for a condition; generous, the machine may be busy
-FOLDER_PREFIX = "srfs_test_"
+FOLDER_PREFIX = "srfs_system_test_"
+PREFIXES = (FOLDER_PREFIX, "srfs_test_")  # the other: of unit and node tests, tests/temporary_folder.hpp
 
 
 def run(*command, **options):
@@ -36,31 +37,44 @@ def run(*command, **options):
     return done.stdout
 
 
-def _lock(folder):
-    """A descriptor of the folder with its lock, None when somebody else has it."""
+def _lock(folder, wait=False):
+    """A descriptor of the folder with its lock, None when somebody else has it. Whoever looks for abandoned folders has it for a moment."""
     try:
         fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
     except OSError:
         return None
     try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(fd, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         os.close(fd)
         return None
     return fd
 
 
+def end_abandoned_flight(var):
+    """Ends what a killed test left running: it would open the lines of the next flight, for the kernel gives the numbers of terminals again."""
+    for _ in range(5):
+        left = mission.processes_of(var)
+        if not left:
+            break
+        with contextlib.suppress(OSError):
+            (var / "run" / "stopping").touch()  # nobody may restart what is ended now
+        mission.end_processes(left)
+    shutil.rmtree(mission.memory_folder(var), ignore_errors=True)
+
+
 def remove_abandoned_folders(parent=None, youngest_s=60):
-    """Removes what killed tests left, of system, node and unit tests (tests/temporary_folder.hpp): a living owner holds its lock. Ends the
-    processes of their flights first, which would open the lines of the next one: the kernel gives the numbers of terminals again."""
-    for folder in pathlib.Path(parent or tempfile.gettempdir()).glob(f"{FOLDER_PREFIX}*"):
+    """Removes what killed tests left, of system, node and unit tests: a living owner holds its lock."""
+    parent = pathlib.Path(parent or tempfile.gettempdir())
+    for folder in (found for prefix in PREFIXES for found in parent.glob(f"{prefix}*")):
         fd = _lock(folder)
         if fd is None:
             continue
         status = os.fstat(fd)
         if status.st_uid == os.geteuid() and time.time() - status.st_mtime >= youngest_s:
-            for var in filter(pathlib.Path.is_dir, folder.iterdir()):
-                mission.end_processes(mission.processes_of(var))
+            with contextlib.suppress(OSError):
+                for var in filter(pathlib.Path.is_dir, folder.iterdir()):
+                    end_abandoned_flight(var)
             shutil.rmtree(folder, ignore_errors=True)
         os.close(fd)
 
@@ -69,7 +83,7 @@ def temporary_folder():
     """(path, descriptor that locks it) of a folder that goes with this process at the latest."""
     remove_abandoned_folders()
     folder = pathlib.Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
-    return folder, _lock(folder)
+    return folder, _lock(folder, wait=True)
 
 
 class SystemTest(unittest.TestCase):
@@ -143,10 +157,9 @@ class ToolTest(SystemTest):
         return json.loads(result.stdout)
 
 
-def restarts(flight, nodes=ON_THE_BUS):
+def restarts(flight, nodes=JUDGED):
     """Name: how often it was restarted. Two of these are compared, the first from when the suite is at work: while nine nodes start on
-    a busy machine, one may get no CPU time for the length of its lease of the bus, and be fenced for it. The nodes that search images
-    run behind all others."""
+    a busy machine, one may get no CPU time for the length of its lease of the bus, and be fenced for it."""
     return {node["name"]: node["restarts"] for node in flight.status() if node["name"] in nodes}
 
 

@@ -6,7 +6,7 @@ import signal
 import time
 import unittest
 
-from support import DEADLINE_S, ON_THE_BUS, PAYLOADS, SystemTest, can_frames, restarts, slots, wait_for_slots, wait_until
+from support import DEADLINE_S, JUDGED, PAYLOADS, SystemTest, can_frames, restarts, slots, wait_for_slots, wait_until
 
 HEALTHY = ("payload_adcs", "payload_thermal")
 
@@ -115,7 +115,7 @@ class FloodTest(CanFaultTest):
             self.assertGreater(flight.control({"query": "counters"})["can"]["withdrawn"], 0)
             self.assert_nobody_was_restarted(flight)
             after = flight.memory_kib()
-            for name in ON_THE_BUS:
+            for name in JUDGED:
                 self.assertLess(after[name] - memory[name], 16 * 1024, f"{name} grew")
 
     def test_foreign_traffic_of_low_priority_at_full_load_does_not_stop_the_payloads(self):

@@ -10,7 +10,7 @@ import threading
 
 import unittest
 
-from support import BIN, DEADLINE_S, ON_THE_BUS, SystemTest, restarts, wait_for_slots, wait_until
+from support import BIN, DEADLINE_S, JUDGED, SystemTest, restarts, wait_for_slots, wait_until
 
 PERIPHERALS = {"eps": "eps.switch_load load=2 state={}", "adcs": "adcs.set_mode mode={}", "thermal": "thermal.set_setpoint heater=0 setpoint_k={}"}
 ARGUMENTS = {"eps": ("on", "off"), "adcs": ("point", "idle"), "thermal": ("291", "289")}
@@ -77,7 +77,7 @@ class KilledTtcTest(OnceTest):
         with self.flight() as flight:
             recorder, ground = flight.recorder(), flight.ground()
             wait_for_slots(recorder, "payload_eps", "released", 2, 0)
-            others = [name for name in ON_THE_BUS if name != "ttc"]
+            others = [name for name in JUDGED if name != "ttc"]
             before = restarts(flight, others)
             lines = []
             for _ in range(6):
