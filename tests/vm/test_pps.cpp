@@ -53,6 +53,8 @@ class PulsesOfTheKernel : public testing::Test {
   VirtualPps pps_;
 };
 
+constexpr milliseconds standstill{100};
+
 TEST_F(PulsesOfTheKernel, AreReadOnceEachWithTheTimeOfTheirEdge) {
   const auto source = open(VirtualPps::device());
   auto last = first_pulse(*source);
@@ -60,12 +62,14 @@ TEST_F(PulsesOfTheKernel, AreReadOnceEachWithTheTimeOfTheirEdge) {
   for (int n = 0; n < 5; ++n) {
     const MonotonicTime before = monotonic_now();
     pps_.pulse();
-    const MonotonicTime after = monotonic_now();
     const auto pulse = next_pulse(*source, static_cast<int>(vm::patience.count()));
+    const MonotonicTime after = monotonic_now();
     ASSERT_TRUE(pulse);
-    // The guest's system clock, which stamps the edge, is not read at the same instant as the monotonic one.
-    EXPECT_GE(pulse->edge, before - milliseconds(2));
-    EXPECT_LE(pulse->edge, after + milliseconds(2));
+    // The interrupt may come a little later than the pulse. The kernel stamps the edge with the system clock,
+    // which is read a moment before or after the monotonic one: on a busy host the emulated processor may
+    // stand still there.
+    EXPECT_GE(pulse->edge, before - standstill);
+    EXPECT_LE(pulse->edge, after + standstill);
     EXPECT_EQ(pulse->counter, last->counter + 1);
     EXPECT_EQ(source->read(), std::nullopt) << "once";
     last = pulse;
