@@ -262,7 +262,11 @@ UpReport up(const Target& suite, const UpOptions& options) {
     }
     return all;
   };
-  // A node that ended (a bad parameter, a missing library) will not come by waiting for it.
+  // A node that ended (a bad parameter, a missing library) will not come by waiting for it. But its
+  // neighbours in the ring start it again where it was killed: on a busy machine, the switcher may fence a
+  // holder that was late.
+  const nanoseconds patience = suite.deployment.ring.enabled ? patience_with_a_restart : nanoseconds(0);
+  std::vector<std::optional<MonotonicTime>> first_gone(processes.size());
   MonotonicTime next_look = start;
   bool ended = false;
   const auto reached_or_ended = [&] {
@@ -274,7 +278,9 @@ UpReport up(const Target& suite, const UpOptions& options) {
     for (std::size_t i = 0; i < now.size(); ++i) {
       if (!awaited.contains(now[i].name)) continue;
       const auto& process = processes[i].process;
-      ended = ended || (!now[i].instance && (!process || process->wait_for_exit(nanoseconds(0))));
+      if (now[i].instance || (process && !process->wait_for_exit(nanoseconds(0)))) continue;
+      if (!first_gone[i]) first_gone[i] = monotonic_now();
+      ended = ended || monotonic_now() - *first_gone[i] >= patience;
     }
     next_look = monotonic_now() + between_looks;
     return ended;
