@@ -1,8 +1,11 @@
 """Faults of a peripheral, of a node's state and of the watchdog's feeder: a defined reaction, the others fly on."""
 
+import os
+import signal
+import threading
 import unittest
 
-from support import DEADLINE_S, PAYLOADS, SystemTest, restarts, slots, wait_for_slots, wait_until
+from support import DEADLINE_S, NODES, PAYLOADS, SystemTest, mission, restarts, slots, wait_for_slots, wait_until
 
 HEALTHY = ("payload_adcs", "payload_thermal")
 
@@ -40,6 +43,20 @@ class PeripheralFaultTest(SystemTest):
 
 
 class LifecycleTest(SystemTest):
+    def test_a_node_that_is_killed_while_the_suite_starts_is_awaited(self):
+        lock = self.var / "run" / "payload_adcs.lock"
+
+        def kill_when_it_runs():
+            wait_until(lambda: lock.exists() and mission.lock_owner(lock), DEADLINE_S, "payload_adcs runs")
+            os.kill(mission.lock_owner(lock), signal.SIGKILL)
+
+        killer = threading.Thread(target=kill_when_it_runs)
+        killer.start()
+        with self.flight() as flight:
+            killer.join()
+            wait_until(lambda: restarts(flight)["payload_adcs"] == 1, DEADLINE_S, "its neighbours restarted it")
+            wait_until(lambda: [node["state"] for node in flight.status()] == ["active"] * len(NODES), DEADLINE_S, "all are Active")
+
     def test_a_deactivated_payload_leaves_the_rotation_to_the_others_and_comes_back(self):
         with self.flight() as flight:
             recorder = flight.recorder()
