@@ -431,7 +431,9 @@ class Demo:
         if frames is None:
             self.display.note("the CAN frames are not recorded (simulation.can_log): the payloads' next slots are not judged")
         else:
-            self.expect(frames["checked"] and frames["in_next_slot"] == frames["checked"],
+            # One whose slot failed on a busy machine goes in the slot after it.
+            failed = sum(slots["granted"] - slots["handed_back"] - slots["used"] for slots in summary["slots"].values())
+            self.expect(frames["checked"] and frames["checked"] - frames["in_next_slot"] <= failed,
                         f"next slot by CAN frame: {frames['in_next_slot']} of {frames['checked']} {'; '.join(frames['late'])}".rstrip())  # fmt: skip
         summary["failures"] = self.failures
         summary["ok"] = not self.failures
