@@ -51,16 +51,20 @@ def _lock(folder, wait=False):
     return fd
 
 
-def end_abandoned_flight(var):
-    """Ends what a killed test left running: it would open the lines of the next flight, for the kernel gives the numbers of terminals again."""
+def end_flight(var):
+    """Ends what a test left running: it would open the lines of the next flight, for the kernel gives the numbers of terminals again.
+    Returns {pid: program} of it."""
+    ended = {}
     for _ in range(5):
         left = mission.processes_of(var)
         if not left:
             break
+        ended.update(left)
         with contextlib.suppress(OSError):
             (var / "run" / "stopping").touch()  # nobody may restart what is ended now
         mission.end_processes(left)
-    shutil.rmtree(mission.memory_folder(var), ignore_errors=True)
+    shutil.rmtree(mission.memory_folder(var), ignore_errors=True)  # what was shared by processes that were killed
+    return ended
 
 
 def remove_abandoned_folders(parent=None, youngest_s=60):
@@ -74,7 +78,7 @@ def remove_abandoned_folders(parent=None, youngest_s=60):
         if status.st_uid == os.geteuid() and time.time() - status.st_mtime >= youngest_s:
             with contextlib.suppress(OSError):
                 for var in filter(pathlib.Path.is_dir, folder.iterdir()):
-                    end_abandoned_flight(var)
+                    end_flight(var)
             shutil.rmtree(folder, ignore_errors=True)
         os.close(fd)
 
@@ -98,12 +102,9 @@ class SystemTest(unittest.TestCase):
     def _clean(self):
         left = {}
         for var in self.folder.iterdir():
-            left.update(mission.processes_of(var))
-        mission.end_processes(left)
+            left.update(end_flight(var))
         if left or self._has_failed():
             self._show_logs()
-        for var in self.folder.iterdir():
-            shutil.rmtree(mission.memory_folder(var), ignore_errors=True)  # what was shared by processes that were killed
         shutil.rmtree(self.folder, ignore_errors=True)
         self.assertEqual(left, {}, "processes left behind")
 
