@@ -184,6 +184,7 @@ class TtcCrashPoints : public testing::Test {
     }
     node_.reset();
     if (HasFailure()) std::fputs(read_file(folder_ / "ttc.log", 1U << 20).value_or("").c_str(), stderr);
+    std::filesystem::remove_all(ros::VarPaths{folder_}.memory());  // a killed process shared it
   }
 
   void read_line() {
