@@ -66,18 +66,19 @@ struct Place {
   }
 }
 
-/// Sums of products that do not wait for each other; more of them at once do not stay in registers.
-[[gnu::always_inline]] inline std::array<float, 4> dots(const float* with, const float* a, const float* b,
-                                                        const float* c, const float* d, int n) {
-  float of_a = 0, of_b = 0, of_c = 0, of_d = 0;
-#pragma omp simd reduction(+ : of_a, of_b, of_c, of_d)
+/// Four sums of products at a time: they do not wait for each other, and more do not stay in registers.
+[[gnu::always_inline]] inline std::array<float, 4> dots(const float* with,
+                                                        const std::array<const float*, 4>& of, int n) {
+  const auto [a, b, c, d] = of;
+  float with_a = 0, with_b = 0, with_c = 0, with_d = 0;
+#pragma omp simd reduction(+ : with_a, with_b, with_c, with_d)
   for (int i = 0; i < n; ++i) {
-    of_a += with[i] * a[i];
-    of_b += with[i] * b[i];
-    of_c += with[i] * c[i];
-    of_d += with[i] * d[i];
+    with_a += with[i] * a[i];
+    with_b += with[i] * b[i];
+    with_c += with[i] * c[i];
+    with_d += with[i] * d[i];
   }
-  return {of_a, of_b, of_c, of_d};
+  return {with_a, with_b, with_c, with_d};
 }
 
 }  // namespace
@@ -99,13 +100,13 @@ LineSums line_sums(const LineShape& line, const LinePixels& pixels, const LineNo
         return k < parameters ? t.gradient[k].data() : t.residuum.data();
       };
       for (std::size_t b = a; b <= parameters; b += 4) {
-        const auto of = dots(weighted.data(), factor(b), factor(b + 1), factor(b + 2), factor(b + 3), n);
+        const auto of = dots(weighted.data(), {factor(b), factor(b + 1), factor(b + 2), factor(b + 3)}, n);
         for (std::size_t k = 0; k < of.size() && b + k <= parameters; ++k)
           (b + k < parameters ? sums.normal[a][b + k] : sums.right[a]) += double(of[k]);
       }
     }
     const float* unit = t.unit.data();
-    sums.energy += double(dots(unit, unit, unit, unit, unit, n)[0]);
+    sums.energy += double(dots(unit, {unit, unit, unit, unit}, n)[0]);
   }
   return sums;
 }

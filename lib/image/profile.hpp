@@ -19,22 +19,21 @@ struct Profile {
   float gamma;
 };
 
-/// A square piece of a frame, row by row without gaps; the width is a multiple of `lanes`, what is padded has
-/// use 0.
+/// The pixels around a place, up to a radius, in any order; as many more as fill the last `lanes` have use 0.
 struct Patch {
   static constexpr int lanes = 8;
-  int x0 = 0;
-  int y0 = 0;
-  int width = 0;
-  int rows = 0;
+  int x = 0;  ///< the pixel in the middle
+  int y = 0;
+  int radius = -1;
+  std::vector<int> half;  ///< of each row of pixels: how many on either side of the middle
+  std::vector<float> dx;  ///< of each pixel, from the one in the middle
+  std::vector<float> dy;
   std::vector<float> light;
   std::vector<float> use;  ///< 1: a pixel to look at, 0: flawed or outside the frame
-  [[nodiscard]] std::size_t size() const {
-    return static_cast<std::size_t>(width) * static_cast<std::size_t>(rows);
-  }
+  [[nodiscard]] std::size_t size() const { return dx.size(); }
 };
 
-/// Fills a patch with the pixels up to @p radius from (x, y).
+/// Fills a patch with the pixels up to @p radius (and half a pixel) from (x, y).
 void take_patch(const Grid<float>& light, const Grid<std::uint8_t>& flaws, double x, double y, int radius,
                 Patch& patch);
 

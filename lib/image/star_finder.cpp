@@ -328,22 +328,23 @@ class Finder {
     float energy = 0;
     float of_one = 0;
     float of_two = 0;
-    const auto square = [&](std::size_t i) {
-      const float v = std::max(0.0F, patch_.light[i]) * patch_.use[i];
+    const auto square = [&](int x, int y) {
+      if (!residual_.contains(x, y) || clean_.flaws.at(x, y) != 0) return 0.0F;
+      const float v = std::max(0.0F, residual_.at(x, y));
       return v * v;
     };
-    const auto row = static_cast<std::size_t>(patch_.width);
     for (std::size_t i = 0; i < patch_.size(); ++i) {
       const float p = heights_[i] * patch_.use[i];
       product += p * patch_.light[i];
       energy += p * p;
       if (p <= 0.3F) continue;
-      const float here = square(i);
+      const int x = patch_.x + static_cast<int>(patch_.dx[i]);
+      const int y = patch_.y + static_cast<int>(patch_.dy[i]);
+      const float here = square(x, y);
       of_one = std::max(of_one, here);
-      // Padding separates the rows: the last column is never lit.
-      for (const std::size_t next : {i + 1, i + row - 1, i + row, i + row + 1}) {
-        if (next < patch_.size()) of_two = std::max(of_two, here + square(next));
-      }
+      for (const float next :
+           {square(x + 1, y), square(x - 1, y + 1), square(x, y + 1), square(x + 1, y + 1)})
+        of_two = std::max(of_two, here + next);
     }
     const float of_star = product * product / energy;
     return of_one > of_star || of_two > of_star + 3;
@@ -570,8 +571,8 @@ class Finder {
     double xx = 0, xy = 0, yy = 0, light = 0, xx_of_star = 0, yy_of_star = 0, star_light = 0;
     for (std::size_t i = 0; i < patch_.size(); ++i) {
       if (patch_.use[i] == 0) continue;
-      const double dx = patch_.x0 + static_cast<int>(i) % patch_.width - star.x;
-      const double dy = patch_.y0 + static_cast<int>(i) / patch_.width - star.y;
+      const double dx = patch_.x + double(patch_.dx[i]) - star.x;
+      const double dy = patch_.y + double(patch_.dy[i]) - star.y;
       const double weight = std::sqrt(double(heights_[i]));  // a window wider than the star
       const double v = weight * double(patch_.light[i]);
       const double m = weight * double(heights_[i]) * star.height;

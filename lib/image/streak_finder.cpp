@@ -543,13 +543,13 @@ class Finder {
     LinePixels pixels;
     std::vector<std::size_t> at;
     for (std::size_t i = 0; i < patch.size(); ++i) {
-      const int px = patch.x0 + static_cast<int>(i) % patch.width;
-      const int py = patch.y0 + static_cast<int>(i) / patch.width;
-      if (!band.contains(px, py)) patch.use[i] = 0;
+      const float px = static_cast<float>(patch.x) + patch.dx[i];
+      const float py = static_cast<float>(patch.y) + patch.dy[i];
+      if (!band.contains(double(px), double(py))) patch.use[i] = 0;
       if (patch.use[i] == 0) continue;
       at.push_back(i);
-      pixels.x.push_back(static_cast<float>(px));
-      pixels.y.push_back(static_cast<float>(py));
+      pixels.x.push_back(px);
+      pixels.y.push_back(py);
       pixels.light.push_back(patch.light[i]);
     }
     TwoStars stars(clean_.psf.profile(), patch, field_.shot);

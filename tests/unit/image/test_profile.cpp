@@ -12,8 +12,9 @@ namespace srfs::image {
 namespace {
 
 TEST(VectorMath, AgreesWithTheStandardLibrary) {
-  for (double x = -100; x <= 0; x += 0.037)
+  for (double x = -30; x <= 0; x += 0.037)
     EXPECT_NEAR(double(power_of_two(static_cast<float>(x))) / std::exp2(x), 1, 2e-5) << x;
+  EXPECT_EQ(power_of_two(-1000), power_of_two(-30));
   for (double u = 1; u < 1e6; u *= 1.01)
     EXPECT_NEAR(double(log_of_two(static_cast<float>(u))), std::log2(double(static_cast<float>(u))), 2e-6)
         << u;
@@ -38,15 +39,12 @@ TEST_P(ProfileOfGamma, HasItsHeight) {
   const Patch p = patch();
   std::vector<float> heights;
   profile_heights(psf_.profile(), p, 20.3F, 19.6F, heights);
-  for (int j = 0; j < p.rows; ++j) {
-    for (int i = 0; i < 15; ++i) {
-      const double dx = p.x0 + i - 20.3;
-      const double dy = p.y0 + j - 19.6;
-      const double q = 0.21 * dx * dx + 2 * 0.02 * dx * dy + 0.17 * dy * dy;
-      const double expected = GetParam() == 0 ? std::exp(-q) : std::pow(1 + GetParam() * q, -1 / GetParam());
-      EXPECT_NEAR(double(heights[static_cast<std::size_t>(j * p.width + i)]), expected,
-                  2e-4 * expected + 1e-9);
-    }
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    const double dx = p.x + double(p.dx[i]) - 20.3;
+    const double dy = p.y + double(p.dy[i]) - 19.6;
+    const double q = 0.21 * dx * dx + 2 * 0.02 * dx * dy + 0.17 * dy * dy;
+    const double expected = GetParam() == 0 ? std::exp(-q) : std::pow(1 + GetParam() * q, -1 / GetParam());
+    EXPECT_NEAR(double(heights[i]), expected, 2e-4 * expected + 1e-9);
   }
 }
 
@@ -67,17 +65,52 @@ TEST_P(ProfileOfGamma, HasTheDerivativesThatDifferencesShow) {
 
 INSTANTIATE_TEST_SUITE_P(Gamma, ProfileOfGamma, testing::Values(0.0, 0.005, 0.2, 0.5));
 
-TEST(Patch, HasNoUseOutsideTheFrameOrWhereItIsFlawed) {
-  Grid<std::uint8_t> flaws(10, 10);
-  flaws.at(1, 1) = 1;
-  Patch p;
-  take_patch(Plane(10, 10, 3.0F), flaws, 0, 0, 2, p);
-  float used = 0;
-  for (std::size_t i = 0; i < p.size(); ++i) {
-    used += p.use[i];
-    EXPECT_TRUE(p.use[i] == 0 || p.light[i] == 3);
+/// A frame whose pixels say where they are.
+Plane numbered(int width, int height) {
+  Plane plane(width, height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) plane.at(x, y) = static_cast<float>(1000 * y + x);
   }
-  EXPECT_EQ(used, 8);  // nine pixels are in the frame
+  return plane;
+}
+
+/// What a patch of a frame has to hold, wherever it is.
+void expect_whole(const Patch& p, const Plane& frame, const Grid<std::uint8_t>& flaws) {
+  EXPECT_EQ(p.size() % Patch::lanes, 0U);
+  int pixels = 0;
+  for (std::size_t i = 0; i < p.size(); ++i) {
+    const int x = p.x + static_cast<int>(p.dx[i]);
+    const int y = p.y + static_cast<int>(p.dy[i]);
+    const bool usable = frame.contains(x, y) && flaws.at(x, y) == 0;
+    if (p.use[i] == 0) continue;
+    ++pixels;
+    EXPECT_EQ(p.use[i], 1);
+    EXPECT_TRUE(usable) << x << ' ' << y;
+    EXPECT_EQ(p.light[i], usable ? frame.at(x, y) : -1);
+  }
+  int expected = 0;
+  for (int y = 0; y < frame.height(); ++y) {
+    for (int x = 0; x < frame.width(); ++x)
+      expected += std::hypot(x - p.x, y - p.y) <= p.radius + 0.5 && flaws.at(x, y) == 0;
+  }
+  EXPECT_EQ(pixels, expected) << "around " << p.x << ", " << p.y << " to " << p.radius;
+}
+
+TEST(Patch, HoldsTheUsablePixelsOfTheFrameUpToItsRadiusOnce) {
+  const Plane frame = numbered(43, 37);
+  Grid<std::uint8_t> flaws(43, 37);
+  flaws.at(1, 1) = flaws.at(20, 20) = flaws.at(42, 36) = 1;
+  Patch p;  // keeps what the one before it left
+  for (const int radius : {2, 1, 12, 6, 9, 3, 20, 5}) {
+    for (int y = -3; y < 40; y += 3) {
+      for (int x = -3; x < 46; ++x) {
+        take_patch(frame, flaws, x + 0.3, y - 0.4, radius, p);
+        EXPECT_EQ(p.x, x);
+        EXPECT_EQ(p.y, y);
+        expect_whole(p, frame, flaws);
+      }
+    }
+  }
 }
 
 TEST(LineSums, AreTheDerivativesThatDifferencesShow) {
