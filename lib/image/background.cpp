@@ -27,21 +27,35 @@ struct CellStatistics {
   float noise = unknown;
 };
 
-struct Cell {
-  int x0, y0, x1, y1;
+/// A row of cells, read pixel row by pixel row for all of them, as memory likes it.
+struct Strip {
+  int y0, y1;
+  std::vector<int> x;  ///< where the cells begin, and where the last one ends
+  [[nodiscard]] std::size_t cells() const { return x.size() - 1; }
 };
 
-/// One of a few pixels, spread over the cell so that rows, columns and Bayer patterns are seen whole.
-void take_sample(const Plane& pixels, const Cell& cell, std::vector<float>& sample) {
-  sample.clear();
-  const int width = cell.x1 - cell.x0;
-  const int size = width * (cell.y1 - cell.y0);
-  const int step = std::max(1, size / sample_of_cell);
-  // An odd step relative to the width visits all columns and rows.
-  for (int k = step / 2; k < size; k += step + (step % 2 == 0 ? 1 : 0)) {
-    const int x = cell.x0 + k % width;
-    const int y = cell.y0 + k / width;
-    if (std::isfinite(pixels.at(x, y))) sample.push_back(pixels.at(x, y));
+/// One of a few pixels of each cell, spread over it so that rows, columns and Bayer patterns are seen whole.
+void take_samples(const Plane& pixels, const Strip& strip, std::vector<std::vector<float>>& samples) {
+  samples.resize(strip.cells());
+  std::vector<int> steps(strip.cells());
+  std::vector<int> next(strip.cells());  // pixel of the cell, counted row by row
+  for (std::size_t i = 0; i < strip.cells(); ++i) {
+    samples[i].clear();
+    const int size = (strip.x[i + 1] - strip.x[i]) * (strip.y1 - strip.y0);
+    const int step = std::max(1, size / sample_of_cell);
+    steps[i] = step + (step % 2 == 0 ? 1 : 0);  // an odd one visits all columns and rows
+    next[i] = step / 2;
+  }
+  for (int y = strip.y0; y < strip.y1; ++y) {
+    const float* row = pixels.row(y);
+    for (std::size_t i = 0; i < strip.cells(); ++i) {
+      const int width = strip.x[i + 1] - strip.x[i];
+      const int first = (y - strip.y0) * width;
+      for (; next[i] < first + width; next[i] += steps[i]) {
+        const float v = row[strip.x[i] + next[i] - first];
+        if (std::isfinite(v)) samples[i].push_back(v);
+      }
+    }
   }
 }
 
@@ -58,9 +72,7 @@ CellStatistics next(const CellStatistics& last, const Moments& m, float noise_le
 /// Level and spread of a sample: median and quartile first, whatever stands in the cell; then mean and spread
 /// of what is near.
 /// @return nothing of a cell without pixels
-std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell, float noise_least,
-                                          std::vector<float>& sample) {
-  take_sample(pixels, cell, sample);
+std::optional<CellStatistics> first_guess(std::vector<float>& sample, float noise_least) {
   if (sample.size() < sample_least) return std::nullopt;
   const auto middle = sample.begin() + static_cast<std::ptrdiff_t>(sample.size() / 2);
   std::nth_element(sample.begin(), middle, sample.end());
@@ -79,30 +91,45 @@ std::optional<CellStatistics> first_guess(const Plane& pixels, const Cell& cell,
   return guess;
 }
 
-/// Mean and spread of the pixels that are near, until they settle.
+/// Mean and spread of the pixels that are near, until they settle. Cells without a first value stay so.
 /// @param row_step  1: of all rows
-CellStatistics settle(CellStatistics is, const Plane& pixels, const Grid<std::uint8_t>* masked,
-                      const Cell& cell, float noise_least, int row_step = 1) {
-  const int width = cell.x1 - cell.x0;
+void settle(std::vector<CellStatistics>& cells, const Plane& pixels, const Grid<std::uint8_t>* masked,
+            const Strip& strip, float noise_least, int row_step) {
+  std::vector<Moments> sums(cells.size());
+  std::vector<bool> settled(cells.size());
+  for (std::size_t i = 0; i < cells.size(); ++i) settled[i] = std::isnan(cells[i].level);
   for (int round = 0; round < 6; ++round) {
-    const float reach = clip_sigma * is.noise;
-    Moments all{0, 0, 0};
-    for (int y = cell.y0; y < cell.y1; y += row_step) {
-      const float* row = pixels.row(y) + cell.x0;
-      const Moments m = masked != nullptr
-                            ? clipped_moments(row, masked->row(y) + cell.x0, width, is.level, reach)
-                            : clipped_moments(row, width, is.level, reach);
-      all.n += m.n, all.sum += m.sum, all.squares += m.squares;
+    std::fill(sums.begin(), sums.end(), Moments{0, 0, 0});
+    for (int y = strip.y0; y < strip.y1; y += row_step) {
+      for (std::size_t i = 0; i < cells.size(); ++i) {
+        if (settled[i]) continue;
+        const int x = strip.x[i];
+        const int width = strip.x[i + 1] - x;
+        const float reach = clip_sigma * cells[i].noise;
+        const Moments m =
+            masked != nullptr
+                ? clipped_moments(pixels.row(y) + x, masked->row(y) + x, width, cells[i].level, reach)
+                : clipped_moments(pixels.row(y) + x, width, cells[i].level, reach);
+        sums[i].n += m.n, sums[i].sum += m.sum, sums[i].squares += m.squares;
+      }
     }
-    if (all.n < static_cast<float>(sample_least)) return round == 0 ? CellStatistics{} : is;
-    const CellStatistics before = is;
-    is = next(is, all, noise_least);
-    // Where the clipping is off by a tenth, the spread is off by a hundredth.
-    if (std::abs(is.noise - before.noise) < 0.05F * is.noise &&
-        std::abs(is.level - before.level) < 0.1F * is.noise)
-      break;
+    bool all_settled = true;
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      if (settled[i]) continue;
+      const CellStatistics before = cells[i];
+      if (sums[i].n < static_cast<float>(sample_least)) {
+        if (round == 0) cells[i] = {};
+        settled[i] = true;
+        continue;
+      }
+      cells[i] = next(before, sums[i], noise_least);
+      // Where the clipping is off by a tenth, the spread is off by a hundredth.
+      settled[i] = std::abs(cells[i].noise - before.noise) < 0.05F * cells[i].noise &&
+                   std::abs(cells[i].level - before.level) < 0.1F * cells[i].noise;
+      all_settled = all_settled && settled[i];
+    }
+    if (all_settled) return;
   }
-  return is;
 }
 
 /// Unknown nodes get the mean of the known ones next to them, ring by ring.
@@ -158,21 +185,25 @@ void smooth(Plane& nodes, const Plane* tolerance) {
   }
 }
 
-/// @param measure  (cell) -> CellStatistics
+/// @param measure  (strip, one CellStatistics a cell, to be set)
 template <class Measure>
-SkyLevel measure_cells(const Plane& pixels, float noise_least, Measure&& measure) {
+SkyLevel measure_strips(const Plane& pixels, float noise_least, Measure&& measure) {
   const int cell_px = sky_cell_px(pixels.width(), pixels.height());
   const int columns = (pixels.width() + cell_px - 1) / cell_px;
   const int rows = (pixels.height() + cell_px - 1) / cell_px;
   Plane level(columns, rows);
   Plane noise(columns, rows);
+  Strip strip{};
+  for (int i = 0; i <= columns; ++i) strip.x.push_back(std::min(pixels.width(), i * cell_px));
+  std::vector<CellStatistics> cells;
   for (int j = 0; j < rows; ++j) {
+    strip.y0 = j * cell_px;
+    strip.y1 = std::min(pixels.height(), (j + 1) * cell_px);
+    cells.assign(strip.cells(), CellStatistics{});
+    measure(strip, cells);
     for (int i = 0; i < columns; ++i) {
-      const CellStatistics found =
-          measure(Cell{i * cell_px, j * cell_px, std::min(pixels.width(), (i + 1) * cell_px),
-                       std::min(pixels.height(), (j + 1) * cell_px)});
-      level.at(i, j) = found.level;
-      noise.at(i, j) = found.noise;
+      level.at(i, j) = cells[static_cast<std::size_t>(i)].level;
+      noise.at(i, j) = cells[static_cast<std::size_t>(i)].noise;
     }
   }
   fill_unknown(level);
@@ -280,18 +311,21 @@ float Surface::at(double x, double y) const {
 }
 
 SkyLevel measure_sky(const Plane& pixels, float noise_least) {
-  std::vector<float> sample;
-  return measure_cells(pixels, noise_least, [&](const Cell& cell) {
-    const auto guess = first_guess(pixels, cell, noise_least, sample);
-    return guess ? settle(*guess, pixels, nullptr, cell, noise_least) : CellStatistics{};
+  std::vector<std::vector<float>> samples;
+  return measure_strips(pixels, noise_least, [&](const Strip& strip, std::vector<CellStatistics>& cells) {
+    take_samples(pixels, strip, samples);
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      cells[i] = first_guess(samples[i], noise_least).value_or(CellStatistics{});
+    settle(cells, pixels, nullptr, strip, noise_least, 1);
   });
 }
 
 SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked) {
   constexpr float least = 0.05F;
   const int row_step = masked == nullptr ? 2 : 1;  // filtered light: every row is like the next
-  return measure_cells(signal, least, [&](const Cell& cell) {
-    return settle({0, 1}, signal, masked, cell, least, row_step);
+  return measure_strips(signal, least, [&](const Strip& strip, std::vector<CellStatistics>& cells) {
+    std::fill(cells.begin(), cells.end(), CellStatistics{0, 1});
+    settle(cells, signal, masked, strip, least, row_step);
   });
 }
 

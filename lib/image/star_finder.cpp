@@ -77,12 +77,18 @@ class Finder {
         doubt_(options.close_ones ? readily : seldom),
         residual_(clean.signal) {
     const int r = 3 * psf_.fit_radius();
+    double light = 0;
+    double energy = 0;
     for (int y = -r; y <= r; ++y) {
       for (int x = -r; x <= r; ++x) {
         const double h = double(psf_.height(static_cast<float>(x), static_cast<float>(y)));
         energy_ += h * h;
+        if (std::hypot(x, y) > psf_.fit_radius() + 0.5) continue;
+        light += h;
+        energy += h * h;
       }
     }
+    per_level_ = light / energy;
   }
 
   StarField run() {
@@ -125,7 +131,16 @@ class Finder {
       level.row(y, row);
       subtract(residual_.row(y), row.data(), residual_.width());
     }
-    for (Fitted& star : stars_) star.changed = true;
+    // The stars were fitted on it: their heights are wrong by so much, and where it matters so is the rest.
+    for (Fitted& star : stars_) {
+      const float here = level.at(star.x, star.y);
+      Fitted less = star;
+      less.height = per_level_ * double(here);
+      add_light(less, 1);
+      star.height -= less.height;
+      star.changed = star.changed || star.radius > psf_.fit_radius() || !(star.height > 0) ||
+                     std::abs(here) * psf_.sigma_px() > level_least;
+    }
   }
 
   [[nodiscard]] std::vector<Peak> find_peaks() const {
@@ -675,6 +690,7 @@ class Finder {
   Patch patch_;
   std::vector<float> heights_;
   double energy_ = 0;
+  double per_level_ = 0;  ///< what the height of a star is wrong by, beside the level that it was fitted on
   double shot_ = 0;
   double model_error_ = model_error_most;
   std::vector<Fitted> stars_;
