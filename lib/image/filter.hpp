@@ -7,6 +7,7 @@ namespace srfs::image {
 /// @p in correlated with a round Gaussian whose squares sum to 1: white noise of spread 1 stays one of
 /// spread 1. Edges count as zero.
 /// @param out  another plane, of any size before
-void gaussian_filter(const Plane& in, float sigma_px, Plane& out);
+/// @param hidden  pixels that count as zero: not 0; nullptr: none
+void gaussian_filter(const Plane& in, float sigma_px, Plane& out, const Grid<std::uint8_t>* hidden = nullptr);
 
 }  // namespace srfs::image

@@ -1,5 +1,8 @@
 #include "image/line_fit.hpp"
 
+#include <bit>
+#include <cstring>
+
 #include <Eigen/Dense>
 
 namespace srfs::image {
@@ -15,6 +18,8 @@ constexpr double beyond_share = 1.2;
 constexpr double bin_clip = 1;
 /// Spread of the places an end may have, from which on all of them count instead of the best one.
 constexpr double open_end_px = 1.2;
+/// Ends found in whole steps may be off by so much of a line that is just long enough.
+constexpr double ends_share = 0.8;
 
 /// Ends and direction as the fit changes them.
 void move(Line& line, const LineShape& from, const Vector6& step) {
@@ -41,6 +46,7 @@ LineFitter::LineFitter(const Plane& light, const Grid<std::uint8_t>& mask, const
   // Summed along a line, a profile with wings (1 + gamma q)^(-1/gamma) is (1 + gamma q)^(1/2 - 1/gamma).
   const double g = shape_.gamma;
   if (g > 1e-3) sigma_ *= std::sqrt((std::pow(2.0, 1 / (1 / g - 0.5)) - 1) / (std::pow(2.0, g) - 1));
+  blur_ = std::max(1.6, 1.8 / sigma_);
 }
 
 LineShape LineFitter::shape_of(const Line& l) const {
@@ -69,19 +75,43 @@ double LineFitter::reach_px(const Line& line) const {
 }
 
 const LinePixels& LineFitter::collect(const Line& line, double reach, double beyond) {
+  constexpr int lanes = 8;
+  const std::size_t frame = light_.size();
   std::size_t n = 0;
   for_rows_along(line, light_.width(), light_.height(), reach, beyond, [&](int y, int first, int last) {
-    const std::size_t most = n + static_cast<std::size_t>(last - first + 1);
+    const std::size_t most = n + static_cast<std::size_t>(last - first + lanes);
     if (pixels_.light.size() < most) {
       for (std::vector<float>* values : {&pixels_.x, &pixels_.y, &pixels_.light}) values->resize(2 * most);
     }
-    const float* light = light_.row(y);
-    const std::uint8_t* mask = mask_.row(y);
-    for (int x = first; x <= last; ++x) {
-      pixels_.x[n] = static_cast<float>(x);
-      pixels_.y[n] = static_cast<float>(y);
-      pixels_.light[n] = light[x];
-      n += mask[x] == 0;
+    const float* const light = light_.row(y);
+    const std::uint8_t* const mask = mask_.row(y);
+    const auto behind = frame - static_cast<std::size_t>(light - light_.cells().data());
+    for (int x = first; x <= last; x += lanes) {
+      float* const to_x = pixels_.x.data() + n;
+      float* const to_y = pixels_.y.data() + n;
+      float* const to = pixels_.light.data() + n;
+      const int count = std::min(lanes, last - x + 1);
+      std::uint64_t hidden = ~std::uint64_t{0};
+      if (static_cast<std::size_t>(x) + lanes <= behind) {
+        std::memcpy(&hidden, mask + x, sizeof hidden);
+        const int beside = 8 * (lanes - count);
+        hidden = std::endian::native == std::endian::little ? hidden << beside : hidden >> beside;
+      }
+      if (hidden == 0) {  // what is copied too much is overwritten
+        for (int i = 0; i < lanes; ++i) {
+          to_x[i] = static_cast<float>(x + i);
+          to_y[i] = static_cast<float>(y);
+          to[i] = light[x + i];
+        }
+        n += static_cast<std::size_t>(count);
+        continue;
+      }
+      for (int i = x; i < x + count; ++i) {
+        pixels_.x[n] = static_cast<float>(i);
+        pixels_.y[n] = static_cast<float>(y);
+        pixels_.light[n] = light[i];
+        n += mask[i] == 0;
+      }
     }
   });
   for (std::vector<float>* values : {&pixels_.x, &pixels_.y, &pixels_.light}) values->resize(n);
@@ -98,7 +128,7 @@ std::optional<double> LineFitter::fit(Line& line, double blur, bool with_ends, i
     }
     LineShape shape = shape_of(line);
     shape.sigma_across *= static_cast<float>(blur);
-    const LineSums sums = line_sums(shape, pixels_, noise_);
+    const LineSums sums = line_sums(shape, pixels_, noise_, with_ends);
     energy = sums.energy;
     if (!(energy > 0)) return std::nullopt;
     Matrix6 normal;
@@ -133,24 +163,24 @@ std::optional<double> LineFitter::fit(Line& line, double blur, bool with_ends, i
 }
 
 /// The light along the line in steps of a pixel.
-LineFitter::Steps LineFitter::steps_along(const Line& line) const {
+const LineFitter::Steps& LineFitter::steps_along(const Line& line) {
   const double length = line.length();
-  Steps steps;
-  steps.before = std::max(beyond_least_px, beyond_share * length);
-  const auto bins = static_cast<std::size_t>(length + 2 * steps.before) + 2;
-  steps.light.assign(bins, 0.0);
-  steps.energy.assign(bins, 0.0);
-  const double narrow = 0.5 / (sigma_ * sigma_ * line.scale * line.scale);
-  for_pixels_along(line, light_.width(), light_.height(), 2.2 * sigma_, steps.before,
-                   [&](int x, int y, double along, double across) {
-                     if (mask_.at(x, y) != 0) return;
-                     const auto bin = static_cast<std::size_t>(
-                         std::clamp(along + steps.before + 0.5, 0.0, static_cast<double>(bins) - 1));
-                     const double p = std::exp(-across * across * narrow);
-                     steps.light[bin] += p * double(light_.at(x, y));
-                     steps.energy[bin] += p * p;
-                   });
-  return steps;
+  steps_.before = std::max(beyond_least_px, beyond_share * length);
+  const auto bins = static_cast<std::size_t>(length + 2 * steps_.before) + 2;
+  steps_.light.assign(bins, 0.0);
+  steps_.energy.assign(bins, 0.0);
+  collect(line, 2.2 * sigma_, steps_.before);
+  LineShape shape = shape_of(line);
+  shape.sigma_across = static_cast<float>(sigma_ * line.scale);
+  line_places(shape, pixels_, along_, profile_);
+  const auto first = static_cast<float>(length / 2 + steps_.before + 0.5);
+  const auto last = static_cast<float>(bins - 1);
+  for (std::size_t i = 0; i < along_.size(); ++i) {
+    const auto bin = static_cast<std::size_t>(std::clamp(along_[i] + first, 0.0F, last));
+    steps_.light[bin] += double(profile_[i] * pixels_.light[i]);
+    steps_.energy[bin] += double(profile_[i] * profile_[i]);
+  }
+  return steps_;
 }
 
 /// What a step speaks for a line of this height here: by how much chi squared is less with it.
@@ -162,7 +192,7 @@ double LineFitter::gain_of(const Steps& steps, std::size_t i, double height) {
 /// The piece that a line of this height explains best.
 void LineFitter::find_ends(Line& line) {
   const double length = line.length();
-  const auto steps = steps_along(line);
+  const Steps& steps = steps_along(line);
   const auto& [light, energy, beyond] = steps;
   const std::size_t bins = light.size();
   double height = line.height;
@@ -201,7 +231,7 @@ void LineFitter::find_ends(Line& line) {
 
 void LineFitter::weigh_ends(Line& line, double noise) {
   const double length = line.length();
-  const auto steps = steps_along(line);
+  const Steps& steps = steps_along(line);
   // Of an end in the middle of step i: all steps between it and the middle of the line are lit.
   const auto middle = static_cast<std::ptrdiff_t>(steps.before + length / 2 + 0.5);
   const auto bins = static_cast<std::ptrdiff_t>(steps.light.size());
@@ -260,9 +290,23 @@ std::vector<double> LineFitter::heights_beside(const Line& line) {
   return heights;
 }
 
-std::optional<double> LineFitter::settle(Line& line, double least) {
-  const double blur = std::max(1.6, 1.8 / sigma_);
-  if (!fit(line, blur, false, 4)) return std::nullopt;
+double LineFitter::nearby_significance(const Line& line) {
+  constexpr float clip = 4;  // what is brighter may be one star
+  collect(line, blur_ * reach_px(line), blur_ * reach_px(line));
+  LineShape shape = shape_of(line);
+  shape.sigma_across *= static_cast<float>(blur_);
+  line_heights(shape, pixels_, profile_);
+  float product = 0;
+  float energy = 0;
+  for (std::size_t i = 0; i < profile_.size(); ++i) {
+    product += profile_[i] * std::clamp(pixels_.light[i], -clip, clip);
+    energy += profile_[i] * profile_[i];
+  }
+  return energy > 0 ? double(product / std::sqrt(energy)) : 0;
+}
+
+std::optional<double> LineFitter::settle(Line& line, double least, double shortest) {
+  if (!fit(line, blur_, false, 4)) return std::nullopt;
   const auto piece = fit(line, 1, false, 3);
   if (!piece || *piece < 0.45 * least) return std::nullopt;
   double length = 0;
@@ -274,6 +318,7 @@ std::optional<double> LineFitter::settle(Line& line, double least) {
     if (std::abs(line.length() - length) < 2) break;
     length = line.length();
   }
+  if (line.length() < ends_share * shortest) return std::nullopt;
   return fit(line);
 }
 

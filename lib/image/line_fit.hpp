@@ -28,8 +28,11 @@ class LineFitter {
 
   /// From about where the line is to where it fits best, its ends included. @return its significance beside
   /// pixel noise 1
-  /// @param least  what is clearly less significant is given up early
-  [[nodiscard]] std::optional<double> settle(Line& line, double least);
+  /// @param least  what is clearly less significant is given up early, and so is what is
+  /// @param shortest  px, clearly shorter
+  [[nodiscard]] std::optional<double> settle(Line& line, double least, double shortest);
+  /// About how significant the light is from which settle() would start, beside pixel noise 1.
+  [[nodiscard]] double nearby_significance(const Line& line);
   /// The ends too, from near by.
   [[nodiscard]] std::optional<double> fit(Line& line) { return fit(line, 1, true, 12); }
 
@@ -55,15 +58,20 @@ class LineFitter {
     std::vector<double> energy;  ///< of the weights
     double before = 0;           ///< px from the first step to the line
   };
-  [[nodiscard]] Steps steps_along(const Line& line) const;
+  /// Valid until the next call.
+  const Steps& steps_along(const Line& line);
   [[nodiscard]] static double gain_of(const Steps& steps, std::size_t step, double height);
 
   const Plane& light_;
   const Grid<std::uint8_t>& mask_;
   Psf::Shape shape_;
   double sigma_;  ///< of the light across a line, for round stars
+  double blur_;   ///< so much wider a line is taken for, to be found from farther
   LineNoise noise_;
   LinePixels pixels_;
+  Steps steps_;
+  std::vector<float> along_;
+  std::vector<float> profile_;
 };
 
 /// Calls use(y, first x, last x) for the rows of pixels within @p reach of a line, up to @p beyond behind its
@@ -76,28 +84,38 @@ void for_rows_along(const Line& l, int width, int height, double reach, double b
   // Of the rectangle around the line.
   const double dx = std::abs(ux) * beyond + std::abs(uy) * reach;
   const double dy = std::abs(uy) * beyond + std::abs(ux) * reach;
-  const auto first_of = [](double v, int size) {
-    return static_cast<int>(std::ceil(std::clamp(v, 0.0, 1.0 * size)));
+  const auto first_of = [](double v, int size) {  // rounded up
+    v = std::clamp(v, 0.0, 1.0 * size);
+    const int whole = static_cast<int>(v);
+    return whole + (v > whole);
   };
-  const auto last_of = [](double v, int size) {
-    return static_cast<int>(std::floor(std::clamp(v, -1.0, size - 1.0)));
+  const auto last_of = [](double v, int size) {  // rounded down
+    return static_cast<int>(std::clamp(v, -1.0, size - 1.0) + 1) - 1;
   };
+  constexpr double never = 1e-6;  // along a row or across all of them
+  const bool crosses = std::abs(uy) > never;
+  const bool advances = std::abs(ux) > never;
+  const double per_uy = crosses ? 1 / uy : 0;
+  const double per_ux = advances ? 1 / ux : 0;
+  const double half = reach * std::abs(per_uy);
+  const double left = std::min(l.x1, l.x2) - dx;
+  const double right = std::max(l.x1, l.x2) + dx;
   const int y1 = last_of(std::max(l.y1, l.y2) + dy, height);
   for (int y = first_of(std::min(l.y1, l.y2) - dy, height); y <= y1; ++y) {
-    double from = std::min(l.x1, l.x2) - dx;
-    double to = std::max(l.x1, l.x2) + dx;
+    double from = left;
+    double to = right;
     // Where |across| <= reach and -beyond <= along <= length + beyond in this row.
     const double ry = y - l.y1;
-    if (std::abs(uy) > 1e-6) {
-      const double middle = l.x1 + ry * ux / uy;
-      from = std::max(from, middle - reach / std::abs(uy));
-      to = std::min(to, middle + reach / std::abs(uy));
+    if (crosses) {
+      const double middle = l.x1 + ry * ux * per_uy;
+      from = std::max(from, middle - half);
+      to = std::min(to, middle + half);
     } else if (std::abs(ry) > reach) {
       continue;
     }
-    if (std::abs(ux) > 1e-6) {
-      const double a = l.x1 + (-beyond - ry * uy) / ux;
-      const double b = l.x1 + (length + beyond - ry * uy) / ux;
+    if (advances) {
+      const double a = l.x1 + (-beyond - ry * uy) * per_ux;
+      const double b = l.x1 + (length + beyond - ry * uy) * per_ux;
       from = std::max(from, std::min(a, b));
       to = std::min(to, std::max(a, b));
     } else if (ry * uy < -beyond || ry * uy > length + beyond) {

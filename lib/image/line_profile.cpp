@@ -84,7 +84,7 @@ struct Place {
 }  // namespace
 
 SRFS_VECTORISED
-LineSums line_sums(const LineShape& line, const LinePixels& pixels, const LineNoise& noise) {
+LineSums line_sums(const LineShape& line, const LinePixels& pixels, const LineNoise& noise, bool with_ends) {
   LineSums sums;
   Terms t;
   std::array<float, block> weighted;
@@ -92,7 +92,7 @@ LineSums line_sums(const LineShape& line, const LinePixels& pixels, const LineNo
   for (int from = 0; from < size; from += block) {
     const int n = std::min(block, size - from);
     fill_terms(line, pixels.x.data() + from, pixels.y.data() + from, pixels.light.data() + from, n, noise, t);
-    for (std::size_t a = 0; a < parameters; ++a) {
+    for (std::size_t a = with_ends ? 0 : 2; a < parameters; ++a) {
 #pragma omp simd
       for (int i = 0; i < n; ++i) weighted[i] = t.weight[i] * t.gradient[a][i];
       // The products by pairs that are left, and with the residuum, four at a time.
@@ -133,6 +133,25 @@ double line_mismatch(const LineShape& line, float model, const LinePixels& pixel
     sum += double(part);
   }
   return sum;
+}
+
+SRFS_VECTORISED
+void line_places(const LineShape& line, const LinePixels& pixels, std::vector<float>& along,
+                 std::vector<float>& endless) {
+  along.resize(pixels.size());
+  endless.resize(pixels.size());
+  const float per_across = 1 / line.sigma_across;
+  const int n = static_cast<int>(pixels.size());
+  const float* x = pixels.x.data();
+  const float* y = pixels.y.data();
+  float* to_along = along.data();
+  float* to_endless = endless.data();
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const Place p = place_of(line, x[i], y[i]);
+    to_along[i] = p.along;
+    to_endless[i] = bell(p.across * per_across);
+  }
 }
 
 SRFS_VECTORISED

@@ -39,12 +39,18 @@ struct LineSums {
   std::array<double, parameters> right{};
   double energy = 0;  ///< of the light for height 1, unweighted
 };
-[[nodiscard]] LineSums line_sums(const LineShape& line, const LinePixels& pixels, const LineNoise& noise);
+/// @param with_ends  false: from and to do not change, what belongs to them stays 0
+[[nodiscard]] LineSums line_sums(const LineShape& line, const LinePixels& pixels, const LineNoise& noise,
+                                 bool with_ends = true);
 
 /// Chi squared of @p light of the pixels beside @p model times the line; the line gives the variance in any
 /// case.
 [[nodiscard]] double line_mismatch(const LineShape& line, float model, const LinePixels& pixels,
                                    const LineNoise& noise);
+
+/// Where the pixels are along a line, from its point, and the light there of one without ends for height 1.
+void line_places(const LineShape& line, const LinePixels& pixels, std::vector<float>& along,
+                 std::vector<float>& endless);
 
 /// Light of the line at the pixels for height 1.
 void line_heights(const LineShape& line, const LinePixels& pixels, std::vector<float>& out);

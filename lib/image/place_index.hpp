@@ -43,6 +43,18 @@ class PlaceIndex {
       entries_[next[of[i]]++] = {double(points[i].x), double(points[i].y), i};
   }
 
+  /// Calls use(index) for the points in a rectangle, and for some beside it.
+  template <class Use>
+  void around(double left, double top, double right, double bottom, Use&& use) const {
+    if (entries_.empty()) return;
+    for (int j = std::max(0, row(top)); j <= std::min(rows_ - 1, row(bottom)); ++j) {
+      for (int i = std::max(0, column(left)); i <= std::min(columns_ - 1, column(right)); ++i) {
+        const std::size_t c = cell(i, j);
+        for (std::size_t k = first_[c]; k < first_[c + 1]; ++k) use(entries_[k].index);
+      }
+    }
+  }
+
   /// Calls use(index, distance) for the points at most @p reach away.
   template <class Use>
   void near(double x, double y, double reach, Use&& use) const {

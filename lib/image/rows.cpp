@@ -102,6 +102,15 @@ void normalise(const float* in, const float* level, const float* noise, float no
 }
 
 SRFS_VECTORISED
+void hide_pixels(const float* in, const std::uint8_t* hidden, float* out, int n) {
+#pragma omp simd
+  for (int i = 0; i < n; ++i) {
+    const float v = in[i];
+    out[i] = hidden[i] != 0 ? 0.0F : v;
+  }
+}
+
+SRFS_VECTORISED
 void scale_down(float* row, const float* noise, float noise_floor, int n) {
 #pragma omp simd
   for (int i = 0; i < n; ++i) row[i] /= noise[i] > noise_floor ? noise[i] : noise_floor;

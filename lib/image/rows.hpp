@@ -28,6 +28,9 @@ struct Extent {
 /// out = (in - level) / noise; what is not finite becomes 0.
 void normalise(const float* in, const float* level, const float* noise, float noise_floor, float* out, int n);
 
+/// Copies a row with 0 for the pixels that are hidden: not 0.
+void hide_pixels(const float* in, const std::uint8_t* hidden, float* out, int n);
+
 /// row *= factor / noise
 void scale_down(float* row, const float* noise, float noise_floor, int n);
 

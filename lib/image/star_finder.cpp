@@ -665,6 +665,7 @@ class Finder {
     }
     for (const Fitted& s : sharp_) mask(s, field.masked);
     field.residual = std::move(residual_);
+    field.spare = std::move(filtered_);
     return field;
   }
 

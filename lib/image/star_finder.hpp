@@ -23,6 +23,7 @@ struct StarField {
   std::vector<bool> doubtful;
   double shot = 0;            ///< variance that a pixel's light adds to the noise of 1, per light
   Plane residual;             ///< signal minus the stars' light, in noise
+  Plane spare;                ///< as large, of no meaning: memory that need not be asked for again
   Grid<std::uint8_t> masked;  ///< 1: what looked like a star here was none (a particle, a defect)
 };
 

@@ -9,6 +9,7 @@
 #include "image/filter.hpp"
 #include "image/line_fit.hpp"
 #include "image/line_search.hpp"
+#include "image/place_index.hpp"
 #include "image/rows.hpp"
 #include "image/two_stars.hpp"
 
@@ -30,6 +31,10 @@ constexpr float unrest_most = 5;
 /// What one place counts at most, and what the sum has to be in errors, of a line that is looked at quickly.
 constexpr double on_clip = 4;
 constexpr double on_least = 3.5;
+/// Lines whose ends are nearer than this are the same.
+constexpr double same_px = 0.5;
+/// Without the stars in it, a seed's light has to have so much of the SNR that a streak has at least.
+constexpr double lit_share = 0.25;
 /// So many places along a line tell whether it is lit throughout: half of them to this share.
 constexpr int even_least = 6;
 constexpr double even_share = 0.35;
@@ -123,8 +128,10 @@ class Band {
   [[nodiscard]] bool contains(double x, double y) const {
     const double t = (x - line_.x1) * ux_ + (y - line_.y1) * uy_;
     const double d = (y - line_.y1) * ux_ - (x - line_.x1) * uy_;
-    return std::abs(d) < reach_ && t > -reach_ - 3 && t < length_ + reach_ + 3;
+    return std::abs(d) < reach_ && t > -reach_ - beyond_px && t < length_ + reach_ + beyond_px;
   }
+  static constexpr double beyond_px = 3;
+  [[nodiscard]] double length() const { return length_; }
 
  private:
   Line line_;
@@ -145,6 +152,8 @@ class Finder {
         calm_noise_adu_(calm_noise(clean.noise_adu)),
         light_(std::move(field.residual)),
         mask_(std::move(field.masked)),
+        places_(field.stars),
+        filtered_(std::move(field.spare)),
         fitter_(light_, mask_, clean.psf, {static_cast<float>(field.shot), static_cast<float>(model_error)}) {
   }
 
@@ -233,14 +242,7 @@ class Finder {
   // --- seeds ---
 
   [[nodiscard]] std::vector<Seed> find_seeds() {
-    {
-      Plane shown = Plane::unset(light_.width(), light_.height());
-      float* const to = shown.cells().data();
-      const float* const from = light_.cells().data();
-      const std::uint8_t* const masked = mask_.cells().data();
-      for (std::size_t i = 0; i < shown.size(); ++i) to[i] = masked[i] != 0 ? 0.0F : from[i];
-      gaussian_filter(shown, static_cast<float>(sigma_), filtered_);
-    }
+    gaussian_filter(light_, static_cast<float>(sigma_), filtered_, &mask_);
     noise_ = measure_flattened(filtered_, nullptr).noise;
     std::vector<float> noise(static_cast<std::size_t>(filtered_.width()));
     for (int y = 0; y < filtered_.height(); ++y) {
@@ -392,10 +394,10 @@ class Finder {
       }
       if (on >= known_least) return true;
     }
-    return std::any_of(refused_.begin(), refused_.end(), [&](const Line& l) {
-      const double reach = sigma_ + 2;
-      return l.length() < 2.2 * seed.length() && is_on(l, seed.x1, seed.y1, reach) &&
-             is_on(l, seed.x2, seed.y2, reach);
+    const double length = seed.length();
+    return std::any_of(refused_.begin(), refused_.end(), [&](const Band& band) {
+      return band.length() < 2.2 * length && band.contains(seed.x1, seed.y1) &&
+             band.contains(seed.x2, seed.y2);
     });
   }
 
@@ -424,7 +426,7 @@ class Finder {
       found_.push_back({line, *snr});
       hide(line, 1);
     } else {
-      refused_.push_back(seed);
+      refused_.emplace_back(seed, sigma_ + 2);
     }
   }
 
@@ -439,20 +441,23 @@ class Finder {
 
   [[nodiscard]] double snr_least() const { return options_.snr_least * restless_; }
 
+  [[nodiscard]] double shortest_px() const { return std::max(0.75 * options_.length_least_px, 1.3 * fwhm_); }
+
   [[nodiscard]] double noise_at(const Line& l) const {
     return std::max(0.5, double(noise_.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2)));
   }
 
   /// Settles a line and judges it. @return its SNR
   [[nodiscard]] std::optional<double> settled(Line& line) {
-    const auto significance = fitter_.settle(line, snr_least() * noise_at(line));
+    const auto significance = fitter_.settle(line, snr_least() * noise_at(line), shortest_px());
     if (!significance) return std::nullopt;
     return *significance / noise_at(line);
   }
 
   [[nodiscard]] std::optional<double> fit_among_stars(Line& line) {
     auto snr = settled(line);
-    if (!snr) return std::nullopt;
+    if (!snr || was_refused(line)) return std::nullopt;
+    const Line first = line;
     // Stars that a line of this height cannot be go, certain ones that may be pieces of it come.
     const auto too_bright = [&](std::size_t i) {
       return shown_[i] && height_of(i) > piece_most * line.height;
@@ -477,7 +482,16 @@ class Finder {
     }
     for (const std::size_t i : gone) show(i);
     for (const std::size_t i : come) take_away(i);
+    refused_fits_.push_back(first);
     return std::nullopt;
+  }
+
+  /// Many seeds lead to the same line.
+  [[nodiscard]] bool was_refused(const Line& line) const {
+    return std::any_of(refused_fits_.begin(), refused_fits_.end(), [&](const Line& l) {
+      return std::max({std::abs(l.x1 - line.x1), std::abs(l.y1 - line.y1), std::abs(l.x2 - line.x2),
+                       std::abs(l.y2 - line.y2)}) < same_px;
+    });
   }
 
   [[nodiscard]] std::optional<double> fit_without_stars(Line& line) {
@@ -486,7 +500,8 @@ class Finder {
         stars_near(around, [&](std::size_t i) { return shown_[i] && !taken_[i]; });
     if (stars.empty()) return std::nullopt;  // nothing new
     for (const std::size_t i : stars) take_away(i);
-    const auto snr = settled(line);
+    const bool is_lit = fitter_.nearby_significance(line) > lit_share * snr_least() * noise_at(line);
+    const auto snr = is_lit ? settled(line) : std::nullopt;
     if (snr && is_streak(line, *snr) && !are_two_stars(line)) return snr;
     for (const std::size_t i : stars) show(i);
     return std::nullopt;
@@ -496,10 +511,14 @@ class Finder {
   template <class Which>
   [[nodiscard]] std::vector<std::size_t> stars_near(const Line& l, Which&& which) const {
     std::vector<std::size_t> near;
-    const Band band(l, 2.5 * fwhm_ + 2);
-    for (std::size_t i = 0; i < field_.stars.size(); ++i) {
-      if (band.contains(field_.stars[i].x, field_.stars[i].y) && which(i)) near.push_back(i);
-    }
+    const double reach = 2.5 * fwhm_ + 2;
+    const Band band(l, reach);
+    const double margin = reach + Band::beyond_px;
+    places_.around(std::min(l.x1, l.x2) - margin, std::min(l.y1, l.y2) - margin,
+                   std::max(l.x1, l.x2) + margin, std::max(l.y1, l.y2) + margin, [&](std::size_t i) {
+                     if (band.contains(field_.stars[i].x, field_.stars[i].y) && which(i)) near.push_back(i);
+                   });
+    std::sort(near.begin(), near.end());
     return near;
   }
 
@@ -636,9 +655,7 @@ class Finder {
 
   [[nodiscard]] bool is_streak(const Line& l, double snr) {
     // Between stars that touch there is room for something short and faint.
-    if (snr < snr_least() * (l.length() < 25 ? 1.2 : 1) ||
-        l.length() < std::max(0.75 * options_.length_least_px, 1.3 * fwhm_))
-      return false;
+    if (snr < snr_least() * (l.length() < 25 ? 1.2 : 1) || l.length() < shortest_px()) return false;
     const double error = 2 / snr;
     // The sharper the optics, the more a particle's track looks like a streak; wide lines lose their flanks
     // to the high-pass.
@@ -736,14 +753,16 @@ class Finder {
   float calm_noise_adu_;
   Plane light_;  ///< without background and certain stars, in noise
   Grid<std::uint8_t> mask_;
+  PlaceIndex places_;  ///< of the stars
+  Plane filtered_;     ///< the light through the matched filter, noise 1
   LineFitter fitter_;
-  Plane filtered_;       ///< the light through the matched filter, noise 1
   Surface noise_;        ///< of the filtered light, before it was made 1
   double restless_ = 1;  ///< how many times more significant a line has to be here
   std::vector<Found> found_;
-  std::vector<Line> refused_;
-  std::vector<bool> taken_;  ///< stars that are parts of streaks
-  std::vector<bool> shown_;  ///< stars whose light is in light_
+  std::vector<Band> refused_;       ///< seeds
+  std::vector<Line> refused_fits_;  ///< what they led to
+  std::vector<bool> taken_;         ///< stars that are parts of streaks
+  std::vector<bool> shown_;         ///< stars whose light is in light_
 };
 
 }  // namespace

@@ -1,5 +1,8 @@
 #include "image/line_fit.hpp"
 
+#include <random>
+#include <set>
+
 #include <gtest/gtest.h>
 
 #include "hw_sim/sky_frame.hpp"
@@ -41,7 +44,7 @@ TEST_F(LineInNoise, SettlesOnTheWholeLineFromAPieceOfItAndBesideIt) {
   add(truth);
   Line line{70, 67, 90, 73.5};
 
-  const auto significance = fitter().settle(line, 5);
+  const auto significance = fitter().settle(line, 5, 0);
 
   ASSERT_TRUE(significance);
   EXPECT_LT(distance(line.x1, line.y1, truth.x1, truth.y1), 2);
@@ -59,7 +62,7 @@ TEST_F(LineInNoise, KeepsItsEndsWhereAMaskHidesTheMiddle) {
   }
   Line line{45, 52.5, 70, 65};
 
-  ASSERT_TRUE(fitter().settle(line, 5));
+  ASSERT_TRUE(fitter().settle(line, 5, 0));
 
   EXPECT_LT(distance(line.x1, line.y1, truth.x1, truth.y1), 2);
   EXPECT_LT(distance(line.x2, line.y2, truth.x2, truth.y2), 2);
@@ -75,7 +78,7 @@ TEST_F(LineInNoise, DoesNotReachForAStarBeyondItsEnd) {
   }
   Line line{60, 80, 80, 80};
 
-  ASSERT_TRUE(fitter().settle(line, 5));
+  ASSERT_TRUE(fitter().settle(line, 5, 0));
 
   EXPECT_LT(line.x2, 108);
 }
@@ -85,7 +88,7 @@ TEST_F(LineInNoise, LeavesEndsThatAreClearAsTheyAre) {
   add(truth);
   LineFitter fitter = this->fitter();
   Line line = truth;
-  ASSERT_TRUE(fitter.settle(line, 5));
+  ASSERT_TRUE(fitter.settle(line, 5, 0));
   const Line before = line;
 
   fitter.weigh_ends(line, 1);
@@ -134,6 +137,59 @@ TEST(PixelsAlong, AreAllWithinTheRectangleAroundALineAndNoOthers) {
         if (inside) {
           EXPECT_EQ(seen.at(x, y), 1) << x << ", " << y;
         }
+      }
+    }
+  }
+}
+
+TEST_F(LineInNoise, GivesUpALineShorterThanAskedFor) {
+  add({80, 80, 84, 80, 20});
+  Line line{70, 80, 90, 80};
+  EXPECT_FALSE(fitter().settle(line, 5, 15));
+  line = {70, 80, 90, 80};
+  EXPECT_TRUE(fitter().settle(line, 5, 0));
+}
+
+TEST_F(LineInNoise, SeesWhetherThereIsLightNearby) {
+  add({40.3, 50.2, 130.7, 95.4, 2.5});
+  LineFitter fitter = this->fitter();
+  EXPECT_GT(fitter.nearby_significance({60, 61, 100, 80.5}), 8);
+  EXPECT_LT(fitter.nearby_significance({60, 120, 100, 100}), 4);
+}
+
+TEST_F(LineInNoise, CollectsEveryPixelNearALineOnceButTheHiddenOnes) {
+  std::mt19937 random(5);  // NOLINT(bugprone-random-generator-seed): a failure must repeat
+  std::uniform_real_distribution<double> place(-30, 190);
+  for (auto& hidden : mask_.cells()) hidden = random() % 20 == 0;
+  for (auto& v : plane_.cells()) v = static_cast<float>(random() % 10000);
+  LineFitter fitter = this->fitter();
+  for (int k = 0; k < 60; ++k) {
+    Line line{place(random), place(random), place(random), place(random)};
+    if (k % 5 == 0) line.y2 = line.y1;
+    if (k % 7 == 0) line.x2 = line.x1;
+    const double length = line.length();
+    if (length < 1) continue;
+    const double reach = 1 + k % 9;
+    const double beyond = k % 4 * 3.0;
+    const LinePixels& pixels = fitter.collect(line, reach, beyond);
+    std::set<std::pair<int, int>> seen;
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const int x = static_cast<int>(pixels.x[i]);
+      const int y = static_cast<int>(pixels.y[i]);
+      ASSERT_TRUE(plane_.contains(x, y));
+      EXPECT_EQ(mask_.at(x, y), 0);
+      EXPECT_EQ(pixels.light[i], plane_.at(x, y));
+      EXPECT_TRUE(seen.emplace(x, y).second) << x << ' ' << y << " twice";
+    }
+    const double ux = (line.x2 - line.x1) / length;
+    const double uy = (line.y2 - line.y1) / length;
+    for (int y = 0; y < plane_.height(); ++y) {
+      for (int x = 0; x < plane_.width(); ++x) {
+        const double along = (x - line.x1) * ux + (y - line.y1) * uy;
+        const double across = (y - line.y1) * ux - (x - line.x1) * uy;
+        const double inside = std::min({reach - std::abs(across), along + beyond, length + beyond - along});
+        if (std::abs(inside) < 1e-6) continue;  // either way
+        ASSERT_EQ(seen.contains({x, y}), inside > 0 && mask_.at(x, y) == 0) << k << ": " << x << ' ' << y;
       }
     }
   }
