@@ -91,16 +91,21 @@ std::optional<CellStatistics> first_guess(std::vector<float>& sample, float nois
   return guess;
 }
 
+/// Of half of the rows even and odd ones: a sensor may read them differently.
+constexpr std::array<int, 2> all_rows{1, 1};
+constexpr std::array<int, 2> half_of_the_rows{3, 1};
+
 /// Mean and spread of the pixels that are near, until they settle. Cells without a first value stay so.
-/// @param row_step  1: of all rows
+/// @param steps  from one row to the next, by turns
 void settle(std::vector<CellStatistics>& cells, const Plane& pixels, const Grid<std::uint8_t>* masked,
-            const Strip& strip, float noise_least, int row_step) {
+            const Strip& strip, float noise_least, const std::array<int, 2>& steps) {
   std::vector<Moments> sums(cells.size());
   std::vector<bool> settled(cells.size());
   for (std::size_t i = 0; i < cells.size(); ++i) settled[i] = std::isnan(cells[i].level);
   for (int round = 0; round < 6; ++round) {
     std::fill(sums.begin(), sums.end(), Moments{0, 0, 0});
-    for (int y = strip.y0; y < strip.y1; y += row_step) {
+    std::size_t turn = 0;
+    for (int y = strip.y0; y < strip.y1; y += steps[turn++ % 2]) {
       for (std::size_t i = 0; i < cells.size(); ++i) {
         if (settled[i]) continue;
         const int x = strip.x[i];
@@ -316,16 +321,17 @@ SkyLevel measure_sky(const Plane& pixels, float noise_least) {
     take_samples(pixels, strip, samples);
     for (std::size_t i = 0; i < cells.size(); ++i)
       cells[i] = first_guess(samples[i], noise_least).value_or(CellStatistics{});
-    settle(cells, pixels, nullptr, strip, noise_least, 1);
+    settle(cells, pixels, nullptr, strip, noise_least, half_of_the_rows);
   });
 }
 
 SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked) {
   constexpr float least = 0.05F;
-  const int row_step = masked == nullptr ? 2 : 1;  // filtered light: every row is like the next
+  // Filtered light: every row is like the next.
+  const auto& steps = masked == nullptr ? half_of_the_rows : all_rows;
   return measure_strips(signal, least, [&](const Strip& strip, std::vector<CellStatistics>& cells) {
     std::fill(cells.begin(), cells.end(), CellStatistics{0, 1});
-    settle(cells, signal, masked, strip, least, row_step);
+    settle(cells, signal, masked, strip, least, steps);
   });
 }
 

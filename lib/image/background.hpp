@@ -35,7 +35,7 @@ struct SkyLevel {
 [[nodiscard]] SkyLevel measure_sky(const Plane& pixels, float noise_least);
 
 /// The same of a plane that is nearly level 0, noise 1 already.
-/// @param masked  pixels that do not count: not 0; nullptr: of filtered light, all of every second row
+/// @param masked  pixels that do not count: not 0; nullptr: of filtered light, half of the rows
 [[nodiscard]] SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked);
 
 /// The cell that suits a frame: 64 px, less in small frames.

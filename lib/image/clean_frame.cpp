@@ -17,6 +17,7 @@ struct Range {
   float low = std::numeric_limits<float>::infinity();
   float high = -std::numeric_limits<float>::infinity();
   bool all_finite = true;
+  std::vector<Extent> rows;
   [[nodiscard]] float span() const { return high >= low ? high - low : 0; }
 };
 
@@ -29,16 +30,18 @@ Range range_of(const Plane& pixels) {
       range.high = std::max(range.high, row.high);
     }
     range.all_finite = range.all_finite && row.all_finite;
+    range.rows.push_back(row);
   }
   return range;
 }
 
 /// A plateau at the top: pixels of the highest value that touch, well above the sky.
-bool has_plateau(const Plane& pixels, float high) {
-  const float below = std::nextafter(high, -std::numeric_limits<float>::infinity());
+bool has_plateau(const Plane& pixels, const Range& range) {
+  const float below = std::nextafter(range.high, -std::numeric_limits<float>::infinity());
   std::vector<int> at;
   int pairs = 0;
   for (int y = 0; y < pixels.height(); ++y) {
+    if (range.rows[static_cast<std::size_t>(y)].high < range.high) continue;
     find_above(pixels.row(y), below, pixels.width(), at);
     for (std::size_t i = 0; i + 1 < at.size(); ++i) {
       if (at[i + 1] == at[i] + 1 && ++pairs >= 3) return true;
@@ -104,26 +107,46 @@ bool keep_significant(std::vector<LineOffset>& lines) {
   return any;
 }
 
-void remove_fixed_pattern(Plane& signal) {
+/// Sums of the pixels near the sky, by pieces of columns and rows.
+class PatternSums {
+ public:
+  PatternSums(int width, int height)
+      : height_(height),
+        column_sums_(width, pieces),
+        column_counts_(width, pieces),
+        row_sums_(height, pieces),
+        row_counts_(height, pieces) {}
+
+  void add(int y, const float* row) {
+    const int w = column_sums_.width();
+    const int piece = y * pieces / height_;
+    for (int k = 0; k < pieces; ++k) {
+      const int from = k * w / pieces;
+      const Moments m = add_near_zero(row + from, used_most, column_sums_.row(piece) + from,
+                                      column_counts_.row(piece) + from, (k + 1) * w / pieces - from);
+      row_sums_.at(y, k) = m.sum;
+      row_counts_.at(y, k) = m.n;
+    }
+  }
+  [[nodiscard]] std::vector<LineOffset> of_columns() const {
+    return line_offsets(column_sums_, column_counts_);
+  }
+  [[nodiscard]] std::vector<LineOffset> of_rows() const { return line_offsets(row_sums_, row_counts_); }
+
+ private:
+  int height_;
+  Plane column_sums_;
+  Plane column_counts_;
+  Plane row_sums_;
+  Plane row_counts_;
+};
+
+void remove_fixed_pattern(const PatternSums& sums, Plane& signal) {
   const int w = signal.width();
   const int h = signal.height();
   if (w < 64 || h < 64) return;
-  Plane column_sums(w, pieces);
-  Plane column_counts(w, pieces);
-  Plane row_sums(h, pieces);
-  Plane row_counts(h, pieces);
-  for (int y = 0; y < h; ++y) {
-    const int piece = y * pieces / h;
-    for (int k = 0; k < pieces; ++k) {
-      const int from = k * w / pieces;
-      const Moments m = add_near_zero(signal.row(y) + from, used_most, column_sums.row(piece) + from,
-                                      column_counts.row(piece) + from, (k + 1) * w / pieces - from);
-      row_sums.at(y, k) = m.sum;
-      row_counts.at(y, k) = m.n;
-    }
-  }
-  std::vector<LineOffset> columns = line_offsets(column_sums, column_counts);
-  std::vector<LineOffset> rows = line_offsets(row_sums, row_counts);
+  std::vector<LineOffset> columns = sums.of_columns();
+  std::vector<LineOffset> rows = sums.of_rows();
   const bool by_column = keep_significant(columns);
   const bool by_row = keep_significant(rows);
   if (!by_column && !by_row) return;
@@ -227,20 +250,24 @@ float median_node(const Surface& surface) {
 void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std::uint8_t>& flaws,
                 FrameFindings& findings) {
   if (range.all_finite && range.high < saturation) return;
-  for (std::size_t i = 0; i < in.size(); ++i) {
-    const float v = in.cells()[i];
-    if (!std::isfinite(v)) {
-      flaws.cells()[i] |= flaw_invalid;
-      ++findings.invalid;
-    } else if (v >= saturation) {
-      flaws.cells()[i] |= flaw_saturated;
-      ++findings.saturated;
+  for (int y = 0; y < in.height(); ++y) {
+    const Extent& of_row = range.rows[static_cast<std::size_t>(y)];
+    if (of_row.all_finite && of_row.high < saturation) continue;
+    for (int x = 0; x < in.width(); ++x) {
+      const float v = in.at(x, y);
+      if (!std::isfinite(v)) {
+        flaws.at(x, y) |= flaw_invalid;
+        ++findings.invalid;
+      } else if (v >= saturation) {
+        flaws.at(x, y) |= flaw_saturated;
+        ++findings.saturated;
+      }
     }
   }
 }
 
-/// Takes the sky away and makes the noise 1.
-Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor) {
+/// Takes the sky away and makes the noise 1. @param sums  get the pixels of the result
+Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor, PatternSums& sums) {
   Plane signal = Plane::unset(in.width(), in.height());
   std::vector<float> level(static_cast<std::size_t>(in.width()));
   std::vector<float> noise(level.size());
@@ -248,6 +275,7 @@ Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor) {
     sky.level.row(y, level);
     if (y % noise_rows == 0) sky.noise.row(std::min(in.height() - 1, y + noise_rows / 2), noise);
     normalise(in.row(y), level.data(), noise.data(), noise_floor, signal.row(y), in.width());
+    sums.add(y, signal.row(y));
   }
   return signal;
 }
@@ -275,7 +303,7 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   float saturation = std::numeric_limits<float>::infinity();
   if (frame.saturation_adu)
     saturation = *frame.saturation_adu;
-  else if (range.span() > 0 && has_plateau(in, range.high))
+  else if (range.span() > 0 && has_plateau(in, range))
     saturation = range.high;
   CleanFrame out;
   out.flaws = Grid<std::uint8_t>(in.width(), in.height());
@@ -290,9 +318,10 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   findings.background = double(median_node(sky.level));
   findings.noise = double(median_node(sky.noise));
   const float noise_floor = std::max(noise_least, 0.2F * median_node(sky.noise));
-  out.signal = in_noise(in, sky, noise_floor);
+  PatternSums pattern(in.width(), in.height());
+  out.signal = in_noise(in, sky, noise_floor, pattern);
   out.noise_adu = sky.noise.at_least(noise_floor);
-  remove_fixed_pattern(out.signal);
+  remove_fixed_pattern(pattern, out.signal);
 
   if (auto psf = measure_psf(out.signal, out.flaws)) {
     out.psf = *std::move(psf);
