@@ -437,29 +437,18 @@ class Finder {
   void find_crowds(std::size_t known) {
     const double reach = 3 * psf_.fwhm_px();
     const double touch = 2.2 * psf_.fwhm_px();
-    const int cell = std::max(2, static_cast<int>(std::ceil(reach)));
-    Grid<std::vector<int>> places(residual_.width() / cell + 3, residual_.height() / cell + 3);
-    const auto place = [cell](double v) { return static_cast<int>(std::floor((v + 1) / cell)) + 1; };
-    for (std::size_t i = 0; i < stars_.size(); ++i)
-      places.at(place(stars_[i].x), place(stars_[i].y)).push_back(static_cast<int>(i));
+    const PlaceIndex places(stars_);
     for (std::size_t i = 0; i < stars_.size(); ++i) {
       Fitted& star = stars_[i];
       star.crowded = star.touched = false;
       star.changed = star.changed || i >= known;
-      for (int y = place(star.y) - 1; y <= place(star.y) + 1; ++y) {
-        for (int x = place(star.x) - 1; x <= place(star.x) + 1; ++x) {
-          if (!places.contains(x, y)) continue;
-          for (const int k : places.at(x, y)) {
-            const auto other = static_cast<std::size_t>(k);
-            const double distance = std::hypot(stars_[other].x - star.x, stars_[other].y - star.y);
-            if (other == i || distance > reach) continue;
-            star.crowded = true;
-            star.changed = star.changed || other >= known;
-            star.touched = star.touched || (distance < touch && stars_[other].height < 6 * star.height &&
-                                            stars_[other].height > star.height / 6);
-          }
-        }
-      }
+      places.near(star.x, star.y, reach, [&](std::size_t other, double distance) {
+        if (other == i) return;
+        star.crowded = true;
+        star.changed = star.changed || other >= known;
+        star.touched = star.touched || (distance < touch && stars_[other].height < 6 * star.height &&
+                                        stars_[other].height > star.height / 6);
+      });
     }
   }
 
