@@ -46,6 +46,24 @@ constexpr double dark_share = 1.2;
 /// it.
 constexpr int known_places = 9;
 constexpr int known_least = 4;
+/// What a line leaves of the light around it, on average of the pixels: their squares in noise, which is at
+/// least this share of its light, each up to a limit. More: something that is no line.
+constexpr double model_share_most = 0.1;
+constexpr double deviation_clip = 9;
+constexpr double deviation_most = 2.5;
+/// Pieces of a line as long as a star is wide tell something if their height is known to this share; dark
+/// ones have less than this share of the line's, and so many of them are too many.
+constexpr double piece_error_most = 0.25;
+constexpr double dark_piece = 0.4;
+constexpr double dark_pieces_most = 0.25;
+/// The least length where no star shows the width.
+constexpr double unsure_length_px = 20;
+/// Most of what lies beside a line has at most so much of its height, and all of it but one line.
+constexpr double middle_beside = 0.3;
+constexpr double second_beside = 0.4;
+/// A ray's star is so much brighter than the ray, whose nearer half is so much brighter than the farther one.
+constexpr double ray_star = 5;
+constexpr double ray_falls = 1.5;
 /// How much worse a line may fit than stars in its place, of the square of its SNR: the brighter it is, the
 /// more the model's errors count.
 constexpr double model_share = 0.005;
@@ -53,6 +71,12 @@ constexpr double model_share = 0.005;
 /// What a quarter of the frame's cells stay below.
 float calm_noise(const Surface& noise) {
   std::vector<float> nodes(noise.nodes().cells().begin(), noise.nodes().cells().end());
+  // Black corners have no noise at all, but their floor's.
+  const float floor = *std::min_element(nodes.begin(), nodes.end());
+  std::vector<float> lit;
+  std::copy_if(nodes.begin(), nodes.end(), std::back_inserter(lit),
+               [&](float v) { return v > 1.2F * floor; });
+  if (lit.size() > nodes.size() / 4) nodes = std::move(lit);
   const auto quarter = nodes.begin() + static_cast<std::ptrdiff_t>(nodes.size() / 4);
   std::nth_element(nodes.begin(), quarter, nodes.end());
   return *quarter;
@@ -602,11 +626,31 @@ class Finder {
     return n * n * 1.57 * reach * reach / static_cast<double>(light_.size());
   }
 
+  /// A part of a line: its light, weighted by the line's model, and the energy of the weights.
+  struct Part {
+    double product = 0;
+    double energy = 0;
+  };
+
+  /// Dark in between, where the noise lets it be seen: stars in a row.
+  [[nodiscard]] static bool is_interrupted(const std::vector<Part>& pieces, double height) {
+    int looked = 0;
+    int dark = 0;
+    for (const Part& piece : pieces) {
+      const double error = 1 / std::sqrt(std::max(1e-9, piece.energy));
+      if (error > piece_error_most * height) continue;
+      ++looked;
+      dark += piece.product / piece.energy < dark_piece * height - 1.5 * error;
+    }
+    return looked >= 3 && dark >= dark_pieces_most * looked;
+  }
+
   /// Lit on its whole length, by nothing sharper than the optics, and mostly seen.
   [[nodiscard]] bool is_even(const Line& l, double snr) {
     constexpr int parts = 4;
     std::array<double, parts> product{};
     std::array<double, parts> energy{};
+    std::vector<Part> pieces(static_cast<std::size_t>(std::max(1.0, l.length() / fwhm_)));
     double seen = 0;
     double all = 0;
     double spikes = 0;
@@ -617,14 +661,25 @@ class Finder {
     const double length = std::max(1e-3, l.length());
     const double ux = (l.x2 - l.x1) / length;
     const double uy = (l.y2 - l.y1) / length;
+    double deviation = 0;
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       const double m = double(heights[i]);
       seen += m;
+      const double model = l.height * m;
+      const double r = double(pixels.light[i]) - model;
+      const double variance = 1 + field_.shot * model + model_share_most * model_share_most * model * model;
+      deviation += std::min(r * r / variance, deviation_clip);
       const double t = ((double(pixels.x[i]) - l.x1) * ux + (double(pixels.y[i]) - l.y1) * uy) / length;
       const auto part = static_cast<std::size_t>(std::clamp(static_cast<int>(t * parts), 0, parts - 1));
       product[part] += m * double(pixels.light[i]);
       energy[part] += m * m;
+      const auto piece =
+          static_cast<std::size_t>(std::clamp(t, 0.0, 0.999) * static_cast<double>(pieces.size()));
+      pieces[piece].product += m * double(pixels.light[i]);
+      pieces[piece].energy += m * m;
     }
+    if (deviation > deviation_most * static_cast<double>(pixels.size())) return false;
+    if (is_interrupted(pieces, l.height)) return false;
     const double narrow = 0.5 / (sigma_ * sigma_ * l.scale * l.scale);
     for_pixels_along(l, light_.width(), light_.height(), reach, 0, [&](int x, int y, double, double across) {
       const double m = std::exp(-across * across * narrow);
@@ -661,22 +716,57 @@ class Finder {
     // to the high-pass.
     const double narrowest = fwhm_ < 1.8 ? 0.92 : 0.85;
     if (l.scale > 1.2 + error || l.scale < narrowest - error) return false;
-    return is_even(l, snr) && (l.length() < 25 || stands_out(l, snr));
+    return is_even(l, snr) && stands_out(l, snr) && !is_ray_of_star(l);
   }
 
-  /// Beside what lines next to it show: in crowds of faint stars every line has some light.
+  /// Beside what lines next to it show: a ridge of something wide, and in crowds of faint stars every line,
+  /// has light there too.
   [[nodiscard]] bool stands_out(const Line& l, double snr) {
     std::vector<double> beside = fitter_.heights_beside(l);
     if (beside.size() < 3) return true;
     std::sort(beside.begin(), beside.end());
     const double middle = beside[beside.size() / 2];
-    // Without the highest, which may be a star. The high-pass may have darkened all of them.
+    const double second = beside[beside.size() - 2];  // the highest may be a star
+    if (middle > middle_beside * l.height || second > second_beside * l.height) return false;
+    if (l.length() < 25) return true;
+    // The high-pass may have darkened all of them.
     const double level = std::min(0.0, middle);
     double squares = 0;
     for (std::size_t i = 0; i + 1 < beside.size(); ++i) squares += (beside[i] - level) * (beside[i] - level);
     const double spread = std::sqrt(squares / static_cast<double>(beside.size() - 1));
     const double error = l.height / snr;
     return l.height - std::max(0.0, middle) > std::max(5 * error, 3 * spread);
+  }
+
+  /// What a telescope's struts, a lens or an overexposed column make of a much brighter star: light that
+  /// falls off along the line, away from it.
+  [[nodiscard]] bool is_ray_of_star(const Line& l) {
+    const double length = std::max(1e-6, l.length());
+    const double ux = (l.x2 - l.x1) / length;
+    const double uy = (l.y2 - l.y1) / length;
+    const auto along = [&](double x, double y) { return (x - l.x1) * ux + (y - l.y1) * uy; };
+    const Band band(l, 0.7 * fwhm_ + 1.5);
+    double brightest = ray_star * l.height;
+    std::optional<double> source;
+    for (const std::size_t i :
+         stars_near(l, [&](std::size_t k) { return band.contains(field_.stars[k].x, field_.stars[k].y); })) {
+      if (height_of(i) > brightest)
+        brightest = height_of(i), source = along(field_.stars[i].x, field_.stars[i].y);
+    }
+    if (!source) return false;
+    const double farthest = std::max(std::abs(*source), std::abs(length - *source));
+    const LinePixels& pixels = fitter_.collect(l, fitter_.reach_px(l), 0);
+    std::vector<float> heights;
+    line_heights(fitter_.shape_of(l), pixels, heights);
+    Part near, far;
+    for (std::size_t i = 0; i < pixels.size(); ++i) {
+      const double t = along(double(pixels.x[i]), double(pixels.y[i]));
+      Part& part = std::abs(t - *source) < farthest / 2 ? near : far;
+      part.product += double(heights[i]) * double(pixels.light[i]);
+      part.energy += double(heights[i]) * double(heights[i]);
+    }
+    return near.energy > 0 && far.energy > 0 &&
+           near.product / near.energy > ray_falls * std::max(0.0, far.product / far.energy);
   }
 
   // --- all of them ---

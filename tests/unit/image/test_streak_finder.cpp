@@ -154,6 +154,86 @@ TEST(StreakFinder, TakesTheBlocksOfAStronglyCodedFrameForNoStreaks) {
   EXPECT_TRUE(streaks_in(frame).empty());
 }
 
+/// Struts in front of a mirror, a lens, an overexposed column.
+TEST(StreakFinder, TakesTheRaysOfABrightStarForNoStreaks) {
+  for (const double turned : {0.0, 0.4}) {
+    SkyScene scene = small_scene(2.2, 81);
+    std::vector<SkyStar> stars = lattice(scene, 50, 57.9);
+    stars.push_back({163.3, 118.6, hw_sim::flux_for_snr(scene, 163.3, 118.6, 3000)});
+    Frame frame = frame_of(scene, stars);
+    for (int y = 0; y < scene.height; ++y) {
+      for (int x = 0; x < scene.width; ++x) {
+        const double dx = (x - 163.3) * std::cos(turned) + (y - 118.6) * std::sin(turned);
+        const double dy = (y - 118.6) * std::cos(turned) - (x - 163.3) * std::sin(turned);
+        const auto ray = [](double along, double across) {
+          return 600 * std::exp(-std::abs(along) / 12 - across * across / 2);
+        };
+        frame.pixels.at(x, y) += static_cast<float>(ray(dx, dy) + ray(dy, dx));
+      }
+    }
+    EXPECT_TRUE(streaks_in(frame).empty()) << turned;
+  }
+}
+
+TEST(StreakFinder, FindsNoneInAGalaxySeenFromTheSide) {
+  for (const double sigma : {3.0, 5.0, 8.0}) {
+    SkyScene scene = small_scene(2.2, 82);
+    Frame frame = frame_of(scene, lattice(scene, 50, 57.9));
+    for (int y = 0; y < scene.height; ++y) {
+      for (int x = 0; x < scene.width; ++x) {
+        const double dx = (x - 160) * 0.8 + (y - 120) * 0.6;
+        const double dy = (y - 120) * 0.8 - (x - 160) * 0.6;
+        frame.pixels.at(x, y) +=
+            static_cast<float>(400 * std::exp(-dx * dx / (2 * 35 * 35) - dy * dy / (2 * sigma * sigma)));
+      }
+    }
+    EXPECT_TRUE(streaks_in(frame).empty()) << sigma;
+  }
+}
+
+TEST(StreakFinder, TakesStarsInARowForNoStreak) {
+  for (const double spacing : {3.5, 4.5, 6.0}) {
+    SkyScene scene = small_scene(2.2, 83);
+    std::vector<SkyStar> stars = lattice(scene, 50, 57.9);
+    for (int k = 0; k < 6; ++k) {
+      const double x = 140 + k * spacing * 0.94;
+      const double y = 95 + k * spacing * 0.34;
+      stars.push_back({x, y, hw_sim::flux_for_snr(scene, x, y, 60)});
+    }
+    EXPECT_TRUE(streaks_in(frame_of(scene, stars)).empty()) << spacing;
+  }
+}
+
+TEST(StreakFinder, FindsStreaksOfAnyBrightnessBesideStars) {
+  for (const double snr : {15.0, 100.0, 600.0, 2000.0}) {
+    SkyScene scene = small_scene(2.2, 84);
+    const SkyStreak truth = with_snr(scene, {60.3, 60.2, 219.7, 140.4, 0}, snr);
+
+    const std::vector<Streak> found =
+        streaks_in(frame_of(scene, beside(lattice(scene, 50, 57.9), truth), {truth}));
+
+    ASSERT_EQ(found.size(), 1U) << snr;
+    EXPECT_LT(end_error(found[0], truth), 8) << snr;
+  }
+}
+
+/// What a lens leaves dark, or a mask.
+TEST(StreakFinder, FindsThemBesideBlackCorners) {
+  SkyScene scene = small_scene(2.2, 85);
+  const SkyStreak truth = with_snr(scene, {120, 90, 200, 130, 0}, 40);
+  Frame frame = frame_of(scene, beside(lattice(scene, 50, 57.9), truth), {truth});
+  for (int y = 0; y < scene.height; ++y) {
+    for (int x = 0; x < scene.width; ++x) {
+      if (std::hypot(x - 160, y - 120) > 115) frame.pixels.at(x, y) = 300;
+    }
+  }
+
+  const std::vector<Streak> found = streaks_in(frame);
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 3);
+}
+
 TEST(StreakFinder, MakesOneOfPiecesThatAStarSeparates) {
   SkyScene scene = small_scene(2.2, 79);
   const SkyStreak truth = with_snr(scene, {60, 60, 220, 140, 0}, 60);
