@@ -38,21 +38,21 @@ struct Strip {
 void take_samples(const Plane& pixels, const Strip& strip, std::vector<std::vector<float>>& samples) {
   samples.resize(strip.cells());
   std::vector<int> steps(strip.cells());
-  std::vector<int> next(strip.cells());  // pixel of the cell, counted row by row
+  std::vector<int> upcoming(strip.cells());  // pixel of the cell, counted row by row
   for (std::size_t i = 0; i < strip.cells(); ++i) {
     samples[i].clear();
     const int size = (strip.x[i + 1] - strip.x[i]) * (strip.y1 - strip.y0);
     const int step = std::max(1, size / sample_of_cell);
     steps[i] = step + (step % 2 == 0 ? 1 : 0);  // an odd one visits all columns and rows
-    next[i] = step / 2;
+    upcoming[i] = step / 2;
   }
   for (int y = strip.y0; y < strip.y1; ++y) {
     const float* row = pixels.row(y);
     for (std::size_t i = 0; i < strip.cells(); ++i) {
       const int width = strip.x[i + 1] - strip.x[i];
       const int first = (y - strip.y0) * width;
-      for (; next[i] < first + width; next[i] += steps[i]) {
-        const float v = row[strip.x[i] + next[i] - first];
+      for (; upcoming[i] < first + width; upcoming[i] += steps[i]) {
+        const float v = row[strip.x[i] + upcoming[i] - first];
         if (std::isfinite(v)) samples[i].push_back(v);
       }
     }
