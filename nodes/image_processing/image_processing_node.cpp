@@ -46,7 +46,7 @@ ImageProcessingNode::ImageProcessingNode(ros::NodeContext& context) : LifecycleN
                     "Size of all products on board; the oldest task's go first", true);
   declare_parameter(
       "frame_pixels_max", std::int64_t{6'000'000}, ros::ParameterRange{256, image::frame_pixels_max},
-      "Larger frames are refused; one takes 40 octets a pixel of the node's memory while it is processed",
+      "Larger frames are refused; one takes 22 octets a pixel of the node's memory while it is processed",
       true);
 }
 
