@@ -94,11 +94,14 @@ std::optional<CellStatistics> first_guess(std::vector<float>& sample, float nois
 /// Of half of the rows even and odd ones: a sensor may read them differently.
 constexpr std::array<int, 2> all_rows{1, 1};
 constexpr std::array<int, 2> half_of_the_rows{3, 1};
+/// A cell of fewer rows needs all of them.
+constexpr int rows_least = 32;
 
 /// Mean and spread of the pixels that are near, until they settle. Cells without a first value stay so.
-/// @param steps  from one row to the next, by turns
+/// @param enough  half of the rows will do
 void settle(std::vector<CellStatistics>& cells, const Plane& pixels, const Grid<std::uint8_t>* masked,
-            const Strip& strip, float noise_least, const std::array<int, 2>& steps) {
+            const Strip& strip, float noise_least, bool enough) {
+  const auto& steps = enough && strip.y1 - strip.y0 >= rows_least ? half_of_the_rows : all_rows;
   std::vector<Moments> sums(cells.size());
   std::vector<bool> settled(cells.size());
   for (std::size_t i = 0; i < cells.size(); ++i) settled[i] = std::isnan(cells[i].level);
@@ -321,17 +324,16 @@ SkyLevel measure_sky(const Plane& pixels, float noise_least) {
     take_samples(pixels, strip, samples);
     for (std::size_t i = 0; i < cells.size(); ++i)
       cells[i] = first_guess(samples[i], noise_least).value_or(CellStatistics{});
-    settle(cells, pixels, nullptr, strip, noise_least, half_of_the_rows);
+    settle(cells, pixels, nullptr, strip, noise_least, true);
   });
 }
 
 SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked) {
   constexpr float least = 0.05F;
-  // Filtered light: every row is like the next.
-  const auto& steps = masked == nullptr ? half_of_the_rows : all_rows;
+  const bool filtered = masked == nullptr;  // every row is like the next
   return measure_strips(signal, least, [&](const Strip& strip, std::vector<CellStatistics>& cells) {
     std::fill(cells.begin(), cells.end(), CellStatistics{0, 1});
-    settle(cells, signal, masked, strip, least, steps);
+    settle(cells, signal, masked, strip, least, filtered);
   });
 }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -17,12 +18,21 @@ struct Range {
   float low = std::numeric_limits<float>::infinity();
   float high = -std::numeric_limits<float>::infinity();
   bool all_finite = true;
-  std::vector<Extent> rows;
+  /// Of so many rows each, at most `groups_most` of them: the highest value, infinity where one has none.
+  int rows_of_group = 1;
+  std::vector<float> highest;
+
+  static constexpr int groups_most = 4096;
   [[nodiscard]] float span() const { return high >= low ? high - low : 0; }
+  [[nodiscard]] float highest_near(int row) const {
+    return highest[static_cast<std::size_t>(row / rows_of_group)];
+  }
 };
 
 Range range_of(const Plane& pixels) {
+  constexpr float infinite = std::numeric_limits<float>::infinity();
   Range range;
+  range.rows_of_group = pixels.height() / Range::groups_most + 1;
   for (int y = 0; y < pixels.height(); ++y) {
     const Extent row = extent_of(pixels.row(y), pixels.width());
     if (row.low <= row.high) {
@@ -30,7 +40,8 @@ Range range_of(const Plane& pixels) {
       range.high = std::max(range.high, row.high);
     }
     range.all_finite = range.all_finite && row.all_finite;
-    range.rows.push_back(row);
+    if (y % range.rows_of_group == 0) range.highest.push_back(-infinite);
+    range.highest.back() = std::max(range.highest.back(), row.all_finite ? row.high : infinite);
   }
   return range;
 }
@@ -41,7 +52,7 @@ bool has_plateau(const Plane& pixels, const Range& range) {
   std::vector<int> at;
   int pairs = 0;
   for (int y = 0; y < pixels.height(); ++y) {
-    if (range.rows[static_cast<std::size_t>(y)].high < range.high) continue;
+    if (range.highest_near(y) < range.high) continue;
     find_above(pixels.row(y), below, pixels.width(), at);
     for (std::size_t i = 0; i + 1 < at.size(); ++i) {
       if (at[i + 1] == at[i] + 1 && ++pairs >= 3) return true;
@@ -57,9 +68,10 @@ struct LineOffset {
   float error = 0;
 };
 
-constexpr int pieces = 8;       ///< of a column or row
-constexpr int around_px = 8;    ///< columns or rows on each side that an offset is measured against
-constexpr float used_most = 3;  ///< pixels further from the sky do not count, in noise
+constexpr int pattern_least_px = 64;  ///< width and height of a frame whose pattern is looked for
+constexpr int pieces = 8;             ///< of a column or row
+constexpr int around_px = 8;          ///< columns or rows on each side that an offset is measured against
+constexpr float used_most = 3;        ///< pixels further from the sky do not count, in noise
 
 /// @param sums, counts  of each line's pixels within used_most, piece by piece
 std::vector<LineOffset> line_offsets(const Plane& sums, const Plane& counts) {
@@ -144,7 +156,6 @@ class PatternSums {
 void remove_fixed_pattern(const PatternSums& sums, Plane& signal) {
   const int w = signal.width();
   const int h = signal.height();
-  if (w < 64 || h < 64) return;
   std::vector<LineOffset> columns = sums.of_columns();
   std::vector<LineOffset> rows = sums.of_rows();
   const bool by_column = keep_significant(columns);
@@ -251,8 +262,7 @@ void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std:
                 FrameFindings& findings) {
   if (range.all_finite && range.high < saturation) return;
   for (int y = 0; y < in.height(); ++y) {
-    const Extent& of_row = range.rows[static_cast<std::size_t>(y)];
-    if (of_row.all_finite && of_row.high < saturation) continue;
+    if (range.highest_near(y) < saturation) continue;
     for (int x = 0; x < in.width(); ++x) {
       const float v = in.at(x, y);
       if (!std::isfinite(v)) {
@@ -267,7 +277,7 @@ void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std:
 }
 
 /// Takes the sky away and makes the noise 1. @param sums  get the pixels of the result
-Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor, PatternSums& sums) {
+Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor, std::optional<PatternSums>& sums) {
   Plane signal = Plane::unset(in.width(), in.height());
   std::vector<float> level(static_cast<std::size_t>(in.width()));
   std::vector<float> noise(level.size());
@@ -275,7 +285,7 @@ Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor, PatternS
     sky.level.row(y, level);
     if (y % noise_rows == 0) sky.noise.row(std::min(in.height() - 1, y + noise_rows / 2), noise);
     normalise(in.row(y), level.data(), noise.data(), noise_floor, signal.row(y), in.width());
-    sums.add(y, signal.row(y));
+    if (sums) sums->add(y, signal.row(y));
   }
   return signal;
 }
@@ -318,10 +328,12 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   findings.background = double(median_node(sky.level));
   findings.noise = double(median_node(sky.noise));
   const float noise_floor = std::max(noise_least, 0.2F * median_node(sky.noise));
-  PatternSums pattern(in.width(), in.height());
+  std::optional<PatternSums> pattern;
+  if (in.width() >= pattern_least_px && in.height() >= pattern_least_px)
+    pattern.emplace(in.width(), in.height());
   out.signal = in_noise(in, sky, noise_floor, pattern);
   out.noise_adu = sky.noise.at_least(noise_floor);
-  remove_fixed_pattern(pattern, out.signal);
+  if (pattern) remove_fixed_pattern(*pattern, out.signal);
 
   if (auto psf = measure_psf(out.signal, out.flaws)) {
     out.psf = *std::move(psf);

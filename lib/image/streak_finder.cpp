@@ -57,7 +57,7 @@ constexpr double piece_error_most = 0.25;
 constexpr double dark_piece = 0.4;
 constexpr double dark_pieces_most = 0.25;
 /// The least length where no star shows the width.
-constexpr double unsure_length_px = 20;
+constexpr double unsure_length_px = 16;
 /// Most of what lies beside a line has at most so much of its height, and all of it but one line.
 constexpr double middle_beside = 0.3;
 constexpr double second_beside = 0.4;
@@ -71,11 +71,10 @@ constexpr double model_share = 0.005;
 /// What a quarter of the frame's cells stay below.
 float calm_noise(const Surface& noise) {
   std::vector<float> nodes(noise.nodes().cells().begin(), noise.nodes().cells().end());
-  // Black corners have no noise at all, but their floor's.
+  // Black corners have no noise at all, but exactly the floor's.
   const float floor = *std::min_element(nodes.begin(), nodes.end());
   std::vector<float> lit;
-  std::copy_if(nodes.begin(), nodes.end(), std::back_inserter(lit),
-               [&](float v) { return v > 1.2F * floor; });
+  std::copy_if(nodes.begin(), nodes.end(), std::back_inserter(lit), [&](float v) { return v > floor; });
   if (lit.size() > nodes.size() / 4) nodes = std::move(lit);
   const auto quarter = nodes.begin() + static_cast<std::ptrdiff_t>(nodes.size() / 4);
   std::nth_element(nodes.begin(), quarter, nodes.end());
@@ -449,6 +448,7 @@ class Finder {
     if (snr) {
       found_.push_back({line, *snr});
       hide(line, 1);
+      refused_fits_.clear();  // what crosses this one may be a streak without it
     } else {
       refused_.emplace_back(seed, sigma_ + 2);
     }
@@ -465,7 +465,11 @@ class Finder {
 
   [[nodiscard]] double snr_least() const { return options_.snr_least * restless_; }
 
-  [[nodiscard]] double shortest_px() const { return std::max(0.75 * options_.length_least_px, 1.3 * fwhm_); }
+  [[nodiscard]] double shortest_px() const {
+    const double visible = std::max(0.75 * options_.length_least_px, 1.3 * fwhm_);
+    // Where no star says how sharp the optics are, a short one may be a star. Other frames can tell.
+    return !clean_.psf_measured && options_.caution > 0 ? std::max(visible, unsure_length_px) : visible;
+  }
 
   [[nodiscard]] double noise_at(const Line& l) const {
     return std::max(0.5, double(noise_.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2)));
@@ -537,7 +541,7 @@ class Finder {
     std::vector<std::size_t> near;
     const double reach = 2.5 * fwhm_ + 2;
     const Band band(l, reach);
-    const double margin = reach + Band::beyond_px;
+    const double margin = 2 * reach + Band::beyond_px;  // the band's corners, whichever way it lies
     places_.around(std::min(l.x1, l.x2) - margin, std::min(l.y1, l.y2) - margin,
                    std::max(l.x1, l.x2) + margin, std::max(l.y1, l.y2) + margin, [&](std::size_t i) {
                      if (band.contains(field_.stars[i].x, field_.stars[i].y) && which(i)) near.push_back(i);
