@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <ctime>
 #include <filesystem>
 #include <stdexcept>
@@ -45,7 +46,9 @@ class TemporaryFolder {
       const Fd owner = lock(entry.path());
       struct stat folder {};
       if (!owner || ::fstat(owner.get(), &folder) != 0 || folder.st_uid != ::geteuid()) continue;
-      if (std::time(nullptr) - folder.st_mtime >= youngest_s) remove(entry.path());
+      // std::time() is up to a clock tick behind what the kernel writes to files.
+      const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+      if (now - folder.st_mtime >= youngest_s) remove(entry.path());
     }
   }
 

@@ -91,6 +91,69 @@ std::optional<CellStatistics> first_guess(std::vector<float>& sample, float nois
   return guess;
 }
 
+/// Whether a cell's values up to a limit change from one pixel to the next as noise does; light of whatever
+/// stands in the sky is alike there.
+bool is_noise(const Plane& pixels, const Strip& strip, std::size_t cell, float lowest, float most,
+              float deviation) {
+  constexpr double change_least = 0.4;  // of what independent values change by
+  double squares = 0;
+  double count = 0;
+  for (int y = strip.y0; y < strip.y1; y += 2) {
+    const float* row = pixels.row(y);
+    for (int x = strip.x[cell]; x + 1 < strip.x[cell + 1]; ++x) {
+      const auto counts = [&](float v) { return v >= lowest && v <= most; };
+      if (!counts(row[x]) || !counts(row[x + 1])) continue;
+      const double change = double(row[x + 1]) - double(row[x]);
+      squares += change * change, ++count;
+    }
+  }
+  return squares > change_least * 2 * count * double(deviation) * double(deviation);
+}
+
+/// Of a cell whose values are cut off.
+struct CutCell {
+  CellStatistics is;
+  bool is_noise;
+};
+
+/// Of a sky whose dark side is cut off, at 0 of a picture mostly: many values are exactly the lowest of the
+/// frame, and clipping by spread would go on narrowing what is left. The upper tail still has its width.
+/// @return nothing where the sky is whole
+std::optional<CutCell> of_cut_sky(const Plane& pixels, const Strip& strip, std::size_t cell,
+                                  std::vector<float>& sample, float lowest, float noise_least) {
+  constexpr double cut_least = 0.2;
+  constexpr double faint_least = 0.1;
+  constexpr float tail_share = 1;  ///< skewed light, summed, exceeds a limit more often than a Gaussian
+  const auto n = static_cast<double>(sample.size());
+  if (sample.size() < sample_least) return std::nullopt;
+  if (static_cast<double>(std::count(sample.begin(), sample.end(), lowest)) < cut_least * n)
+    return std::nullopt;
+  std::sort(sample.begin(), sample.end());
+  const auto at = [&](double share) { return sample[static_cast<std::size_t>(share * (n - 1))]; };
+  if (sample.back() == lowest) return std::nullopt;  // no light at all
+  // One and two spreads above the level.
+  const float spread = std::max(at(0.977) - at(0.841), wider_at_first * noise_least);
+  const float most = std::max(at(0.841) - spread, lowest) + 4 * spread;
+  if (!std::isfinite(most) || !std::isfinite(most - lowest)) return std::nullopt;
+  // Something dark beside a whole sky leaves a gap between their values.
+  const auto lit = std::upper_bound(sample.begin(), sample.end(), lowest);
+  const auto faint =
+      std::upper_bound(lit, sample.end(), lowest + std::max(spread / 2, wider_at_first * noise_least));
+  if (static_cast<double>(faint - lit) < faint_least * static_cast<double>(sample.end() - lit))
+    return std::nullopt;
+  double sum = 0, squares = 0, count = 0;
+  for (const float v : sample) {
+    if (v > most) break;
+    const double d = double(v) - double(lowest);
+    sum += d, squares += d * d, ++count;
+  }
+  const double mean = sum / count;
+  const auto deviation = static_cast<float>(std::sqrt(std::max(0.0, squares / count - mean * mean)));
+  const CellStatistics is{lowest + static_cast<float>(mean), std::max(deviation, tail_share * spread)};
+  if (!std::isfinite(is.level) || !std::isfinite(is.noise)) return std::nullopt;
+  return CutCell{is, is_noise(pixels, strip, cell, lowest, most, deviation)};
+}
+
 /// Of half of the rows even and odd ones: a sensor may read them differently.
 constexpr std::array<int, 2> all_rows{1, 1};
 constexpr std::array<int, 2> half_of_the_rows{3, 1};
@@ -194,8 +257,9 @@ void smooth(Plane& nodes, const Plane* tolerance) {
 }
 
 /// @param measure  (strip, one CellStatistics a cell, to be set)
-template <class Measure>
-SkyLevel measure_strips(const Plane& pixels, float noise_least, Measure&& measure) {
+/// @param correct  (level, noise) of all cells, before they are smoothed
+template <class Measure, class Correct>
+SkyLevel measure_strips(const Plane& pixels, float noise_least, Measure&& measure, Correct&& correct) {
   const int cell_px = sky_cell_px(pixels.width(), pixels.height());
   const int columns = (pixels.width() + cell_px - 1) / cell_px;
   const int rows = (pixels.height() + cell_px - 1) / cell_px;
@@ -214,6 +278,7 @@ SkyLevel measure_strips(const Plane& pixels, float noise_least, Measure&& measur
       noise.at(i, j) = cells[static_cast<std::size_t>(i)].noise;
     }
   }
+  correct(level, noise);
   fill_unknown(level);
   fill_unknown(noise);
   smooth(noise, nullptr);
@@ -283,6 +348,12 @@ Surface Surface::at_least(float value) const {
   return {std::move(nodes), cell_px_};
 }
 
+Surface Surface::times(const Surface& other) const {
+  Plane nodes = nodes_;
+  for (std::size_t i = 0; i < nodes.size(); ++i) nodes.cells()[i] *= other.nodes_.cells()[i];
+  return {std::move(nodes), cell_px_};
+}
+
 void Surface::row(int y, std::vector<float>& out) const {
   const auto [j, ty] = between(static_cast<float>(y), cell_px_);
   const auto wy = cubic_weights(ty);
@@ -318,23 +389,36 @@ float Surface::at(double x, double y) const {
   return top * (1 - ty) + bottom * ty;
 }
 
-SkyLevel measure_sky(const Plane& pixels, float noise_least) {
+SkyLevel measure_sky(const Plane& pixels, float lowest, float noise_least) {
   std::vector<std::vector<float>> samples;
-  return measure_strips(pixels, noise_least, [&](const Strip& strip, std::vector<CellStatistics>& cells) {
+  std::vector<std::optional<CutCell>> cut;
+  const auto measure = [&](const Strip& strip, std::vector<CellStatistics>& cells) {
     take_samples(pixels, strip, samples);
-    for (std::size_t i = 0; i < cells.size(); ++i)
+    for (std::size_t i = 0; i < cells.size(); ++i) {
       cells[i] = first_guess(samples[i], noise_least).value_or(CellStatistics{});
+      cut.push_back(of_cut_sky(pixels, strip, i, samples[i], lowest, noise_least));
+    }
     settle(cells, pixels, nullptr, strip, noise_least, true);
-  });
+  };
+  // Only where most of the frame is noise: of pictures that were made dark, what is left is light.
+  const auto correct = [&](Plane& level, Plane& noise) {
+    const auto noisy = std::count_if(cut.begin(), cut.end(), [](const auto& c) { return c && c->is_noise; });
+    if (2 * noisy <= std::ssize(cut)) return;
+    for (std::size_t i = 0; i < cut.size(); ++i) {
+      if (cut[i]) level.cells()[i] = cut[i]->is.level, noise.cells()[i] = cut[i]->is.noise;
+    }
+  };
+  return measure_strips(pixels, noise_least, measure, correct);
 }
 
 SkyLevel measure_flattened(const Plane& signal, const Grid<std::uint8_t>* masked) {
   constexpr float least = 0.05F;
   const bool filtered = masked == nullptr;  // every row is like the next
-  return measure_strips(signal, least, [&](const Strip& strip, std::vector<CellStatistics>& cells) {
+  const auto measure = [&](const Strip& strip, std::vector<CellStatistics>& cells) {
     std::fill(cells.begin(), cells.end(), CellStatistics{0, 1});
     settle(cells, signal, masked, strip, least, filtered);
-  });
+  };
+  return measure_strips(signal, least, measure, [](Plane&, Plane&) {});
 }
 
 }  // namespace srfs::image

@@ -16,6 +16,8 @@ class Surface {
   [[nodiscard]] float at(double x, double y) const;
   [[nodiscard]] const Plane& nodes() const { return nodes_; }
   [[nodiscard]] Surface at_least(float value) const;
+  /// @pre of the same frame size
+  [[nodiscard]] Surface times(const Surface& other) const;
 
  private:
   Plane nodes_;
@@ -31,8 +33,9 @@ struct SkyLevel {
 
 /// Measures every cell by clipped statistics, then smooths over neighbouring cells by median. Pixels that are
 /// not finite do not count; cells without enough of them get their neighbours' values.
+/// @param lowest  value of the frame: what many pixels have may stand for less than it
 /// @param noise_least  what the noise is at least: quantisation
-[[nodiscard]] SkyLevel measure_sky(const Plane& pixels, float noise_least);
+[[nodiscard]] SkyLevel measure_sky(const Plane& pixels, float lowest, float noise_least);
 
 /// The same of a plane that is nearly level 0, noise 1 already.
 /// @param masked  pixels that do not count: not 0; nullptr: of filtered light, half of the rows

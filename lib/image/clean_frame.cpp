@@ -61,59 +61,83 @@ bool has_plateau(const Plane& pixels, const Range& range) {
   return false;
 }
 
-/// How far a column or row is off its neighbours, in noise: the middle of what its pieces say, so that a
-/// streak along it, shorter than half of it, says nothing.
+float median_node(const Surface& surface) {
+  std::vector<float> nodes(surface.nodes().cells().begin(), surface.nodes().cells().end());
+  return median_of(nodes);
+}
+
+/// How far a column or row is off its neighbours, in ADU: the middle of what its pieces say, so that a streak
+/// along it, shorter than half of it, says nothing.
 struct LineOffset {
   float value = 0;
-  float error = 0;
+  float error = std::numeric_limits<float>::infinity();
 };
 
 constexpr int pattern_least_px = 64;  ///< width and height of a frame whose pattern is looked for
 constexpr int pieces = 8;             ///< of a column or row
-constexpr int around_px = 8;          ///< columns or rows on each side that an offset is measured against
-constexpr float used_most = 3;        ///< pixels further from the sky do not count, in noise
+/// Columns or rows on each side that an offset is measured against: the nearest tell a pattern from what the
+/// sky's level left behind, many have little pattern on average.
+constexpr int near_px = 8;
+constexpr int around_px = 32;
+constexpr float used_most = 3;  ///< pixels further from the sky do not count, in noise
+/// What is left of large offsets, of which most pixels did not count, and of the neighbours' own.
+constexpr int pattern_rounds = 3;
 
-/// @param sums, counts  of each line's pixels within used_most, piece by piece
-std::vector<LineOffset> line_offsets(const Plane& sums, const Plane& counts) {
+/// @param sums, counts  of each line's pixels within used_most, piece by piece, in noise
+/// @param noise_adu  of the pieces
+/// @param around  lines on each side
+std::vector<LineOffset> line_offsets(const Plane& sums, const Plane& counts, const Plane& noise_adu,
+                                     int around) {
   const int lines = sums.width();
   Plane offsets(lines, pieces);
   for (int k = 0; k < pieces; ++k) {
     float sum = 0;
     float n = 0;
-    for (int i = 0; i < std::min(lines, around_px); ++i) sum += sums.at(i, k), n += counts.at(i, k);
+    for (int i = 0; i < std::min(lines, around); ++i) sum += sums.at(i, k), n += counts.at(i, k);
     for (int i = 0; i < lines; ++i) {
-      if (i + around_px < lines) sum += sums.at(i + around_px, k), n += counts.at(i + around_px, k);
-      if (i > around_px) sum -= sums.at(i - around_px - 1, k), n -= counts.at(i - around_px - 1, k);
+      if (i + around < lines) sum += sums.at(i + around, k), n += counts.at(i + around, k);
+      if (i > around) sum -= sums.at(i - around - 1, k), n -= counts.at(i - around - 1, k);
       const float others = std::max(1.0F, n - counts.at(i, k));
-      offsets.at(i, k) = sums.at(i, k) / std::max(1.0F, counts.at(i, k)) - (sum - sums.at(i, k)) / others;
+      const float off = sums.at(i, k) / std::max(1.0F, counts.at(i, k)) - (sum - sums.at(i, k)) / others;
+      offsets.at(i, k) = off * noise_adu.at(i, k);
     }
   }
   std::vector<LineOffset> result(static_cast<std::size_t>(lines));
   std::vector<float> of_line(pieces);
   for (int i = 0; i < lines; ++i) {
     float n = 0;
-    for (int k = 0; k < pieces; ++k)
-      of_line[static_cast<std::size_t>(k)] = offsets.at(i, k), n += counts.at(i, k);
+    float noise = 0;
+    for (int k = 0; k < pieces; ++k) {
+      of_line[static_cast<std::size_t>(k)] = offsets.at(i, k);
+      n += counts.at(i, k);
+      noise += noise_adu.at(i, k) / pieces;
+    }
     std::sort(of_line.begin(), of_line.end());
+    LineOffset& line = result[static_cast<std::size_t>(i)];
     // The mean of the four in the middle scatters by 1.1 of what the mean of all does.
-    const float middle = (of_line[2] + of_line[3] + of_line[4] + of_line[5]) / 4;
-    result[static_cast<std::size_t>(i)] = {middle, n > 30 ? 1.13F / std::sqrt(n) : 1e9F};
+    line.value = (of_line[2] + of_line[3] + of_line[4] + of_line[5]) / 4;
+    if (n > 30) line.error = 1.13F * noise / std::sqrt(n);
   }
   return result;
 }
 
-/// What to take away from each line: only where it is more than the pixels' noise makes. @return whether any
-bool keep_significant(std::vector<LineOffset>& lines) {
+/// Whether most lines are off by more than the pixels' noise makes.
+bool is_pattern(const std::vector<LineOffset>& lines) {
   std::vector<float> scaled;
   for (const LineOffset& l : lines) {
-    if (l.error < 1) scaled.push_back(std::abs(l.value) / l.error);
+    if (std::isfinite(l.error)) scaled.push_back(std::abs(l.value) / l.error);
   }
   // 1 within a random error: 0.6745 is the median of a normal distribution's size.
-  const bool pattern = scaled.size() > 16 && median_of(scaled) > 1.35F * 0.6745F;
+  return scaled.size() > 16 && median_of(scaled) > 1.35F * 0.6745F;
+}
+
+/// What to take away from each line: of a pattern all that is known, else of those that stand out.
+/// @return whether any
+bool keep_significant(std::vector<LineOffset>& lines, bool pattern) {
   bool any = false;
   for (LineOffset& l : lines) {
     const bool alone = std::abs(l.value) > 6 * l.error;  // a defect column in a good sensor
-    if (!((pattern || alone) && l.error < 1)) l.value = 0;
+    if (!((pattern || alone) && std::isfinite(l.error))) l.value = 0;
     any = any || l.value != 0;
   }
   return any;
@@ -123,15 +147,14 @@ bool keep_significant(std::vector<LineOffset>& lines) {
 class PatternSums {
  public:
   PatternSums(int width, int height)
-      : height_(height),
-        column_sums_(width, pieces),
+      : column_sums_(width, pieces),
         column_counts_(width, pieces),
         row_sums_(height, pieces),
         row_counts_(height, pieces) {}
 
   void add(int y, const float* row) {
-    const int w = column_sums_.width();
-    const int piece = y * pieces / height_;
+    const int w = width();
+    const int piece = y * pieces / height();
     for (int k = 0; k < pieces; ++k) {
       const int from = k * w / pieces;
       const Moments m = add_near_zero(row + from, used_most, column_sums_.row(piece) + from,
@@ -140,34 +163,150 @@ class PatternSums {
       row_counts_.at(y, k) = m.n;
     }
   }
-  [[nodiscard]] std::vector<LineOffset> of_columns() const {
-    return line_offsets(column_sums_, column_counts_);
+  /// @param noise_least  of the surface, which goes on below its nodes beyond the last ones
+  [[nodiscard]] std::vector<LineOffset> of_columns(const Surface& noise_adu, float noise_least,
+                                                   int around) const {
+    Plane noise(width(), pieces);
+    for (int k = 0; k < pieces; ++k) {
+      for (int x = 0; x < width(); ++x)
+        noise.at(x, k) = std::max(noise_adu.at(x, middle_of(k, height())), noise_least);
+    }
+    return line_offsets(column_sums_, column_counts_, noise, around);
   }
-  [[nodiscard]] std::vector<LineOffset> of_rows() const { return line_offsets(row_sums_, row_counts_); }
+  [[nodiscard]] std::vector<LineOffset> of_rows(const Surface& noise_adu, float noise_least,
+                                                int around) const {
+    Plane noise(height(), pieces);
+    for (int k = 0; k < pieces; ++k) {
+      for (int y = 0; y < height(); ++y)
+        noise.at(y, k) = std::max(noise_adu.at(middle_of(k, width()), y), noise_least);
+    }
+    return line_offsets(row_sums_, row_counts_, noise, around);
+  }
 
  private:
-  int height_;
+  [[nodiscard]] int width() const { return column_sums_.width(); }
+  [[nodiscard]] int height() const { return row_sums_.width(); }
+  static double middle_of(int piece, int size) { return (piece + 0.5) * size / pieces; }
+
   Plane column_sums_;
   Plane column_counts_;
   Plane row_sums_;
   Plane row_counts_;
 };
 
-void remove_fixed_pattern(const PatternSums& sums, Plane& signal) {
+/// Takes the sky away and makes the noise 1. @p out may be @p in. @param sums  get the pixels of the result
+void to_noise(const Plane& in, const SkyLevel& sky, float noise_floor, Plane& out, PatternSums* sums) {
+  std::vector<float> level(static_cast<std::size_t>(in.width()));
+  std::vector<float> noise(level.size());
+  for (int y = 0; y < in.height(); ++y) {
+    sky.level.row(y, level);
+    if (y % noise_rows == 0) sky.noise.row(std::min(in.height() - 1, y + noise_rows / 2), noise);
+    normalise(in.row(y), level.data(), noise.data(), noise_floor, out.row(y), in.width());
+    if (sums != nullptr) sums->add(y, out.row(y));
+  }
+}
+
+/// The pattern was part of what the noise was measured from. Where there is none at all (black corners) it is
+/// not made so by division.
+void normalise_again(CleanFrame& frame) {
+  constexpr float least_share = 0.7F;
+  SkyLevel left = measure_flattened(frame.signal, &frame.flaws);
+  const float least = least_share * median_node(left.noise);
+  left.noise = left.noise.at_least(least);
+  to_noise(frame.signal, left, least, frame.signal, nullptr);
+  frame.noise_adu = frame.noise_adu.times(left.noise);
+}
+
+/// @param sums  of the frame as it is
+/// @param noise_floor  of the frame, ADU
+void remove_fixed_pattern(PatternSums sums, float noise_floor, CleanFrame& frame) {
+  const int w = frame.signal.width();
+  const int h = frame.signal.height();
+  std::vector<LineOffset> columns = sums.of_columns(frame.noise_adu, noise_floor, near_px);
+  std::vector<LineOffset> rows = sums.of_rows(frame.noise_adu, noise_floor, near_px);
+  const bool of_columns = is_pattern(columns);
+  const bool of_rows = is_pattern(rows);
+  std::vector<float> offsets(static_cast<std::size_t>(w));
+  std::vector<float> noise(offsets.size());
+  // Where there is no light (black corners) there is no noise, and no pattern.
+  const float noise_least = 0.5F * median_node(frame.noise_adu);
+  for (int round = 0; round < pattern_rounds; ++round) {
+    if (of_columns || round > 0)
+      columns = sums.of_columns(frame.noise_adu, noise_floor, of_columns ? around_px : near_px);
+    if (of_rows || round > 0)
+      rows = sums.of_rows(frame.noise_adu, noise_floor, of_rows ? around_px : near_px);
+    const bool by_column = keep_significant(columns, of_columns);
+    const bool by_row = keep_significant(rows, of_rows);
+    if (!by_column && !by_row) break;
+    for (int y = 0; y < h; ++y) {
+      if (y % noise_rows == 0) frame.noise_adu.row(std::min(h - 1, y + noise_rows / 2), noise);
+      const float row = rows[static_cast<std::size_t>(y)].value;
+      for (std::size_t x = 0; x < offsets.size(); ++x)
+        offsets[x] = (row + columns[x].value) / std::max(noise[x], noise_least);
+      subtract(frame.signal.row(y), offsets.data(), w);
+    }
+    if (round + 1 == pattern_rounds || !(of_columns || of_rows)) break;
+    sums = PatternSums(w, h);
+    for (int y = 0; y < h; ++y) sums.add(y, frame.signal.row(y));
+  }
+  if (of_columns || of_rows) normalise_again(frame);
+}
+
+/// Nothing in the sky is dark: cells with so many pixels this far below its level show the edge of a tree, of
+/// a roof, of the lit part of the detector. The level is right on neither side of it.
+constexpr float dark_limit = -3.5F;
+constexpr double dark_most = 0.06;
+/// So many rows and columns of a square that are dark throughout are dead ones.
+constexpr int dead_lines_most = 2;
+
+/// Whether a square shows an edge of something dark.
+bool has_dark_edge(const Plane& signal, const Grid<std::uint8_t>& flaws, int x0, int y0, int x1, int y1) {
+  std::array<int, no_sky_cell_px> of_row{};
+  std::array<int, no_sky_cell_px> of_column{};
+  const auto is_dark = [&](int x, int y) {
+    return signal.at(x, y) < dark_limit && (flaws.at(x, y) & flaw_invalid) == 0;
+  };
+  for (int y = y0; y < y1; ++y) {
+    for (int x = x0; x < x1; ++x) {
+      const int dark = is_dark(x, y) ? 1 : 0;
+      of_row[static_cast<std::size_t>(y - y0)] += dark;
+      of_column[static_cast<std::size_t>(x - x0)] += dark;
+    }
+  }
+  const auto dead_of = [](const auto& lines, int length) {
+    const auto dead = std::count_if(lines.begin(), lines.end(), [&](int n) { return 10 * n >= 9 * length; });
+    return dead <= dead_lines_most ? 9 * length : std::numeric_limits<int>::max();
+  };
+  const int dead_row = dead_of(of_row, x1 - x0);
+  const int dead_column = dead_of(of_column, y1 - y0);
+  int count = 0;
+  for (int y = y0; y < y1; ++y) {
+    if (10 * of_row[static_cast<std::size_t>(y - y0)] >= dead_row) continue;
+    for (int x = x0; x < x1; ++x)
+      count += is_dark(x, y) && 10 * of_column[static_cast<std::size_t>(x - x0)] < dead_column;
+  }
+  return count > dark_most * no_sky_cell_px * no_sky_cell_px;
+}
+
+/// Marks such squares. @return the share of the frame
+double mark_what_is_no_sky(const Plane& signal, Grid<std::uint8_t>& flaws) {
   const int w = signal.width();
   const int h = signal.height();
-  std::vector<LineOffset> columns = sums.of_columns();
-  std::vector<LineOffset> rows = sums.of_rows();
-  const bool by_column = keep_significant(columns);
-  const bool by_row = keep_significant(rows);
-  if (!by_column && !by_row) return;
-  std::vector<float> offsets(static_cast<std::size_t>(w));
-  for (int y = 0; y < h; ++y) {
-    for (int x = 0; x < w; ++x)
-      offsets[static_cast<std::size_t>(x)] =
-          rows[static_cast<std::size_t>(y)].value + columns[static_cast<std::size_t>(x)].value;
-    subtract(signal.row(y), offsets.data(), w);
+  double hidden = 0;
+  for (int y0 = 0; y0 < h; y0 += no_sky_cell_px) {
+    const int y1 = std::min(h, y0 + no_sky_cell_px);
+    for (int x0 = 0; x0 < w; x0 += no_sky_cell_px) {
+      const int x1 = std::min(w, x0 + no_sky_cell_px);
+      int dark = 0;
+      for (int y = y0; y < y1; ++y) dark += count_below(signal.row(y) + x0, dark_limit, x1 - x0);
+      if (dark <= dark_most * no_sky_cell_px * no_sky_cell_px) continue;  // of nearly all
+      if (!has_dark_edge(signal, flaws, x0, y0, x1, y1)) continue;
+      for (int y = y0; y < y1; ++y) {
+        for (int x = x0; x < x1; ++x) flaws.at(x, y) |= flaw_no_sky, ++hidden;
+      }
+    }
   }
+  return hidden / static_cast<double>(signal.size());
 }
 
 /// Finds pixels sharper than the optics allow. Of a Gaussian, the mean of two opposite neighbours is nowhere
@@ -253,11 +392,6 @@ class SpikeFinder {
   float threshold_cross_;
 };
 
-float median_node(const Surface& surface) {
-  std::vector<float> nodes(surface.nodes().cells().begin(), surface.nodes().cells().end());
-  return median_of(nodes);
-}
-
 void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std::uint8_t>& flaws,
                 FrameFindings& findings) {
   if (range.all_finite && range.high < saturation) return;
@@ -274,20 +408,6 @@ void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std:
       }
     }
   }
-}
-
-/// Takes the sky away and makes the noise 1. @param sums  get the pixels of the result
-Plane in_noise(const Plane& in, const SkyLevel& sky, float noise_floor, std::optional<PatternSums>& sums) {
-  Plane signal = Plane::unset(in.width(), in.height());
-  std::vector<float> level(static_cast<std::size_t>(in.width()));
-  std::vector<float> noise(level.size());
-  for (int y = 0; y < in.height(); ++y) {
-    sky.level.row(y, level);
-    if (y % noise_rows == 0) sky.noise.row(std::min(in.height() - 1, y + noise_rows / 2), noise);
-    normalise(in.row(y), level.data(), noise.data(), noise_floor, signal.row(y), in.width());
-    if (sums) sums->add(y, signal.row(y));
-  }
-  return signal;
 }
 
 void add_notes(const Plane& in, const Range& range, bool psf_measured, FrameFindings& findings) {
@@ -324,18 +444,24 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   const float largest = range.low <= range.high ? std::max(std::abs(range.low), std::abs(range.high)) : 0;
   const float noise_least =
       std::max({0.4F * frame.step, 3e-6F * largest, std::numeric_limits<float>::min() * 1e6F});
-  const SkyLevel sky = measure_sky(in, noise_least);
+  const SkyLevel sky = measure_sky(in, range.low, noise_least);
   findings.background = double(median_node(sky.level));
-  findings.noise = double(median_node(sky.noise));
   const float noise_floor = std::max(noise_least, 0.2F * median_node(sky.noise));
   std::optional<PatternSums> pattern;
   if (in.width() >= pattern_least_px && in.height() >= pattern_least_px)
     pattern.emplace(in.width(), in.height());
-  out.signal = in_noise(in, sky, noise_floor, pattern);
+  out.signal = Plane::unset(in.width(), in.height());
+  to_noise(in, sky, noise_floor, out.signal, pattern ? &*pattern : nullptr);
   out.noise_adu = sky.noise.at_least(noise_floor);
-  if (pattern) remove_fixed_pattern(*pattern, out.signal);
+  if (pattern) remove_fixed_pattern(*std::move(pattern), noise_floor, out);
+  findings.noise = double(median_node(out.noise_adu));
 
-  if (auto psf = measure_psf(out.signal, out.flaws)) {
+  out.no_sky = mark_what_is_no_sky(out.signal, out.flaws);
+  if (out.no_sky > 0)
+    findings.notes.push_back(fmt::format("{:.0f} % of the frame is not searched: dark edges, so no sky",
+                                         std::ceil(100 * out.no_sky)));
+
+  if (auto psf = measure_psf(out.signal, out.flaws, out.no_sky > 0)) {
     out.psf = *std::move(psf);
     out.psf_measured = true;
     findings.fwhm_px = out.psf.fwhm_px();

@@ -6,7 +6,7 @@
 namespace srfs::image {
 
 /// Why a pixel is not used, as bits.
-enum PixelFlaw : std::uint8_t { flaw_invalid = 1, flaw_saturated = 2, flaw_spike = 4 };
+enum PixelFlaw : std::uint8_t { flaw_invalid = 1, flaw_saturated = 2, flaw_spike = 4, flaw_no_sky = 8 };
 
 /// A frame ready for detection: sky and fixed pattern taken away, in units of the local noise, single bright
 /// pixels and particle tracks replaced.
@@ -16,7 +16,11 @@ struct CleanFrame {
   Surface noise_adu;
   Psf psf = Psf::round_gaussian(2.5);
   bool psf_measured = false;
+  double no_sky = 0;  ///< share of the frame with flaw_no_sky
 };
+
+/// Side of the squares that are told from sky.
+inline constexpr int no_sky_cell_px = 32;
 
 /// @param findings  gets the figures of the frame and notes on what is unusual in it
 [[nodiscard]] CleanFrame clean_frame(const Frame& frame, FrameFindings& findings);

@@ -17,6 +17,7 @@ constexpr std::size_t stars_max = 60;
 /// What a pixel and the narrowest optics make: below it are hot pixels and particle tracks.
 constexpr double sigma_least_px = 0.5;
 constexpr double fwhm_least_px = 1.25;
+constexpr double sigma_most_px = 6;
 
 struct Candidate {
   int x;
@@ -31,6 +32,23 @@ bool has_light_beside(const Plane& signal, const Candidate& c) {
                         signal.at(c.x, c.y + 1)) /
                        4;
   return beside >= 1.5F && beside >= 0.12F * c.height;
+}
+
+/// Light that is all around, farther than any star's: where the sky's level is wrong, beside trees and
+/// horizons, every grain of noise would be a bright candidate.
+bool stands_on_light(const Plane& signal, const Candidate& c) {
+  constexpr int r = 12;
+  constexpr int d = 8;
+  constexpr float share = 0.4F;
+  int lit = 0;
+  int seen = 0;
+  for (const auto& [dx, dy] :
+       {std::pair{r, 0}, {-r, 0}, {0, r}, {0, -r}, {d, d}, {d, -d}, {-d, d}, {-d, -d}}) {
+    if (!signal.contains(c.x + dx, c.y + dy)) continue;
+    ++seen;
+    lit += signal.at(c.x + dx, c.y + dy) > share * c.height;
+  }
+  return seen > 0 && 2 * lit >= seen;
 }
 
 /// Nine pixels weighted 1 2 1 each way: as a Gaussian of variance 0.5, with 0.375 of a pixel's noise.
@@ -97,7 +115,8 @@ double mode_of(std::vector<double> values) {
   return values[from + n / 2];
 }
 
-std::vector<Candidate> find_candidates(const Plane& signal, const Grid<std::uint8_t>& bad) {
+std::vector<Candidate> find_candidates(const Plane& signal, const Grid<std::uint8_t>& bad,
+                                       bool apart_from_light) {
   std::vector<Candidate> found;
   std::vector<int> bright;
   for (int y = 2; y + 2 < signal.height(); ++y) {
@@ -115,7 +134,7 @@ std::vector<Candidate> find_candidates(const Plane& signal, const Grid<std::uint
       for (int j = -1; j <= 1; ++j) {
         for (int i = -1; i <= 1; ++i) usable = usable && bad.at(x + i, y + j) == 0;
       }
-      if (usable) found.push_back({x, y, v});
+      if (usable && !(apart_from_light && stands_on_light(signal, {x, y, v}))) found.push_back({x, y, v});
     }
   }
   if (found.size() > candidates_max) {
@@ -139,47 +158,73 @@ std::pair<double, std::size_t> densest_sigma(std::vector<Candidate>& candidates,
   return {n < 3 ? 0 : mode_of(std::move(sigmas)), n};
 }
 
+/// Which candidates say how wide stars are.
+struct Brightest {
+  std::size_t count;       ///< so many, but at most a third of all
+  float height;            ///< at least
+  double narrowest_per_d;  ///< below it a width is not measured over this distance
+  double alike;            ///< share that agrees of those that can be measured
+};
+/// Where a galaxy or a nebula has more knots than the sky has stars, those outshine its knots.
+constexpr Brightest outshining{15, 20, 0.5, 0.5};
+constexpr Brightest bright{60, height_least, 0.65, 0.7};
+
+/// Of their width to that of the others.
+constexpr double clearly_narrower = 0.7;
+
 /// The width that the brightest have in common if they have light on all four sides at all, as no particle
 /// has: grains of a compressed picture or of a textured foreground outnumber the stars, but are not brighter.
-std::optional<double> sigma_of_brightest(const Plane& signal, std::vector<Candidate> candidates) {
-  constexpr std::size_t brightest = 60;
+std::optional<double> sigma_of_brightest(const Plane& signal, std::vector<Candidate> candidates,
+                                         const Brightest& which) {
   constexpr std::size_t agreeing = 6;
-  const std::size_t n = std::min(brightest, candidates.size() / 3);
+  const std::size_t n = std::min(which.count, candidates.size() / 3);
   if (n < agreeing) return std::nullopt;
   std::nth_element(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(n), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.height > b.height; });
   candidates.resize(n);
+  std::erase_if(candidates, [&](const Candidate& c) { return c.height < which.height; });
   for (const int d : {5, 4, 3, 2}) {
     const auto [sigma, measured] =
         densest_sigma(candidates, [&](const Candidate& c) { return wide_sigma(signal, c, d); });
-    if (measured < agreeing || sigma < 0.65 * d) continue;
+    if (measured < agreeing || sigma < which.narrowest_per_d * d) continue;
     const auto alike = std::count_if(candidates.begin(), candidates.end(), [&](const Candidate& c) {
       return c.sigma > 0.8 * sigma && c.sigma < 1.25 * sigma;
     });
-    if (static_cast<std::size_t>(alike) >= std::max(agreeing, measured * 7 / 10)) return sigma;
+    const double least = std::max(1.0 * agreeing, std::floor(which.alike * static_cast<double>(measured)));
+    if (static_cast<double>(alike) >= least) return sigma;
   }
   return std::nullopt;
 }
 
 /// Leaves each candidate with its width, measured over a distance that suits the common one.
-/// @param ask_brightest  whether those decide
-std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates,
-                                   bool ask_brightest) {
-  const auto wide = [&](int d) {
-    return [&signal, d](const Candidate& c) { return wide_sigma(signal, c, d); };
-  };
-  if (ask_brightest) {
-    const auto bright = sigma_of_brightest(signal, candidates);
-    if (!bright) return std::nullopt;
-    const int d = std::clamp(static_cast<int>(std::lround(1.2 * *bright)), 2, 5);
-    const auto [sigma, n] = densest_sigma(candidates, wide(d));
-    return n >= 3 && sigma > 0.7 * *bright && sigma < 1.4 * *bright ? sigma : *bright;
-  }
-  const auto [first, wide_ones] = densest_sigma(candidates, wide(2));
+std::pair<double, std::size_t> measure_all(const Plane& signal, std::vector<Candidate>& candidates,
+                                           double sigma) {
+  const int d = std::clamp(static_cast<int>(std::lround(1.2 * sigma)), 2, 5);
+  return densest_sigma(candidates, [&](const Candidate& c) { return wide_sigma(signal, c, d); });
+}
+
+/// The few that outshine all others decide.
+std::optional<double> outshining_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+  const auto sigma = sigma_of_brightest(signal, candidates, outshining);
+  if (sigma) (void)measure_all(signal, candidates, *sigma);
+  return sigma;
+}
+
+/// The bright ones decide.
+std::optional<double> bright_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+  const auto common = sigma_of_brightest(signal, candidates, bright);
+  if (!common) return std::nullopt;
+  const auto [sigma, n] = measure_all(signal, candidates, *common);
+  return n >= 3 && sigma > 0.7 * *common && sigma < 1.4 * *common ? sigma : *common;
+}
+
+/// The most frequent width.
+std::optional<double> common_sigma(const Plane& signal, std::vector<Candidate>& candidates) {
+  const auto [first, wide_ones] =
+      densest_sigma(candidates, [&](const Candidate& c) { return wide_sigma(signal, c, 2); });
   // Of narrow stars, only blends show light two pixels away on all sides.
   if (first > 1.2 && wide_ones >= 5 && 4 * wide_ones >= candidates.size()) {
-    const int d = std::clamp(static_cast<int>(std::lround(1.2 * first)), 2, 5);
-    const auto [sigma, n] = densest_sigma(candidates, wide(d));
+    const auto [sigma, n] = measure_all(signal, candidates, first);
     if (n >= 3) return sigma;
   }
   const auto [sigma, n] =
@@ -317,11 +362,13 @@ double Psf::radius_at(double height) const {
 
 namespace {
 
-/// The shape of the stars among the candidates.
+using SigmaOf = std::optional<double>(const Plane&, std::vector<Candidate>&);
+
+/// The shape of the candidates that are as wide as @p sigma_of says, where that is at most @p sigma_most.
 std::optional<Psf> shape_of_stars(const Plane& signal, const Grid<std::uint8_t>& bad,
-                                  std::vector<Candidate> candidates, bool ask_brightest) {
-  const auto sigma = common_sigma(signal, candidates, ask_brightest);
-  if (!sigma || *sigma > 6) return std::nullopt;
+                                  std::vector<Candidate> candidates, SigmaOf& sigma_of, double sigma_most) {
+  const auto sigma = sigma_of(signal, candidates);
+  if (!sigma || *sigma > sigma_most) return std::nullopt;
   std::erase_if(candidates,
                 [&](const Candidate& c) { return c.sigma < 0.75 * *sigma || c.sigma > 1.35 * *sigma; });
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
@@ -355,11 +402,15 @@ std::optional<Psf> shape_of_stars(const Plane& signal, const Grid<std::uint8_t>&
 
 }  // namespace
 
-std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad) {
-  std::vector<Candidate> candidates = find_candidates(signal, bad);
+std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad, bool apart_from_light) {
+  std::vector<Candidate> candidates = find_candidates(signal, bad, apart_from_light);
   std::erase_if(candidates, [&](const Candidate& c) { return !has_light_beside(signal, c); });
-  if (auto psf = shape_of_stars(signal, bad, candidates, true)) return psf;
-  return shape_of_stars(signal, bad, std::move(candidates), false);
+  auto psf = shape_of_stars(signal, bad, candidates, bright_sigma, sigma_most_px);
+  if (!psf) psf = shape_of_stars(signal, bad, candidates, common_sigma, sigma_most_px);
+  // Nothing in the sky is narrower than a star, and what is brightest may have been wide already.
+  const double wide = psf ? std::min(sigma_most_px, double(psf->sigma_px())) : sigma_most_px;
+  auto narrower = shape_of_stars(signal, bad, std::move(candidates), outshining_sigma, wide);
+  return narrower && (!psf || narrower->fwhm_px() < clearly_narrower * psf->fwhm_px()) ? narrower : psf;
 }
 
 }  // namespace srfs::image

@@ -65,7 +65,9 @@ class Psf {
 
 /// @param signal  level 0, noise 1
 /// @param bad     pixels not to use
+/// @param apart_from_light  nothing counts that is surrounded by light: the level is not 0 everywhere
 /// @return the shape of the frame's own stars; nothing where there are too few bright ones
-[[nodiscard]] std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad);
+[[nodiscard]] std::optional<Psf> measure_psf(const Plane& signal, const Grid<std::uint8_t>& bad,
+                                             bool apart_from_light);
 
 }  // namespace srfs::image

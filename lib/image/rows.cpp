@@ -197,6 +197,14 @@ Moments add_near_zero(const float* row, float reach, float* sums, float* counts,
 }
 
 SRFS_VECTORISED
+int count_below(const float* row, float limit, int n) {
+  int count = 0;
+#pragma omp simd reduction(+ : count)
+  for (int i = 0; i < n; ++i) count += row[i] < limit ? 1 : 0;
+  return count;
+}
+
+SRFS_VECTORISED
 void filter_column(const float* const* rows, const float* taps, int radius, float* out, int n) {
   switch (radius) {
     case 1:

@@ -54,6 +54,8 @@ void find_above(const float* row, const float* limit, int n, std::vector<int>& f
 /// sum
 [[nodiscard]] Moments add_near_zero(const float* row, float reach, float* sums, float* counts, int n);
 
+[[nodiscard]] int count_below(const float* row, float limit, int n);
+
 /// out = taps[0] middle + sum over i of taps[i] (rows[radius - i] + rows[radius + i]), 2 radius + 1 rows.
 void filter_column(const float* const* rows, const float* taps, int radius, float* out, int n);
 /// The same along a row that has @p radius values on both sides.

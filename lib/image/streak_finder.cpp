@@ -42,9 +42,9 @@ constexpr double even_share = 0.35;
 /// have to be so many times more significant.
 constexpr std::size_t dark_line = 5;
 constexpr double dark_share = 1.2;
-/// A line that lies on a streak already found in so many of its places shows its light; in fewer, it crosses
-/// it.
-constexpr int known_places = 9;
+/// Places along a line that are looked at. One that lies on a streak already found in so many of them shows
+/// its light; in fewer, it crosses it.
+constexpr int places = 9;
 constexpr int known_least = 4;
 /// What a line leaves of the light around it, on average of the pixels: their squares in noise, which is at
 /// least this share of its light, each up to a limit. More: something that is no line.
@@ -61,9 +61,25 @@ constexpr double unsure_length_px = 16;
 /// Most of what lies beside a line has at most so much of its height, and all of it but one line.
 constexpr double middle_beside = 0.3;
 constexpr double second_beside = 0.4;
+/// A line may lie beside no sky on so much of its length.
+constexpr double no_sky_most = 0.3;
+constexpr int no_sky_reach_px = 24;
+/// Nothing in the sky is dark: between branches or wires there is light of which as much is missing beside
+/// it.
+constexpr double dark_beside = 0.35;
 /// A ray's star is so much brighter than the ray, whose nearer half is so much brighter than the farther one.
 constexpr double ray_star = 5;
 constexpr double ray_falls = 1.5;
+/// For stars so much brighter a smaller fall will do if it is certain by so many errors.
+constexpr double glaring_star = 20;
+constexpr double ray_of_glaring_falls = 1.2;
+constexpr double ray_error = 3;
+/// As wide as that is a particle's track at most.
+constexpr double track_width_px = 1.55;
+/// A detector's outermost rows and columns and what is amplified beside them: as wide as this share of a line
+/// along them, within limits.
+constexpr double edge_share = 0.2;
+constexpr double edge_most_px = 8;
 /// How much worse a line may fit than stars in its place, of the square of its SNR: the brighter it is, the
 /// more the model's errors count.
 constexpr double model_share = 0.005;
@@ -185,7 +201,7 @@ class Finder {
     std::vector<Seed> seeds = find_seeds();
     int fits = 0;
     for (const Seed& seed : seeds) {
-      if (is_known(seed.line) || is_in_unrest(seed.line)) continue;
+      if (is_known(seed.line) || is_in_unrest(seed.line) || is_beside_no_sky(seed.line)) continue;
       if (!looks_like_streak(seed.line)) continue;
       if (++fits > fits_max) break;
       examine(seed.line);
@@ -406,16 +422,23 @@ class Finder {
     return double(median_of(seen)) > even_share * light - 2 * error;
   }
 
+  /// Of how many of the places along a line it is true.
+  template <class Is>
+  [[nodiscard]] static int places_along(const Line& l, Is&& is) {
+    int count = 0;
+    for (int k = 0; k < places; ++k) {
+      const double t = (k + 0.5) / places;
+      count += is(l.x1 + t * (l.x2 - l.x1), l.y1 + t * (l.y2 - l.y1));
+    }
+    return count;
+  }
+
   /// Within the light of a streak already found, or about the same as one refused.
   [[nodiscard]] bool is_known(const Line& seed) const {
     for (const Found& f : found_) {
       const Band band(f.line, 3 * sigma_ + 3);
-      int on = 0;
-      for (int k = 0; k < known_places; ++k) {
-        const double t = (k + 0.5) / known_places;
-        on += band.contains(seed.x1 + t * (seed.x2 - seed.x1), seed.y1 + t * (seed.y2 - seed.y1));
-      }
-      if (on >= known_least) return true;
+      if (places_along(seed, [&](double x, double y) { return band.contains(x, y); }) >= known_least)
+        return true;
     }
     const double length = seed.length();
     return std::any_of(refused_.begin(), refused_.end(), [&](const Band& band) {
@@ -429,6 +452,22 @@ class Finder {
       return clean_.noise_adu.at(x, y) > unrest_most * calm_noise_adu_;
     };
     return restless(l.x1, l.y1) || restless(l.x2, l.y2) || restless((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2);
+  }
+
+  /// Too much of it lies at edges of something dark, where every line is one of its own.
+  [[nodiscard]] bool is_beside_no_sky(const Line& l) const {
+    if (clean_.no_sky == 0) return false;
+    constexpr std::array<int, 3> around{-no_sky_reach_px, 0, no_sky_reach_px};
+    const auto dark = [&](double x, double y) {
+      return std::any_of(around.begin(), around.end(), [&](int dy) {
+        return std::any_of(around.begin(), around.end(), [&](int dx) {
+          const int i = static_cast<int>(x) + dx;
+          const int j = static_cast<int>(y) + dy;
+          return clean_.flaws.contains(i, j) && (clean_.flaws.at(i, j) & flaw_no_sky) != 0;
+        });
+      });
+    };
+    return places_along(l, dark) > no_sky_most * places;
   }
 
   [[nodiscard]] static bool is_on(const Line& l, double x, double y, double reach) {
@@ -716,11 +755,22 @@ class Finder {
     // Between stars that touch there is room for something short and faint.
     if (snr < snr_least() * (l.length() < 25 ? 1.2 : 1) || l.length() < shortest_px()) return false;
     const double error = 2 / snr;
-    // The sharper the optics, the more a particle's track looks like a streak; wide lines lose their flanks
-    // to the high-pass.
-    const double narrowest = fwhm_ < 1.8 ? 0.92 : 0.85;
+    // The sharper the optics, the more a particle's track looks like a streak. What passes in a moment may be
+    // sharper than stars, which the air and the mount have moved during the exposure.
+    const double narrowest = std::clamp(track_width_px / fwhm_, 0.75, 0.92);
     if (l.scale > 1.2 + error || l.scale < narrowest - error) return false;
-    return is_even(l, snr) && stands_out(l, snr) && !is_ray_of_star(l);
+    return !is_along_edge(l) && !is_beside_no_sky(l) && is_even(l, snr) && stands_out(l, snr) &&
+           !is_ray_of_star(l);
+  }
+
+  /// Both ends at the same edge of the frame, where nothing is seen on the other side.
+  [[nodiscard]] bool is_along_edge(const Line& l) const {
+    const double right = light_.width() - 1;
+    const double bottom = light_.height() - 1;
+    const double most = std::min({edge_most_px, right / 16, bottom / 16});
+    const double margin = std::max(0.75 * fwhm_ + 1, std::min(edge_share * l.length(), most));
+    return std::max(l.x1, l.x2) < margin || std::min(l.x1, l.x2) > right - margin ||
+           std::max(l.y1, l.y2) < margin || std::min(l.y1, l.y2) > bottom - margin;
   }
 
   /// Beside what lines next to it show: a ridge of something wide, and in crowds of faint stars every line,
@@ -732,6 +782,7 @@ class Finder {
     const double middle = beside[beside.size() / 2];
     const double second = beside[beside.size() - 2];  // the highest may be a star
     if (middle > middle_beside * l.height || second > second_beside * l.height) return false;
+    if (beside.front() < -dark_beside * l.height - 3 * l.height / snr) return false;
     if (l.length() < 25) return true;
     // The high-pass may have darkened all of them.
     const double level = std::min(0.0, middle);
@@ -769,8 +820,12 @@ class Finder {
       part.product += double(heights[i]) * double(pixels.light[i]);
       part.energy += double(heights[i]) * double(heights[i]);
     }
-    return near.energy > 0 && far.energy > 0 &&
-           near.product / near.energy > ray_falls * std::max(0.0, far.product / far.energy);
+    if (near.energy <= 0 || far.energy <= 0) return false;
+    const double by_star = near.product / near.energy;
+    const double away = std::max(0.0, far.product / far.energy);
+    const double error = noise_at(l) * std::sqrt(1 / near.energy + 1 / far.energy);
+    return by_star > ray_falls * away ||
+           (brightest > glaring_star * l.height && by_star - ray_of_glaring_falls * away > ray_error * error);
   }
 
   // --- all of them ---
@@ -826,10 +881,26 @@ class Finder {
     return true;
   }
 
+  /// Nothing is known of a line outside of the frame.
+  void end_in_frame(Line& l) const {
+    const auto end_at = [](double x1, double& y1, double x2, double y2, double least, double most) {
+      const double x = std::clamp(x1, least, most);
+      if (x != x1 && x1 != x2) y1 += (y2 - y1) * (x - x1) / (x2 - x1);
+      return x;
+    };
+    const double right = light_.width() - 0.5;
+    const double bottom = light_.height() - 0.5;
+    l.x1 = end_at(l.x1, l.y1, l.x2, l.y2, -0.5, right);
+    l.x2 = end_at(l.x2, l.y2, l.x1, l.y1, -0.5, right);
+    l.y1 = end_at(l.y1, l.x1, l.y2, l.x2, -0.5, bottom);
+    l.y2 = end_at(l.y2, l.x2, l.y1, l.x1, -0.5, bottom);
+  }
+
   [[nodiscard]] std::vector<Streak> result() {
     std::vector<Streak> streaks;
     for (auto& [l, snr] : found_) {
       fitter_.weigh_ends(l, noise_at(l));
+      end_in_frame(l);
       const double unit = double(clean_.noise_adu.at((l.x1 + l.x2) / 2, (l.y1 + l.y2) / 2));
       // Across the line a Gaussian; along it all light lies between the ends, on average.
       const double light = l.length() * std::sqrt(2 * std::numbers::pi) * sigma_ * l.scale;

@@ -177,7 +177,8 @@ SelfTestOutcome judge_self_test(const Ended& ended, const Limits& limits) {
       break;
   }
   if (ended.exit_code == 0) return SelfTestOutcome::passed;
-  if (ended.out_of_memory) return SelfTestOutcome::memory_limit;
+  // Processes that were refused count as memory until the kernel gets round to freeing them.
+  if (ended.out_of_memory && !ended.too_many_processes) return SelfTestOutcome::memory_limit;
   if (ended.signal == SIGXCPU || (ended.signal == SIGKILL && used_up_cpu(ended, limits)))
     return SelfTestOutcome::cpu_limit;
   if (ended.too_many_processes) return SelfTestOutcome::process_limit;

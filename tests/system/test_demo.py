@@ -20,6 +20,7 @@ class DemoTest(SystemTest):
         last = output.strip().splitlines()[-1]
         summary = json.loads(last)
 
+        self.assertEqual(summary["failures"], [], output)
         self.assertTrue(summary["ok"], output)
         self.assertGreater(summary["ticks"], 100)
         for payload in PAYLOADS:

@@ -17,7 +17,7 @@ ARGUMENTS = {"eps": ("on", "off"), "adcs": ("point", "idle"), "thermal": ("291",
 PATIENCE_S = 90  # of the ground: the ring waits longer from death to death
 WINDOW_MS = 1000  # of the ring's patience with deaths, the shortest there is
 UNDER_WAY = 3  # telecommands of one payload
-INTERRUPTED = 36
+ACCEPTED_TURNS = 3  # in which ttc is killed only after it accepted something
 
 
 class OnceTest(SystemTest):
@@ -80,14 +80,20 @@ class KilledTtcTest(OnceTest):
             others = [name for name in JUDGED if name != "ttc"]
             before = restarts(flight, others)
             lines = []
-            for _ in range(6):
+            for turn in range(2 * ACCEPTED_TURNS):
+                after_acceptance = turn % 2 == 1
+                if after_acceptance:  # what comes while it starts nobody takes
+                    wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
+                since = ground.position()
                 for _ in range(UNDER_WAY):
                     lines += [self.send(ground, len(lines) + k) for k in range(len(PERIPHERALS))]
-                # Anywhere between the first octet and the last report.
+                if after_acceptance:
+                    self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "tc_stage" and m["stage"] == "accepted", DEADLINE_S, since))
+                # Anywhere between the first octet, or the first acceptance, and the last report.
                 threading.Event().wait(chance.uniform(0, 0.4))
                 self.kill_ttc(flight)
             accepted = self.judge(flight, ground, recorder, lines)
-            self.assertGreater(len(accepted), len(lines) // 4)
+            self.assertGreaterEqual(len(accepted), ACCEPTED_TURNS)
             self.assertEqual(restarts(flight, others), before, "nobody else")
 
     def test_a_payload_and_ttc_killed_together_lose_nothing(self):

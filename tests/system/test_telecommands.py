@@ -98,6 +98,9 @@ class PayloadRestartTest(SystemTest):
             after = flight.control({"query": "counters"})["peripherals"]["eps"]
             self.assertEqual((after["powered"], after["power_cycles"], after["resets"]), (True, before["power_cycles"], before["resets"]))
             self.assertEqual(slots(recorder, "payload_adcs", "failed"), [])
+            self.assertEqual(flight.restarts(), 1)
+        with self.flight() as flight:
+            self.assertEqual(flight.restarts(), 0, "those of the flight before, which the folder remembers")
 
 
 class SensorInputsTest(SystemTest):

@@ -12,15 +12,18 @@ import time
 import can_frames
 import mission
 from display import Display, table
+from lateness import Lateness, describe_lateness
 from rotation import Rotation, percentile
 
 PAYLOAD_OF_COMMAND = {"adcs": "payload_adcs", "eps": "payload_eps", "thermal": "payload_thermal"}
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
-TOLERATED_LOSS = 0.03  # of the slots; on an idle machine none is lost
+TOLERATED_LOSS = 0.03  # of the slots, besides one for each time the machine itself was late; on an idle machine none is lost
 SHORTEST_S = 20
 SCRIPT_S = 10  # what the script needs without its two watching phases
 BEACON_DEADLINE_S = 35
 PICTURE_DEADLINE_S = 60
+INTERVAL_DEADLINE_S = 10
+INTERVAL_PACKETS = 7  # two seconds of them
 PICTURE_METHOD = "tracklet"
 PICTURE_TRIES = 3
 
@@ -43,8 +46,9 @@ class Interrupted(Exception):
 class Demo:
     """The script. Every expectation that does not come true is a line in `failures`."""
 
-    def __init__(self, flight, display, signals, duration_s):
+    def __init__(self, flight, display, signals, duration_s, witness):
         self.flight = flight
+        self.witness = witness
         self.display = display
         self.signals = signals
         self.watch_s = max(2.0, (duration_s - SCRIPT_S) / 2)
@@ -111,6 +115,14 @@ class Demo:
             self.failures.append(line)
         if gone:
             raise mission.MissionError(news[0])
+
+    def wait_until(self, condition, deadline_s):
+        """Until it is true or the time is up, with an eye on the processes."""
+        end = time.monotonic() + deadline_s
+        while not condition() and time.monotonic() < end:
+            if self.signals.wait(0.2):
+                raise Interrupted
+            self.check_running()
 
     def command(self, text, expected="completed"):
         """Sends a telecommand and expects its final stage."""
@@ -203,10 +215,14 @@ class Demo:
         self.display.step("Housekeeping of payload_eps from each of its slots instead of each second")
         self.command("tc housekeeping.set_interval structure=payload_eps interval_ms=300")
         since = self.ground.position()
-        if self.signals.wait(2.0):
-            raise Interrupted
-        count = len(self.ground.select(lambda m: m.get("structure") == "payload_eps" and m["vc"] == 0, since))
-        self.expect(5 <= count <= 8, f"{count} packets in 2 s")
+        packets = lambda: self.ground.select(lambda m: m.get("structure") == "payload_eps" and m["vc"] == 0, since)  # noqa: E731
+        self.wait_until(lambda: len(packets()) >= INTERVAL_PACKETS, INTERVAL_DEADLINE_S)
+        times = [datetime.datetime.fromisoformat(m["time"]) for m in packets()]
+        distances_s = [(after - before).total_seconds() for before, after in zip(times, times[1:])]
+        distance_s = percentile(distances_s, 0.5)
+        # A slot that failed on a busy machine leaves a gap: not the middle one.
+        self.expect(distance_s is not None and len(times) >= INTERVAL_PACKETS and 0.25 <= distance_s <= 0.35,
+                    f"{len(times)} packets, {distance_s or 0:.2f} s apart")  # fmt: skip
         self.command("tc housekeeping.set_interval structure=payload_eps interval_ms=1000")
 
     def retrieve(self, since):
@@ -281,17 +297,13 @@ class Demo:
         outcome = self.ground.outcome(self.picture_line, PICTURE_DEADLINE_S) or {}
         if not self.expect(outcome.get("stage") == "completed", f"image.capture: {self.story(self.picture_line)}"):
             return None
-        end = time.monotonic() + PICTURE_DEADLINE_S
-        while not (self.product("findings.json") and self.product("thumbnail.png")) and time.monotonic() < end:
-            if self.signals.wait(0.2):
-                raise Interrupted
-            self.check_running()
+        self.wait_until(lambda: self.product("findings.json") and self.product("thumbnail.png"), PICTURE_DEADLINE_S)
         findings, thumbnail = self.product("findings.json"), self.product("thumbnail.png")
         if not self.expect(findings and thumbnail, "findings and thumbnail are on the ground"):
             return None
         found = json.loads(findings.read_text())
         counts = {name: len(found.get(name) or []) for name in ("streaks", "tracklets")}
-        self.display.note(f"{len(found.get('frames') or [])} frames, {counts['streaks']} streaks, {counts['tracklets']} tracklets")
+        self.display.note(f"{len(found.get('frames') or [])} frames; streaks: {counts['streaks']}, tracklets: {counts['tracklets']}")
         return counts
 
     def draw_picture(self, thumbnail):
@@ -379,8 +391,9 @@ class Demo:
             "bad_frames": stats.get("bad_frames", 0) - self.noise["bad_frames"],
             "lost_frames": stats.get("lost_frames", 0) - self.noise["lost_frames"],
             "during_noise": self.noise,
-            "node_restarts": sum(node["restarts"] for node in status),
+            "node_restarts": self.flight.restarts(),
             "picture": self.picture and str(self.picture),
+            "machine": self.witness.end(),
             "measures": {
                 "all_active_ms": self.flight.up_report["took_ms"],
                 "flag_latency_us": {"p50": switcher.get("flag_latency_p50_us"), "p99": switcher.get("flag_latency_p99_us"),
@@ -415,11 +428,13 @@ class Demo:
         measures = summary["measures"]
         for node in status:
             self.expect(node["state"] == "active", f"{node['name']} is {node['state']}")
+        late = summary["machine"]["late"]  # each time may have cost a slot, whoever's it was
+        self.display.note(describe_lateness(summary["machine"]))
         all_lost = 0
         for payload, slots in summary["slots"].items():
             lost = slots["granted"] - slots["handed_back"] - slots["used"]
             all_lost += lost
-            self.expect(slots["used"] > 0 and lost <= 1 + slots["granted"] * TOLERATED_LOSS,
+            self.expect(slots["used"] > 0 and lost <= 1 + slots["granted"] * TOLERATED_LOSS + late,
                         f"{payload} used {slots['used']} of {slots['granted']} slots, "
                         f"gave {slots['handed_back']} back while it started")  # fmt: skip
             if lost > 1:  # one may be under way
@@ -428,13 +443,13 @@ class Demo:
         self.expect(summary["bad_frames"] == 0, f"{summary['bad_frames']} bad TM frames outside the noise")
         self.expect(summary["node_restarts"] == 0, f"{summary['node_restarts']} node restarts")
         self.expect(measures["overlapping_grants"] == 0, f"{measures['overlapping_grants']} overlapping grants")
-        self.expect(measures["skipped_slots"]["unexplained"] == 0, f"{measures['skipped_slots']['unexplained']} slots skipped without cause")
+        self.expect(measures["skipped_slots"]["unexplained"] <= late, f"{measures['skipped_slots']['unexplained']} slots skipped without cause")
         frames = measures["next_slot_by_can_frame"]
         if frames is None:
             self.display.note("the CAN frames are not recorded (simulation.can_log): the payloads' next slots are not judged")
         else:
             # One whose slot failed on a busy machine goes in the slot after it.
-            self.expect(frames["checked"] and frames["checked"] - frames["in_next_slot"] <= all_lost,
+            self.expect(frames["checked"] and frames["checked"] - frames["in_next_slot"] <= all_lost + late,
                         f"next slot by CAN frame: {frames['in_next_slot']} of {frames['checked']} {'; '.join(frames['late'])}".rstrip())  # fmt: skip
         summary["failures"] = self.failures
         summary["ok"] = not self.failures
@@ -478,12 +493,12 @@ def parse(arguments=None):
     return options
 
 
-def fly(options, display, signals):
+def fly(options, display, signals, witness):
     """Flies the demo. Returns the summary."""
     flight = mission.Mission(options.var, options.deployment, options.bin, display.line)
     display.step("Starting the simulated spacecraft and the suite")
     flight.start()
-    demo = Demo(flight, display, signals, options.duration)
+    demo = Demo(flight, display, signals, options.duration, witness)
     summary = {}
     try:
         display.note(f"{len(flight.up_report['nodes'])} nodes Active after {flight.up_report['took_ms']} ms, DDS domain {flight.domain}, "
@@ -511,7 +526,8 @@ def main():
     display = Display(quiet=options.json)
     signals = mission.StopSignals()
     try:
-        summary = fly(options, display, signals)
+        with Lateness() as witness:
+            summary = fly(options, display, signals, witness)
     except mission.MissionError as error:
         print(f"demo: {error}", file=sys.stderr)
         print(json.dumps({"ok": False, "failures": [str(error)]}), flush=True)

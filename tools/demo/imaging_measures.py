@@ -117,7 +117,7 @@ def fly(bin_dir, folder, name, duration_s, fifo):
         ttc, switcher = (ground.fresh(structure, READY_S) for structure in ("ttc", "can_switcher"))
         ticks = recorder.select(lambda m: m["type"] == "tick" and begin <= m["published_ns"] <= end, position)
         slots = [s for s in rotation.recorded_slots() if begin <= s["published"] <= end and s["holder"]]
-        restarts = sum(node["restarts"] for node in flight.status())
+        restarts = flight.restarts()
     return {
         "seconds": round((end - begin) / 1e9, 1),
         "telecommands": len(pings),

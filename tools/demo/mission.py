@@ -443,6 +443,11 @@ class Mission:
         """[{name, state, pid, incarnation, version, restarts, last_restart_cause}] as `srfs status` lists them."""
         return json.loads(self.srfs("status").stdout)
 
+    def restarts(self):
+        """How often nodes were restarted since the suite was up. (VAR keeps counting from flight to flight.)"""
+        before = {node["name"]: node["restarts"] for node in self.up_report["nodes"]}
+        return sum(node["restarts"] - before.get(node["name"], 0) for node in self.status())
+
     def node_pid(self, name):
         return lock_owner(self.run_dir / f"{name}.lock")
 

@@ -182,7 +182,9 @@ TEST_P(SandboxTest, AForkBombIsHeldAndNothingOfItIsLeft) {
     }
     return 0;
   });
-  EXPECT_EQ(ended.stop, Ended::Stop::wall_time);
+  // On a busy machine the memory of refused processes is freed so late that its limit ends the bomb first.
+  const bool by_memory = ended.stop == Ended::Stop::none && ended.signal == SIGKILL && ended.out_of_memory;
+  EXPECT_TRUE(ended.stop == Ended::Stop::wall_time || by_memory) << "signal " << ended.signal;
   if (in_force(ended, Layer::process_count)) {
     EXPECT_TRUE(ended.too_many_processes);
   }

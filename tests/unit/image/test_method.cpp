@@ -71,6 +71,7 @@ Frame odd_frame(const std::string& kind) {
     if (kind == "beyond all scales") v = (random - 0.5F) * 3e38F;
     if (kind == "negative") v = -1e6F + random;
     if (kind == "salt") v = random > 0.9F ? 255.0F : 0.0F;
+    if (kind == "salt beyond all scales") v = random > 0.7F ? 2e38F : -2e38F;
     if (kind == "tiny") v = random * 1e-38F;
   }
   if (kind == "one value") cells[2000] = 1e30F;
@@ -102,7 +103,8 @@ TEST_P(OddFrames, GiveFiniteFindingsOfEveryMethodAndInASequence) {
 INSTANTIATE_TEST_SUITE_P(Kinds, OddFrames,
                          testing::Values("black", "white", "one pixel", "one row", "one column", "two",
                                          "no value", "infinite", "half without a value", "beyond all scales",
-                                         "negative", "salt", "tiny", "one value", "ramp"));
+                                         "negative", "salt", "salt beyond all scales", "tiny", "one value",
+                                         "ramp"));
 
 TEST(Methods, FindNothingInAFlatFrame) {
   for (const MethodEntry& entry : methods()) {

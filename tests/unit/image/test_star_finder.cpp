@@ -205,6 +205,33 @@ TEST(StarFinder, WorksAroundPixelsWithoutAValue) {
   }
 }
 
+TEST(StarFinder, IsNotMisledByTheKnotsOfAGalaxyThatOutnumberTheStars) {
+  SkyScene scene = small_scene(2.5, 22);
+  scene.width = scene.height = 400;
+  const std::vector<SkyStar> truth = lattice(scene, 500, 115.3);
+  Frame frame = frame_of(scene, truth);
+  for (int k = 0; k < 90; ++k) {
+    const double angle = 2.4 * k;
+    const double kx = 200 + 17 * std::sqrt(k) * std::cos(angle);
+    const double ky = 200 + 17 * std::sqrt(k) * std::sin(angle);
+    const double sigma = 2.2 + 0.15 * (k % 5);
+    for (int y = 0; y < scene.height; ++y) {
+      for (int x = 0; x < scene.width; ++x)
+        frame.pixels.at(x, y) +=
+            static_cast<float>((300 + 20 * (k % 7)) *
+                               std::exp(-((x - kx) * (x - kx) + (y - ky) * (y - ky)) / (2 * sigma * sigma)));
+    }
+  }
+
+  const std::vector<Star> found = stars_in(frame);
+
+  for (const SkyStar& t : truth) {
+    const Star* s = nearest(found, t.x, t.y, 0.5);
+    ASSERT_NE(s, nullptr) << t.x << ", " << t.y;
+    EXPECT_NEAR(s->fwhm_px, 2.6, 0.5);
+  }
+}
+
 TEST(StarFinder, TakesColumnPatternsForNoStars) {
   SkyScene scene = small_scene(2.2, 21);
   const std::vector<SkyStar> truth = lattice(scene, 25);
@@ -214,6 +241,72 @@ TEST(StarFinder, TakesColumnPatternsForNoStars) {
 
   EXPECT_LE(found.size(), truth.size() + 3);
   EXPECT_GE(found.size(), truth.size() - 3);
+}
+
+TEST(StarFinder, MeasuresTheNoiseWithoutAPatternOfColumns) {
+  SkyScene scene = small_scene(2.2, 23);
+  scene.width = 640, scene.height = 480;
+  const std::vector<SkyStar> truth = lattice(scene, 7);
+  FrameFindings plain;
+  (void)stars_in(frame_of(scene, truth), plain);
+  scene.column_pattern_adu = 1.2 * plain.noise;
+  FrameFindings findings;
+
+  const std::vector<Star> found = stars_in(frame_of(scene, truth), findings);
+
+  EXPECT_NEAR(findings.noise, plain.noise, 0.05 * plain.noise);
+  const auto seen = std::count_if(truth.begin(), truth.end(),
+                                  [&](const SkyStar& t) { return nearest(found, t.x, t.y, 1.5) != nullptr; });
+  EXPECT_GE(static_cast<double>(seen), 0.9 * static_cast<double>(truth.size()));
+}
+
+TEST(StarFinder, KnowsTheNoiseOfASkyThatIsCutOffAtItsLevel) {
+  SkyScene scene = small_scene(2.2, 24);
+  scene.width = 640, scene.height = 480;
+  Frame frame = frame_of(scene, lattice(scene, 100));
+  FrameFindings whole;
+  (void)stars_in(frame, whole);
+  const float level = static_cast<float>(whole.background);
+  for (float& v : frame.pixels.cells()) v = std::max(v - level, 0.0F);
+  FrameFindings findings;
+
+  const std::vector<Star> found = stars_in(frame, findings);
+
+  EXPECT_GT(findings.noise, 0.6 * whole.noise);
+  EXPECT_LT(findings.noise, 1.25 * whole.noise);
+  EXPECT_NEAR(findings.fwhm_px, whole.fwhm_px, 0.15);
+  EXPECT_LT(found.size(), 1200U);  // skewed noise; several thousand where it is taken for a tenth
+}
+
+TEST(StarFinder, MeasuresStarsAboveAHorizon) {
+  SkyScene scene = small_scene(3.2, 25);
+  scene.width = 640, scene.height = 480;
+  scene.background_e = 1500;
+  Frame frame = frame_of(scene, lattice(scene, 100));
+  FrameFindings whole;
+  (void)stars_in(frame, whole);
+  for (int y = 400; y < scene.height; ++y) {
+    for (int x = 0; x < scene.width; ++x)
+      frame.pixels.at(x, y) = 350 + 6 * static_cast<float>((7 * x + 5 * y) % 11);
+  }
+  FrameFindings findings;
+
+  (void)stars_in(frame, findings);
+
+  EXPECT_NEAR(findings.fwhm_px, whole.fwhm_px, 0.1);
+  EXPECT_THAT(findings.notes, testing::Contains(testing::HasSubstr("is not searched")));
+}
+
+TEST(StarFinder, SearchesBesideDeadRowsAndColumns) {
+  SkyScene scene = small_scene(2.2, 26);
+  Frame frame = frame_of(scene, lattice(scene, 50));
+  for (int x = 0; x < scene.width; ++x) frame.pixels.at(x, 100) = frame.pixels.at(x, 101) = 0;
+  for (int y = 0; y < scene.height; ++y) frame.pixels.at(200, y) = frame.pixels.at(201, y) = 0;
+  FrameFindings findings;
+
+  (void)stars_in(frame, findings);
+
+  EXPECT_THAT(findings.notes, testing::Not(testing::Contains(testing::HasSubstr("is not searched"))));
 }
 
 }  // namespace

@@ -47,6 +47,18 @@ std::vector<SkyStar> beside(std::vector<SkyStar> stars, const SkyStreak& l) {
   return stars;
 }
 
+/// Adds light(along, across), ADU, in a direction around a point.
+template <class Light>
+void add_light(Frame& frame, double x0, double y0, double angle, Light&& light) {
+  const double ux = std::cos(angle);
+  const double uy = std::sin(angle);
+  for (int y = 0; y < frame.pixels.height(); ++y) {
+    for (int x = 0; x < frame.pixels.width(); ++x)
+      frame.pixels.at(x, y) +=
+          static_cast<float>(light((x - x0) * ux + (y - y0) * uy, (y - y0) * ux - (x - x0) * uy));
+  }
+}
+
 class StreaksInEveryDirection : public testing::TestWithParam<int> {};
 
 TEST_P(StreaksInEveryDirection, AreFoundWithTheirEnds) {
@@ -161,17 +173,70 @@ TEST(StreakFinder, TakesTheRaysOfABrightStarForNoStreaks) {
     std::vector<SkyStar> stars = lattice(scene, 50, 57.9);
     stars.push_back({163.3, 118.6, hw_sim::flux_for_snr(scene, 163.3, 118.6, 3000)});
     Frame frame = frame_of(scene, stars);
-    for (int y = 0; y < scene.height; ++y) {
-      for (int x = 0; x < scene.width; ++x) {
-        const double dx = (x - 163.3) * std::cos(turned) + (y - 118.6) * std::sin(turned);
-        const double dy = (y - 118.6) * std::cos(turned) - (x - 163.3) * std::sin(turned);
-        const auto ray = [](double along, double across) {
-          return 600 * std::exp(-std::abs(along) / 12 - across * across / 2);
-        };
-        frame.pixels.at(x, y) += static_cast<float>(ray(dx, dy) + ray(dy, dx));
-      }
-    }
+    const auto ray = [](double along, double across) {
+      return 600 * std::exp(-std::abs(along) / 12 - across * across / 2);
+    };
+    add_light(frame, 163.3, 118.6, turned, [&](double dx, double dy) { return ray(dx, dy) + ray(dy, dx); });
     EXPECT_TRUE(streaks_in(frame).empty()) << turned;
+  }
+}
+
+TEST(StreakFinder, TakesTheRaysOfAGlaringStarForNoStreaksThoughTheyHardlyFallOff) {
+  SkyScene scene = small_scene(2.2, 86);
+  std::vector<SkyStar> stars = lattice(scene, 50, 57.9);
+  stars.push_back({163.3, 118.6, hw_sim::flux_for_snr(scene, 163.3, 118.6, 3000)});
+  Frame frame = frame_of(scene, stars);
+  add_light(frame, 163.3, 118.6, std::atan2(0.6, 0.8), [](double along, double across) {
+    return std::abs(along) < 90 ? 80 * std::exp(-std::abs(along) / 130 - across * across / 2) : 0;
+  });
+  EXPECT_TRUE(streaks_in(frame).empty());
+}
+
+/// What passes in a moment, while air and mount move the stars.
+TEST(StreakFinder, FindsStreaksThatAreSharperThanTheStars) {
+  for (const double angle : {0.3, 0.8, 1.9}) {
+    SkyScene scene = small_scene(3.2, 89);
+    const SkyStreak truth{160.3 - 60 * std::cos(angle), 120.6 - 60 * std::sin(angle),
+                          160.3 + 60 * std::cos(angle), 120.6 + 60 * std::sin(angle), 0};
+    Frame frame = frame_of(scene, beside(lattice(scene, 60, 57.9), truth));
+    const double sigma = 0.82 * std::hypot(3.2, 0.68) / 2.3548;
+    add_light(frame, 160.3, 120.6, angle, [&](double along, double across) {
+      return std::abs(along) < 60 ? 60 * std::exp(-across * across / (2 * sigma * sigma)) : 0;
+    });
+    const std::vector<Streak> found = streaks_in(frame);
+
+    ASSERT_EQ(found.size(), 1U) << angle;
+    EXPECT_LT(end_error(found[0], truth), 4) << angle;
+  }
+}
+
+TEST(StreakFinder, TakesTheGlowOfOutermostRowsAndColumnsForNoStreaks) {
+  SkyScene scene = small_scene(2.2, 87);
+  Frame frame = frame_of(scene, lattice(scene, 50, 57.9));
+  for (int y = 0; y < scene.height; ++y) {
+    for (int x = 0; x < scene.width; ++x) {
+      const bool at_a_corner = x < 60 || y > scene.height - 60;
+      const double edge = std::min(x + 0.02 * y, scene.height - 1 - y + 0.01 * x);
+      if (!at_a_corner || edge > 6) continue;
+      frame.pixels.at(x, y) += static_cast<float>(40 * std::exp(-edge * edge / 2));
+    }
+  }
+  EXPECT_TRUE(streaks_in(frame).empty());
+}
+
+TEST(StreakFinder, EndsWhatLeavesTheFrameAtItsEdge) {
+  for (const double snr : {12.0, 60.0}) {
+    SkyScene scene = small_scene(2.2, 88);
+    SkyStreak truth = with_snr(scene, {200.3, 150.2, 400, 240, 0}, snr);
+    const std::vector<Streak> found =
+        streaks_in(frame_of(scene, beside(lattice(scene, 50, 57.9), truth), {truth}));
+
+    ASSERT_EQ(found.size(), 1U) << snr;
+    const Streak& s = found[0];
+    EXPECT_GE(std::min({s.x1, s.x2, s.y1, s.y2}), -0.5);
+    EXPECT_LE(std::max(s.x1, s.x2), scene.width - 0.5);
+    EXPECT_GT(std::max(s.x1, s.x2), scene.width - 15);
+    EXPECT_LE(std::max(s.y1, s.y2), scene.height - 0.5);
   }
 }
 
@@ -179,14 +244,9 @@ TEST(StreakFinder, FindsNoneInAGalaxySeenFromTheSide) {
   for (const double sigma : {3.0, 5.0, 8.0}) {
     SkyScene scene = small_scene(2.2, 82);
     Frame frame = frame_of(scene, lattice(scene, 50, 57.9));
-    for (int y = 0; y < scene.height; ++y) {
-      for (int x = 0; x < scene.width; ++x) {
-        const double dx = (x - 160) * 0.8 + (y - 120) * 0.6;
-        const double dy = (y - 120) * 0.8 - (x - 160) * 0.6;
-        frame.pixels.at(x, y) +=
-            static_cast<float>(400 * std::exp(-dx * dx / (2 * 35 * 35) - dy * dy / (2 * sigma * sigma)));
-      }
-    }
+    add_light(frame, 160, 120, std::atan2(0.6, 0.8), [&](double along, double across) {
+      return 400 * std::exp(-along * along / (2 * 35 * 35) - across * across / (2 * sigma * sigma));
+    });
     EXPECT_TRUE(streaks_in(frame).empty()) << sigma;
   }
 }
@@ -215,6 +275,19 @@ TEST(StreakFinder, FindsStreaksOfAnyBrightnessBesideStars) {
     ASSERT_EQ(found.size(), 1U) << snr;
     EXPECT_LT(end_error(found[0], truth), 8) << snr;
   }
+}
+
+TEST(StreakFinder, TakesColumnsOfASensorForNoStreaks) {
+  SkyScene scene = small_scene(2.2, 91);
+  scene.width = 1280, scene.height = 1024;
+  scene.column_pattern_adu = 20;  // 1.3 of the noise
+  const SkyStreak truth = with_snr(scene, {120, 90, 200, 130, 0}, 30);
+
+  const std::vector<Streak> found =
+      streaks_in(frame_of(scene, beside(lattice(scene, 50, 57.9), truth), {truth}));
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 4);
 }
 
 /// What a lens leaves dark, or a mask.

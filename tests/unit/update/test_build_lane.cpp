@@ -121,6 +121,8 @@ TEST(SelfTestJudgementTest, TellsTheVerdictFromTheCrash) {
   ended = ended_by(SIGKILL);
   ended.out_of_memory = true;
   EXPECT_EQ(judge_self_test(ended, limits), SelfTestOutcome::memory_limit);
+  ended.too_many_processes = true;
+  EXPECT_EQ(judge_self_test(ended, limits), SelfTestOutcome::process_limit);
 }
 
 TEST(LaneExitTest, SaysWhoIsToBlame) {
