@@ -76,6 +76,7 @@ def show(summary, out):
         gap, back = figures["bus_gap"], figures["victim_gap"]
         print(f"  {kind:36} {figures['count']:5}   bus used again after {gap.get('p50_ms', '-')} ms (p50), {gap.get('max_ms', '-')} ms (max)"
               + (f"; victim back after {back['p50_ms']} and {back['max_ms']} ms" if back["count"] else ""))  # fmt: skip
+    print(f"  {summary['machine']}")
     print(f"  seed {summary['seed']}; files in {out}")
 
 

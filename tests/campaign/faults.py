@@ -28,6 +28,7 @@ import time
 import executions
 import mission  # tools/demo
 import witness
+from lateness import Lateness, describe_lateness  # tools/demo
 
 NODES = ("timing", "can_switcher", "payload_adcs", "payload_eps", "payload_thermal", "ttc", "image_acquisition", "image_processing", "maintenance")
 PAYLOADS = tuple(witness.ADDRESS)
@@ -306,6 +307,7 @@ class FaultCampaign:
             self._threads.append(threading.Thread(target=job, daemon=True))
             self._threads[-1].start()
         self.begin = time.monotonic()
+        self._machine = Lateness()
         self.wait_until_steady()
         return self
 
@@ -316,6 +318,7 @@ class FaultCampaign:
         self._quit.set()
         for thread in self._threads:
             thread.join(10)
+        self.machine = self._machine.end()
         if kind is None:
             self.executions.ask()
 
@@ -672,8 +675,8 @@ def summarize(campaign):
     telecommands = witness.telecommands_of(campaign.messages)
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     checks = [
-        *witness.executed_once(telecommands, campaign.executions.of, soak),
-        witness.told_to_the_ground(others, soak),
+        *witness.executed_once(telecommands, campaign.executions.of, soak, campaign.machine["late_at"]),
+        witness.told_to_the_ground(others, soak, campaign.machine["late_at"]),
         witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
         witness.check([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),
@@ -685,7 +688,7 @@ def summarize(campaign):
             slopes[node] = {"memory_kib_per_hour": round(slope_per_hour([(at, memory) for at, (memory, _) in seen])),
                             "descriptors_per_hour": round(slope_per_hour([(at, descriptors) for at, (_, descriptors) in seen]), 1),
                             "memory_kib": seen[-1][1][0], "descriptors": seen[-1][1][1]}  # fmt: skip
-    return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "soak_ticks": campaign.soak_ticks, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1),
+    return {"ok": all(c["ok"] for c in checks), "soak_slopes": slopes, "soak_ticks": campaign.soak_ticks, "checks": checks, "table": table, "recorded_s": round(time.monotonic() - campaign.begin, 1), "machine": describe_lateness(campaign.machine),
             "telecommands": {"sent": len(telecommands), "accepted": sum(t.accepted for t in telecommands.values()),
                              "executed": len(campaign.executions),
                              "not_accepted": unheard, "ends_lost_with_ttc": with_ttc}}  # fmt: skip
@@ -714,6 +717,7 @@ def show(summary):
         print(f"  {node:18} {slope['memory_kib']} KiB anonymous memory, {slope['memory_kib_per_hour']:+} KiB/h; {slope['descriptors']} descriptors, {slope['descriptors_per_hour']:+}/h")
     t = summary["telecommands"]
     print(f"  {t['accepted']} of {t['sent']} telecommands accepted, {t['executed']} executed, {t['ends_lost_with_ttc']} ends lost with ttc, in {summary['recorded_s']} s; times in s from the fault")
+    print(f"  {summary['machine']}")
 
 
 def report(summary):

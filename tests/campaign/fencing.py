@@ -17,6 +17,7 @@ import time
 import executions
 import mission  # tools/demo
 import witness
+from lateness import Lateness, describe_lateness  # tools/demo
 
 PAYLOADS = tuple(witness.ADDRESS)
 SWITCHER = "can_switcher"
@@ -217,13 +218,15 @@ class Campaign:
         starter.start()
         self.begin = time.monotonic_ns()
         try:
-            self._disturb(ground)
-            self._go_on(everybody=True)
-            self._settle()
+            with Lateness() as machine:
+                self._disturb(ground)
+                self._go_on(everybody=True)
+                self._settle()
         finally:
             self._go_on(everybody=True)
             self._quit.set()
             starter.join(UP_DEADLINE_S + 40)
+        self.machine = machine.end()
         self.executions.ask()
         self.lines = self.flight.can_log(until_ns=time.monotonic_ns(), deadline_s=5)
 
@@ -264,18 +267,20 @@ class Campaign:
     # --- files ------------------------------------------------------------------------------------------------------
 
     def judge(self):
-        verdict, found = witness.judge(self.lines, self.messages, self.executions.of, self.faults, int(BOUND_S * 1e9))
+        verdict, found = witness.judge(self.lines, self.messages, self.executions.of, self.faults, int(BOUND_S * 1e9), self.machine["late_at"])
         if self.executions.unseen:
             verdict["checks"].append(witness.check([f"{self.executions.unseen} executions"], "every execution was seen"))
             verdict["ok"] = False
         verdict["recorded_s"] = round((time.monotonic_ns() - self.begin) / 1e9, 1)
         verdict["restarts"] = self._restarts
+        verdict["machine"] = describe_lateness(self.machine)
         return verdict, found
 
     def write(self, folder, found):
         """What the verdict is made of, to be looked at, and judged again."""
         (folder / "can.log").write_text("\n".join(self.lines) + "\n")
         (folder / "executed.json").write_text(json.dumps(self.executions.of) + "\n")
+        (folder / "late.json").write_text(json.dumps(self.machine["late_at"]) + "\n")
         with open(folder / "record.jsonl", "w") as file:
             for message in self.messages:
                 file.write(json.dumps({key: value for key, value in message.items() if key != "arrived"}) + "\n")

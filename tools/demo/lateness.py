@@ -13,6 +13,9 @@ import time
 PERIOD_S = 0.005
 LATE_S = 0.020  # what the nodes allow a callback; a peripheral has 25 ms for its answer
 STOLEN = 0.02  # of the CPU time: what a hypervisor may take without being noticed
+LOOK_S = 0.1  # how often the witness asks what was stolen
+TICK_S = 0.01  # unit of /proc/stat (USER_HZ)
+MOST_LATE = 100_000  # intervals it notes, hours of a bad host; later ones are counted only
 
 
 class Lateness:
@@ -25,15 +28,15 @@ class Lateness:
         self._seen = None
 
     def end(self):
-        """{wakeups, late, longest_ms, stolen}: how often it woke, how often more than LATE_S too late, how late at most; which part of the
-        CPU time the hypervisor took."""
+        """{wakeups, late, longest_ms, stolen, late_at}: how often it woke, how often more than LATE_S too late, how late at most; which part
+        of the CPU time the hypervisor took; [begin, end] of CLOCK_MONOTONIC in ns where it woke that late or LATE_S of a CPU were taken."""
         if self._seen is None:
             try:
                 self._seen = json.loads(self._process.communicate(timeout=10)[0])
             except (subprocess.TimeoutExpired, OSError, ValueError):
                 self._process.kill()
                 self._process.communicate()
-                self._seen = {"wakeups": 0, "late": 0, "longest_ms": 0.0, "stolen": 0.0}
+                self._seen = {"wakeups": 0, "late": 0, "longest_ms": 0.0, "stolen": 0.0, "late_at": []}
         return self._seen
 
     def __enter__(self):
@@ -70,21 +73,35 @@ def _read_cpu_times():
         return 0, 0
 
 
-def watch(sleep, now=time.monotonic):
-    """Has sleep() sleep for PERIOD_S again and again until it returns True."""
-    wakeups, late, longest_s = 0, 0, 0.0
-    stolen_before, all_before = _read_cpu_times()
-    asleep = now()
+def watch(sleep, now=time.monotonic, read=_read_cpu_times):
+    """Has sleep() sleep for PERIOD_S again and again until it returns True. What it sees is as Lateness.end() tells it."""
+    wakeups, late, longest_s, late_at = 0, 0, 0.0, []
+
+    def note(begin_s, end_s):
+        begin, end = int(begin_s * 1e9), int(end_s * 1e9)
+        if late_at and begin <= late_at[-1][1]:
+            late_at[-1] = [min(begin, late_at[-1][0]), max(end, late_at[-1][1])]
+        elif len(late_at) < MOST_LATE:
+            late_at.append([begin, end])
+
+    at_first = seen = read()
+    asleep = looked = now()
     while not sleep():
         awake = now()
         over_s = awake - asleep - PERIOD_S
         wakeups += 1
-        late += over_s > LATE_S
         longest_s = max(longest_s, over_s)
+        if over_s > LATE_S:
+            late += 1
+            note(asleep, awake)
+        if awake - looked >= LOOK_S:
+            before, seen = seen, read()
+            if (seen[0] - before[0]) * TICK_S >= LATE_S:
+                note(looked, awake)
+            looked = awake
         asleep = awake
-    stolen, total = _read_cpu_times()
-    share = (stolen - stolen_before) / max(1, total - all_before)
-    return {"wakeups": wakeups, "late": late, "longest_ms": round(1000 * longest_s, 1), "stolen": round(share, 4)}
+    stolen, total = (b - a for a, b in zip(at_first, read()))
+    return {"wakeups": wakeups, "late": late, "longest_ms": round(1000 * longest_s, 1), "stolen": round(stolen / max(1, total), 4), "late_at": late_at}
 
 
 if __name__ == "__main__":

@@ -136,6 +136,15 @@ class WitnessTest(unittest.TestCase):
             checks = witness.executed_once(witness.telecommands_of([*given_up, *done]), {EPS: list(range(7, 8 + others))}, soak=True)
             self.assertEqual(all(c["ok"] for c in checks), good, checks)
 
+    def test_what_went_unanswered_while_the_machine_was_late_is_no_fault_of_the_nodes(self):
+        given_up = [telecommand(7), report(7, 1), report(7, 7, False, 30) | {"at_ns": 900 * MS}]
+        told = [self.stage("accepted", False), self.stage("completion_failed", True, 30) | {"at_ns": 900 * MS}]
+        for late, good in (([(400 * MS, 430 * MS)], True), ([(901 * MS, 950 * MS)], False), ([], False)):
+            checks = [*witness.executed_once(witness.telecommands_of(given_up), {EPS: [7]}, late=late), witness.told_to_the_ground(told, late=late)]
+            self.assertEqual([c["ok"] for c in checks], [True, True, True, good, good], checks)
+        twice = witness.executed_once(witness.telecommands_of(given_up), {EPS: [7, 7]}, late=[(400 * MS, 430 * MS)])
+        self.assertFalse(twice[0]["ok"], "lateness is no excuse for this")
+
     def test_an_unknown_outcome_may_be_executed_or_not(self):
         unknown = [*self.DONE[:2], report(0x1_0000_0007, 7, False, 36)]
         self.assertEqual(self.broken(messages=unknown, executed={EPS: [7]}), [])

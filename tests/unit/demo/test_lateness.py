@@ -27,13 +27,24 @@ class LatenessTest(unittest.TestCase):
         self.assertFalse(lateness.had_time(seen | {"late": 1}))
         self.assertFalse(lateness.had_time(seen | {"stolen": 0.1}))
 
-    def test_only_what_is_late_counts_as_late(self):
-        times = iter([10.0, 10.006, 10.011, 10.061, 10.067])  # asleep, and four times awake
-        sleeps = iter([False, False, False, False, True])
+    @staticmethod
+    def watched(times, ticks=()):
+        """What the witness sees who falls asleep and wakes at these times, and reads these (stolen, all) ticks, (0, 0) when there is no more."""
+        times, ticks, sleeps = iter(times), iter(ticks), iter([False] * (len(times) - 1) + [True])
+        return lateness.watch(lambda: next(sleeps), lambda: next(times), lambda: next(ticks, (0, 0)))
 
-        seen = lateness.watch(lambda: next(sleeps), lambda: next(times))
+    def test_only_what_is_late_counts_as_late(self):
+        seen = self.watched([10.0, 10.006, 10.011, 10.061, 10.067])
 
         self.assertEqual((seen["wakeups"], seen["late"], seen["longest_ms"]), (4, 1, 45.0))
+        self.assertEqual(seen["late_at"], [[10_011_000_000, 10_061_000_000]])
+
+    def test_what_the_host_took_of_any_cpu_is_noted_with_its_time(self):
+        quiet = self.watched([10 + 0.005 * n for n in range(50)], [(5, 100), (6, 120), (7, 140), (7, 140)])
+        self.assertEqual(quiet["late_at"], [], "one tick in 0.1 s is nothing")
+        busy = self.watched([10 + 0.005 * n for n in range(50)], [(5, 100), (5, 120), (8, 140), (8, 140)])
+        self.assertEqual([[round(at / 1e9, 1) for at in interval] for interval in busy["late_at"]], [[10.1, 10.2]])
+        self.assertEqual((busy["late"], busy["stolen"]), (0, 0.075))
 
     def test_the_witness_ends_with_its_report(self):
         with lateness.Lateness() as witness:
