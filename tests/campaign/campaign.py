@@ -82,7 +82,7 @@ def show(summary, out):
 
 def run_fencing(options, out, seed, signals, say):
     say(f"{options.slots} slots, seed {seed}")
-    with mission.Mission(options.var or out / "var", options.deployment or "fencing", options.bin, say) as flight:
+    with mission.Mission(options.var or out / "var", options.deployment or "fencing", options.bin, say, insist_s=mission.UP_DEADLINE_S) as flight:
         campaign = fencing.Campaign(flight, signals, options.slots, seed, say)
         campaign.run()
     verdict, found = campaign.judge()

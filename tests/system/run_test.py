@@ -14,11 +14,32 @@ from lateness import Lateness, describe_lateness, had_time
 REPEATED = "repeated for the machine's lateness"  # ./run test looks for it
 
 
+class TellingResult(unittest.TextTestResult):
+    """Says at once what went wrong: the logs that a test prints at its end are long, and what reads them may keep only the beginning."""
+
+    def addError(self, test, err):
+        super().addError(test, err)
+        self._tell(self.errors)
+
+    def addFailure(self, test, err):
+        super().addFailure(test, err)
+        self._tell(self.failures)
+
+    def addSubTest(self, test, subtest, err):
+        super().addSubTest(test, subtest, err)
+        if err is not None:
+            self._tell(self.failures if issubclass(err[0], test.failureException) else self.errors)
+
+    def _tell(self, told):
+        self.stream.writeln(told[-1][1].rstrip()[-4000:])
+        self.stream.flush()
+
+
 def run(name):
     """(passed, what the witness saw) of one run of the class."""
     suite = unittest.defaultTestLoader.loadTestsFromName(name)
     with Lateness() as witness:
-        result = unittest.TextTestRunner(verbosity=2).run(suite)
+        result = unittest.TextTestRunner(verbosity=2, resultclass=TellingResult).run(suite)
     return result.wasSuccessful() and result.testsRun > 0, witness.end()
 
 

@@ -29,7 +29,8 @@ class Lateness:
 
     def end(self):
         """{wakeups, late, longest_ms, stolen, late_at}: how often it woke, how often more than LATE_S too late, how late at most; which part
-        of the CPU time the hypervisor took; [begin, end] of CLOCK_MONOTONIC in ns where it woke that late or LATE_S of a CPU were taken."""
+        of the CPU time the hypervisor took; [begin, end] of CLOCK_MONOTONIC in ns where it woke that late, in one or in several goes within
+        LOOK_S, or where as much of a CPU was taken."""
         if self._seen is None:
             try:
                 self._seen = json.loads(self._process.communicate(timeout=10)[0])
@@ -86,19 +87,21 @@ def watch(sleep, now=time.monotonic, read=_read_cpu_times):
 
     at_first = seen = read()
     asleep = looked = now()
+    since_looked_s = 0.0
     while not sleep():
         awake = now()
         over_s = awake - asleep - PERIOD_S
         wakeups += 1
         longest_s = max(longest_s, over_s)
+        since_looked_s += over_s
         if over_s > LATE_S:
             late += 1
             note(asleep, awake)
         if awake - looked >= LOOK_S:
             before, seen = seen, read()
-            if (seen[0] - before[0]) * TICK_S >= LATE_S:
+            if since_looked_s > LATE_S or (seen[0] - before[0]) * TICK_S >= LATE_S:
                 note(looked, awake)
-            looked = awake
+            looked, since_looked_s = awake, 0.0
         asleep = awake
     stolen, total = (b - a for a, b in zip(at_first, read()))
     return {"wakeups": wakeups, "late": late, "longest_ms": round(1000 * longest_s, 1), "stolen": round(stolen / max(1, total), 4), "late_at": late_at}

@@ -39,6 +39,13 @@ class LatenessTest(unittest.TestCase):
         self.assertEqual((seen["wakeups"], seen["late"], seen["longest_ms"]), (4, 1, 45.0))
         self.assertEqual(seen["late_at"], [[10_011_000_000, 10_061_000_000]])
 
+    def test_many_small_delays_in_a_row_are_noted_but_not_counted(self):
+        seen = self.watched([10 + 0.012 * n for n in range(30)])  # each 7 ms too late
+
+        self.assertEqual(seen["late"], 0)
+        self.assertEqual(len(seen["late_at"]), 1)
+        self.assertAlmostEqual((seen["late_at"][0][1] - seen["late_at"][0][0]) / 1e9, 0.324, 3)
+
     def test_what_the_host_took_of_any_cpu_is_noted_with_its_time(self):
         quiet = self.watched([10 + 0.005 * n for n in range(50)], [(5, 100), (6, 120), (7, 140), (7, 140)])
         self.assertEqual(quiet["late_at"], [], "one tick in 0.1 s is nothing")
@@ -82,6 +89,19 @@ class RepeatTest(unittest.TestCase):
     def test_a_failure_on_a_late_machine_is_repeated_once_and_said(self):
         self.assertEqual(self.judged((False, self.LATE), (True, self.LATE)), (0, 2, True))
         self.assertEqual(self.judged((False, self.LATE), (False, self.LATE), (True, self.LATE)), (1, 2, True))
+
+
+class TellingTest(unittest.TestCase):
+    def test_a_failure_is_told_before_what_the_test_prints_at_its_end(self):
+        class Failing(unittest.TestCase):
+            def runTest(self):
+                self.addCleanup(lambda: print("the logs", file=out))
+                self.fail("the reason")
+
+        out = io.StringIO()
+        unittest.TextTestRunner(stream=out, resultclass=run_test.TellingResult).run(Failing())
+
+        self.assertLess(out.getvalue().index("the reason"), out.getvalue().index("the logs"))
 
 
 if __name__ == "__main__":
