@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <optional>
 
 #include "image/filter.hpp"
 #include "image/place_index.hpp"
@@ -69,6 +70,7 @@ struct Fitted {
   double noise = 1;      ///< of the filtered frame here
   double left_over = 0;  ///< of brighter stars, here
   double significance = 0;
+  double unexplained = 0;  ///< share of the flanks' energy, of a star with a saturated core
   int radius = 0;
   bool changed = true;   ///< it or its surroundings, since it was last fitted
   bool crowded = false;  ///< has neighbours
@@ -216,31 +218,45 @@ class Finder {
 
   [[nodiscard]] bool is_saturated(const Fitted& star) const { return star.radius > psf_.fit_radius(); }
 
+  /// A star whose core is saturated, by what is around it. @param dx  where to start, from the core's middle
+  [[nodiscard]] std::optional<Fitted> fit_flanks(const SaturatedCore& core, double dx, double dy) {
+    Fitted star;
+    star.x = core.x + dx;
+    star.y = core.y + dy;
+    star.radius = psf_.fit_radius() + core.radius;
+    take_patch(residual_, clean_.flaws, core.x, core.y, star.radius, patch_);
+    if (!fit_height(star)) return std::nullopt;
+    Fitted better = star;
+    if (fit_patch(better, 8, 0) && std::hypot(better.x - core.x, better.y - core.y) < 1 + 0.3 * core.radius)
+      star = better;
+    star.unexplained = unexplained(star);
+    return star;
+  }
+
   /// Stars far over saturation: nothing but their flanks is known.
   void try_saturated_cores() {
     for (const SaturatedCore& core : find_saturated_cores(clean_.flaws)) {
-      Fitted star;
-      star.x = core.x;
-      star.y = core.y;
-      star.radius = psf_.fit_radius() + core.radius;
-      take_patch(residual_, clean_.flaws, star.x, star.y, star.radius, patch_);
-      if (!fit_height(star)) continue;
-      Fitted better = star;
-      if (fit_patch(better, 8, 0) && std::hypot(better.x - core.x, better.y - core.y) < 1 + 0.3 * core.radius)
-        star = better;
-      judge(star, 0, 0);
-      if (star.significance < saturated_least || unexplained(star) > unexplained_most) continue;
-      add_light(star, -1);
-      take_halo_away(star);
-      stars_.push_back(star);
+      std::optional<Fitted> star = fit_flanks(core, 0, 0);
+      // Flanks so steep may lead astray from where they start.
+      for (int k = 0; k < 8 && star && star->unexplained > unexplained_most; ++k) {
+        const double angle = k * std::numbers::pi / 4;
+        const double away = 0.3 * psf_.fwhm_px();
+        const auto other = fit_flanks(core, away * std::cos(angle), away * std::sin(angle));
+        if (other && other->unexplained < star->unexplained) star = other;
+      }
+      if (!star || star->unexplained > unexplained_most) continue;
+      judge(*star, 0, 0);
+      if (star->significance < saturated_least) continue;
+      add_light(*star, -1);
+      take_halo_away(*star);
+      stars_.push_back(*star);
     }
     glaring_ = stars_;
     glaring_places_ = PlaceIndex(glaring_);
   }
 
-  /// Share of the light's energy around a star that its model does not explain.
+  /// Share of the energy of the patch's light that a star's model leaves.
   [[nodiscard]] double unexplained(const Fitted& star) {
-    take_patch(residual_, clean_.flaws, star.x, star.y, star.radius, patch_);
     profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
     double energy = 0, left = 0;
     for (std::size_t i = 0; i < patch_.size(); ++i) {
@@ -340,7 +356,8 @@ class Finder {
       found = filtered_.contains(peak.x + dx, peak.y + dy) && filtered_.contains(peak.x - dx, peak.y - dy) &&
               (distance < star.radius + d ||  // what is closer the star hides
                filtered_.at(peak.x + dx, peak.y + dy) > 0.5F * peak.value) &&
-              filtered_.at(peak.x - dx, peak.y - dy) > 0.3F * peak.value;
+              filtered_.at(peak.x - dx, peak.y - dy) > 0.3F * peak.value &&
+              (clean_.flaws.at(peak.x - dx, peak.y - dy) & flaw_saturated) == 0;  // a column that ran over
     });
     return found;
   }
