@@ -46,6 +46,10 @@ Range range_of(const Plane& pixels) {
   return range;
 }
 
+/// A pixel so near a plateau at the top belongs to it: response bends before it ends, and JPEG's plateaus are
+/// uneven.
+constexpr float plateau_share = 0.04F;
+
 /// A plateau at the top: pixels of the highest value that touch, well above the sky.
 bool has_plateau(const Plane& pixels, const Range& range) {
   const float below = std::nextafter(range.high, -std::numeric_limits<float>::infinity());
@@ -410,6 +414,30 @@ void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std:
   }
 }
 
+/// Darker pixels within saturated ones, and hardly darker ones at their edge, as JPEG makes them: they say as
+/// little of the star.
+void fill_saturated(const Plane& in, const Range& range, float saturation, Grid<std::uint8_t>& flaws) {
+  constexpr int around_least = 3;  // of eight
+  constexpr int within_least = 6;
+  const float bright = saturation - 3 * plateau_share * range.span();
+  const auto is_saturated = [&](int x, int y) { return (flaws.at(x, y) & flaw_saturated) != 0; };
+  const auto judge = [&](int x, int y) {
+    if (x < 1 || y < 1 || x + 1 >= flaws.width() || y + 1 >= flaws.height() || flaws.at(x, y) != 0) return;
+    int around = 0;
+    for (int j = -1; j <= 1; ++j)
+      for (int i = -1; i <= 1; ++i) around += is_saturated(x + i, y + j);
+    if (around >= (in.at(x, y) >= bright ? around_least : within_least)) flaws.at(x, y) |= flaw_saturated;
+  };
+  for (int y = 0; y < flaws.height(); ++y) {
+    if (range.highest_near(y) < saturation) continue;
+    for (int x = 0; x < flaws.width(); ++x) {
+      if (!is_saturated(x, y)) continue;
+      for (int j = -1; j <= 1; ++j)
+        for (int i = -1; i <= 1; ++i) judge(x + i, y + j);
+    }
+  }
+}
+
 void add_notes(const Plane& in, const Range& range, bool psf_measured, FrameFindings& findings) {
   const auto all = static_cast<double>(in.size());
   if (findings.invalid > 0)
@@ -434,10 +462,11 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   if (frame.saturation_adu)
     saturation = *frame.saturation_adu;
   else if (range.span() > 0 && has_plateau(in, range))
-    saturation = range.high;
+    saturation = range.high - plateau_share * range.span();
   CleanFrame out;
   out.flaws = Grid<std::uint8_t>(in.width(), in.height());
   mark_flaws(in, range, saturation, out.flaws, findings);
+  if (findings.saturated > 0) fill_saturated(in, range, saturation, out.flaws);
 
   // Equally spaced values have at least the noise of their rounding, equal ones that of their float
   // representation.

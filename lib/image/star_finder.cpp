@@ -6,10 +6,12 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <optional>
 
 #include "image/filter.hpp"
 #include "image/place_index.hpp"
 #include "image/rows.hpp"
+#include "image/saturated_core.hpp"
 #include "image/two_stars.hpp"
 
 namespace srfs::image {
@@ -21,6 +23,14 @@ constexpr std::size_t candidates_max = 60000;
 /// where there are too few.
 constexpr double model_error_most = 0.06;
 constexpr double model_error_least = 0.025;
+/// Of its flanks' energy: more in pictures that are no linear measure of light, where the model says nothing
+/// of a core.
+constexpr double unexplained_most = 0.35;
+constexpr int halo_radius_max = 200;      ///< px, around a saturated star
+constexpr float halo_least = 0.15F;       ///< in noise: its end
+constexpr double ray_reach_px = 150;      ///< of the light that struts or the lens throw
+constexpr double ray_least = 0.05;        ///< of a star's height: rays are fainter
+constexpr double saturated_least = 20;    ///< significance of the flanks of a star with a saturated core
 constexpr float model_error_height = 60;  ///< of stars that show it
 /// Unexplained energy that the model's own error may leave.
 constexpr double sharper_share = 0.02;
@@ -60,6 +70,7 @@ struct Fitted {
   double noise = 1;      ///< of the filtered frame here
   double left_over = 0;  ///< of brighter stars, here
   double significance = 0;
+  double unexplained = 0;  ///< share of the flanks' energy, of a star with a saturated core
   int radius = 0;
   bool changed = true;   ///< it or its surroundings, since it was last fitted
   bool crowded = false;  ///< has neighbours
@@ -93,7 +104,11 @@ class Finder {
 
   StarField run() {
     for (int pass = 0; pass < 2; ++pass) {
-      if (pass > 0) level_residual();
+      if (pass == 0)
+        try_saturated_cores();
+      else
+        level_residual();
+      blank_saturated_cores();
       gaussian_filter(residual_, psf_.sigma_px(), filtered_);
       // The second time without the known stars, whose light counts as noise the first time.
       noise_ = measure_flattened(filtered_, nullptr).noise;
@@ -101,6 +116,7 @@ class Finder {
       const std::size_t known = stars_.size();
       const PlaceIndex places(stars_);
       for (const Peak& peak : find_peaks()) {
+        if (is_on_ray(peak)) continue;
         if (pass == 0 || !options_.close_ones || !try_beside(peak, places)) try_peak(peak, pass);
       }
       if (stars_.size() == known) break;
@@ -138,7 +154,7 @@ class Finder {
       less.height = per_level_ * double(here);
       add_light(less, 1);
       star.height -= less.height;
-      star.changed = star.changed || star.radius > psf_.fit_radius() || !(star.height > 0) ||
+      star.changed = star.changed || is_saturated(star) || !(star.height > 0) ||
                      std::abs(here) * psf_.sigma_px() > level_least;
     }
   }
@@ -200,6 +216,152 @@ class Finder {
     return false;
   }
 
+  [[nodiscard]] bool is_saturated(const Fitted& star) const { return star.radius > psf_.fit_radius(); }
+
+  /// A star whose core is saturated, by what is around it. @param dx  where to start, from the core's middle
+  [[nodiscard]] std::optional<Fitted> fit_flanks(const SaturatedCore& core, double dx, double dy) {
+    Fitted star;
+    star.x = core.x + dx;
+    star.y = core.y + dy;
+    star.radius = psf_.fit_radius() + core.radius;
+    take_patch(residual_, clean_.flaws, core.x, core.y, star.radius, patch_);
+    if (!fit_height(star)) return std::nullopt;
+    Fitted better = star;
+    if (fit_patch(better, 8, 0) && std::hypot(better.x - core.x, better.y - core.y) < 1 + 0.3 * core.radius)
+      star = better;
+    star.unexplained = unexplained(star);
+    return star;
+  }
+
+  /// Stars far over saturation: nothing but their flanks is known.
+  void try_saturated_cores() {
+    for (const SaturatedCore& core : find_saturated_cores(clean_.flaws)) {
+      std::optional<Fitted> star = fit_flanks(core, 0, 0);
+      // Flanks so steep may lead astray from where they start.
+      for (int k = 0; k < 8 && star && star->unexplained > unexplained_most; ++k) {
+        const double angle = k * std::numbers::pi / 4;
+        const double away = 0.3 * psf_.fwhm_px();
+        const auto other = fit_flanks(core, away * std::cos(angle), away * std::sin(angle));
+        if (other && other->unexplained < star->unexplained) star = other;
+      }
+      if (!star || star->unexplained > unexplained_most) continue;
+      judge(*star, 0, 0);
+      if (star->significance < saturated_least) continue;
+      add_light(*star, -1);
+      take_halo_away(*star);
+      stars_.push_back(*star);
+    }
+    glaring_ = stars_;
+    glaring_places_ = PlaceIndex(glaring_);
+  }
+
+  /// Share of the energy of the patch's light that a star's model leaves.
+  [[nodiscard]] double unexplained(const Fitted& star) {
+    profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+    double energy = 0, left = 0;
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      const double light = double(patch_.use[i]) * double(patch_.light[i]);
+      const double rest = light - double(patch_.use[i]) * star.height * double(heights_[i]);
+      energy += light * light;
+      left += rest * rest;
+    }
+    return energy > 0 ? left / energy : 1;
+  }
+
+  /// What a star so bright leaves all around itself: optics scatter more light than the shape of faint stars
+  /// tells.
+  void take_halo_away(const Fitted& star) {
+    std::vector<float> halo;  // by distance
+    std::vector<float> ring;
+    int quiet = 0;
+    for (int r = 0; r < halo_radius_max && quiet < 3; ++r) {
+      ring.clear();
+      for_ring(star, r, [&](int x, int y) {
+        if (clean_.flaws.at(x, y) == 0) ring.push_back(residual_.at(x, y));
+      });
+      halo.push_back(ring.size() < 8 ? 0 : median_of(ring));
+      quiet = r > star.radius && std::abs(halo.back()) < halo_least ? quiet + 1 : 0;
+    }
+    halo.push_back(0);
+    halo.push_back(0);
+    const Area a = area(star.x, star.y, static_cast<int>(halo.size()));
+    for (int y = a.y0; y <= a.y1; ++y) {
+      for (int x = a.x0; x <= a.x1; ++x) {
+        const double r = std::hypot(x - star.x, y - star.y);
+        const auto i = static_cast<std::size_t>(r);
+        if (i + 1 >= halo.size()) continue;
+        const auto share = static_cast<float>(r - static_cast<double>(i));
+        residual_.at(x, y) -= (1 - share) * halo[i] + share * halo[i + 1];
+      }
+    }
+  }
+
+  /// Calls use(x, y) for the pixels of the frame whose distance from a star rounds to r.
+  template <class Use>
+  void for_ring(const Fitted& star, int r, Use&& use) const {
+    const Area a = area(star.x, star.y, r + 1);
+    for (int y = a.y0; y <= a.y1; ++y) {
+      const double dy = y - star.y;
+      const double outer = (r + 0.5) * (r + 0.5) - dy * dy;
+      if (outer <= 0) continue;
+      const double inner = (r - 0.5) * (r - 0.5) - dy * dy;
+      const double far = std::sqrt(outer);
+      const double near = r > 0 && inner > 0 ? std::sqrt(inner) : 0;
+      const auto span = [&](double from, double end) {
+        const int last = std::min(a.x1, static_cast<int>(std::ceil(end)) - 1);
+        for (int x = std::max(a.x0, static_cast<int>(std::ceil(from))); x <= last; ++x) use(x, y);
+      };
+      span(star.x - far, near > 0 ? star.x - near : star.x);
+      span(near > 0 ? star.x + near : star.x, star.x + far);
+    }
+  }
+
+  /// Nothing is known of a saturated pixel that a star explains; more light than that stays.
+  void blank_saturated_cores() {
+    for (const Fitted& star : stars_) {
+      if (!is_saturated(star)) continue;
+      const Area a = area(star.x, star.y, star.radius);
+      for (int y = a.y0; y <= a.y1; ++y) {
+        for (int x = a.x0; x <= a.x1; ++x) {
+          if ((clean_.flaws.at(x, y) & flaw_saturated) != 0)
+            residual_.at(x, y) = std::max(0.0F, residual_.at(x, y));
+        }
+      }
+    }
+  }
+
+  /// Least squares of the height alone, on the patch.
+  [[nodiscard]] bool fit_height(Fitted& star) {
+    profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
+    double product = 0, energy = 0;
+    for (std::size_t i = 0; i < patch_.size(); ++i) {
+      product += double(patch_.use[i]) * double(heights_[i]) * double(patch_.light[i]);
+      energy += double(patch_.use[i]) * double(heights_[i]) * double(heights_[i]);
+    }
+    if (!(product > 0)) return false;
+    star.height = product / energy;
+    star.energy = energy;
+    return true;
+  }
+
+  /// Light towards a saturated star and away from it: a knot of a ray that struts or the lens make.
+  [[nodiscard]] bool is_on_ray(const Peak& peak) const {
+    const double d = std::max(2.0, 1.5 * psf_.fwhm_px());
+    bool found = false;
+    glaring_places_.near(peak.x, peak.y, ray_reach_px, [&](std::size_t i, double distance) {
+      const Fitted& star = glaring_[i];
+      if (found || distance < 1 || double(peak.value) > ray_least * star.height) return;
+      const int dx = static_cast<int>(std::lround(d * (star.x - peak.x) / distance));
+      const int dy = static_cast<int>(std::lround(d * (star.y - peak.y) / distance));
+      found = filtered_.contains(peak.x + dx, peak.y + dy) && filtered_.contains(peak.x - dx, peak.y - dy) &&
+              (distance < star.radius + d ||  // what is closer the star hides
+               filtered_.at(peak.x + dx, peak.y + dy) > 0.5F * peak.value) &&
+              filtered_.at(peak.x - dx, peak.y - dy) > 0.3F * peak.value &&
+              (clean_.flaws.at(peak.x - dx, peak.y - dy) & flaw_saturated) == 0;  // a column that ran over
+    });
+    return found;
+  }
+
   void try_peak(const Peak& peak, int pass) {
     Fitted star;
     star.x = peak.x;
@@ -236,7 +398,7 @@ class Finder {
     });
     if (nearest == stars_.size()) return false;
     Fitted first = stars_[nearest];
-    if (first.radius > psf_.fit_radius()) return false;
+    if (is_saturated(first)) return false;
     take_with_light(first, first.radius + 1);
     Fitted second = first;
     const double height = 1.3 * double(peak.value) / std::sqrt(energy_);
@@ -413,8 +575,7 @@ class Finder {
   void measure_model_error() {
     std::vector<float> shares;
     for (const Fitted& star : stars_) {
-      if (star.height < double(model_error_height) || star.radius > psf_.fit_radius() || shares.size() >= 50)
-        continue;
+      if (star.height < double(model_error_height) || is_saturated(star) || shares.size() >= 50) continue;
       take_with_light(star, star.radius);
       profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
       double excess = 0;
@@ -462,6 +623,10 @@ class Finder {
         take_with_light(star, star.radius);
         const bool fits = fit_patch(better, 2, shot_);
         const double moved = std::hypot(better.x - star.x, better.y - star.y);
+        if ((!fits || moved > psf_.fwhm_px()) && is_saturated(star)) {
+          star.settled = true;
+          continue;
+        }
         if (!fits || moved > psf_.fwhm_px()) {
           add_light(star, 1);
           star.height = 0;
@@ -491,7 +656,7 @@ class Finder {
       if (!star.changed) continue;
       star.changed = false;
       judge(star, 1, star.height);
-      const bool saturated = star.radius > psf_.fit_radius();  // its core is unknown
+      const bool saturated = is_saturated(star);  // its core is unknown
       take_with_light(star, star.radius + 1);
       const bool has_width = saturated || has_star_width(star, 4);
       const bool is_star = saturated || (has_width && !is_sharper(star));
@@ -639,6 +804,7 @@ class Finder {
       const double other = b.height * unit_at(b);
       return one != other ? one > other : (a.y != b.y ? a.y < b.y : a.x < b.x);
     });
+    blank_saturated_cores();
     StarField field;
     field.shot = shot_;
     field.masked = Grid<std::uint8_t>(residual_.width(), residual_.height());
@@ -684,6 +850,8 @@ class Finder {
   double shot_ = 0;
   double model_error_ = model_error_most;
   std::vector<Fitted> stars_;
+  std::vector<Fitted> glaring_;  ///< with saturated cores
+  PlaceIndex glaring_places_;
   std::vector<Fitted> sharp_;  ///< taken for stars at first
 };
 

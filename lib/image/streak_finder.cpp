@@ -73,6 +73,9 @@ constexpr double ray_falls = 1.5;
 /// For stars so much brighter a smaller fall will do if it is certain by so many errors.
 constexpr double glaring_star = 20;
 constexpr double ray_of_glaring_falls = 1.2;
+constexpr double glaring_gap_px = 20;  ///< or the ray's length: so far from it the ray may begin
+constexpr double glaring_hides = 0.4;  ///< of a line's length: what is left of it says nothing
+constexpr std::size_t glaring_stars_most = 200;
 constexpr double ray_error = 3;
 /// As wide as that is a particle's track at most.
 constexpr double track_width_px = 1.55;
@@ -793,30 +796,59 @@ class Finder {
     return l.height - std::max(0.0, middle) > std::max(5 * error, 3 * spread);
   }
 
+  [[nodiscard]] bool is_saturated_at(double x, double y) const {
+    const int i = static_cast<int>(std::lround(x));
+    const int j = static_cast<int>(std::lround(y));
+    return clean_.flaws.contains(i, j) && (clean_.flaws.at(i, j) & flaw_saturated) != 0;
+  }
+
   /// What a telescope's struts, a lens or an overexposed column make of a much brighter star: light that
-  /// falls off along the line, away from it.
+  /// falls off along the line, away from it, or goes through the very middle of a saturated one.
   [[nodiscard]] bool is_ray_of_star(const Line& l) {
     const double length = std::max(1e-6, l.length());
     const double ux = (l.x2 - l.x1) / length;
     const double uy = (l.y2 - l.y1) / length;
     const auto along = [&](double x, double y) { return (x - l.x1) * ux + (y - l.y1) * uy; };
+    const auto across = [&](double x, double y) { return std::abs((y - l.y1) * ux - (x - l.x1) * uy); };
     const Band band(l, 0.7 * fwhm_ + 1.5);
     double brightest = ray_star * l.height;
-    std::optional<double> source;
+    const Star* star = nullptr;
     for (const std::size_t i :
          stars_near(l, [&](std::size_t k) { return band.contains(field_.stars[k].x, field_.stars[k].y); })) {
-      if (height_of(i) > brightest)
-        brightest = height_of(i), source = along(field_.stars[i].x, field_.stars[i].y);
+      if (height_of(i) > brightest) brightest = height_of(i), star = &field_.stars[i];
     }
-    if (!source) return false;
-    const double farthest = std::max(std::abs(*source), std::abs(length - *source));
+    // A glaring one hides where its rays begin.
+    for (std::size_t i = 0; i < std::min(field_.stars.size(), glaring_stars_most); ++i) {
+      const Star& s = field_.stars[i];
+      if (height_of(i) < std::max(brightest, glaring_star * l.height)) continue;
+      const double at = along(s.x, s.y);
+      const double gap = std::max({0.0, -at, at - length});
+      if (gap < std::max(length, glaring_gap_px) && across(s.x, s.y) < fwhm_ + 0.05 * gap)
+        brightest = height_of(i), star = &s;
+    }
+    if (star == nullptr) return false;
+    const double source = along(star->x, star->y);
+    if (brightest > glaring_star * l.height) {
+      const double core = star_core_radius(clean_.psf, brightest);
+      const double hidden = std::min(length, source + core) - std::max(0.0, source - core);
+      if (hidden > glaring_hides * length) return true;
+      const bool is_inside = source > 0 && source < length && is_saturated_at(star->x, star->y);
+      if (is_inside && across(star->x, star->y) < std::max(1.0, 0.35 * fwhm_)) return true;
+    }
     const LinePixels& pixels = fitter_.collect(l, fitter_.reach_px(l), 0);
     std::vector<float> heights;
     line_heights(fitter_.shape_of(l), pixels, heights);
+    const auto distance = [&](std::size_t k) {
+      return std::abs(along(double(pixels.x[k]), double(pixels.y[k])) - source);
+    };
+    double of_middle = 0, energy = 0;  // of what is seen: the star hides some
+    for (std::size_t k = 0; k < pixels.size(); ++k) {
+      of_middle += double(heights[k]) * double(heights[k]) * distance(k);
+      energy += double(heights[k]) * double(heights[k]);
+    }
     Part near, far;
     for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const double t = along(double(pixels.x[i]), double(pixels.y[i]));
-      Part& part = std::abs(t - *source) < farthest / 2 ? near : far;
+      Part& part = distance(i) * energy < of_middle ? near : far;
       part.product += double(heights[i]) * double(pixels.light[i]);
       part.energy += double(heights[i]) * double(heights[i]);
     }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 
 #include "hw_sim/sky_frame.hpp"
 #include "image/frame.hpp"
@@ -37,6 +38,22 @@ namespace srfs::image {
       stars.push_back({x, y, hw_sim::flux_for_snr(scene, x, y, snr)});
   }
   return stars;
+}
+
+/// Adds light(along, across), ADU, in a direction around a point.
+template <class Light>
+void add_light(Frame& frame, double x0, double y0, double angle, Light&& light) {
+  const double ux = std::cos(angle);
+  const double uy = std::sin(angle);
+  for (int y = 0; y < frame.pixels.height(); ++y) {
+    for (int x = 0; x < frame.pixels.width(); ++x)
+      frame.pixels.at(x, y) +=
+          static_cast<float>(light((x - x0) * ux + (y - y0) * uy, (y - y0) * ux - (x - x0) * uy));
+  }
+}
+
+inline void saturate(Frame& frame, float most_adu) {
+  for (float& v : frame.pixels.cells()) v = std::min(v, most_adu);
 }
 
 }  // namespace srfs::image

@@ -160,6 +160,78 @@ TEST(StarFinder, PlacesASaturatedStarByItsFlanks) {
   ASSERT_NE(s, nullptr);
 }
 
+/// By how much a star of a million electrons is over a saturation of so many ADU.
+class StarsFarOverSaturation : public testing::TestWithParam<double> {};
+
+TEST_P(StarsFarOverSaturation, AreFoundWhereTheyAreAndNothingBesideThem) {
+  for (const double beta : {0.0, 2.5}) {
+    SkyScene scene = small_scene(GetParam(), 92);
+    scene.moffat_beta = beta;
+    std::vector<SkyStar> truth = lattice(scene, 60, 57.9);
+    const std::size_t others = truth.size();
+    for (const double flux : {1e5, 3e5, 1e6, 3e6})
+      truth.push_back({49.6 + 50.3 * double(truth.size() - others), 118.3, flux});
+    Frame frame = frame_of(scene, truth);
+    saturate(frame, 4095);
+
+    const std::vector<Star> found = stars_in(frame);
+
+    for (std::size_t i = others; i < truth.size(); ++i) {
+      const Star* s = nearest(found, truth[i].x, truth[i].y, 0.2);
+      ASSERT_NE(s, nullptr) << truth[i].flux_e << ", beta " << beta;
+      EXPECT_NEAR(std::log(s->flux / truth[i].flux_e), 0, std::log(2)) << beta;
+    }
+    EXPECT_LE(found.size(), truth.size() + 2) << beta;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Fwhm, StarsFarOverSaturation, testing::Values(1.5, 2.2, 3.5));
+
+TEST(StarFinder, FindsStarsWhosePlateauIsUneven) {
+  SkyScene scene = small_scene(2.6, 93);
+  std::vector<SkyStar> truth = lattice(scene, 60, 57.9);
+  truth.push_back({120.3, 118.6, 3e5});
+  truth.push_back({200.3, 118.6, 3e6});
+  Frame frame = frame_of(scene, truth);
+  saturate(frame, 4095);
+  // As JPEG leaves it.
+  for (int y = 0; y < scene.height; ++y) {
+    for (int x = 0; x < scene.width; ++x) {
+      float& v = frame.pixels.at(x, y);
+      if (v >= 4095) v -= static_cast<float>((7 * x + 5 * y) % 9 == 0 ? 250 : (3 * x + 11 * y) % 5 / 3 * 60);
+    }
+  }
+  const std::vector<Star> found = stars_in(frame);
+
+  EXPECT_NE(nearest(found, 120.3, 118.6, 0.2), nullptr);
+  EXPECT_NE(nearest(found, 200.3, 118.6, 0.2), nullptr);
+  EXPECT_LE(found.size(), truth.size() + 2);
+}
+
+TEST(StarFinder, TakesTheHaloAndTheRaysOfASaturatedStarForNoStars) {
+  SkyScene scene = small_scene(2.2, 94);
+  std::vector<SkyStar> truth = lattice(scene, 60, 57.9);
+  truth.push_back({163.3, 118.6, 1e6});
+  Frame frame = frame_of(scene, truth);
+  const auto ray = [](double along, double across) {
+    return 2000 / (1 + along * along / 4) * std::exp(-across * across / 2);
+  };
+  add_light(frame, 163.3, 118.6, 0.3, [&](double dx, double dy) {
+    const double r = std::hypot(dx, dy);
+    return ray(dx, dy) + ray(dy, dx) + 300 * std::exp(-r / 15) +
+           (std::abs(r - 40) < 3 ? 60 : 0);  // a ghost, too
+  });
+  saturate(frame, 4095);
+
+  const std::vector<Star> found = stars_in(frame);
+
+  EXPECT_NE(nearest(found, 163.3, 118.6, 0.3), nullptr);
+  EXPECT_LE(found.size(), truth.size() + 4);
+  const auto lost = std::count_if(truth.begin(), truth.end(),
+                                  [&](const SkyStar& t) { return nearest(found, t.x, t.y, 1) == nullptr; });
+  EXPECT_LE(lost, 1);
+}
+
 TEST(StarFinder, FindsNothingInNoise) {
   std::size_t found = 0;
   for (std::uint64_t seed = 1; seed <= 5; ++seed)

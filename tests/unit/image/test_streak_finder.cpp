@@ -47,18 +47,6 @@ std::vector<SkyStar> beside(std::vector<SkyStar> stars, const SkyStreak& l) {
   return stars;
 }
 
-/// Adds light(along, across), ADU, in a direction around a point.
-template <class Light>
-void add_light(Frame& frame, double x0, double y0, double angle, Light&& light) {
-  const double ux = std::cos(angle);
-  const double uy = std::sin(angle);
-  for (int y = 0; y < frame.pixels.height(); ++y) {
-    for (int x = 0; x < frame.pixels.width(); ++x)
-      frame.pixels.at(x, y) +=
-          static_cast<float>(light((x - x0) * ux + (y - y0) * uy, (y - y0) * ux - (x - x0) * uy));
-  }
-}
-
 class StreaksInEveryDirection : public testing::TestWithParam<int> {};
 
 TEST_P(StreaksInEveryDirection, AreFoundWithTheirEnds) {
@@ -190,6 +178,44 @@ TEST(StreakFinder, TakesTheRaysOfAGlaringStarForNoStreaksThoughTheyHardlyFallOff
     return std::abs(along) < 90 ? 80 * std::exp(-std::abs(along) / 130 - across * across / 2) : 0;
   });
   EXPECT_TRUE(streaks_in(frame).empty());
+}
+
+/// The middle of the ray is hidden, or it falls off as little as a streak does.
+TEST(StreakFinder, TakesTheRaysOfASaturatedStarForNoStreaks) {
+  for (const double length : {9.0, 25.0, 60.0}) {
+    for (const double fall : {0.3, 1e6}) {
+      SkyScene scene = small_scene(2.2, 90);
+      std::vector<SkyStar> stars = lattice(scene, 50, 57.9);
+      stars.push_back({163.3, 118.6, 1e6});
+      Frame frame = frame_of(scene, stars);
+      add_light(frame, 163.3, 118.6, 0.7, [&](double along, double across) {
+        return std::abs(along) < length
+                   ? 120 * std::exp(-std::abs(along) / length / fall - across * across / 2)
+                   : 0;
+      });
+      saturate(frame, 4095);
+      EXPECT_TRUE(streaks_in(frame).empty()) << length << " " << fall;
+    }
+  }
+}
+
+TEST(StreakFinder, FindsStreaksBesideSaturatedStars) {
+  SkyScene scene = small_scene(2.2, 91);
+  scene.moffat_beta = 2.5;
+  const SkyStreak truth = with_snr(scene, {60.3, 70.2, 230.4, 170.8, 0}, 25);
+  std::vector<SkyStar> stars = beside(lattice(scene, 50, 57.9), truth);
+  for (const double along : {0.1, 0.35, 0.6, 0.9}) {
+    const double x = truth.x1 + along * (truth.x2 - truth.x1) + 7;
+    const double y = truth.y1 + along * (truth.y2 - truth.y1) - 12;
+    stars.push_back({x, y, 1e6});
+  }
+  Frame frame = frame_of(scene, stars, {truth});
+  saturate(frame, 4095);
+
+  const std::vector<Streak> found = streaks_in(frame);
+
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_LT(end_error(found[0], truth), 6);
 }
 
 /// What passes in a moment, while air and mount move the stars.
