@@ -416,10 +416,11 @@ void mark_flaws(const Plane& in, const Range& range, float saturation, Grid<std:
 
 /// Darker pixels within saturated ones, and hardly darker ones at their edge, as JPEG makes them: they say as
 /// little of the star.
-void fill_saturated(const Plane& in, const Range& range, float saturation, Grid<std::uint8_t>& flaws) {
-  constexpr int around_least = 3;  // of eight
+void fill_saturated(const Plane& in, const Range& range, float saturation, float sky,
+                    Grid<std::uint8_t>& flaws) {
+  constexpr int around_least = 5;  // of eight: no straight edge has as many
   constexpr int within_least = 6;
-  const float bright = saturation - 3 * plateau_share * range.span();
+  const float bright = saturation - 3 * plateau_share * std::max(0.0F, saturation - sky);
   const auto is_saturated = [&](int x, int y) { return (flaws.at(x, y) & flaw_saturated) != 0; };
   const auto judge = [&](int x, int y) {
     if (x < 1 || y < 1 || x + 1 >= flaws.width() || y + 1 >= flaws.height() || flaws.at(x, y) != 0) return;
@@ -458,16 +459,6 @@ void add_notes(const Plane& in, const Range& range, bool psf_measured, FrameFind
 CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
   const Plane& in = frame.pixels;
   const Range range = range_of(in);
-  float saturation = std::numeric_limits<float>::infinity();
-  if (frame.saturation_adu)
-    saturation = *frame.saturation_adu;
-  else if (range.span() > 0 && has_plateau(in, range))
-    saturation = range.high - plateau_share * range.span();
-  CleanFrame out;
-  out.flaws = Grid<std::uint8_t>(in.width(), in.height());
-  mark_flaws(in, range, saturation, out.flaws, findings);
-  if (findings.saturated > 0) fill_saturated(in, range, saturation, out.flaws);
-
   // Equally spaced values have at least the noise of their rounding, equal ones that of their float
   // representation.
   const float largest = range.low <= range.high ? std::max(std::abs(range.low), std::abs(range.high)) : 0;
@@ -475,6 +466,17 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
       std::max({0.4F * frame.step, 3e-6F * largest, std::numeric_limits<float>::min() * 1e6F});
   const SkyLevel sky = measure_sky(in, range.low, noise_least);
   findings.background = double(median_node(sky.level));
+  const auto sky_adu = static_cast<float>(findings.background);
+  float saturation = std::numeric_limits<float>::infinity();
+  if (frame.saturation_adu)
+    saturation = *frame.saturation_adu;
+  else if (range.span() > 0 && has_plateau(in, range))
+    saturation = range.high - plateau_share * std::max(0.0F, range.high - sky_adu);
+  CleanFrame out;
+  out.flaws = Grid<std::uint8_t>(in.width(), in.height());
+  mark_flaws(in, range, saturation, out.flaws, findings);
+  if (findings.saturated > 0) fill_saturated(in, range, saturation, sky_adu, out.flaws);
+
   const float noise_floor = std::max(noise_least, 0.2F * median_node(sky.noise));
   std::optional<PatternSums> pattern;
   if (in.width() >= pattern_least_px && in.height() >= pattern_least_px)

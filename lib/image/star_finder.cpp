@@ -23,6 +23,7 @@ constexpr std::size_t candidates_max = 60000;
 /// where there are too few.
 constexpr double model_error_most = 0.06;
 constexpr double model_error_least = 0.025;
+constexpr double flanks_least = 1e-4;  ///< of its height: where the flanks of a star are still of its shape
 /// Of its flanks' energy: more in pictures that are no linear measure of light, where the model says nothing
 /// of a core.
 constexpr double unexplained_most = 0.35;
@@ -30,7 +31,7 @@ constexpr int halo_radius_max = 200;      ///< px, around a saturated star
 constexpr float halo_least = 0.15F;       ///< in noise: its end
 constexpr double ray_reach_px = 150;      ///< of the light that struts or the lens throw
 constexpr double ray_least = 0.05;        ///< of a star's height: rays are fainter
-constexpr double saturated_least = 20;    ///< significance of the flanks of a star with a saturated core
+constexpr double saturated_least = 10;    ///< significance of the flanks of a star with a saturated core
 constexpr float model_error_height = 60;  ///< of stars that show it
 /// Unexplained energy that the model's own error may leave.
 constexpr double sharper_share = 0.02;
@@ -119,7 +120,7 @@ class Finder {
         if (is_on_ray(peak)) continue;
         if (pass == 0 || !options_.close_ones || !try_beside(peak, places)) try_peak(peak, pass);
       }
-      if (stars_.size() == known) break;
+      if (stars_.size() == known && (pass > 0 || stars_.empty())) break;
       if (pass == 0) {
         measure_shot_noise();
         if (options_.close_ones) measure_model_error();
@@ -236,6 +237,8 @@ class Finder {
   /// Stars far over saturation: nothing but their flanks is known.
   void try_saturated_cores() {
     for (const SaturatedCore& core : find_saturated_cores(clean_.flaws)) {
+      // Farther out the shape says nothing: a planet, a lamp.
+      if (core.radius - 1 > psf_.radius_at(flanks_least)) continue;
       std::optional<Fitted> star = fit_flanks(core, 0, 0);
       // Flanks so steep may lead astray from where they start.
       for (int k = 0; k < 8 && star && star->unexplained > unexplained_most; ++k) {
@@ -255,15 +258,15 @@ class Finder {
     glaring_places_ = PlaceIndex(glaring_);
   }
 
-  /// Share of the energy of the patch's light that a star's model leaves.
+  /// Share of the energy of the patch's light that a star's model leaves, without that of the noise.
   [[nodiscard]] double unexplained(const Fitted& star) {
     profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
     double energy = 0, left = 0;
     for (std::size_t i = 0; i < patch_.size(); ++i) {
-      const double light = double(patch_.use[i]) * double(patch_.light[i]);
-      const double rest = light - double(patch_.use[i]) * star.height * double(heights_[i]);
-      energy += light * light;
-      left += rest * rest;
+      const double use = double(patch_.use[i]);
+      const double rest = double(patch_.light[i]) - star.height * double(heights_[i]);
+      energy += use * (double(patch_.light[i]) * double(patch_.light[i]) - 1);
+      left += use * (rest * rest - 1);
     }
     return energy > 0 ? left / energy : 1;
   }
@@ -323,8 +326,10 @@ class Finder {
       const Area a = area(star.x, star.y, star.radius);
       for (int y = a.y0; y <= a.y1; ++y) {
         for (int x = a.x0; x <= a.x1; ++x) {
-          if ((clean_.flaws.at(x, y) & flaw_saturated) != 0)
-            residual_.at(x, y) = std::max(0.0F, residual_.at(x, y));
+          if ((clean_.flaws.at(x, y) & flaw_saturated) == 0) continue;
+          const float light = psf_.height(static_cast<float>(x - star.x), static_cast<float>(y - star.y));
+          residual_.at(x, y) =
+              std::max(0.0F, clean_.signal.at(x, y) - static_cast<float>(star.height) * light);
         }
       }
     }
@@ -344,13 +349,14 @@ class Finder {
     return true;
   }
 
-  /// Light towards a saturated star and away from it: a knot of a ray that struts or the lens make.
+  /// Light away from a saturated star and, where the star lets it be seen, towards it: a knot of a ray that
+  /// struts or the lens make.
   [[nodiscard]] bool is_on_ray(const Peak& peak) const {
     const double d = std::max(2.0, 1.5 * psf_.fwhm_px());
     bool found = false;
     glaring_places_.near(peak.x, peak.y, ray_reach_px, [&](std::size_t i, double distance) {
       const Fitted& star = glaring_[i];
-      if (found || distance < 1 || double(peak.value) > ray_least * star.height) return;
+      if (found || distance < 1 || double(peak.value) / std::sqrt(energy_) > ray_least * star.height) return;
       const int dx = static_cast<int>(std::lround(d * (star.x - peak.x) / distance));
       const int dy = static_cast<int>(std::lround(d * (star.y - peak.y) / distance));
       found = filtered_.contains(peak.x + dx, peak.y + dy) && filtered_.contains(peak.x - dx, peak.y - dy) &&
@@ -557,7 +563,7 @@ class Finder {
   void measure_shot_noise() {
     std::vector<float> shares;
     for (const Fitted& star : stars_) {
-      if (star.height < 15 || shares.size() >= 200) continue;
+      if (star.height < 15 || is_saturated(star) || shares.size() >= 200) continue;
       take_patch(residual_, clean_.flaws, star.x, star.y, star.radius, patch_);
       profile_heights(profile_, patch_, static_cast<float>(star.x), static_cast<float>(star.y), heights_);
       float excess = 0;
@@ -623,7 +629,7 @@ class Finder {
         take_with_light(star, star.radius);
         const bool fits = fit_patch(better, 2, shot_);
         const double moved = std::hypot(better.x - star.x, better.y - star.y);
-        if ((!fits || moved > psf_.fwhm_px()) && is_saturated(star)) {
+        if ((!fits || moved > psf_.fwhm_px()) && is_saturated(star) && better.height > 0) {
           star.settled = true;
           continue;
         }
@@ -850,7 +856,7 @@ class Finder {
   double shot_ = 0;
   double model_error_ = model_error_most;
   std::vector<Fitted> stars_;
-  std::vector<Fitted> glaring_;  ///< with saturated cores
+  std::vector<Fitted> glaring_;  ///< whose saturated cores were found as such
   PlaceIndex glaring_places_;
   std::vector<Fitted> sharp_;  ///< taken for stars at first
 };

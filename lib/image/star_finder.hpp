@@ -35,17 +35,13 @@ struct StarField {
 /// Adds the light of a star of this height, as far as it is a tenth of the noise.
 void add_star(const Psf& psf, float height, double x, double y, Plane& plane);
 
-/// How far from a star of this height its model may be wrong by half the noise, in px.
-[[nodiscard]] inline double star_core_radius(const Psf& psf, double height) {
-  return std::min(150.0,
-                  std::max(0.6 * psf.fwhm_px(), psf.radius_at(std::clamp(0.5 / (0.15 * height), 1e-5, 0.9))));
-}
-
-/// Calls use(first x, last x + 1, y) for the rows of pixels of a star's core.
+/// Calls use(first x, last x + 1, y) for the rows of pixels where a star's model may be wrong by half the
+/// noise.
 template <class Use>
 void for_star_core(const Psf& psf, double height, double x, double y, int plane_width, int plane_height,
                    Use&& use) {
-  const double reach = star_core_radius(psf, height);
+  const double reach = std::min(
+      150.0, std::max(0.6 * psf.fwhm_px(), psf.radius_at(std::clamp(0.5 / (0.15 * height), 1e-5, 0.9))));
   const int y0 = std::max(0, static_cast<int>(std::ceil(y - reach)));
   const int y1 = std::min(plane_height - 1, static_cast<int>(std::floor(y + reach)));
   for (int row = y0; row <= y1; ++row) {

@@ -74,7 +74,6 @@ constexpr double ray_falls = 1.5;
 constexpr double glaring_star = 20;
 constexpr double ray_of_glaring_falls = 1.2;
 constexpr double glaring_gap_px = 20;  ///< or the ray's length: so far from it the ray may begin
-constexpr double glaring_hides = 0.4;  ///< of a line's length: what is left of it says nothing
 constexpr std::size_t glaring_stars_most = 200;
 constexpr double ray_error = 3;
 /// As wide as that is a particle's track at most.
@@ -803,43 +802,65 @@ class Finder {
   }
 
   /// What a telescope's struts, a lens or an overexposed column make of a much brighter star: light that
-  /// falls off along the line, away from it, or goes through the very middle of a saturated one.
+  /// falls off along the line, away from it, or goes through the very middle of a saturated one; or what a
+  /// glaring one hides so much of that nothing else can be said.
   [[nodiscard]] bool is_ray_of_star(const Line& l) {
-    const double length = std::max(1e-6, l.length());
-    const double ux = (l.x2 - l.x1) / length;
-    const double uy = (l.y2 - l.y1) / length;
-    const auto along = [&](double x, double y) { return (x - l.x1) * ux + (y - l.y1) * uy; };
-    const auto across = [&](double x, double y) { return std::abs((y - l.y1) * ux - (x - l.x1) * uy); };
     const Band band(l, 0.7 * fwhm_ + 1.5);
-    double brightest = ray_star * l.height;
-    const Star* star = nullptr;
-    for (const std::size_t i :
-         stars_near(l, [&](std::size_t k) { return band.contains(field_.stars[k].x, field_.stars[k].y); })) {
-      if (height_of(i) > brightest) brightest = height_of(i), star = &field_.stars[i];
+    const std::vector<std::size_t> on_it = stars_near(l, [&](std::size_t k) {
+      return band.contains(field_.stars[k].x, field_.stars[k].y) && height_of(k) > ray_star * l.height;
+    });
+    std::vector<std::size_t> sources;
+    if (!on_it.empty()) {
+      sources.push_back(*std::max_element(on_it.begin(), on_it.end(), [&](std::size_t a, std::size_t b) {
+        return height_of(a) < height_of(b);
+      }));
     }
-    // A glaring one hides where its rays begin.
+    // A saturated one hides where its rays begin.
+    const Along line(l);
     for (std::size_t i = 0; i < std::min(field_.stars.size(), glaring_stars_most); ++i) {
       const Star& s = field_.stars[i];
-      if (height_of(i) < std::max(brightest, glaring_star * l.height)) continue;
-      const double at = along(s.x, s.y);
-      const double gap = std::max({0.0, -at, at - length});
-      if (gap < std::max(length, glaring_gap_px) && across(s.x, s.y) < fwhm_ + 0.05 * gap)
-        brightest = height_of(i), star = &s;
+      if (height_of(i) < glaring_star * l.height || !is_saturated_at(s.x, s.y)) continue;
+      const double gap = line.beyond(s.x, s.y);
+      if (gap < std::max(line.length, glaring_gap_px) && line.across(s.x, s.y) < fwhm_ + 0.05 * gap)
+        sources.push_back(i);
     }
-    if (star == nullptr) return false;
-    const double source = along(star->x, star->y);
-    if (brightest > glaring_star * l.height) {
-      const double core = star_core_radius(clean_.psf, brightest);
-      const double hidden = std::min(length, source + core) - std::max(0.0, source - core);
-      if (hidden > glaring_hides * length) return true;
-      const bool is_inside = source > 0 && source < length && is_saturated_at(star->x, star->y);
-      if (is_inside && across(star->x, star->y) < std::max(1.0, 0.35 * fwhm_)) return true;
-    }
+    if (sources.empty()) return false;
     const LinePixels& pixels = fitter_.collect(l, fitter_.reach_px(l), 0);
     std::vector<float> heights;
     line_heights(fitter_.shape_of(l), pixels, heights);
+    return std::any_of(sources.begin(), sources.end(),
+                       [&](std::size_t star) { return comes_from(star, l, line, pixels, heights); });
+  }
+
+  /// Place beside a line.
+  struct Along {
+    explicit Along(const Line& l)
+        : x(l.x1),
+          y(l.y1),
+          length(std::max(1e-6, l.length())),
+          ux((l.x2 - l.x1) / length),
+          uy((l.y2 - l.y1) / length) {}
+    [[nodiscard]] double along(double px, double py) const { return (px - x) * ux + (py - y) * uy; }
+    [[nodiscard]] double across(double px, double py) const {
+      return std::abs((py - y) * ux - (px - x) * uy);
+    }
+    [[nodiscard]] double beyond(double px, double py) const {
+      return std::max({0.0, -along(px, py), along(px, py) - length});
+    }
+    double x, y, length, ux, uy;
+  };
+
+  [[nodiscard]] bool comes_from(std::size_t i, const Line& l, const Along& line, const LinePixels& pixels,
+                                const std::vector<float>& heights) const {
+    const Star& star = field_.stars[i];
+    const double height = height_of(i);
+    const double source = line.along(star.x, star.y);
+    if (height > glaring_star * l.height) {
+      const bool is_inside = source > 0 && source < line.length && is_saturated_at(star.x, star.y);
+      if (is_inside && line.across(star.x, star.y) < std::max(1.0, 0.35 * fwhm_)) return true;
+    }
     const auto distance = [&](std::size_t k) {
-      return std::abs(along(double(pixels.x[k]), double(pixels.y[k])) - source);
+      return std::abs(line.along(double(pixels.x[k]), double(pixels.y[k])) - source);
     };
     double of_middle = 0, energy = 0;  // of what is seen: the star hides some
     for (std::size_t k = 0; k < pixels.size(); ++k) {
@@ -847,17 +868,17 @@ class Finder {
       energy += double(heights[k]) * double(heights[k]);
     }
     Part near, far;
-    for (std::size_t i = 0; i < pixels.size(); ++i) {
-      Part& part = distance(i) * energy < of_middle ? near : far;
-      part.product += double(heights[i]) * double(pixels.light[i]);
-      part.energy += double(heights[i]) * double(heights[i]);
+    for (std::size_t k = 0; k < pixels.size(); ++k) {
+      Part& part = distance(k) * energy < of_middle ? near : far;
+      part.product += double(heights[k]) * double(pixels.light[k]);
+      part.energy += double(heights[k]) * double(heights[k]);
     }
     if (near.energy <= 0 || far.energy <= 0) return false;
     const double by_star = near.product / near.energy;
     const double away = std::max(0.0, far.product / far.energy);
     const double error = noise_at(l) * std::sqrt(1 / near.energy + 1 / far.energy);
     return by_star > ray_falls * away ||
-           (brightest > glaring_star * l.height && by_star - ray_of_glaring_falls * away > ray_error * error);
+           (height > glaring_star * l.height && by_star - ray_of_glaring_falls * away > ray_error * error);
   }
 
   // --- all of them ---

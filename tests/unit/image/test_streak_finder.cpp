@@ -199,6 +199,59 @@ TEST(StreakFinder, TakesTheRaysOfASaturatedStarForNoStreaks) {
   }
 }
 
+TEST(StreakFinder, TakesRaysThatBeginBesideASaturatedStarForNoStreaks) {
+  for (const double angle : {0.7, 2.1, 4.0}) {
+    SkyScene scene = small_scene(2.2, 100);
+    const SkyStreak ray{163.3, 118.6, 163.3 + 70 * std::cos(angle), 118.6 + 70 * std::sin(angle), 0};
+    std::vector<SkyStar> stars = beside(lattice(scene, 50, 57.9), ray);
+    stars.push_back({163.3, 118.6, 1e6});
+    Frame frame = frame_of(scene, stars);
+    add_light(frame, 163.3, 118.6, angle, [](double along, double across) {
+      return along > 14 && along < 60 ? 400 * std::exp(-along / 20 - across * across / 2) : 0;
+    });
+    saturate(frame, 4095);
+    for (const Streak& s : streaks_in(frame))
+      ADD_FAILURE() << angle << ": " << s.x1 << ", " << s.y1 << " to " << s.x2 << ", " << s.y2 << " SNR "
+                    << s.snr;
+  }
+}
+
+TEST(StreakFinder, FindsStreaksThatAreJustSaturated) {
+  for (const double angle : {0.2, 0.4, 0.8, 1.2, 2.0, 2.7}) {
+    SkyScene scene = small_scene(2.2, 97);
+    const SkyStreak truth{160.3 - 60 * std::cos(angle), 120.6 - 60 * std::sin(angle),
+                          160.3 + 60 * std::cos(angle), 120.6 + 60 * std::sin(angle), 0};
+    std::vector<SkyStar> stars = beside(lattice(scene, 50, 57.9), truth);
+    stars.push_back({40.3, 200.2, 3e5});
+    Frame frame = frame_of(scene, beside(stars, truth));
+    const double sigma = std::hypot(2.2, 0.68) / 2.3548;
+    add_light(frame, 160.3, 120.6, angle, [&](double along, double across) {
+      return std::abs(along) < 60 ? 4400 * std::exp(-across * across / (2 * sigma * sigma)) : 0;
+    });
+    saturate(frame, 4095);
+
+    const std::vector<Streak> found = streaks_in(frame);
+
+    ASSERT_EQ(found.size(), 1U) << angle;
+    EXPECT_LT(end_error(found[0], truth), 5) << angle;
+  }
+}
+
+/// Something that turns may fade; only what is saturated throws light so far.
+TEST(StreakFinder, FindsFadingStreaksThatPointToAStar) {
+  SkyScene scene = small_scene(2.2, 98);
+  const SkyStreak truth{60, 120, 160, 120, 0};
+  std::vector<SkyStar> stars = beside(lattice(scene, 50, 57.9), truth);
+  stars.push_back({220.3, 120.2, hw_sim::flux_for_snr(scene, 220.3, 120.2, 280)});
+  Frame frame = frame_of(scene, stars);
+  const double sigma = std::hypot(2.2, 0.68) / 2.3548;
+  add_light(frame, 110, 120, 0, [&](double along, double across) {
+    return std::abs(along) < 50 ? (28 + 0.2 * along) * std::exp(-across * across / (2 * sigma * sigma)) : 0;
+  });
+
+  EXPECT_EQ(streaks_in(frame).size(), 1U);
+}
+
 TEST(StreakFinder, FindsStreaksBesideSaturatedStars) {
   SkyScene scene = small_scene(2.2, 91);
   scene.moffat_beta = 2.5;
