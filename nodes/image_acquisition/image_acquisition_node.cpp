@@ -548,7 +548,9 @@ void ImageAcquisitionNode::store(const TaskPointer& task, TakenFrame frame) {
         if (job->stored) {
           on_stored(task, *job->stored, job->taken);
         } else {
-          on_store_failure(task, job->stored.error());
+          // A task may be accepted before the store was seen to be unreadable; it is told why, too.
+          on_store_failure(task, store_problem_.empty() ? job->stored.error()
+                                                        : FrameStore::Failure{false, store_problem_});
         }
         drive();
       });
