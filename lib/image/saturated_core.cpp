@@ -10,8 +10,8 @@
 namespace srfs::image {
 namespace {
 
-using Depth =
-    Grid<std::uint8_t>;  ///< of each saturated pixel: how many steps to the edge of its patch, 255 at most
+/// Of each saturated pixel: how many steps to the edge of its patch, 255 at most.
+using Depth = Grid<std::uint8_t>;
 
 /// Most rows hold nothing.
 bool has_any(const std::uint8_t* row, int width, std::uint8_t bits) {

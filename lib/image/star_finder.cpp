@@ -23,16 +23,16 @@ constexpr std::size_t candidates_max = 60000;
 /// where there are too few.
 constexpr double model_error_most = 0.06;
 constexpr double model_error_least = 0.025;
+constexpr float model_error_height = 60;  ///< of stars that show it
 constexpr double flanks_least = 1e-4;  ///< of its height: where the flanks of a star are still of its shape
 /// Of its flanks' energy: more in pictures that are no linear measure of light, where the model says nothing
 /// of a core.
 constexpr double unexplained_most = 0.35;
-constexpr int halo_radius_max = 200;      ///< px, around a saturated star
-constexpr float halo_least = 0.15F;       ///< in noise: its end
-constexpr double ray_reach_px = 150;      ///< of the light that struts or the lens throw
-constexpr double ray_least = 0.05;        ///< of a star's height: rays are fainter
-constexpr double saturated_least = 10;    ///< significance of the flanks of a star with a saturated core
-constexpr float model_error_height = 60;  ///< of stars that show it
+constexpr int halo_radius_max = 200;    ///< px, around a saturated star
+constexpr float halo_least = 0.15F;     ///< in noise: its end
+constexpr double ray_reach_px = 150;    ///< of the light that struts or the lens throw
+constexpr double ray_least = 0.05;      ///< of a star's height: rays are fainter
+constexpr double saturated_least = 10;  ///< significance of the flanks of a star with a saturated core
 /// Unexplained energy that the model's own error may leave.
 constexpr double sharper_share = 0.02;
 /// What chi squared has to gain by a second star beside what the chance of one so close takes from it (three

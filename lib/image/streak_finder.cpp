@@ -159,27 +159,36 @@ bool is_made_of_blocks(const Plane& signal) {
   return changes[side - 1] > step_least * changes[side - 2];
 }
 
+/// Where a place is beside a line.
+struct Along {
+  explicit Along(const Line& l)
+      : x(l.x1),
+        y(l.y1),
+        length(std::max(1e-6, l.length())),
+        ux((l.x2 - l.x1) / length),
+        uy((l.y2 - l.y1) / length) {}
+  [[nodiscard]] double along(double px, double py) const { return (px - x) * ux + (py - y) * uy; }
+  [[nodiscard]] double across(double px, double py) const { return std::abs((py - y) * ux - (px - x) * uy); }
+  [[nodiscard]] double beyond(double px, double py) const {
+    return std::max({0.0, -along(px, py), along(px, py) - length});
+  }
+  double x, y, length, ux, uy;
+};
+
 /// What lies near a line.
 class Band {
  public:
-  Band(const Line& l, double reach) : line_(l), length_(std::max(1e-6, l.length())), reach_(reach) {
-    ux_ = (l.x2 - l.x1) / length_;
-    uy_ = (l.y2 - l.y1) / length_;
-  }
+  Band(const Line& l, double reach) : line_(l), reach_(reach) {}
   [[nodiscard]] bool contains(double x, double y) const {
-    const double t = (x - line_.x1) * ux_ + (y - line_.y1) * uy_;
-    const double d = (y - line_.y1) * ux_ - (x - line_.x1) * uy_;
-    return std::abs(d) < reach_ && t > -reach_ - beyond_px && t < length_ + reach_ + beyond_px;
+    const double t = line_.along(x, y);
+    return line_.across(x, y) < reach_ && t > -reach_ - beyond_px && t < line_.length + reach_ + beyond_px;
   }
   static constexpr double beyond_px = 3;
-  [[nodiscard]] double length() const { return length_; }
+  [[nodiscard]] double length() const { return line_.length; }
 
  private:
-  Line line_;
-  double length_;
+  Along line_;
   double reach_;
-  double ux_;
-  double uy_;
 };
 
 class Finder {
@@ -802,8 +811,7 @@ class Finder {
   }
 
   /// What a telescope's struts, a lens or an overexposed column make of a much brighter star: light that
-  /// falls off along the line, away from it, or goes through the very middle of a saturated one; or what a
-  /// glaring one hides so much of that nothing else can be said.
+  /// falls off along the line, away from it, or goes through the very middle of a saturated one.
   [[nodiscard]] bool is_ray_of_star(const Line& l) {
     const Band band(l, 0.7 * fwhm_ + 1.5);
     const std::vector<std::size_t> on_it = stars_near(l, [&](std::size_t k) {
@@ -831,24 +839,6 @@ class Finder {
     return std::any_of(sources.begin(), sources.end(),
                        [&](std::size_t star) { return comes_from(star, l, line, pixels, heights); });
   }
-
-  /// Place beside a line.
-  struct Along {
-    explicit Along(const Line& l)
-        : x(l.x1),
-          y(l.y1),
-          length(std::max(1e-6, l.length())),
-          ux((l.x2 - l.x1) / length),
-          uy((l.y2 - l.y1) / length) {}
-    [[nodiscard]] double along(double px, double py) const { return (px - x) * ux + (py - y) * uy; }
-    [[nodiscard]] double across(double px, double py) const {
-      return std::abs((py - y) * ux - (px - x) * uy);
-    }
-    [[nodiscard]] double beyond(double px, double py) const {
-      return std::max({0.0, -along(px, py), along(px, py) - length});
-    }
-    double x, y, length, ux, uy;
-  };
 
   [[nodiscard]] bool comes_from(std::size_t i, const Line& l, const Along& line, const LinePixels& pixels,
                                 const std::vector<float>& heights) const {
@@ -887,23 +877,19 @@ class Finder {
   [[nodiscard]] static std::optional<Line> joined(const Line& a, const Line& b, double sigma) {
     const Line& l = a.length() >= b.length() ? a : b;
     const Line& s = a.length() >= b.length() ? b : a;
-    const double length = std::max(1e-6, l.length());
-    const double ux = (l.x2 - l.x1) / length;
-    const double uy = (l.y2 - l.y1) / length;
-    const auto along = [&](double x, double y) { return (x - l.x1) * ux + (y - l.y1) * uy; };
-    const auto across = [&](double x, double y) { return std::abs((y - l.y1) * ux - (x - l.x1) * uy); };
-    double t1 = along(s.x1, s.y1);
-    double t2 = along(s.x2, s.y2);
+    const Along line(l);
+    double t1 = line.along(s.x1, s.y1);
+    double t2 = line.along(s.x2, s.y2);
     if (t1 > t2) std::swap(t1, t2);
-    const double gap = std::max({0.0, t1 - length, -t2});
+    const double gap = std::max({0.0, t1 - line.length, -t2});
     const double slack = 1.5 * sigma + 1 + 0.03 * gap;
-    if (across(s.x1, s.y1) > slack || across(s.x2, s.y2) > slack) return std::nullopt;
-    if (gap > std::max(12.0, 0.6 * (length + s.length()))) return std::nullopt;
+    if (line.across(s.x1, s.y1) > slack || line.across(s.x2, s.y2) > slack) return std::nullopt;
+    if (gap > std::max(12.0, 0.6 * (line.length + s.length()))) return std::nullopt;
     const double from = std::min(0.0, t1);
-    const double to = std::max(length, t2);
+    const double to = std::max(line.length, t2);
     Line whole = l;
-    whole.x1 = l.x1 + from * ux, whole.y1 = l.y1 + from * uy;
-    whole.x2 = l.x1 + to * ux, whole.y2 = l.y1 + to * uy;
+    whole.x1 = l.x1 + from * line.ux, whole.y1 = l.y1 + from * line.uy;
+    whole.x2 = l.x1 + to * line.ux, whole.y2 = l.y1 + to * line.uy;
     return whole;
   }
 
