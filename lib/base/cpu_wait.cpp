@@ -1,0 +1,156 @@
+#include "base/cpu_wait.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <utility>
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+namespace srfs {
+namespace {
+
+/// The kernel's slowest tick is 10 ms (CONFIG_HZ=100).
+constexpr milliseconds shortest_proof{20};
+constexpr milliseconds user_tick{10};  ///< USER_HZ
+
+std::optional<std::uint64_t> take_number(std::string_view& text) {
+  text.remove_prefix(std::min(text.find_first_not_of(' '), text.size()));
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc()) return std::nullopt;
+  text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  return value;
+}
+
+Fd open_for_reading(const char* path) {
+  return Fd(open(path, O_RDONLY | O_CLOEXEC));
+}
+
+template <std::size_t size>
+std::string_view read_again(const Fd& file, std::array<char, size>& buffer) {
+  const ssize_t n = pread(file.get(), buffer.data(), buffer.size(), 0);
+  return {buffer.data(), n > 0 ? static_cast<std::size_t>(n) : 0};
+}
+
+}  // namespace
+
+std::optional<ThreadCpu> parse_schedstat(std::string_view text) {
+  const auto ran = take_number(text);
+  const auto waited = take_number(text);
+  const auto stints = take_number(text);
+  if (!ran || !waited || !stints) return std::nullopt;
+  return ThreadCpu{nanoseconds(*ran), nanoseconds(*waited), *stints};
+}
+
+// ---- ThreadCpuFiles
+
+std::optional<ThreadCpuFiles> ThreadCpuFiles::open(pid_t pid, pid_t tid) {
+  std::array<char, 64> path{};
+  *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/task/{}/schedstat", pid, tid).out = '\0';
+  Fd schedstat = open_for_reading(path.data());
+  *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/task/{}/stat", pid, tid).out = '\0';
+  Fd stat = open_for_reading(path.data());
+  if (!schedstat || !stat) return std::nullopt;
+  ThreadCpuFiles files(std::move(schedstat), std::move(stat));
+  if (!files.read()) return std::nullopt;
+  return files;
+}
+
+std::optional<ThreadCpuFiles> ThreadCpuFiles::open_own() {
+  return open(getpid(), gettid());
+}
+
+std::optional<ThreadCpu> ThreadCpuFiles::read() const {
+  std::array<char, 96> buffer{};
+  return parse_schedstat(read_again(schedstat_, buffer));
+}
+
+std::optional<char> ThreadCpuFiles::state() const {
+  std::array<char, 128> buffer{};
+  const std::string_view text = read_again(stat_, buffer);
+  const auto name_end = text.rfind(')');  // the name may hold anything, also ')'
+  if (name_end == std::string_view::npos || name_end + 2 >= text.size()) return std::nullopt;
+  return text[name_end + 2];
+}
+
+// ---- CpuWait
+
+void CpuWait::on_reading(const ThreadCpu& cpu, bool runnable, MonotonicTime now) {
+  if (!last_) {
+    last_ = cpu;
+    last_at_ = now;
+    return;
+  }
+  const bool moved = cpu != *last_;
+  if (!moved && now - last_at_ < shortest_proof) return;
+  if (moved) {
+    // What was counted as going on is a part of what the kernel added now.
+    const nanoseconds counted = waiting_from_ ? last_at_ - *waiting_from_ : nanoseconds(0);
+    total_ += std::max(cpu.waited - last_->waited - counted, nanoseconds(0));
+    waiting_from_.reset();
+  } else if (!runnable) {
+    waiting_from_.reset();
+  } else {
+    if (!waiting_from_) waiting_from_ = last_at_;
+    total_ += now - last_at_;
+  }
+  last_ = cpu;
+  last_at_ = now;
+}
+
+// ---- CpuHistory
+
+void CpuHistory::add(MonotonicTime now, const CpuTotals& totals) {
+  points_.push_back({now, totals});
+  if (points_.size() <= most_points) return;
+  // Every second one of the older half goes, never the first one.
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    if (i < most_points / 2 && i % 2 == 1) continue;
+    points_[kept++] = points_[i];
+  }
+  points_.resize(kept);
+}
+
+CpuTotals CpuHistory::since(MonotonicTime since) const {
+  if (points_.empty()) return {};
+  const auto after = std::upper_bound(points_.begin(), points_.end(), since,
+                                      [](MonotonicTime t, const Point& p) { return t < p.at; });
+  const CpuTotals& then = (after == points_.begin() ? after : after - 1)->totals;
+  const Point& last = points_.back();
+  const nanoseconds distance = std::max(last.at - since, nanoseconds(0));
+  return {std::min(last.totals.waited - then.waited, distance), last.totals.ran - then.ran,
+          std::min(last.totals.any_waited - then.any_waited, distance)};
+}
+
+// ---- StolenTime
+
+nanoseconds StolenTime::on_reading(std::string_view proc_stat) {
+  constexpr int steal_field = 7;  // of user, nice, system, idle, iowait, irq, softirq, steal
+  nanoseconds most{0};
+  std::size_t cpu = 0;
+  while (proc_stat.starts_with("cpu")) {
+    const auto line_end = std::min(proc_stat.find('\n'), proc_stat.size());
+    std::string_view line = proc_stat.substr(0, line_end);
+    proc_stat.remove_prefix(std::min(line_end + 1, proc_stat.size()));
+    if (line.starts_with("cpu ")) continue;  // the sum of all
+    line.remove_prefix(std::min(line.find(' '), line.size()));
+    std::optional<std::uint64_t> stolen;
+    for (int field = 0; field <= steal_field; ++field) stolen = take_number(line);
+    if (!stolen) continue;
+    if (cpu >= last_.size()) {
+      last_.push_back(*stolen);
+    } else {
+      if (*stolen > last_[cpu]) most = std::max<nanoseconds>(most, (*stolen - last_[cpu]) * user_tick);
+      last_[cpu] = *stolen;
+    }
+    ++cpu;
+  }
+  total_ += most;
+  return total_;
+}
+
+}  // namespace srfs

@@ -1,0 +1,111 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "base/fd.hpp"
+#include "base/time.hpp"
+
+namespace srfs {
+
+/// CPU time of one thread as the kernel counts it (proc(5), schedstat; needs CONFIG_SCHED_INFO).
+struct ThreadCpu {
+  nanoseconds ran{0};        ///< on a CPU
+  nanoseconds waited{0};     ///< runnable without a CPU, up to its last arrival on one
+  std::uint64_t stints = 0;  ///< arrivals on a CPU
+
+  friend bool operator==(const ThreadCpu&, const ThreadCpu&) = default;
+};
+
+/// Parses the text of a schedstat file. nullopt: not of that form. Pure.
+[[nodiscard]] std::optional<ThreadCpu> parse_schedstat(std::string_view text);
+
+/// CPU accounting of one thread. The kernel ties the open files to the thread, so a later thread with the
+/// same number is never read. Each reading costs about 1 us; no allocation after open().
+class ThreadCpuFiles {
+ public:
+  /// @param tid  thread of @p pid; pid itself is its first thread. nullopt: no such thread, or a kernel
+  /// without schedstat.
+  [[nodiscard]] static std::optional<ThreadCpuFiles> open(pid_t pid, pid_t tid);
+  /// Of the calling thread, which may be read by any thread afterwards.
+  [[nodiscard]] static std::optional<ThreadCpuFiles> open_own();
+
+  /// nullopt: the thread has ended.
+  [[nodiscard]] std::optional<ThreadCpu> read() const;
+  /// Letter of proc(5): 'R' runnable, on a CPU or waiting for one; 'S', 'D', 'T'... nullopt: it has ended.
+  [[nodiscard]] std::optional<char> state() const;
+
+ private:
+  ThreadCpuFiles(Fd schedstat, Fd stat) : schedstat_(std::move(schedstat)), stat_(std::move(stat)) {}
+  Fd schedstat_;
+  Fd stat_;
+};
+
+/// Time that one thread spent runnable without a CPU, from repeated readings by another thread. The kernel
+/// adds a wait only when it ends; one that goes on is recognised by a runnable thread whose numbers stand
+/// still, and counts from the reading before. A thread that sleeps, is stopped, blocks in the kernel or runs
+/// never waits. Pure.
+class CpuWait {
+ public:
+  /// @param runnable  state 'R', read after @p cpu; needed only where @p cpu equals the reading before
+  /// @param now       not before the previous call. Readings less than 20 ms apart that show no change are
+  ///                  ignored: the time of a running thread grows only at the kernel's own ticks.
+  void on_reading(const ThreadCpu& cpu, bool runnable, MonotonicTime now);
+
+  /// All time waited since the first reading, as known at the last one. Never falls.
+  [[nodiscard]] nanoseconds total() const { return total_; }
+  /// False: the state need not be read for this one.
+  [[nodiscard]] bool equals_last(const ThreadCpu& cpu) const { return last_ && cpu == *last_; }
+
+ private:
+  std::optional<ThreadCpu> last_;
+  MonotonicTime last_at_;
+  std::optional<MonotonicTime> waiting_from_;
+  nanoseconds total_{0};
+};
+
+/// What a process has had of the CPU up to some time; each never falls.
+struct CpuTotals {
+  nanoseconds waited{0};      ///< its work thread: runnable without a CPU
+  nanoseconds ran{0};         ///< its work thread: on a CPU
+  nanoseconds any_waited{0};  ///< the same, and threads beside it that an answer may need
+};
+
+/// The totals at earlier times, for ages that shall not count what was waited. Pure; bounded: at most 128
+/// points, the older ones farther apart.
+class CpuHistory {
+ public:
+  /// @param now  not before the previous call
+  void add(MonotonicTime now, const CpuTotals& totals);
+  void clear() { points_.clear(); }
+  /// What was added between @p since and the last point; of waits never more than that distance. Exact to the
+  /// distance of two points, rounded up.
+  [[nodiscard]] CpuTotals since(MonotonicTime since) const;
+
+ private:
+  static constexpr std::size_t most_points = 128;
+  struct Point {
+    MonotonicTime at;
+    CpuTotals totals{};
+  };
+  std::vector<Point> points_;
+};
+
+/// CPU time that the host of a virtual machine took, of the CPU it took most from: nobody can say which
+/// thread lost it. Pure: takes the text of /proc/stat.
+class StolenTime {
+ public:
+  /// @return the sum so far; ticks of 10 ms
+  nanoseconds on_reading(std::string_view proc_stat);
+  [[nodiscard]] nanoseconds total() const { return total_; }
+
+ private:
+  std::vector<std::uint64_t> last_;  // ticks, by CPU
+  nanoseconds total_{0};
+};
+
+}  // namespace srfs
