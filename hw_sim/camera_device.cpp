@@ -16,6 +16,7 @@
 #include "base/crc32c.hpp"
 #include "base/log.hpp"
 #include "hw/sim/seqpacket.hpp"
+#include "hw_sim/cpu_priority.hpp"
 
 namespace srfs::sim {
 namespace {
@@ -23,7 +24,9 @@ namespace {
 using namespace hw::sim_camera;
 
 constexpr std::size_t request_octets = 64;
-constexpr milliseconds send_patience{1000};  // of one piece
+// Of one piece. Counted in turns: one in which this thread was stopped or had no CPU counts once, too.
+constexpr int patience_turns = 10;
+constexpr milliseconds patience_turn{100};
 constexpr double gain_max_db = 48;
 constexpr std::uint32_t exposure_max_us = 60'000'000;
 constexpr std::size_t truth_stars_max = 100;
@@ -145,6 +148,7 @@ nlohmann::json CameraDevice::counters() const {
 }
 
 void CameraDevice::run() {
+  static_cast<void>(::nice(background_niceness));  // of this thread; to lower it needs no permission
   while (true) {
     {
       const std::lock_guard lock(mutex_);
@@ -325,14 +329,13 @@ void CameraDevice::send_frame(const Exposure& exposure, const SkyPicture& pictur
 /// A client that takes nothing for a second is left.
 bool CameraDevice::send(const Reply& reply) {
   const Octets message = encode(reply);
-  const MonotonicTime until = monotonic_now() + send_patience;
-  while (client_) {
+  for (int turn = 0; client_ && turn <= patience_turns; ++turn) {
     if (::send(client_.get(), message.data(), message.size(), MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) return true;
+    if (errno != EAGAIN && errno != EINTR) break;
     pollfd room{client_.get(), POLLOUT, 0};
-    const bool full = errno == EAGAIN || errno == EINTR;
-    if (!full || monotonic_now() >= until || ::poll(&room, 1, static_cast<int>(send_patience.count())) < 0)
-      client_.reset();
+    if (::poll(&room, 1, static_cast<int>(patience_turn.count())) < 0 && errno != EINTR) break;
   }
+  client_.reset();
   return false;
 }
 

@@ -26,9 +26,9 @@ enum class CameraMisbehaviour : std::uint8_t {
 };
 [[nodiscard]] std::optional<CameraMisbehaviour> camera_misbehaviour(const std::string& name);
 
-/// The simulated camera at its socket (hw/camera/sim_camera_protocol.hpp), on a thread of its own: a frame
-/// takes longer to render than the bus may wait. One client; a new one takes its place. Removes its socket
-/// file when destroyed.
+/// The simulated camera at its socket (hw/camera/sim_camera_protocol.hpp), on a thread of its own,
+/// behind the loop's: a frame takes longer to render than the bus may wait. One client; a new one takes its
+/// place. Removes its socket file when destroyed.
 class CameraDevice {
  public:
   /// Error: ready to print.

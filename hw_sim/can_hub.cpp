@@ -265,7 +265,8 @@ void CanHub::read_client(int fd, MonotonicTime now, const ClockPair& clocks) {
     }
     if (datagram.size == static_cast<ssize_t>(sizeof datagram.raw)) {
       const nanoseconds age = datagram.written ? clocks.utc - *datagram.written : nanoseconds(0);
-      const bool plausible = age >= nanoseconds(0) && age < seconds(1);
+      // Not a step of the clock: at most a second older than the last look, however long ago that was.
+      const bool plausible = age >= nanoseconds(0) && age < now - advanced_ + seconds(1);
       last = std::max(last, plausible ? std::min(now, clocks.monotonic - age) : now);
       inputs_.push_back({.at = last, .fd = fd, .frame = datagram.raw});
     } else {

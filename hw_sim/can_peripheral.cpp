@@ -20,20 +20,25 @@ wire::IsoTpFrame without_meta(const hw::CanFrame& frame) {
   return {frame.id, frame.size, frame.data};
 }
 
+/// The transport's time-outs are in running time, too; it knows one clock only.
+MonotonicTime transport(RunningTime t) {
+  return MonotonicTime(t.since_epoch());
+}
+
 }  // namespace
 
 CanPeripheral::CanPeripheral(EventLoop& loop, std::string name, std::uint8_t address,
-                             std::unique_ptr<hw::CanBus> bus, Peripheral& peripheral, MonotonicTime now)
+                             std::unique_ptr<hw::CanBus> bus, Peripheral& peripheral)
     : loop_(loop),
       name_(std::move(name)),
       address_(address),
       bus_(std::move(bus)),
       peripheral_(peripheral),
       channel_({.target = computer_address, .source = address}, peripheral_transport()),
-      timer_(loop.add_timer([this](MonotonicTime t) { service(t); })),
+      timer_(loop.add_timer([this](MonotonicTime) { service(loop_.running_now()); })),
       random_(address) {
-  loop_.watch(bus_->fd(), EPOLLIN, [this](std::uint32_t, MonotonicTime t) { service(t); });
-  service(now);
+  loop_.watch(bus_->fd(), EPOLLIN, [this](std::uint32_t, MonotonicTime) { service(loop_.running_now()); });
+  service(loop_.running_now());
 }
 
 CanPeripheral::~CanPeripheral() {
@@ -41,20 +46,20 @@ CanPeripheral::~CanPeripheral() {
   loop_.unwatch(bus_->fd());
 }
 
-void CanPeripheral::receive(MonotonicTime now) {
+void CanPeripheral::receive(RunningTime now) {
   while (const auto frame = bus_->receive()) {
     if (!frame->extended) continue;
     if (frame->is_echo) {
-      channel_.on_transmit_confirm(without_meta(*frame), now);
+      channel_.on_transmit_confirm(without_meta(*frame), transport(now));
     } else if (peripheral_.listening(now)) {
-      channel_.on_frame(without_meta(*frame), now);
+      channel_.on_frame(without_meta(*frame), transport(now));
     }
   }
   for (; channel_.messages_waiting() > 0; channel_.pop_message())
     peripheral_.on_request(channel_.front_message(), now);
 }
 
-void CanPeripheral::transmit(MonotonicTime now) {
+void CanPeripheral::transmit(RunningTime now) {
   while (auto answer = peripheral_.poll(now)) answers_.push_back(std::move(*answer));
   if (!peripheral_.listening(now)) {
     channel_.abort();
@@ -65,10 +70,11 @@ void CanPeripheral::transmit(MonotonicTime now) {
   // flow control would make every later answer late as well.
   while (answers_.size() > 1) answers_.pop_front();
   if (!answers_.empty() && channel_.sending()) channel_.abort();
-  if (!answers_.empty() && !channel_.sending() && channel_.send(answers_.front(), now)) answers_.pop_front();
-  while (const auto frame = channel_.poll(now)) {
+  if (!answers_.empty() && !channel_.sending() && channel_.send(answers_.front(), transport(now)))
+    answers_.pop_front();
+  while (const auto frame = channel_.poll(transport(now))) {
     if (!bus_->send({.id = frame->id, .extended = true, .size = frame->size, .data = frame->data})) {
-      channel_.on_transmit_refused(now);
+      channel_.on_transmit_refused(transport(now));
       break;
     }
   }
@@ -76,7 +82,7 @@ void CanPeripheral::transmit(MonotonicTime now) {
   std::ignore = channel_.take_receive_error();
 }
 
-void CanPeripheral::babble(MonotonicTime now) {
+void CanPeripheral::babble(RunningTime now) {
   constexpr std::size_t frames_waiting = 4;
   if (peripheral_.fault() != PeripheralFault::babble || !peripheral_.listening(now) || now < next_babble_)
     return;
@@ -93,19 +99,20 @@ void CanPeripheral::babble(MonotonicTime now) {
   next_babble_ = now + std::max<nanoseconds>(peripheral_.fault_delay(), microseconds(500));
 }
 
-void CanPeripheral::set_timer(MonotonicTime now) {
-  std::optional<MonotonicTime> next = channel_.next_deadline();
-  const auto also = [&next](std::optional<MonotonicTime> at) {
+void CanPeripheral::set_timer(RunningTime now) {
+  std::optional<RunningTime> next;
+  const auto also = [&next](std::optional<RunningTime> at) {
     if (at && (!next || *at < *next)) next = at;
   };
+  if (const auto at = channel_.next_deadline()) also(RunningTime(at->since_epoch()));
   also(peripheral_.next_deadline());
   if (peripheral_.fault() == PeripheralFault::babble && peripheral_.powered()) also(next_babble_);
   // Whatever is due and could not be done (a full bus) is tried again soon, not at once.
   if (next && *next <= now) next = now + microseconds(200);
-  loop_.set_timer(timer_, next);
+  loop_.set_timer(timer_, loop_.earliest(next));
 }
 
-void CanPeripheral::service(MonotonicTime now) {
+void CanPeripheral::service(RunningTime now) {
   receive(now);
   transmit(now);
   babble(now);

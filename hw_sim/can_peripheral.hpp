@@ -9,24 +9,25 @@
 #include "hw/can_bus.hpp"
 #include "hw_sim/event_loop.hpp"
 #include "hw_sim/peripheral.hpp"
+#include "hw_sim/running_clock.hpp"
 #include "wire/isotp.hpp"
 
 namespace srfs::sim {
 
-/// Puts one Peripheral on a CAN bus: its own handle of the bus and an ISO-TP channel to the computer. Thin
-/// adapter.
+/// Puts one Peripheral on a CAN bus: its own handle of the bus and an ISO-TP channel to the computer,
+/// all in running time. Thin adapter.
 class CanPeripheral {
  public:
   static constexpr std::uint8_t computer_address = 0x01;
 
   CanPeripheral(EventLoop& loop, std::string name, std::uint8_t address, std::unique_ptr<hw::CanBus> bus,
-                Peripheral& peripheral, MonotonicTime now);
+                Peripheral& peripheral);
   ~CanPeripheral();
   CanPeripheral(const CanPeripheral&) = delete;
   CanPeripheral& operator=(const CanPeripheral&) = delete;
 
   /// Runs everything that is due; after a change of power or fault too.
-  void service(MonotonicTime now);
+  void service(RunningTime now);
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] std::uint8_t address() const { return address_; }
   [[nodiscard]] Peripheral& peripheral() { return peripheral_; }
@@ -34,10 +35,10 @@ class CanPeripheral {
   [[nodiscard]] std::uint64_t babbled() const { return babbled_; }
 
  private:
-  void receive(MonotonicTime now);
-  void transmit(MonotonicTime now);
-  void babble(MonotonicTime now);
-  void set_timer(MonotonicTime now);
+  void receive(RunningTime now);
+  void transmit(RunningTime now);
+  void babble(RunningTime now);
+  void set_timer(RunningTime now);
 
   EventLoop& loop_;
   std::string name_;
@@ -47,7 +48,7 @@ class CanPeripheral {
   wire::IsoTpChannel channel_;
   EventLoop::Timer timer_;
   std::deque<Octets> answers_;  // at most one more than the channel sends; the peripheral bounds its own
-  MonotonicTime next_babble_;
+  RunningTime next_babble_;
   std::uint64_t babbled_ = 0;
   std::minstd_rand random_;
 };

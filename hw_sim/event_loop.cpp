@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <ctime>
 #include <system_error>
 
 #include <sys/epoll.h>
@@ -13,7 +14,9 @@ namespace srfs::sim {
 
 EventLoop::EventLoop()
     : epoll_(epoll_create1(EPOLL_CLOEXEC)),
-      timer_fd_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)) {
+      timer_fd_(timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK)),
+      cpu_files_(ThreadCpuFiles::open_own()),
+      running_clock_(monotonic_now(), own_cpu()) {
   if (!epoll_ || !timer_fd_) throw std::system_error(errno, std::generic_category(), "epoll or timerfd");
   watch(timer_fd_.get(), EPOLLIN, [this](std::uint32_t, MonotonicTime) {
     std::uint64_t expirations = 0;
@@ -60,7 +63,16 @@ void EventLoop::run_timers(MonotonicTime now) {
   }
 }
 
-void EventLoop::arm() {
+ThreadCpu EventLoop::own_cpu() const {
+  const auto counted = cpu_files_ ? cpu_files_->read() : std::nullopt;
+  ThreadCpu own = counted.value_or(ThreadCpu{});
+  timespec ran{};  // the kernel's file follows at its ticks only
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &ran);
+  own.ran = seconds(ran.tv_sec) + nanoseconds(ran.tv_nsec);
+  return own;
+}
+
+std::optional<MonotonicTime> EventLoop::arm() {
   std::optional<MonotonicTime> next;
   for (const TimerEntry& timer : timers_) {
     if (timer.at && (!next || *timer.at < *next)) next = timer.at;
@@ -71,15 +83,17 @@ void EventLoop::arm() {
     spec.it_value = {.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
   }
   timerfd_settime(timer_fd_.get(), TFD_TIMER_ABSTIME, &spec, nullptr);
+  return next;
 }
 
 void EventLoop::run() {
   std::array<epoll_event, 32> events{};
   while (running_) {
-    arm();
+    const std::optional<MonotonicTime> due = arm();
     const int n = epoll_wait(epoll_.get(), events.data(), static_cast<int>(events.size()), -1);
     if (n < 0 && errno != EINTR) throw std::system_error(errno, std::generic_category(), "epoll_wait");
     const MonotonicTime now = monotonic_now();
+    running_clock_.advance(now, own_cpu(), due);
     // Timers first: they pace the devices, descriptors only bring requests.
     run_timers(now);
     for (int i = 0; i < n && running_; ++i) {

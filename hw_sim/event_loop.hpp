@@ -7,19 +7,25 @@
 #include <optional>
 #include <vector>
 
+#include "base/cpu_wait.hpp"
 #include "base/fd.hpp"
 #include "base/time.hpp"
+#include "hw_sim/running_clock.hpp"
 
 namespace srfs::sim {
 
 /// One thread's epoll loop with timers. Callbacks get the time of the wake-up, read once per round.
+///
+/// Timers and callbacks are on the true clock: what a device owes, it does as soon as it can. What it holds
+/// against others, a time-out, it measures with running_clock() and sets its timer to earliest(); should more
+/// be lost until then, the timer comes too early and is set again.
 class EventLoop {
  public:
   using FdCallback = std::function<void(std::uint32_t events, MonotonicTime now)>;
   using TimerCallback = std::function<void(MonotonicTime now)>;
   using Timer = std::size_t;
 
-  /// Throws std::system_error when the kernel gives no descriptors.
+  /// For the thread that constructs it. Throws std::system_error when the kernel gives no descriptors.
   EventLoop();
 
   /// @param fd  stays the caller's; unwatch before closing it
@@ -32,6 +38,14 @@ class EventLoop {
   /// One shot at @p at, replacing what was set; nullopt stops it.
   void set_timer(Timer timer, std::optional<MonotonicTime> at);
 
+  /// Of this thread, advanced once per round.
+  [[nodiscard]] const RunningClock& running_clock() const { return running_clock_; }
+  [[nodiscard]] RunningTime running_now() const { return running_clock_.now(); }
+  /// For set_timer().
+  [[nodiscard]] std::optional<MonotonicTime> earliest(std::optional<RunningTime> t) const {
+    return t ? std::optional(running_clock_.earliest(*t)) : std::nullopt;
+  }
+
   /// Runs until stop().
   void run();
   void stop() { running_ = false; }
@@ -42,12 +56,16 @@ class EventLoop {
     TimerCallback callback;
   };
   void run_timers(MonotonicTime now);
-  void arm();
+  /// @return when the next timer is due
+  std::optional<MonotonicTime> arm();
+  [[nodiscard]] ThreadCpu own_cpu() const;
 
   Fd epoll_;
   Fd timer_fd_;
   std::map<int, std::shared_ptr<FdCallback>> callbacks_;
   std::vector<TimerEntry> timers_;
+  std::optional<ThreadCpuFiles> cpu_files_;  // none: the kernel does not count; lateness is seen all the same
+  RunningClock running_clock_;
   bool running_ = true;
 };
 

@@ -8,6 +8,11 @@
 #include "base/log.hpp"
 
 namespace srfs::sim {
+namespace {
+
+constexpr milliseconds latest_sentence{500};  // after its time
+
+}  // namespace
 
 GpsDevice::GpsDevice(EventLoop& loop, const GpsSettings& settings,
                      std::unique_ptr<SeqpacketServer> pulse_socket, Pty port, std::filesystem::path port_link,
@@ -21,7 +26,7 @@ GpsDevice::GpsDevice(EventLoop& loop, const GpsSettings& settings,
       port_link_(std::move(port_link)),
       where_(std::move(where)),
       pulse_timer_(loop.add_timer([this](MonotonicTime t) { on_pulse(t); })),
-      sentence_timer_(loop.add_timer([this](MonotonicTime) { on_sentences(); })),
+      sentence_timer_(loop.add_timer([this](MonotonicTime t) { on_sentences(t); })),
       stray_timer_(loop.add_timer([this](MonotonicTime t) { on_stray(t); })),
       script_timer_(loop.add_timer([this](MonotonicTime t) { on_script(t); })),
       started_(now) {
@@ -96,7 +101,8 @@ void GpsDevice::on_pulse(MonotonicTime now) {
   }
   if (pulse.utc.ns() % 1'000'000'000 == 0) {
     sentence_utc_ = pulse.utc;
-    loop_.set_timer(sentence_timer_, pulse.edge + receiver_.settings().sentence_delay);
+    sentence_at_ = pulse.edge + receiver_.settings().sentence_delay;
+    loop_.set_timer(sentence_timer_, sentence_at_);
   }
   schedule_pulse(now);
 }
@@ -115,7 +121,12 @@ void GpsDevice::on_stray(MonotonicTime now) {
   if (!strays_.empty()) loop_.set_timer(stray_timer_, strays_.front());
 }
 
-void GpsDevice::on_sentences() {
+void GpsDevice::on_sentences(MonotonicTime now) {
+  // A pulse carries the time of its edge; a sentence does not, and would be taken for the next pulse's.
+  if (now - sentence_at_ > latest_sentence) {
+    ++counters_.late_sentences;
+    return;
+  }
   const Octets message = receiver_.messages(sentence_utc_, where_());
   if (message.empty() || !port_) return;
   // A reader that left a whole second unread is not there; the next one shall not find old seconds.

@@ -19,6 +19,7 @@ struct GpsDeviceCounters {
   std::uint64_t suppressed_pulses = 0;
   std::uint64_t stray_pulses = 0;      ///< false ones, and another receiver's
   std::uint64_t sentences = 0;         ///< times of day, of all messages of a second
+  std::uint64_t late_sentences = 0;    ///< not sent: this program was late with them
   std::uint64_t unread_sentences = 0;  ///< thrown away because nobody read those before
 };
 
@@ -49,7 +50,7 @@ class GpsDevice {
   void on_stray(MonotonicTime now);
   void on_script(MonotonicTime now);
   void send_edge(MonotonicTime edge, std::uint64_t counter);
-  void on_sentences();
+  void on_sentences(MonotonicTime now);
 
   EventLoop& loop_;
   GpsReceiver receiver_;
@@ -67,6 +68,7 @@ class GpsDevice {
   MonotonicTime started_;
   GpsPulse next_;
   UtcTime sentence_utc_;
+  MonotonicTime sentence_at_;
   GpsDeviceCounters counters_;
 };
 

@@ -17,6 +17,7 @@
 #include "base/file.hpp"
 #include "base/log.hpp"
 #include "base/signals.hpp"
+#include "hw_sim/cpu_priority.hpp"
 #include "hw_sim/event_loop.hpp"
 #include "hw_sim/seqpacket_server.hpp"
 #include "hw_sim/settings.hpp"
@@ -116,6 +117,8 @@ int simulate(const path& deployment_file, const path& var) {
     create_test_key(path(key).is_absolute() ? path(key) : var / key);
   create_package_test_keys(var);
 
+  if (const int error = sim::put_before_the_tested(); error != 0)
+    log::info("its niceness stays, it may wait for a CPU: {}", errno_text(error));
   sim::EventLoop loop;
   const Fd signals = termination_signals();
   ignore_broken_pipes();

@@ -43,18 +43,18 @@ const char* to_string(PeripheralFault fault) {
 }
 
 Peripheral::Peripheral(const PeripheralSettings& settings, PeripheralApplication& application,
-                       MonotonicTime now)
+                       RunningTime now)
     : settings_(settings), application_(application), random_(settings.seed) {
   start(now);
 }
 
-void Peripheral::start(MonotonicTime now) {
+void Peripheral::start(RunningTime now) {
   started_ = now;
   silent_until_ = now + settings_.restart_time;
   restart_at_.reset();
 }
 
-void Peripheral::set_power(bool on, MonotonicTime now) {
+void Peripheral::set_power(bool on, RunningTime now) {
   if (on == powered_) return;
   powered_ = on;
   waiting_.clear();
@@ -87,7 +87,7 @@ wire::PeripheralResult Peripheral::on_command(const wire::CommandRequest& comman
   return result;
 }
 
-void Peripheral::on_request(OctetView message, MonotonicTime now) {
+void Peripheral::on_request(OctetView message, RunningTime now) {
   if (!listening(now) || restart_at_) {
     ++counters_.unheard_requests;
     return;
@@ -119,9 +119,9 @@ void Peripheral::on_request(OctetView message, MonotonicTime now) {
     restart_at_ = now + settings_.answer_delay + milliseconds(5);
 }
 
-void Peripheral::answer(const wire::PeripheralResponse& response, MonotonicTime now) {
+void Peripheral::answer(const wire::PeripheralResponse& response, RunningTime now) {
   Octets octets = wire::encode(response);
-  MonotonicTime at = now + settings_.answer_delay;
+  RunningTime at = now + settings_.answer_delay;
   switch (fault_) {
     case PeripheralFault::none:
     case PeripheralFault::babble:
@@ -145,7 +145,7 @@ void Peripheral::answer(const wire::PeripheralResponse& response, MonotonicTime 
   waiting_.push_back({at, std::move(octets)});
 }
 
-std::optional<Octets> Peripheral::poll(MonotonicTime now) {
+std::optional<Octets> Peripheral::poll(RunningTime now) {
   if (!waiting_.empty() && waiting_.front().at <= now) {
     Octets octets = std::move(waiting_.front().octets);
     waiting_.pop_front();
@@ -162,8 +162,8 @@ std::optional<Octets> Peripheral::poll(MonotonicTime now) {
   return std::nullopt;
 }
 
-std::optional<MonotonicTime> Peripheral::next_deadline() const {
-  std::optional<MonotonicTime> next = restart_at_;
+std::optional<RunningTime> Peripheral::next_deadline() const {
+  std::optional<RunningTime> next = restart_at_;
   if (!waiting_.empty() && (!next || waiting_.front().at < *next)) next = waiting_.front().at;
   return next;
 }

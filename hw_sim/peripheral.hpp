@@ -7,7 +7,7 @@
 #include <string>
 
 #include "base/octets.hpp"
-#include "base/time.hpp"
+#include "hw_sim/running_clock.hpp"
 #include "wire/peripheral_protocol.hpp"
 
 namespace srfs::sim {
@@ -65,15 +65,15 @@ struct PeripheralCounters {
 class Peripheral {
  public:
   /// @param application  must outlive this object
-  Peripheral(const PeripheralSettings& settings, PeripheralApplication& application, MonotonicTime now);
+  Peripheral(const PeripheralSettings& settings, PeripheralApplication& application, RunningTime now);
 
-  void on_request(OctetView message, MonotonicTime now);
+  void on_request(OctetView message, RunningTime now);
   /// The next answer that is due; call until nullopt. Also ends a restart.
-  [[nodiscard]] std::optional<Octets> poll(MonotonicTime now);
+  [[nodiscard]] std::optional<Octets> poll(RunningTime now);
   /// When poll() has something to do; nullopt: nothing waits.
-  [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
+  [[nodiscard]] std::optional<RunningTime> next_deadline() const;
 
-  void set_power(bool on, MonotonicTime now);
+  void set_power(bool on, RunningTime now);
   /// @param delay  of `late`: added to each answer; of `babble`: between two frames, 0 = without a pause
   void set_fault(PeripheralFault fault, milliseconds delay, FaultCure cure) {
     fault_ = fault;
@@ -84,18 +84,18 @@ class Peripheral {
   [[nodiscard]] PeripheralFault fault() const { return fault_; }
   [[nodiscard]] bool powered() const { return powered_; }
   /// Powered and past the silent part of its start: takes part in the bus at all.
-  [[nodiscard]] bool listening(MonotonicTime now) const { return powered_ && now >= silent_until_; }
+  [[nodiscard]] bool listening(RunningTime now) const { return powered_ && now >= silent_until_; }
   [[nodiscard]] const PeripheralCounters& counters() const { return counters_; }
   /// The last 256 telecommands it carried out, in order; for an observer, no part of the device.
   [[nodiscard]] const std::deque<std::uint32_t>& history() const { return history_; }
 
  private:
   struct Waiting {
-    MonotonicTime at;
+    RunningTime at;
     Octets octets;
   };
-  void start(MonotonicTime now);
-  void answer(const wire::PeripheralResponse& response, MonotonicTime now);
+  void start(RunningTime now);
+  void answer(const wire::PeripheralResponse& response, RunningTime now);
   [[nodiscard]] wire::PeripheralResult on_command(const wire::CommandRequest& command, bool ready);
   [[nodiscard]] bool known(std::uint32_t telecommand_id) const;
 
@@ -107,9 +107,9 @@ class Peripheral {
   milliseconds fault_delay_{0};
   FaultCure cure_ = FaultCure::never;
   bool powered_ = true;
-  MonotonicTime started_;
-  MonotonicTime silent_until_;
-  std::optional<MonotonicTime> restart_at_;
+  RunningTime started_;
+  RunningTime silent_until_;
+  std::optional<RunningTime> restart_at_;
   std::deque<Waiting> waiting_;
   std::deque<std::uint32_t> executed_ids_;
   std::deque<std::uint32_t> history_;

@@ -68,7 +68,7 @@ void Rs422Device::read(Direction& direction, MonotonicTime now) {
   service(direction, now);
 }
 
-void Rs422Device::deliver(Direction& direction, MonotonicTime now) {
+void Rs422Device::deliver(Direction& direction) {
   const Octets next = direction.line.arrived(4096);
   const std::size_t taken = direction.to.write(next);
   direction.line.taken(taken);
@@ -76,6 +76,7 @@ void Rs422Device::deliver(Direction& direction, MonotonicTime now) {
 
   const std::size_t unread = direction.to.unread();
   const std::uint64_t consumed = direction.written - std::min<std::uint64_t>(direction.written, unread);
+  const RunningTime now = loop_.running_now();
   const bool waiting = unread > 0 || direction.line.has_arrived();
   if (!waiting || consumed != direction.last_consumed) {
     direction.last_consumed = consumed;
@@ -90,7 +91,7 @@ void Rs422Device::deliver(Direction& direction, MonotonicTime now) {
 
 void Rs422Device::service(Direction& direction, MonotonicTime now) {
   direction.line.advance(now);
-  deliver(direction, now);
+  deliver(direction);
 
   const bool full = direction.line.room() == 0;
   if (full != direction.paused) {

@@ -13,7 +13,7 @@ namespace srfs::sim {
 
 /// The RS422 connection between the operator's port and the computer's: two pseudo-terminals and a line for
 /// each direction. Towards the sender it is bounded by back-pressure (its writes block), towards the reader
-/// by loss: what nobody has read for a second is gone, as on a wire without a listener.
+/// by loss: what nobody has read for a second (of running time) is gone, as on a wire without a listener.
 class Rs422Device {
  public:
   /// Error: ready to print.
@@ -41,12 +41,12 @@ class Rs422Device {
     bool paused = false;  // back-pressure: the sender's side is not read
     std::uint64_t written = 0;
     std::uint64_t last_consumed = 0;
-    MonotonicTime progress_at{};
+    RunningTime progress_at{};
   };
   Rs422Device(EventLoop& loop, Pty operator_side, Pty computer_side, std::uint32_t baud, std::uint64_t seed);
   void read(Direction& direction, MonotonicTime now);
   void service(Direction& direction, MonotonicTime now);
-  void deliver(Direction& direction, MonotonicTime now);
+  void deliver(Direction& direction);
 
   EventLoop& loop_;
   Pty operator_side_;

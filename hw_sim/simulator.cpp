@@ -32,6 +32,10 @@ std::string text_of(OctetView octets) {
   return {octets.begin(), octets.end()};
 }
 
+std::int64_t whole_ms(nanoseconds t) {
+  return std::chrono::duration_cast<milliseconds>(t).count();
+}
+
 OctetView octets_of(const std::string& text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
@@ -106,7 +110,7 @@ Simulator::Simulator(EventLoop& loop, const SimulationSettings& settings, Monoto
       gpio_([this] { return world_.sensor_inputs(); },
             [this](std::size_t line, bool on) {
               log::info("power of {} switched {}", peripheral_names.at(line), on ? "on" : "off");
-              const MonotonicTime at = monotonic_now();
+              const RunningTime at = loop_.running_now();
               peripherals_.at(line)->set_power(on, at);
               on_bus_.at(line)->service(at);
             }),
@@ -118,7 +122,7 @@ Simulator::Simulator(EventLoop& loop, const SimulationSettings& settings, Monoto
   for (std::size_t i = 0; i < peripherals_.size(); ++i) {
     PeripheralSettings own = settings.peripheral;
     own.seed += i;
-    peripherals_[i] = std::make_unique<Peripheral>(own, *applications[i], now);
+    peripherals_[i] = std::make_unique<Peripheral>(own, *applications[i], loop_.running_now());
   }
   loop_.set_timer(step_timer_, now + world_step);
 }
@@ -133,7 +137,7 @@ Result<std::unique_ptr<Simulator>, std::string> Simulator::create(
     const std::vector<std::string>& restart_command) {
   const MonotonicTime now = monotonic_now();
   std::unique_ptr<Simulator> simulator(new Simulator(loop, settings, now));
-  if (auto opened = simulator->open_can(settings, var, now); !opened) return Err(opened.error());
+  if (auto opened = simulator->open_can(settings, var); !opened) return Err(opened.error());
   if (auto opened = simulator->open_gps(settings, var, now); !opened) return Err(opened.error());
   if (auto opened = simulator->open_camera(settings, var, now); !opened) return Err(opened.error());
   if (auto opened = simulator->open_others(settings, var, restart_command); !opened)
@@ -142,7 +146,7 @@ Result<std::unique_ptr<Simulator>, std::string> Simulator::create(
 }
 
 Result<void, std::string> Simulator::open_can(const SimulationSettings& settings,
-                                              const std::filesystem::path& var, MonotonicTime now) {
+                                              const std::filesystem::path& var) {
   const auto uri = hw::parse_device_uri(settings.devices.can, {"sim", "socketcan"});
   if (!uri) return Err(uri.error().message);
   if (uri->scheme == "sim") {
@@ -163,7 +167,7 @@ Result<void, std::string> Simulator::open_can(const SimulationSettings& settings
     auto bus = hw::open_can(settings.devices.can, var, {hw::isotp_to(peripheral_addresses[i])});
     if (!bus) return Err(bus.error().message);
     on_bus_[i] = std::make_unique<CanPeripheral>(loop_, peripheral_names[i], peripheral_addresses[i],
-                                                 std::move(*bus), *peripherals_[i], now);
+                                                 std::move(*bus), *peripherals_[i]);
   }
   return {};
 }
@@ -249,7 +253,7 @@ Result<void, std::string> Simulator::open_watchdog(const SimulationSettings& set
       watchdog.restart_limit, std::filesystem::path(*watchdog_path).replace_extension(".boot"));
   auto watchdog_socket = SeqpacketServer::create(
       loop_, *watchdog_path,
-      [this](int, OctetView datagram, MonotonicTime now) { watchdog_->on_datagram(datagram, now); });
+      [this](int, OctetView datagram, MonotonicTime) { watchdog_->on_datagram(datagram); });
   if (!watchdog_socket) return Err(watchdog_socket.error());
   watchdog_socket_ = std::move(*watchdog_socket);
   return {};
@@ -273,7 +277,7 @@ void Simulator::step(MonotonicTime now) {
   loop_.set_timer(step_timer_, now + world_step);
 }
 
-void Simulator::set_peripheral_fault(const nlohmann::json& request, MonotonicTime now) {
+void Simulator::set_peripheral_fault(const nlohmann::json& request) {
   only_keys(request, {"peripheral", "fault", "delay_ms", "cured_by"});
   const std::string name = request.at("peripheral").get<std::string>();
   const auto found = std::find(peripheral_names.begin(), peripheral_names.end(), name);
@@ -293,7 +297,7 @@ void Simulator::set_peripheral_fault(const nlohmann::json& request, MonotonicTim
   const std::int64_t fallback_ms = *fault == PeripheralFault::late ? 100 : 0;
   peripherals_.at(i)->set_fault(*fault, milliseconds(integer(request, "delay_ms", 0, 60'000, fallback_ms)),
                                 cure);
-  on_bus_.at(i)->service(now);
+  on_bus_.at(i)->service(loop_.running_now());
 }
 
 void Simulator::set_bus_faults(const nlohmann::json& faults, MonotonicTime now) {
@@ -418,6 +422,7 @@ nlohmann::json Simulator::counters() const {
                 {"stray_pulses", g.stray_pulses},
                 {"sentences", g.sentences},
                 {"unread_sentences", g.unread_sentences},
+                {"late_sentences", g.late_sentences},
                 {"fault", to_string(gps_->receiver().fault())}};
   if (watchdog_) {
     const WatchdogDeviceCounters& w = watchdog_->counters();
@@ -432,6 +437,8 @@ nlohmann::json Simulator::counters() const {
   out["gpio"] = {{"requests", gpio_.counters().requests}, {"refused", gpio_.counters().refused}};
   if (camera_) out["camera"] = camera_->counters();
   out["late_steps"] = late_steps_;
+  out["cpu_wait_ms"] = whole_ms(loop_.running_clock().waited());
+  out["lost_ms"] = whole_ms(loop_.running_clock().lost());
   return out;
 }
 
@@ -470,7 +477,7 @@ nlohmann::json Simulator::apply(const nlohmann::json& request, MonotonicTime now
   if (!request.is_object() || request.empty()) throw std::invalid_argument("expected a JSON object");
   nlohmann::json reply;
   if (request.contains("peripheral")) {
-    set_peripheral_fault(request, now);
+    set_peripheral_fault(request);
     reply["ok"] = true;
     return reply;
   }

@@ -42,7 +42,7 @@ class Simulator {
  private:
   Simulator(EventLoop& loop, const SimulationSettings& settings, MonotonicTime now);
   [[nodiscard]] Result<void, std::string> open_can(const SimulationSettings& settings,
-                                                   const std::filesystem::path& var, MonotonicTime now);
+                                                   const std::filesystem::path& var);
   [[nodiscard]] Result<void, std::string> open_gps(const SimulationSettings& settings,
                                                    const std::filesystem::path& var, MonotonicTime now);
   [[nodiscard]] Result<void, std::string> open_others(const SimulationSettings& settings,
@@ -57,7 +57,7 @@ class Simulator {
   void step(MonotonicTime now);
 
   // Control requests, one per key. Each throws std::invalid_argument with what was expected.
-  void set_peripheral_fault(const nlohmann::json& request, MonotonicTime now);
+  void set_peripheral_fault(const nlohmann::json& request);
   void set_bus_faults(const nlohmann::json& faults, MonotonicTime now);
   void force_bus_off(const std::string& station, MonotonicTime now);
   void set_line_faults(const nlohmann::json& faults);

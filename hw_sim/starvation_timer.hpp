@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "base/time.hpp"
+#include "hw_sim/running_clock.hpp"
 
 namespace srfs::sim {
 
@@ -13,28 +13,28 @@ class StarvationTimer {
  public:
   explicit StarvationTimer(milliseconds timeout) : timeout_(timeout) {}
 
-  void feed(MonotonicTime now) {
+  void feed(RunningTime now) {
     ++feeds_;
     deadline_ = now + timeout_;
   }
   /// Bites after another time-out unless fed: the computer did not come up.
-  void rearm(MonotonicTime now) { deadline_ = now + timeout_; }
+  void rearm(RunningTime now) { deadline_ = now + timeout_; }
   void disarm() { deadline_.reset(); }
   /// @return true once, when it has starved
-  [[nodiscard]] bool bites(MonotonicTime now) {
+  [[nodiscard]] bool bites(RunningTime now) {
     if (!deadline_ || now < *deadline_) return false;
     deadline_.reset();
     ++bites_;
     return true;
   }
-  [[nodiscard]] std::optional<MonotonicTime> deadline() const { return deadline_; }
+  [[nodiscard]] std::optional<RunningTime> deadline() const { return deadline_; }
   [[nodiscard]] milliseconds timeout() const { return timeout_; }
   [[nodiscard]] std::uint64_t feeds() const { return feeds_; }
   [[nodiscard]] std::uint64_t bite_count() const { return bites_; }
 
  private:
   milliseconds timeout_;
-  std::optional<MonotonicTime> deadline_;
+  std::optional<RunningTime> deadline_;
   std::uint64_t feeds_ = 0;
   std::uint64_t bites_ = 0;
 };

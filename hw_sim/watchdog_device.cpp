@@ -52,8 +52,8 @@ WatchdogDevice::WatchdogDevice(EventLoop& loop, milliseconds timeout,
       limit_(restart_limit),
       status_(std::move(status)),
       switched_on_(monotonic_now()),
-      bite_timer_(loop.add_timer([this](MonotonicTime now) { on_timer(now); })),
-      limit_timer_(loop.add_timer([this](MonotonicTime) { kill_restart(); })) {
+      bite_timer_(loop.add_timer([this](MonotonicTime) { on_timer(); })),
+      limit_timer_(loop.add_timer([this](MonotonicTime) { on_limit(); })) {
   write_status();
 }
 
@@ -74,28 +74,32 @@ void WatchdogDevice::write_status() const {
   if (!written) log::error("the watchdog's status: {}", written.error().message);
 }
 
-void WatchdogDevice::on_datagram(OctetView datagram, MonotonicTime now) {
+void WatchdogDevice::on_datagram(OctetView datagram) {
   if (datagram.size() == 1 && datagram[0] == 'V') {
     starvation_.disarm();
     ++counters_.disarmed;
     log::info("watchdog disarmed");
   } else {
     if (!starvation_.deadline()) log::info("watchdog armed, {} ms", starvation_.timeout().count());
-    starvation_.feed(now);
+    starvation_.feed(loop_.running_now());
   }
-  loop_.set_timer(bite_timer_, starvation_.deadline());
+  set_bite_timer();
 }
 
-void WatchdogDevice::on_timer(MonotonicTime now) {
-  if (starvation_.bites(now)) {
+void WatchdogDevice::set_bite_timer() {
+  loop_.set_timer(bite_timer_, loop_.earliest(starvation_.deadline()));
+}
+
+void WatchdogDevice::on_timer() {
+  if (starvation_.bites(loop_.running_now())) {
     log::error("watchdog starved for {} ms: restarting the suite", starvation_.timeout().count());
     write_status();  // before anything of the suite starts
-    start_restart(now);
+    start_restart();
   }
-  loop_.set_timer(bite_timer_, starvation_.deadline());
+  set_bite_timer();
 }
 
-void WatchdogDevice::start_restart(MonotonicTime now) {
+void WatchdogDevice::start_restart() {
   if (child_fd_) {
     log::error("the restart before is still running");
     ++counters_.restarts_failed;
@@ -105,7 +109,7 @@ void WatchdogDevice::start_restart(MonotonicTime now) {
   const auto pidfd = error == 0 ? static_cast<int>(syscall(SYS_pidfd_open, child_, 0)) : -1;
   if (error != 0 || pidfd < 0) {
     ++counters_.restarts_failed;
-    starvation_.rearm(now);
+    starvation_.rearm(loop_.running_now());
     log::error("cannot run the restart command '{}': {}", fmt::join(command_, " "),
                errno_text(error != 0 ? error : errno));
     return;
@@ -114,7 +118,8 @@ void WatchdogDevice::start_restart(MonotonicTime now) {
   fcntl(pidfd, F_SETFD, FD_CLOEXEC);
   child_fd_ = Fd(pidfd);
   loop_.watch(pidfd, EPOLLIN, [this](std::uint32_t, MonotonicTime) { on_exit(); });
-  loop_.set_timer(limit_timer_, now + limit_);
+  restart_ends_ = loop_.running_now() + limit_;
+  loop_.set_timer(limit_timer_, loop_.earliest(restart_ends_));
 }
 
 void WatchdogDevice::on_exit() {
@@ -127,15 +132,19 @@ void WatchdogDevice::on_exit() {
     log::info("restart command done");
   } else {
     ++counters_.restarts_failed;
-    if (!starvation_.deadline()) starvation_.rearm(monotonic_now());
-    loop_.set_timer(bite_timer_, starvation_.deadline());
+    if (!starvation_.deadline()) starvation_.rearm(loop_.running_now());
+    set_bite_timer();
     log::error("restart command failed: {} {}", WIFEXITED(status) ? "exit code" : "signal",
                WIFEXITED(status) ? WEXITSTATUS(status) : WTERMSIG(status));
   }
 }
 
-void WatchdogDevice::kill_restart() {
+void WatchdogDevice::on_limit() {
   if (!child_fd_) return;
+  if (loop_.running_now() < restart_ends_) {
+    loop_.set_timer(limit_timer_, loop_.earliest(restart_ends_));
+    return;
+  }
   ++counters_.restarts_killed;
   log::error("restart command runs longer than {} ms: killed", limit_.count());
   kill(-child_, SIGKILL);  // its session's first process group; nodes it started have sessions of their own

@@ -23,8 +23,8 @@ struct WatchdogDeviceCounters {
 
 /// The simulated hardware watchdog. When it bites it runs the restart command in a session of its own, as a
 /// power-on would start the computer; after that it waits for the first feed again,
-/// and bites once more after another time-out when the command failed. Its status register is a file
-/// (lib/hw/sim/sim_watchdog.cpp).
+/// and bites once more after another time-out when the command failed. Both time-outs are in running time.
+/// Its status register is a file (lib/hw/sim/sim_watchdog.cpp).
 class WatchdogDevice {
  public:
   /// @param status  file of the status register; empty: none
@@ -35,15 +35,16 @@ class WatchdogDevice {
   WatchdogDevice& operator=(const WatchdogDevice&) = delete;
 
   /// One datagram: "V" disarms, anything else feeds.
-  void on_datagram(OctetView datagram, MonotonicTime now);
+  void on_datagram(OctetView datagram);
   [[nodiscard]] const StarvationTimer& timer() const { return starvation_; }
   [[nodiscard]] const WatchdogDeviceCounters& counters() const { return counters_; }
 
  private:
-  void on_timer(MonotonicTime now);
-  void start_restart(MonotonicTime now);
+  void on_timer();
+  void on_limit();
+  void start_restart();
+  void set_bite_timer();
   void on_exit();
-  void kill_restart();
   void write_status() const;
 
   EventLoop& loop_;
@@ -54,6 +55,7 @@ class WatchdogDevice {
   MonotonicTime switched_on_;
   EventLoop::Timer bite_timer_;
   EventLoop::Timer limit_timer_;
+  RunningTime restart_ends_;  // killed then
   WatchdogDeviceCounters counters_;
   pid_t child_ = -1;
   Fd child_fd_;  // pidfd, readable when it has ended

@@ -14,6 +14,7 @@ namespace {
 
 const UtcTime utc = *from_iso8601("2026-11-21T08:00:00Z");
 constexpr MonotonicTime origin{seconds(1000)};
+constexpr RunningTime armed_at{seconds(1000)};
 
 std::string text(const Octets& octets) {
   return {octets.begin(), octets.end()};
@@ -189,20 +190,20 @@ TEST(SerialLine, DrownsOctetsInBurstsWithTheGivenProbability) {
 
 TEST(StarvationTimer, IsArmedByTheFirstFeedAndBitesOnce) {
   StarvationTimer watchdog(milliseconds(500));
-  EXPECT_FALSE(watchdog.bites(origin + seconds(100)));
-  watchdog.feed(origin);
-  EXPECT_FALSE(watchdog.bites(origin + milliseconds(499)));
-  EXPECT_TRUE(watchdog.bites(origin + milliseconds(500)));
-  EXPECT_FALSE(watchdog.bites(origin + seconds(10)));  // until fed again
-  watchdog.feed(origin + seconds(10));
-  EXPECT_TRUE(watchdog.bites(origin + seconds(11)));
+  EXPECT_FALSE(watchdog.bites(armed_at + seconds(100)));
+  watchdog.feed(armed_at);
+  EXPECT_FALSE(watchdog.bites(armed_at + milliseconds(499)));
+  EXPECT_TRUE(watchdog.bites(armed_at + milliseconds(500)));
+  EXPECT_FALSE(watchdog.bites(armed_at + seconds(10)));  // until fed again
+  watchdog.feed(armed_at + seconds(10));
+  EXPECT_TRUE(watchdog.bites(armed_at + seconds(11)));
 }
 
 TEST(StarvationTimer, DoesNotBiteWhenDisarmed) {
   StarvationTimer watchdog(milliseconds(500));
-  watchdog.feed(origin);
+  watchdog.feed(armed_at);
   watchdog.disarm();
-  EXPECT_FALSE(watchdog.bites(origin + seconds(10)));
+  EXPECT_FALSE(watchdog.bites(armed_at + seconds(10)));
 }
 
 TEST(GpioBank, SwitchesPowerAndReadsInputs) {

@@ -51,7 +51,7 @@ class PeripheralTest : public ::testing::Test {
 
   static constexpr wire::PeripheralRequest wake_up{.sequence = 3, .body = wire::WakeUpRequest{}};
   FakeApplication application;
-  MonotonicTime now{seconds(100)};
+  RunningTime now{seconds(100)};
   Peripheral peripheral{{}, application, now};
   void SetUp() override { now += seconds(1); }
 };
@@ -223,7 +223,7 @@ TEST_F(PeripheralTest, AnswersANewRequestAtOnceThoughNobodyTookTheAnswerBefore) 
   EventLoop loop;
   auto bus = std::make_unique<hw::FakeCanBus>();
   hw::FakeCanBus& wire = *bus;
-  CanPeripheral on_bus(loop, "eps", 0x12, std::move(bus), peripheral, now);
+  CanPeripheral on_bus(loop, "eps", 0x12, std::move(bus), peripheral);
   const auto request_and_answer = [&](std::uint8_t sequence) {
     const Octets message = wire::encode(wire::PeripheralRequest{sequence, wire::WakeUpRequest{}});
     hw::CanFrame frame{
