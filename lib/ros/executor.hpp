@@ -102,8 +102,8 @@ class Executor {
   /// The page that is told of every turn; nullptr: none. Outlives the executor's turns.
   void set_heartbeat(HeartbeatPage* page) { heartbeat_ = page; }
   /// The workers whose results come here, on the work thread; each enters and leaves by itself.
-  [[nodiscard]] const std::vector<const Worker*>& workers() const { return workers_; }
-  void add_worker(const Worker* worker) { workers_.push_back(worker); }
+  [[nodiscard]] const std::vector<Worker*>& workers() const { return workers_; }
+  void add_worker(Worker* worker) { workers_.push_back(worker); }
   void remove_worker(const Worker* worker) { std::erase(workers_, worker); }
 
   /// Time of this wake-up: read once before each callback.
@@ -162,7 +162,7 @@ class Executor {
   std::uint64_t missed_timer_periods_ = 0;
   CallbackStatistics statistics_;
   std::vector<std::weak_ptr<Source>> sources_;  // named ones
-  std::vector<const Worker*> workers_;
+  std::vector<Worker*> workers_;
   HeartbeatPage* heartbeat_ = nullptr;
   std::uint32_t handled_ = 0;
   std::function<void(const CallbackRecord&, nanoseconds)> over_budget_;

@@ -53,6 +53,20 @@ WorkerProgress Worker::progress() const {
   return progress;
 }
 
+void Worker::review_cpu(MonotonicTime now) {
+  const ThreadCpuFiles* files = nullptr;
+  bool owes = false;
+  {
+    const std::lock_guard lock(mutex_);
+    if (cpu_) files = &*cpu_;  // set once
+    owes = progress_.busy || !jobs_.empty();
+  }
+  const auto cpu = files != nullptr ? files->read() : std::nullopt;
+  if (!cpu) return;
+  wait_.on_reading(*cpu, owes && wait_.equals_last(*cpu) && files->state() == 'R', now);
+  waits_.add(now, {wait_.total(), cpu->ran, wait_.total()});
+}
+
 void Worker::drain() {
   while (true) {
     {
@@ -86,6 +100,7 @@ void Worker::run_finished() {
 
 void Worker::run() {
   std::unique_lock lock(mutex_);
+  cpu_ = ThreadCpuFiles::open_own();
   while (true) {
     changed_.wait(lock, [this] { return stop_ || !jobs_.empty(); });
     if (stop_) return;

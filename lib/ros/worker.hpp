@@ -9,6 +9,7 @@
 #include <string>
 #include <thread>
 
+#include "base/cpu_wait.hpp"
 #include "base/time.hpp"
 #include "ros/executor.hpp"
 
@@ -44,6 +45,11 @@ class Worker {
   /// @return false when the queue is full: the job is dropped and counted
   bool post(std::function<void()> job, std::function<void()> done = {});
   [[nodiscard]] WorkerProgress progress() const;
+  /// Reads how long the thread has waited for a CPU. To be called now and then, each 100 ms in a ring; on the
+  /// work thread.
+  void review_cpu(MonotonicTime now);
+  /// Of the time since then, what it was ready to run without a CPU, as far as review_cpu() saw it.
+  [[nodiscard]] nanoseconds waited_since(MonotonicTime since) const { return waits_.since(since).waited; }
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] milliseconds deadline() const { return deadline_; }
   /// Runs all jobs and their `done` to the end, also those that a `done` posts; for shutting down without
@@ -70,6 +76,9 @@ class Worker {
   WorkerProgress progress_;
   MonotonicTime first_waits_since_;  // for the thread
   bool stop_ = false;
+  std::optional<ThreadCpuFiles> cpu_;  ///< of the thread, once it runs
+  CpuWait wait_;                       ///< work thread's, as the next
+  CpuHistory waits_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  // work thread's: no `done` after destruction
   std::thread thread_;
 };

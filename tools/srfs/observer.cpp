@@ -103,11 +103,11 @@ Json describe(const m::Event& e, MonotonicTime at) {
 }
 
 Json describe(const m::LivenessReport& r, MonotonicTime at) {
-  static constexpr const char* names[] = {"?", "alive", "miss", "void", "accused", "outcome", "not_asked"};
+  static constexpr const char* names[] = {"?", "alive", "miss", "void", "accused", "outcome", "not_asked", "starved"};
   Json j = begin("liveness", at);
   j.update({{"observer", r.observer},
             {"subject", r.subject},
-            {"verdict", names[r.verdict < 7 ? r.verdict : 0]},
+            {"verdict", names[r.verdict < std::size(names) ? r.verdict : 0]},
             {"observer_incarnation", r.observer_incarnation},
             {"subject_incarnation", r.subject_incarnation},
             {"generation", r.generation},

@@ -49,7 +49,7 @@ void CheckAliveService::answer(const srfs_msgs::srv::CheckAlive_Request& request
   member_->on_asked(request.observer, request.ring_generation);
 }
 
-/// Whoever was stopped has old work, and is not to be blamed for it.
+/// Whoever was stopped, or had no CPU, has old work, and is not to be blamed for it.
 std::uint32_t CheckAliveService::age_ms(MonotonicTime since) const {
   const nanoseconds held_up = member_ != nullptr ? member_->held_up_since(since) : nanoseconds(0);
   return as_ms(node_.now() - since - held_up);
@@ -66,7 +66,8 @@ void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& respons
   const Worker* worst = nullptr;
   MonotonicTime since;
   nanoseconds least_left = nanoseconds::max();
-  for (const Worker* worker : node_.context().executor.workers()) {
+  for (Worker* worker : node_.context().executor.workers()) {
+    worker->review_cpu(node_.now());
     const WorkerProgress progress = worker->progress();
     if (!progress.owes_since) continue;
     const nanoseconds left = worker->deadline() - (node_.now() - *progress.owes_since);
@@ -77,7 +78,9 @@ void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& respons
   }
   if (worst == nullptr) return;
   response.worker = worst->name();
-  response.worker_busy_ms = age_ms(since);
+  // A thread without a CPU is not frozen: of what held it up and what the whole node up, the longer counts.
+  const nanoseconds waited = worst->waited_since(since);
+  response.worker_busy_ms = std::min(age_ms(since), as_ms(node_.now() - since - waited));
   response.worker_deadline_ms = as_ms(worst->deadline());
 }
 

@@ -32,6 +32,8 @@ const char* to_text(FaultClass fault) {
       return "not confirmed in time";
     case FaultClass::limit_violation:
       return "limit violation";
+    case FaultClass::cpu_hog:
+      return "taking the CPUs";
   }
   return "?";
 }

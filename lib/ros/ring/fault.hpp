@@ -24,6 +24,7 @@ enum class FaultClass : std::uint8_t {
   worker_frozen = 8,  ///< answers, but a job of one of its worker threads does not end
   start_overdue = 9,  ///< started, and not in its desired state by the deadline
   too_large = 10,     ///< more memory or descriptors than its cap
+  cpu_hog = 13,       ///< takes the CPUs from all others, without a real-time priority
   // Of a version on probation; the process itself may look healthy.
   not_confirmed = 11,    ///< the operator has not confirmed it in time
   limit_violation = 12,  ///< its telemetry left a hard limit, or it raised an event of high severity

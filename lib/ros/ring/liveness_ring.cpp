@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <cstring>
+#include <ctime>
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -29,6 +30,7 @@ constexpr std::size_t longest_event_detail = 80;
 constexpr milliseconds shortest_worker_deadline{5000};
 /// Of the caps; a node at its cap fails in ways of its own.
 constexpr std::uint64_t cap_percent = 90;
+constexpr int cpu_percent = 75;  ///< of all CPUs: who takes more leaves too little to the others
 constexpr seconds between_commits{5};
 
 std::uint32_t as_ms(nanoseconds d) {
@@ -78,9 +80,25 @@ std::uint64_t count_descriptors(pid_t pid) {
   return count;
 }
 
+nanoseconds cpu_used_by(pid_t pid) {
+  clockid_t clock{};
+  timespec used{};
+  if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &used) != 0) return nanoseconds(0);
+  return seconds(used.tv_sec) + nanoseconds(used.tv_nsec);
+}
+
+/// Who has a real-time priority is bounded by the kernel (RLIMIT_RTTIME), and who is niced gives way.
+bool may_be_culprit(const NodeEntry& entry) {
+  return entry.scheduling.policy == SchedulingPolicy::other && entry.scheduling.nice <= 0;
+}
+
 Footprint read_footprint(pid_t pid, const NodeEntry* entry) {
   std::array<char, 4096> buffer{};
   Footprint footprint;
+  if (entry != nullptr && may_be_culprit(*entry)) {
+    footprint.cpu_used = cpu_used_by(pid);
+    footprint.cpu_cap = sysconf(_SC_NPROCESSORS_ONLN) * nanoseconds(seconds(1)) * cpu_percent / 100;
+  }
   if (entry != nullptr && entry->memory_limit_mib > 0) {
     const auto status = read_proc(pid, "status", buffer);
     footprint.memory_octets = number_after(status, "VmData:") * 1024;  // what RLIMIT_DATA counts
@@ -152,10 +170,14 @@ LivenessRing::LivenessRing(LifecycleNode& node, Hooks hooks)
                                      std::max(node.worker_deadline(), shortest_worker_deadline));
   const RingPatience patience{settings_.period, settings_.misses, settings_.start_deadline,
                               settings_.work_deadline, settings_.absence_counts_misses};
+  own_cpu_ = ProcessCpu::open(getpid());
+  survey_ = std::make_shared<std::optional<CpuSurvey>>();
+  read_stolen_time();
   const MonotonicTime now = monotonic_now();
   monitor_ = std::make_unique<RingMonitor>(
       node.name(), patience, std::move(reading.membership),
-      [this](std::string_view subject) { return look(subject); }, random_seed(), now);
+      [this](std::string_view subject) { return look(subject); }, random_seed(), now,
+      [this](std::string_view subject, pid_t pid, bool doubt) { return look_at_cpu(subject, pid, doubt); });
   if (monitor_->membership().members.size() > 1) {
     // The two clients that are surely needed; discovery takes its time.
     self_ = std::make_unique<CheckClient>(*this, node.context().participant, node.name(),
@@ -192,7 +214,7 @@ nanoseconds LivenessRing::last_check_age() const {
 }
 
 nanoseconds LivenessRing::held_up_since(MonotonicTime since) const {
-  return monitor_->held_up_since(since);
+  return std::max(monitor_->held_up_since(since), own_history_.since(since).waited);
 }
 
 // ---- Input
@@ -202,7 +224,7 @@ void LivenessRing::on_period() {
   const MonotonicTime now = executor_.now();
   const nanoseconds late = now - due_;
   due_ += settings_.period * (late / settings_.period + 1);
-  monitor_->on_period(now, late);
+  monitor_->on_period(now, late, waited_since_last_period(now));
   act();
   if (now >= next_second_) {
     next_second_ = now + seconds(1);
@@ -214,6 +236,7 @@ void LivenessRing::each_second() {
   // A restarter that hangs is found out before it is needed.
   if (!std::exchange(worker_tried_, true))
     worker_tried_ = worker_->post([] {}, [this] { worker_tried_ = false; });
+  read_stolen_time();
   review_membership();
   review_footprints();
   review_versions();
@@ -256,7 +279,45 @@ NodeReading LivenessRing::look(std::string_view subject) const {
     reading.incarnation = instance->incarnation;
     reading.page = HeartbeatPage::read(node_.var(), name);
   }
+  const NodeEntry* entry = node_.deployment().find(name);
+  reading.real_time = entry != nullptr && entry->scheduling.policy == SchedulingPolicy::fifo;
   return reading;
+}
+
+std::optional<CpuTotals> LivenessRing::look_at_cpu(std::string_view subject, pid_t pid, bool doubt) {
+  Peer& peer = peers_[std::string(subject)];
+  if (peer.cpu_pid != pid) {
+    peer.cpu = ProcessCpu::open(pid);
+    peer.cpu_pid = pid;
+  }
+  if (!peer.cpu) return std::nullopt;
+  const MonotonicTime now = monotonic_now();
+  auto totals = peer.cpu->read(doubt, now);
+  if (!totals) return std::nullopt;
+  // What this node's own middleware waits for keeps the answers of others from it as well.
+  if (doubt && own_cpu_) {
+    if (const auto own = own_cpu_->read(true, now)) totals->any_waited += own->any_waited - own->waited;
+    read_stolen_time();
+  }
+  // Whose time the host of a virtual machine takes, nobody can say: it may be the subject's.
+  totals->waited += stolen_.total();
+  totals->any_waited += stolen_.total();
+  return totals;
+}
+
+nanoseconds LivenessRing::waited_since_last_period(MonotonicTime now) {
+  const auto own = own_cpu_ ? own_cpu_->read(false, now) : std::nullopt;
+  if (!own) return nanoseconds(0);
+  own_history_.add(now, {own->waited + stolen_.total(), own->ran, own->any_waited});
+  const nanoseconds total = own->waited + stolen_.total();
+  return total - std::exchange(own_waited_, total);
+}
+
+void LivenessRing::read_stolen_time() {
+  std::array<char, 4096> buffer{};
+  const Fd file(open("/proc/stat", O_RDONLY | O_CLOEXEC));
+  const ssize_t n = file ? read(file.get(), buffer.data(), buffer.size()) : 0;
+  if (n > 0) (void)stolen_.on_reading({buffer.data(), static_cast<std::size_t>(n)});
 }
 
 LivenessRing::CheckClient& LivenessRing::client_of(const std::string& subject) {
@@ -420,6 +481,56 @@ void LivenessRing::carry_out(const RingMonitor::Recovered& action) {
   node_.raise(event);
   log::info("ring: {} is back after {} ms", action.subject, event.took_ms);
   if (hooks_.recovered) hooks_.recovered(event.node, action.incarnation, action.at);
+}
+
+/// What takes the CPUs is read on the worker: all processes of the machine, some ms.
+void LivenessRing::carry_out(const RingMonitor::Starved& action) {
+  auto consumers = std::make_shared<std::vector<CpuConsumer>>();
+  const auto survey = [survey = survey_, consumers] {
+    auto now = CpuSurvey::take(monotonic_now());
+    const auto cpus = static_cast<unsigned>(std::max(sysconf(_SC_NPROCESSORS_ONLN), 1L));
+    if (*survey) *consumers = largest_consumers(**survey, now, cpus);
+    *survey = std::move(now);
+  };
+  const auto finish = [this, consumers, node = std::string(action.subject), report = action.report,
+                       silent_for = action.silent_for, waited = action.waited] {
+    if (!report) return;
+    mission::RingNodeStarvedEvent event;
+    event.node = node;
+    event.waited_ms = as_ms(waited);
+    event.silent_ms = as_ms(silent_for);
+    event.taken_by = to_text(*consumers).substr(0, longest_event_detail);
+    node_.raise(event);
+    log::warn("ring: {} waited {} of {} ms for a CPU and is not restarted for it; CPU time went to {}", node,
+              event.waited_ms, event.silent_ms, to_text(*consumers));
+    accuse_culprit(*consumers);
+  };
+  if (!worker_->post(survey, finish)) finish();
+}
+
+/// One of ours that takes more than all others together, without a real-time priority and not niced, is to be
+/// restarted instead of whom it starves.
+void LivenessRing::accuse_culprit(const std::vector<CpuConsumer>& consumers) {
+  double all = 0;
+  for (const CpuConsumer& c : consumers) all += c.share;
+  if (consumers.empty() || consumers.front().share < all / 2) return;
+  const pid_t pid = consumers.front().pid;
+  for (const NodeEntry& entry : node_.deployment().nodes) {
+    if (!may_be_culprit(entry)) continue;
+    const auto instance = find_instance(node_.var(), entry.name);
+    if (!instance || instance->pid != pid) continue;
+    Accusation accusation;
+    accusation.subject = entry.name;
+    accusation.fault = FaultClass::cpu_hog;
+    accusation.pid = pid;
+    accusation.incarnation = instance->incarnation;
+    accusation.generation = monitor_->membership().generation;
+    accusation.first_evidence = accusation.decided = monotonic_now();
+    accusation.detail = fmt::format("{:.0f} % of all CPUs", 100 * consumers.front().share);
+    RingMonitor::Accuse accuse{std::move(accusation)};
+    carry_out(accuse);
+    return;
+  }
 }
 
 void LivenessRing::carry_out(const RingMonitor::ReadMembership&) {

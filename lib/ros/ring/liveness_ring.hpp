@@ -13,6 +13,7 @@
 #include "base/fd.hpp"
 #include "ros/node.hpp"
 #include "ros/ring/check_alive.hpp"
+#include "ros/ring/process_cpu.hpp"
 #include "ros/ring/ring_monitor.hpp"
 #include "update/version_table.hpp"
 
@@ -54,6 +55,8 @@ class LivenessRing : private CheckAliveService::RingMember {
     Fd pidfd;
     Executor::Handle exit_watch;  ///< goes before its descriptor
     pid_t pid = 0;
+    std::optional<ProcessCpu> cpu;
+    pid_t cpu_pid = 0;                          ///< whose it is
     std::string versions_stamp;                 ///< of the node's folder of versions, when it was read
     std::optional<update::VersionTable> table;  ///< what it said; nullopt: there is none
     MonotonicTime next_commit;                  ///< it may take the disk some seconds
@@ -70,6 +73,9 @@ class LivenessRing : private CheckAliveService::RingMember {
   void on_answer(const std::string& subject, const CheckAlive::Response& response);
   void on_self_answer(const CheckAlive::Response& response);
   [[nodiscard]] NodeReading look(std::string_view subject) const;
+  [[nodiscard]] std::optional<CpuTotals> look_at_cpu(std::string_view subject, pid_t pid, bool doubt);
+  [[nodiscard]] nanoseconds waited_since_last_period(MonotonicTime now);
+  void read_stolen_time();
   [[nodiscard]] CheckClient& client_of(const std::string& subject);
 
   void act();
@@ -80,9 +86,11 @@ class LivenessRing : private CheckAliveService::RingMember {
   void carry_out(RingMonitor::Accuse& action);
   void carry_out(const RingMonitor::Report& action);
   void carry_out(const RingMonitor::Recovered& action);
+  void carry_out(const RingMonitor::Starved& action);
   void carry_out(const RingMonitor::ReadMembership& action);
   void carry_out(const RingMonitor::ExitSelf& action);
 
+  void accuse_culprit(const std::vector<CpuConsumer>& consumers);
   void restart_next();
   void conclude(const std::string& subject, const RestartOutcome& outcome);
   void review_membership();
@@ -110,6 +118,11 @@ class LivenessRing : private CheckAliveService::RingMember {
   std::vector<std::string> membership_problems_;
   std::uint64_t foreign_answers_ = 0;
   bool acting_ = false;
+  std::optional<ProcessCpu> own_cpu_;  ///< nullopt: the kernel does not tell
+  CpuHistory own_history_;
+  nanoseconds own_waited_{0};  ///< at the last period
+  StolenTime stolen_;
+  std::shared_ptr<std::optional<CpuSurvey>> survey_;  ///< the worker's; the last one
   std::unique_ptr<Worker> worker_;
   Timer timer_;
 };

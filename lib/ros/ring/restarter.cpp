@@ -20,6 +20,7 @@
 #include "ros/node_versions.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/node_record.hpp"
+#include "ros/ring/process_cpu.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -29,7 +30,7 @@ using What = RestartOutcome::What;
 constexpr std::size_t most_waiting_records = 32;
 constexpr milliseconds longest_flush{2000};
 constexpr milliseconds longest_wait_for_incarnation{3000};
-constexpr milliseconds longest_wait_for_deaf_lock{50};
+constexpr milliseconds longest_wait_for_turn{50};
 
 /// Its work thread or another one hangs: a backtrace tells where.
 bool is_hang(FaultClass fault) {
@@ -48,7 +49,7 @@ bool is_hang(FaultClass fault) {
 /// It does nothing useful any more, so it is better dead than alive while its restart has to wait.
 bool is_useless(FaultClass fault) {
   return fault == FaultClass::silent || fault == FaultClass::wrong_answer ||
-         fault == FaultClass::start_overdue;
+         fault == FaultClass::start_overdue || fault == FaultClass::cpu_hog;
 }
 
 /// Whatever the process does: its version is the fault.
@@ -60,6 +61,20 @@ bool is_of_the_version(FaultClass fault) {
 bool is_being_started(const VarPaths& var) {
   const Fd lock(open(var.starting_lock().c_str(), O_RDONLY | O_CLOEXEC));
   return lock && flock(lock.get(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+}
+
+/// How long a process could have run since it was started @p since. One that waits for a CPU just now has not
+/// had its time, however long it takes. Blocks for 25 ms at most.
+nanoseconds able_since_start(pid_t pid, MonotonicTime since) {
+  constexpr int look_ms = 25;
+  const auto files = ThreadCpuFiles::open(pid, pid);
+  const auto before = files ? files->read() : std::nullopt;
+  if (!before) return monotonic_now() - since;
+  if (files->state() == 'R') {
+    poll(nullptr, 0, look_ms);
+    if (files->read() == before && files->state() == 'R') return nanoseconds(0);
+  }
+  return monotonic_now() - since - before->waited;
 }
 
 std::string signal_text(std::uint32_t number) {
@@ -260,6 +275,7 @@ Restarter::Restarter(const Deployment& deployment, VarPaths var, std::string obs
       observer_(std::move(observer)),
       bin_folder_(std::move(bin_folder)),
       send_([](const Process& process, int number) { return process.signal(number); }),
+      pressure_(cpu_pressure),
       recorder_(std::make_shared<Recorder>(deployment_, var_, bin_folder_)) {
   Recorder::start(recorder_);
 }
@@ -302,7 +318,9 @@ RestartOutcome Restarter::decide_and_act(Case& c) {
   if (auto outcome = look_again(c)) return *outcome;
   c.begun = monotonic_now();
   if (auto outcome = ask_policy(c)) return *outcome;
-  if (c.accusation.fault == FaultClass::deaf && c.process && !take_deaf_turn())
+  if (auto outcome = wait_for_pressure(c)) return *outcome;
+  if (c.accusation.fault == FaultClass::deaf && c.process &&
+      !take_turn("last_deaf_kill", deployment_.ring.deaf_interval, false))
     return {
         What::communication, c.process->pid(), {}, "another node was restarted for that a short time ago"};
   if (auto outcome = kill_old(c)) return *outcome;
@@ -373,7 +391,7 @@ std::optional<RestartOutcome> Restarter::look_for_starting(Case& c) const {
   if (!starting) return std::nullopt;  // it is down, or goes down just now
   const pid_t pid = starting->process.pid();
   const bool accused = c.accusation.pid == pid && c.accusation.fault == FaultClass::start_overdue;
-  if (!accused && monotonic_now() - starting->since < deployment_.ring.start_deadline)
+  if (!accused && able_since_start(pid, starting->since) < deployment_.ring.start_deadline)
     return RestartOutcome{What::under_way, pid, {}, fmt::format("pid {} is starting", pid)};
   c.kernel_state = process_state(pid).value_or('-');
   c.process = std::move(starting->process);
@@ -492,14 +510,28 @@ void Restarter::ask_for_last_good(Case& c, const VersionTrial& trial, DeathHisto
     c.fallback = VersionFallback{trial.version, active, why};  // else confirmed just now
 }
 
-/// One kill for a communication fault in the suite per deaf_interval: when the network stack fails, all look
-/// deaf to each other.
-bool Restarter::take_deaf_turn() const {
+/// Whoever takes the CPUs from all others is the pressure: its end does not wait.
+std::optional<RestartOutcome> Restarter::wait_for_pressure(const Case& c) const {
+  if (c.accusation.fault == FaultClass::cpu_hog) return std::nullopt;
+  const auto pressure = pressure_();
+  if (!pressure || *pressure < pressure_limit || take_turn("last_start", between_starts, true))
+    return std::nullopt;
+  return RestartOutcome{
+      What::under_way,
+      c.accusation.pid,
+      {},
+      fmt::format("some task waits for a CPU {:.0f} % of the time, so starts are spaced", 100 * *pressure)};
+}
+
+/// One turn in the whole suite per interval. For kills for a communication fault: when the network stack
+/// fails, all look deaf to each other.
+/// @param without_memory  the answer where there is no place to remember the last turn
+bool Restarter::take_turn(const char* name, nanoseconds interval, bool without_memory) const {
   std::error_code ec;
   std::filesystem::create_directories(var_.memory(), ec);
-  const Fd file(open((var_.memory() / "last_deaf_kill").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-  if (!file) return false;
-  const MonotonicTime give_up = monotonic_now() + longest_wait_for_deaf_lock;
+  const Fd file(open((var_.memory() / name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  if (!file) return without_memory;
+  const MonotonicTime give_up = monotonic_now() + longest_wait_for_turn;
   while (flock(file.get(), LOCK_EX | LOCK_NB) != 0) {
     if (monotonic_now() >= give_up) return false;  // somebody is deciding just now
     poll(nullptr, 0, 1);
@@ -508,7 +540,7 @@ bool Restarter::take_deaf_turn() const {
   std::int64_t last_ns = 0;
   const bool stamped =
       pread(file.get(), &last_ns, sizeof last_ns, 0) == sizeof last_ns && last_ns <= now.ns();
-  bool mine = !stamped || nanoseconds(now.ns() - last_ns) >= deployment_.ring.deaf_interval;
+  bool mine = !stamped || nanoseconds(now.ns() - last_ns) >= interval;
   if (mine) {
     const std::int64_t now_ns = now.ns();
     mine = pwrite(file.get(), &now_ns, sizeof now_ns, 0) == sizeof now_ns;

@@ -28,6 +28,10 @@ class Restarter {
   static constexpr milliseconds abort_patience{150};  ///< for the backtrace of a hung process
   static constexpr milliseconds term_patience{50};
   static constexpr milliseconds kill_patience{500};  ///< after SIGKILL; then it is unkillable
+  /// On a machine under pressure one node of the suite is started in such a time: a start costs up to 0.2 s
+  /// of a CPU, and restarts must not feed an overload.
+  static constexpr milliseconds between_starts{500};
+  static constexpr double pressure_limit = 0.6;
 
   /// @param observer  name of the node that this process is, or of the tool
   Restarter(const Deployment& deployment, VarPaths var, std::string observer,
@@ -54,6 +58,11 @@ class Restarter {
   void set_deployment_source(std::function<const Deployment&()> deployment) {
     deployment_now_ = std::move(deployment);
   }
+  /// The share of time in which some task of the machine waited for a CPU, 0 to 1, of the last seconds;
+  /// nullopt: the kernel does not tell, so starts are not spaced. Without it: /proc/pressure/cpu.
+  void set_pressure_source(std::function<std::optional<double>()> pressure) {
+    pressure_ = std::move(pressure);
+  }
   /// How signals reach a process; a test has one here that does not obey.
   void set_signaller(std::function<int(const Process&, int number)> send) { send_ = std::move(send); }
   /// Records that were not written: too many at once, or the disk refused them.
@@ -72,7 +81,8 @@ class Restarter {
   void ask_for_last_good(Case& c, const VersionTrial& trial, DeathHistory& history) const;
   [[nodiscard]] std::optional<RestartOutcome> kill_old(Case& c) const;
   [[nodiscard]] RestartOutcome start_new(Case& c, const RestartLock& lock) const;
-  [[nodiscard]] bool take_deaf_turn() const;
+  [[nodiscard]] std::optional<RestartOutcome> wait_for_pressure(const Case& c) const;
+  [[nodiscard]] bool take_turn(const char* name, nanoseconds interval, bool without_memory) const;
   void record(const Case& c, const RestartOutcome& outcome);
 
   const Deployment& deployment_;  ///< of the start; the ring's settings and the file never change
@@ -82,6 +92,7 @@ class Restarter {
   std::function<std::optional<std::uint32_t>()> generation_;
   std::function<const Deployment&()> deployment_now_;
   std::function<int(const Process&, int number)> send_;
+  std::function<std::optional<double>()> pressure_;
   std::map<std::string, RestartOutcome::What> last_recorded_;  ///< a refusal that repeats is recorded once
   std::shared_ptr<Recorder> recorder_;
 };

@@ -20,7 +20,11 @@ constexpr seconds longest_restart{30};
 constexpr int rounds_not_asked = 10;
 constexpr int large_readings = 2;
 constexpr int overdue_readings = 2;
+constexpr int busy_readings = 3;
 constexpr std::size_t most_held_up = 64;
+constexpr std::size_t most_unanswered = 64;
+/// A turn that has used so much CPU time does not end, however little of it the node gets.
+constexpr int periods_of_a_loop = 3;
 
 milliseconds in_ms(nanoseconds d) {
   return std::chrono::duration_cast<milliseconds>(d);
@@ -37,11 +41,12 @@ bool is_possible(State state, State desired) {
 }  // namespace
 
 RingMonitor::RingMonitor(std::string self, RingPatience patience, Membership membership, Look look,
-                         std::uint64_t seed, MonotonicTime now)
+                         std::uint64_t seed, MonotonicTime now, LookAtCpu cpu)
     : self_(std::move(self)),
       patience_(patience),
       membership_(std::move(membership)),
       look_(std::move(look)),
+      cpu_(std::move(cpu)),
       nonce_state_(seed),
       begun_(now),
       last_period_(now),
@@ -112,7 +117,7 @@ nanoseconds RingMonitor::held_up_since(MonotonicTime since) const {
 
 // ---- Rounds
 
-void RingMonitor::on_period(MonotonicTime now, nanoseconds late) {
+void RingMonitor::on_period(MonotonicTime now, nanoseconds late, nanoseconds waited) {
   if (exiting_) return;
   const bool on_time = late <= tolerance();
   if (on_time) {
@@ -120,11 +125,16 @@ void RingMonitor::on_period(MonotonicTime now, nanoseconds late) {
   } else {
     held_up_.push_back({now, late});
     if (held_up_.size() > most_held_up) held_up_.pop_front();
-    void_round(now);
+    if (late - waited <= tolerance()) {
+      skip_round();
+    } else {
+      void_round(now);
+    }
   }
   last_period_ = now;
   if (exiting_) return;
   for (Subject& s : subjects_) {
+    note_cpu(s, now);
     if (s.accused && now - *s.accused > longest_restart) s.accused.reset();
     const bool doubtful = s.pid == 0 || s.recovery || s.ended || !s.heard || s.suspected != 0 || s.misses > 0;
     if (doubtful) observe(s, now);
@@ -157,6 +167,15 @@ void RingMonitor::void_round(MonotonicTime now) {
     if (s.nonce != 0) report(s, LivenessVerdict::void_, now);
     clear_evidence(s);
   }
+}
+
+/// The timer was late because this node waited for a CPU. What it did not hear proves nothing; what was
+/// counted before stands, for the subject's own want of a CPU is known.
+void RingMonitor::skip_round() {
+  ++counters_.void_rounds;
+  self_nonce_ = 0;
+  self_failures_ = 0;
+  for (Subject& s : subjects_) s.suspected = 0;
 }
 
 void RingMonitor::conclude_round(MonotonicTime now) {
@@ -196,6 +215,8 @@ void RingMonitor::ask(MonotonicTime now, bool doubt) {
     if (s.pid == 0 || s.ended || now < s.ask_from) continue;
     s.nonce = next_nonce();
     s.asked_at = now;
+    s.unanswered.push_back({s.nonce, now});
+    if (s.unanswered.size() > most_unanswered) s.unanswered.pop_front();
     actions_.emplace_back(Ask{s.name, s.nonce});
   }
   self_nonce_ = 0;
@@ -237,32 +258,87 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
   if (!observe(s, now)) return;
   const NodeReading reading = look_(s.name);
   const auto& page = reading.page;
-  // Ages count from the last time this node was itself held up: whoever was stopped with it needs a moment,
-  // too.
-  const auto age = [&](MonotonicTime t) { return now - std::max(t, last_void_); };
   const bool own_page = page && page->pid == s.pid;
   const bool in_transition = own_page && page->state >= static_cast<std::uint32_t>(State::configuring);
+  note_cpu(s, now);
   if (!own_page || page->turns == 0 || in_transition) {
     // Its work thread is busy with a start or a transition, which has its own deadline.
     const MonotonicTime since = own_page ? page->last_turn : s.first_seen;
-    if (age(since) < patience_.start_deadline) return;
+    if (able_since(s, since, now, &CpuTotals::any_waited) < patience_.start_deadline) {
+      if (now - std::max(since, last_void_) >= patience_.start_deadline) excuse(s, now);
+      return;
+    }
     const auto where =
         in_transition ? fmt::format("in {} ", label(static_cast<State>(page->state))) : std::string();
     accuse(s, s.heard ? FaultClass::silent : FaultClass::start_overdue, now,
-           fmt::format("{}for {} ms", where, in_ms(age(since)).count()));
+           fmt::format("{}for {} ms", where, in_ms(now - std::max(since, last_void_)).count()));
     return;
   }
-  if (age(page->last_turn) >= 2 * patience_.period) {
-    accuse(s, FaultClass::silent, now,
-           fmt::format("no turn of its work thread for {} ms", in_ms(now - page->last_turn).count()));
+  if (now - std::max(page->last_turn, last_void_) >= 2 * patience_.period) {
+    judge_stale_page(s, page->last_turn, now);
     return;
   }
   // It runs and cannot be heard. Whom we never heard, discovery may not have shown us yet.
-  if (!s.heard && age(s.first_seen) < patience_.start_deadline) return;
+  const nanoseconds known_for = able_since(s, s.first_seen, now, &CpuTotals::any_waited);
+  if (!s.heard && known_for < patience_.start_deadline) return;
   // A restart is the last remedy for a link that DDS mostly repairs itself, within its announcement period.
   if (s.first_evidence && now - *s.first_evidence < RingPatience::deaf) return;
+  if (s.first_evidence &&
+      able_since(s, *s.first_evidence, now, &CpuTotals::any_waited) < RingPatience::deaf) {
+    excuse(s, now);
+    return;
+  }
   accuse(s, FaultClass::deaf, now,
          fmt::format("its work thread turned {} ms ago", in_ms(now - page->last_turn).count()));
+}
+
+/// Its work thread makes no turn: it hangs, unless it had no CPU for one.
+void RingMonitor::judge_stale_page(Subject& s, MonotonicTime last_turn, MonotonicTime now) {
+  const MonotonicTime first = s.first_evidence.value_or(now);
+  const nanoseconds missed = patience_.misses * patience_.period - patience_.period / 2;
+  const bool could_answer =
+      able_since(s, first, now) >= missed && able_since(s, last_turn, now) >= 2 * patience_.period;
+  const bool loops = s.cpu.since(last_turn).ran >= periods_of_a_loop * patience_.period;
+  if (!could_answer && !loops) {
+    excuse(s, now);
+    return;
+  }
+  accuse(s, FaultClass::silent, now,
+         fmt::format("no turn of its work thread for {} ms", in_ms(now - last_turn).count()));
+}
+
+/// Time since then in which the subject could have run: not that in which it waited for a CPU, nor that
+/// before this node was itself held up (whoever was stopped with it needs a moment, too).
+nanoseconds RingMonitor::able_since(const Subject& s, MonotonicTime since, MonotonicTime now,
+                                    nanoseconds CpuTotals::*waited) const {
+  const MonotonicTime from = std::max(since, last_void_);
+  return now - from - s.cpu.since(from).*waited;
+}
+
+/// Its silence is explained by want of a CPU, which is reported when it lasts and is never a reason to
+/// restart it.
+void RingMonitor::excuse(Subject& s, MonotonicTime now) {
+  const nanoseconds bound = s.real_time ? RingPatience::starved_in_real_time : RingPatience::starved;
+  const MonotonicTime first = s.first_evidence.value_or(now);
+  if (!s.excused_from) {
+    s.excused_from = first;
+    s.next_starved_report = first + bound;
+    actions_.emplace_back(Starved{s.name});
+    return;
+  }
+  if (now < s.next_starved_report) return;
+  s.next_starved_report = now + bound;
+  const nanoseconds silent_for = now - *s.excused_from;
+  const nanoseconds waited = s.cpu.since(*s.excused_from).any_waited;
+  report(s, LivenessVerdict::starved, now,
+         fmt::format("waited {} of {} ms for a CPU", in_ms(waited).count(), in_ms(silent_for).count()));
+  actions_.emplace_back(Starved{s.name, true, silent_for, waited});
+}
+
+void RingMonitor::note_cpu(Subject& s, MonotonicTime now) {
+  if (!cpu_ || s.pid == 0 || s.ended) return;
+  const bool doubt = s.misses > 0 || s.suspected != 0 || !s.heard;
+  if (const auto totals = cpu_(s.name, s.pid, doubt)) s.cpu.add(now, *totals);
 }
 
 // ---- Answers
@@ -271,7 +347,9 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
   Subject* s = find(subject);
   const bool current = s != nullptr && answer.nonce != 0 && answer.nonce == s->nonce;
   const bool previous = s != nullptr && answer.nonce != 0 && answer.nonce == s->suspected;
-  if (!current && !previous) {
+  const auto late_question =
+      s != nullptr && !current && !previous ? find_late_question(*s, answer.nonce, now) : std::nullopt;
+  if (!current && !previous && !late_question) {
     ++counters_.stale_answers;
     return;
   }
@@ -288,7 +366,12 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
     s->wrong = std::move(wrong);
     return;
   }
-  const nanoseconds round_trip = now - (current ? s->asked_at : s->suspected_asked_at);
+  const nanoseconds round_trip = now - (late_question ? *late_question
+                                        : current     ? s->asked_at
+                                                      : s->suspected_asked_at);
+  if (late_question) ++counters_.late_answers;
+  s->unanswered.clear();
+  s->excused_from.reset();
   s->nonce = 0;
   s->suspected = 0;
   s->wrong.clear();
@@ -309,6 +392,19 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
   std::get<Report>(actions_.back()).round_trip = round_trip;
   judge_fields(*s, answer, now);
   review_watch(now);
+}
+
+/// When the question of this answer was asked, if it comes late only because its node, or this one, waited
+/// for a CPU.
+std::optional<MonotonicTime> RingMonitor::find_late_question(Subject& s, std::uint64_t nonce,
+                                                             MonotonicTime now) {
+  const auto asked = std::find_if(s.unanswered.begin(), s.unanswered.end(),
+                                  [&](const Subject::Asked& a) { return a.nonce == nonce; });
+  if (nonce == 0 || asked == s.unanswered.end()) return std::nullopt;
+  note_cpu(s, now);
+  const nanoseconds in_time = patience_.period + tolerance() + held_up_since(asked->at);
+  if (now - asked->at - s.cpu.since(asked->at).waited > in_time) return std::nullopt;
+  return asked->at;
 }
 
 void RingMonitor::judge_fields(Subject& s, const CheckAnswer& answer, MonotonicTime now) {
@@ -344,6 +440,7 @@ void RingMonitor::on_footprint(std::string_view subject, pid_t pid, const Footpr
   const auto over = [](std::uint64_t value, std::uint64_t cap) { return cap != 0 && value > cap; };
   const bool memory = over(footprint.memory_octets, footprint.memory_cap_octets);
   const bool descriptors = over(footprint.descriptors, footprint.descriptor_cap);
+  judge_cpu(*s, footprint, now);
   s->large_in_row = memory || descriptors ? s->large_in_row + 1 : 0;
   if (s->large_in_row == 0) return;
   if (!s->first_evidence) s->first_evidence = now;
@@ -355,10 +452,24 @@ void RingMonitor::on_footprint(std::string_view subject, pid_t pid, const Footpr
   review_watch(now);
 }
 
+/// One of ours that takes the machine from all others.
+void RingMonitor::judge_cpu(Subject& s, const Footprint& footprint, MonotonicTime now) {
+  const auto before = std::exchange(s.used, Subject::Used{footprint.cpu_used, now});
+  if (!before || footprint.cpu_cap == nanoseconds(0) || now <= before->at) return;
+  const double share = static_cast<double>((footprint.cpu_used - before->cpu).count()) /
+                       static_cast<double>((now - before->at).count());
+  const double cap = static_cast<double>(footprint.cpu_cap.count()) / 1e9;
+  s.busy_in_row = share > cap ? s.busy_in_row + 1 : 0;
+  if (s.busy_in_row < busy_readings) return;
+  accuse(s, FaultClass::cpu_hog, now, fmt::format("takes {:.1f} CPUs, cap {:.1f}", share, cap));
+  review_watch(now);
+}
+
 void RingMonitor::on_trial(std::string_view subject, pid_t pid, nanoseconds lived, MonotonicTime now) {
   Subject* s = find(subject);
   if (s == nullptr || s->pid != pid || s->ended || !s->heard) return;
-  const bool overdue = s->state != s->desired && lived > patience_.start_deadline;
+  const nanoseconds able = lived - s->cpu.since(now - lived).any_waited;
+  const bool overdue = s->state != s->desired && able > patience_.start_deadline;
   s->overdue_in_row = overdue ? s->overdue_in_row + 1 : 0;
   if (s->overdue_in_row < overdue_readings) return;
   accuse(*s, FaultClass::start_overdue, now,
@@ -398,6 +509,7 @@ bool RingMonitor::observe(Subject& s, MonotonicTime now) {
       return false;
     }
     if (s.incarnation == 0) s.incarnation = reading.incarnation;
+    s.real_time = reading.real_time;
     note_recovery(s, reading, now);
     return true;
   }
@@ -447,6 +559,8 @@ void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, Monoto
   s.state = State::unknown;
   s.desired = State::unknown;
   s.work_done.reset();
+  s.cpu.clear();
+  s.used.reset();
   s.ask_from =
       s.downstream ? now : now + (restarted ? nanoseconds(settling) : patience_.misses * patience_.period);
   actions_.emplace_back(Follow{s.name, pid});
@@ -474,6 +588,9 @@ void RingMonitor::clear_evidence(Subject& s) {
   s.frozen_in_row = 0;
   s.large_in_row = 0;
   s.overdue_in_row = 0;
+  s.busy_in_row = 0;
+  s.unanswered.clear();
+  s.excused_from.reset();
   s.first_evidence.reset();
 }
 

@@ -11,6 +11,7 @@
 #include <variant>
 #include <vector>
 
+#include "base/cpu_wait.hpp"
 #include "base/time.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/ring/fault.hpp"
@@ -28,6 +29,9 @@ struct RingPatience {
   milliseconds start_deadline{3000};
   milliseconds work_deadline{2000};
   bool absence_counts_misses = false;
+  /// A node that cannot answer for want of a CPU is reported as starved after so long, and each time again.
+  static constexpr milliseconds starved{10'000};
+  static constexpr milliseconds starved_in_real_time{1000};
 };
 
 /// What can be seen of a node without asking it.
@@ -35,6 +39,7 @@ struct NodeReading {
   pid_t pid = 0;                  ///< who holds its instance lock; 0: nobody
   std::uint32_t incarnation = 0;  ///< of that process; 0: not written yet
   std::optional<HeartbeatPage::Reading> page;
+  bool real_time = false;  ///< the deployment gives it a real-time priority
 };
 
 /// A node's answer to a check, as it came.
@@ -58,6 +63,8 @@ struct Footprint {
   std::uint64_t memory_cap_octets = 0;
   std::uint64_t descriptors = 0;
   std::uint64_t descriptor_cap = 0;
+  nanoseconds cpu_used{0};  ///< by all its threads since its start
+  nanoseconds cpu_cap{0};   ///< per second, all CPUs together
 };
 
 /// What an observer says of a subject on /liveness. The numbers are on the wire.
@@ -68,6 +75,7 @@ enum class LivenessVerdict : std::uint8_t {
   accused = 4,    ///< a restart is asked for
   outcome = 5,    ///< what became of it
   not_asked = 6,  ///< the subject, our upstream, has not checked us for long
+  starved = 7,    ///< it cannot answer for want of a CPU: no fault of its own
 };
 
 /// One member's half of the liveness ring (DESIGN section 8): whom to ask when, and what an answer, silence
@@ -117,33 +125,46 @@ class RingMonitor {
     MonotonicTime at;
     nanoseconds took;  ///< since the first evidence
   };
+  /// The subject cannot answer because it gets no CPU. First without a report, for who wants to measure what
+  /// takes the CPUs meanwhile; then each RingPatience::starved with one.
+  struct Starved {
+    std::string_view subject;
+    bool report = false;
+    nanoseconds silent_for{0};  ///< since the first check that it did not answer
+    nanoseconds waited{0};      ///< of these, runnable without a CPU
+  };
   /// Somebody knows another generation of the membership.
   struct ReadMembership {};
   /// This node cannot hear itself: it judges nobody and is to be restarted.
   struct ExitSelf {};
-  using Action =
-      std::variant<Ask, AskSelf, Follow, Unwatch, Accuse, Report, Recovered, ReadMembership, ExitSelf>;
+  using Action = std::variant<Ask, AskSelf, Follow, Unwatch, Accuse, Report, Recovered, Starved,
+                              ReadMembership, ExitSelf>;
   using Look = std::function<NodeReading(std::string_view subject)>;
+  /// What the process of a subject has had of the CPU; nullopt: the kernel does not tell.
+  /// @param doubt  its answers are missing: any_waited is asked for, too
+  using LookAtCpu = std::function<std::optional<CpuTotals>(std::string_view subject, pid_t pid, bool doubt)>;
 
   /// Requests and answers that changed nothing.
   struct Counters {
     std::uint64_t stale_answers = 0;  ///< unknown or old nonce, or of somebody not asked
     std::uint64_t wrong_answers = 0;  ///< another incarnation, or an impossible state
     std::uint64_t void_rounds = 0;    ///< this node's own timer was late
+    std::uint64_t late_answers = 0;   ///< right, and late for want of a CPU
     std::uint64_t void_checks = 0;    ///< its check of itself was not answered, or the generations differ
     std::uint64_t failed_self_checks = 0;
   };
 
-  /// @param look asked only from within calls of this object
+  /// @param look, cpu asked only from within calls of this object; without @p cpu all times are the clock's
   /// @param seed makes nonces that nobody can foresee
   RingMonitor(std::string self, RingPatience patience, Membership membership, Look look, std::uint64_t seed,
-              MonotonicTime now);
+              MonotonicTime now, LookAtCpu cpu = {});
 
   RingMonitor(const RingMonitor&) = delete;  // names point into it
   RingMonitor& operator=(const RingMonitor&) = delete;
 
-  /// The timer of the checks, each period. @param late how long after its time it came
-  void on_period(MonotonicTime now, nanoseconds late);
+  /// The timer of the checks, each period. @param late how long after its time it came @param waited of that,
+  /// for want of a CPU; the rest this node was stopped, or busy
+  void on_period(MonotonicTime now, nanoseconds late, nanoseconds waited = nanoseconds(0));
   /// @param now when it is handled: before it, everything that had come in was handled
   void on_self_answer(std::uint64_t nonce, MonotonicTime now);
   void on_answer(std::string_view subject, const CheckAnswer& answer, MonotonicTime now);
@@ -200,7 +221,12 @@ class RingMonitor {
     MonotonicTime asked_at;
     MonotonicTime suspected_asked_at;
     MonotonicTime ask_from;
-    std::string wrong;  ///< what the answers to the check that is out got wrong
+    struct Asked {
+      std::uint64_t nonce;
+      MonotonicTime at;
+    };
+    std::deque<Asked> unanswered;  ///< older ones, of which an answer may come late for want of a CPU
+    std::string wrong;             ///< what the answers to the check that is out got wrong
     // Evidence, in a row.
     int misses = 0;
     int wrong_in_row = 0;
@@ -209,7 +235,17 @@ class RingMonitor {
     int frozen_in_row = 0;
     int large_in_row = 0;
     int overdue_in_row = 0;
+    int busy_in_row = 0;
     std::optional<std::uint32_t> work_done;
+    struct Used {
+      nanoseconds cpu;
+      MonotonicTime at;
+    };
+    std::optional<Used> used;
+    CpuHistory cpu;  ///< of this process
+    bool real_time = false;
+    std::optional<MonotonicTime> excused_from;  ///< the unanswered checks are explained by want of a CPU
+    MonotonicTime next_starved_report;
     std::optional<MonotonicTime> first_evidence;
     // The accusation.
     std::optional<MonotonicTime> accused;  ///< when; until its outcome
@@ -230,10 +266,19 @@ class RingMonitor {
   [[nodiscard]] Subject* find(std::string_view name);
   [[nodiscard]] std::uint64_t next_nonce();
   void void_round(MonotonicTime now);
+  void skip_round();
   void conclude_round(MonotonicTime now);
   void ask(MonotonicTime now, bool doubt);
   void count_miss(Subject& s, MonotonicTime now);
   void judge_silence(Subject& s, MonotonicTime now);
+  void judge_stale_page(Subject& s, MonotonicTime last_turn, MonotonicTime now);
+  void judge_cpu(Subject& s, const Footprint& footprint, MonotonicTime now);
+  void excuse(Subject& s, MonotonicTime now);
+  [[nodiscard]] nanoseconds able_since(const Subject& s, MonotonicTime since, MonotonicTime now,
+                                       nanoseconds CpuTotals::*waited = &CpuTotals::waited) const;
+  [[nodiscard]] std::optional<MonotonicTime> find_late_question(Subject& s, std::uint64_t nonce,
+                                                                MonotonicTime now);
+  void note_cpu(Subject& s, MonotonicTime now);
   void judge_fields(Subject& s, const CheckAnswer& answer, MonotonicTime now);
   /// Reads who runs; accuses when nobody does. @return whether the process judged so far still runs
   bool observe(Subject& s, MonotonicTime now);
@@ -251,6 +296,7 @@ class RingMonitor {
   Membership membership_;
   Membership former_;
   Look look_;
+  LookAtCpu cpu_;
   std::uint64_t nonce_state_;
   std::deque<Subject> subjects_;  // watched; at most one a member
   std::deque<Action> actions_;

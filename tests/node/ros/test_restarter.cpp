@@ -505,6 +505,40 @@ TEST_F(Restarting, KillsOneNodeOfTheSuiteForACommunicationFaultPerInterval) {
   EXPECT_EQ(running("other").pid, other.pid);
 }
 
+TEST_F(Restarting, OnAMachineUnderPressureStartsOneNodeInATime) {
+  const auto one = start("one");
+  const auto other = start("other");
+  end(one.pid, SIGKILL);
+  end(other.pid, SIGKILL);
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  restarter.set_pressure_source([] { return 0.9; });
+  const Accusation waiting = accuse(other, FaultClass::exited, "other");
+  EXPECT_EQ(restarter.restart(accuse(one, FaultClass::exited)).what, What::restarted);
+  const MonotonicTime started = monotonic_now();
+  const auto spaced = restarter.restart(waiting);
+  if (monotonic_now() - started < Restarter::between_starts / 2) {  // else the wait may be over
+    EXPECT_EQ(spaced.what, What::under_way);
+    EXPECT_THAT(spaced.reason, testing::HasSubstr("90 %"));
+  }
+  EXPECT_TRUE(wait_until([&] { return restarter.restart(waiting).what != What::under_way; }));
+  running("other", other.incarnation);
+}
+
+TEST_F(Restarting, WithoutPressureOrAKernelThatTellsItNoStartWaits) {
+  for (const std::optional<double> pressure : {std::optional(0.2), std::optional<double>()}) {
+    const auto one = start("one");
+    const auto other = start("other");
+    end(one.pid, SIGKILL);
+    end(other.pid, SIGKILL);
+    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    restarter.set_pressure_source([pressure] { return pressure; });
+    EXPECT_EQ(restarter.restart(accuse(one, FaultClass::exited)).what, What::restarted);
+    EXPECT_EQ(restarter.restart(accuse(other, FaultClass::exited, "other")).what, What::restarted);
+    running("one", one.incarnation);
+    running("other", other.incarnation);
+  }
+}
+
 TEST_F(Restarting, LooksTwiceAtANodeThatDiesAtOnceAndEndsInQuarantineWithASlowRetry) {
   behave("one", "exit 7");
   Restarter restarter(plan_, var_, "observer", "/nowhere");

@@ -27,6 +27,8 @@ class RingMonitorTest : public testing::Test {
     bool answers = true;
     bool turns = true;  ///< its heartbeat page is fresh
     CheckAnswer answer;
+    CpuTotals cpu{};
+    bool starves = false;  ///< from now on it waits for a CPU, until `fed`
   };
 
   void SetUp() override {
@@ -36,8 +38,8 @@ class RingMonitorTest : public testing::Test {
   }
   void make(Membership membership) {
     monitor_ = std::make_unique<RingMonitor>(
-        "a", patience_, std::move(membership), [this](std::string_view name) { return look(name); }, 42,
-        now_);
+        "a", patience_, std::move(membership), [this](std::string_view name) { return look(name); }, 42, now_,
+        [this](std::string_view name, pid_t, bool) { return look_at_cpu(name); });
     drain();
   }
   void start(const std::string& name, pid_t pid, std::uint32_t incarnation) {
@@ -74,6 +76,23 @@ class RingMonitorTest : public testing::Test {
     return reading;
   }
 
+  /// It gets no CPU any more: no turn, no answer, and the kernel says why.
+  void starve(const std::string& name) {
+    hang(name);
+    others_[name].starves = true;
+    starved_from_ = now_;
+  }
+  std::optional<CpuTotals> look_at_cpu(std::string_view name) {
+    if (!kernel_tells_) return std::nullopt;
+    Other& other = others_[std::string(name)];
+    CpuTotals totals = other.cpu;
+    if (other.starves) {
+      totals.waited += now_ - starved_from_;
+      totals.any_waited += now_ - starved_from_;
+    }
+    return totals;
+  }
+
   void drain() {
     while (auto action = monitor_->next_action()) {
       if (const auto* accuse = std::get_if<RingMonitor::Accuse>(&*action)) {
@@ -92,6 +111,8 @@ class RingMonitorTest : public testing::Test {
         ++membership_reads_;
       } else if (const auto* recovered = std::get_if<RingMonitor::Recovered>(&*action)) {
         recoveries_.emplace_back(std::string(recovered->subject), recovered->fault, recovered->took);
+      } else if (const auto* starved = std::get_if<RingMonitor::Starved>(&*action)) {
+        (starved->report ? starved_reports_ : starved_notes_).push_back(*starved);
       } else if (const auto* follow = std::get_if<RingMonitor::Follow>(&*action)) {
         followed_.emplace_back(std::string(follow->subject), follow->pid);
       }
@@ -99,12 +120,12 @@ class RingMonitorTest : public testing::Test {
   }
 
   /// One period: the timer, then the answers, ours first or last as a loaded machine may have it.
-  void round(nanoseconds late = nanoseconds(0)) {
+  void round(nanoseconds late = nanoseconds(0), nanoseconds waited = nanoseconds(0)) {
     now_ += milliseconds(99) + late;
     asks_.clear();
     self_nonce_ = 0;
     if (upstream_asks_) monitor_->on_asked("e", monitor_->membership().generation, now_);
-    monitor_->on_period(now_, late);
+    monitor_->on_period(now_, late, waited);
     drain();
     now_ += milliseconds(1);
     for (const auto& ask : std::vector<RingMonitor::Ask>(asks_)) {
@@ -162,6 +183,10 @@ class RingMonitorTest : public testing::Test {
   std::unique_ptr<RingMonitor> monitor_;
   bool hears_itself_ = true;
   bool upstream_asks_ = true;
+  bool kernel_tells_ = true;
+  MonotonicTime starved_from_;
+  std::vector<RingMonitor::Starved> starved_notes_;
+  std::vector<RingMonitor::Starved> starved_reports_;
   std::uint64_t self_nonce_ = 0;
   pid_t last_pid_ = 500;
   std::uint32_t last_incarnation_ = 50;
@@ -265,6 +290,174 @@ TEST_F(RingMonitorTest, TakesAPageOfAnotherProcessForNone) {
   EXPECT_THAT(accusations_, IsEmpty()) << "it may be starting";
   rounds(30);
   EXPECT_THAT(accused(), ElementsAre("b: silent"));
+}
+
+// ---- Starvation
+
+TEST_F(RingMonitorTest, NeverAccusesANodeThatOnlyWaitsForACpu) {
+  round();
+  starve("b");
+  rounds(6000);
+  EXPECT_THAT(accusations_, IsEmpty());
+  EXPECT_GT(reported(LivenessVerdict::miss), 100U) << "what is seen is reported all the same";
+}
+
+TEST_F(RingMonitorTest, ReportsAStarvedNodeEachTenSecondsAndOneOfRealTimeEachSecond) {
+  round();
+  starve("b");
+  rounds(90);
+  EXPECT_THAT(starved_notes_, SizeIs(1)) << "who takes the CPUs is to be measured meanwhile";
+  EXPECT_THAT(starved_reports_, IsEmpty());
+  rounds(15);
+  ASSERT_THAT(starved_reports_, SizeIs(1));
+  EXPECT_GE(starved_reports_[0].silent_for, seconds(10));
+  EXPECT_GE(starved_reports_[0].waited, milliseconds(9'800));
+  EXPECT_EQ(reported(LivenessVerdict::starved), 1U);
+  rounds(100);
+  EXPECT_THAT(starved_reports_, SizeIs(2));
+  others_["b"].reading.real_time = true;
+  others_["b"].starves = false;
+  come_up("b");
+  rounds(3);
+  starve("b");
+  rounds(15);
+  EXPECT_THAT(starved_reports_, SizeIs(3));
+  EXPECT_THAT(accusations_, IsEmpty());
+}
+
+TEST_F(RingMonitorTest, AccusesAsSoonAsEverWhoHangsThoughItStarvedBefore) {
+  round();
+  starve("b");
+  rounds(50);
+  others_["b"].cpu.waited += now_ - starved_from_;
+  others_["b"].cpu.any_waited += now_ - starved_from_;
+  others_["b"].starves = false;  // it has its CPU, and makes no turn
+  rounds(2);
+  EXPECT_THAT(accusations_, IsEmpty());
+  rounds(2);
+  EXPECT_THAT(accused(), ElementsAre("b: silent"));
+}
+
+TEST_F(RingMonitorTest, TakesTheClockForAllTimesWhereTheKernelDoesNotTell) {
+  kernel_tells_ = false;
+  round();
+  starve("b");
+  rounds(4);
+  EXPECT_THAT(accused(), ElementsAre("b: silent"));
+}
+
+TEST_F(RingMonitorTest, FindsALoopThatGetsLittleOfTheCpuByWhatItHasUsed) {
+  round();
+  starve("b");
+  others_["b"].starves = false;
+  for (int i = 0; i < 32; ++i) {  // a tenth of a CPU
+    if (i == 20) {
+      EXPECT_THAT(accusations_, IsEmpty()) << "it may be doing something useful";
+    }
+    others_["b"].cpu.waited += milliseconds(90);
+    others_["b"].cpu.any_waited += milliseconds(90);
+    others_["b"].cpu.ran += milliseconds(10);
+    round();
+  }
+  EXPECT_THAT(accused(), ElementsAre("b: silent"));
+}
+
+TEST_F(RingMonitorTest, TakesALateAnswerOfANodeThatWaitedForACpuForARightOne) {
+  round();
+  starve("b");
+  rounds(3);
+  const auto late = asks_;
+  rounds(2);
+  answer(late.front());
+  EXPECT_EQ(monitor_->counters().late_answers, 1U);
+  EXPECT_EQ(monitor_->counters().stale_answers, 0U);
+  answer(late.front());
+  EXPECT_EQ(monitor_->counters().stale_answers, 1U) << "once";
+  EXPECT_TRUE(monitor_->is_as_desired("b"));
+}
+
+TEST_F(RingMonitorTest, TakesNoLateAnswerOfANodeThatCouldHaveAnsweredInTime) {
+  round();
+  hang("b");
+  round();
+  const auto late = asks_;
+  rounds(2);
+  answer(late.front());
+  EXPECT_EQ(monitor_->counters().stale_answers, 1U);
+  rounds(2);
+  EXPECT_THAT(accused(), ElementsAre("b: silent"));
+}
+
+TEST_F(RingMonitorTest, GivesAStartThatWaitsForACpuAllTheTimeItNeeds) {
+  round();
+  exit("b");
+  restart("b");
+  others_["b"].starves = true;
+  starved_from_ = now_;
+  rounds(300);
+  EXPECT_THAT(accused(), ElementsAre("b: exited"));
+  others_["b"].cpu.any_waited += now_ - starved_from_;
+  others_["b"].starves = false;  // it hangs in its start
+  rounds(35);
+  EXPECT_THAT(accused(), ElementsAre("b: exited", "b: start overdue"));
+}
+
+TEST_F(RingMonitorTest, CountsOnWhenItWaitedForACpuItself) {
+  round();
+  hang("b");
+  rounds(3);
+  round(milliseconds(120), milliseconds(115));
+  EXPECT_THAT(accusations_, IsEmpty()) << "that round says nothing";
+  EXPECT_EQ(monitor_->counters().void_rounds, 1U);
+  rounds(2);
+  EXPECT_THAT(accused(), ElementsAre("b: silent")) << "what was counted before stands";
+}
+
+TEST_F(RingMonitorTest, TakesAnAnswerThatItReadsLateForWantOfACpuOfItsOwn) {
+  round();
+  others_["b"].answers = false;
+  round();
+  const auto unread = asks_;
+  round(milliseconds(300), milliseconds(300));
+  answer(unread.front());
+  EXPECT_EQ(monitor_->counters().late_answers, 1U);
+  EXPECT_EQ(reported(LivenessVerdict::miss), 0U);
+}
+
+TEST_F(RingMonitorTest, AccusesWhoTakesMostOfTheCpusThreeSecondsLong) {
+  round();
+  Footprint footprint;
+  footprint.cpu_cap = milliseconds(1500);
+  for (int second = 0; second < 3; ++second) {
+    monitor_->on_footprint("b", 101, footprint, now_);
+    drain();
+    footprint.cpu_used += milliseconds(1900);
+    rounds(10);
+  }
+  EXPECT_THAT(accusations_, IsEmpty());
+  monitor_->on_footprint("b", 101, footprint, now_);
+  drain();
+  EXPECT_THAT(accused(), ElementsAre("b: taking the CPUs"));
+}
+
+TEST_F(RingMonitorTest, AccusesNobodyWhoTakesWhatItMay) {
+  round();
+  Footprint footprint;
+  footprint.cpu_cap = milliseconds(1500);
+  for (int second = 0; second < 20; ++second) {
+    monitor_->on_footprint("b", 101, footprint, now_);
+    drain();
+    footprint.cpu_used += second % 3 == 2 ? milliseconds(100) : milliseconds(1990);
+    rounds(10);
+  }
+  footprint.cpu_cap = nanoseconds(0);  // one that gives way to all others
+  for (int second = 0; second < 20; ++second) {
+    monitor_->on_footprint("b", 101, footprint, now_);
+    drain();
+    footprint.cpu_used += milliseconds(1990);
+    rounds(10);
+  }
+  EXPECT_THAT(accusations_, IsEmpty());
 }
 
 // ---- Clean hands

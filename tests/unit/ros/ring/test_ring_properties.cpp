@@ -58,15 +58,29 @@ class RingWorld {
     now_ = end;
   }
   void kill(std::size_t i) { end_process(i); }
-  void hang(std::size_t i) { set_health(i, Health::hung); }
+  void hang(std::size_t i) {
+    feed(i);  // it hangs when it runs
+    set_health(i, Health::hung);
+  }
   void deafen(std::size_t i) {
     if (is_well(i)) set_health(i, Health::deaf);
   }
   void stop(std::size_t i) {
     if (nodes_[i].health == Health::well) set_health(i, Health::stopped);
   }
+  /// It gets no CPU until it is fed: as if it was stopped, and the kernel tells that it waits.
+  void starve(std::size_t i) {
+    if (nodes_[i].health != Health::well) return;
+    set_health(i, Health::stopped);
+    nodes_[i].starves_from = now_;
+  }
+  void feed(std::size_t i) {
+    if (nodes_[i].starves_from) go_on(i);
+  }
   void go_on(std::size_t i) {
     if (nodes_[i].health != Health::stopped) return;
+    if (const auto from = std::exchange(nodes_[i].starves_from, std::nullopt))
+      nodes_[i].waited += now_ - *from;
     set_health(i, Health::well);
     // First the timers, then what has come in, as the executor has it.
     timer_due(i, nodes_[i].pid);
@@ -124,6 +138,9 @@ class RingWorld {
     std::uint32_t incarnation = 0;
     MonotonicTime well_since;
     MonotonicTime due;
+    std::optional<MonotonicTime> starves_from;
+    nanoseconds waited{0};
+    nanoseconds waited_at_period{0};
     HeartbeatPage::Reading page;
     std::unique_ptr<RingMonitor> monitor;
     std::vector<std::function<void()>> inbox;
@@ -152,6 +169,8 @@ class RingWorld {
     node.health = Health::starting;
     node.pid = ++last_pid_;
     ++node.incarnation;
+    node.starves_from.reset();
+    node.waited = node.waited_at_period = nanoseconds(0);
     node.page = {};
     node.page.pid = node.pid;
     node.page.incarnation = node.incarnation;
@@ -166,7 +185,8 @@ class RingWorld {
       nodes_[i].page.state = nodes_[i].page.desired;
       nodes_[i].monitor = std::make_unique<RingMonitor>(
           name(i), RingPatience{}, membership_, [this](std::string_view n) { return look(n); },
-          static_cast<std::uint64_t>(pid) * 7919, now_);
+          static_cast<std::uint64_t>(pid) * 7919, now_,
+          [this](std::string_view n, pid_t p, bool) { return look_at_cpu(n, p); });
       nodes_[i].due = now_ + milliseconds(100);
       turn(i);
       act(i);
@@ -201,6 +221,12 @@ class RingWorld {
     if (node.health == Health::dead) return {};
     return {node.pid, node.incarnation, node.page};
   }
+  std::optional<CpuTotals> look_at_cpu(std::string_view who, pid_t pid) {
+    const Node& node = nodes_[index(who)];
+    if (node.pid != pid) return std::nullopt;
+    const nanoseconds waited = node.waited + (node.starves_from ? now_ - *node.starves_from : nanoseconds(0));
+    return CpuTotals{waited, nanoseconds(0), waited};
+  }
   void turn(std::size_t i) {
     nodes_[i].page.last_turn = now_;
     ++nodes_[i].page.turns;
@@ -219,7 +245,7 @@ class RingWorld {
     turn(i);
     const nanoseconds late = now_ - node.due;
     node.due += milliseconds(100) * (late / milliseconds(100) + 1);
-    node.monitor->on_period(now_, late);
+    node.monitor->on_period(now_, late, node.waited - std::exchange(node.waited_at_period, node.waited));
     act(i);
     if (nodes_[i].pid == pid) arm(i);
   }
@@ -505,6 +531,41 @@ TEST(RingProperties, NobodyDiesOfAllBeingStoppedAndGoingOn) {
     }
     ASSERT_EQ(world.restarts(), 0) << "seed " << seed << "\n" << story(world);
     ASSERT_TRUE(world.log().empty()) << "seed " << seed << "\n" << story(world);
+  }
+}
+
+TEST(RingProperties, NobodyIsAccusedForWantOfACpuHoweverItIsSharedOut) {
+  for (std::uint64_t seed = 1; seed <= (slow ? 10 : 40); ++seed) {
+    RingWorld world(seed, {});
+    const auto pick = [&] { return static_cast<std::size_t>(world.random(0, 8)); };
+    for (int step = 0; step < 2000; ++step) {
+      world.starve(pick());
+      if (step % 100 == 0) {
+        for (std::size_t i = 0; i < world.size(); ++i) world.starve(i);
+      }
+      world.run_for(microseconds(world.random(0, step % 50 == 0 ? 12'000'000 : 400'000)));
+      for (std::int64_t fed = world.random(1, 9); fed > 0; --fed) world.feed(pick());
+    }
+    ASSERT_EQ(world.restarts(), 0) << "seed " << seed << "\n" << story(world);
+    ASSERT_TRUE(world.log().empty()) << "seed " << seed << "\n" << story(world);
+  }
+}
+
+TEST(RingProperties, WhatHangsAmongStarvingNodesIsFoundAndNobodyElseIsRestarted) {
+  for (std::uint64_t seed = 1; seed <= (slow ? 10 : 100); ++seed) {
+    RingWorld world(seed, {});
+    const std::size_t ill = seed % 9;
+    const auto pick = [&] { return static_cast<std::size_t>(world.random(0, 8)); };
+    for (int step = 0; step < 100; ++step) {
+      if (step == 30) world.hang(ill);
+      world.starve(pick());
+      world.run_for(milliseconds(world.random(0, 60)));
+      for (int fed = 0; fed < 12; ++fed) world.feed(pick());
+    }
+    for (std::size_t i = 0; i < world.size(); ++i) world.feed(i);
+    ASSERT_TRUE(world.until_all_are_well(seconds(3))) << "seed " << seed << "\n" << story(world);
+    ASSERT_EQ(world.restarts(), 1) << "seed " << seed << "\n" << story(world);
+    ASSERT_TRUE(world.violations().empty()) << "seed " << seed << "\n" << story(world);
   }
 }
 
