@@ -370,6 +370,35 @@ void CanSwitcherNode::give(const Grant& grant, MonotonicTime received) {
   }
   record_holder();
   publish_flag(grant, received);
+  watch_holder();
+}
+
+/// Opens the accounting of the holder's process, which lives as long as it, and remembers what it says now.
+void CanSwitcherNode::watch_holder() {
+  const auto holder = rotation_->holder();
+  if (!holder || holder->process == 0) return;
+  if (holders_.size() <= holder->slot) holders_.resize(holder->slot + 1);
+  HolderWatch& watch = holders_[holder->slot];
+  if (watch.process != holder->process) {
+    watch.process = holder->process;
+    watch.cpu.reset();
+    const auto instance = ros::find_instance(var(), rotation_->slots()[holder->slot].payload);
+    if (instance && instance->incarnation == holder->process)
+      watch.cpu = ros::ProcessCpu::open(instance->pid);
+  }
+  if (!watch.cpu) return;
+  if (const auto totals = watch.cpu->read(false, monotonic_now())) watch.at_grant = *totals;
+}
+
+std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {
+  const auto holder = rotation_->holder();
+  if (!holder || holder->process == 0 || holders_.size() <= holder->slot) return std::nullopt;
+  HolderWatch& watch = holders_[holder->slot];
+  if (watch.process != holder->process || !watch.cpu) return std::nullopt;
+  const auto totals = watch.cpu->read(false, monotonic_now());
+  if (!totals) return std::nullopt;  // it has ended
+  return HolderCpu{totals->waited - watch.at_grant.waited, totals->ran - watch.at_grant.ran,
+                   watch.cpu->is_runnable()};
 }
 
 void CanSwitcherNode::publish_recall(const Recall& recall, MonotonicTime tick_received) {
@@ -382,6 +411,7 @@ void CanSwitcherNode::publish_recall(const Recall& recall, MonotonicTime tick_re
   m.published_ns = static_cast<std::uint64_t>(monotonic_now().ns());
   m.lease_end_ns = m.published_ns;
   flags_->publish(m);
+  watch_holder();
 }
 
 void CanSwitcherNode::publish_flag(const Grant& grant, MonotonicTime tick_received) {
@@ -463,8 +493,12 @@ void CanSwitcherNode::on_deadline() {
   // This thread may be the late one: a release that waits in the reader counts before anybody is accused.
   statuses_->take_waiting();
   const std::uint32_t deaf_before = rotation_->counters().deaf_deadlines;
-  const Decision decision =
-      rotation_->on_deadline(monotonic_now(), context().participant.transport_stats().last_datagram);
+  const std::uint32_t starved_before = rotation_->counters().starved_holders;
+  const Decision decision = rotation_->on_deadline(
+      monotonic_now(), context().participant.transport_stats().last_datagram, holder_cpu());
+  if (rotation_->counters().starved_holders != starved_before)
+    log::warn("{} has no CPU to release the bus at the end of its lease: it is given time, and the bus waits",
+              rotation_->current()->payload);
   if (rotation_->counters().deaf_deadlines != deaf_before)
     log::warn("nothing is heard at the end of the lease of {}: it is not accused",
               rotation_->current()->payload);
@@ -588,6 +622,7 @@ void CanSwitcherNode::publish_housekeeping() {
   hk.blocked_ticks = counters.blocked_ticks;
   hk.early_grants = counters.early_grants;
   hk.fences_unproven = counters.unproven_fences;
+  hk.starved_holders = counters.starved_holders;
   hk.peripheral_resets = resets_sent_;
   hk.flag_latency_p50_us = as_us(flag_latency_.quantile(0.5));
   hk.flag_latency_p99_us = as_us(flag_latency_.quantile(0.99));

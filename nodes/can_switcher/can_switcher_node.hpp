@@ -14,6 +14,7 @@
 #include "nodes/can_switcher/transmit_drain.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
+#include "ros/ring/process_cpu.hpp"
 
 namespace srfs {
 
@@ -59,6 +60,8 @@ class CanSwitcherNode : public ros::LifecycleNode {
       const std::optional<HolderRecord::Holder>& holder) const;
   /// After each change of the rotation, and before a flag goes out.
   void record_holder();
+  void watch_holder();
+  [[nodiscard]] std::optional<HolderCpu> holder_cpu();
   void give(const Grant& grant, MonotonicTime received);
   void publish_flag(const Grant& grant, MonotonicTime tick_received);
   void publish_recall(const Recall& recall, MonotonicTime tick_received);
@@ -96,7 +99,14 @@ class CanSwitcherNode : public ros::LifecycleNode {
     std::uint32_t late = 0;  ///< released after the allotted time
   };
   std::vector<SlotUse> slot_use_;
-  bool plan_waits_ = false;  ///< for the end of a slot whose place changes
+  /// The work thread of the process that holds the bus, as of its grant.
+  struct HolderWatch {
+    std::uint32_t process = 0;  ///< its incarnation; 0: not known
+    std::optional<ros::ProcessCpu> cpu;
+    CpuTotals at_grant;
+  };
+  std::vector<HolderWatch> holders_;  ///< by slot
+  bool plan_waits_ = false;           ///< for the end of a slot whose place changes
 
   /// Lives as long as the process: its grant counter must never start again.
   std::optional<TaskFlagRotation> rotation_;

@@ -42,6 +42,7 @@ void TaskFlagRotation::inherit(const InheritedGrant& granted, MonotonicTime now)
                    .allotted = nanoseconds(0)};
   holder_process_ = granted.process;
   recalled_ = false;
+  starved_end_.reset();
   phase_ = granted.process ? Phase::recalling : Phase::fencing;
 }
 
@@ -110,6 +111,7 @@ Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle) {
               .allotted = plan.allotted};
   assert(!current_ || grant.id > current_->id);
   current_ = grant;
+  starved_end_.reset();
   holder_process_.reset();
   phase_ = Phase::granted;
   slot_left_unused_ = false;
@@ -217,11 +219,13 @@ void TaskFlagRotation::withdraw(GrantId id) {
   free_bus();
 }
 
-Decision TaskFlagRotation::on_deadline(MonotonicTime now, MonotonicTime last_heard) {
+Decision TaskFlagRotation::on_deadline(MonotonicTime now, MonotonicTime last_heard,
+                                       const std::optional<HolderCpu>& holder) {
   const auto deadline = next_deadline();
   if (!deadline || now < *deadline) return Nothing{};
   if (now >= current_->lease_end) {
     if (waits_to_hear(now, last_heard)) return Nothing{};
+    if (holder && waits_for_starved_holder(now, *holder)) return Nothing{};
     return end_of_lease(now);
   }
   // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
@@ -239,6 +243,23 @@ bool TaskFlagRotation::waits_to_hear(MonotonicTime now, MonotonicTime last_heard
     ++counters_.deaf_deadlines;
   }
   current_->lease_end = now + deaf_look;
+  return true;
+}
+
+bool TaskFlagRotation::waits_for_starved_holder(MonotonicTime now, const HolderCpu& holder) {
+  if (now - current_->lease_end > held_up_limit)
+    return false;  // this process was held up itself: it asks first
+  const bool first_look = !starved_end_;
+  const MonotonicTime end = starved_end_.value_or(current_->lease_end);
+  if (now - end >= starved_patience) return false;
+  const nanoseconds lease = end - current_->granted;
+  // A wait that goes on shows at the second look only.
+  const bool may_wait = first_look && holder.runnable && holder.ran < lease / 2;
+  const nanoseconds able = now - current_->granted - holder.waited;
+  if (able + starved_look >= lease && !may_wait) return false;
+  if (first_look) ++counters_.starved_holders;
+  starved_end_ = end;
+  current_->lease_end = now + starved_look;
   return true;
 }
 

@@ -66,6 +66,14 @@ struct Recall {
   std::string payload;
 };
 
+/// What the kernel says of the holder's work thread since its grant, or since it was asked to give the bus
+/// back.
+struct HolderCpu {
+  nanoseconds waited{0};  ///< ready to run, without a CPU
+  nanoseconds ran{0};
+  bool runnable = false;  ///< now: it runs, or waits
+};
+
 using Decision = std::variant<Nothing, Grant, Blocked, WaitingOut, OrderReset, Fence, Recall>;
 
 /// What was granted and not watched since: the switcher was killed, or unconfigured. Past its lease a holder
@@ -116,7 +124,9 @@ class TaskFlagRotation {
   /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
   /// time.
   /// @param last_heard  when anything came in by the network; a switcher that hears nobody accuses nobody
-  [[nodiscard]] Decision on_deadline(MonotonicTime now, MonotonicTime last_heard);
+  /// @param holder      nullopt: not known, so the clock alone counts
+  [[nodiscard]] Decision on_deadline(MonotonicTime now, MonotonicTime last_heard,
+                                     const std::optional<HolderCpu>& holder = std::nullopt);
   [[nodiscard]] Decision on_deadline(MonotonicTime now) { return on_deadline(now, now); }
   ReportVerdict on_bus_status(const BusReport& report, MonotonicTime now);
   /// The next grant where the last report left a slot unused and early hand-over is on, else Nothing: the
@@ -205,6 +215,7 @@ class TaskFlagRotation {
     std::uint32_t late_deadlines = 0;   ///< ends of leases this process came to so late that it asked first
     std::uint32_t deaf_deadlines = 0;   ///< ends of leases at which this process heard nobody
     std::uint32_t withdrawn = 0;        ///< grants whose flag was not published
+    std::uint32_t starved_holders = 0;  ///< ends of leases whose holder had no CPU to release the bus
   };
   [[nodiscard]] const SlotCounters& slot_counters(std::size_t slot) const { return slot_counters_[slot]; }
   [[nodiscard]] const Counters& counters() const { return counters_; }
@@ -221,12 +232,18 @@ class TaskFlagRotation {
   static constexpr nanoseconds deaf_limit = milliseconds(30);
   static constexpr nanoseconds deaf_patience = seconds(2);
   static constexpr nanoseconds deaf_look = milliseconds(20);
+  /// A holder that waited for a CPU instead of releasing is not killed for that before it had the length of
+  /// its lease to run, or the patience has passed. Its lease is over all the same: its handle refuses to
+  /// write.
+  static constexpr nanoseconds starved_patience = seconds(2);
+  static constexpr nanoseconds starved_look = milliseconds(25);
 
  private:
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
 
   /// Nothing came in around the end of the lease; it is looked at again a little later.
   [[nodiscard]] bool waits_to_hear(MonotonicTime now, MonotonicTime last_heard);
+  [[nodiscard]] bool waits_for_starved_holder(MonotonicTime now, const HolderCpu& holder);
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   Grant grant(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
@@ -238,6 +255,7 @@ class TaskFlagRotation {
   void free_bus() {
     phase_ = Phase::free;
     deaf_since_.reset();
+    starved_end_.reset();
   }
 
   std::vector<Slot> slots_;
@@ -259,8 +277,9 @@ class TaskFlagRotation {
   std::optional<std::uint32_t> holder_process_;
   MonotonicTime not_before_;
   nanoseconds recall_time_ = seconds(3);
-  std::optional<MonotonicTime> deaf_since_;  ///< the end of this lease came, and nothing is heard
-  bool recalled_ = false;                    ///< a Recall was given out: its time runs
+  std::optional<MonotonicTime> deaf_since_;   ///< the end of this lease came, and nothing is heard
+  std::optional<MonotonicTime> starved_end_;  ///< the lease ended then, and its holder had no CPU to release
+  bool recalled_ = false;                     ///< a Recall was given out: its time runs
   MissionCycle last_cycle_ = 0;
   Counters counters_;
 };

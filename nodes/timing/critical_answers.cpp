@@ -1,5 +1,6 @@
 #include "nodes/timing/critical_answers.hpp"
 
+#include <algorithm>
 #include <utility>
 
 namespace srfs {
@@ -46,9 +47,17 @@ void CriticalAnswers::on_answer(std::size_t node, std::uint64_t nonce, std::uint
   asked.proof = asked.asked;
 }
 
+void CriticalAnswers::on_cpu(std::size_t node, pid_t pid, const CpuTotals& totals, MonotonicTime now) {
+  Node& observed = nodes_[node];
+  if (std::exchange(observed.pid, pid) != pid) observed.cpu.clear();
+  observed.cpu.add(now, totals);
+}
+
 bool CriticalAnswers::holds(std::size_t node, MonotonicTime now) const {
   const auto& proof = nodes_[node].proof;
-  return proof && now - *proof <= lifetime_;
+  if (!proof) return false;
+  const nanoseconds waited = nodes_[node].cpu.since(*proof).waited;
+  return now - *proof <= lifetime_ + std::min(waited, longest_excuse);
 }
 
 }  // namespace srfs

@@ -1,10 +1,13 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "base/cpu_wait.hpp"
 #include "base/time.hpp"
 
 namespace srfs {
@@ -36,6 +39,13 @@ class CriticalAnswers {
   /// @param state, desired  of lifecycle_msgs/msg/State: where the node is, and where its operator wants it
   void on_answer(std::size_t node, std::uint64_t nonce, std::uint8_t state, std::uint8_t desired);
 
+  /// What the node's process has had of the CPU: a time in which it waited for one does not make its proof
+  /// older.
+  /// @param pid  another one's totals begin anew
+  void on_cpu(std::size_t node, pid_t pid, const CpuTotals& totals, MonotonicTime now);
+
+  /// Want of a CPU excuses missing proof for so long at most: then a restart of the computer may end it.
+  static constexpr nanoseconds longest_excuse = seconds(30);
   /// Proof is not older than the lifetime, counted from the question: an answer that lay in a queue is as old
   /// as what it answers.
   [[nodiscard]] bool holds(std::size_t node, MonotonicTime now) const;
@@ -53,6 +63,8 @@ class CriticalAnswers {
     std::uint64_t nonce = 0;
     MonotonicTime asked;
     std::optional<MonotonicTime> proof;
+    pid_t pid = 0;
+    CpuHistory cpu;
   };
 
   std::vector<std::string> names_;

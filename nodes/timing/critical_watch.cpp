@@ -14,8 +14,16 @@ void CriticalWatch::open(const std::function<std::shared_ptr<Client>(const std::
   for (const std::string& node : answers_.nodes()) clients_.push_back(make(ros::check_alive_name(node)));
 }
 
-void CriticalWatch::ask(MonotonicTime now) {
+void CriticalWatch::ask(MonotonicTime now,
+                        const std::function<std::optional<pid_t>(const std::string& node)>& find) {
+  processes_.resize(clients_.size());
   for (std::size_t i = 0; i < clients_.size(); ++i) {
+    Process& process = processes_[i];
+    const pid_t pid = find(answers_.nodes()[i]).value_or(0);
+    if (std::exchange(process.pid, pid) != pid)
+      process.cpu = pid != 0 ? ros::ProcessCpu::open(pid) : std::nullopt;
+    if (const auto totals = process.cpu ? process.cpu->read(false, now) : std::nullopt)
+      answers_.on_cpu(i, pid, *totals, now);
     srfs_msgs::srv::CheckAlive::Request question;
     question.nonce = answers_.ask(i, now);
     question.observer = observer_;

@@ -9,6 +9,7 @@
 #include "nodes/timing/critical_answers.hpp"
 #include "nodes/timing/watchdog_feeding.hpp"
 #include "ros/client.hpp"
+#include "ros/ring/process_cpu.hpp"
 
 namespace srfs {
 
@@ -23,8 +24,9 @@ class CriticalWatch {
 
   /// @param make  a client of the service of this name
   void open(const std::function<std::shared_ptr<Client>(const std::string& service)>& make);
-  /// Sends the questions.
-  void ask(MonotonicTime now);
+  /// Sends the questions, and reads what each node had of the CPU.
+  /// @param find  the process that is the node now; nullopt: none
+  void ask(MonotonicTime now, const std::function<std::optional<pid_t>(const std::string& node)>& find);
   /// One per node. They refer to this object.
   [[nodiscard]] std::vector<WatchdogEvidence> evidence() const;
   [[nodiscard]] const CriticalAnswers& answers() const { return answers_; }
@@ -33,6 +35,11 @@ class CriticalWatch {
   CriticalAnswers answers_;
   std::string observer_;
   std::vector<std::shared_ptr<Client>> clients_;
+  struct Process {
+    pid_t pid = 0;
+    std::optional<ros::ProcessCpu> cpu;
+  };
+  std::vector<Process> processes_;  ///< by node
 };
 
 }  // namespace srfs

@@ -225,7 +225,7 @@ CallbackReturn TimingNode::on_activate() {
   watchdog_ = std::move(*watchdog);
   begin_boot();
   start_feeding();
-  if (critical_) critical_->ask(monotonic_now());
+  if (critical_) critical_->ask(monotonic_now(), [this](const std::string& node) { return pid_of(node); });
   ticks_.emplace(tick_period(), next_cycle_, monotonic_now() + milliseconds(1));
   arm_tick();
   feed_timer_ = create_timer(
@@ -298,6 +298,11 @@ ros::WorkStatus TimingNode::work_status() const {
   return work;
 }
 
+std::optional<pid_t> TimingNode::pid_of(const std::string& node) const {
+  const auto instance = ros::find_instance(var(), node);
+  return instance ? std::optional(instance->pid) : std::nullopt;
+}
+
 void TimingNode::arm_tick() {
   tick_timer_ = create_one_shot(
       ticks_->next_due(), [this] { on_tick_due(); }, "tick");
@@ -310,8 +315,16 @@ void TimingNode::on_tick_due() {
   if (tick) publish(*tick);
   arm_tick();
   if (!tick) return;
-  feeding_->on_tick(tick->late, t);
+  feeding_->on_tick(tick->late, waited_since_last_tick(), t);
   reserve_cycles();
+}
+
+/// For a CPU, by this thread.
+nanoseconds TimingNode::waited_since_last_tick() {
+  if (!own_cpu_) own_cpu_ = ThreadCpuFiles::open_own();
+  const auto cpu = own_cpu_ ? own_cpu_->read() : std::nullopt;
+  if (!cpu) return nanoseconds(0);
+  return cpu->waited - std::exchange(own_waited_, cpu->waited);
 }
 
 void TimingNode::publish(const Tick& tick) {
@@ -561,7 +574,7 @@ void TimingNode::save_boot_record() {
 }
 
 void TimingNode::feed_watchdog() {
-  if (critical_) critical_->ask(monotonic_now());
+  if (critical_) critical_->ask(monotonic_now(), [this](const std::string& node) { return pid_of(node); });
   const auto missing = feeding_->missing(monotonic_now());
   const auto utc =
       time_->pulse_clock().time_valid() ? std::optional(time_->utc_at(monotonic_now())) : std::nullopt;

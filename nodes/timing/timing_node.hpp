@@ -51,6 +51,8 @@ class TimingNode : public CommandedNode {
 
   void arm_tick();
   void on_tick_due();
+  [[nodiscard]] nanoseconds waited_since_last_tick();
+  [[nodiscard]] std::optional<pid_t> pid_of(const std::string& node) const;
   void publish(const Tick& tick);
   void reserve_cycles();
   void save(MissionCycle ceiling);
@@ -99,6 +101,8 @@ class TimingNode : public CommandedNode {
   std::unique_ptr<CriticalWatch> critical_;  ///< none: the deployment has no ring
   std::vector<WatchdogEvidence> evidence_;
   std::optional<WatchdogFeeding> feeding_;  ///< refers to critical_
+  std::optional<ThreadCpuFiles> own_cpu_;   ///< of the work thread
+  nanoseconds own_waited_{0};               ///< at the last tick
   ros::BootStore boot_store_;
   std::optional<wire::BootRecord> stored_boot_;  ///< found at the start
   std::optional<BootKeeper> boot_;               ///< from the first activation on

@@ -1,10 +1,12 @@
 #include "nodes/timing/watchdog_feeding.hpp"
 
+#include <algorithm>
+
 namespace srfs {
 
-void WatchdogFeeding::on_tick(nanoseconds late, MonotonicTime now) {
+void WatchdogFeeding::on_tick(nanoseconds late, nanoseconds waited, MonotonicTime now) {
   last_tick_ = now;
-  late_in_a_row_ = late > tolerance_ ? late_in_a_row_ + 1 : 0;
+  late_in_a_row_ = late - std::min(waited, longest_wait) > tolerance_ ? late_in_a_row_ + 1 : 0;
 }
 
 std::optional<std::string> WatchdogFeeding::missing(MonotonicTime now) const {

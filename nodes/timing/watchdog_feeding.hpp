@@ -25,13 +25,16 @@ class WatchdogFeeding {
   WatchdogFeeding(nanoseconds period, nanoseconds tolerance) : period_(period), tolerance_(tolerance) {}
 
   void add_evidence(WatchdogEvidence evidence) { evidence_.push_back(std::move(evidence)); }
-  void on_tick(nanoseconds late, MonotonicTime now);
+  /// @param late    how long after it was due the tick was handled
+  /// @param waited  of that, this node's work thread was ready and had no CPU: not counted, a second at most
+  void on_tick(nanoseconds late, nanoseconds waited, MonotonicTime now);
 
   /// The name of what is missing; nullopt: feed.
   [[nodiscard]] std::optional<std::string> missing(MonotonicTime now) const;
 
  private:
   static constexpr int late_ticks_allowed = 5;
+  static constexpr nanoseconds longest_wait = seconds(1);
 
   nanoseconds period_;
   nanoseconds tolerance_;

@@ -165,6 +165,70 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
   EXPECT_EQ(rotation.slot_counters(0).fences, 1U);
 }
 
+TEST_F(TaskFlagRotationTest, GivesAHolderWithoutACpuTheLengthOfItsLeaseToRun) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.granted + milliseconds(80);
+  EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now)));
+  now = grant.lease_end;
+  // It had 30 of 120 ms.
+  EXPECT_TRUE(std::holds_alternative<Nothing>(
+      rotation.on_deadline(now, now, HolderCpu{milliseconds(90), milliseconds(5), true})));
+  EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "nobody else has the bus meanwhile";
+  for (int looks = 0; looks < 10; ++looks) {
+    now = *rotation.next_deadline();
+    ASSERT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(
+        now, now, HolderCpu{now - grant.granted - milliseconds(30), milliseconds(5), true})));
+  }
+  EXPECT_EQ(rotation.counters().starved_holders, 1U);
+  EXPECT_EQ(release(grant), ReportVerdict::applied);
+  EXPECT_EQ(must_grant().payload, "eps");
+  EXPECT_EQ(rotation.slot_counters(0).fences, 0U);
+}
+
+TEST_F(TaskFlagRotationTest, FencesAtOnceAHolderThatSleepsLoopsOrIsStopped) {
+  for (const HolderCpu& ill : {HolderCpu{nanoseconds(0), milliseconds(2), false},       // deadlock, SIGSTOP
+                               HolderCpu{milliseconds(1), milliseconds(118), true}}) {  // loop
+    const Grant grant = must_grant();
+    take(grant);
+    now = grant.granted + milliseconds(80);
+    (void)rotation.on_deadline(now, now, ill);
+    now = grant.lease_end;
+    EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now, now, ill)));
+    rotation.on_fenced(grant.id, now);
+    now += TaskFlagRotation::guard_time;
+  }
+}
+
+TEST_F(TaskFlagRotationTest, LooksOnceMoreAtAHolderThatMayJustHaveBegunToWait) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.granted + milliseconds(80);
+  (void)rotation.on_deadline(now);
+  now = grant.lease_end;
+  const HolderCpu runnable{nanoseconds(0), milliseconds(10), true};
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now, now, runnable)));
+  now = *rotation.next_deadline();
+  EXPECT_EQ(now, grant.lease_end + TaskFlagRotation::starved_look);
+  EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now, now, runnable))) << "it did not wait";
+}
+
+TEST_F(TaskFlagRotationTest, FencesAHolderThatStarvesForTwoSeconds) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.granted + milliseconds(80);
+  (void)rotation.on_deadline(now);
+  now = grant.lease_end;
+  Decision decision = Nothing{};
+  while (std::holds_alternative<Nothing>(decision) && now < grant.lease_end + seconds(10)) {
+    decision = rotation.on_deadline(now, now, HolderCpu{now - grant.granted, nanoseconds(0), true});
+    if (std::holds_alternative<Nothing>(decision)) now = *rotation.next_deadline();
+  }
+  EXPECT_TRUE(std::holds_alternative<Fence>(decision));
+  EXPECT_GE(now, grant.lease_end + TaskFlagRotation::starved_patience);
+  EXPECT_LE(now, grant.lease_end + TaskFlagRotation::starved_patience + TaskFlagRotation::starved_look);
+}
+
 TEST_F(TaskFlagRotationTest, FencesAPayloadThatSpokeBeforeButNeverTakesItsFlag) {
   Grant grant = must_grant();
   rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5}, now);

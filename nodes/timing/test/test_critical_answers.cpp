@@ -22,6 +22,20 @@ TEST_F(CriticalAnswersTest, HoldWhileTheLastAnswerIsFresh) {
   EXPECT_FALSE(answers.holds(1, start)) << "each node answers for itself";
 }
 
+TEST_F(CriticalAnswersTest, AreNoOlderForATimeInWhichTheirNodeWaitedForACpu) {
+  answers.on_answer(0, answers.ask(0, start), active, active);
+  answers.on_cpu(0, 77, {}, start);
+  const auto waited = [](int s) { return CpuTotals{seconds(s), nanoseconds(0), seconds(s)}; };
+  answers.on_cpu(0, 77, waited(15), start + seconds(20));
+  EXPECT_TRUE(answers.holds(0, start + seconds(20))) << "5 s of its own";
+  EXPECT_FALSE(answers.holds(0, start + seconds(23)));
+  answers.on_cpu(0, 77, waited(99), start + seconds(100));
+  EXPECT_TRUE(answers.holds(0, start + seconds(37)));
+  EXPECT_FALSE(answers.holds(0, start + seconds(38))) << "no excuse without end";
+  answers.on_cpu(0, 78, waited(99), start + seconds(101));
+  EXPECT_FALSE(answers.holds(0, start + seconds(20))) << "what another process waited is none";
+}
+
 TEST_F(CriticalAnswersTest, CountFromTheQuestionHoweverLongTheAnswerLayInAQueue) {
   const auto nonce = answers.ask(0, start);
   answers.on_answer(0, nonce, active, active);

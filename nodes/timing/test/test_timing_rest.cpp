@@ -98,21 +98,32 @@ TEST(WatchdogFeeding, FeedsOnlyWhileTheTickRunsOnTime) {
   WatchdogFeeding feeding(milliseconds(100), milliseconds(50));
   MonotonicTime now{seconds(1)};
   EXPECT_EQ(feeding.missing(now), "no tick yet");
-  feeding.on_tick(milliseconds(1), now);
+  feeding.on_tick(milliseconds(1), nanoseconds(0), now);
   EXPECT_FALSE(feeding.missing(now + milliseconds(200)).has_value());
   EXPECT_EQ(feeding.missing(now + milliseconds(300)), "tick stopped");
 
-  for (int i = 0; i < 6; ++i) feeding.on_tick(milliseconds(60), now);
+  for (int i = 0; i < 6; ++i) feeding.on_tick(milliseconds(60), nanoseconds(0), now);
   EXPECT_EQ(feeding.missing(now), "tick late");
-  feeding.on_tick(milliseconds(2), now);
+  feeding.on_tick(milliseconds(2), nanoseconds(0), now);
   EXPECT_FALSE(feeding.missing(now).has_value());
+}
+
+TEST(WatchdogFeeding, CountsNoTickAsLateThatOnlyWaitedForACpuForLessThanASecond) {
+  WatchdogFeeding feeding(milliseconds(100), milliseconds(50));
+  const MonotonicTime now{seconds(1)};
+  for (int i = 0; i < 60; ++i) feeding.on_tick(milliseconds(400), milliseconds(380), now);
+  EXPECT_FALSE(feeding.missing(now).has_value());
+  for (int i = 0; i < 6; ++i) feeding.on_tick(milliseconds(400), milliseconds(300), now);
+  EXPECT_EQ(feeding.missing(now), "tick late") << "100 ms are its own";
+  for (int i = 0; i < 6; ++i) feeding.on_tick(milliseconds(1200), milliseconds(1200), now);
+  EXPECT_EQ(feeding.missing(now), "tick late") << "no excuse without end";
 }
 
 TEST(WatchdogFeeding, IsWithheldWhenFurtherEvidenceIsMissing) {
   WatchdogFeeding feeding(milliseconds(100), milliseconds(50));
   bool answered = true;
   feeding.add_evidence({"can_switcher answered", [&](MonotonicTime) { return answered; }});
-  feeding.on_tick(milliseconds(1), MonotonicTime(seconds(1)));
+  feeding.on_tick(milliseconds(1), nanoseconds(0), MonotonicTime(seconds(1)));
   EXPECT_FALSE(feeding.missing(MonotonicTime(seconds(1))).has_value());
   answered = false;
   EXPECT_EQ(feeding.missing(MonotonicTime(seconds(1))), "can_switcher answered");
