@@ -54,7 +54,8 @@ NodeEntry read_entry(const ConfigSection& section, std::string name, std::string
           std::chrono::milliseconds(section.integer("worker_deadline_ms", 100, 3'600'000, 0)),
           section.text("user", ""),
           read_control_group(section),
-          section.section("parameters")};
+          section.section("parameters"),
+          section.boolean("needed", true)};
 }
 
 NodeEntry read_node(const ConfigSection& section) {

@@ -38,6 +38,7 @@ struct NodeEntry {
   /// Folder below /sys/fs/cgroup that the process enters where there is one; empty: its starter's.
   std::string control_group;
   ConfigSection parameters;
+  bool needed = true;  ///< for flight: `srfs up` is done without one that is not
   bool added = false;  ///< not of the file (added_nodes.hpp): no executable, it has no golden version
 };
 

@@ -47,6 +47,7 @@ constexpr rlim_t stack_octets = 8U << 20;
 constexpr rlim_t locked_octets = 64U << 20;
 constexpr unsigned long timer_slack_ns = 50'000;  // the kernel's own default
 constexpr milliseconds longest_exec{1000};
+constexpr milliseconds longest_wait_for_cpu{3000};
 constexpr milliseconds longest_wait_for_instance{1000};
 constexpr milliseconds longest_wait_for_lock{3000};
 constexpr milliseconds longest_wait_for_end{1000};
@@ -347,7 +348,12 @@ Result<Process, std::string> spawn(const Preparation& p, const NodeEntry& node) 
   while (waitpid(middle, &status, 0) < 0 && errno == EINTR) {
   }
   StartReport report;
-  report.read_until(monotonic_now() + longest_exec, read_end.get());
+  const MonotonicTime begin = monotonic_now();
+  do {
+    report.read_until(monotonic_now() + longest_exec, read_end.get());
+    // On a busy machine it may wait for a CPU, with the node's own niceness already.
+  } while (!report.complete && process_state(report.lone_pid()) == 'R' &&
+           monotonic_now() - begin < longest_wait_for_cpu);
   if (!report.complete) {  // the disk under the program does not answer
     if (const auto stuck = Process::open(report.lone_pid())) stuck->signal(SIGKILL);
     return Err(fmt::format("{}: not executed within {} ms", p.executable, longest_exec.count()));
@@ -491,11 +497,12 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
     nanosleep(&pause, nullptr);
     lock = RestartLock::take(request.var, node.name);
   }
-  if (!lock) return Err(lock.error().text);
   if (std::filesystem::exists(request.var.stopping_flag()))
     return Err(std::string("the suite is being stopped"));
+  // Also without the lock: another starter has won, and its process is as good as ours.
   if (const auto running = find_instance(request.var, node.name)) return running->pid;
   if (const auto starting = find_starting(request.var, node.name)) return starting->process.pid();
+  if (!lock) return Err(lock.error().text);
   const auto launched = launch_locked(request, node, *lock, ProgramCheck::hash);
   if (!launched) {
     (void)settle_versions(request.var, node.name);  // what was set aside on the way

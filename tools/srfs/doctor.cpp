@@ -122,6 +122,7 @@ std::vector<Finding> examine(const Machine& machine, const ros::Deployment& depl
     x.unknown("user", "/proc/self/status does not tell; taken for nobody");
   }
   examine_kernel(x);
+  examine_waiting(x);
   examine_processors(x);
   examine_limits(x);
   examine_users(x);

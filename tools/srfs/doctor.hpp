@@ -59,6 +59,7 @@ struct Examination {
 
 // The checks; each only reads.
 void examine_kernel(Examination& x);
+void examine_waiting(Examination& x);
 void examine_processors(Examination& x);
 void examine_limits(Examination& x);
 void examine_users(Examination& x);

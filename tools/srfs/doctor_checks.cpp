@@ -9,6 +9,7 @@
 #include <fmt/ranges.h>
 #include <unistd.h>
 
+#include "base/cpu_wait.hpp"
 #include "base/fd.hpp"
 #include "ros/instance.hpp"
 #include "ros/real_time.hpp"
@@ -268,6 +269,28 @@ void examine_cpu_sets(Examination& x, const std::set<int>& online) {
 }
 
 }  // namespace
+
+void examine_waiting(Examination& x) {
+  const auto own = x.machine.text("/proc/self/schedstat");
+  if (own && parse_schedstat(*own)) {
+    x.ok("kernel.schedstat", "tells how long each thread waits for a CPU");
+  } else {
+    x.add(Verdict::warn, "kernel.schedstat",
+          "does not tell how long a thread waits for a CPU: on a busy machine a node that gets none is taken "
+          "for "
+          "one that hangs",
+          "a kernel with CONFIG_SCHED_INFO", debian_kernel);
+  }
+  if (const auto pressure = x.machine.text("/proc/pressure/cpu"); pressure && !pressure->empty()) {
+    x.ok("kernel.pressure", "tells how much programs wait for a CPU");
+  } else {
+    x.add(
+        Verdict::warn, "kernel.pressure",
+        "does not tell how much programs wait for a CPU: `srfs up` has only the load average to blame a busy "
+        "machine with",
+        "a kernel with CONFIG_PSI, psi=1 on its command line where that is off", "");
+  }
+}
 
 void examine_kernel(Examination& x) {
   const auto release = x.machine.text("/proc/sys/kernel/osrelease");

@@ -55,23 +55,27 @@ void print_table(const std::vector<NodeStatus>& nodes) {
   }
 }
 
-/// @return 0: all are in their desired state; 1: not all, the ring goes on with them; 3: none runs
-int run_up(const Target& target, const UpOptions& options, bool json) {
-  const UpReport report = up(target, options);
+/// @return 0: all awaited ones are in their desired state; 1: not all, the ring goes on with them; 3: none
+/// runs
+int show_up(const UpReport& report, bool json) {
   if (json) {
     std::cout << Json{{"ok", report.all_reached}, {"took_ms", report.took.count()},
                       {"domain", report.domain},  {"problems", report.problems},
-                      {"held", report.held},      {"nodes", to_json(report.nodes)}}
+                      {"advice", report.advice},  {"held", report.held},
+                      {"coming", report.coming},  {"nodes", to_json(report.nodes)}}
                      .dump()
               << "\n";
   } else {
-    for (const std::string& node : report.held) fmt::print(stderr, "srfs up: {}\n", node);
-    for (const std::string& problem : report.problems) fmt::print(stderr, "srfs up: {}\n", problem);
+    for (const auto* lines : {&report.held, &report.problems, &report.advice})
+      for (const std::string& line : *lines) fmt::print(stderr, "srfs up: {}\n", line);
     if (report.all_reached) {
       fmt::print(
           "{} nodes up in {} ms, DDS domain {} (export ROS_DOMAIN_ID={} ROS_LOCALHOST_ONLY=1 to look at them "
           "with ROS 2)\n",
-          report.nodes.size() - report.held.size(), report.took.count(), report.domain, report.domain);
+          report.nodes.size() - report.held.size() - report.coming.size(), report.took.count(), report.domain,
+          report.domain);
+      if (!report.coming.empty())
+        fmt::print("still coming, flight does not need them: {}\n", fmt::join(report.coming, ", "));
     }
   }
   if (report.all_reached) return 0;
@@ -80,17 +84,37 @@ int run_up(const Target& target, const UpOptions& options, bool json) {
   return one_runs ? 1 : 3;
 }
 
-int run_down(const Target& target, int patience_ms, bool json) {
-  const DownReport report = down(target, milliseconds(patience_ms));
+int show_down(const DownReport& report, bool json) {
   if (json) {
-    std::cout << Json{{"ok", report.left.empty()}, {"killed", report.killed}, {"left", report.left}}.dump()
+    std::cout << Json{{"ok", report.left.empty()},
+                      {"killed", report.killed},
+                      {"starved", report.starved},
+                      {"left", report.left}}
+                     .dump()
               << "\n";
   } else {
-    for (const std::string& name : report.killed)
-      fmt::print(stderr, "srfs down: {} did not stop in time and was killed\n", name);
+    for (const std::string& name : report.killed) {
+      const bool starved =
+          std::find(report.starved.begin(), report.starved.end(), name) != report.starved.end();
+      fmt::print(stderr, "srfs down: {} did not stop in time and was killed{}\n", name,
+                 starved ? ": the machine is too busy to let it end" : "");
+    }
     for (const std::string& name : report.left) fmt::print(stderr, "srfs down: {} is still there\n", name);
   }
   return report.left.empty() ? 0 : 1;
+}
+
+int run_restart(const Target& target, UpOptions options, bool json) {
+  constexpr milliseconds patience{500};
+  if (options.cause == "up") options.cause = "restart by command";
+  if (const auto domain = running_domain(target)) {
+    if (auto lock = ros::DomainLock::share(*domain))
+      options.held_domain = std::make_shared<ros::DomainLock>(std::move(*lock));
+  }
+  const RestartReport report = restart(target, patience, options);
+  if (report.up) return show_up(*report.up, json);
+  if (report.down.left.empty()) fmt::print(stderr, "srfs restart: the suite was stopped meanwhile\n");
+  return show_down(report.down, json);
 }
 
 int run_status(const Target& target, bool json) {
@@ -317,17 +341,23 @@ int run(int argc, char** argv) {
   int duration_s = 0;
   int transition_ms = 2000;
   auto* up_command = app.add_subcommand(
-      "up", "Start all nodes in list order, wait until they are in their desired state, exit");
+      "up",
+      "Start all nodes, those that flight needs first; wait until these are in their desired state, exit");
   up_command
       ->add_option("--domain", up_options.domain,
                    "DDS domain; default: the deployment's, or the first free from 42")
       ->check(CLI::Range(0, 101));
-  up_command->add_option("--deadline", deadline_s, "Seconds to wait")
+  up_command
+      ->add_option("--deadline", deadline_s,
+                   "Seconds to wait without progress of an awaited node; ten times as long in all")
       ->check(CLI::Range(1, 600))
       ->capture_default_str();
   up_command->add_option("--only", up_options.only, "These nodes alone; a ring raises the others");
+  up_command->add_flag("--all", up_options.all, "Wait also for nodes that flight does not need");
   auto* down_command = app.add_subcommand("down", "Stop all nodes in reverse order");
-  down_command->add_option("--patience", patience_ms, "Milliseconds before SIGKILL")
+  down_command
+      ->add_option("--patience", patience_ms,
+                   "Milliseconds before SIGKILL, without the time in which a node waits for a CPU")
       ->check(CLI::Range(10, 60000))
       ->capture_default_str();
   auto* restart_command =
@@ -381,8 +411,8 @@ int run(int argc, char** argv) {
     if (target.deployment.find(name) == nullptr)
       throw ConfigError(fmt::format("{}: 'nodes': expected a node named '{}'", deployment_file, name));
   }
-  if (*up_command) return run_up(target, up_options, json);
-  if (*down_command) return run_down(target, patience_ms, json);
+  if (*up_command) return show_up(up(target, up_options), json);
+  if (*down_command) return show_down(down(target, milliseconds(patience_ms)), json);
   if (*status_command) return run_status(target, json);
   if (*lifecycle_command) return change_state(target, node, label, milliseconds(transition_ms), json);
   if (*stats_command) return show_statistics(target, node, reset, json);
@@ -392,16 +422,7 @@ int run(int argc, char** argv) {
   if (*versions.command) return run_versions(target, versions, json);
   if (*nodes.command) return run_node_command(target, nodes, json);
   if (*record_command) return record(target, seconds(duration_s));
-  if (*restart_command) {
-    if (up_options.cause == "up") up_options.cause = "restart by command";
-    if (const auto domain = running_domain(target)) {
-      if (auto lock = ros::DomainLock::share(*domain)) {
-        up_options.held_domain = std::make_shared<ros::DomainLock>(std::move(*lock));
-      }
-    }
-    const int stopped = run_down(target, 500, false);
-    return stopped != 0 ? stopped : run_up(target, up_options, json);
-  }
+  if (*restart_command) return run_restart(target, up_options, json);
   return 2;
 }
 

@@ -103,7 +103,8 @@ Json describe(const m::Event& e, MonotonicTime at) {
 }
 
 Json describe(const m::LivenessReport& r, MonotonicTime at) {
-  static constexpr const char* names[] = {"?", "alive", "miss", "void", "accused", "outcome", "not_asked", "starved"};
+  static constexpr const char* names[] = {"?",       "alive",   "miss",      "void",
+                                          "accused", "outcome", "not_asked", "starved"};
   Json j = begin("liveness", at);
   j.update({{"observer", r.observer},
             {"subject", r.subject},

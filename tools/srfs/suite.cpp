@@ -10,7 +10,6 @@
 #include <poll.h>
 #include <sys/file.h>
 #include <unistd.h>
-#include <lifecycle_msgs/srv/get_state.hpp>
 #include <srfs_msgs/srv/get_node_status.hpp>
 
 #include "base/file.hpp"
@@ -18,57 +17,13 @@
 #include "hw/open.hpp"
 #include "hw/watchdog.hpp"
 #include "ros/launcher.hpp"
-#include "ros/lifecycle.hpp"
-#include "ros/ring/node_record.hpp"
 #include "tools/srfs/bus.hpp"
+#include "tools/srfs/process_cpu.hpp"
+#include "tools/srfs/start.hpp"
+#include "tools/srfs/state_questions.hpp"
 
 namespace srfs::tool {
 namespace {
-
-using lifecycle_msgs::srv::GetState;
-
-constexpr milliseconds ask_deadline{1000};  // an answer may take 200 ms on an emulated processor
-
-/// Asks nodes for their lifecycle state until told to stop.
-class StateQuestions {
- public:
-  StateQuestions(Bus& bus, const std::vector<std::string>& nodes) {
-    for (const std::string& node : nodes) clients_[node] = bus.client<GetState>("/" + node + "/get_state");
-  }
-  void ask(const std::string& node) {
-    if (asking_[node]) return;
-    asking_[node] = true;
-    clients_.at(node)->call({}, ask_deadline, 1,
-                            [this, node](const Result<GetState::Response, ros::CallError>& answer) {
-                              asking_[node] = false;
-                              if (answer) states_[node] = answer->current_state.label;
-                            });
-  }
-  void forget(const std::string& node) { states_.erase(node); }
-  [[nodiscard]] std::string state(const std::string& node) const {
-    const auto found = states_.find(node);
-    return found == states_.end() ? "" : found->second;
-  }
-
- private:
-  std::map<std::string, std::unique_ptr<ros::Client<GetState>>> clients_;
-  std::map<std::string, bool> asking_;
-  std::map<std::string, std::string> states_;
-};
-
-std::string desired(const Target& target, const std::string& node) {
-  const auto text = read_file(target.var.state(node) / "desired_state", 64);
-  const std::string label = text ? text->substr(0, text->find('\n')) : "active";
-  const auto state = ros::primary_state(label);
-  return state && *state != ros::State::finalized ? label : "active";
-}
-
-std::vector<std::string> names(const ros::Deployment& deployment) {
-  std::vector<std::string> all;
-  all.reserve(deployment.nodes.size());
-  for (const auto& node : deployment.nodes) all.push_back(node.name);
-  return all;
-}
 
 std::vector<NodeStatus> local_status(const Target& target) {
   std::vector<NodeStatus> all;
@@ -121,8 +76,46 @@ Fd lock_suite(const Target& target) {
 
 struct NodeProcess {
   std::string node;
-  std::optional<Process> process;  ///< nullopt: it is gone
+  Process process;
 };
+
+/// The words of a process' command line that follow @p option, nothing where it has no such option.
+std::string word_behind(const std::string& command_line, std::string_view option) {
+  const std::string key = '\0' + std::string(option) + '\0';
+  const auto at = command_line.find(key);
+  if (at == std::string::npos) return "";
+  return command_line.substr(at + key.size(), command_line.find('\0', at + key.size()) - at - key.size());
+}
+
+bool same_folder(const std::filesystem::path& a, const std::filesystem::path& b) {
+  return (a / "").lexically_normal() == (b / "").lexically_normal();
+}
+
+/// Every process that runs as a node of this suite, the last of the list first; by its command line, so that
+/// one that holds no lock yet, or is not known to anybody, is found, too.
+std::vector<NodeProcess> processes_of(const Target& target) {
+  constexpr std::size_t longest = 65536;
+  std::map<std::string, std::vector<Process>> found;
+  std::error_code ec;
+  for (std::filesystem::directory_iterator entry("/proc", ec);
+       !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
+    const pid_t pid = std::atoi(entry->path().filename().c_str());
+    if (pid <= 0 || pid == getpid()) continue;
+    auto process = Process::open(pid);
+    const auto line = read_file(entry->path() / "cmdline", longest);
+    if (!process || !line || !same_folder(word_behind(*line, "--var"), target.var.root)) continue;
+    found[word_behind(*line, "--name")].push_back(std::move(*process));
+  }
+  std::vector<NodeProcess> running;
+  for (auto node = target.deployment.nodes.rbegin(); node != target.deployment.nodes.rend(); ++node) {
+    auto& of_node = found[node->name];
+    if (of_node.empty()) {
+      if (auto process = ros::open_instance(target.var, node->name)) of_node.push_back(std::move(*process));
+    }
+    for (Process& process : of_node) running.push_back({node->name, std::move(process)});
+  }
+  return running;
+}
 
 /// Why nodes are not as they should be, by themselves. Blocks for 0.5 s at most.
 void add_reasons(Bus& bus, std::vector<NodeStatus>& nodes) {
@@ -144,15 +137,15 @@ void add_reasons(Bus& bus, std::vector<NodeStatus>& nodes) {
   bus.executor.spin_until([&] { return open == 0; }, monotonic_now() + seconds(1));
 }
 
+constexpr milliseconds between_readings{100};  // at processes that end
+constexpr milliseconds longest_kill{2000};
+
 void disarm_simulated_watchdog(const Target& target) {
   const auto uri = target.deployment.devices.find("watchdog");
   if (uri == target.deployment.devices.end() || !uri->second.starts_with("sim:")) return;
   constexpr seconds unused{1};  // the simulated watchdog has its own timeout
   if (auto watchdog = hw::open_watchdog(uri->second, target.var.root, unused)) (void)(*watchdog)->disarm();
 }
-
-constexpr milliseconds between_looks{100};     // at locks and files of the nodes
-constexpr seconds patience_with_a_restart{4};  // by a neighbour, of a node that ended a moment ago
 
 /// Held while nodes are started one after the other: the ring does not miss who has not had its turn.
 Fd lock_starting(const ros::VarPaths& var) {
@@ -162,8 +155,7 @@ Fd lock_starting(const ros::VarPaths& var) {
 }
 
 /// Sets the flag while nobody is starting anything: whoever starts a node afterwards sees it. A starter that
-/// holds its lock for longer than a second is overtaken; the loop of down() over instances still finds its
-/// node.
+/// holds its lock for longer than a second is overtaken; down() looks again when that one has ended.
 void set_stopping_flag(const Target& target) {
   std::error_code ec;
   std::filesystem::create_directories(target.var.run(), ec);
@@ -207,9 +199,10 @@ std::optional<int> running_domain(const Target& target) {
   return domain >= 0 && domain <= 101 ? std::optional(domain) : std::nullopt;
 }
 
-UpReport up(const Target& suite, const UpOptions& options) {
+namespace {
+
+UpReport up_locked(const Target& suite, const UpOptions& options) {
   UpReport report;
-  const Fd suite_lock = lock_suite(suite);
   std::error_code ec;
   std::filesystem::remove(suite.var.stopping_flag(), ec);
   const auto before = local_status(suite);
@@ -223,108 +216,64 @@ UpReport up(const Target& suite, const UpOptions& options) {
   report.domain = (*domain)->domain();
   const Target target = selection(suite, options.only);
   Bus bus(target.deployment, report.domain);  // before the nodes, so that it does not slow their start
-  StateQuestions questions(bus, names(target.deployment));
-
-  const MonotonicTime start = monotonic_now();
+  Start start(target, options, bus);
   const ros::LaunchRequest request{suite.deployment, target.var, ros::suite_bin_folder(), options.cause};
-  std::vector<NodeProcess> processes;
   // With a ring every node may be started as soon as one runs.
   for (const auto& node : (suite.deployment.ring.enabled ? suite : target).deployment.nodes) {
     if (!ros::find_instance(suite.var, node.name)) ros::count_suite_start(request, node);
   }
   Fd starting = lock_starting(target.var);
-  for (const auto& node : target.deployment.nodes) {
-    if (const auto why = ros::held_because(target.var, node.name)) {
-      report.held.push_back(fmt::format("{} is held: {}", node.name, *why));
-      processes.push_back({node.name, std::nullopt});
-      continue;
-    }
-    const auto started = ros::launch(request, node, patience_with_a_restart);
-    if (!started) report.problems.push_back(fmt::format("{}: {}", node.name, started.error()));
-    processes.push_back({node.name, started ? Process::open(*started) : std::nullopt});
-  }
+  start.launch(request);
   starting.reset();
-  // By node; a held one is not waited for. Read now and then only: the condition below is asked after every
-  // sample, and reading files each time, from a slow file system, leaves no time for the answers.
-  std::map<std::string, std::string> awaited;
-  const auto read_awaited = [&] {
-    awaited.clear();
-    for (const auto& node : target.deployment.nodes) {
-      if (!ros::held_because(target.var, node.name)) awaited[node.name] = desired(target, node.name);
-    }
-  };
-  const auto reached = [&] {
-    bool all = true;
-    for (const auto& [node, state] : awaited) {
-      if (questions.state(node) == state) continue;
-      all = false;
-      questions.ask(node);
-    }
-    return all;
-  };
-  // A node that ended (a bad parameter, a missing library) will not come by waiting for it. But its
-  // neighbours in the ring start it again where it was killed: on a busy machine, the switcher may fence a
-  // holder that was late.
-  const nanoseconds patience = suite.deployment.ring.enabled ? patience_with_a_restart : nanoseconds(0);
-  std::vector<std::optional<MonotonicTime>> first_gone(processes.size());
-  MonotonicTime next_look = start;
-  bool ended = false;
-  const auto reached_or_ended = [&] {
-    if (monotonic_now() < next_look) return reached();
-    read_awaited();
-    if (reached()) return true;
-    // One that has no instance lock yet may still be loading.
-    const auto now = local_status(target);
-    for (std::size_t i = 0; i < now.size(); ++i) {
-      if (!awaited.contains(now[i].name)) continue;
-      const auto& process = processes[i].process;
-      if (now[i].instance || (process && !process->wait_for_exit(nanoseconds(0)))) continue;
-      if (!first_gone[i]) first_gone[i] = monotonic_now();
-      ended = ended || monotonic_now() - *first_gone[i] >= patience;
-    }
-    next_look = monotonic_now() + between_looks;
-    return ended;
-  };
-  report.all_reached = bus.executor.spin_until(reached_or_ended, start + options.deadline) && !ended &&
-                       report.problems.empty();
-  report.took = std::chrono::duration_cast<milliseconds>(monotonic_now() - start);
+  start.wait();
+  start.tell(report);
   report.nodes = local_status(target);
-  for (NodeStatus& s : report.nodes) {
-    const std::string state = questions.state(s.name);
-    if (!state.empty() && s.instance) s.state = state;
-    const auto wanted = awaited.find(s.name);
-    if (wanted != awaited.end() && s.state != wanted->second) {
-      report.problems.push_back(fmt::format("{} is {} instead of {}; see {}", s.name, s.state, wanted->second,
-                                            target.var.log(s.name).string()));
-    }
-  }
+  for (NodeStatus& s : report.nodes) s.state = start.state(s);
   return report;
 }
 
-DownReport down(const Target& target, milliseconds patience) {
+/// Ends these and adds who needed more than SIGTERM to the report.
+void end_all(const std::vector<NodeProcess>& running, milliseconds patience, DownReport& report) {
+  struct Ending {
+    const NodeProcess* one;
+    ProcessCpu cpu;
+  };
+  std::vector<Ending> ending;
+  for (const NodeProcess& one : running) {
+    ending.push_back({&one, ProcessCpu(one.process.pid(), ProcessCpu::From::first_reading)});
+    ending.back().cpu.read(monotonic_now());
+    one.process.signal(SIGTERM);
+    one.process.signal(SIGCONT);  // a stopped process would sleep through its SIGTERM
+  }
+  const MonotonicTime begin = monotonic_now();
+  constexpr int most_patience = 10;
+  for (Ending& e : ending) {
+    bool hung = false;
+    bool starved = false;
+    while (!hung && !starved && !e.one->process.wait_for_exit(std::min(between_readings, patience))) {
+      for (Ending& other : ending) other.cpu.read(monotonic_now());
+      const nanoseconds elapsed = monotonic_now() - begin;
+      hung = elapsed - e.cpu.waited() >= patience;
+      starved = elapsed >= most_patience * patience;
+    }
+    if (!hung && !starved) continue;
+    e.one->process.signal(SIGKILL);
+    report.killed.push_back(e.one->node);
+    if (!hung) report.starved.push_back(e.one->node);
+    if (!e.one->process.wait_for_exit(longest_kill)) report.left.push_back(e.one->node);
+  }
+}
+
+DownReport down_locked(const Target& target, milliseconds patience) {
   DownReport report;
-  const Fd suite_lock = lock_suite(target);
   set_stopping_flag(target);
   disarm_simulated_watchdog(target);
-  std::vector<NodeProcess> running;
-  for (auto node = target.deployment.nodes.rbegin(); node != target.deployment.nodes.rend(); ++node) {
-    auto process = ros::open_instance(target.var, node->name);
-    if (!process) {
-      // One on the way to its instance lock would come up after all of this.
-      if (auto starting = ros::find_starting(target.var, node->name)) process = std::move(starting->process);
-    }
-    if (!process) continue;
-    process->signal(SIGTERM);
-    process->signal(SIGCONT);  // a stopped process would sleep through its SIGTERM
-    running.push_back({node->name, std::move(process)});
-  }
-  const MonotonicTime deadline = monotonic_now() + patience;
-  for (const NodeProcess& one : running) {
-    if (one.process->wait_for_exit(std::max<nanoseconds>(deadline - monotonic_now(), milliseconds(1))))
-      continue;
-    one.process->signal(SIGKILL);
-    report.killed.push_back(one.node);
-    if (!one.process->wait_for_exit(milliseconds(2000))) report.left.push_back(one.node);
+  // A starter that was overtaken may have made one more process since the last look.
+  constexpr int most_rounds = 5;
+  for (int round = 0; round < most_rounds; ++round) {
+    const auto running = processes_of(target);
+    if (running.empty() || !report.left.empty()) break;
+    end_all(running, patience, report);
   }
   std::error_code ec;
   if (report.left.empty()) {
@@ -340,6 +289,28 @@ DownReport down(const Target& target, milliseconds patience) {
     std::filesystem::remove(target.var.starting_lock(), ec);
     std::filesystem::remove(target.var.stopping_flag(), ec);
   }
+  return report;
+}
+
+}  // namespace
+
+UpReport up(const Target& suite, const UpOptions& options) {
+  const Fd suite_lock = lock_suite(suite);
+  return up_locked(suite, options);
+}
+
+DownReport down(const Target& target, milliseconds patience) {
+  const Fd suite_lock = lock_suite(target);
+  return down_locked(target, patience);
+}
+
+RestartReport restart(const Target& target, milliseconds patience, const UpOptions& options) {
+  const bool was_up = running_domain(target).has_value();
+  const Fd suite_lock = lock_suite(target);
+  if (was_up && !running_domain(target)) return {};  // a `srfs down` came before
+  RestartReport report;
+  report.down = down_locked(target, patience);
+  if (report.down.left.empty()) report.up = up_locked(target, options);
   return report;
 }
 

@@ -35,7 +35,8 @@ struct NodeStatus {
 
 struct UpOptions {
   std::string cause = "up";
-  seconds deadline{15};  ///< for all nodes to reach their desired state
+  seconds deadline{15};  ///< of time in which no awaited node makes progress (StartPatience)
+  bool all = false;      ///< nodes that flight does not need are waited for, too
   std::optional<int> domain;
   std::vector<std::string> only;  ///< these nodes alone; empty: all. The others are left as they are
   /// A domain the caller holds for this suite already: over a restart nobody else may take it in between.
@@ -43,29 +44,43 @@ struct UpOptions {
 };
 
 struct UpReport {
-  bool all_reached = false;
-  milliseconds took{0};  ///< first exec to the last node in its desired state
+  bool all_reached = false;  ///< all awaited ones
+  milliseconds took{0};      ///< first exec to the last awaited node in its desired state
   int domain = 0;
   std::vector<std::string> problems;
-  std::vector<std::string> held;  ///< nodes that were not started because the operator holds them, and why
+  std::vector<std::string> coming;  ///< nodes that were not waited for and are not there yet
+  std::vector<std::string> advice;  ///< why a start was too slow, and what to do
+  std::vector<std::string> held;    ///< nodes that were not started because the operator holds them, and why
   std::vector<NodeStatus> nodes;
 };
 
-/// Starts every node of the deployment in list order and waits until all are in their desired state. Nodes
-/// that run and nodes that are held (`srfs ring hold`) are left alone. Nothing of it stays behind. Blocks up
-/// to the deadline.
+/// Starts every node of the deployment: those that flight needs in list order, then the others. Waits until
+/// the needed ones (with @p options only or all: all) are in their desired state. Nodes that run and nodes
+/// that are held (`srfs ring hold`) are left alone. Nothing of it stays behind. Shows on stderr what it waits
+/// for. Blocks while nodes make progress, for ten deadlines at most.
 [[nodiscard]] UpReport up(const Target& target, const UpOptions& options);
 
 struct DownReport {
-  std::vector<std::string> killed;  ///< nodes that needed SIGKILL
-  std::vector<std::string> left;    ///< nodes that survived even that
+  std::vector<std::string> killed;   ///< nodes that needed SIGKILL
+  std::vector<std::string> starved;  ///< those of them that got too little CPU time to end
+  std::vector<std::string> left;     ///< nodes that survived even that
 };
 
-/// Stops every node in reverse order: stopping flag first, so that nobody revives what is stopped; SIGTERM,
-/// after
-/// @p patience SIGKILL; then locks and the domain file are removed. The simulated watchdog is disarmed.
-/// Blocks.
+/// Stops every node in reverse order, and what was on the way to become one: stopping flag first, so that
+/// nobody revives what is stopped; SIGTERM, after @p patience SIGKILL; then locks and the domain file are
+/// removed. The simulated watchdog is disarmed. Time in which a process waits for a CPU does not count, up to
+/// ten times the patience. Blocks.
 [[nodiscard]] DownReport down(const Target& target, milliseconds patience);
+
+struct RestartReport {
+  DownReport down;
+  std::optional<UpReport>
+      up;  ///< nullopt: not all could be stopped, or the suite was stopped by somebody else
+};
+
+/// down() and up() as one step: no other start or stop comes in between. A suite that was stopped while this
+/// waited for its turn stays down.
+[[nodiscard]] RestartReport restart(const Target& target, milliseconds patience, const UpOptions& options);
 
 /// Asks every node for its state over DDS. Blocks for at most @p deadline.
 [[nodiscard]] std::vector<NodeStatus> status(const Target& target, milliseconds deadline);

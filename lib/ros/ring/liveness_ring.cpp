@@ -4,7 +4,6 @@
 #include <array>
 #include <charconv>
 #include <cstring>
-#include <ctime>
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -30,7 +29,6 @@ constexpr std::size_t longest_event_detail = 80;
 constexpr milliseconds shortest_worker_deadline{5000};
 /// Of the caps; a node at its cap fails in ways of its own.
 constexpr std::uint64_t cap_percent = 90;
-constexpr int cpu_percent = 75;  ///< of all CPUs: who takes more leaves too little to the others
 constexpr seconds between_commits{5};
 
 std::uint32_t as_ms(nanoseconds d) {
@@ -80,24 +78,17 @@ std::uint64_t count_descriptors(pid_t pid) {
   return count;
 }
 
-nanoseconds cpu_used_by(pid_t pid) {
-  clockid_t clock{};
-  timespec used{};
-  if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &used) != 0) return nanoseconds(0);
-  return seconds(used.tv_sec) + nanoseconds(used.tv_nsec);
-}
-
 /// Who has a real-time priority is bounded by the kernel (RLIMIT_RTTIME), and who is niced gives way.
 bool may_be_culprit(const NodeEntry& entry) {
   return entry.scheduling.policy == SchedulingPolicy::other && entry.scheduling.nice <= 0;
 }
 
-Footprint read_footprint(pid_t pid, const NodeEntry* entry) {
+Footprint read_footprint(pid_t pid, const NodeEntry* entry, std::optional<ProcessCpu>& cpu) {
   std::array<char, 4096> buffer{};
   Footprint footprint;
-  if (entry != nullptr && may_be_culprit(*entry)) {
-    footprint.cpu_used = cpu_used_by(pid);
-    footprint.cpu_cap = sysconf(_SC_NPROCESSORS_ONLN) * nanoseconds(seconds(1)) * cpu_percent / 100;
+  if (cpu && entry != nullptr && may_be_culprit(*entry)) {
+    footprint.busy_threads = cpu->count_busy_threads(monotonic_now());
+    footprint.busy_threads_cap = static_cast<std::size_t>(std::max(sysconf(_SC_NPROCESSORS_ONLN), 2L));
   }
   if (entry != nullptr && entry->memory_limit_mib > 0) {
     const auto status = read_proc(pid, "status", buffer);
@@ -485,36 +476,35 @@ void LivenessRing::carry_out(const RingMonitor::Recovered& action) {
 
 /// What takes the CPUs is read on the worker: all processes of the machine, some ms.
 void LivenessRing::carry_out(const RingMonitor::Starved& action) {
-  auto consumers = std::make_shared<std::vector<CpuConsumer>>();
-  const auto survey = [survey = survey_, consumers] {
-    auto now = CpuSurvey::take(monotonic_now());
-    const auto cpus = static_cast<unsigned>(std::max(sysconf(_SC_NPROCESSORS_ONLN), 1L));
-    if (*survey) *consumers = largest_consumers(**survey, now, cpus);
+  auto users = std::make_shared<std::vector<CpuUser>>();
+  const auto survey = [survey = survey_, users] {
+    CpuSurvey now{monotonic_now(), read_process_table()};
+    if (*survey) *users = largest_cpu_users((*survey)->processes, now.processes, now.at - (*survey)->at);
     *survey = std::move(now);
   };
-  const auto finish = [this, consumers, node = std::string(action.subject), report = action.report,
+  const auto finish = [this, users, node = std::string(action.subject), report = action.report,
                        silent_for = action.silent_for, waited = action.waited] {
     if (!report) return;
     mission::RingNodeStarvedEvent event;
     event.node = node;
     event.waited_ms = as_ms(waited);
     event.silent_ms = as_ms(silent_for);
-    event.taken_by = to_text(*consumers).substr(0, longest_event_detail);
+    event.taken_by = to_text(*users).substr(0, longest_event_detail);
     node_.raise(event);
     log::warn("ring: {} waited {} of {} ms for a CPU and is not restarted for it; CPU time went to {}", node,
-              event.waited_ms, event.silent_ms, to_text(*consumers));
-    accuse_culprit(*consumers);
+              event.waited_ms, event.silent_ms, to_text(*users));
+    accuse_culprit(*users);
   };
   if (!worker_->post(survey, finish)) finish();
 }
 
 /// One of ours that takes more than all others together, without a real-time priority and not niced, is to be
 /// restarted instead of whom it starves.
-void LivenessRing::accuse_culprit(const std::vector<CpuConsumer>& consumers) {
+void LivenessRing::accuse_culprit(const std::vector<CpuUser>& users) {
   double all = 0;
-  for (const CpuConsumer& c : consumers) all += c.share;
-  if (consumers.empty() || consumers.front().share < all / 2) return;
-  const pid_t pid = consumers.front().pid;
+  for (const CpuUser& user : users) all += user.cpus;
+  if (users.empty() || users.front().processes != 1 || users.front().cpus < all / 2) return;
+  const pid_t pid = users.front().largest;
   for (const NodeEntry& entry : node_.deployment().nodes) {
     if (!may_be_culprit(entry)) continue;
     const auto instance = find_instance(node_.var(), entry.name);
@@ -526,7 +516,7 @@ void LivenessRing::accuse_culprit(const std::vector<CpuConsumer>& consumers) {
     accusation.incarnation = instance->incarnation;
     accusation.generation = monitor_->membership().generation;
     accusation.first_evidence = accusation.decided = monotonic_now();
-    accusation.detail = fmt::format("{:.0f} % of all CPUs", 100 * consumers.front().share);
+    accusation.detail = fmt::format("{:.1f} CPUs, more than all others together", users.front().cpus);
     RingMonitor::Accuse accuse{std::move(accusation)};
     carry_out(accuse);
     return;
@@ -581,7 +571,8 @@ void LivenessRing::review_footprints() {
     const std::string name(subject);
     const pid_t pid = monitor_->process_of(name);
     if (pid != 0)
-      monitor_->on_footprint(name, pid, read_footprint(pid, node_.deployment().find(name)), monotonic_now());
+      monitor_->on_footprint(name, pid, read_footprint(pid, node_.deployment().find(name), peers_[name].cpu),
+                             monotonic_now());
   }
   act();
 }

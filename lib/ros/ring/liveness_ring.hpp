@@ -10,6 +10,7 @@
 #include <srfs_msgs/msg/liveness_report.hpp>
 #include <srfs_msgs/srv/check_alive.hpp>
 
+#include "base/cpu_users.hpp"
 #include "base/fd.hpp"
 #include "ros/node.hpp"
 #include "ros/ring/check_alive.hpp"
@@ -90,7 +91,7 @@ class LivenessRing : private CheckAliveService::RingMember {
   void carry_out(const RingMonitor::ReadMembership& action);
   void carry_out(const RingMonitor::ExitSelf& action);
 
-  void accuse_culprit(const std::vector<CpuConsumer>& consumers);
+  void accuse_culprit(const std::vector<CpuUser>& users);
   void restart_next();
   void conclude(const std::string& subject, const RestartOutcome& outcome);
   void review_membership();
@@ -122,6 +123,10 @@ class LivenessRing : private CheckAliveService::RingMember {
   CpuHistory own_history_;
   nanoseconds own_waited_{0};  ///< at the last period
   StolenTime stolen_;
+  struct CpuSurvey {
+    MonotonicTime at;
+    ProcessTable processes;
+  };
   std::shared_ptr<std::optional<CpuSurvey>> survey_;  ///< the worker's; the last one
   std::unique_ptr<Worker> worker_;
   Timer timer_;

@@ -14,6 +14,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include "base/cpu_users.hpp"
 #include "base/file.hpp"
 #include "base/log.hpp"
 #include "ros/crash_report.hpp"

@@ -20,11 +20,9 @@ constexpr seconds longest_restart{30};
 constexpr int rounds_not_asked = 10;
 constexpr int large_readings = 2;
 constexpr int overdue_readings = 2;
-constexpr int busy_readings = 3;
+constexpr int busy_readings = 2;
 constexpr std::size_t most_held_up = 64;
 constexpr std::size_t most_unanswered = 64;
-/// A turn that has used so much CPU time does not end, however little of it the node gets.
-constexpr int periods_of_a_loop = 3;
 
 milliseconds in_ms(nanoseconds d) {
   return std::chrono::duration_cast<milliseconds>(d);
@@ -298,7 +296,8 @@ void RingMonitor::judge_stale_page(Subject& s, MonotonicTime last_turn, Monotoni
   const nanoseconds missed = patience_.misses * patience_.period - patience_.period / 2;
   const bool could_answer =
       able_since(s, first, now) >= missed && able_since(s, last_turn, now) >= 2 * patience_.period;
-  const bool loops = s.cpu.since(last_turn).ran >= periods_of_a_loop * patience_.period;
+  // A turn that has used so much CPU time does not end, however little of it the node gets.
+  const bool loops = s.cpu.since(last_turn).ran >= patience_.period;
   if (!could_answer && !loops) {
     excuse(s, now);
     return;
@@ -452,16 +451,14 @@ void RingMonitor::on_footprint(std::string_view subject, pid_t pid, const Footpr
   review_watch(now);
 }
 
-/// One of ours that takes the machine from all others.
+/// One of ours that takes the machine from all others, however little of it they leave.
 void RingMonitor::judge_cpu(Subject& s, const Footprint& footprint, MonotonicTime now) {
-  const auto before = std::exchange(s.used, Subject::Used{footprint.cpu_used, now});
-  if (!before || footprint.cpu_cap == nanoseconds(0) || now <= before->at) return;
-  const double share = static_cast<double>((footprint.cpu_used - before->cpu).count()) /
-                       static_cast<double>((now - before->at).count());
-  const double cap = static_cast<double>(footprint.cpu_cap.count()) / 1e9;
-  s.busy_in_row = share > cap ? s.busy_in_row + 1 : 0;
+  const bool busy = footprint.busy_threads_cap != 0 && footprint.busy_threads >= footprint.busy_threads_cap;
+  s.busy_in_row = busy ? s.busy_in_row + 1 : 0;
   if (s.busy_in_row < busy_readings) return;
-  accuse(s, FaultClass::cpu_hog, now, fmt::format("takes {:.1f} CPUs, cap {:.1f}", share, cap));
+  accuse(s, FaultClass::cpu_hog, now,
+         fmt::format("{} threads use or want a CPU all the time, cap {}", footprint.busy_threads,
+                     footprint.busy_threads_cap));
   review_watch(now);
 }
 
@@ -560,7 +557,6 @@ void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, Monoto
   s.desired = State::unknown;
   s.work_done.reset();
   s.cpu.clear();
-  s.used.reset();
   s.ask_from =
       s.downstream ? now : now + (restarted ? nanoseconds(settling) : patience_.misses * patience_.period);
   actions_.emplace_back(Follow{s.name, pid});

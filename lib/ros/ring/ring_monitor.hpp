@@ -63,8 +63,8 @@ struct Footprint {
   std::uint64_t memory_cap_octets = 0;
   std::uint64_t descriptors = 0;
   std::uint64_t descriptor_cap = 0;
-  nanoseconds cpu_used{0};  ///< by all its threads since its start
-  nanoseconds cpu_cap{0};   ///< per second, all CPUs together
+  std::size_t busy_threads = 0;  ///< that used, or waited for, a CPU all the time since the reading before
+  std::size_t busy_threads_cap = 0;  ///< as many as CPUs take them from all others
 };
 
 /// What an observer says of a subject on /liveness. The numbers are on the wire.
@@ -237,11 +237,6 @@ class RingMonitor {
     int overdue_in_row = 0;
     int busy_in_row = 0;
     std::optional<std::uint32_t> work_done;
-    struct Used {
-      nanoseconds cpu;
-      MonotonicTime at;
-    };
-    std::optional<Used> used;
     CpuHistory cpu;  ///< of this process
     bool real_time = false;
     std::optional<MonotonicTime> excused_from;  ///< the unanswered checks are explained by want of a CPU

@@ -30,9 +30,9 @@ const std::string node = "nodes:\n  - {name: timing, executable: timing_node}\n"
 
 TEST_F(DeploymentTest, EveryFileInLaunchConfigIsValid) {
   int files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(SRFS_SOURCE_DIR "/launch_config")) {
-    if (entry.path().extension() != ".yaml") continue;
-    EXPECT_NO_THROW((void)Deployment::load(entry.path())) << entry.path();
+  for (const auto& file : std::filesystem::directory_iterator(SRFS_SOURCE_DIR "/launch_config")) {
+    if (file.path().extension() != ".yaml") continue;
+    EXPECT_NO_THROW((void)Deployment::load(file.path())) << file.path();
     ++files;
   }
   EXPECT_GT(files, 0);
@@ -94,6 +94,24 @@ TEST_F(DeploymentTest, VersionsOfTtcAndMaintenanceHaveToBeConfirmedUnlessTheFile
   EXPECT_THAT(load("ring: {confirmed: [timing]}\n"), testing::ElementsAre("timing"));
   EXPECT_THAT(load("ring: {confirmed: []}\n"), testing::IsEmpty());
   EXPECT_NE(error_of(begin + "ring: {confirmed: [ghost]}\n").find("'ghost' is none"), std::string::npos);
+}
+
+TEST_F(DeploymentTest, FlightNeedsEveryNodeUnlessTheFileSaysOtherwise) {
+  const std::string lane = "  - {name: lane, executable: x, needed: ";
+  EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", "deployment: x\n" + node + lane + "false}\n"));
+  const Deployment loaded = Deployment::load(folder_ / "d.yaml");
+  EXPECT_TRUE(loaded.find("timing")->needed);
+  EXPECT_FALSE(loaded.find("lane")->needed);
+  EXPECT_NE(error_of("deployment: x\n" + node + lane + "perhaps}\n").find("'nodes[1].needed'"),
+            std::string::npos);
+}
+
+TEST_F(DeploymentTest, TheImageLaneIsNotNeededInAnyFileOfLaunchConfig) {
+  for (const auto& file : std::filesystem::directory_iterator(SRFS_SOURCE_DIR "/launch_config")) {
+    if (file.path().extension() != ".yaml") continue;
+    for (const NodeEntry& one : Deployment::load(file.path()).nodes)
+      EXPECT_EQ(one.needed, !one.name.starts_with("image_")) << file.path() << ": " << one.name;
+  }
 }
 
 TEST_F(DeploymentTest, AWorkersDeadlineIsTheRingsUnlessTheNodeHasItsOwn) {

@@ -137,6 +137,8 @@ class DoctorTest : public testing::Test {
     put("/proc/1/comm", "systemd\n");
     put("/proc/1/cmdline", "/sbin/init");
     put("/proc/1/maps", "");
+    put("/proc/self/schedstat", "8000000 2000000 12\n");
+    put("/proc/pressure/cpu", "some avg10=0.00 avg60=0.20 avg300=0.78 total=13364204\n");
   }
   void put_memory() {
     put("/proc/swaps", "Filename\tType\tSize\tUsed\tPriority\n");
@@ -244,6 +246,17 @@ TEST_F(DoctorTest, AKernelThatIsTooOldOrNotRealTimeIsNamedWithThePackageThatBrin
   EXPECT_EQ(finding("kernel.release").verdict, Verdict::warn) << "a weaker sandbox";
   put("/sys/kernel/realtime", "1\n");
   EXPECT_EQ(finding("kernel.preemption").verdict, Verdict::ok) << "kernels before 6.1 say it there";
+}
+
+TEST_F(DoctorTest, AKernelThatDoesNotTellWhoWaitsForACpuIsNamedWithTheConsequence) {
+  EXPECT_EQ(finding("kernel.schedstat").verdict, Verdict::ok);
+  EXPECT_EQ(finding("kernel.pressure").verdict, Verdict::ok);
+  put("/proc/self/schedstat", "");
+  remove("/proc/pressure");
+  EXPECT_EQ(finding("kernel.schedstat").verdict, Verdict::warn);
+  EXPECT_THAT(finding("kernel.schedstat").found, HasSubstr("taken for one that hangs"));
+  EXPECT_EQ(finding("kernel.pressure").verdict, Verdict::warn);
+  EXPECT_THAT(finding("kernel.pressure").found, HasSubstr("only the load average"));
 }
 
 TEST_F(DoctorTest, AGovernorOrALimitThatSlowsACpuIsNamedWithTheCommand) {

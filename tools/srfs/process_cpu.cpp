@@ -1,0 +1,47 @@
+#include "tools/srfs/process_cpu.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+
+#include <fmt/format.h>
+
+namespace srfs::tool {
+
+void ProcessCpu::read(MonotonicTime now) {
+  std::error_code ec;
+  const std::filesystem::path folder = fmt::format("/proc/{}/task", pid_);
+  for (std::filesystem::directory_iterator entry(folder, ec);
+       !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
+    const pid_t tid = std::atoi(entry->path().filename().c_str());
+    if (threads_.contains(tid)) continue;
+    auto files = ThreadCpuFiles::open(pid_, tid);
+    const auto first = files ? files->read() : std::nullopt;
+    if (!first) continue;
+    const ThreadCpu before = from_ == From::first_reading ? *first : ThreadCpu{};
+    Thread thread{std::move(*files), {}, before, {}};
+    thread.wait.on_reading(before, false, now);
+    threads_.emplace(tid, std::move(thread));
+  }
+  for (auto& [tid, thread] : threads_) {
+    const auto cpu = thread.files.read();
+    if (!cpu) continue;  // it has ended
+    const bool runnable = thread.wait.equals_last(*cpu) && thread.files.state() == 'R';
+    thread.wait.on_reading(*cpu, runnable, now);
+    thread.ran = cpu->ran - thread.before.ran;
+  }
+}
+
+nanoseconds ProcessCpu::ran() const {
+  nanoseconds sum{0};
+  for (const auto& [tid, thread] : threads_) sum += thread.ran;
+  return sum;
+}
+
+nanoseconds ProcessCpu::waited() const {
+  nanoseconds longest{0};
+  for (const auto& [tid, thread] : threads_) longest = std::max(longest, thread.wait.total());
+  return longest;
+}
+
+}  // namespace srfs::tool

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ros/launcher.hpp"
+#include "tools/srfs/process_cpu.hpp"
+#include "tools/srfs/start_patience.hpp"
+#include "tools/srfs/state_questions.hpp"
+#include "tools/srfs/suite.hpp"
+
+namespace srfs::tool {
+
+/// One `srfs up` from the first launch on: launches nodes, then looks at them until those that are awaited
+/// are there, or will not come. Shows on stderr what it waits for.
+class Start {
+ public:
+  Start(const Target& target, const UpOptions& options, Bus& bus);
+
+  /// Those that flight needs first, then the others; held ones are left alone. Blocks up to some seconds a
+  /// node.
+  void launch(const ros::LaunchRequest& request);
+  void wait();
+  void tell(UpReport& report);
+  /// As `srfs status` says it.
+  [[nodiscard]] std::string state(const NodeStatus& node) const;
+
+ private:
+  struct Node {
+    const ros::NodeEntry* entry;
+    bool awaited;
+    std::optional<std::string> held = {};  ///< and why
+    std::string wanted = {};               ///< the state it starts for
+    std::optional<Process> launched = {};  ///< one without instance lock may still be loading
+    std::string launch_problem = {};
+    std::optional<ProcessCpu> cpu = {};
+    std::optional<MonotonicTime> gone_since = {};
+    StartReading reading = {};
+  };
+  [[nodiscard]] bool is_there(const Node& node) const;
+  [[nodiscard]] std::string state_of(const Node& node) const;
+  [[nodiscard]] static std::string cpu_of(const Node& node);
+  bool all_there();
+  /// Reads files of each node that is not there.
+  void look(MonotonicTime now);
+  void read(Node& node, MonotonicTime now);
+  void show(MonotonicTime now);
+  void wipe();
+
+  const Target& target_;
+  Bus& bus_;
+  StateQuestions questions_;
+  std::vector<Node> nodes_;
+  MonotonicTime begin_;
+  StartPatience patience_;
+  bool ended_ = false;  ///< an awaited node is gone and nobody starts it again
+  bool reached_ = false;
+  bool terminal_;
+  MonotonicTime next_show_;
+  std::size_t shown_ = 0;  ///< lines on the terminal
+};
+
+}  // namespace srfs::tool
