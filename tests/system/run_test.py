@@ -1,17 +1,13 @@
-"""Runs one class of system tests: run_test.py MODULE.CLASS. A failure on a machine that had no time for the suite is no verdict yet.
+"""Runs one class of system tests: run_test.py MODULE.CLASS. Each runs once; a failure counts.
 
-The suite flies in real time here. Where the machine's host takes its CPUs away (a virtual one in CI), nodes are rightly fenced and slots
-rightly fail. A witness that only sleeps (tools/demo/lateness.py) tells that apart: when it woke late while a class failed, the class runs
-once more, which is said; a second failure counts, as does any on a machine that had time.
+The suite flies in real time here. A witness that only sleeps (tools/demo/lateness.py) says what the machine was like meanwhile.
 """
 
 import sys
 import unittest
 
 import support  # noqa: F401  (the path to the next one)
-from lateness import Lateness, describe_lateness, had_time
-
-REPEATED = "repeated for the machine's lateness"  # ./run test looks for it
+from lateness import Lateness, describe_lateness
 
 
 class TellingResult(unittest.TextTestResult):
@@ -44,11 +40,6 @@ def run(name):
 
 
 def main(name, run=run):
-    passed, seen = run(name)
-    print(f"witness: {describe_lateness(seen)}", file=sys.stderr)
-    if passed or had_time(seen):
-        return 0 if passed else 1
-    print(f"{REPEATED}: {name}: {describe_lateness(seen)}", file=sys.stderr)
     passed, seen = run(name)
     print(f"witness: {describe_lateness(seen)}", file=sys.stderr)
     return 0 if passed else 1

@@ -16,7 +16,7 @@ class DemoTest(SystemTest):
         )  # fmt: skip
 
     def test_script_runs_as_expected_and_ends_with_a_summary(self):
-        output, _ = self.start("--duration", "20").communicate(timeout=120)
+        output, _ = self.start("--duration", "20").communicate(timeout=400)
         last = output.strip().splitlines()[-1]
         summary = json.loads(last)
 

@@ -1,10 +1,12 @@
-"""Whether this machine had time for the suite: a witness that sleeps, and sees how much too late it wakes.
+"""Whether this machine had time for the suite. Two witnesses, processes of their own, so that nothing the asking program does can delay them.
 
-A process of its own, so that nothing the asking program does can delay it. It sees what a hypervisor or the kernel takes from
-everybody; not that others are busy as well, for who sleeps much goes first. Standard library only.
+Lateness sleeps, and sees how much too late it wakes: what a hypervisor or the kernel takes from everybody; not that others are busy as well,
+for who sleeps much goes first. Waiting reads how long each process of a suite was ready to run and had no CPU. Standard library only.
 """
 
+import contextlib
 import json
+import os
 import select
 import subprocess
 import sys
@@ -12,32 +14,34 @@ import time
 
 PERIOD_S = 0.005
 LATE_S = 0.020  # what the nodes allow a callback; a peripheral has 25 ms for its answer
-STOLEN = 0.02  # of the CPU time: what a hypervisor may take without being noticed
 LOOK_S = 0.1  # how often the witness asks what was stolen
 TICK_S = 0.01  # unit of /proc/stat (USER_HZ)
 MOST_LATE = 100_000  # intervals it notes, hours of a bad host; later ones are counted only
+WAIT_LOOK_S = 0.2  # how often the other one reads what the processes waited
+LEAST_WAIT_NS = 1_000_000  # what it notes
 
 
-class Lateness:
-    """The witness, from its construction on. One that dies has seen nothing."""
+class Witness:
+    """One witness, from its construction on. One that dies has seen nothing. Subclasses: what it is asked to do, and what nothing is."""
 
-    def __init__(self):
+    ARGUMENTS = ()
+    NOTHING = {}
+
+    def __init__(self, *arguments):
         # Its own session: it is not interrupted at the terminal with the one who asks, whose end ends it.
-        self._process = subprocess.Popen([sys.executable, "-B", "-S", __file__], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                                         start_new_session=True)  # fmt: skip
+        self._process = subprocess.Popen([sys.executable, "-B", "-S", __file__, *self.ARGUMENTS, *map(str, arguments)], stdin=subprocess.PIPE,
+                                         stdout=subprocess.PIPE, text=True, start_new_session=True)  # fmt: skip
         self._seen = None
 
     def end(self):
-        """{wakeups, late, longest_ms, stolen, late_at}: how often it woke, how often more than LATE_S too late, how late at most; which part
-        of the CPU time the hypervisor took; [begin, end] of CLOCK_MONOTONIC in ns where it woke that late, in one or in several goes within
-        LOOK_S, or where as much of a CPU was taken."""
+        """What it saw."""
         if self._seen is None:
             try:
-                self._seen = json.loads(self._process.communicate(timeout=10)[0])
+                self._seen = json.loads(self._process.communicate(timeout=60)[0])
             except (subprocess.TimeoutExpired, OSError, ValueError):
                 self._process.kill()
                 self._process.communicate()
-                self._seen = {"wakeups": 0, "late": 0, "longest_ms": 0.0, "stolen": 0.0, "late_at": []}
+                self._seen = dict(self.NOTHING)
         return self._seen
 
     def __enter__(self):
@@ -47,9 +51,95 @@ class Lateness:
         self.end()
 
 
-def had_time(seen):
-    """Whether what the witness saw is a machine that suits real time."""
-    return seen["late"] == 0 and seen["stolen"] <= STOLEN
+class Lateness(Witness):
+    """end(): {wakeups, late, longest_ms, stolen, late_at}: how often it woke, how often more than LATE_S too late, how late at most; which part
+    of the CPU time the hypervisor took; [begin, end] of CLOCK_MONOTONIC in ns where it woke that late, in one or in several goes within
+    LOOK_S, or where as much of a CPU was taken."""
+
+    NOTHING = {"wakeups": 0, "late": 0, "longest_ms": 0.0, "stolen": 0.0, "late_at": []}
+
+
+class Waiting(Witness):
+    """The processes with this VAR on their command line: hw_sim, the nodes, srfs. end(): {NAME: {waited_s, waits}} with the time that the
+    thread of it that waited longest was ready to run and had no CPU, and [begin, end, waited] in ns of CLOCK_MONOTONIC where it had to wait.
+    Empty where the kernel does not tell."""
+
+    ARGUMENTS = ("--waiting",)
+
+
+def waited_ns(seen, names, begin_ns, end_ns):
+    """The longest time that one of the processes waited for a CPU between two times, as Waiting saw it."""
+    longest = 0
+    for name in names:
+        longest = max(longest, sum(min(waited, min(end, end_ns) - max(begin, begin_ns))
+                                   for begin, end, waited in seen.get(name, {}).get("waits", ()) if begin < end_ns and end > begin_ns))  # fmt: skip
+    return longest
+
+
+def describe_waiting(seen):
+    """What the processes waited, in words."""
+    if not seen:
+        return "how long processes waited for a CPU is unknown"
+    most = sorted(seen, key=lambda name: -seen[name]["waited_s"])[:4]
+    return "waited for a CPU: " + ", ".join(f"{name} {seen[name]['waited_s']:.1f} s" for name in most)
+
+
+class ProcessWait:
+    """How long a process was ready to run and had no CPU, from repeated readings. The kernel adds a wait when it ends; one that goes on is
+    a runnable thread whose numbers stand still."""
+
+    RENEW_NS = 2_000_000_000  # threads that come later are found then
+
+    def __init__(self, pid):
+        self.pid = pid
+        self._threads = {}  # tid -> [schedstat, stat (descriptors), numbers, counted while it goes on]
+        self._read_at = self._listed_at = None
+
+    def read(self, now_ns):
+        """What its thread that waited longest waited since the reading before, in ns; None when it has ended or the kernel does not tell."""
+        if self._listed_at is None or now_ns - self._listed_at >= self.RENEW_NS:
+            self._list(now_ns)
+        longest, elapsed = 0, 0 if self._read_at is None else now_ns - self._read_at
+        self._read_at = now_ns
+        for tid, thread in list(self._threads.items()):
+            try:
+                numbers = os.pread(thread[0], 96, 0)
+                state = os.pread(thread[1], 128, 0).rpartition(b")")[2][1:2] if numbers == thread[2] else b""
+            except OSError:
+                self._close(self._threads.pop(tid))
+                continue
+            if numbers != thread[2]:
+                added = int(numbers.split()[1]) - int(thread[2].split()[1]) - thread[3]
+                thread[2:] = numbers, 0
+            else:
+                added = elapsed if state == b"R" else 0
+                thread[3] = thread[3] + added if added else 0
+            longest = max(longest, added)
+        return longest if self._threads else None
+
+    def _list(self, now_ns):
+        self._listed_at = now_ns
+        with contextlib.suppress(OSError):
+            for tid in os.listdir(f"/proc/{self.pid}/task"):
+                if tid in self._threads:
+                    continue
+                opened = []
+                try:
+                    for name in ("schedstat", "stat"):
+                        opened.append(os.open(f"/proc/{self.pid}/task/{tid}/{name}", os.O_RDONLY | os.O_CLOEXEC))
+                    self._threads[tid] = [*opened, os.pread(opened[0], 96, 0), 0]
+                except OSError:
+                    self._close(opened)
+
+    @staticmethod
+    def _close(descriptors):
+        for descriptor in descriptors[:2]:
+            os.close(descriptor)
+
+    def close(self):
+        for thread in self._threads.values():
+            self._close(thread)
+        self._threads = {}
 
 
 def describe_lateness(seen):
@@ -107,6 +197,46 @@ def watch(sleep, now=time.monotonic, read=_read_cpu_times):
     return {"wakeups": wakeups, "late": late, "longest_ms": round(1000 * longest_s, 1), "stolen": round(stolen / max(1, total), 4), "late_at": late_at}
 
 
+def name_of(words, var):
+    """What a process of the suite in VAR is called, by its command line: its node, or its program; None for any other."""
+    program = os.path.basename(words[0]) if words else ""
+    if program.startswith("python") or not any(word == var or word.startswith(f"{var}/") for word in words):
+        return None
+    return words[words.index("--name") + 1] if "--name" in words[:-1] else program
+
+
+def watch_waiting(var, sleep, now=time.monotonic_ns):
+    """Reads again and again until sleep(WAIT_LOOK_S) is true. What it sees is as Waiting.end() tells it."""
+    seen, processes, listed_at = {}, {}, None
+    while True:
+        at = now()
+        if listed_at is None or at - listed_at >= 1_000_000_000:
+            listed_at = at
+            for pid in filter(str.isdigit, os.listdir("/proc")):
+                if pid in processes:
+                    continue
+                with contextlib.suppress(OSError), open(f"/proc/{pid}/cmdline", "rb") as file:
+                    if name := name_of(file.read().decode(errors="replace").split("\0"), var):
+                        processes[pid] = name, ProcessWait(pid)
+        for pid, (name, process) in list(processes.items()):
+            before = process._read_at or at
+            waited = process.read(at)
+            if waited is None:
+                process.close()
+                del processes[pid]
+                continue
+            told = seen.setdefault(name, {"waited_s": 0.0, "waits": []})
+            told["waited_s"] += waited / 1e9
+            if waited >= LEAST_WAIT_NS and len(told["waits"]) < MOST_LATE:
+                told["waits"].append([min(before, at - waited), at, waited])
+        if sleep(WAIT_LOOK_S):
+            return seen
+
+
 if __name__ == "__main__":
     # Until the one who asked writes, closes or is gone.
-    print(json.dumps(watch(lambda: bool(select.select([sys.stdin], [], [], PERIOD_S)[0]))), flush=True)
+    is_asked = lambda seconds: bool(select.select([sys.stdin], [], [], seconds)[0])  # noqa: E731
+    if sys.argv[1:2] == ["--waiting"]:
+        print(json.dumps(watch_waiting(sys.argv[2], is_asked)), flush=True)
+    else:
+        print(json.dumps(watch(lambda: is_asked(PERIOD_S))), flush=True)

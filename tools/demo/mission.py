@@ -19,15 +19,18 @@ import threading
 import time
 
 import can_frames
+from lateness import ProcessWait
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 # SRFS_PATIENCE: this machine (an emulated one) is so many times slower than a usual one, and so much longer is waited.
 PATIENCE = int(os.environ.get("SRFS_PATIENCE", "1"))
-READY_DEADLINE_S = 10 * PATIENCE
-UP_DEADLINE_S = 20 * PATIENCE
-ANSWER_DEADLINE_S = 10 * PATIENCE
-STOP_PATIENCE_S = 5 * PATIENCE
+# Waits end as soon as what they wait for is there; how long they last at most is for a machine that others use, too.
+READY_DEADLINE_S = 60 * PATIENCE
+UP_DEADLINE_S = 20 * PATIENCE  # without progress of any node; ten times as long in all
+ANSWER_DEADLINE_S = 60 * PATIENCE
+STOP_PATIENCE_S = 5 * PATIENCE  # without the time in which a process waits for a CPU; ten times as long in all
+MOST_PATIENCE = 10
 
 
 class MissionError(Exception):
@@ -123,9 +126,9 @@ def end_processes(pids, patience_s=STOP_PATIENCE_S):
             signal.pidfd_send_signal(handles[pid], signal.SIGTERM)
             signal.pidfd_send_signal(handles[pid], signal.SIGCONT)
     killed = []
-    deadline = time.monotonic() + patience_s
+    begin = time.monotonic()
     for pid, handle in handles.items():
-        if not select.select([handle], [], [], max(0, deadline - time.monotonic()))[0]:
+        if not has_ended(handle, pid, patience_s, begin):
             killed.append(pid)
             with contextlib.suppress(ProcessLookupError):
                 signal.pidfd_send_signal(handle, signal.SIGKILL)
@@ -134,12 +137,39 @@ def end_processes(pids, patience_s=STOP_PATIENCE_S):
     return killed
 
 
+def has_ended(handle, pid, patience_s, begin):
+    """Waits for the end of a process (a pidfd) that was told to end at `begin`. Time in which it waits for a CPU does not count, up to
+    MOST_PATIENCE times as long."""
+    process, waited_s = ProcessWait(pid), 0.0
+    try:
+        while True:
+            waited_s += (process.read(time.monotonic_ns()) or 0) / 1e9
+            elapsed_s = time.monotonic() - begin
+            left_s = min(patience_s + waited_s, MOST_PATIENCE * patience_s) - elapsed_s
+            if select.select([handle], [], [], min(max(left_s, 0), 0.1))[0]:
+                return True
+            if left_s <= 0:
+                return False
+    finally:
+        process.close()
+
+
 def memory_folder(var):
     """Where the nodes of a VAR folder share memory (VarPaths::memory in lib/ros/instance.cpp)."""
     value = 0xCBF29CE484222325  # FNV-1a
     for octet in f"{os.path.normpath(os.path.abspath(var))}/".encode():
         value = (value ^ octet) * 0x100000001B3 % 2**64
     return pathlib.Path(f"/dev/shm/srfs_{value:016x}")
+
+
+def has_come(var, node):
+    """Whether a node is in its desired state, by its heartbeat page (lib/ros/ring/heartbeat_page.cpp)."""
+    try:
+        _, process, _, _, lifecycle, _ = struct.unpack("6Q", (memory_folder(var) / f"{node}.heartbeat").read_bytes()[:48])
+    except (OSError, struct.error):
+        return False
+    state, desired = lifecycle & 0xFFFFFFFF, lifecycle >> 32
+    return state != 0 and state == desired and process & 0xFFFFFFFF == lock_owner(var / "run" / f"{node}.lock")
 
 
 def wait_until(condition, deadline_s, what, period_s=0.02):
@@ -152,6 +182,15 @@ def wait_until(condition, deadline_s, what, period_s=0.02):
         if time.monotonic() > end:
             raise MissionError(f"{what}: not within {deadline_s} s")
         time.sleep(period_s)
+
+
+def stop_child(process):
+    """Ends a child. Returns whether it ended by itself, or by SIGTERM."""
+    if process.poll() is not None:
+        return True
+    killed = end_processes([process.pid])
+    process.wait()
+    return not killed
 
 
 class Lines:
@@ -220,13 +259,7 @@ class Lines:
         if self.process.stdin:
             with contextlib.suppress(OSError):
                 self.process.stdin.close()
-        if self.process.poll() is None:
-            self.process.terminate()
-        try:
-            self.process.wait(STOP_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
+        stop_child(self.process)
         self._thread.join(2)
         self.process.stdout.close()
 
@@ -258,25 +291,33 @@ class GroundSession(Lines):
             lambda m: m.get("line") == line and (m["type"] == "error" or m["type"] == "tc_stage" and m["final"]), deadline_s
         )
 
-    def command(self, text, deadline_s=15 * PATIENCE):
+    def command(self, text, deadline_s=ANSWER_DEADLINE_S):
         """Sends a line and waits for its outcome."""
         return self.outcome(self.send(text), deadline_s)
 
-    def housekeeping(self, structure, deadline_s=5 * PATIENCE, since=None, matches=lambda fields: True):
+    def housekeeping(self, structure, deadline_s=ANSWER_DEADLINE_S, since=None, matches=lambda fields: True):
         """The next live packet of a structure whose fields match; None after deadline_s."""
         since = self.position() if since is None else since
         return self.wait_for(
             lambda m: m.get("structure") == structure and m.get("vc") == 0 and matches(m["fields"]), deadline_s, since
         )
 
-    def fresh(self, structure, deadline_s=5 * PATIENCE):
-        """Asks for a structure now and returns its fields; None when it did not come."""
+    def fresh(self, structure, deadline_s=ANSWER_DEADLINE_S):
+        """Asks for a structure now, again while that is refused (its node may have to come yet), and returns its fields; None when it did not
+        come."""
         since = self.position()
-        self.send(f"tc housekeeping.one_shot structure={structure}")
-        packet = self.housekeeping(structure, deadline_s, since)
-        return packet and packet["fields"]
+        end = time.monotonic() + deadline_s
+        is_packet = lambda m: m.get("structure") == structure and m.get("vc") == 0  # noqa: E731
+        while True:
+            line = self.send(f"tc housekeeping.one_shot structure={structure}")
+            refused = lambda m, line=line: m.get("line") == line and m["type"] == "tc_stage" and m["final"] and m["stage"] != "completed"  # noqa: E731
+            answer = self.wait_for(lambda m: is_packet(m) or refused(m), end - time.monotonic(), since)
+            if answer and not is_packet(answer):
+                answer = self.wait_for(is_packet, min(0.5, end - time.monotonic()), since)
+            if answer or time.monotonic() > end:
+                return answer["fields"] if answer else None
 
-    def stats(self, deadline_s=3):
+    def stats(self, deadline_s=ANSWER_DEADLINE_S):
         since = self.position()
         self.send("stats")
         return self.wait_for(lambda m: m["type"] == "stats", deadline_s, since)
@@ -285,7 +326,7 @@ class GroundSession(Lines):
 class Mission:
     """The simulated spacecraft and the suite, up between __enter__ and __exit__."""
 
-    def __init__(self, var, deployment="sim", bin_dir="build-release/bin", say=lambda text: None, only=(), insist_s=0):
+    def __init__(self, var, deployment="sim", bin_dir="build-release/bin", say=lambda text: None, only=(), insist_s=0, wait_for_all=True):
         self.var = pathlib.Path(var).absolute()
         self.deployment = find_deployment(deployment)
         self.simulated = self.deployment  # what hw_sim reads; another file where a real device stands in for one of its own
@@ -293,11 +334,14 @@ class Mission:
         self.say = say
         self.only = only  # nodes that are started; empty: all
         self.insist_s = insist_s  # so long who ended is started again: without a ring, whom the switcher kills on a late machine stays down
+        self.wait_for_all = wait_for_all  # else nodes that flight does not need (the image lane) join when they can
+        self.coming = []  # those of them that are not there yet
         self.run_dir = self.var / "run"
         self.hw_sim = None
         self.up_report = None
         self._lock = None
         self._lines = []
+        self._rest = None
         self._watched = {}
 
     # --- starting ---------------------------------------------------------------------------------------------------
@@ -400,22 +444,46 @@ class Mission:
 
     def _start_suite(self):
         earlier = {log.stem: log.stat().st_size for log in (self.var / "log").glob("*.log")}
-        only = [word for name in self.only for word in ("--only", name)]
+        options = [word for name in self.only for word in ("--only", name)] + ["--all"] * self.wait_for_all
         begin = time.monotonic()
         while True:
-            result = self.srfs("up", "--deadline", str(UP_DEADLINE_S), *only, timeout_s=UP_DEADLINE_S + 10)
+            code, output, said = self._srfs_up("--deadline", str(UP_DEADLINE_S), *options)
             try:
-                self.up_report = json.loads(result.stdout)
+                self.up_report = json.loads(output)
             except ValueError:
-                raise MissionError(f"srfs up: {result.stderr.strip()}", code=result.returncode or 1) from None
+                raise MissionError(f"srfs up: {said.strip()}", code=code or 1) from None
             if self.up_report["ok"] or time.monotonic() - begin >= self.insist_s:
                 break
         if not self.up_report["ok"]:
             late = [node["name"] for node in self.up_report["nodes"] if node["state"] != "active"]
             errors = [error for name in late for error in self._last_error(name, earlier.get(name, 0))]
             in_the_file = any(str(self.deployment) in error for error in errors)
-            raise MissionError("the suite did not come up:\n" + "\n".join(self.up_report["problems"] + errors), code=2 if in_the_file else 1)
+            raise MissionError("the suite did not come up:\n" + "\n".join(self.up_report["problems"] + errors + self.up_report["advice"]), code=2 if in_the_file else 1)
+        self.coming = self.up_report["coming"]
         self._watched = {node["name"]: node["pid"] for node in self.up_report["nodes"]}
+
+    def _srfs_up(self, *options):
+        """(exit code, output, errors) of `srfs up`, which says on its error output, line by line, what it waits for."""
+        command = [self.program("srfs"), "up", *options, "--json", "--deployment", str(self.deployment), "--var", str(self.var)]
+        said = []
+        with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            try:
+                for line in process.stderr:
+                    said.append(line)
+                    self.say(f"  {line.rstrip()}")
+                output = process.stdout.read()
+            except BaseException:
+                process.terminate()
+                raise
+        return process.returncode, output, "".join(said)
+
+    def start_rest(self):
+        """`srfs up` that starts what is missing and waits for all nodes, also those that flight does not need, as long as they make
+        progress; ended with the mission."""
+        command = [self.program("srfs"), "up", "--all", "--deadline", str(UP_DEADLINE_S), "--deployment", str(self.deployment), "--var", str(self.var)]
+        with open(self.var / "log" / "up.log", "ab") as log:
+            self._rest = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True)
+        return self._rest
 
     def _last_error(self, node, begin):
         """The last error in a node's log behind octet `begin`, as a list of at most one line."""
@@ -510,11 +578,16 @@ class Mission:
             now = self.node_pid(name)
             if now == pid:
                 continue
-            if now is None:
+            if pid is None and name in self.coming:
+                pass  # its first process
+            elif now is None:
                 news.append(f"{name} (pid {pid}) is gone; its log: {self.var / 'log' / (name + '.log')}")
             else:
                 news.append(f"{name} was restarted: pid {now}")
             self._watched[name] = now
+        for name in [name for name in self.coming if has_come(self.var, name)]:
+            self.coming.remove(name)
+            news.append(f"{name} has come: all nodes are up" if not self.coming else f"{name} has come")
         return news, False
 
     def memory_kib(self):
@@ -540,27 +613,32 @@ class Mission:
         for lines in reversed(self._lines):
             lines.end()
         self._lines = []
-        result = self.srfs("down")
-        try:
-            report = json.loads(result.stdout)
-            left += [f"{name} did not stop in time and was killed" for name in report["killed"]]
-            left += [f"{name} could not be stopped" for name in report["left"]]
-        except ValueError:
-            left.append(f"srfs down: {result.stderr.strip()}")
+        if self._rest:
+            stop_child(self._rest)  # it would hold `srfs down` up
+        left += self._stop_suite()
         left += self._stop_hw_sim()
         left += self._leftovers()
+        self._remove_run_files()
         self._release_lock()
         return left
+
+    def _stop_suite(self):
+        try:
+            result = self.srfs("down", "--patience", str(1000 * STOP_PATIENCE_S), timeout_s=3 * MOST_PATIENCE * STOP_PATIENCE_S)
+            report = json.loads(result.stdout)
+        except subprocess.TimeoutExpired:
+            return ["srfs down did not end in time"]
+        except ValueError:
+            return [f"srfs down: {result.stderr.strip()}"]
+        for name in report["starved"]:
+            self.say(f"{name} got too little CPU time to end within {MOST_PATIENCE * STOP_PATIENCE_S} s and was killed: this machine is too busy")
+        hung = [name for name in report["killed"] if name not in report["starved"]]
+        return [f"{name} did not stop in time and was killed" for name in hung] + [f"{name} could not be stopped" for name in report["left"]]
 
     def _stop_hw_sim(self):
         if self.hw_sim.poll() is not None:
             return [] if self.hw_sim.returncode == 0 else [f"the simulated spacecraft ended with {self.hw_sim.returncode}"]
-        self.hw_sim.terminate()
-        try:
-            self.hw_sim.wait(STOP_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            self.hw_sim.kill()
-            self.hw_sim.wait()
+        if not stop_child(self.hw_sim):
             return ["hw_sim did not end in time and was killed"]
         return [] if self.hw_sim.returncode == 0 else [f"hw_sim ended with {self.hw_sim.returncode}"]
 
@@ -569,6 +647,8 @@ class Mission:
         remaining = processes_of(self.var)
         left += [f"process {name} (pid {pid})" for pid, name in remaining.items()]
         end_processes(remaining)
+        if self.hw_sim.returncode < 0:
+            return left  # killed, it could not remove its files; that is said already
         left += [f"file {path}" for path in self.run_dir.iterdir() if path.name != "mission.lock"]
         if (self.var / "rs422").is_symlink():
             left.append(f"link {self.var / 'rs422'}")

@@ -86,6 +86,11 @@ class Rotation:
             count["failed"] += grant["status"] == "failed"
         return counts
 
+    def failed_slots(self, payload):
+        """Its slots that were over before the last recorded one of anybody and were neither used nor handed back."""
+        ordered = self._ordered()
+        return [grant for grant in ordered[:-1] if grant["holder"] == payload and grant["status"] not in ("released", "not used")]
+
     def overlaps(self):
         """Grants given while the holder before had neither released nor lost its lease."""
         ordered = self._ordered()
@@ -97,18 +102,20 @@ class Rotation:
 
     def skipped(self):
         """(with cause, without): recorded ticks without a grant, the cause being a bus that was still held."""
+        without = len(self.skips())
+        return len(self._ticks_without_grant()) - without, without
+
+    def skips(self):
+        """Times of the recorded ticks without a grant and without cause."""
         ordered = self._ordered()
-        granted = {grant["cycle"] for grant in ordered}
+        return [at for at in self._ticks_without_grant()
+                if not any(g["published"] < at and (g["released"] is None or g["released"] > at) and g["lease_end"] > at for g in ordered)]  # fmt: skip
+
+    def _ticks_without_grant(self):
+        granted = {grant["cycle"] for grant in self._ordered()}
         if not granted:
-            return 0, 0
-        with_cause = without = 0
-        for cycle, at in list(self.ticks.items()):
-            if not min(granted) < cycle < max(granted) or cycle in granted:
-                continue
-            held = any(g["published"] < at and (g["released"] is None or g["released"] > at) and g["lease_end"] > at for g in ordered)
-            with_cause += held
-            without += not held
-        return with_cause, without
+            return []
+        return [at for cycle, at in list(self.ticks.items()) if min(granted) < cycle < max(granted) and cycle not in granted]
 
     def published_ticks(self):
         """{cycle: time published}."""

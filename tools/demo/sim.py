@@ -22,7 +22,8 @@ def say(text):
 def greeting(flight):
     var, bin_dir, nodes = flight.var, flight.bin_dir, flight.up_report["nodes"]
     option = "" if flight.deployment.stem == "sim" else f" --deployment {flight.deployment}"
-    return f"""{len(nodes)} nodes up in {flight.up_report['took_ms']} ms, DDS domain {flight.domain}
+    coming = f"; still coming, flight does not need them: {', '.join(flight.coming)}" if flight.coming else ""
+    return f"""{len(nodes) - len(flight.coming)} nodes up in {flight.up_report['took_ms']} ms, DDS domain {flight.domain}{coming}
   operator's port  {var}/rs422
   logs             {var}/log/
 Try, in another terminal:
@@ -40,7 +41,7 @@ def fly(flight, signals):
     while not signals.wait(0.5):
         news, gone = flight.news_of_processes()
         for line in news:
-            say(f"! {line}")
+            say(line if "has come" in line else f"! {line}")
         if gone:
             return False
     return True
@@ -49,7 +50,7 @@ def fly(flight, signals):
 def main():
     arguments = parse()
     signals = mission.StopSignals()
-    flight = mission.Mission(arguments.var, arguments.deployment, arguments.bin, say)
+    flight = mission.Mission(arguments.var, arguments.deployment, arguments.bin, say, wait_for_all=False)
     flight.start()
     say(greeting(flight))
     whole = fly(flight, signals)

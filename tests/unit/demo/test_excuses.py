@@ -1,0 +1,60 @@
+"""What the demo excuses on a busy machine, and what not."""
+
+import pathlib
+import sys
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "tools" / "demo"))
+
+import demo  # noqa: E402
+import rotation  # noqa: E402
+
+S = 1_000_000_000
+MS = 1_000_000
+
+
+class ExcusesTest(unittest.TestCase):
+    WAITING = {"ttc": {"waited_s": 0.03, "waits": [[10 * S, 10 * S + 200 * MS, 30 * MS]]}}
+    QUIET = {"late_at": []}
+
+    def test_a_loss_is_excused_by_what_a_process_it_needed_waited_meanwhile(self):
+        excuses = demo.Excuses(self.QUIET, self.WAITING)
+
+        self.assertEqual(excuses.find(["ttc", "hw_sim"], 10 * S, 10 * S + 300 * MS), "ttc waited 30 ms for a CPU")
+        self.assertIsNone(excuses.find(["hw_sim"], 10 * S, 10 * S + 300 * MS), "another process")
+        self.assertIsNone(excuses.find(["ttc"], 11 * S, 12 * S), "another time")
+        self.assertIsNone(excuses.find(["ttc"], 9 * S, 12 * S), "too little for so long a time")
+
+    def test_a_machine_that_stood_still_is_an_excuse_too(self):
+        excuses = demo.Excuses({"late_at": [[10 * S, 10 * S + 50 * MS]]}, {})
+
+        self.assertEqual(excuses.find(["ttc"], 10 * S, 10 * S + 300 * MS), "this machine stood still for 50 ms")
+
+    def test_without_evidence_nothing_is_excused(self):
+        self.assertIsNone(demo.Excuses(self.QUIET, {}).find(["ttc"], 0, 100 * S))
+
+
+class FailedSlotsTest(unittest.TestCase):
+    def test_slots_that_were_over_and_neither_used_nor_handed_back_have_failed(self):
+        seen = rotation.Rotation()
+        for number, (holder, status) in enumerate([("a", "released"), ("b", "failed"), ("a", "not used"), ("b", None), ("a", "released"), ("b", None)]):
+            seen.grants[(1, number)] = {"holder": holder, "cycle": number, "published": number * S, "lease_end": number * S + 80 * MS, "status": status,
+                                        "released": number * S + 50 * MS if status else None, "used_us": None}  # fmt: skip
+
+        self.assertEqual([slot["cycle"] for slot in seen.failed_slots("b")], [1, 3], "the last one is under way")
+        self.assertEqual(seen.failed_slots("a"), [])
+
+    def test_a_tick_without_a_grant_and_without_cause_is_a_skip(self):
+        seen = rotation.Rotation()
+        for cycle in (1, 2, 4, 5):
+            seen.grants[(1, cycle)] = {"holder": "a", "cycle": cycle, "published": cycle * S, "lease_end": cycle * S + 80 * MS, "status": "released",
+                                       "released": cycle * S + 50 * MS, "used_us": 50_000}  # fmt: skip
+        seen.ticks = {cycle: cycle * S for cycle in range(1, 6)}
+
+        self.assertEqual(seen.skips(), [3 * S])
+        self.assertEqual(seen.skipped(), (0, 1))
+
+
+if __name__ == "__main__":
+    unittest.main()
