@@ -12,16 +12,18 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "
 import faults  # noqa: E402
 import fencing  # noqa: E402
 import mission  # noqa: E402
+import overload  # noqa: E402
 import updates  # noqa: E402
 
 
 def parse():
     parser = argparse.ArgumentParser(prog="./run campaign", description="Long runs of the real processes under faults. "
                                      "Exit code 0 only if every invariant held.")  # fmt: skip
-    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates"),
+    parser.add_argument("name", nargs="?", default="faults", choices=("faults", "fencing", "updates", "overload"),
                         help="faults (default): every class of failure in every node, healed by the ring; "
                         "fencing: processes are stopped and killed at random points of their CAN slots; "
-                        "updates: packages of sources in a row, a third of them bad, with processes killed")  # fmt: skip
+                        "updates: packages of sources in a row, a third of them bad, with processes killed; "
+                        "overload: beside programs that take the CPUs: who waits for one is not dead, who is dead is found")  # fmt: skip
     parser.add_argument("--seed", type=int, metavar="S", help="of the faults (default: a random one, which is printed)")
     parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="where the files go (default: var/campaign/NAME)")
     parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
@@ -46,6 +48,11 @@ def parse():
     slots.add_argument("--slots", type=int, default=10_000, metavar="N", help="grants of the bus (default: %(default)s)")
     packages = parser.add_argument_group("updates")
     packages.add_argument("--updates", type=int, default=200, metavar="N", help="packages (default: %(default)s)")
+    busy = parser.add_argument_group("overload")
+    busy.add_argument("--flood", type=float, default=60, metavar="S", help="length of an overload of 60 processes that burn CPUs (default: %(default)s)")
+    busy.add_argument("--calm", type=float, default=60, metavar="S", help="seconds beside the load without a fault (default: %(default)s)")
+    busy.add_argument("--demos", type=int, default=0, metavar="N", help="runs of the demo beside the load (default: %(default)s)")
+    busy.add_argument("--heavy-demos", type=int, default=0, metavar="N", help="the same beside a heavier load (default: %(default)s)")
     options = parser.parse_args()
     known = {c.name: c for c in faults.CLASSES}
     wanted = {None: list(known), "all": list(known), "none": []}.get(options.classes, (options.classes or "").split(","))
@@ -134,6 +141,39 @@ def run_faults(options, out, seed, signals, say):
     return summary, lambda: faults.draw(out, campaign)
 
 
+def run_overload(options, out, seed, signals, say):
+    """Faults of --class and a culprit in --nodes, an overload that ends, the demo; all beside programs that take the CPUs."""
+    wrappers = faults.Wrappers(out / "bin", options.bin.absolute(), options.bin.absolute().parent / "lib" / "libsrfs_fault_injector.so")
+    deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml", options.misses)
+    names = {fault.name for fault in options.classes}
+    trials = [(fault, node) for fault in overload.CLASSES if fault.name in names or (names and fault is faults.HOG_CLASS)
+              for node in options.nodes for _ in range(options.repeat) if fault is not faults.HOG_CLASS or node not in overload.NICED]  # fmt: skip
+    random.Random(seed).shuffle(trials)
+    say(f"{len(trials)} faults beside {overload.LOAD}, seed {seed}")
+    with overload.busy(overload.LOAD), mission.Mission(options.var or out / "var", deployment, options.bin, say) as flight:
+        say(f"the suite is up beside the load after {flight.up_report['took_ms'] / 1000:.1f} s")
+        with overload.Overload(flight, wrappers, signals, seed, say) as campaign:
+            for number, (fault, node) in enumerate(trials, start=1):
+                trial = campaign.trial(fault, node)
+                if trial is None:
+                    continue
+                active = trial.seconds("active")
+                say(f"{number} of {len(trials)}: {trial.kind} {node}: " + (f"Active again after {active:.3f} s" if active is not None else trial.note)
+                    + (f"; found as {trial.found_as}" if trial.found_as else "")
+                    + (f"; FALSE RESTARTS: {', '.join(trial.false_restarts)}" if trial.false_restarts else ""))  # fmt: skip
+            if options.calm:
+                say(f"{options.calm:.0f} s beside the load: restarted {campaign.calm(options.calm).false_restarts or 'nobody'}")
+            if options.flood:
+                trial = campaign.flood(options.flood)
+                say(f"overload of {options.flood:.0f} s: as before {campaign.back_s:.1f} s after its end, restarted {trial.false_restarts or 'nobody'}")
+        faults.write(out, campaign)
+    demos = [run for load, count in ((overload.LOAD, options.demos), (overload.HEAVY_LOAD, options.heavy_demos))
+             for run in overload.fly_demos(options, out, load, count, say)]  # fmt: skip
+    summary = {"misses": options.misses, "realtime": False, **overload.summarize(campaign, demos)}
+    (out / "report.md").write_text(faults.report(summary))
+    return summary, lambda: faults.draw(out, campaign)
+
+
 def run_updates(options, out, seed, signals, say):
     text = mission.find_deployment("fig16").read_text().replace("  members: [payload_adcs, payload_thermal, payload_eps]\n", "")
     (out / "deployment.yaml").write_text(text)  # the ring has everybody, so that maintenance comes back
@@ -155,7 +195,7 @@ def main():
     def say(text):
         print(f"[{options.name}] {text}", file=sys.stderr, flush=True)
 
-    run = {"fencing": run_fencing, "updates": run_updates, "faults": run_faults}[options.name]
+    run = {"fencing": run_fencing, "updates": run_updates, "faults": run_faults, "overload": run_overload}[options.name]
     verdict, draw = run(options, out, seed, signals, say)
     summary = {"campaign": options.name, "seed": seed, **verdict}
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")

@@ -46,6 +46,7 @@ enum Command : std::uint32_t {
   use_descriptors = 11,  // until there are no more
   clock_step = 12,       // CLOCK_REALTIME is so many minutes (signed) away
   idle = 13,             // input stays where it is but for liveness checks; the node's own timers do nothing
+  hog = 14,              // eight threads that burn the CPUs
 };
 
 constexpr int signal_number_offset = 7;  // SIGRTMIN + 7
@@ -78,6 +79,10 @@ void* grow_without_end(void*) {
       std::memset(memory, 1, size);
     sleep_ms(50);
   }
+}
+
+void* burn(void*) {
+  while (true) (void)late_ms.load();
 }
 
 void on_command(int, siginfo_t* info, void*) {
@@ -116,6 +121,12 @@ void on_command(int, siginfo_t* info, void*) {
       pthread_create(&thread, nullptr, grow_without_end, nullptr);
       break;
     }
+    case hog:
+      for (int i = 0; i < 8; ++i) {
+        pthread_t thread;
+        pthread_create(&thread, nullptr, burn, nullptr);
+      }
+      break;
     case use_descriptors:
       while (open("/dev/null", O_RDONLY | O_CLOEXEC) >= 0) {
       }

@@ -40,7 +40,7 @@ ACTIVE = 3  # lifecycle_msgs/State
 SUBSETS = 2 ** len(NODES) - 2  # of nine nodes, but nobody and all
 
 # Commands of fault_injector.cpp.
-ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP, IDLE = range(1, 14)
+ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP, IDLE, HOG = range(1, 15)
 HEALTHY = 0
 
 
@@ -83,11 +83,12 @@ CLASSES = (
     FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
     FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
 )
+HOG_CLASS = FaultClass("hog", "eight threads that burn the CPUs", "restart", 5.0, 5.0, found_as=("taking the CPUs", "exited"))  # a payload that has the bus is fenced first
 # The worker thread that is frozen: one that has work again each second. A restarter has an empty job then.
 WORKERS = {"ttc": "ttc_store", **dict.fromkeys(PAYLOADS, "store"), **dict.fromkeys(("timing", "can_switcher", *NODES[6:]), "ring")}
 WITHOUT_DUE_WORK = NODES[6:]
 KINDS = {"subset": "several nodes killed at once", "everybody": "all nine killed at once", "soak": "nothing but load",
-         "suite_stopped": "the whole suite stopped for 0.05 to 3 s and continued", "steady": "between two faults"}  # fmt: skip
+         "overload": "more load than CPUs for a while", "suite_stopped": "the whole suite stopped for 0.05 to 3 s and continued", "steady": "between two faults"}  # fmt: skip
 WINDOW_S = 1.5  # of the ring's death history
 NODE_PRIORITY, DEVICE_PRIORITY = 40, 50  # SCHED_FIFO
 LOAD = ("stress-ng", "--cpu", "4", "--io", "2", "--quiet")
@@ -204,7 +205,9 @@ class Trial:
 
 
 class FaultCampaign:
-    def __init__(self, flight, wrappers, signals, seed, say):
+    def __init__(self, flight, wrappers, signals, seed, say, classes=CLASSES, fresh_s=0.4):
+        self.classes = classes
+        self.fresh_ns = int(fresh_s * 1e9)  # so old may an answer be of which a node is called steady
         self.flight = flight
         self.wrappers = wrappers
         self.signals = signals
@@ -283,7 +286,7 @@ class FaultCampaign:
         with self._lock:
             alive = dict(self._alive)
         return all(self.flight.node_pid(node) for node in NODES) and all(
-            node in alive and alive[node][1] == ACTIVE and now - alive[node][2] < 400_000_000 for node in NODES)  # fmt: skip
+            node in alive and alive[node][1] == ACTIVE and now - alive[node][2] < self.fresh_ns for node in NODES)  # fmt: skip
 
     def wait_until_steady(self, deadline_s=STEADY_DEADLINE_S):
         mission.wait_until(lambda: self.signals.asked or self._is_steady(), deadline_s, "all nodes Active and answering", period_s=0.02)
@@ -339,7 +342,7 @@ class FaultCampaign:
         """@return what ends the fault, to be called; None where nothing does"""
         signals = {"exit": signal.SIGTERM, "kill": signal.SIGKILL, "stop": signal.SIGSTOP}
         commands = {"abort": ABORT, "segfault": SEGFAULT, "bad_version": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
-                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS, "idle": IDLE}  # fmt: skip
+                    "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS, "idle": IDLE, "hog": HOG}  # fmt: skip
         if kind in signals:
             self._signal(pid, signals[kind])
         elif kind in commands:
@@ -471,7 +474,7 @@ class FaultCampaign:
             found = [a for a in self._accusations if a[0] >= begin and a[1] in trial.victims]
         if found:
             trial.accused, trial.found_as = found[0][0], found[0][3]
-        allowed = next((fault.found_as for fault in CLASSES if fault.name == trial.kind), ())
+        allowed = next((fault.found_as for fault in self.classes if fault.name == trial.kind), ())
         if trial.active and allowed and trial.found_as not in allowed:
             trial.note = f"found as '{trial.found_as}', expected: {', '.join(allowed)}"
         trial.slots_lost = slots_lost(self.messages, begin, time.monotonic_ns(), trial.victims)
@@ -528,7 +531,7 @@ class FaultCampaign:
         trial = Trial("soak", NODES, "none", begin=time.monotonic_ns())
         before, ticks = self._pids(), self._ticks
         self.usage = []  # (s, {node: (KiB, descriptors)})
-        with stress() as load:
+        with stress(LOAD) as load:
             end = time.monotonic() + seconds
             while time.monotonic() < end and not self.signals.asked:
                 self.usage.append((time.monotonic(), {node: usage(pid) for node, pid in self._pids().items()}))
@@ -543,11 +546,11 @@ class FaultCampaign:
 
 
 @contextlib.contextmanager
-def stress():
+def stress(command):
     """Load beside the mission, ended with the block."""
-    if not shutil.which(LOAD[0]):
-        raise mission.MissionError(f"{LOAD[0]} is not installed: apt-get install {LOAD[0]}", code=2)
-    with tempfile.TemporaryDirectory() as folder, subprocess.Popen(LOAD, cwd=folder, stdout=subprocess.DEVNULL) as load:
+    if not shutil.which(command[0]):
+        raise mission.MissionError(f"{command[0]} is not installed: apt-get install {command[0]}", code=2)
+    with tempfile.TemporaryDirectory() as folder, subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL) as load:
         try:
             yield load
         finally:
@@ -649,11 +652,11 @@ def sort_telecommands(stages, trials):
 def kinds_of(campaign):
     """The kinds of faults of a campaign, in the order of their lists; trials come in a random one."""
     seen = {*(trial.kind for trial in campaign.trials), *getattr(campaign, "not_applicable", ())}
-    return [name for name in (*(fault.name for fault in CLASSES), *KINDS) if name in seen]
+    return [name for name in (*(fault.name for fault in campaign.classes), *KINDS) if name in seen]
 
 
 def summarize(campaign):
-    by_name = {fault.name: fault for fault in CLASSES}
+    by_name = {fault.name: fault for fault in campaign.classes}
     table = []
     for name in kinds_of(campaign):
         trials = [t for t in campaign.trials if t.kind == name]

@@ -1,0 +1,137 @@
+"""The overload campaign: the mission beside programs that take the CPUs. Who waits for a CPU is not dead, who is dead is found all the same."""
+
+import contextlib
+import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import faults
+import mission  # tools/demo
+import witness
+
+LOAD = "--cpu 16"  # of stress-ng
+HEAVY_LOAD = "--cpu 48 --io 4 --vm 2"
+FLOOD = "--cpu 60"
+FOUND_WITHIN_S = 5.0
+BACK_WITHIN_S = 3.0
+FRESH_S = 5.0  # an answer beside the load
+INJECTED = ("kill", "segfault", "stop", "loop", "deadlock", "worker")
+CLASSES = (*(dataclasses.replace(fault, p50_s=FOUND_WITHIN_S, max_s=FOUND_WITHIN_S, bound_s=60) for fault in faults.CLASSES if fault.name in INJECTED),
+           faults.HOG_CLASS)  # fmt: skip
+NICED = ("image_acquisition", "image_processing")  # they give way, so nobody minds what they take
+DEMO_DEADLINE_S = 900
+
+
+@contextlib.contextmanager
+def busy(load):
+    """stress-ng beside the mission, ended with the block. A session for each of its workers: where the kernel shares out CPU time among
+    sessions (autogroup, as Debian's does), one of all of them is one competitor only, and no load."""
+    words = load.split()
+    with contextlib.ExitStack() as stack:
+        for what, count in zip(words[::2], map(int, words[1::2])):
+            for _ in range(count):
+                one = subprocess.Popen(["stress-ng", what, "1", "--quiet"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True,
+                                       cwd="/tmp")  # fmt: skip
+                stack.callback(_end_session, one)
+        yield
+
+
+def _end_session(process):
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+class Overload(faults.FaultCampaign):
+    """Faults beside LOAD, one of ours that takes the CPUs, and an overload that ends."""
+
+    def __init__(self, flight, wrappers, signals, seed, say):
+        super().__init__(flight, wrappers, signals, seed, say, CLASSES, FRESH_S)
+        self.starved = []  # (node, what the ring said)
+        self.back_s = None
+
+    def _on_record(self, message):
+        if message["type"] == "liveness" and message["verdict"] == "starved":
+            self.starved.append((message["subject"], message["detail"]))
+        super()._on_record(message)
+
+    def flood(self, seconds):
+        """An overload of so long, then none: nobody is restarted, and all is as before a moment after its end."""
+        self.wait_until_steady()
+        trial = faults.Trial("overload", faults.NODES, "none")
+        before = self._pids()
+        with busy(FLOOD):
+            self._pause(seconds)
+        trial.begin = time.monotonic_ns()
+        self.fresh_ns = 400_000_000
+        mission.wait_until(lambda: self.signals.asked or (self._is_steady() and self._answers_since(trial.begin)), faults.STEADY_DEADLINE_S,
+                           "all nodes Active and answering after the overload", period_s=0.02)  # fmt: skip
+        self.back_s = (time.monotonic_ns() - trial.begin) / 1e9
+        self.fresh_ns = int(FRESH_S * 1e9)
+        trial.false_restarts = self._changed(before)
+        self.trials.append(trial)
+        return trial
+
+    def _answers_since(self, begin):
+        """Every node was checked and each payload released a slot since then."""
+        with self._lock:
+            checked = all(alive[2] > begin for alive in self._alive.values())
+        used = {m["payload"] for m in self.messages[-200:] if m["type"] == "bus" and m["status"] == "released" and m["said_ns"] > begin}
+        return checked and used >= set(faults.PAYLOADS)
+
+    def calm(self, seconds):
+        """Nothing but LOAD, which is there already: who is restarted now was not ill."""
+        self.wait_until_steady()
+        trial = faults.Trial("soak", faults.NODES, "none", begin=time.monotonic_ns())
+        before = self._pids()
+        self._pause(seconds)
+        trial.false_restarts = self._changed(before)
+        self.trials.append(trial)
+        return trial
+
+    def _pause(self, seconds):
+        if self.signals.wait(seconds):
+            raise mission.MissionError("interrupted", code=130)
+
+
+def fly_demos(options, out, load, count, say):
+    """[(ok, seconds, failures)] of runs of the demo beside a load."""
+    runs = []
+    for number in range(1, count + 1):
+        begin = time.monotonic()
+        with busy(load):
+            time.sleep(2)  # it is there before the suite
+            command = [sys.executable, "-B", str(mission.ROOT / "tools" / "demo" / "demo.py"), "--bin", str(options.bin), "--var", str(out / "demo"), "--json"]
+            try:
+                done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=DEMO_DEADLINE_S)
+                failures = json.loads(done.stdout.splitlines()[-1])["failures"] if done.stdout else [done.stderr.strip()[-500:]]
+                ok = done.returncode == 0
+            except subprocess.TimeoutExpired:
+                ok, failures = False, [f"not done within {DEMO_DEADLINE_S} s"]
+        runs.append({"ok": ok, "seconds": round(time.monotonic() - begin, 1), "failures": failures, "load": load})
+        say(f"demo {number} of {count} beside {runs[-1]['load']}: {'ok' if ok else failures} after {runs[-1]['seconds']} s")
+    return runs
+
+
+def summarize(campaign, demos):
+    """As faults.summarize(), with what this campaign asks for besides."""
+    summary = faults.summarize(campaign)
+    slow = [f"{t.kind} {','.join(t.victims)}: {t.seconds('active'):.2f} s" for t in campaign.trials
+            if t.expected == "restart" and t.active and t.seconds("active") > FOUND_WITHIN_S]  # fmt: skip
+    checks = [witness.check(slow, f"found and Active again within {FOUND_WITHIN_S:.0f} s", sum(t.expected == "restart" for t in campaign.trials))]
+    if campaign.back_s is not None:
+        late = [] if campaign.back_s <= BACK_WITHIN_S else [f"{campaign.back_s:.1f} s"]
+        checks.append(witness.check(late, f"as before within {BACK_WITHIN_S:.0f} s of the end of an overload ({campaign.back_s:.1f} s)"))
+    if demos:
+        bad = [f"beside {run['load']}: {'; '.join(run['failures'])[:300]}" for run in demos if not run["ok"]]
+        checks.append(witness.check(bad, "the demo is as expected beside the load", len(demos)))
+    summary["checks"] += checks
+    summary["ok"] = all(c["ok"] for c in summary["checks"])
+    summary["starved"] = [f"{node} {detail}" for node, detail in campaign.starved]
+    summary["back_s"] = campaign.back_s
+    summary["demos"] = demos
+    return summary
