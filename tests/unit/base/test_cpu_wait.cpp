@@ -81,7 +81,8 @@ TEST(CpuHistory, RemembersLongTimesMoreRoughly) {
     history.add(at_ms(100 * i), {milliseconds(50 * i), nanoseconds(0), milliseconds(50 * i)});
   EXPECT_EQ(history.since(at_ms(9'999'000)).waited, milliseconds(450)) << "the last seconds exactly";
   for (const std::int64_t s : {10, 60, 600, 6000}) {
-    const double waited = static_cast<double>(history.since(at_ms(9'999'900 - 1000 * s)).waited.count()) / 1e9;
+    const double waited =
+        static_cast<double>(history.since(at_ms(9'999'900 - 1000 * s)).waited.count()) / 1e9;
     EXPECT_GE(waited, 0.5 * static_cast<double>(s)) << "rounded up";
     EXPECT_LE(waited, static_cast<double>(s));
   }
