@@ -83,7 +83,7 @@ CLASSES = (
     FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
     FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
 )
-HOG_CLASS = FaultClass("hog", "eight threads that burn the CPUs", "restart", 5.0, 5.0, found_as=("taking the CPUs", "exited"))  # a payload that has the bus is fenced first
+HOG_CLASS = FaultClass("hog", "eight threads that burn the CPUs", "restart", 5.0, 5.0, bound_s=60, found_as=("taking the CPUs", "exited"))  # a payload that has the bus is fenced first
 # The worker thread that is frozen: one that has work again each second. A restarter has an empty job then.
 WORKERS = {"ttc": "ttc_store", **dict.fromkeys(PAYLOADS, "store"), **dict.fromkeys(("timing", "can_switcher", *NODES[6:]), "ring")}
 WITHOUT_DUE_WORK = NODES[6:]
@@ -714,6 +714,8 @@ def show(summary):
         print(f"  {'ok    ' if result['ok'] else 'NOT OK'}  {result['what']}{count}")
         for line in result["shown"]:
             print(f"            {line}")
+    for goal in summary.get("goals", ()):
+        print(f"  {'met   ' if goal['met'] else 'MISSED'}  {goal['what']}")
     if summary["soak_slopes"]:
         print(f"  soak of {summary['soak_ticks']} ticks")
     for node, slope in summary["soak_slopes"].items():

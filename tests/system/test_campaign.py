@@ -8,12 +8,12 @@ from support import BIN, PYTHON, ROOT, SystemTest
 
 
 class CampaignTest(SystemTest):
-    def run_campaign(self, *arguments):
+    def run_campaign(self, *arguments, timeout_s=220):
         """The summary of a campaign in which every check held."""
         out = self.folder / "out"
         run = subprocess.run([PYTHON, "-B", str(ROOT / "tests" / "campaign" / "campaign.py"), *arguments, "--json",
                               "--out", str(out), "--var", str(self.var), "--bin", str(BIN)],
-                             stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=220)  # fmt: skip
+                             stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=timeout_s)  # fmt: skip
         self.assertTrue(run.returncode in (0, 1) and run.stdout, run.stderr)
         summary = json.loads(run.stdout)
         self.assertEqual([c for c in summary["checks"] if not c["ok"]], [], f"seed {summary['seed']}\n{run.stderr}")
@@ -33,6 +33,16 @@ class FaultCampaignTest(CampaignTest):
         self.assertGreater(summary["telecommands"]["executed"], 0)
         self.assertIn("| kill | SIGKILL | 2 of 2 |", (out / "report.md").read_text())
         self.assertGreater((out / "trials.csv").read_text().count("\n"), 11)
+
+
+class OverloadCampaignTest(CampaignTest):
+    def test_beside_programs_that_take_the_cpus_who_is_ill_is_healed_and_nobody_else_is_restarted(self):
+        summary, _ = self.run_campaign("overload", "--class", "stop,loop", "--nodes", "maintenance", "--calm", "5", "--flood", "10", "--misses", "5",
+                                       timeout_s=400)  # fmt: skip
+        table = {row["class"]: row for row in summary["table"]}
+        self.assertEqual({name: row["recovered"] for name, row in table.items()}, {"stop": 1, "loop": 1, "hog": 1, "soak": 1, "overload": 1})
+        self.assertIn("taking the CPUs", table["hog"]["found_as"])
+        self.assertGreater(summary["telecommands"]["executed"], 0)
 
 
 class FencingCampaignTest(CampaignTest):
