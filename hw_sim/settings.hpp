@@ -27,7 +27,7 @@ struct DeviceUris {
 struct WatchdogSettings {
   milliseconds timeout{10'000};
   std::vector<std::string> restart_command;  ///< empty: `srfs restart` beside this program
-  milliseconds restart_limit{60'000};        ///< a restart command that runs longer is killed
+  milliseconds restart_limit{300'000};       ///< a restart command that runs longer is killed
 };
 
 /// What hw_sim takes from a deployment file.

@@ -87,18 +87,21 @@ void CpuWait::on_reading(const ThreadCpu& cpu, bool runnable, MonotonicTime now)
   const bool moved = cpu != *last_;
   if (!moved && now - last_at_ < shortest_proof) return;
   if (moved) {
-    // What was counted as going on is a part of what the kernel added now.
-    const nanoseconds counted = waiting_from_ ? last_at_ - *waiting_from_ : nanoseconds(0);
-    total_ += std::max(cpu.waited - last_->waited - counted, nanoseconds(0));
-    waiting_from_.reset();
-  } else if (!runnable) {
-    waiting_from_.reset();
-  } else {
-    if (!waiting_from_) waiting_from_ = last_at_;
+    // What was counted while it went on is a part of what the kernel added now.
+    total_ += std::max(cpu.waited - last_->waited - counted_, nanoseconds(0));
+    counted_ = nanoseconds(0);
+  } else if (runnable) {
     total_ += now - last_at_;
+    counted_ += now - last_at_;
   }
   last_ = cpu;
   last_at_ = now;
+}
+
+void CpuWait::skip_to(const ThreadCpu& cpu, MonotonicTime now) {
+  last_ = cpu;
+  last_at_ = now;
+  counted_ = nanoseconds(0);
 }
 
 // ---- CpuHistory
@@ -121,9 +124,12 @@ CpuTotals CpuHistory::since(MonotonicTime since) const {
                                       [](MonotonicTime t, const Point& p) { return t < p.at; });
   const CpuTotals& then = (after == points_.begin() ? after : after - 1)->totals;
   const Point& last = points_.back();
+  const CpuTotals& next = (after == points_.end() ? last : *after).totals;
   const nanoseconds distance = std::max(last.at - since, nanoseconds(0));
-  return {std::min(last.totals.waited - then.waited, distance), last.totals.ran - then.ran,
-          std::min(last.totals.any_waited - then.any_waited, distance)};
+  const auto waited = [&](nanoseconds CpuTotals::*of) {
+    return std::clamp(last.totals.*of - then.*of, nanoseconds(0), distance);
+  };
+  return {waited(&CpuTotals::waited), last.totals.ran - next.ran, waited(&CpuTotals::any_waited)};
 }
 
 // ---- StolenTime
@@ -133,9 +139,10 @@ nanoseconds StolenTime::on_reading(std::string_view proc_stat) {
   nanoseconds most{0};
   std::size_t cpu = 0;
   while (proc_stat.starts_with("cpu")) {
-    const auto line_end = std::min(proc_stat.find('\n'), proc_stat.size());
+    const auto line_end = proc_stat.find('\n');
+    if (line_end == std::string_view::npos) break;  // cut
     std::string_view line = proc_stat.substr(0, line_end);
-    proc_stat.remove_prefix(std::min(line_end + 1, proc_stat.size()));
+    proc_stat.remove_prefix(line_end + 1);
     if (line.starts_with("cpu ")) continue;  // the sum of all
     line.remove_prefix(std::min(line.find(' '), line.size()));
     std::optional<std::uint64_t> stolen;

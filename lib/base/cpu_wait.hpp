@@ -56,6 +56,9 @@ class CpuWait {
   ///                  ignored: the time of a running thread grows only at the kernel's own ticks.
   void on_reading(const ThreadCpu& cpu, bool runnable, MonotonicTime now);
 
+  /// Goes on from here: what was waited since the last reading, which may be long ago, is left out.
+  void skip_to(const ThreadCpu& cpu, MonotonicTime now);
+
   /// All time waited since the first reading, as known at the last one. Never falls.
   [[nodiscard]] nanoseconds total() const { return total_; }
   /// False: the state need not be read for this one.
@@ -64,7 +67,7 @@ class CpuWait {
  private:
   std::optional<ThreadCpu> last_;
   MonotonicTime last_at_;
-  std::optional<MonotonicTime> waiting_from_;
+  nanoseconds counted_{0};  ///< of the wait that goes on
   nanoseconds total_{0};
 };
 
@@ -83,7 +86,7 @@ class CpuHistory {
   void add(MonotonicTime now, const CpuTotals& totals);
   void clear() { points_.clear(); }
   /// What was added between @p since and the last point; of waits never more than that distance. Exact to the
-  /// distance of two points, rounded up.
+  /// distance of two points: waits are rounded up, `ran` down.
   [[nodiscard]] CpuTotals since(MonotonicTime since) const;
 
  private:

@@ -47,7 +47,7 @@ constexpr rlim_t stack_octets = 8U << 20;
 constexpr rlim_t locked_octets = 64U << 20;
 constexpr unsigned long timer_slack_ns = 50'000;  // the kernel's own default
 constexpr milliseconds longest_exec{1000};
-constexpr milliseconds longest_wait_for_cpu{3000};
+constexpr milliseconds longest_wait_for_cpu{2000};
 constexpr milliseconds longest_wait_for_instance{1000};
 constexpr milliseconds longest_wait_for_lock{3000};
 constexpr milliseconds longest_wait_for_end{1000};
@@ -356,7 +356,8 @@ Result<Process, std::string> spawn(const Preparation& p, const NodeEntry& node) 
            monotonic_now() - begin < longest_wait_for_cpu);
   if (!report.complete) {  // the disk under the program does not answer
     if (const auto stuck = Process::open(report.lone_pid())) stuck->signal(SIGKILL);
-    return Err(fmt::format("{}: not executed within {} ms", p.executable, longest_exec.count()));
+    return Err(fmt::format("{}: not executed within {} ms", p.executable,
+                           (monotonic_now() - begin) / milliseconds(1)));
   }
   if (report.used == sizeof(pid_t)) {
     if (report.lone_pid() <= 0) return Err(std::string("fork failed in the starter"));

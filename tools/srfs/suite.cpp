@@ -138,7 +138,7 @@ void add_reasons(Bus& bus, std::vector<NodeStatus>& nodes) {
 }
 
 constexpr milliseconds between_readings{100};  // at processes that end
-constexpr milliseconds longest_kill{2000};
+constexpr milliseconds longest_kill{10'000};   // a killed process needs a CPU to end
 
 void disarm_simulated_watchdog(const Target& target) {
   const auto uri = target.deployment.devices.find("watchdog");

@@ -78,7 +78,7 @@ void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& respons
   }
   if (worst == nullptr) return;
   response.worker = worst->name();
-  // A thread without a CPU is not frozen: of what held it up and what the whole node up, the longer counts.
+  // A thread without a CPU is not frozen: the longer of its own delay and the node's is subtracted.
   const nanoseconds waited = worst->waited_since(since);
   response.worker_busy_ms = std::min(age_ms(since), as_ms(node_.now() - since - waited));
   response.worker_deadline_ms = as_ms(worst->deadline());

@@ -17,6 +17,7 @@
 #include <mission/structures.hpp>
 
 #include "ros/node_versions.hpp"
+#include "ros/ring/node_record.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -30,6 +31,7 @@ constexpr milliseconds shortest_worker_deadline{5000};
 /// Of the caps; a node at its cap fails in ways of its own.
 constexpr std::uint64_t cap_percent = 90;
 constexpr seconds between_commits{5};
+constexpr seconds shortest_survey{1};  ///< the kernel counts the time of processes in 10 ms
 
 std::uint32_t as_ms(nanoseconds d) {
   return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d / milliseconds(1), 0, UINT32_MAX));
@@ -269,6 +271,8 @@ NodeReading LivenessRing::look(std::string_view subject) const {
     reading.pid = instance->pid;
     reading.incarnation = instance->incarnation;
     reading.page = HeartbeatPage::read(node_.var(), name);
+  } else {
+    reading.starting = find_starting(node_.var(), name).has_value();
   }
   const NodeEntry* entry = node_.deployment().find(name);
   reading.real_time = entry != nullptr && entry->scheduling.policy == SchedulingPolicy::fifo;
@@ -287,9 +291,10 @@ std::optional<CpuTotals> LivenessRing::look_at_cpu(std::string_view subject, pid
   if (!totals) return std::nullopt;
   // What this node's own middleware waits for keeps the answers of others from it as well.
   if (doubt && own_cpu_) {
-    if (const auto own = own_cpu_->read(true, now)) totals->any_waited += own->any_waited - own->waited;
+    if (const auto own = own_cpu_->read(true, now)) own_middleware_waited_ = own->any_waited - own->waited;
     read_stolen_time();
   }
+  totals->any_waited += own_middleware_waited_;
   // Whose time the host of a virtual machine takes, nobody can say: it may be the subject's.
   totals->waited += stolen_.total();
   totals->any_waited += stolen_.total();
@@ -377,6 +382,8 @@ void LivenessRing::carry_out(const RingMonitor::Unwatch& action) {
   found->second.exit_watch.reset();
   found->second.pidfd.reset();
   found->second.pid = 0;
+  found->second.cpu.reset();
+  found->second.cpu_pid = 0;
 }
 
 void LivenessRing::carry_out(RingMonitor::Accuse& action) {
@@ -478,9 +485,15 @@ void LivenessRing::carry_out(const RingMonitor::Recovered& action) {
 void LivenessRing::carry_out(const RingMonitor::Starved& action) {
   auto users = std::make_shared<std::vector<CpuUser>>();
   const auto survey = [survey = survey_, users] {
-    CpuSurvey now{monotonic_now(), read_process_table()};
-    if (*survey) *users = largest_cpu_users((*survey)->processes, now.processes, now.at - (*survey)->at);
-    *survey = std::move(now);
+    const MonotonicTime now = monotonic_now();
+    if (*survey && now - (*survey)->at < shortest_survey) {  // several nodes starve: one answer for all
+      *users = (*survey)->users;
+      return;
+    }
+    CpuSurvey next{now, read_process_table(), {}};
+    if (*survey) next.users = largest_cpu_users((*survey)->processes, next.processes, now - (*survey)->at);
+    *users = next.users;
+    *survey = std::move(next);
   };
   const auto finish = [this, users, node = std::string(action.subject), report = action.report,
                        silent_for = action.silent_for, waited = action.waited] {
@@ -498,12 +511,11 @@ void LivenessRing::carry_out(const RingMonitor::Starved& action) {
   if (!worker_->post(survey, finish)) finish();
 }
 
-/// One of ours that takes more than all others together, without a real-time priority and not niced, is to be
-/// restarted instead of whom it starves.
+/// One of ours that takes half of all CPUs or more, without a real-time priority and not niced: it is
+/// restarted, not the nodes that it starves.
 void LivenessRing::accuse_culprit(const std::vector<CpuUser>& users) {
-  double all = 0;
-  for (const CpuUser& user : users) all += user.cpus;
-  if (users.empty() || users.front().processes != 1 || users.front().cpus < all / 2) return;
+  const auto cpus = static_cast<double>(std::max(sysconf(_SC_NPROCESSORS_ONLN), 1L));
+  if (users.empty() || users.front().processes != 1 || users.front().cpus < cpus / 2) return;
   const pid_t pid = users.front().largest;
   for (const NodeEntry& entry : node_.deployment().nodes) {
     if (!may_be_culprit(entry)) continue;
@@ -516,7 +528,7 @@ void LivenessRing::accuse_culprit(const std::vector<CpuUser>& users) {
     accusation.incarnation = instance->incarnation;
     accusation.generation = monitor_->membership().generation;
     accusation.first_evidence = accusation.decided = monotonic_now();
-    accusation.detail = fmt::format("{:.1f} CPUs, more than all others together", users.front().cpus);
+    accusation.detail = fmt::format("takes {:.1f} CPUs while others starve", users.front().cpus);
     RingMonitor::Accuse accuse{std::move(accusation)};
     carry_out(accuse);
     return;

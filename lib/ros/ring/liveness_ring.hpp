@@ -122,10 +122,12 @@ class LivenessRing : private CheckAliveService::RingMember {
   std::optional<ProcessCpu> own_cpu_;  ///< nullopt: the kernel does not tell
   CpuHistory own_history_;
   nanoseconds own_waited_{0};  ///< at the last period
+  nanoseconds own_middleware_waited_{0};
   StolenTime stolen_;
   struct CpuSurvey {
     MonotonicTime at;
     ProcessTable processes;
+    std::vector<CpuUser> users;  ///< since the survey before
   };
   std::shared_ptr<std::optional<CpuSurvey>> survey_;  ///< the worker's; the last one
   std::unique_ptr<Worker> worker_;

@@ -15,6 +15,7 @@ namespace {
 
 constexpr std::size_t most_threads = 64;  ///< of a node, which has about ten
 constexpr seconds between_searches{1};
+constexpr milliseconds longest_gap{500};  ///< between two readings in doubt
 constexpr std::size_t longest_name = 64;
 constexpr std::size_t longest_status = 8192;
 
@@ -47,23 +48,38 @@ std::optional<ThreadCpu> ProcessCpu::read_thread(Thread& thread, MonotonicTime n
   return cpu;
 }
 
+std::optional<ThreadCpu> ProcessCpu::skip(Thread& thread, MonotonicTime now) {
+  const auto cpu = thread.files.read();
+  if (cpu) thread.wait.skip_to(*cpu, now);
+  return cpu;
+}
+
 std::optional<CpuTotals> ProcessCpu::read(bool doubt, MonotonicTime now) {
   CpuTotals totals;
   const auto cpu = read_thread(first_, now);
   if (!cpu) return std::nullopt;
   totals.ran = cpu->ran;
   totals.waited = first_.wait.total();
-  if (doubt) {
-    if (now - found_ >= between_searches) find_threads(now);
-    for (auto entry = others_.begin(); entry != others_.end();) {
-      Thread& thread = entry->second;
-      const bool lives = !thread.of_middleware || read_thread(thread, now);
-      if (thread.of_middleware) most_waited_ = std::max(most_waited_, thread.wait.total());
-      entry = lives ? std::next(entry) : others_.erase(entry);
-    }
-  }
-  totals.any_waited = totals.waited + most_waited_;
+  if (doubt) middleware_waited_ += read_middleware(now);
+  totals.any_waited = totals.waited + middleware_waited_;
   return totals;
+}
+
+/// What the thread of the middleware that waited most since the call before has waited since then. What they
+/// waited before somebody asked excuses nothing.
+nanoseconds ProcessCpu::read_middleware(MonotonicTime now) {
+  if (now - found_ >= between_searches) find_threads(now);
+  const bool goes_on = now - std::exchange(doubted_, now) <= longest_gap;
+  nanoseconds most{0};
+  for (auto entry = others_.begin(); entry != others_.end();) {
+    Thread& thread = entry->second;
+    const nanoseconds before = thread.wait.total();
+    const bool lives =
+        !thread.of_middleware || (goes_on ? read_thread(thread, now) : skip(thread, now)).has_value();
+    if (thread.of_middleware) most = std::max(most, thread.wait.total() - before);
+    entry = lives ? std::next(entry) : others_.erase(entry);
+  }
+  return most;
 }
 
 std::size_t ProcessCpu::count_busy_threads(MonotonicTime now) {
@@ -119,6 +135,7 @@ void ProcessCpu::find_threads(MonotonicTime now) {
   const auto name_of = [&](pid_t tid) {
     return read_file(fmt::format("{}/{}/comm", tasks, tid), longest_name).value_or("");
   };
+  std::erase_if(others_, [](const auto& entry) { return !entry.second.files.read(); });  // they have ended
   std::string own;
   for_each_number(tasks, [&](pid_t tid) {
     if (tid == pid_ || others_.contains(tid)) return true;

@@ -41,6 +41,8 @@ class ProcessCpu {
   };
   ProcessCpu(pid_t pid, ThreadCpuFiles first) : pid_(pid), first_{std::move(first), {}, false} {}
   static std::optional<ThreadCpu> read_thread(Thread& thread, MonotonicTime now);
+  static std::optional<ThreadCpu> skip(Thread& thread, MonotonicTime now);
+  nanoseconds read_middleware(MonotonicTime now);
   void find_threads(MonotonicTime now);
   [[nodiscard]] bool computes(pid_t tid, Thread& thread, const ThreadCpu& cpu, nanoseconds elapsed) const;
   [[nodiscard]] std::optional<std::uint64_t> count_yields(pid_t tid) const;
@@ -49,8 +51,9 @@ class ProcessCpu {
   Thread first_;
   std::map<pid_t, Thread> others_;
   MonotonicTime found_;
+  MonotonicTime doubted_;
   std::optional<MonotonicTime> counted_at_;
-  nanoseconds most_waited_{0};
+  nanoseconds middleware_waited_{0};
 };
 
 }  // namespace srfs::ros

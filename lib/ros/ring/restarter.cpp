@@ -64,8 +64,8 @@ bool is_being_started(const VarPaths& var) {
   return lock && flock(lock.get(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
 }
 
-/// How long a process could have run since it was started @p since. One that waits for a CPU just now has not
-/// had its time, however long it takes. Blocks for 25 ms at most.
+/// How long a process could have run since it was started @p since, at least what it has run. Blocks for 25
+/// ms at most.
 nanoseconds able_since_start(pid_t pid, MonotonicTime since) {
   constexpr int look_ms = 25;
   const auto files = ThreadCpuFiles::open(pid, pid);
@@ -73,9 +73,9 @@ nanoseconds able_since_start(pid_t pid, MonotonicTime since) {
   if (!before) return monotonic_now() - since;
   if (files->state() == 'R') {
     poll(nullptr, 0, look_ms);
-    if (files->read() == before && files->state() == 'R') return nanoseconds(0);
+    if (files->read() == before && files->state() == 'R') return before->ran;  // it waits just now
   }
-  return monotonic_now() - since - before->waited;
+  return std::max(monotonic_now() - since - before->waited, before->ran);
 }
 
 std::string signal_text(std::uint32_t number) {

@@ -124,7 +124,7 @@ void RingMonitor::on_period(MonotonicTime now, nanoseconds late, nanoseconds wai
     held_up_.push_back({now, late});
     if (held_up_.size() > most_held_up) held_up_.pop_front();
     if (late - waited <= tolerance()) {
-      skip_round();
+      skip_round(now);
     } else {
       void_round(now);
     }
@@ -169,8 +169,10 @@ void RingMonitor::void_round(MonotonicTime now) {
 
 /// The timer was late because this node waited for a CPU. What it did not hear proves nothing; what was
 /// counted before stands, for the subject's own want of a CPU is known.
-void RingMonitor::skip_round() {
+void RingMonitor::skip_round(MonotonicTime now) {
   ++counters_.void_rounds;
+  last_asked_ = now;  // who asked waits in the socket
+  not_asked_ = false;
   self_nonce_ = 0;
   self_failures_ = 0;
   for (Subject& s : subjects_) s.suspected = 0;
@@ -294,10 +296,12 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
 void RingMonitor::judge_stale_page(Subject& s, MonotonicTime last_turn, MonotonicTime now) {
   const MonotonicTime first = s.first_evidence.value_or(now);
   const nanoseconds missed = patience_.misses * patience_.period - patience_.period / 2;
+  // A thread of the middleware that waits for a CPU may hold what the work thread needs.
+  constexpr auto any = &CpuTotals::any_waited;
   const bool could_answer =
-      able_since(s, first, now) >= missed && able_since(s, last_turn, now) >= 2 * patience_.period;
+      able_since(s, first, now, any) >= missed && able_since(s, last_turn, now, any) >= 2 * patience_.period;
   // A turn that has used so much CPU time does not end, however little of it the node gets.
-  const bool loops = s.cpu.since(last_turn).ran >= patience_.period;
+  const bool loops = s.cpu.since(last_turn).ran >= 2 * patience_.period;
   if (!could_answer && !loops) {
     excuse(s, now);
     return;
@@ -402,7 +406,7 @@ std::optional<MonotonicTime> RingMonitor::find_late_question(Subject& s, std::ui
   if (nonce == 0 || asked == s.unanswered.end()) return std::nullopt;
   note_cpu(s, now);
   const nanoseconds in_time = patience_.period + tolerance() + held_up_since(asked->at);
-  if (now - asked->at - s.cpu.since(asked->at).waited > in_time) return std::nullopt;
+  if (now - asked->at - s.cpu.since(asked->at).any_waited > in_time) return std::nullopt;
   return asked->at;
 }
 
@@ -511,6 +515,13 @@ bool RingMonitor::observe(Subject& s, MonotonicTime now) {
     return true;
   }
   const bool never_seen = s.pid == 0;
+  // Somebody has started it, and it loads.
+  if (!reading.starting) {
+    s.starting_since.reset();
+  } else if (now - s.starting_since.value_or(now) < patience_.start_deadline) {
+    s.starting_since = s.starting_since.value_or(now);
+    return false;
+  }
   const nanoseconds grace = std::min<nanoseconds>(longest_start_grace, patience_.start_deadline / 2);
   if (never_seen && now - std::max(begun_, last_void_) < grace) return false;
   if (now < s.expected_until && !s.ended) return false;
@@ -548,6 +559,7 @@ void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, Monoto
   const bool restarted = s.pid != 0 || s.lost;
   clear_evidence(s);
   s.pid = pid;
+  s.starting_since.reset();
   s.incarnation = incarnation;
   s.first_seen = now;
   s.not_before = now;  // the wait was for another process

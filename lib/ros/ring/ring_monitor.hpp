@@ -40,6 +40,7 @@ struct NodeReading {
   std::uint32_t incarnation = 0;  ///< of that process; 0: not written yet
   std::optional<HeartbeatPage::Reading> page;
   bool real_time = false;  ///< the deployment gives it a real-time priority
+  bool starting = false;   ///< nobody holds the lock, and a process is on the way to it
 };
 
 /// A node's answer to a check, as it came.
@@ -209,6 +210,7 @@ class RingMonitor {
     pid_t pid = 0;
     std::uint32_t incarnation = 0;
     MonotonicTime first_seen;
+    std::optional<MonotonicTime> starting_since;
     bool ended = false;  ///< it has exited
     bool heard = false;  ///< it answered, to us
     bool lost = false;   ///< ended, absent or accused, and has not answered since
@@ -261,7 +263,7 @@ class RingMonitor {
   [[nodiscard]] Subject* find(std::string_view name);
   [[nodiscard]] std::uint64_t next_nonce();
   void void_round(MonotonicTime now);
-  void skip_round();
+  void skip_round(MonotonicTime now);
   void conclude_round(MonotonicTime now);
   void ask(MonotonicTime now, bool doubt);
   void count_miss(Subject& s, MonotonicTime now);
@@ -270,7 +272,7 @@ class RingMonitor {
   void judge_cpu(Subject& s, const Footprint& footprint, MonotonicTime now);
   void excuse(Subject& s, MonotonicTime now);
   [[nodiscard]] nanoseconds able_since(const Subject& s, MonotonicTime since, MonotonicTime now,
-                                       nanoseconds CpuTotals::*waited = &CpuTotals::waited) const;
+                                       nanoseconds CpuTotals::*waited) const;
   [[nodiscard]] std::optional<MonotonicTime> find_late_question(Subject& s, std::uint64_t nonce,
                                                                 MonotonicTime now);
   void note_cpu(Subject& s, MonotonicTime now);
