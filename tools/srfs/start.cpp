@@ -67,6 +67,8 @@ void Start::launch(const ros::LaunchRequest& request) {
 }
 
 void Start::wait() {
+  for (Node& node : nodes_)
+    node.gone_since.reset();  // counted from now on: launching the others took its time
   MonotonicTime next_look = begin_;
   // Files are read now and then only: the condition is asked after every sample, and reading them each time,
   // from a slow file system, leaves no time for the answers.
@@ -189,12 +191,12 @@ void Start::tell(UpReport& report) {
         std::find_if(nodes_.begin(), nodes_.end(), [&](const Node& n) { return n.entry == &entry; });
     if (node->held) report.held.push_back(fmt::format("{} is held: {}", entry.name, *node->held));
     if (is_there(*node)) continue;
+    if (!node->launch_problem.empty())
+      report.problems.push_back(fmt::format("{}: {}", entry.name, node->launch_problem));
     if (!node->awaited) {
       report.coming.push_back(entry.name);
       continue;
     }
-    if (!node->launch_problem.empty())
-      report.problems.push_back(fmt::format("{}: {}", entry.name, node->launch_problem));
     report.problems.push_back(fmt::format("{} is {} instead of {}{}; see {}", entry.name, state_of(*node),
                                           node->wanted, cpu_of(*node), target_.var.log(entry.name).string()));
   }

@@ -275,6 +275,9 @@ DownReport down_locked(const Target& target, milliseconds patience) {
     if (running.empty() || !report.left.empty()) break;
     end_all(running, patience, report);
   }
+  if (report.left.empty()) {
+    for (const NodeProcess& one : processes_of(target)) report.left.push_back(one.node);
+  }
   std::error_code ec;
   if (report.left.empty()) {
     for (const auto& node : target.deployment.nodes) {

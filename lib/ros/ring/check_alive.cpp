@@ -70,7 +70,8 @@ void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& respons
     worker->review_cpu(node_.now());
     const WorkerProgress progress = worker->progress();
     if (!progress.owes_since) continue;
-    const nanoseconds left = worker->deadline() - (node_.now() - *progress.owes_since);
+    const nanoseconds waited = worker->waited_since(*progress.owes_since);
+    const nanoseconds left = worker->deadline() + waited - (node_.now() - *progress.owes_since);
     if (left >= least_left) continue;
     least_left = left;
     worst = worker;

@@ -101,7 +101,7 @@ std::size_t ProcessCpu::count_busy_threads(MonotonicTime now) {
 /// It was runnable all the time, ran, and never gave its CPU back of its own will: whoever only waited for a
 /// CPU to do a little does that at once.
 bool ProcessCpu::computes(pid_t tid, Thread& thread, const ThreadCpu& cpu, nanoseconds elapsed) const {
-  constexpr double all_the_time = 0.95;
+  constexpr double all_the_time = 0.5;  // a wait that goes on shows late: the kernel adds it when it ends
   const Counted counted{cpu, thread.wait.total()};
   const auto then = std::exchange(thread.counted, counted);
   if (!then) return false;

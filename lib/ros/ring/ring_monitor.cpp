@@ -323,6 +323,7 @@ nanoseconds RingMonitor::able_since(const Subject& s, MonotonicTime since, Monot
 void RingMonitor::excuse(Subject& s, MonotonicTime now) {
   const nanoseconds bound = s.real_time ? RingPatience::starved_in_real_time : RingPatience::starved;
   const MonotonicTime first = s.first_evidence.value_or(now);
+  s.last_excused = now;
   if (!s.excused_from) {
     s.excused_from = first;
     s.next_starved_report = first + bound;
@@ -560,6 +561,7 @@ void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, Monoto
   clear_evidence(s);
   s.pid = pid;
   s.starting_since.reset();
+  s.last_excused.reset();
   s.incarnation = incarnation;
   s.first_seen = now;
   s.not_before = now;  // the wait was for another process
@@ -695,6 +697,8 @@ void RingMonitor::report(const Subject& s, LivenessVerdict verdict, MonotonicTim
 
 bool RingMonitor::is_troubled(const Subject& s, MonotonicTime now) const {
   if (s.lost || s.accused) return true;
+  // Who gets a CPU now and then watches nobody well.
+  if (s.last_excused && now - *s.last_excused < RingPatience::starved) return true;
   // Whom we have not heard yet, we may not have discovered yet.
   const bool known = s.heard || now - std::max(s.first_seen, last_void_) >= patience_.start_deadline;
   return s.misses > 0 && known;

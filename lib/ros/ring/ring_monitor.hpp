@@ -243,6 +243,7 @@ class RingMonitor {
     bool real_time = false;
     std::optional<MonotonicTime> excused_from;  ///< the unanswered checks are explained by want of a CPU
     MonotonicTime next_starved_report;
+    std::optional<MonotonicTime> last_excused;  ///< of this process
     std::optional<MonotonicTime> first_evidence;
     // The accusation.
     std::optional<MonotonicTime> accused;  ///< when; until its outcome

@@ -402,6 +402,26 @@ TEST_F(RingMonitorTest, GivesAStartThatWaitsForACpuAllTheTimeItNeeds) {
   EXPECT_THAT(accused(), ElementsAre("b: exited", "b: start overdue"));
 }
 
+TEST_F(RingMonitorTest, WatchesBehindAStarvedNodeAlsoWhileThatAnswersNowAndThen) {
+  round();
+  starve("b");
+  rounds(6);
+  EXPECT_THAT(monitor_->watched(), ElementsAre("b", "c"));
+  others_["b"].cpu.waited += now_ - starved_from_;
+  others_["b"].cpu.any_waited += now_ - starved_from_;
+  others_["b"].starves = false;
+  come_up("b");
+  rounds(20);
+  EXPECT_THAT(monitor_->watched(), ElementsAre("b", "c"));
+  hang("c");
+  rounds(10);
+  EXPECT_THAT(accused(), ElementsAre("c: silent"));
+  conclude("c", What::renewed);
+  come_up("c");
+  rounds(120);
+  EXPECT_THAT(monitor_->watched(), ElementsAre("b")) << "ten seconds after the last excuse";
+}
+
 TEST_F(RingMonitorTest, LeavesTheStartDeadlineToWhoIsOnTheWayToItsLock) {
   others_["b"].reading.pid = 0;
   others_["b"].reading.starting = true;
