@@ -45,13 +45,18 @@ std::uint64_t random_seed() {
   return seed;
 }
 
-/// The first part of a file of /proc; empty when there is none.
+/// The first part of a file; empty when there is none.
+std::string_view read_begin(const char* path, std::array<char, 4096>& buffer) {
+  const Fd fd(open(path, O_RDONLY | O_CLOEXEC));
+  const ssize_t n = fd ? read(fd.get(), buffer.data(), buffer.size()) : 0;
+  return {buffer.data(), n > 0 ? static_cast<std::size_t>(n) : 0};
+}
+
+/// The same, of a file of /proc/PID.
 std::string_view read_proc(pid_t pid, const char* file, std::array<char, 4096>& buffer) {
   std::array<char, 64> path{};
   fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/{}", pid, file);
-  const Fd fd(open(path.data(), O_RDONLY | O_CLOEXEC));
-  const ssize_t n = fd ? read(fd.get(), buffer.data(), buffer.size()) : 0;
-  return {buffer.data(), n > 0 ? static_cast<std::size_t>(n) : 0};
+  return read_begin(path.data(), buffer);
 }
 
 /// The first number behind @p key; 0: none (also "unlimited").
@@ -164,7 +169,6 @@ LivenessRing::LivenessRing(LifecycleNode& node, Hooks hooks)
   const RingPatience patience{settings_.period, settings_.misses, settings_.start_deadline,
                               settings_.work_deadline, settings_.absence_counts_misses};
   own_cpu_ = ProcessCpu::open(getpid());
-  survey_ = std::make_shared<std::optional<CpuSurvey>>();
   read_stolen_time();
   const MonotonicTime now = monotonic_now();
   monitor_ = std::make_unique<RingMonitor>(
@@ -304,16 +308,14 @@ std::optional<CpuTotals> LivenessRing::look_at_cpu(std::string_view subject, pid
 nanoseconds LivenessRing::waited_since_last_period(MonotonicTime now) {
   const auto own = own_cpu_ ? own_cpu_->read(false, now) : std::nullopt;
   if (!own) return nanoseconds(0);
-  own_history_.add(now, {own->waited + stolen_.total(), own->ran, own->any_waited});
   const nanoseconds total = own->waited + stolen_.total();
+  own_history_.add(now, {total, own->ran, own->any_waited});
   return total - std::exchange(own_waited_, total);
 }
 
 void LivenessRing::read_stolen_time() {
   std::array<char, 4096> buffer{};
-  const Fd file(open("/proc/stat", O_RDONLY | O_CLOEXEC));
-  const ssize_t n = file ? read(file.get(), buffer.data(), buffer.size()) : 0;
-  if (n > 0) (void)stolen_.on_reading({buffer.data(), static_cast<std::size_t>(n)});
+  (void)stolen_.on_reading(read_begin("/proc/stat", buffer));
 }
 
 LivenessRing::CheckClient& LivenessRing::client_of(const std::string& subject) {
@@ -484,16 +486,16 @@ void LivenessRing::carry_out(const RingMonitor::Recovered& action) {
 /// What takes the CPUs is read on the worker: all processes of the machine, some ms.
 void LivenessRing::carry_out(const RingMonitor::Starved& action) {
   auto users = std::make_shared<std::vector<CpuUser>>();
-  const auto survey = [survey = survey_, users] {
+  const auto survey = [this, users] {
     const MonotonicTime now = monotonic_now();
-    if (*survey && now - (*survey)->at < shortest_survey) {  // several nodes starve: one answer for all
-      *users = (*survey)->users;
-      return;
+    const bool renew =
+        !survey_ || now - survey_->at >= shortest_survey;  // else: one answer for all who starve
+    if (renew) {
+      CpuSurvey next{now, read_process_table(), {}};
+      if (survey_) next.users = largest_cpu_users(survey_->processes, next.processes, now - survey_->at);
+      survey_ = std::move(next);
     }
-    CpuSurvey next{now, read_process_table(), {}};
-    if (*survey) next.users = largest_cpu_users((*survey)->processes, next.processes, now - (*survey)->at);
-    *users = next.users;
-    *survey = std::move(next);
+    *users = survey_->users;
   };
   const auto finish = [this, users, node = std::string(action.subject), report = action.report,
                        silent_for = action.silent_for, waited = action.waited] {

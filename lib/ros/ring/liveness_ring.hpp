@@ -129,7 +129,7 @@ class LivenessRing : private CheckAliveService::RingMember {
     ProcessTable processes;
     std::vector<CpuUser> users;  ///< since the survey before
   };
-  std::shared_ptr<std::optional<CpuSurvey>> survey_;  ///< the worker's; the last one
+  std::optional<CpuSurvey> survey_;  ///< the worker's; the last one
   std::unique_ptr<Worker> worker_;
   Timer timer_;
 };
