@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 # What a node outside this tree is built against: headers, libraries, find_package(srfs), and the settings that srfs-lane reads.
 include(CMakePackageConfigHelpers)
 
@@ -32,6 +34,8 @@ function(srfs_write_node_build output)
   set(flags -std=c++20)
   if(SRFS_SANITIZE)
     list(APPEND flags -fsanitize=${SRFS_SANITIZE} -fno-omit-frame-pointer)
+  else()
+    list(APPEND flags ${SRFS_HARDENING_COMPILE} ${SRFS_FORTIFY} ${SRFS_HARDENING_LINK})  # the linker's mean nothing to the compiler
   endif()
   get_property(libraries GLOBAL PROPERTY SRFS_LIBRARIES)
   list(REMOVE_ITEM libraries srfs_msgs srfs_node srfs_camera srfs_fits)
@@ -67,7 +71,7 @@ function(srfs_install_package)
   install(EXPORT srfsTargets NAMESPACE srfs:: DESTINATION ${SRFS_INSTALL_CMAKE})
 
   configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/srfsConfig.cmake.in ${PROJECT_BINARY_DIR}/srfsConfig.cmake
-    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} NO_SET_AND_CHECK_MACRO)
+    INSTALL_DESTINATION ${SRFS_INSTALL_CMAKE} PATH_VARS CMAKE_INSTALL_LIBDIR NO_SET_AND_CHECK_MACRO)
   write_basic_package_version_file(${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake COMPATIBILITY SameMinorVersion)
   install(FILES ${PROJECT_BINARY_DIR}/srfsConfig.cmake ${PROJECT_BINARY_DIR}/srfsConfigVersion.cmake
     DESTINATION ${SRFS_INSTALL_CMAKE})

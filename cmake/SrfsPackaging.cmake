@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 # The Debian package of what flies: `cpack -G DEB` in a build folder whose target `programs` is built. Programs, libraries, headers and
 # deployments in /opt/srfs (the installation, as it stands); units, rules and settings of packaging/ beside it (packaging/stage.cmake).
 set(CPACK_GENERATOR DEB)

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 # srfs_compile_alone(<sources>...): sources that cannot stand in one translation unit with their neighbours, because both have a name of
 # their own for the same thing ("redefinition of (anonymous namespace)::start"). All others are compiled eight at a time where
 # CMAKE_UNITY_BUILD is on (all presets but debug): half the time from nothing.
@@ -72,14 +74,17 @@ function(add_srfs_node name)
   endif()
 endfunction()
 
+# Time limits end what hangs; on a busy machine everything takes many times as long.
 # Tests of a cross-build run emulated, ten times slower, and know it (tests/build_kind.hpp).
 if(CMAKE_CROSSCOMPILING)
   set(SRFS_UNIT_TEST_TIMEOUT 1800)
   set(SRFS_UNIT_TEST_DEFINITIONS SRFS_EMULATED)
 else()
-  set(SRFS_UNIT_TEST_TIMEOUT 120)
+  set(SRFS_UNIT_TEST_TIMEOUT 600)
   set(SRFS_UNIT_TEST_DEFINITIONS)
 endif()
+
+set(SRFS_TEST_OPTIONS -O0 -U_FORTIFY_SOURCE)  # FORTIFY needs an optimising compiler
 
 # srfs_add_unit_test(<name> SOURCES ... DEPS ...): GoogleTest without DDS, hardware, clock or sleep. Label: unit.
 function(srfs_add_unit_test name)
@@ -91,8 +96,8 @@ function(srfs_add_unit_test name)
   target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
   target_compile_definitions(test_${name} PRIVATE SRFS_SOURCE_DIR="${PROJECT_SOURCE_DIR}" ${SRFS_UNIT_TEST_DEFINITIONS})
   target_link_libraries(test_${name} PRIVATE srfs::compile_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
-  target_compile_options(test_${name} PRIVATE -O0)  # half the time to compile; what is tested is optimised as configured
-  srfs_precompile(test_${name} unit_tests HEADERS <gtest/gtest.h> DEPS GTest::gtest OPTIONS -O0)
+  target_compile_options(test_${name} PRIVATE ${SRFS_TEST_OPTIONS})  # half the time to compile; what is tested is optimised as configured
+  srfs_precompile(test_${name} unit_tests HEADERS <gtest/gtest.h> DEPS GTest::gtest OPTIONS ${SRFS_TEST_OPTIONS})
   set_target_properties(test_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME unit.${name} COMMAND test_${name})
   set_tests_properties(unit.${name} PROPERTIES LABELS unit TIMEOUT ${SRFS_UNIT_TEST_TIMEOUT})
@@ -110,15 +115,15 @@ function(srfs_add_node_test name)
   target_include_directories(node_test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/lib ${PROJECT_SOURCE_DIR})
   target_compile_definitions(node_test_${name} PRIVATE SRFS_SOURCE_DIR="${PROJECT_SOURCE_DIR}" SRFS_BINARY_DIR="${CMAKE_BINARY_DIR}")
   target_link_libraries(node_test_${name} PRIVATE srfs::compile_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
-  target_compile_options(node_test_${name} PRIVATE -O0)  # half the time to compile; what is tested is optimised as configured
+  target_compile_options(node_test_${name} PRIVATE ${SRFS_TEST_OPTIONS})  # half the time to compile; what is tested is optimised as configured
   if(srfs_ros IN_LIST ARG_DEPS)
-    srfs_precompile(node_test_${name} node_tests HEADERS <gtest/gtest.h> <ros/node.hpp> DEPS GTest::gtest srfs_ros OPTIONS -O0)
+    srfs_precompile(node_test_${name} node_tests HEADERS <gtest/gtest.h> <ros/node.hpp> DEPS GTest::gtest srfs_ros OPTIONS ${SRFS_TEST_OPTIONS})
   else()
-    srfs_precompile(node_test_${name} unit_tests HEADERS <gtest/gtest.h> DEPS GTest::gtest OPTIONS -O0)
+    srfs_precompile(node_test_${name} unit_tests HEADERS <gtest/gtest.h> DEPS GTest::gtest OPTIONS ${SRFS_TEST_OPTIONS})
   endif()
   set_target_properties(node_test_${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   add_test(NAME node.${name} COMMAND node_test_${name})
-  set_tests_properties(node.${name} PROPERTIES LABELS node TIMEOUT 180)
+  set_tests_properties(node.${name} PROPERTIES LABELS node TIMEOUT 600)
   # Debian's Fast DDS is not instrumented and has findings of its own.
   if(SRFS_SANITIZE STREQUAL "thread")
     set_tests_properties(node.${name} PROPERTIES ENVIRONMENT "TSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tests/tsan_suppressions.txt")

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/ad_service.hpp"
 
 #include <utility>
@@ -21,7 +23,7 @@ std::string explain(const FopSignal& alert) {
         return "FARM-1 is locked out: unlock";
       case FopAlert::synch:
       case FopAlert::nn_r:
-        return "the CLCW does not fit what was sent; does somebody else use the AD service?";
+        return "the CLCW does not fit what was sent; another sender may be using the AD service";
       case FopAlert::clcw:
         return "the CLCW contradicts itself";
       case FopAlert::llif:
@@ -190,8 +192,8 @@ void AdService::initiate(std::optional<wire::Clcw> clcw, MonotonicTime now) {
   by_unlock_ = purpose_ == Purpose::unlock;
   if (clcw) fop_.set_vs(0, clcw->report_value, now);
   if (by_unlock_) return fop_.initiate_with_unlock(0, now);
-  // Without a CLCW a control frame makes the spacecraft send one; a retransmit flag that somebody left behind
-  // ends with one. V(R) stays where it was last seen.
+  // Without a CLCW a control frame makes the spacecraft send one. A control frame also ends a retransmit flag
+  // that was left behind. V(R) stays where it was last seen.
   const auto seen = clcw ? clcw : clcw_;
   if (!clcw || clcw->retransmit)
     return fop_.initiate_with_set_vr(0, seen ? seen->report_value : fop_.vs(), now);

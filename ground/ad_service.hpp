@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -33,10 +35,10 @@ struct CopReport {
   std::uint64_t repeated = 0;      ///< frames transmitted again so far
   std::optional<wire::Clcw> clcw;  ///< the last one of the channel
   std::uint64_t bad_clcws = 0;     ///< control words that are no CLCW of COP-1
-  std::string problem;             ///< why the service ended, empty: it did not, or as asked
+  std::string problem;             ///< why the service ended; empty: it did not, or on request
 };
 
-/// What the service wants done or has to say. To be handled in order.
+/// What the service orders or reports. To be handled in order.
 struct AdSignal {
   enum class Kind : std::uint8_t {
     transmit_ad,  ///< frame with `sequence` around `packet`; answer with on_transmitted
@@ -44,7 +46,7 @@ struct AdSignal {
     delivered,    ///< `tag` was accepted by FARM-1
     undelivered,  ///< `tag` was transmitted; whether it arrived is unknown
     not_sent,     ///< `tag` was never transmitted
-    changed,      ///< report() has news worth telling
+    changed,      ///< report() has news
   };
   Kind kind = Kind::changed;
   std::uint64_t tag = 0;

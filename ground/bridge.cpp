@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/bridge.hpp"
 
 #include <algorithm>
@@ -80,9 +82,9 @@ nlohmann::json to_json(const BridgeCounters& c) {
 Result<Bridge, std::string> Bridge::open(const ros::LinkSettings& link, Port port, const sockaddr_in& tm,
                                          const sockaddr_in& tc) {
   Fd socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  if (!socket) return Err(fmt::format("cannot make a socket: {}", errno_text(errno)));
+  if (!socket) return Err(fmt::format("cannot create a socket: {}", errno_text(errno)));
   if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&tc), sizeof tc) != 0)
-    return Err(fmt::format("{}: cannot take the uplink here: {}", to_text(tc), errno_text(errno)));
+    return Err(fmt::format("{}: cannot receive the uplink there: {}", to_text(tc), errno_text(errno)));
   return Bridge(link, std::move(port), std::move(socket), tm);
 }
 

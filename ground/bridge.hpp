@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -46,7 +48,7 @@ struct BridgeCounters {
 
 /// The serial line on one side, UDP on the other: TM transfer frames after Reed-Solomon and derandomizer, one
 /// a datagram, to @p tm; CLTUs or TC transfer frames, one a datagram, taken at @p tc. Both directions are as
-/// open as their addresses: whoever reaches @p tc can transmit. One thread.
+/// open as their addresses: any host that reaches @p tc can transmit. One thread.
 class Bridge {
  public:
   static constexpr milliseconds write_patience{5000};

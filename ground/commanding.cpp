@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/commanding.hpp"
 
 #include <algorithm>
@@ -28,6 +30,8 @@ std::optional<Stage> stage_of(std::uint8_t subtype) {
       return Stage::completed;
     case 8:
       return Stage::failed;
+    case 10:
+      return Stage::rejected;
     default:
       return std::nullopt;
   }
@@ -94,7 +98,7 @@ std::optional<StageReport> Commanding::on_inserted(const wire::RequestId& reques
   if (newest == outstanding_.rend()) return std::nullopt;
   StageReport report = report_of(*newest, success ? Stage::scheduled : Stage::not_sent, now);
   if (success) return report;
-  report.failure_text = "it could not be scheduled";
+  report.failure_text = "could not be scheduled";
   outstanding_.erase(std::next(newest).base());
   return report;
 }
@@ -171,7 +175,7 @@ void Commanding::read_failure(OctetReader& in, StageReport& report) const {
   }
   const auto* code = dictionary_.failure_code(report.failure_code);
   report.failure_name = code == nullptr ? "unknown" : code->name;
-  report.failure_text = code == nullptr ? "a failure code that the dictionary does not know" : code->text;
+  report.failure_text = code == nullptr ? "failure code unknown to the dictionary" : code->text;
   if (report.failure_code == mission::failure::bad_argument && in.remaining() == 1) {
     const std::size_t number = in.u8();
     const auto& arguments = report.command->arguments;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -25,7 +27,7 @@ enum class Stage : std::uint8_t {
   sent,
   scheduled,        ///< time-tagged: it is in the schedule on board
   accepted,         ///< 1,1
-  rejected,         ///< 1,2
+  rejected,         ///< 1,2; 1,10: no application process has its APID
   started,          ///< 1,3
   start_failed,     ///< 1,4
   progress,         ///< 1,5
@@ -50,7 +52,7 @@ struct StageReport {
   std::uint8_t step = 0;   ///< of progress
   std::uint16_t failure_code = 0;
   std::string failure_name;
-  bool insertion = false;    ///< of the request that schedules a time-tagged telecommand, not of that
+  bool insertion = false;    ///< of the request that schedules a time-tagged telecommand, not of the latter
   std::string failure_text;  ///< with the parameter: "an argument is out of its range: argument 1 'load'"
 };
 
@@ -103,7 +105,7 @@ class Commanding {
 /// plays retrievals one after another: from its own 1,3 to the next one's, the packets are its. Pure.
 class Retrieval {
  public:
-  /// How long packets may still come after the spacecraft said that all were sent.
+  /// How long packets may still come after the spacecraft reported that all were sent.
   static constexpr milliseconds patience{2000};
 
   explicit Retrieval(std::uint64_t tag, std::uint16_t store) : tag_(tag), store_(store) {}
@@ -117,7 +119,7 @@ class Retrieval {
   /// All packets that the spacecraft sent have come.
   [[nodiscard]] bool is_complete() const { return completed_ && expected_ && received_ >= *expected_; }
   [[nodiscard]] std::uint64_t received() const { return received_; }
-  /// What the spacecraft says it sent, once it has said so.
+  /// The number that the spacecraft sent, once it has reported it.
   [[nodiscard]] std::optional<std::uint64_t> expected() const { return expected_; }
   [[nodiscard]] std::uint64_t tag() const { return tag_; }
 

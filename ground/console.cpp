@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/console.hpp"
 
 #include <algorithm>
@@ -16,6 +18,8 @@
 #include <mission/structures.hpp>
 
 #include "base/signals.hpp"
+#include "cfdp/safe_name.hpp"
+#include "ground/terminal_text.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -26,19 +30,22 @@ constexpr milliseconds default_acceptance{5000};
 constexpr milliseconds default_clcw{35000};  // the beacon comes every 30 s
 constexpr seconds default_installation{900};
 constexpr milliseconds longest_order{35'000};  // of package.install itself
-constexpr seconds first_question{2};           // it may have been told before
+constexpr seconds first_question{2};           // it may have been reported before
 constexpr seconds question_period{15};
 constexpr seconds refusal_patience{2};  // for the event beside a failure report
 constexpr std::size_t longest_line = 4096;
 constexpr int exchange_attempts = 3;
-constexpr milliseconds report_gap{500};  // between the packets of a report
-constexpr seconds longest_report{5};
 
 std::vector<std::string> words_of(const std::string& line) {
   std::istringstream in(line);
   std::vector<std::string> words;
   for (std::string word; in >> word;) words.push_back(word);
   return words;
+}
+
+/// Text from the spacecraft may be anything: in ASCII it steers no terminal.
+std::string one_line(const nlohmann::json& json) {
+  return json.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
 }
 
 /// Takes "--timeout S" out of the words of a session line.
@@ -67,7 +74,8 @@ Result<std::optional<TimeTag>, std::string> take_time_tag(std::vector<std::strin
 
 Console::Console(const mission::Dictionary& dictionary, const ros::LinkSettings& link, Port port,
                  Uplink uplink, ConsoleOptions options)
-    : options_(options),
+    : dictionary_(dictionary),
+      options_(options),
       signals_(termination_signals()),
       station_(dictionary, link, std::move(port), std::move(uplink),
                {.telemetry = [this](const auto& report) { on_telemetry(report); },
@@ -90,14 +98,29 @@ Exit Console::telecommand(const std::string& name, const std::vector<std::string
   return follow(wait);
 }
 
-Exit Console::telecommand_with_report(const std::string& name, const std::vector<std::string>& arguments,
-                                      const std::string& structure, std::optional<milliseconds> timeout) {
-  shown_structure_ = structure;
-  if (const Exit sent = telecommand(name, arguments, true, timeout); sent != Exit::done) return sent;
-  const auto is_over = [&] { return structure_came_ && monotonic_now() - *structure_came_ > report_gap; };
-  if (!run(Watch::port, is_over, monotonic_now() + longest_report)) return Exit::link_closed;
-  if (structure_came_) return Exit::done;
-  fail(fmt::format("no packet of structure {} came within {} s", structure, longest_report / seconds(1)));
+Exit Console::telecommand_with_reports(const std::string& name, const std::vector<std::string>& arguments,
+                                       const ReportOrder& order, std::optional<milliseconds> timeout) {
+  order_ = order;
+  const Exit sent = telecommand(name, arguments, true, timeout);
+  return sent == Exit::done ? follow_order() : sent;
+}
+
+Exit Console::follow_order() {
+  order_->on_completed(monotonic_now());
+  while (!order_->is_over(monotonic_now()) && !interrupted_) {
+    if (!run(
+            Watch::port, [&] { return order_->is_over(monotonic_now()); }, order_->deadline()))
+      return Exit::link_closed;
+  }
+  const ReportOrder order = *std::exchange(order_, std::nullopt);
+  if (order.came()) return Exit::done;
+  if (interrupted_) return Exit::refused;
+  if (order.may_be_none()) {
+    note(fmt::format("no {} received: nothing to report, or lost on the link", order.what()));
+    return Exit::done;
+  }
+  fail(fmt::format("completed, but no {} received within {} s: lost on the link; send the telecommand again",
+                   order.what(), ReportOrder::patience / seconds(1)));
   return Exit::refused;
 }
 
@@ -128,9 +151,8 @@ Exit Console::ping(std::optional<milliseconds> timeout) {
   const MonotonicTime deadline = sent + patience;
   if (!run(Watch::port, over, deadline)) return Exit::link_closed;
   if (!pong_) {
-    fail(last_stage_ && is_failure(last_stage_->stage)
-             ? "the ping was not answered: " + last_stage_->failure_text
-             : "the ping was not answered");
+    fail(last_stage_ && is_failure(last_stage_->stage) ? "no answer to the ping: " + last_stage_->failure_text
+                                                       : "no answer to the ping");
     return Exit::refused;
   }
   if (!options_.json)
@@ -179,7 +201,7 @@ Exit Console::follow_file(const Result<cfdp::TransactionId, std::string>& put,
           Watch::port, [&] { return awaited_arrived_.has_value(); }, deadline))
     return Exit::link_closed;
   if (!awaited_arrived_) {
-    fail("the file is not up yet; it goes on with the next put, files, listen or session");
+    fail("the file is not up yet; the next put, files, listen or session continues it");
     return Exit::refused;
   }
   return *awaited_arrived_ ? Exit::done : Exit::refused;
@@ -223,7 +245,7 @@ Exit Console::follow_installation(bool activate, MonotonicTime deadline) {
     send(question.name, question.arguments, std::nullopt);
   }
   if (!installation_end_) {
-    fail("what became of it is not known yet; telecommand package.report tells");
+    fail("result unknown yet; send telecommand package.report to get it");
     return Exit::refused;
   }
   const bool wanted = activate ? installation_end_ == InstallationEnd::installed
@@ -239,7 +261,7 @@ bool Console::on_installation(const TelemetryReport& report) {
     write_json(to_json(report));
   } else if (report.kind == TelemetryKind::event) {
     const double elapsed_s = std::chrono::duration<double>(monotonic_now() - installation_begun_).count();
-    write_lines(fmt::format("{:>9.3f} s  {}\n", elapsed_s, report.text));
+    write_lines(fmt::format("{:>9.3f} s  {}\n", elapsed_s, for_terminal(report.text)));
   } else if (installation_end_) {
     write_lines(to_lines(report, options_.colour));
   }
@@ -269,7 +291,7 @@ Exit Console::exchange(const TelecommandText& telecommand, std::optional<millise
     for (const TelemetryReport& answer : answers_) write_lines(answer_lines(answer));
   }
   if (whole) return exit;
-  fail(fmt::format("{}: done, but a part of its answers was lost on the way", telecommand.name));
+  fail(fmt::format("{}: done, but some answers were lost on the link; send it again", telecommand.name));
   return Exit::refused;
 }
 
@@ -285,7 +307,7 @@ Exit Console::exchange_once(const TelecommandText& telecommand, std::optional<mi
 }
 
 Exit Console::remote(const RemoteRequest& request, std::optional<milliseconds> timeout) {
-  awaited_name_ = request.awaited_file;
+  awaited_name_ = cfdp::safe_name(request.awaited_file);
   auto worst = Exit::done;
   for (const TelecommandText& telecommand : request.telecommands) {
     std::optional<TelecommandText> page = telecommand;
@@ -304,7 +326,7 @@ Exit Console::remote(const RemoteRequest& request, std::optional<milliseconds> t
           Watch::port, [&] { return awaited_arrived_.has_value(); }, deadline))
     return Exit::link_closed;
   if (!awaited_arrived_) {
-    fail("the file is not down yet; it goes on with the next get, put, files, listen or session");
+    fail("the file is not down yet; the next get, put, files, listen or session continues it");
     return Exit::refused;
   }
   return *awaited_arrived_ ? Exit::done : Exit::refused;
@@ -323,19 +345,12 @@ Exit Console::get_parameters(const std::vector<const mission::Parameter*>& param
   return worst;
 }
 
-Exit Console::set_parameters(const std::vector<std::string>& changes, std::optional<milliseconds> timeout) {
-  for (const std::string& change : changes) {
-    const std::size_t equals = change.find('=');
-    if (equals == std::string::npos) {
-      fail(fmt::format("'{}' is not NODE.PARAMETER=VALUE", change));
-      return Exit::unusable;
-    }
-    const Exit exit = exchange(
-        {.name = "parameters.set",
-         .arguments = {"parameter=" + change.substr(0, equals), "value=" + change.substr(equals + 1)}},
-        timeout);
+Exit Console::set_parameters(const std::vector<TelecommandText>& settings,
+                             std::optional<milliseconds> timeout) {
+  for (const TelecommandText& setting : settings) {
+    const Exit exit = exchange(setting, timeout);
     if (exit != Exit::done) return exit;
-    if (!options_.json) write_lines(change + "\n");
+    if (!options_.json) write_lines(to_line(setting) + "\n");
   }
   return Exit::done;
 }
@@ -370,14 +385,12 @@ void Console::tell_progress() {
   next_progress_ = monotonic_now() + progress_period;
   std::string told;
   for (const cfdp::Report& report : station_.files()->entity().transactions()) {
-    told += options_.json
-                ? to_json(report).dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n"
-                : to_line(report) + "\n";
+    told += (options_.json ? one_line(to_json(report)) : to_line(report)) + "\n";
   }
   if (told.empty() || told == last_progress_) return;
   last_progress_ = told;
   if (options_.json) return write_lines(told);
-  if (!options_.colour) return;  // no terminal: what began and ended is told, not how far it is
+  if (!options_.colour) return;  // no terminal: show begin and end, not the progress
   // One line that is written over: the first file under way.
   const std::string line = told.substr(0, told.find('\n'));
   std::fputs(("\r\x1b[K" + line).c_str(), stdout);
@@ -406,7 +419,7 @@ bool Console::on_file_line(const std::string& verb, const std::vector<std::strin
   const bool known = verb == "suspend"  ? postbox->entity().suspend(*id)
                      : verb == "resume" ? postbox->entity().resume(*id, now)
                                         : postbox->entity().cancel(*id, now);
-  if (!known) fail(fmt::format("no file with the id {} is under way", words[0]));
+  if (!known) fail(fmt::format("no transfer with id {} is in progress", words[0]));
   return true;
 }
 
@@ -485,6 +498,9 @@ Console::StepEnd Console::run_step(const ScriptStep& step) {
 Console::StepEnd Console::run_telecommand_step(const ScriptStep& step) {
   step_ = &step;
   step_judgement_.reset();
+  const auto encoded = dictionary_.encode(step.name, step.arguments);
+  const bool shows = encoded && !step.arms && !step.at && step.expectation == Expectation::completed;
+  order_ = shows ? ReportOrder::of(dictionary_, *encoded) : std::nullopt;
   send(step.name, step.arguments, step.timeout, step.at, step.arms ? Sending::arming : Sending::itself);
   const bool open =
       failed_to_send_ || run(
@@ -493,7 +509,12 @@ Console::StepEnd Console::run_telecommand_step(const ScriptStep& step) {
   if (!open) return StepEnd::link_closed;
   if (failed_to_send_) return StepEnd::otherwise;
   if (!step_judgement_) return StepEnd::interrupted;
-  return *step_judgement_ ? StepEnd::as_expected : StepEnd::otherwise;
+  if (!*step_judgement_) return StepEnd::otherwise;
+  if (!order_) return StepEnd::as_expected;
+  const Exit reported = follow_order();
+  if (reported == Exit::link_closed) return StepEnd::link_closed;
+  if (interrupted_) return StepEnd::interrupted;
+  return reported == Exit::done ? StepEnd::as_expected : StepEnd::otherwise;
 }
 
 void Console::tell_step(const ScriptStep& step, StepEnd end) {
@@ -536,20 +557,23 @@ Exit Console::set_vr(std::uint8_t vr) {
 
 Exit Console::clcw(std::optional<milliseconds> timeout) {
   quiet_telemetry_ = true;
+  asks_for_clcw_ = true;
   const MonotonicTime deadline = monotonic_now() + timeout.value_or(default_clcw);
   if (!run(
           Watch::port, [&] { return station_.cop().clcw.has_value(); }, deadline))
     return Exit::link_closed;
   if (!station_.cop().clcw) {
-    fail("no CLCW of the telecommand channel came");
+    fail("no CLCW received from the telecommand channel");
     return Exit::refused;
   }
   return Exit::done;
 }
 
 void Console::on_cop(const CopReport& report) {
-  const bool nothing_new = report.phase == AdPhase::off && report.problem.empty();
-  if (exchanging_ && nothing_new && !options_.json) return;
+  // Off and as it was: each telecommand of type BD changes the CLCW, which is no news to people.
+  const bool news = report.phase != AdPhase::off || told_phase_ != AdPhase::off || !report.problem.empty();
+  told_phase_ = report.phase;
+  if (!news && !asks_for_clcw_ && !options_.json) return;
   options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 
@@ -577,15 +601,13 @@ void Console::on_telemetry(const TelemetryReport& report) {
     if (report.kind == TelemetryKind::event) write_lines(to_lines(report, options_.colour));
     return;
   }
-  const bool asked_for =
-      !shown_structure_.empty() && report.name == shown_structure_ && report.vc == tm_channel::live;
-  if (asked_for) structure_came_ = monotonic_now();
+  const bool asked_for = order_ && order_->take(report, monotonic_now());
   const bool wanted = report.kind == TelemetryKind::pong || report.kind == TelemetryKind::schedule ||
                       report.vc == tm_channel::playback || asked_for;
   if (quiet_telemetry_ && !wanted) return;
   if (options_.json) {
     write_json(to_json(report));
-  } else if (!(quiet_telemetry_ && report.kind == TelemetryKind::pong)) {
+  } else if (asked_for || !(quiet_telemetry_ && report.kind == TelemetryKind::pong)) {
     write_lines(to_lines(report, options_.colour));
   }
 }
@@ -690,7 +712,7 @@ void Console::on_input() {
     on_line(line);
   }
   if (input_.size() > longest_line) {
-    fail("an input line is too long and was dropped");
+    fail("dropped an input line that is too long");
     input_.clear();
   }
 }
@@ -726,8 +748,7 @@ void Console::wait_once(Watch watch, std::optional<MonotonicTime> deadline, bool
 }
 
 void Console::write_json(const nlohmann::json& json) {
-  // Text from the spacecraft may be anything.
-  write_lines(json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
+  write_lines(one_line(json) + "\n");
 }
 
 void Console::write_lines(const std::string& lines) {
@@ -739,6 +760,11 @@ void Console::write_lines(const std::string& lines) {
 void Console::fail(const std::string& message) {
   if (options_.json) return write_json({{"type", "error"}, {"line", line_}, {"message", message}});
   std::fprintf(stderr, "srfs-ground: %s\n", message.c_str());
+}
+
+void Console::note(const std::string& message) {
+  if (options_.json) return write_json({{"type", "note"}, {"line", line_}, {"message", message}});
+  write_lines(message + "\n");
 }
 
 void Console::write_stats() {
@@ -805,8 +831,8 @@ Result<std::filesystem::path, std::string> find_deployment(const std::string& te
     const auto file = folder / (text + ".yaml");
     if (std::filesystem::exists(file, error)) return file;
   }
-  return Err(fmt::format("{}: there is no such deployment file, and no {}.yaml in {}", text, text,
-                         folders.back().string()));
+  return Err(
+      fmt::format("{}: no such deployment file, and no {}.yaml in {}", text, text, folders.back().string()));
 }
 
 namespace {
@@ -821,9 +847,7 @@ std::string argument_line(const mission::Field& field) {
   } else if (field.type == mission::FieldType::time) {
     line += " (UTC, like 2026-11-21T08:00:00Z)";
   }
-  if (field.range)
-    line += fmt::format(", {:g} to {:g}", field.range->low.value_or(-HUGE_VAL),
-                        field.range->high.value_or(HUGE_VAL));
+  if (field.range) line += ", " + mission::to_text(*field.range);
   if (!field.unit.empty()) line += " " + field.unit;
   if (field.has_default) line += fmt::format(" [{}]", field.default_text);
   return line + "\n";

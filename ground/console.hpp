@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -9,6 +11,7 @@
 #include "ground/bridge.hpp"
 #include "ground/installation.hpp"
 #include "ground/remote.hpp"
+#include "ground/report_order.hpp"
 #include "ground/script.hpp"
 #include "ground/station.hpp"
 
@@ -16,7 +19,7 @@ namespace srfs::ground {
 
 /// Exit codes of srfs-ground.
 enum class Exit : int {
-  done = 0,         ///< what was asked for happened
+  done = 0,         ///< what was asked for was done
   refused = 1,      ///< the telecommand was rejected, failed or not answered; the retrieval is incomplete
   unusable = 2,     ///< arguments, deployment, key or port
   link_closed = 3,  ///< the other end of the link went away
@@ -41,13 +44,11 @@ class Console {
   [[nodiscard]] Exit telecommand(const std::string& name, const std::vector<std::string>& arguments,
                                  bool wait, std::optional<milliseconds> timeout,
                                  const std::optional<TimeTag>& at = std::nullopt);
-  /// One telecommand until completion, and the live packets of one structure that come meanwhile: the report
-  /// that it asks for. The last of them is behind it when none came for half a second. Exit::refused: none
-  /// came in five.
-  [[nodiscard]] Exit telecommand_with_report(const std::string& name,
-                                             const std::vector<std::string>& arguments,
-                                             const std::string& structure,
-                                             std::optional<milliseconds> timeout);
+  /// One telecommand until its completion, and until the reports that it orders have come, which are shown.
+  /// Exit::refused: none came in time.
+  [[nodiscard]] Exit telecommand_with_reports(const std::string& name,
+                                              const std::vector<std::string>& arguments,
+                                              const ReportOrder& order, std::optional<milliseconds> timeout);
   /// Arms a hazardous telecommand with these arguments, until that is completed, or with @p at scheduled.
   [[nodiscard]] Exit arm(const std::string& name, const std::vector<std::string>& arguments,
                          std::optional<milliseconds> timeout,
@@ -81,8 +82,8 @@ class Console {
   /// Values of node parameters (PUS 20).
   [[nodiscard]] Exit get_parameters(const std::vector<const mission::Parameter*>& parameters,
                                     std::optional<milliseconds> timeout);
-  /// @param changes "NODE.PARAMETER=VALUE"
-  [[nodiscard]] Exit set_parameters(const std::vector<std::string>& changes,
+  /// @param settings of setting_command()
+  [[nodiscard]] Exit set_parameters(const std::vector<TelecommandText>& settings,
                                     std::optional<milliseconds> timeout);
   /// A telecommand about kept parameters, with the answers as lines.
   [[nodiscard]] Exit keep_parameters(const TelecommandText& telecommand, std::optional<milliseconds> timeout);
@@ -96,11 +97,11 @@ class Console {
   /// Runs until the file that was put is up.
   [[nodiscard]] Exit follow_file(const Result<cfdp::TransactionId, std::string>& put,
                                  std::optional<MonotonicTime> deadline);
-  /// Tells and keeps what is about the installation. @return whether it was
+  /// Shows and keeps what is about the installation. @return whether it was
   bool on_installation(const TelemetryReport& report);
-  /// Runs until the spacecraft has said how the installation ended; asks now and then.
+  /// Runs until the spacecraft has reported how the installation ended; asks now and then.
   [[nodiscard]] Exit follow_installation(bool activate, MonotonicTime deadline);
-  /// One telecommand until its end, again when answers were lost on the way; the answers are told and kept.
+  /// One telecommand until its end, again when answers were lost on the way. Shows and keeps the answers.
   /// @param left_before  of a listing (is_whole)
   [[nodiscard]] Exit exchange(const TelecommandText& telecommand, std::optional<milliseconds> timeout,
                               std::optional<std::uint64_t> left_before = std::nullopt);
@@ -128,6 +129,8 @@ class Console {
   void send(const std::string& name, const std::vector<std::string>& arguments,
             std::optional<milliseconds> timeout, const std::optional<TimeTag>& at = std::nullopt,
             Sending what = Sending::itself);
+  /// Runs until the reports of order_ have come; its telecommand was completed.
+  [[nodiscard]] Exit follow_order();
   /// Runs until the telecommand that was sent is over.
   [[nodiscard]] Exit follow(bool wait);
   /// Runs until @p over says so, a signal, or the deadline. @return false when the link was closed
@@ -136,14 +139,17 @@ class Console {
   void write_json(const nlohmann::json& json);
   void write_lines(const std::string& lines);
   void fail(const std::string& message);
+  /// What is no failure.
+  void note(const std::string& message);
   void write_stats();
 
+  const mission::Dictionary& dictionary_;
   ConsoleOptions options_;
   Fd signals_;
   Station station_;
   bool interrupted_ = false;
   bool input_ended_ = false;
-  bool quiet_telemetry_ = false;  // only what belongs to the telecommand is told
+  bool quiet_telemetry_ = false;  // only what belongs to the telecommand is shown
   bool failed_to_send_ = false;
   std::string input_;
   std::uint64_t line_ = 0;
@@ -153,10 +159,11 @@ class Console {
   std::optional<bool> step_judgement_;
   bool accepted_ = false;
   bool pong_ = false;
-  std::string shown_structure_;                  // telemetry that is told though the rest is quiet
-  std::optional<MonotonicTime> structure_came_;  // the last of it
+  std::optional<ReportOrder> order_;  // telemetry that is shown though the rest is quiet
+  AdPhase told_phase_ = AdPhase::off;
+  bool asks_for_clcw_ = false;
   std::optional<Retrieval> last_retrieval_;
-  bool exchanging_ = false;  // only answers and failures are told
+  bool exchanging_ = false;  // only answers and failures are shown
   std::vector<TelemetryReport> answers_;
   std::string awaited_name_;  // of a file that is to come down
   std::optional<cfdp::TransactionId> awaited_file_;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/files.hpp"
 
 #include <algorithm>
@@ -6,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "base/file.hpp"
+#include "ground/terminal_text.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -38,7 +41,13 @@ std::string_view direction_text(cfdp::Role role) {
 
 Result<std::unique_ptr<cfdp::Postbox>, std::string> open_files(const std::filesystem::path& state_dir,
                                                                UtcTime utc, MonotonicTime now) {
-  const cfdp::Settings settings{.own_entity = ground_entity, .peer_entity = spacecraft_entity};
+  // Room for all that the spacecraft sends at once, and for what goes up.
+  const cfdp::Settings settings{.own_entity = ground_entity,
+                                .peer_entity = spacecraft_entity,
+                                .transactions_max = 32,
+                                .receiving_max = 16,
+                                .receiving_octets_max = std::uint64_t{4} << 30,
+                                .safe_names = true};
   std::error_code error;
   std::filesystem::create_directories(state_dir, error);
   if (error) return Err(fmt::format("{}: {}", state_dir.string(), error.message()));
@@ -49,12 +58,15 @@ Result<std::unique_ptr<cfdp::Postbox>, std::string> open_files(const std::filesy
   return std::move(*opened);
 }
 
+std::optional<std::string> wrong_name_on_board(const std::string& name) {
+  if (!name.empty() && name.front() != '.' && name.find('/') == std::string::npos) return std::nullopt;
+  return fmt::format("'{}': a name on board contains no '/' and does not start with a dot", name);
+}
+
 Result<cfdp::TransactionId, std::string> put_file(cfdp::Postbox& postbox, const std::filesystem::path& file,
                                                   const std::string& name) {
-  if (name.empty() || name.front() == '.' || name.find('/') != std::string::npos) {
-    return Err(fmt::format("'{}': a name on board has no '/' and begins with no dot", name));
-  }
-  if (postbox.sending(name)) return Err(fmt::format("{}: a file of this name is under way", name));
+  if (auto wrong = wrong_name_on_board(name)) return Err(std::move(*wrong));
+  if (postbox.sending(name)) return Err(fmt::format("{}: a file with this name is already being sent", name));
   const std::filesystem::path part = postbox.outbox() / ("." + name + ".part");
   std::error_code error;
   std::filesystem::copy_file(file, part, std::filesystem::copy_options::overwrite_existing, error);
@@ -62,7 +74,7 @@ Result<cfdp::TransactionId, std::string> put_file(cfdp::Postbox& postbox, const 
   if (error) return Err(fmt::format("{}: {}", file.string(), error.message()));
   postbox.scan();
   const auto id = postbox.sending(name);
-  if (!id) return Err(fmt::format("{}: waits in the queue, or cannot be sent", name));
+  if (!id) return Err(fmt::format("{}: waiting in the queue, or cannot be sent", name));
   return *id;
 }
 
@@ -75,7 +87,7 @@ Result<cfdp::TransactionId, std::string> put_or_resume(cfdp::Postbox& postbox,
   if (!wanted) return Err(wanted.error().message);
   const auto sent = read_file(postbox.outbox() / name);
   if (!sent) return Err(sent.error().message);
-  if (*sent != *wanted) return Err(fmt::format("{}: another file of this name is under way", name));
+  if (*sent != *wanted) return Err(fmt::format("{}: another file with this name is being sent", name));
   return *under_way;
 }
 
@@ -132,7 +144,7 @@ nlohmann::json to_json(const cfdp::News& news) {
 
 std::string to_line(const cfdp::Report& report) {
   std::string line = fmt::format("{:<4} {:<12} {:<20}", direction_text(report.role), to_text(report.id),
-                                 report.destination_file);
+                                 for_terminal(report.destination_file));
   const std::uint64_t done = done_octets(report);
   if (!report.file_octets) return line + fmt::format("  {} octets", done);
   constexpr std::uint64_t width = 24;
@@ -147,7 +159,7 @@ std::string to_line(const cfdp::Report& report) {
 
 std::string to_line(const cfdp::News& news) {
   std::string line = fmt::format("{:<4} {:<12} {:<20}  ", direction_text(news.event.role),
-                                 to_text(news.event.id), news.file.destination_file);
+                                 to_text(news.event.id), for_terminal(news.file.destination_file));
   if (has_arrived(news)) return line + fmt::format("arrived, {} octets", news.file.file_octets.value_or(0));
   if (news.event.kind == cfdp::EventKind::finished) {
     line += fmt::format("ended: {}", wire::to_string(news.event.outcome.condition));

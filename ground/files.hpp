@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -17,6 +19,9 @@ namespace srfs::ground {
 /// STATE/cfdp what is under way. The error is ready to print. Blocks on the disk.
 [[nodiscard]] Result<std::unique_ptr<cfdp::Postbox>, std::string> open_files(
     const std::filesystem::path& state_dir, UtcTime utc, MonotonicTime now);
+
+/// Why a file cannot be called so on board, ready to print; nullopt: it can.
+[[nodiscard]] std::optional<std::string> wrong_name_on_board(const std::string& name);
 
 /// Puts a copy of @p file into the outbox, to be called @p name on board. The error is ready to print.
 /// Blocks on the disk.

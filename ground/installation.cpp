@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/installation.hpp"
 
 #include <algorithm>
@@ -13,7 +15,7 @@ std::string_view text_of(const TelemetryReport& report, std::string_view field) 
   return found == report.fields.end() ? std::string_view() : std::string_view(found->text);
 }
 
-/// Live: what playback tells was before.
+/// Live: playback reports the past.
 bool is_live(const TelemetryReport& report, TelemetryKind kind) {
   return report.kind == kind && report.vc != tm_channel::playback;
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -23,7 +25,7 @@ enum class InstallationEnd : std::uint8_t {
 
 /// An event, or the structure update_status, that is about the installation of @p file.
 [[nodiscard]] bool is_about_installation(const TelemetryReport& report, const std::string& file);
-/// nullopt: @p report does not tell an end of the installation of @p file.
+/// nullopt: @p report shows no end of the installation of @p file.
 [[nodiscard]] std::optional<InstallationEnd> installation_end(const TelemetryReport& report,
                                                               const std::string& file);
 

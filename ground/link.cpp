@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/link.hpp"
 
 #include <array>
@@ -39,7 +41,7 @@ Result<void, std::string> make_raw(int fd, const std::string& path, int baud) {
     if (rate == baud) cfsetspeed(&settings, speed);
   }
   if (tcsetattr(fd, TCSANOW, &settings) != 0)
-    return Err(fmt::format("{}: cannot be set to raw mode: {}", path, errno_text(errno)));
+    return Err(fmt::format("{}: cannot set raw mode: {}", path, errno_text(errno)));
   return {};
 }
 
@@ -51,7 +53,7 @@ Result<Port, std::string> Port::open(const std::filesystem::path& path, int baud
     const int error = errno;
     const std::string_view hint =
         error == ENOENT || error == ENXIO || error == EIO
-            ? " - is the spacecraft running? ./run sim starts the simulated one and makes this port"
+            ? " - is the spacecraft running? ./run sim starts the simulated one, with this port"
             : "";
     return Err(fmt::format("{}: cannot open the port: {}{}", path.string(), errno_text(error), hint));
   }
@@ -87,7 +89,7 @@ Result<void, std::string> Port::write(OctetView octets, milliseconds patience) {
     const auto left = std::chrono::duration_cast<milliseconds>(deadline - monotonic_now()).count();
     if (left <= 0)
       return Err(
-          fmt::format("{}: the spacecraft takes no octets for {} ms", path_.string(), patience.count()));
+          fmt::format("{}: the spacecraft accepted no octets for {} ms", path_.string(), patience.count()));
     pollfd wait{fd_.get(), POLLOUT, 0};
     static_cast<void>(::poll(&wait, 1, static_cast<int>(left)));
   }

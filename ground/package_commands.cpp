@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/package_commands.hpp"
 
 #include <cstdio>
@@ -144,9 +146,10 @@ Exit make_keys(const PackageCommand& command) {
     const Json json{{"type", "package_keys"}, {"key", id}, {"seed", command.seed}, {"public", command.key}};
     std::puts(json.dump(-1, ' ', false, Json::error_handler_t::replace).c_str());
   } else {
-    std::puts(fmt::format("key {}: {} signs and stays on the ground; {} goes on board as keys/package.pub",
-                          id, command.seed, command.key)
-                  .c_str());
+    std::puts(
+        fmt::format("key {}: {} signs and stays on the ground; copy {} to the spacecraft as keys/package.pub",
+                    id, command.seed, command.key)
+            .c_str());
   }
   return Exit::done;
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/package_draft.hpp"
 
 #include <algorithm>
@@ -38,15 +40,15 @@ fs::path plain(const fs::path& path) {
 Result<std::string, std::string> name_of(const fs::path& root, const fs::path& file) {
   const fs::path relative = plain(file).lexically_relative(plain(root));
   if (relative.empty() || *relative.begin() == ".." || relative == ".")
-    return Err(fmt::format("{}: not below {}, so it has no name in the package", file.string(),
+    return Err(fmt::format("{}: not below {}, so its name in the package is undefined", file.string(),
                            plain(root).string()));
   fs::path place = plain(root);
   for (const fs::path& part : relative) {
     place /= part;
     std::error_code error;
     if (fs::is_symlink(fs::symlink_status(place, error)))
-      return Err(
-          fmt::format("{}: {} is a link; a package has ordinary files only", file.string(), place.string()));
+      return Err(fmt::format("{}: {} is a link; a package contains regular files only", file.string(),
+                             place.string()));
   }
   return relative.generic_string();
 }
@@ -57,7 +59,7 @@ Result<void, std::string> add_file(const fs::path& root, const fs::path& file, F
   if (type == fs::file_type::not_found) return Err(fmt::format("{}: no such file", file.string()));
   const auto name = name_of(root, file);
   if (!name) return Err(name.error());
-  if (type != fs::file_type::regular) return Err(fmt::format("{}: no ordinary file", file.string()));
+  if (type != fs::file_type::regular) return Err(fmt::format("{}: not a regular file", file.string()));
   if (!files.contains(*name) && files.size() == PackageLimits::files)
     return Err(fmt::format("more than {} files", PackageLimits::files));
   const auto content = read_file(file, PackageLimits::file_octets);
@@ -80,7 +82,7 @@ Result<void, std::string> add_folder(const fs::path& root, const fs::path& folde
     if (++seen > folder_entries)
       return Err(fmt::format("{}: more than {} entries", folder.string(), folder_entries));
     if (entry->is_symlink())
-      return Err(fmt::format("{}: a link; a package has ordinary files only", entry->path().string()));
+      return Err(fmt::format("{}: a link; a package contains regular files only", entry->path().string()));
     if (entry->is_regular_file() && is_source(entry->path())) found.push_back(entry->path());
   }
   if (error) return Err(fmt::format("{}: {}", folder.string(), error.message()));
@@ -99,7 +101,7 @@ fs::path root_of(const PackageDraft& draft) {
 }
 
 Result<Files, std::string> collect(const PackageDraft& draft) {
-  if (draft.sources.empty()) return Err(std::string("no sources are named (--sources)"));
+  if (draft.sources.empty()) return Err(std::string("no sources given (--sources)"));
   const fs::path root = root_of(draft);
   Files files;
   for (const std::string& source : draft.sources) {
@@ -149,7 +151,7 @@ Result<Json, std::string> to_json(const YAML::Node& node, int depth, std::size_t
   for (const auto& entry : node) {
     auto json = to_json(entry.second, depth + 1, left);
     if (!json) return json;
-    if (!entry.first.IsScalar()) return Err(std::string("a key that is no text"));
+    if (!entry.first.IsScalar()) return Err(std::string("a key that is not text"));
     object[entry.first.Scalar()] = std::move(*json);
   }
   return object;
@@ -210,13 +212,12 @@ PackageDraft read_draft(const ConfigSection& section, const fs::path& folder) {
 
 Result<update::Manifest, std::string> read_manifest(const PackageDraft& draft) {
   update::Manifest manifest;
-  if (draft.node.empty()) return Err(std::string("the node is not named (--node)"));
+  if (draft.node.empty()) return Err(std::string("no node given (--node)"));
   manifest.node = draft.node;
   if (draft.kind != "replace" && draft.kind != "new")
     return Err(fmt::format("--kind: expected replace or new, found '{}'", draft.kind));
   manifest.kind = draft.kind == "new" ? update::PackageKind::add : update::PackageKind::replace;
-  if (!draft.counter)
-    return Err(std::string("the counter is missing (--counter): one above the node's last"));
+  if (!draft.counter) return Err(std::string("no counter given (--counter): one more than the node's last"));
   manifest.counter = *draft.counter;
   manifest.options = draft.options.empty() ? std::vector<std::string>{"-O2"} : draft.options;
   const auto duration = [](std::uint64_t value_s) { return seconds(std::min(value_s, endless_s)); };
@@ -227,7 +228,7 @@ Result<update::Manifest, std::string> read_manifest(const PackageDraft& draft) {
   if (manifest.kind == update::PackageKind::add && draft.deployment_entry.empty())
     return Err(std::string("a new node needs a deployment entry (--deployment-entry)"));
   if (manifest.kind == update::PackageKind::replace && !draft.deployment_entry.empty())
-    return Err(std::string("a node that is replaced keeps its deployment entry"));
+    return Err(std::string("a replaced node keeps its deployment entry; omit --deployment-entry"));
   if (!draft.deployment_entry.empty()) {
     auto entry = read_entry(draft.deployment_entry, draft.node);
     if (!entry) return Err(entry.error());

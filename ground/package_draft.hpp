@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -11,7 +13,7 @@
 
 namespace srfs::ground {
 
-/// What a package of sources is to be, as a team says it. Empty or nullopt: not said.
+/// The description of a package of sources, as a team gives it. Empty or nullopt: not given.
 struct PackageDraft {
   std::string node;
   std::string kind;  ///< replace or new
@@ -31,7 +33,7 @@ struct PackageDraft {
 /// A file that a team keeps beside its sources (README.md); its paths are relative to its folder. The error
 /// is ready to print. Blocks on the disk, as all here.
 [[nodiscard]] Result<PackageDraft, std::string> load_draft(const std::filesystem::path& file);
-/// @p base, but what @p said says.
+/// @p base, with what @p said gives in its place.
 [[nodiscard]] PackageDraft merged(PackageDraft base, const PackageDraft& said);
 
 /// The package, its files ordered by name; refused for all that the spacecraft would refuse. The same input

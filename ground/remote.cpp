@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/remote.hpp"
 
 #include <algorithm>
@@ -7,10 +9,15 @@
 #include <fmt/format.h>
 #include <mission/structures.hpp>
 
+#include "ground/terminal_text.hpp"
+
 namespace srfs::ground {
 namespace {
 
 using Words = std::vector<std::string>;
+
+const std::string parameter_prefix = "parameter=";
+const std::string value_prefix = "value=";
 
 struct Path {
   std::string folder;
@@ -77,6 +84,11 @@ std::string text_of(const TelemetryReport& report, std::string_view field) {
   return "";
 }
 
+/// The same, for a line.
+std::string shown(const TelemetryReport& report, std::string_view field) {
+  return for_terminal(text_of(report, field));
+}
+
 std::string joined_hash(const TelemetryReport& report) {
   std::string hash;
   for (const auto& field : report.fields) {
@@ -109,14 +121,13 @@ std::string path_text(const std::string& folder, const std::string& name) {
 }
 
 std::string copy_line(const TelemetryReport& report) {
-  if (text_of(report, "operations") == "0") return "no copy is under way\n";
+  if (text_of(report, "operations") == "0") return "no copy is in progress\n";
   const std::string octets = text_of(report, "octets");
-  const bool known = octets != fmt::format("{}", UINT64_MAX);
   std::string line = fmt::format("{:<20} {:<4} {:<17} {} of {} octets", text_of(report, "operation"),
                                  text_of(report, "direction"), text_of(report, "state"),
-                                 text_of(report, "progress"), known ? octets : "?");
+                                 text_of(report, "progress"), octets == "unknown" ? "?" : octets);
   if (text_of(report, "missing") != "0") line += fmt::format(", {} lost", text_of(report, "missing"));
-  return line + "  " + text_of(report, "file") + "\n";
+  return line + "  " + shown(report, "file") + "\n";
 }
 
 }  // namespace
@@ -207,6 +218,19 @@ Result<TelecommandText, std::string> keeping_command(const std::string& action, 
   return command;
 }
 
+Result<TelecommandText, std::string> setting_command(const std::string& change) {
+  const std::size_t equals = change.find('=');
+  if (equals == std::string::npos) return Err(fmt::format("'{}': expected NODE.PARAMETER=VALUE", change));
+  return TelecommandText{
+      .name = "parameters.set",
+      .arguments = {parameter_prefix + change.substr(0, equals), value_prefix + change.substr(equals + 1)}};
+}
+
+std::string to_line(const TelecommandText& setting) {
+  return setting.arguments.front().substr(parameter_prefix.size()) + "=" +
+         setting.arguments.back().substr(value_prefix.size());
+}
+
 std::string to_line(const mission::Parameter& parameter) {
   std::string values;
   const mission::Field& field = parameter.field;
@@ -216,8 +240,7 @@ std::string to_line(const mission::Parameter& parameter) {
   } else if (field.type == mission::FieldType::boolean) {
     values = "true|false";
   } else if (field.range) {
-    values = fmt::format("{:g} to {:g}", field.range->low.value_or(-HUGE_VAL),
-                         field.range->high.value_or(HUGE_VAL));
+    values = mission::to_text(*field.range);
   } else if (parameter.list) {
     values = "a,b,...";
   }
@@ -232,9 +255,8 @@ std::string answer_lines(const TelemetryReport& report) {
     const bool on_trial = text_of(report, "current") == "true" && left != "0";
     return fmt::format("{} {:>5}  {:<21} {:>3} values  {:<32} {}\n{}",
                        text_of(report, "current") == "true" ? "*" : " ", text_of(report, "number"),
-                       text_of(report, "saved"), text_of(report, "values"), text_of(report, "origin"),
-                       text_of(report, "content"),
-                       on_trial ? fmt::format("  on trial for {} s\n", left) : "");
+                       shown(report, "saved"), text_of(report, "values"), shown(report, "origin"),
+                       shown(report, "content"), on_trial ? fmt::format("  on trial for {} s\n", left) : "");
   }
   if (report.service == mission::RepositorySummary::service) {
     switch (report.subtype) {
@@ -242,12 +264,12 @@ std::string answer_lines(const TelemetryReport& report) {
         if (text_of(report, "objects") == "0") return "";
         const bool folder = text_of(report, "object") == "folder";
         return fmt::format("{:<7} {:>12}  {}{}\n", text_of(report, "object"),
-                           folder ? "" : text_of(report, "octets"), text_of(report, "object_name"),
+                           folder ? "" : text_of(report, "octets"), shown(report, "object_name"),
                            folder ? "/" : "");
       }
       case mission::FileAttributes::subtype:
         return fmt::format("{}\n    octets    {}\n    modified  {}\n    checksum  {}\n    sha256    {}\n",
-                           path_text(text_of(report, "repository"), text_of(report, "file")),
+                           path_text(shown(report, "repository"), shown(report, "file")),
                            text_of(report, "octets"), text_of(report, "modified"),
                            text_of(report, "checksum"), joined_hash(report));
       case mission::FileCopyStatus::subtype:
@@ -258,7 +280,8 @@ std::string answer_lines(const TelemetryReport& report) {
   }
   std::string lines;
   for (const auto& field : report.fields)
-    lines += fmt::format("{} = {}{}\n", field.name, field.text, field.unit.empty() ? "" : " " + field.unit);
+    lines += fmt::format("{} = {}{}\n", field.name, for_terminal(field.text),
+                         field.unit.empty() || !field.known ? "" : " " + field.unit);
   return lines;
 }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -33,7 +35,7 @@ struct RemoteRequest {
 
 /// All answers to @p telecommand have come; what was lost on the way is seen by their numbers. A completed
 /// one whose answers are not whole is asked again.
-/// @param left_before  what the page before said is left; nullopt: there was none
+/// @param left_before  what was left according to the page before; nullopt: there was none
 [[nodiscard]] bool is_whole(const TelecommandText& telecommand, const std::vector<TelemetryReport>& answers,
                             std::optional<std::uint64_t> left_before);
 /// The "left" of the last answer.
@@ -47,6 +49,10 @@ struct RemoteRequest {
 /// ready to print.
 [[nodiscard]] Result<TelecommandText, std::string> keeping_command(const std::string& action,
                                                                    const std::vector<std::string>& words);
+/// What `srfs-ground param set NODE.PARAMETER=VALUE` sends. The error is ready to print.
+[[nodiscard]] Result<TelecommandText, std::string> setting_command(const std::string& change);
+/// "NODE.PARAMETER=VALUE" again.
+[[nodiscard]] std::string to_line(const TelecommandText& setting);
 /// "timing.late_tick_ms   1 to 60000 ms, guarded   what it is"
 [[nodiscard]] std::string to_line(const mission::Parameter& parameter);
 

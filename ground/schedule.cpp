@@ -1,7 +1,10 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/schedule.hpp"
 
 #include <fmt/format.h>
 
+#include "ground/terminal_text.hpp"
 #include "wire/cuc.hpp"
 #include "wire/pus.hpp"
 
@@ -112,7 +115,7 @@ std::string to_lines(const ScheduleReport& report) {
     lines += fmt::format("    {}  {:<10} apid {:<4} count {:<5}{}{}\n", to_iso8601(to_utc(entry.release)),
                          entry.group == 0 ? "" : fmt::format("group {}", entry.group), entry.apid,
                          entry.sequence, entry.source == 0 ? "" : fmt::format(" source {}", entry.source),
-                         entry.command.empty() ? "" : "  " + entry.command);
+                         entry.command.empty() ? "" : "  " + for_terminal(entry.command));
   }
   return lines;
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/script.hpp"
 
 #include <algorithm>
@@ -139,12 +141,12 @@ Result<std::vector<ScriptStep>, ScriptError> parse_script(
       const auto expectation =
           words.size() == 2 || words.size() == 3 ? expectation_of(words[1]) : std::nullopt;
       if (!expectation) return Err(ScriptError{number, std::string(forms)});
-      if (!expectation_fits) return Err(ScriptError{number, "expect belongs behind a telecommand"});
+      if (!expectation_fits) return Err(ScriptError{number, "expect must follow a telecommand"});
       const bool fails = *expectation == Expectation::rejected || *expectation == Expectation::failed;
       if (*expectation == Expectation::scheduled && !steps.back().at)
-        return Err(ScriptError{number, "only a telecommand with --at is scheduled"});
+        return Err(ScriptError{number, "expect scheduled needs a telecommand with --at"});
       if (words.size() == 3 && !fails)
-        return Err(ScriptError{number, "only rejected and failed have a failure code"});
+        return Err(ScriptError{number, "only rejected and failed take a failure code"});
       steps.back().expectation = *expectation;
       if (words.size() == 3) steps.back().failure = words[2];
       expectation_fits = false;

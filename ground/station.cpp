@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/station.hpp"
 
 #include <algorithm>
@@ -78,7 +80,7 @@ Result<wire::RequestId, std::string> Station::dispatch(const mission::EncodedCom
   const bool retrieves = encoded->command->service == mission::StorageRetrieve::service &&
                          encoded->command->subtype == mission::StorageRetrieve::subtype;
   if (retrieves && retrievals_.size() == max_retrievals)
-    return Err(std::string("too many retrievals are under way"));
+    return Err(std::string("too many retrievals are in progress"));
   const milliseconds wait = patience.value_or(encoded->command->timeout + report_margin);
   const auto expect_packets = [&] {
     if (!retrieves) return;
@@ -120,7 +122,7 @@ Result<wire::RequestId, std::string> Station::send_by_ad(const mission::EncodedC
   ad_telecommands_[number] = {made->request, command.command, patience, tag};
   if (!ad_.request(number, std::move(made->packet), now)) {
     ad_telecommands_.erase(number);
-    return Err(std::string("too many telecommands wait for the AD service"));
+    return Err(std::string("too many telecommands are waiting for the AD service"));
   }
   return made->request;
 }
@@ -179,7 +181,7 @@ void Station::handle_ad() {
         report.command = telecommand->second.command;
         report.tag = telecommand->second.tag;
         report.stage = Stage::not_sent;
-        report.failure_text = "the AD service ended before it was transmitted";
+        report.failure_text = "the AD service ended before the telecommand was transmitted";
         ad_telecommands_.erase(telecommand);
         on_stage(report, now);
         break;
@@ -294,7 +296,8 @@ void Station::on_packet(const ReceivedPacket& received, MonotonicTime now) {
     static_cast<void>(in.u16());
     if (const auto beacon = mission::Beacon::decode(in)) {
       for (std::size_t i = 0; i < beacon->sdls_spi.size(); ++i) {
-        uplink_.on_spacecraft_counter(beacon->sdls_spi[i], beacon->sdls_counter[i]);
+        const auto warning = uplink_.on_spacecraft_counter(beacon->sdls_spi[i], beacon->sdls_counter[i]);
+        if (warning && output_.problem) output_.problem(*warning);
       }
       if (const auto set = uplink_.set_of(beacon->sdls_spi.front())) follow_keys(*set, "the beacon");
     }
@@ -310,7 +313,7 @@ void Station::on_stage(const StageReport& stage, MonotonicTime now) {
   if (report.insertion) on_insertion(report, now);
   for (auto& retrieval : retrievals_) retrieval.on_stage(report, now);
   if (const auto asked = asked_keys_.find(report.tag); asked != asked_keys_.end() && is_final(report.stage)) {
-    // Failed to be stored, it holds all the same until the spacecraft's next restart; the beacon tells.
+    // Even if it could not be stored, it holds until the spacecraft's next restart; the beacon shows it.
     if (report.stage == Stage::completed) follow_keys(asked->second, "ttc.select_keys");
     asked_keys_.erase(report.tag);
   }

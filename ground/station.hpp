@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -19,7 +21,7 @@
 
 namespace srfs::ground {
 
-/// Where everything that happens is told. Functions that are not set are not called.
+/// Receives everything that happens. Functions that are not set are not called.
 struct StationOutput {
   std::function<void(const TelemetryReport&)> telemetry;
   std::function<void(const StageReport&)> stage;
@@ -80,7 +82,7 @@ class Station {
   /// nullptr: no files are carried. After an order to it: on_time().
   [[nodiscard]] cfdp::Postbox* files() { return files_.get(); }
 
-  /// Reads what is there and tells what it means. An error: the link is gone.
+  /// Reads what is there and reports what it means. An error: the link is gone.
   [[nodiscard]] Result<void, std::string> on_readable();
   /// Ends what is overdue.
   void on_time();
@@ -132,7 +134,7 @@ class Station {
   void on_packet(const ReceivedPacket& received, MonotonicTime now);
   void on_stage(const StageReport& report, MonotonicTime now);
   void end_retrievals(MonotonicTime now);
-  /// The spacecraft takes these keys, as it says.
+  /// The spacecraft reports that it takes these keys.
   void follow_keys(ros::AssociationSet set, const std::string& why);
   void move_files(MonotonicTime now);
   [[nodiscard]] bool send_pdu(OctetView pdu);

@@ -1,9 +1,13 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/telemetry.hpp"
 
 #include <cmath>
 
 #include <fmt/format.h>
 #include <mission/structures.hpp>
+
+#include "ground/terminal_text.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -21,13 +25,13 @@ std::string coloured(std::string_view colour_code, std::string_view text, bool c
 void decode_housekeeping(const mission::Dictionary& dictionary, OctetReader in, TelemetryReport& report) {
   const auto* structure = dictionary.structure(in.u16());
   if (structure == nullptr) {
-    report.text = "a structure that the dictionary does not know";
+    report.text = "structure unknown to the dictionary";
     return;
   }
   report.name = structure->name;
   auto fields = dictionary.decode(*structure, in.rest());
   if (!fields) {
-    report.text = "the octets do not fit the structure";
+    report.text = "octets do not match the structure";
     return;
   }
   report.fields = std::move(*fields);
@@ -41,7 +45,7 @@ void decode_event(const mission::Dictionary& dictionary, OctetReader in, Telemet
   const auto* event = dictionary.event(id);
   report.kind = TelemetryKind::event;
   if (event == nullptr) {
-    report.text = fmt::format("event {} that the dictionary does not know", id);
+    report.text = fmt::format("event {} unknown to the dictionary", id);
     return;
   }
   const OctetView data = in.rest();
@@ -58,7 +62,7 @@ void decode_report(const mission::Dictionary& dictionary, const mission::Structu
   report.name = structure.name;
   auto fields = dictionary.decode(structure, data);
   if (!fields) {
-    report.text = "the octets do not fit the report";
+    report.text = "octets do not match the report";
     return;
   }
   report.fields = std::move(*fields);
@@ -71,14 +75,14 @@ void decode_parameter(const mission::Dictionary& dictionary, OctetReader in, Tel
   const std::uint16_t count = in.u16();
   const auto* parameter = dictionary.parameter(in.u16());
   if (count != 1 || parameter == nullptr) {
-    report.text = "a parameter that the dictionary does not know";
+    report.text = "parameter unknown to the dictionary";
     return;
   }
   mission::Field field = parameter->field;
   field.name = parameter->name;
   auto fields = dictionary.decode(std::vector<mission::Field>{field}, in.rest());
   if (!fields) {
-    report.text = "the octets do not fit the parameter";
+    report.text = "octets do not match the parameter";
     return;
   }
   report.name = "parameter_value";
@@ -134,7 +138,7 @@ std::string_view severity_text(std::uint8_t subtype) {
 }
 
 std::string field_line(const mission::DecodedField& field, bool colour) {
-  std::string value = field.text + (field.unit.empty() || !field.known ? "" : " " + field.unit);
+  std::string value = for_terminal(field.text) + (field.unit.empty() || !field.known ? "" : " " + field.unit);
   switch (field.limit) {
     case mission::LimitState::red:
       value = colour ? coloured(red, value, true) : value + " (red)";
@@ -264,8 +268,8 @@ std::string to_lines(const TelemetryReport& report, bool colour) {
   if (report.vc == tm_channel::playback) head += " (stored)";
   switch (report.kind) {
     case TelemetryKind::event: {
-      const std::string line =
-          fmt::format("{}  event {} [{}] {}", head, report.name, severity_text(report.subtype), report.text);
+      const std::string line = fmt::format("{}  event {} [{}] {}", head, report.name,
+                                           severity_text(report.subtype), for_terminal(report.text));
       const std::string_view code = report.subtype >= 4 ? red : report.subtype >= 3 ? yellow : plain;
       return coloured(code, line, colour && report.subtype >= 3) + "\n";
     }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/time_tag.hpp"
 
 #include <charconv>
@@ -14,8 +16,11 @@ constexpr double longest_s = 7 * 86400.0;
 
 std::optional<milliseconds> parse_duration(std::string_view text) {
   double factor_ms = 1000;
-  for (const auto& [unit, factor] :
-       {std::pair<std::string_view, double>{"ms", 1}, {"min", 60000}, {"s", 1000}}) {
+  for (const auto& [unit, factor] : {std::pair<std::string_view, double>{"ms", 1},
+                                     {"min", 60000},
+                                     {"s", 1000},
+                                     {"m", 60000},
+                                     {"h", 3600000}}) {
     if (text.size() <= unit.size() || !text.ends_with(unit)) continue;
     text.remove_suffix(unit.size());
     factor_ms = factor;

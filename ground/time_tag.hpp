@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -7,7 +9,7 @@
 
 namespace srfs::ground {
 
-/// "5", "5s", "200ms", "2min": seconds without a unit, at most a week. nullopt: anything else.
+/// "5", "5s", "200ms", "2min" or "2m", "1h": seconds without a unit, at most a week. nullopt: anything else.
 [[nodiscard]] std::optional<milliseconds> parse_duration(std::string_view text);
 
 /// When a telecommand is to be released on board: "2026-11-22T10:00:00Z", or "+30s" from when it is sent.
@@ -19,6 +21,6 @@ struct TimeTag {
 };
 [[nodiscard]] std::optional<TimeTag> parse_time_tag(std::string_view text);
 inline constexpr std::string_view time_tag_forms =
-    "a UTC time like 2026-11-22T10:00:00Z, or +30s, +200ms, +5min";
+    "a UTC time like 2026-11-22T10:00:00Z, or +200ms, +30s, +10m, +2h";
 
 }  // namespace srfs::ground

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/uplink.hpp"
 
 #include <algorithm>
@@ -12,6 +14,7 @@ namespace srfs::ground {
 namespace {
 
 constexpr std::uint16_t sequence_modulus = 0x4000;
+constexpr milliseconds clock_slack{60'000};  ///< of files and telecommands, sent at once, and of small steps
 
 /// Hexadecimal digits, a newline behind them allowed.
 Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& file) {
@@ -67,7 +70,8 @@ std::map<std::uint16_t, std::uint64_t> numbers_of(const nlohmann::json& json, st
 
 Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& file, UtcTime now) {
   UplinkState state(file);
-  state.first_counter_ = static_cast<std::uint64_t>(now.ns() / 1'000'000);
+  state.clock_floor_ = static_cast<std::uint64_t>(std::max<std::int64_t>(now.ns() / 1'000'000, 0));
+  state.first_counter_ = state.clock_floor_;
   std::error_code error;
   if (!std::filesystem::exists(file, error)) return state;
   const auto text = read_file(file, 65536);
@@ -78,14 +82,19 @@ Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& 
   };
   if (!member("next_security_counter").is_number_unsigned()) {
     return Err(
-        fmt::format("{}: not a state of the ground tool; if it is lost, remove it (a new security counter "
-                    "starts above the old)",
+        fmt::format("{}: not a state file of the ground tool; if its content is lost, remove it (a new "
+                    "security counter starts above the old)",
                     file.string()));
   }
   // The highest of all; before there was one for each association, the only one.
-  state.first_counter_ = member("next_security_counter").get<std::uint64_t>();
-  for (const auto& [spi, next] : numbers_of(member("next_security_counters"), UINT64_MAX))
-    state.counters_[spi] = Counter{next, next};
+  const auto highest = member("next_security_counter").get<std::uint64_t>();
+  state.first_counter_ = std::max(highest, state.clock_floor_);
+  for (const auto& [spi, next] : numbers_of(member("next_security_counters"), UINT64_MAX)) {
+    const std::uint64_t first = std::max(next, state.clock_floor_);
+    state.counters_[spi] = {.next = first, .saved = next, .known = next, .first = first};
+  }
+  const milliseconds ahead(state.first_counter_ - state.clock_floor_);
+  if (ahead > clock_slack) state.ahead_of_clock_ = std::chrono::duration_cast<seconds>(ahead);
   for (const auto& [apid, next] : numbers_of(member("next_sequence_counts"), sequence_modulus))
     state.next_sequence_[apid] = static_cast<std::uint16_t>(next);
   if (const auto set = member("keys"); set.is_string())
@@ -94,7 +103,16 @@ Result<UplinkState, std::string> UplinkState::open(const std::filesystem::path& 
 }
 
 UplinkState::Counter& UplinkState::counter(std::uint16_t spi) {
-  return counters_.try_emplace(spi, Counter{first_counter_, first_counter_}).first->second;
+  const Counter begun{
+      .next = first_counter_, .saved = first_counter_, .known = first_counter_, .first = first_counter_};
+  return counters_.try_emplace(spi, begun).first->second;
+}
+
+bool UplinkState::is_foreign(std::uint16_t spi, std::uint64_t value) const {
+  const auto found = counters_.find(spi);
+  if (found == counters_.end()) return value >= first_counter_;
+  const Counter& c = found->second;
+  return value >= c.next || (value >= c.known && value < c.first);
 }
 
 std::uint64_t UplinkState::next_counter(std::uint16_t spi) const {
@@ -231,7 +249,8 @@ const Uplink::Association* Uplink::association(wire::TcFrameType type) const {
 }
 
 Result<bool, std::string> Uplink::select(ros::AssociationSet set) {
-  if (!has(set)) return Err(fmt::format("the spacecraft takes keys '{}', which are not here", to_text(set)));
+  if (!has(set))
+    return Err(fmt::format("the spacecraft uses keys '{}', which are missing here", to_text(set)));
   const auto saved = state_.set_key_set(set);
   const bool changed = !forced_ && set != set_;
   if (!forced_) set_ = set;
@@ -323,9 +342,26 @@ Octets Uplink::make_bc_cltu(wire::ControlCommand command) const {
   return wire::make_control_cltu(channel_, command);
 }
 
-void Uplink::on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter) {
+std::optional<std::string> Uplink::on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter) {
+  if (!set_of(spi)) return std::nullopt;
+  const bool foreign = state_.is_foreign(spi, counter) && foreign_told_.insert(spi).second;
   // Not on disk is no loss yet: the next telecommand writes it, and the beacon says it again.
-  if (set_of(spi)) (void)state_.raise(spi, counter);
+  (void)state_.raise(spi, counter);
+  if (!foreign) return std::nullopt;
+  return fmt::format(
+      "the spacecraft has accepted security counter {} of association {}, which was not sent with {}: that "
+      "is an older copy, or another ground station commands. Counters continue above it, at {}; sequence "
+      "counts may repeat",
+      counter, spi, state_.file().string(), state_.next_counter(spi));
+}
+
+std::string Uplink::warning() const {
+  const auto ahead = state_.ahead_of_clock();
+  if (!secured_ || !ahead) return "";
+  return fmt::format(
+      "the security counters of {} are {} s ahead of this computer's clock: they continue from there, but an "
+      "older copy of the file would reuse counters. If the clock is behind, set it",
+      state_.file().string(), *ahead / seconds(1));
 }
 
 }  // namespace srfs::ground

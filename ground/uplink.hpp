@@ -1,9 +1,12 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,9 +30,9 @@ namespace srfs::ground {
 /// keys in use. A file, replaced atomically.
 class UplinkState {
  public:
-  /// A counter that is not in the file begins with the milliseconds of @p now, or where the highest other one
-  /// is: higher than any counter that was used before the file was lost, and the spacecraft accepts any
-  /// higher one. A damaged file is an error: guessing would hide it.
+  /// Every counter begins with the milliseconds of @p now, or where the file says when that is higher: higher
+  /// than any that was used before the file was lost, or replaced by an older copy, and the spacecraft
+  /// accepts any higher one. A damaged file is an error: guessing would hide it.
   static Result<UplinkState, std::string> open(const std::filesystem::path& file, UtcTime now);
 
   /// The next counter of an association. It is on disk when this returns, so none is used twice. Blocks on
@@ -49,6 +52,12 @@ class UplinkState {
   /// The spacecraft has accepted @p counter: the next one is higher. Written when it grows; blocks on the
   /// disk. On an error it still holds for this run.
   Result<void, std::string> raise(std::uint16_t spi, std::uint64_t counter);
+  /// @p counter was used by another state than this one: the file is an older copy, or there is another
+  /// ground. Before raise().
+  [[nodiscard]] bool is_foreign(std::uint16_t spi, std::uint64_t counter) const;
+  /// By how much the file's counters are ahead of the clock; nullopt: not by more than a minute.
+  [[nodiscard]] std::optional<seconds> ahead_of_clock() const { return ahead_of_clock_; }
+  [[nodiscard]] const std::filesystem::path& file() const { return file_; }
   [[nodiscard]] std::uint64_t next_counter(std::uint16_t spi) const;
 
   [[nodiscard]] ros::AssociationSet key_set() const { return key_set_; }
@@ -60,13 +69,17 @@ class UplinkState {
   struct Counter {
     std::uint64_t next = 0;
     std::uint64_t saved = 0;  ///< the file's: none below it is used again after a crash
+    std::uint64_t known = 0;  ///< the file's when it was opened: all used before are below it
+    std::uint64_t first = 0;  ///< of this run
   };
   explicit UplinkState(std::filesystem::path file) : file_(std::move(file)) {}
   [[nodiscard]] Result<void, std::string> save();
   [[nodiscard]] Counter& counter(std::uint16_t spi);
 
   std::filesystem::path file_;
+  std::uint64_t clock_floor_ = 0;    ///< milliseconds of the time at which it was opened
   std::uint64_t first_counter_ = 0;  ///< of an association that is not in the file
+  std::optional<seconds> ahead_of_clock_;
   std::map<std::uint16_t, Counter> counters_;
   SequenceCounts next_sequence_;
   ros::AssociationSet key_set_ = ros::AssociationSet::a;
@@ -112,7 +125,10 @@ class Uplink {
   [[nodiscard]] Octets make_bc_cltu(wire::ControlCommand command) const;
   [[nodiscard]] std::uint8_t vc() const { return channel_.vc; }
   /// What the spacecraft says about an association; an SPI whose key is not here is ignored.
-  void on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter);
+  /// @return what the operator should know, once for each association: another sender used its counters
+  std::optional<std::string> on_spacecraft_counter(std::uint16_t spi, std::uint64_t counter);
+  /// What the operator should know of the counters at the start; empty: all is well.
+  [[nodiscard]] std::string warning() const;
   /// The keys in use; those of a run with forced keys stay, what is selected counts from the next run on.
   [[nodiscard]] ros::AssociationSet key_set() const { return set_; }
   /// Blocks on the disk. @return whether the keys in use changed; the error is ready to print
@@ -138,6 +154,7 @@ class Uplink {
   /// Of the set in use. nullptr: a channel without security
   [[nodiscard]] const Association* association(wire::TcFrameType type) const;
   std::vector<Association> associations_;  ///< those whose key is here
+  std::set<std::uint16_t> foreign_told_;
   bool secured_ = false;
   bool forced_ = false;
   ros::AssociationSet set_ = ros::AssociationSet::a;

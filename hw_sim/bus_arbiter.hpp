@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -72,7 +74,7 @@ using BusStation = std::uint32_t;
 
 enum class Submission : std::uint8_t { queued, queue_full, invalid, bus_off };
 
-/// What a controller tells its own computer.
+/// What a controller reports to its own computer.
 struct ControllerReport {
   enum class Kind : std::uint8_t { error, state, bus_off, restarted };
   BusStation station = 0;
@@ -97,7 +99,7 @@ struct BusDelivery {
 /// Which waiting frame gets the bus next, and how long it takes. Pure: no sockets, no clock.
 ///
 /// Each client has a queue in the order of submission (as behind one CAN controller); among the heads the
-/// lowest arbitration key wins, equal keys go to the one that waits longest. Somebody always acknowledges. A
+/// lowest arbitration key wins, equal keys go to the one that waits longest. Every frame is acknowledged. A
 /// station that is bus-off sends and hears nothing until it is restarted, by itself or by request. The bus
 /// runs back to back: the next frame starts at the end of the one before, however late advance() is called.
 class BusArbiter {
@@ -132,7 +134,7 @@ class BusArbiter {
   [[nodiscard]] const FaultConfinement& controller(BusStation station) const {
     return stations_.at(station).errors;
   }
-  /// What the controllers said since the last call, at most 256: take it after every call that changes
+  /// What the controllers reported since the last call, at most 256: take it after every call that changes
   /// something.
   [[nodiscard]] std::vector<ControllerReport> take_reports() { return std::exchange(reports_, {}); }
 

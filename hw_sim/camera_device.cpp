@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/camera_device.hpp"
 
 #include <algorithm>
@@ -8,15 +10,16 @@
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "base/background.hpp"
 #include "base/crc32c.hpp"
 #include "base/log.hpp"
 #include "hw/sim/seqpacket.hpp"
-#include "hw_sim/cpu_priority.hpp"
 
 namespace srfs::sim {
 namespace {
@@ -36,6 +39,7 @@ Result<Fd, std::string> listen_at(const std::filesystem::path& path) {
   if (!address) return Err(address.error());
   Fd listener(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   ::unlink(path.c_str());
+  ::fchmod(listener.get(), S_IRUSR | S_IWUSR);  // before bind: what the name gets
   if (!listener ||
       ::bind(listener.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0 ||
       ::listen(listener.get(), 4) != 0)
@@ -148,7 +152,9 @@ nlohmann::json CameraDevice::counters() const {
 }
 
 void CameraDevice::run() {
-  static_cast<void>(::nice(background_niceness));  // of this thread; to lower it needs no permission
+  // Of this thread. SCHED_IDLE would keep locks from the thread that stands for the hardware.
+  [[maybe_unused]] const int ignored = ::nice(background_niceness);
+  set_turn(shortest_turn);
   while (true) {
     {
       const std::lock_guard lock(mutex_);

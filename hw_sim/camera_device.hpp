@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -41,7 +43,7 @@ class CameraDevice {
   // From any thread:
   /// The satellite's attitude at @p at, and how warm the camera is.
   void set_pose(const CameraPose& pose, MonotonicTime at, double temperature_k);
-  /// Without power it is as absent as unplugged.
+  /// Without power it is absent, as if unplugged.
   void set_power(bool on);
   /// @param frames so many frames; `absent` lasts until it is ended
   void misbehave(CameraMisbehaviour how, int frames);

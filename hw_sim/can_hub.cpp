@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/can_hub.hpp"
 
 #include <algorithm>
@@ -11,6 +13,7 @@
 #include <linux/can/error.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/timerfd.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -163,9 +166,11 @@ Result<std::unique_ptr<CanHub>, std::string> CanHub::create(const std::filesyste
                                                             BusArbiter arbiter) {
   const auto address = socket_address(socket_path);
   if (!address) return Err(address.error());
-  if (somebody_listens(*address)) return Err(fmt::format("another hub listens at {}", socket_path.string()));
+  if (somebody_listens(*address))
+    return Err(fmt::format("another hub is listening at {}", socket_path.string()));
   ::unlink(socket_path.c_str());
   std::unique_ptr<CanHub> hub(new CanHub({}, std::move(arbiter)));
+  ::fchmod(hub->listener_.get(), S_IRUSR | S_IWUSR);  // before bind: what the name gets
   if (::bind(hub->listener_.get(), generic(*address), sizeof *address) != 0) {
     return Err(fmt::format("cannot listen at {}: {}", socket_path.string(), errno_text(errno)));
   }
@@ -342,7 +347,7 @@ void CanHub::on_request(Client& client, const can_frame& raw, MonotonicTime now)
   } else if (arbiter_.controller(station).state() == ErrorState::bus_off) {
     arbiter_.request_restart(station, now);
   } else {
-    // It missed what it was told.
+    // It missed the earlier report.
     send_to(client, to_raw({.station = station,
                             .kind = ControllerReport::Kind::restarted,
                             .state = ErrorState::active,

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <linux/can.h>
@@ -27,8 +29,8 @@ struct CanHubCounters {
   std::uint64_t receive_overruns = 0;  ///< deliveries a client was too slow to take: lost for that client
 };
 
-/// The simulated CAN bus: an AF_UNIX SOCK_SEQPACKET server that carries struct can_frame (docs/icd_can.md,
-/// "The hub") and paces them through a BusArbiter. Not thread-safe; never blocks.
+/// The simulated CAN bus: an AF_UNIX SOCK_SEQPACKET server that carries struct can_frame
+/// (docs/reference/icd_can.md, "The hub") and paces them through a BusArbiter. Not thread-safe; never blocks.
 ///
 /// Use: watch fd() for EPOLLIN and call on_readable() with the time of the wake-up. Connections, frames and
 /// the ends of frames on the wire all arrive through that one descriptor.
@@ -37,7 +39,7 @@ class CanHub {
   /// Sees every frame at its end on the bus, lost and corrupted ones too.
   using Tap = std::function<void(const BusDelivery&)>;
 
-  /// Listens at @p socket_path; replaces a socket file that nobody listens at. Error: ready to print.
+  /// Listens at @p socket_path; replaces a socket file without a listener. Error: ready to print.
   [[nodiscard]] static Result<std::unique_ptr<CanHub>, std::string> create(
       const std::filesystem::path& socket_path, BusArbiter arbiter);
   ~CanHub();
@@ -58,7 +60,7 @@ class CanHub {
   void set_tap(Tap tap) { tap_ = std::move(tap); }
   void set_faults(BusFaults faults) { arbiter_.set_faults(std::move(faults)); }
   /// The controller of a station goes bus-off: all the computer's handles share one.
-  /// @param address  of docs/icd_can.md; of a peripheral: known once it has sent a frame
+  /// @param address  of docs/reference/icd_can.md; of a peripheral: known once it has sent a frame
   /// @return false: no such station
   bool force_bus_off(std::uint8_t address, MonotonicTime now);
   void set_automatic_restart(std::optional<nanoseconds> after) { arbiter_.set_automatic_restart(after); }
@@ -74,7 +76,7 @@ class CanHub {
     Fd socket;
     BusClient bus = 0;
     std::optional<std::uint8_t> address;  ///< the source of the frames it sends
-    bool overrun = false;                 ///< it lost something and was not told yet
+    bool overrun = false;                 ///< it lost something and was not notified yet
   };
   /// One instant on two clocks.
   struct ClockPair {

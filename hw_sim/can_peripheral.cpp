@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/can_peripheral.hpp"
 
 #include <algorithm>
@@ -86,7 +88,7 @@ void CanPeripheral::babble(RunningTime now) {
   constexpr std::size_t frames_waiting = 4;
   if (peripheral_.fault() != PeripheralFault::babble || !peripheral_.listening(now) || now < next_babble_)
     return;
-  // It looks like answers nobody asked for: single frames on its own identifier with random content.
+  // It looks like unsolicited answers: single frames on its own identifier with random content.
   while (bus_->unconfirmed() < frames_waiting) {
     hw::CanFrame frame{.id = channel_.transmit_id(), .extended = true, .size = 8};
     frame.data[0] = 0x07;

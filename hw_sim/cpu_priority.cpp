@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/cpu_priority.hpp"
 
 #include <cerrno>
@@ -6,6 +8,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include "base/background.hpp"
 #include "base/process.hpp"
 
 namespace srfs::sim {
@@ -15,9 +18,11 @@ int put_before_the_tested() {
     return 0;  // started with a better policy, or a worse one on purpose
   const sched_param none{};
   // The flag first: the watchdog's restart command must never inherit the niceness.
-  if (sched_setscheduler(0, SCHED_OTHER | SCHED_RESET_ON_FORK, &none) != 0 ||
-      setpriority(PRIO_PROCESS, 0, hardware_niceness) != 0)
-    return errno;
+  const bool raised = sched_setscheduler(0, SCHED_OTHER | SCHED_RESET_ON_FORK, &none) == 0 &&
+                      setpriority(PRIO_PROCESS, 0, hardware_niceness) == 0;
+  const int error = raised ? 0 : errno;
+  set_turn(shortest_turn);
+  if (!raised) return error;
   return getsid(0) == getpid() ? set_session_niceness(hardware_niceness) : 0;
 }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -16,9 +18,9 @@ namespace srfs::sim {
 
 /// One thread's epoll loop with timers. Callbacks get the time of the wake-up, read once per round.
 ///
-/// Timers and callbacks are on the true clock: what a device owes, it does as soon as it can. What it holds
-/// against others, a time-out, it measures with running_clock() and sets its timer to earliest(); should more
-/// be lost until then, the timer comes too early and is set again.
+/// Timers and callbacks are on the true clock: what a device owes, it does as soon as it can. A time-out
+/// against others it measures with running_clock(), and sets its timer to earliest(). If more is lost until
+/// then, the timer comes too early and is set again.
 class EventLoop {
  public:
   using FdCallback = std::function<void(std::uint32_t events, MonotonicTime now)>;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -25,7 +27,8 @@ class GpioBank {
   GpioBank(std::function<std::uint8_t()> inputs, std::function<void(std::size_t line, bool on)> on_switch)
       : inputs_(std::move(inputs)), on_switch_(std::move(on_switch)) {}
 
-  /// One request of the sim: protocol (docs/icd_can.md): {op, line, value, 0} -> {status, line, value, 0}.
+  /// One request of the sim: protocol (docs/reference/icd_can.md): {op, line, value, 0} -> {status, line,
+  /// value, 0}.
   [[nodiscard]] std::array<std::uint8_t, 4> on_request(OctetView request);
   /// Holds the inputs at fixed levels; nullopt: back to the sensors.
   void force_inputs(std::optional<std::uint8_t> bits) { forced_ = bits; }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -20,7 +22,7 @@ struct GpsDeviceCounters {
   std::uint64_t stray_pulses = 0;      ///< false ones, and another receiver's
   std::uint64_t sentences = 0;         ///< times of day, of all messages of a second
   std::uint64_t late_sentences = 0;    ///< not sent: this program was late with them
-  std::uint64_t unread_sentences = 0;  ///< thrown away because nobody read those before
+  std::uint64_t unread_sentences = 0;  ///< dropped because the earlier ones were not read
 };
 
 /// Gives a GpsReceiver its pulse socket and its serial port. Thin adapter.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/gps_receiver.hpp"
 
 #include <algorithm>
@@ -199,7 +201,7 @@ Octets ubx_timeutc(UtcTime utc, bool fix, bool leap) {
   payload[16] = octet(t.tm_hour);
   payload[17] = octet(t.tm_min);
   payload[18] = octet(leap ? 60 : t.tm_sec);
-  payload[19] = fix ? 0x37 : 0x00;  // all valid, UTC as USNO tells it
+  payload[19] = fix ? 0x37 : 0x00;  // all valid, UTC by USNO
   return wire::ubx_frame(wire::ubx_class_nav, wire::ubx_nav_timeutc, payload);
 }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -104,7 +106,7 @@ class GpsReceiver {
   /// far.
   [[nodiscard]] GpsPulse next_pulse(const TrueTime& time, MonotonicTime now);
   /// RMC and ZDA, NAV-TIMEUTC or all three for the second that @p utc begins; empty when there is nothing to
-  /// say. Only whole seconds have sentences.
+  /// send. Only whole seconds have sentences.
   [[nodiscard]] Octets messages(UtcTime utc, const GpsPosition& position);
 
   void disturb(const GpsDisturbance& disturbance);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -8,8 +10,8 @@
 namespace srfs::sim {
 
 /// Impact detector, address 0x14: a plate with a sensor that counts hits of dust and debris above a
-/// threshold. It says nothing until it is asked. A restart keeps what it counted; loss of power clears it and
-/// sets the threshold back.
+/// threshold. It sends nothing until it is asked. A restart keeps what it counted; loss of power clears it
+/// and sets the threshold back.
 class ImpactDetector final : public PeripheralApplication {
  public:
   static constexpr std::size_t bins =

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cstdio>
 #include <filesystem>
@@ -16,7 +18,9 @@
 #include "base/config.hpp"
 #include "base/file.hpp"
 #include "base/log.hpp"
+#include "base/private_file.hpp"
 #include "base/signals.hpp"
+#include "base/version.hpp"
 #include "hw_sim/cpu_priority.hpp"
 #include "hw_sim/event_loop.hpp"
 #include "hw_sim/seqpacket_server.hpp"
@@ -51,11 +55,12 @@ class InstanceLock {
     // A predecessor removes the file on its way out: the lock counts only if the file is still the one at its
     // path.
     for (int attempt = 0; attempt < 10; ++attempt) {
-      fd_ = Fd(open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+      fd_ = open_lock_file(file_);
       if (!fd_)
         throw std::runtime_error(fmt::format("{}: cannot open: {}", file_.string(), errno_text(errno)));
       if (flock(fd_.get(), LOCK_EX | LOCK_NB) != 0) {
-        throw std::runtime_error(fmt::format("{} is locked: another hw_sim runs there", file_.string()));
+        throw std::runtime_error(
+            fmt::format("{} is locked: another hw_sim is running there", file_.string()));
       }
       struct stat held {};
       struct stat found {};
@@ -79,7 +84,7 @@ void create_test_key(const path& file) {
   std::filesystem::create_directories(file.parent_path());
   std::array<std::uint8_t, 32> key{};
   if (getrandom(key.data(), key.size(), 0) != static_cast<ssize_t>(key.size()))
-    throw std::runtime_error("no random numbers");
+    throw std::runtime_error("cannot get random numbers");
   const Fd fd(open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600));
   const std::string text = to_hex(key) + '\n';
   if (!fd || write(fd.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) {
@@ -110,7 +115,8 @@ void create_package_test_keys(const path& var) {
 int simulate(const path& deployment_file, const path& var) {
   const sim::SimulationSettings settings = sim::read_settings(ConfigSection::load(deployment_file));
   const path run = var / "run";
-  std::filesystem::create_directories(run);
+  std::filesystem::create_directories(var);
+  (void)open_private_folder(run, true);  // what fails, fails again at the lock
   const InstanceLock lock(run / "hw_sim.lock");
   unlink((run / "hw_sim.ready").c_str());  // of a predecessor that was killed
   for (const std::string& key : settings.key_files)
@@ -118,15 +124,15 @@ int simulate(const path& deployment_file, const path& var) {
   create_package_test_keys(var);
 
   if (const int error = sim::put_before_the_tested(); error != 0)
-    log::info("its niceness stays, it may wait for a CPU: {}", errno_text(error));
+    log::info("cannot raise the priority, hw_sim may have to wait for a CPU: {}", errno_text(error));
   sim::EventLoop loop;
   const Fd signals = termination_signals();
   ignore_broken_pipes();
   loop.watch(signals.get(), EPOLLIN, [&](std::uint32_t, MonotonicTime) { loop.stop(); });
 
   const path beside = std::filesystem::read_symlink("/proc/self/exe").parent_path() / "srfs";
-  const std::vector<std::string> restart_command{beside.string(),          "restart", "--deployment",
-                                                 deployment_file.string(), "--var",   var.string()};
+  const std::vector<std::string> restart_command{
+      beside.string(), "restart", "--deployment", deployment_file.string(), "--var", var.string(), "--if-up"};
   const auto simulator = sim::Simulator::create(loop, settings, var, restart_command);
   if (!simulator) throw std::runtime_error(simulator.error());
   const RunFile pid(run / "hw_sim.pid", fmt::format("{}\n", getpid()));
@@ -163,6 +169,7 @@ int main(int argc, char** argv) {
   auto* control_option = app.add_option(
       "--control", request, "Send one JSON request to the running simulator, print its reply, exit");
   control_option->excludes(deployment_option);
+  app.set_version_flag("--version", version());
   CLI11_PARSE(app, argc, argv);
 
   log::set_name("hw_sim");

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -60,8 +62,8 @@ struct PeripheralCounters {
   std::uint64_t power_cycles = 0;
 };
 
-/// One peripheral behind its transport: the request and answer rules of docs/icd_can.md. It keeps the last 16
-/// executed telecommand ids over a RESET and loses them with its power. Pure.
+/// One peripheral behind its transport: the request and answer rules of docs/reference/icd_can.md. It keeps
+/// the last 16 executed telecommand ids over a RESET and loses them with its power. Pure.
 class Peripheral {
  public:
   /// @param application  must outlive this object

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -26,7 +28,7 @@ struct PowerSettings {
   double bus_resistance_ohm = 0.02;
   double base_load_w = 1.3;  ///< computer and power supply, always on
   std::array<double, load_count> load_w{
-      0.8, 0.0, 2.6, 1.9};  ///< when switched on; what the heaters draw is told from outside
+      0.8, 0.0, 2.6, 1.9};  ///< when switched on; what the heaters draw is set from outside
   std::uint8_t initial_switches = 0b0011;
   double charge_limit = 0.98;
   double lowest_charging_k = 273.15;  ///< the charger refuses a frozen battery

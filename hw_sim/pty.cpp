@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/pty.hpp"
 
 #include <algorithm>
@@ -30,14 +32,14 @@ Result<Pty, std::string> Pty::create(const std::filesystem::path& link) {
   std::array<char, 128> name{};
   if (!master || grantpt(master.get()) != 0 || unlockpt(master.get()) != 0 ||
       ptsname_r(master.get(), name.data(), name.size()) != 0) {
-    return failure(link, "make a pseudo-terminal");
+    return failure(link, "create a pseudo-terminal");
   }
   Fd slave(open(name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK));
   if (!slave) return failure(link, "open the pseudo-terminal's slave");
   termios mode{};
-  if (tcgetattr(slave.get(), &mode) != 0) return failure(link, "read the terminal's mode");
+  if (tcgetattr(slave.get(), &mode) != 0) return failure(link, "read the terminal's settings");
   cfmakeraw(&mode);
-  if (tcsetattr(slave.get(), TCSANOW, &mode) != 0) return failure(link, "make the terminal raw");
+  if (tcsetattr(slave.get(), TCSANOW, &mode) != 0) return failure(link, "set the terminal to raw mode");
 
   std::error_code ec;
   std::filesystem::create_directories(link.parent_path(), ec);

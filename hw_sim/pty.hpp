@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -12,8 +14,8 @@
 namespace srfs::sim {
 
 /// A pseudo-terminal whose slave is a raw serial port for another process, found through a symbolic link. The
-/// slave is held open here too, so that nobody, one or several may have it open and hang up at any time.
-/// Removes its link when destroyed.
+/// slave is held open here too, so that any number of processes, or none, may have it open and hang up at any
+/// time. Removes its link when destroyed.
 class Pty {
  public:
   /// @param link  replaced if it exists  Error: ready to print.

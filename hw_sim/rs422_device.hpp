@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -13,7 +15,7 @@ namespace srfs::sim {
 
 /// The RS422 connection between the operator's port and the computer's: two pseudo-terminals and a line for
 /// each direction. Towards the sender it is bounded by back-pressure (its writes block), towards the reader
-/// by loss: what nobody has read for a second (of running time) is gone, as on a wire without a listener.
+/// by loss: what is not read for a second (of running time) is lost, as on a wire without a listener.
 class Rs422Device {
  public:
   /// Error: ready to print.

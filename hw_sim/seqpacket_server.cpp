@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/seqpacket_server.hpp"
 
 #include <array>
@@ -7,6 +9,7 @@
 #include <fmt/format.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/time.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -45,8 +48,9 @@ Result<std::unique_ptr<SeqpacketServer>, std::string> SeqpacketServer::create(
   const auto address = socket_address(path);
   if (!address) return Err(address.error());
   Fd listener(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  if (!listener) return Err(failure(path, "make a socket"));
+  if (!listener) return Err(failure(path, "create a socket"));
   unlink(path.c_str());
+  fchmod(listener.get(), S_IRUSR | S_IWUSR);  // before bind: what the name gets
   if (bind(listener.get(), generic(*address), sizeof *address) != 0) return Err(failure(path, "bind"));
   if (listen(listener.get(), static_cast<int>(most_clients)) != 0) return Err(failure(path, "listen"));
   return std::unique_ptr<SeqpacketServer>(
@@ -105,7 +109,7 @@ Result<std::string, std::string> ask_seqpacket(const std::filesystem::path& path
   const auto address = socket_address(path);
   if (!address) return Err(address.error());
   const Fd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
-  if (!socket) return Err(failure(path, "make a socket"));
+  if (!socket) return Err(failure(path, "create a socket"));
   const timeval limit{.tv_sec = patience.count() / 1000, .tv_usec = patience.count() % 1000 * 1000};
   setsockopt(socket.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
   setsockopt(socket.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);

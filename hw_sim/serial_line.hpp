@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -46,7 +48,7 @@ class SerialLine {
   [[nodiscard]] bool has_arrived() const { return !received_.empty(); }
   /// The reader took the first @p octets.
   void taken(std::size_t octets);
-  /// Nobody listens: what waits in the receive buffer, and @p elsewhere octets, are lost.
+  /// There is no listener: what waits in the receive buffer, and @p elsewhere octets, are lost.
   void lose_received(std::size_t elsewhere);
 
   /// @param probability  of each bit to be inverted, 0-1

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/settings.hpp"
 
 #include <cmath>
@@ -82,7 +84,7 @@ void read_gps(const ConfigSection& section, GpsSettings& gps) {
   for (const ConfigSection& entry : section.sections("script")) {
     const nanoseconds at = milliseconds(std::llround(entry.number("at_s", 0, 1e6, 0) * 1000));
     if (!gps.script.empty() && at < gps.script.back().at)
-      throw entry.bad("at_s", "not before the entry above");
+      throw entry.bad("at_s", "a time not before the entry above");
     gps.script.push_back({at, read_disturbance(entry)});
     entry.finish();
   }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/simulator.hpp"
 
 #include <algorithm>
@@ -161,7 +163,7 @@ Result<void, std::string> Simulator::open_can(const SimulationSettings& settings
       hub_->set_tap([this](const BusDelivery& delivery) { can_log_->record(delivery); });
     }
   } else if (settings.can_log) {
-    log::warn("simulation.can_log is for the simulated bus; use candump for {}", settings.devices.can);
+    log::warn("simulation.can_log records only the simulated bus; use candump for {}", settings.devices.can);
   }
   for (std::size_t i = 0; i < on_bus_.size(); ++i) {
     auto bus = hw::open_can(settings.devices.can, var, {hw::isotp_to(peripheral_addresses[i])});
@@ -304,7 +306,7 @@ void Simulator::set_bus_faults(const nlohmann::json& faults, MonotonicTime now) 
   only_keys(faults, {"loss", "bit_error", "corruption", "extra_delay_us", "muted", "babble", "bus_off",
                      "restart_ms"});
   if (!hub_)
-    throw std::invalid_argument("'can': the bus is a real interface; faults are for the simulated one");
+    throw std::invalid_argument("'can': the bus is a real interface; only the simulated bus has faults");
   BusFaults all;  // what is not named is off
   all.loss_probability = probability(faults, "loss", 0);
   all.bit_error_probability = probability(faults, "bit_error", 0);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -46,7 +48,7 @@ class SpacecraftWorld {
   void set_adcs_powered(bool powered) { adcs_powered_ = powered; }
 
   /// What the sensors say, with noise drawn now: the measurement blocks of the peripheral protocol
-  /// (docs/icd_can.md).
+  /// (docs/reference/icd_can.md).
   [[nodiscard]] Octets measure_adcs();
   [[nodiscard]] Octets measure_eps();
   [[nodiscard]] Octets measure_thermal();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw_sim/watchdog_device.hpp"
 
 #include <csignal>
@@ -71,7 +73,7 @@ void WatchdogDevice::write_status() const {
   const auto written = write_file_atomically(
       status_, fmt::format("boot {}.{}\nwatchdog {}\ntimeout_ms {}\n", switched_on_.ns(), bites,
                            bites > 0 ? 1 : 0, starvation_.timeout().count()));
-  if (!written) log::error("the watchdog's status: {}", written.error().message);
+  if (!written) log::error("cannot write the watchdog's status: {}", written.error().message);
 }
 
 void WatchdogDevice::on_datagram(OctetView datagram) {
@@ -101,7 +103,7 @@ void WatchdogDevice::on_timer() {
 
 void WatchdogDevice::start_restart() {
   if (child_fd_) {
-    log::error("the restart before is still running");
+    log::error("no restart: the previous restart command is still running");
     ++counters_.restarts_failed;
     return;
   }
@@ -146,7 +148,7 @@ void WatchdogDevice::on_limit() {
     return;
   }
   ++counters_.restarts_killed;
-  log::error("restart command runs longer than {} ms: killed", limit_.count());
+  log::error("killed the restart command after {} ms", limit_.count());
   kill(-child_, SIGKILL);  // its session's first process group; nodes it started have sessions of their own
 }
 

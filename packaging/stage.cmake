@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 # Run by CPack behind the installation into the package's folder (SrfsPackaging.cmake): what lies outside the prefix.
 set(source ${CPACK_SRFS_SOURCE}/packaging)
 set(root ${CPACK_TEMPORARY_INSTALL_DIRECTORY})  # file(COPY): file(INSTALL) would put DESTDIR before it
@@ -21,7 +23,7 @@ put(${source}/modules-load.conf usr/lib/modules-load.d/srfs.conf)
 put(${source}/modprobe.conf usr/lib/modprobe.d/srfs.conf)
 put(${source}/limits.conf etc/security/limits.d/srfs.conf)
 put(${CPACK_SRFS_SOURCE}/launch_config/board_rk3568.yaml etc/srfs/deployment.yaml)
-put(${CPACK_SRFS_SOURCE}/docs/operations.md opt/srfs/share/doc/srfs/operations.md)
+file(COPY ${CPACK_SRFS_SOURCE}/docs DESTINATION ${root}/opt/srfs/share/doc/srfs)
 put(${CPACK_SRFS_SOURCE}/LICENSE usr/share/doc/srfs/copyright)
 put(${CPACK_SRFS_SOURCE}/CHANGELOG.md usr/share/doc/srfs/CHANGELOG.md)
 put(${source}/srfs usr/bin/srfs FILE_PERMISSIONS

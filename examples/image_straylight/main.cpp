@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A method of image processing as a node of its own: it hears the frames that the camera takes, measures the
 // sky of each on a worker, and tells of it in its own telemetry (dictionary.yaml).
 #include <cmath>

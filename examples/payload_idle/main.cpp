@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A payload without access to the CAN bus, as the paper's maintenance experiment begins with (section VI.D):
 // it is in the plan, and gives every slot back unused. `./run experiment fig16` replaces it in flight by one
 // that uses the bus.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "base/child_process.hpp"
 
 #include <cerrno>
@@ -73,7 +75,7 @@ std::optional<ChildProcess::End> ChildProcess::take_end() {
   if (pid == 0) return std::nullopt;
   End end;
   if (pid < 0) {
-    end.signal = SIGKILL;  // buried by somebody else: how it ended is not known
+    end.signal = SIGKILL;  // reaped elsewhere: how it ended is not known
   } else if (WIFEXITED(status)) {
     end.exit_code = WEXITSTATUS(status);
   } else {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "base/config.hpp"
 
 #include <algorithm>
@@ -129,9 +131,9 @@ std::vector<std::string> ConfigSection::texts(std::string_view key) const {
   std::vector<std::string> values;
   if (!has(key)) return values;
   const YAML::Node node = get(key);
-  if (!node.IsSequence()) throw bad(key, "a list of texts");
+  if (!node.IsSequence()) throw bad(key, "a list of strings");
   for (const auto& item : node) {
-    if (!item.IsScalar()) throw bad(key, "a list of texts");
+    if (!item.IsScalar()) throw bad(key, "a list of strings");
     values.push_back(item.Scalar());
   }
   return values;

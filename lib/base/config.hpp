@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -21,7 +23,7 @@ class ConfigError : public std::runtime_error {
 };
 
 /// One mapping of a YAML file, read strictly: every value is checked for its type and range, and finish()
-/// refuses keys that nobody asked for. Paths in messages look like "nodes[2].parameters.tick_period_ms".
+/// refuses keys that were never asked for. Paths in messages look like "nodes[2].parameters.tick_period_ms".
 class ConfigSection {
  public:
   /// Reads the file. Throws ConfigError when it is missing, not YAML, or not a mapping.

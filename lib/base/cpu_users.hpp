@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -32,7 +34,7 @@ struct CpuUser {
   double cpus = 0;    ///< 1: one CPU's whole time
   pid_t largest = 0;  ///< of these processes, the one that used most
 };
-/// Who used the CPUs between two readings, the largest first, those above 5 % of one CPU. Pure.
+/// The users of the CPUs between two readings, the largest first, those above 5 % of one CPU. Pure.
 [[nodiscard]] std::vector<CpuUser> largest_cpu_users(const ProcessTable& before, const ProcessTable& after,
                                                      nanoseconds elapsed, std::size_t most = 5);
 /// "stress-ng (16 processes) 180 %, ttc_node 3 %"; 100 %: one CPU. Pure.
@@ -41,6 +43,8 @@ struct CpuUser {
 /// The share of the last 10 s in which some task of this machine waited for a CPU, 0 to 1
 /// (/proc/pressure/cpu); nullopt: a kernel without pressure stall information. Blocks for a moment.
 [[nodiscard]] std::optional<double> cpu_pressure();
+/// At this pressure and above a machine is busy: the suite spaces its starts.
+inline constexpr double busy_cpu_pressure = 0.6;
 /// "some avg10=12.34 avg60=..." of that file. Pure.
 [[nodiscard]] std::optional<double> parse_pressure(std::string_view text);
 

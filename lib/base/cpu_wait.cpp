@@ -1,8 +1,11 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "base/cpu_wait.hpp"
 
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <ctime>
 #include <utility>
 
 #include <fcntl.h>
@@ -35,6 +38,20 @@ std::string_view read_again(const Fd& file, std::array<char, size>& buffer) {
   return {buffer.data(), n > 0 ? static_cast<std::size_t>(n) : 0};
 }
 
+/// Asked once: by a thread that runs. The kernel adds to a running thread's time at its own ticks only, and
+/// when its clock is read: a young thread has zeros until then.
+bool kernel_counts() {
+  static const bool counts = [] {
+    std::array<char, 96> buffer{};
+    timespec used{};
+    (void)clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);
+    const Fd own = open_for_reading("/proc/thread-self/schedstat");
+    const auto reading = own ? parse_schedstat(read_again(own, buffer)) : std::nullopt;
+    return reading && is_counted(*reading);
+  }();
+  return counts;
+}
+
 }  // namespace
 
 std::optional<ThreadCpu> parse_schedstat(std::string_view text) {
@@ -55,7 +72,7 @@ std::optional<ThreadCpuFiles> ThreadCpuFiles::open(pid_t pid, pid_t tid) {
   Fd stat = open_for_reading(path.data());
   if (!schedstat || !stat) return std::nullopt;
   ThreadCpuFiles files(std::move(schedstat), std::move(stat));
-  if (!files.read()) return std::nullopt;
+  if (!files.read() || !kernel_counts()) return std::nullopt;
   return files;
 }
 
@@ -137,24 +154,21 @@ CpuTotals CpuHistory::since(MonotonicTime since) const {
 nanoseconds StolenTime::on_reading(std::string_view proc_stat) {
   constexpr int steal_field = 7;  // of user, nice, system, idle, iowait, irq, softirq, steal
   nanoseconds most{0};
-  std::size_t cpu = 0;
   while (proc_stat.starts_with("cpu")) {
     const auto line_end = proc_stat.find('\n');
     if (line_end == std::string_view::npos) break;  // cut
     std::string_view line = proc_stat.substr(0, line_end);
     proc_stat.remove_prefix(line_end + 1);
     if (line.starts_with("cpu ")) continue;  // the sum of all
-    line.remove_prefix(std::min(line.find(' '), line.size()));
+    line.remove_prefix(std::string_view("cpu").size());
+    const auto cpu = take_number(line);
     std::optional<std::uint64_t> stolen;
     for (int field = 0; field <= steal_field; ++field) stolen = take_number(line);
-    if (!stolen) continue;
-    if (cpu >= last_.size()) {
-      last_.push_back(*stolen);
-    } else {
-      if (*stolen > last_[cpu]) most = std::max<nanoseconds>(most, (*stolen - last_[cpu]) * user_tick);
-      last_[cpu] = *stolen;
-    }
-    ++cpu;
+    if (!cpu || !stolen || *cpu >= most_cpus) continue;
+    if (*cpu >= last_.size()) last_.resize(*cpu + 1);
+    std::optional<std::uint64_t>& last = last_[*cpu];
+    if (last && *stolen > *last) most = std::max<nanoseconds>(most, (*stolen - *last) * user_tick);
+    last = stolen;
   }
   total_ += most;
   return total_;

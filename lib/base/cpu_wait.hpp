@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -24,12 +26,19 @@ struct ThreadCpu {
 /// Parses the text of a schedstat file. nullopt: not of that form. Pure.
 [[nodiscard]] std::optional<ThreadCpu> parse_schedstat(std::string_view text);
 
+/// False: the kernel has the file and does not count (some builds without CONFIG_SCHEDSTATS write zeros).
+/// Pure.
+/// @param running  reading of a thread that has run: its own
+[[nodiscard]] inline bool is_counted(const ThreadCpu& running) {
+  return running.ran > nanoseconds(0) && running.stints > 0;
+}
+
 /// CPU accounting of one thread. The kernel ties the open files to the thread, so a later thread with the
 /// same number is never read. Each reading costs about 1 us; no allocation after open().
 class ThreadCpuFiles {
  public:
   /// @param tid  thread of @p pid; pid itself is its first thread. nullopt: no such thread, or a kernel
-  /// without schedstat.
+  /// without schedstat, or one that does not count (is_counted).
   [[nodiscard]] static std::optional<ThreadCpuFiles> open(pid_t pid, pid_t tid);
   /// Of the calling thread, which may be read by any thread afterwards.
   [[nodiscard]] static std::optional<ThreadCpuFiles> open_own();
@@ -98,8 +107,8 @@ class CpuHistory {
   std::vector<Point> points_;
 };
 
-/// CPU time that the host of a virtual machine took, of the CPU it took most from: nobody can say which
-/// thread lost it. Pure: takes the text of /proc/stat.
+/// CPU time that the host of a virtual machine took, of the CPU it took most from; which thread lost it is
+/// not known. Pure: takes the text of /proc/stat, in which CPUs that are offline are missing.
 class StolenTime {
  public:
   /// @return the sum so far; ticks of 10 ms
@@ -107,7 +116,8 @@ class StolenTime {
   [[nodiscard]] nanoseconds total() const { return total_; }
 
  private:
-  std::vector<std::uint64_t> last_;  // ticks, by CPU
+  static constexpr std::size_t most_cpus = 1024;
+  std::vector<std::optional<std::uint64_t>> last_;  // ticks, by the number of the CPU
   nanoseconds total_{0};
 };
 

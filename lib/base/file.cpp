@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "base/file.hpp"
 
 #include <cerrno>
@@ -41,10 +43,14 @@ Result<void, FileError> sync_folder_of(const std::filesystem::path& path) {
 Result<std::string, FileError> read_file(const std::filesystem::path& path, std::size_t limit) {
   const Fd fd(open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (!fd) return failure("open", path, errno);
+  return read_open_file(fd.get(), path, limit);
+}
+
+Result<std::string, FileError> read_open_file(int fd, const std::filesystem::path& path, std::size_t limit) {
   std::string content;
   char chunk[16384];
   while (true) {
-    const ssize_t n = read(fd.get(), chunk, sizeof chunk);
+    const ssize_t n = read(fd, chunk, sizeof chunk);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return failure("read", path, errno);
     if (n == 0) return content;
@@ -59,7 +65,8 @@ Result<void, FileError> write_file_atomically(const std::filesystem::path& path,
   // The pid keeps two writers from sharing a temporary file; the last rename wins whole.
   const std::filesystem::path temporary = fmt::format("{}.{}.tmp", path.string(), getpid());
   {
-    const Fd fd(open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+    unlink(temporary.c_str());  // of a predecessor with this pid
+    const Fd fd(open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));
     if (!fd) return failure("create", temporary, errno);
     if (!write_all(fd.get(), content) || fsync(fd.get()) != 0) {
       const int error = errno;

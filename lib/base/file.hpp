@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -19,9 +21,13 @@ struct FileError {
 [[nodiscard]] Result<std::string, FileError> read_file(const std::filesystem::path& path,
                                                        std::size_t limit = 16U << 20);
 
+/// The rest of an open file. @param path  for the message
+[[nodiscard]] Result<std::string, FileError> read_open_file(int fd, const std::filesystem::path& path,
+                                                            std::size_t limit);
+
 /// Replaces @p path so that after power loss at any instant it holds the old or the new octets, never a
-/// mixture: temporary file beside it, fsync, rename, fsync of the folder. Creates missing folders. Blocks on
-/// the disk.
+/// mixture: temporary file beside it (new, no link is followed), fsync, rename, fsync of the folder. Creates
+/// missing folders. Blocks on the disk.
 [[nodiscard]] Result<void, FileError> write_file_atomically(const std::filesystem::path& path,
                                                             std::string_view content);
 

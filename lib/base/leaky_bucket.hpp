@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -7,8 +9,8 @@
 
 namespace srfs {
 
-/// Counts what comes and forgives one at a steady pace: tells an endless stream from a burst, in memory that
-/// does not grow with it. Pure.
+/// Counts what comes and forgives one at a steady pace: distinguishes an endless stream from a burst, in
+/// memory that does not grow with it. Pure.
 class LeakyBucket {
  public:
   void add(MonotonicTime now, nanoseconds forgiven_every) {

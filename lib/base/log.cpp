@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "base/log.hpp"
 
 #include <algorithm>
@@ -98,7 +100,7 @@ void put(State& s, const Record& record) {
     if (const std::uint64_t lost = s.output.lost(); lost > s.told_lost) {
       std::array<char, 80> text;
       const auto end =
-          fmt::format_to(text.data(), "{} lines lost: stderr did not take them", lost - s.told_lost);
+          fmt::format_to(text.data(), "{} log lines lost: stderr did not accept them", lost - s.told_lost);
       put_line(s, Severity::warn, {text.data(), static_cast<std::size_t>(end - text.data())});
       if (s.output.lost() == lost) s.told_lost = lost;
     }

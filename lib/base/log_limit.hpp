@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -18,9 +20,9 @@ struct Site {
 
 /// Decides which lines are written, so that no fault can fill the disk or the bus with its own report. A call
 /// site may write 10 lines at once and then one a second; all sites together 200 at once and then 50 a
-/// second. What is held back is counted per site and told with its next line, or by take_due() once the site
-/// is quiet. Pure: time passed in. Memory: 6 KiB for 128 sites; of further ones the site that wrote longest
-/// ago is forgotten, and its count goes to forgotten(). Not thread-safe.
+/// second. Lines held back are counted per site and reported with its next line, or by take_due() once the
+/// site is quiet. Pure: time passed in. Memory: 6 KiB for 128 sites; of further ones the site that wrote
+/// longest ago is forgotten, and its count goes to forgotten(). Not thread-safe.
 class RateLimit {
  public:
   static constexpr int site_burst = 10;
@@ -30,7 +32,7 @@ class RateLimit {
 
   struct Verdict {
     bool write = false;
-    std::uint32_t held_back = 0;  ///< lines of this site since the last one written; told with this one
+    std::uint32_t held_back = 0;  ///< lines of this site since the last one written; reported with this one
   };
   /// @param now  not before the previous call
   [[nodiscard]] Verdict on_line(Site site, MonotonicTime now);
@@ -45,7 +47,7 @@ class RateLimit {
 
   /// Lines held back since the start.
   [[nodiscard]] std::uint64_t held_back() const { return held_back_; }
-  /// Of these, those that no line ever told of by site.
+  /// Of these, those that no line ever reported by site.
   [[nodiscard]] std::uint64_t forgotten() const { return forgotten_; }
 
  private:

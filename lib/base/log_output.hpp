@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -9,9 +11,9 @@
 
 namespace srfs::log {
 
-/// A descriptor that lines are written to (stderr) without ever waiting for whoever reads it. A pipe, a
-/// terminal or a socket that is full loses the line, counted; a regular file takes it (the page cache does;
-/// what the kernel does when memory for it is short is the disk's matter). The descriptor's own flags are
+/// A descriptor that lines are written to (stderr) without ever waiting for the reader. A pipe, a terminal or
+/// a socket that is full loses the line, counted; a regular file takes it (the page cache does; what the
+/// kernel does when memory for it is short is the disk's matter). The descriptor's own flags are
 /// not touched: other processes share them. Not thread-safe.
 class Output {
  public:
@@ -20,7 +22,8 @@ class Output {
 
   /// At most longest_line octets, with the newline. @return false when the line was lost
   bool write(std::string_view line);
-  /// The journal reads this descriptor: systemd says so in JOURNAL_STREAM (systemd.exec(5)), "device:inode".
+  /// The journal reads this descriptor: systemd states it in JOURNAL_STREAM (systemd.exec(5)),
+  /// "device:inode".
   [[nodiscard]] bool is_journal();
   /// Lines lost since the start.
   [[nodiscard]] std::uint64_t lost() const { return lost_; }

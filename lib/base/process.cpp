@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "base/process.hpp"
 
 #include <algorithm>
@@ -71,8 +73,15 @@ std::optional<std::uint64_t> process_start_ticks(pid_t pid) {
   return in >> ticks ? std::optional(ticks) : std::nullopt;
 }
 
-int set_session_niceness(int nice) {
-  const int file = ::open("/proc/self/autogroup", O_WRONLY | O_CLOEXEC);
+int set_session_niceness(int nice, pid_t pid) {
+  std::array<char, 40> path{"/proc/self/autogroup"};
+  if (pid != 0) {
+    constexpr std::string_view folder = "/proc/", name = "/autogroup";
+    char* at = std::copy(folder.begin(), folder.end(), path.begin());
+    at = std::to_chars(at, path.data() + path.size(), pid).ptr;
+    *std::copy(name.begin(), name.end(), at) = '\0';
+  }
+  const int file = ::open(path.data(), O_WRONLY | O_CLOEXEC);
   if (file < 0) return errno == ENOENT ? 0 : errno;
   std::array<char, 8> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), nice).ptr;
@@ -80,6 +89,18 @@ int set_session_niceness(int nice) {
   const int error = ::write(file, text.data(), length) < 0 ? errno : 0;
   ::close(file);
   return error;
+}
+
+std::optional<int> session_niceness(pid_t pid) {
+  // "/autogroup-12 nice 10"
+  constexpr std::string_view key = " nice ";
+  const auto text = read_file("/proc/" + std::to_string(pid) + "/autogroup", 128);
+  const auto at = text ? text->find(key) : std::string::npos;
+  if (at == std::string::npos) return std::nullopt;
+  int niceness = 0;
+  const char* const begin = text->data() + at + key.size();
+  if (std::from_chars(begin, text->data() + text->size(), niceness).ec != std::errc()) return std::nullopt;
+  return niceness;
 }
 
 }  // namespace srfs

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -35,8 +37,8 @@ class Process {
 /// nullopt: it cannot be read. Blocks for a moment.
 [[nodiscard]] std::optional<std::string> kernel_boot_id();
 
-/// What the kernel says of a process' first thread: the letter of proc(5), 'R', 'S', 'D', 'T' (stopped), 't'
-/// (held by a debugger), 'Z'...; nullopt: there is no such process.
+/// What the kernel reports of a process' first thread: the letter of proc(5), 'R', 'S', 'D', 'T' (stopped),
+/// 't' (held by a debugger), 'Z'...; nullopt: there is no such process.
 [[nodiscard]] std::optional<char> process_state(pid_t pid);
 
 /// When it was started, in clock ticks since boot: with its number a name that no other process of this boot
@@ -45,8 +47,11 @@ class Process {
 
 /// Gives the session of this process a weight against others where the kernel groups tasks by session
 /// (sched(7), "The autogroup feature"; Debian's does): there a thread's niceness and SCHED_IDLE count within
-/// its session alone. For a process that leads its session. Async-signal-safe. @param nice -20 to 19 @return
-/// 0 or errno; 0 too where the kernel has no such groups
-int set_session_niceness(int nice);
+/// its session alone. For a process that leads its session. Async-signal-safe. @param nice -20 to 19
+/// @param pid of the process, 0: the calling one. @return 0 or errno; 0 too where the kernel has no such
+/// groups; EAGAIN: set without CAP_SYS_ADMIN within the last 100 ms
+int set_session_niceness(int nice, pid_t pid = 0);
+/// What was set. nullopt: no such process, or no such groups.
+[[nodiscard]] std::optional<int> session_niceness(pid_t pid);
 
 }  // namespace srfs

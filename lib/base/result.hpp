@@ -1,10 +1,12 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <tl/expected.hpp>
 
 namespace srfs {
 
-/// An expected failure is a value: either a T or an E that says why not. One error enum (or struct) per
+/// An expected failure is a value: either a T or an E that states why not. One error enum (or struct) per
 /// class.
 template <class T, class E>
 using Result = tl::expected<T, E>;

@@ -1,7 +1,10 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "cfdp/entity.hpp"
 
 #include <algorithm>
 #include <cassert>
+#include <numeric>
 
 namespace srfs::cfdp {
 namespace {
@@ -226,7 +229,8 @@ void Entity::to_unknown_receiver(const wire::CfdpPdu& pdu, MonotonicTime now) {
     reply(pdu.header, CfdpAck{.condition = eof->condition, .status = CfdpTransactionStatus::unrecognized});
     return;
   }
-  if (!has_room()) {
+  if (!has_room_to_receive()) make_room_to_receive();
+  if (!has_room_to_receive()) {
     ++counters.no_room;
     return;
   }
@@ -351,6 +355,11 @@ void Entity::save_checkpoint() {
   if (!said) report({.kind = EventKind::checkpoint_failed});
 }
 
+std::uint64_t Entity::receiving_octets() const {
+  return std::accumulate(receivers_.begin(), receivers_.end(), std::uint64_t{0},
+                         [](std::uint64_t sum, const auto& r) { return sum + r->stored_octets(); });
+}
+
 std::vector<Event> Entity::take_events() {
   std::vector<Event> events(events_.begin(), events_.end());
   events_.clear();
@@ -391,6 +400,22 @@ Receiver* Entity::receiver(TransactionId id) {
 
 bool Entity::has_room() const {
   return senders_.size() + receivers_.size() < settings.transactions_max;
+}
+
+bool Entity::has_room_to_receive() const {
+  return has_room() && receivers_.size() < settings.receiving_max;
+}
+
+void Entity::make_room_to_receive() {
+  Receiver* oldest = nullptr;
+  for (const auto& r : receivers_) {
+    const auto since = r->in_vain_since();
+    if (since && (oldest == nullptr || *since < *oldest->in_vain_since())) oldest = r.get();
+  }
+  if (oldest == nullptr) return;
+  ++counters.displaced;
+  oldest->abandon();
+  settle();
 }
 
 }  // namespace srfs::cfdp

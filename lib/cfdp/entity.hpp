@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <deque>
@@ -78,6 +80,7 @@ class Entity final : private Context {
   [[nodiscard]] Context& context() { return *this; }
   void report(const Event& event) override;
   void save_checkpoint() override;
+  [[nodiscard]] std::uint64_t receiving_octets() const override;
 
   void to_sender(const wire::CfdpPdu& pdu, MonotonicTime now);
   void to_receiver(const wire::CfdpPdu& pdu, MonotonicTime now);
@@ -89,6 +92,9 @@ class Entity final : private Context {
   [[nodiscard]] Sender* sender(TransactionId id);
   [[nodiscard]] Receiver* receiver(TransactionId id);
   [[nodiscard]] bool has_room() const;
+  [[nodiscard]] bool has_room_to_receive() const;
+  /// Makes room for a new file by ending the one that was awaited in vain for longest, if there is one.
+  void make_room_to_receive();
   [[nodiscard]] std::optional<Outgoing> next_outgoing(std::size_t octets_max, const FrameFill& frame,
                                                       MonotonicTime now);
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -18,7 +20,7 @@ struct TransactionId {
   friend auto operator<=>(const TransactionId&, const TransactionId&) = default;
 };
 
-/// Tells whether a file is still the one it was.
+/// Shows whether a file is still the one it was.
 struct FileStamp {
   std::uint64_t octets = 0;
   std::uint64_t inode = 0;
@@ -34,7 +36,7 @@ enum class FileFault : std::uint8_t {
   not_empty,  ///< of a folder
   denied,     ///< read-only or no permission
   no_space,
-  io,  ///< anything else the disk says
+  io,  ///< any other error of the disk
 };
 [[nodiscard]] std::string_view to_string(FileFault fault);
 
@@ -61,8 +63,9 @@ class FileStore {
   [[nodiscard]] virtual FileResult<void> check_destination(std::string_view name) = 0;
   /// Makes an empty temporary file, over one that is there.
   [[nodiscard]] virtual FileResult<void> create_temporary(TransactionId id) = 0;
-  /// Sets room aside for @p octets; a file system that cannot do so succeeds.
-  [[nodiscard]] virtual FileResult<void> reserve(TransactionId id, std::uint64_t octets) = 0;
+  /// Whether the disk has room for @p octets now, above what is left free for others. Sets nothing aside: the
+  /// room is taken as the octets are written, and write_temporary() asks again.
+  [[nodiscard]] virtual FileResult<void> check_room(std::uint64_t octets) = 0;
   [[nodiscard]] virtual FileResult<void> write_temporary(TransactionId id, std::uint64_t offset,
                                                          OctetView data) = 0;
   [[nodiscard]] virtual FileResult<std::size_t> read_temporary(TransactionId id, std::uint64_t offset,

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -39,7 +41,7 @@ struct OpenFile {
 /// its call returns.
 class FileTree {
  public:
-  /// Entries of one folder that are looked at; a folder with more is listed as far as that.
+  /// Entries of one folder that are read; a folder with more is listed as far as that.
   static constexpr std::uint32_t entries_max = 20'000;
 
   [[nodiscard]] static Result<FileTree, FileError> open(const std::filesystem::path& root);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -35,9 +37,9 @@ class SegmentSet {
 /// many is refused.
 ///
 /// How long an answer takes is measured. A sender serves what it was asked for in order of offset, and before
-/// new data; so data behind a gap that was asked for longer ago says that the gap's data was lost again, and
-/// data in front of it that its turn will come. A sender with another order costs octets that travel twice,
-/// no more.
+/// new data; so data behind a gap that was asked for longer ago shows that the gap's data was lost again, and
+/// data in front of it shows that its turn will come. A sender with another order costs octets that travel
+/// twice, no more.
 class GapList {
  public:
   struct Gap {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "cfdp/posix_file_store.hpp"
 
 #include <algorithm>
@@ -7,6 +9,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include "cfdp/file_tree.hpp"
@@ -45,7 +48,8 @@ std::string name_of(TransactionId id) {
 }  // namespace
 
 Result<std::unique_ptr<PosixFileStore>, FileError> PosixFileStore::open(
-    const std::filesystem::path& root, const std::filesystem::path& checkpoint) {
+    const std::filesystem::path& root, const std::filesystem::path& checkpoint,
+    std::uint64_t free_floor_octets) {
   std::error_code error;
   std::filesystem::create_directories(root / temporaries_name, error);
   const auto folder = [](const std::filesystem::path& path) {
@@ -56,16 +60,17 @@ Result<std::unique_ptr<PosixFileStore>, FileError> PosixFileStore::open(
   if (!root_fd || !temporaries) {
     return Err(FileError{fmt::format("{}: cannot open the folder: {}", root.string(), errno_text(errno))});
   }
-  return std::unique_ptr<PosixFileStore>(
-      new PosixFileStore(std::move(root_fd), std::move(temporaries), root / temporaries_name, checkpoint));
+  return std::unique_ptr<PosixFileStore>(new PosixFileStore(
+      std::move(root_fd), std::move(temporaries), root / temporaries_name, checkpoint, free_floor_octets));
 }
 
 PosixFileStore::PosixFileStore(Fd root, Fd temporaries, std::filesystem::path temporaries_path,
-                               std::filesystem::path checkpoint)
+                               std::filesystem::path checkpoint, std::uint64_t free_floor_octets)
     : root_(std::move(root)),
       temporaries_(std::move(temporaries)),
       temporaries_path_(std::move(temporaries_path)),
-      checkpoint_(std::move(checkpoint)) {
+      checkpoint_(std::move(checkpoint)),
+      free_floor_octets_(free_floor_octets) {
   open_.reserve(open_files_max);
 }
 
@@ -143,16 +148,16 @@ FileResult<void> PosixFileStore::create_temporary(TransactionId id) {
   return {};
 }
 
-FileResult<void> PosixFileStore::reserve(TransactionId id, std::uint64_t octets) {
-  const auto fd = temporary(id);
-  if (!fd) return Err(fd.error());
-  if (octets == 0) return {};
-  if (fallocate(*fd, 0, 0, static_cast<off_t>(octets)) == 0) return {};
-  if (errno == EOPNOTSUPP || errno == ENOSYS || errno == EINTR) return {};
-  return system_fault();
+FileResult<void> PosixFileStore::check_room(std::uint64_t octets) {
+  struct statvfs s {};
+  if (fstatvfs(temporaries_.get(), &s) != 0) return system_fault();
+  const std::uint64_t free = std::uint64_t{s.f_bavail} * s.f_frsize;
+  if (free < free_floor_octets_ || free - free_floor_octets_ < octets) return Err(FileFault::no_space);
+  return {};
 }
 
 FileResult<void> PosixFileStore::write_temporary(TransactionId id, std::uint64_t offset, OctetView data) {
+  if (const auto room = check_room(data.size()); !room) return room;
   const auto fd = temporary(id);
   if (!fd) return Err(fd.error());
   return write_at(*fd, offset, data);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -19,8 +21,11 @@ namespace srfs::cfdp {
 class PosixFileStore final : public FileStore {
  public:
   /// Makes the root and what it needs below it. @param checkpoint file of the checkpoint
+  /// @param free_floor_octets temporary files leave so much of the file system free; the checkpoint may use
+  /// it
   [[nodiscard]] static Result<std::unique_ptr<PosixFileStore>, FileError> open(
-      const std::filesystem::path& root, const std::filesystem::path& checkpoint);
+      const std::filesystem::path& root, const std::filesystem::path& checkpoint,
+      std::uint64_t free_floor_octets = 0);
 
   /// What save_checkpoint() wrote last; empty: nothing yet.
   [[nodiscard]] Result<Octets, FileError> load_checkpoint() const;
@@ -30,7 +35,7 @@ class PosixFileStore final : public FileStore {
                                std::span<std::uint8_t> into) override;
   FileResult<void> check_destination(std::string_view name) override;
   FileResult<void> create_temporary(TransactionId id) override;
-  FileResult<void> reserve(TransactionId id, std::uint64_t octets) override;
+  FileResult<void> check_room(std::uint64_t octets) override;
   FileResult<void> write_temporary(TransactionId id, std::uint64_t offset, OctetView data) override;
   FileResult<std::size_t> read_temporary(TransactionId id, std::uint64_t offset,
                                          std::span<std::uint8_t> into) override;
@@ -46,7 +51,7 @@ class PosixFileStore final : public FileStore {
     Fd fd;
   };
   PosixFileStore(Fd root, Fd temporaries, std::filesystem::path temporaries_path,
-                 std::filesystem::path checkpoint);
+                 std::filesystem::path checkpoint, std::uint64_t free_floor_octets);
   [[nodiscard]] FileResult<Place> locate(std::string_view name) const;
   [[nodiscard]] FileResult<int> temporary(TransactionId id);
   void close_temporary(TransactionId id);
@@ -55,6 +60,7 @@ class PosixFileStore final : public FileStore {
   Fd temporaries_;
   std::filesystem::path temporaries_path_;
   std::filesystem::path checkpoint_;
+  std::uint64_t free_floor_octets_;
   std::vector<OpenTemporary> open_;  // newest last, bounded
   std::string source_name_;          // of source_, the file read last
   FileStamp source_stamp_;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "cfdp/postbox.hpp"
 
 #include <algorithm>
@@ -28,7 +30,7 @@ Result<std::unique_ptr<Postbox>, FileError> Postbox::open(const std::filesystem:
                                                           const std::filesystem::path& checkpoint,
                                                           const Settings& settings,
                                                           std::uint64_t first_sequence, MonotonicTime now) {
-  auto store = PosixFileStore::open(root, checkpoint);
+  auto store = PosixFileStore::open(root, checkpoint, settings.free_floor_octets);
   if (!store) return Err(store.error());
   std::error_code ec;
   for (const char* folder : {"outbox", "unsent"}) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -26,9 +28,9 @@ struct News {
 class Postbox {
  public:
   static constexpr std::size_t sending_max = 8;          ///< at once; the rest stays in the outbox
-  static constexpr std::size_t outbox_files_max = 1024;  ///< looked at by one scan()
+  static constexpr std::size_t outbox_files_max = 1024;  ///< read by one scan()
 
-  /// @param checkpoint file of the entity's checkpoint; a damaged one is a fresh start (damaged() says so)
+  /// @param checkpoint file of the entity's checkpoint; a damaged one is a fresh start (damaged() reports it)
   [[nodiscard]] static Result<std::unique_ptr<Postbox>, FileError> open(
       const std::filesystem::path& root, const std::filesystem::path& checkpoint, const Settings& settings,
       std::uint64_t first_sequence, MonotonicTime now);
@@ -37,7 +39,7 @@ class Postbox {
   [[nodiscard]] const Entity& entity() const { return entity_; }
   [[nodiscard]] const std::filesystem::path& outbox() const { return outbox_; }
   [[nodiscard]] const std::optional<CheckpointError>& damaged() const { return damaged_; }
-  /// Looks what is in the outbox. Names that begin with a dot are not files to send.
+  /// Reads what is in the outbox. Names that begin with a dot are not files to send.
   void scan();
   /// Sends any file below the root, at once. As Entity::put().
   [[nodiscard]] Result<TransactionId, PutError> send(const std::string& source_file,
@@ -51,7 +53,7 @@ class Postbox {
   void on_contact(MonotonicTime now);
   /// Since the last call, oldest first. Files that were sent leave the outbox here.
   [[nodiscard]] std::vector<News> take_news();
-  /// What sends the file of the outbox.
+  /// The transaction that sends the file of the outbox.
   [[nodiscard]] std::optional<TransactionId> sending(const std::string& name) const;
 
  private:

@@ -1,8 +1,12 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "cfdp/receiver.hpp"
 
 #include <algorithm>
 #include <limits>
 #include <utility>
+
+#include "cfdp/safe_name.hpp"
 
 namespace srfs::cfdp {
 
@@ -20,6 +24,7 @@ Receiver::Receiver(Context& context, const CfdpHeader& header, MonotonicTime now
     : context_(&context),
       gaps_(context.settings.gaps_max, context.settings.nak_delay, context.settings.nak_interval),
       heard_at_(now),
+      sender_heard_at_(now),
       metadata_ask_at_(now + context.settings.nak_delay),
       nak_round_at_(now) {
   state_.header = header;
@@ -30,6 +35,7 @@ std::optional<Receiver> Receiver::restore(Context& context, ReceiveState state, 
   if (!r.gaps_.restore(state.gaps_end, state.gaps, now)) return std::nullopt;
   r.state_ = std::move(state);
   r.state_.gaps.clear();
+  r.rested_since_heard_ = r.state_.rest == Rest::by_fault;
   r.finished_due_ = r.state_.stage == Stage::finished;
   if (r.finished_due_) return r;
 
@@ -86,6 +92,10 @@ ReceiveState Receiver::durable_state() {
   return state;
 }
 
+std::uint64_t Receiver::stored_octets() const {
+  return owns_temporary() ? gaps_.end() - gaps_.missing_octets() : 0;
+}
+
 std::uint64_t Receiver::octets_max() const {
   return std::min<std::uint64_t>(context_->settings.file_octets_max,
                                  state_.header.large_file ? std::numeric_limits<std::uint64_t>::max()
@@ -97,6 +107,8 @@ std::uint64_t Receiver::octets_max() const {
 void Receiver::on_pdu(const CfdpBody& body, MonotonicTime now) {
   if (ended_) return;
   heard_at_ = now;
+  sender_heard_at_ = now;
+  rested_since_heard_ = false;
   heard_since_nak_ = true;
   if (state_.rest == Rest::by_fault) resume(now);
   if (const auto* data = std::get_if<CfdpFileData>(&body)) {
@@ -117,16 +129,20 @@ void Receiver::on_pdu(const CfdpBody& body, MonotonicTime now) {
 void Receiver::on_metadata(const CfdpMetadata& metadata, MonotonicTime now) {
   if (state_.file || state_.stage != Stage::receiving) return;  // a repeat
   state_.file = {.source_file = metadata.source_file,
-                 .destination_file = metadata.destination_file,
+                 .destination_file = context_->settings.safe_names ? safe_name(metadata.destination_file)
+                                                                   : metadata.destination_file,
                  .octets = metadata.file_size,
                  .checksum_type = metadata.checksum_type,
                  .sha256 = sha256_of(metadata)};
   context_->report({.kind = EventKind::metadata_received, .id = id(), .role = Role::receiving});
-  if (const auto fit = context_->files.check_destination(metadata.destination_file); !fit) {
+  if (const auto fit = context_->files.check_destination(state_.file->destination_file); !fit) {
     return fault(CfdpCondition::filestore_rejection, now, fit.error());
   }
-  if (metadata.file_size > octets_max()) {
-    return fault(CfdpCondition::filestore_rejection, now, FileFault::no_space);
+  const bool too_large =
+      metadata.file_size > octets_max() || metadata.file_size > context_->settings.receiving_octets_max;
+  if (too_large) return fault(CfdpCondition::filestore_rejection, now, FileFault::no_space);
+  if (const auto room = context_->files.check_room(metadata.file_size); !room) {
+    return fault(CfdpCondition::filestore_rejection, now, room.error());
   }
   if (!wire::CfdpChecksum::of_type(metadata.checksum_type)) {
     fault(CfdpCondition::unsupported_checksum_type, now);
@@ -138,9 +154,6 @@ void Receiver::on_metadata(const CfdpMetadata& metadata, MonotonicTime now) {
       return fault(CfdpCondition::filestore_rejection, now, made.error());
     }
     temporary_made_ = true;
-  }
-  if (const auto reserved = context_->files.reserve(id(), metadata.file_size); !reserved) {
-    return fault(CfdpCondition::filestore_rejection, now, reserved.error());
   }
   context_->save_checkpoint();
   begin_check_when_complete();
@@ -168,6 +181,10 @@ void Receiver::on_file_data(const CfdpFileData& data, MonotonicTime now) {
 }
 
 void Receiver::store(const CfdpFileData& data, MonotonicTime now) {
+  if (context_->receiving_octets() + data.data.size() > context_->settings.receiving_octets_max) {
+    ++context_->counters.dropped_data;
+    return fault(CfdpCondition::filestore_rejection, now, FileFault::no_space);
+  }
   FileResult<void> written;
   if (!temporary_made_) {
     written = context_->files.create_temporary(id());
@@ -431,7 +448,9 @@ void Receiver::fault(CfdpCondition condition, MonotonicTime now, std::optional<F
   if (condition == CfdpCondition::filestore_rejection && handler == FaultHandler::ignore) {
     handler = FaultHandler::cancel;
   }
-  if (state_.stage == Stage::finished && handler == FaultHandler::cancel) handler = FaultHandler::abandon;
+  // Only the acknowledgement of Finished is missing, and the history still answers a sender that asks for
+  // Finished again: what rested here would repeat it after every contact, for ever.
+  if (state_.stage == Stage::finished && handler != FaultHandler::ignore) handler = FaultHandler::abandon;
   context_->report({.kind = EventKind::fault,
                     .id = id(),
                     .role = Role::receiving,
@@ -450,12 +469,30 @@ void Receiver::fault(CfdpCondition condition, MonotonicTime now, std::optional<F
       restart_timers(now);
       return;
     case FaultHandler::abandon:
-      if (owns_temporary()) context_->files.discard_temporary(id());
-      return end(state_.stage == Stage::finished ? state_.outcome
-                                                 : Outcome{.condition = condition,
-                                                           .incomplete = true,
-                                                           .file_status = CfdpFileStatus::discarded});
+      return end_in_silence(condition);
   }
+}
+
+void Receiver::end_in_silence(CfdpCondition condition) {
+  if (owns_temporary()) context_->files.discard_temporary(id());
+  end(state_.stage == Stage::finished
+          ? state_.outcome
+          : Outcome{.condition = condition, .incomplete = true, .file_status = CfdpFileStatus::discarded});
+}
+
+std::optional<MonotonicTime> Receiver::in_vain_since() const {
+  const bool waits = !ended_ && state_.stage == Stage::receiving && state_.rest != Rest::by_request;
+  if (!waits || !rested_since_heard_ || stored_octets() > 0) return std::nullopt;
+  return sender_heard_at_;
+}
+
+void Receiver::abandon() {
+  context_->report({.kind = EventKind::fault,
+                    .id = id(),
+                    .role = Role::receiving,
+                    .outcome = {.condition = CfdpCondition::inactivity},
+                    .handler = FaultHandler::abandon});
+  end_in_silence(CfdpCondition::inactivity);
 }
 
 void Receiver::cancel(CfdpCondition condition, MonotonicTime) {
@@ -475,6 +512,7 @@ void Receiver::cancel(CfdpCondition condition, MonotonicTime) {
 void Receiver::suspend(Rest rest) {
   if (ended_ || state_.rest == Rest::by_request) return;
   state_.rest = rest;
+  rested_since_heard_ = rested_since_heard_ || rest == Rest::by_fault;
   context_->report({.kind = EventKind::suspended, .id = id(), .role = Role::receiving});
   context_->save_checkpoint();
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -19,7 +21,7 @@ struct ReceiveState {
   struct FileInfo {  // of the Metadata PDU
     std::string source_file;
     std::string destination_file;
-    std::uint64_t octets = 0;  ///< 0: not said
+    std::uint64_t octets = 0;  ///< 0: not given
     std::uint8_t checksum_type = 0;
     std::optional<Sha256> sha256;
     friend bool operator==(const FileInfo&, const FileInfo&) = default;
@@ -36,7 +38,7 @@ struct ReceiveState {
   std::uint64_t gaps_end = 0;
   std::vector<CfdpSegment> gaps;
   Stage stage = Stage::receiving;
-  Outcome outcome;  ///< finished: what the Finished PDU says
+  Outcome outcome;  ///< finished: what the Finished PDU reports
   Rest rest = Rest::none;
   friend bool operator==(const ReceiveState&, const ReceiveState&) = default;
 };
@@ -64,6 +66,11 @@ class Receiver {
   void suspend(Rest rest);
   void resume(MonotonicTime now);
   void restart_timers(MonotonicTime now);
+  /// Since when a file was awaited of which not one octet came, and nothing more came of its sender until a
+  /// limit was reached; nullopt otherwise. That a contact made it go on does not matter.
+  [[nodiscard]] std::optional<MonotonicTime> in_vain_since() const;
+  /// Ends it without notice, for another that needs its place.
+  void abandon();
 
   /// Set: the transaction is over.
   [[nodiscard]] const std::optional<Outcome>& ended() const { return ended_; }
@@ -71,6 +78,8 @@ class Receiver {
   [[nodiscard]] ReceiveState durable_state();
   [[nodiscard]] TransactionId id() const;
   [[nodiscard]] Report report() const;
+  /// Of the file that is not yet under its name.
+  [[nodiscard]] std::uint64_t stored_octets() const;
 
  private:
   using Stage = ReceiveState::Stage;
@@ -87,6 +96,7 @@ class Receiver {
   void start_over(MonotonicTime now);
   void finish(const Outcome& outcome);
   void end(const Outcome& outcome);
+  void end_in_silence(CfdpCondition condition);
   void fault(CfdpCondition condition, MonotonicTime now, std::optional<FileFault> why = std::nullopt);
   void advance_receiving(MonotonicTime now);
   [[nodiscard]] bool metadata_to_ask(MonotonicTime now) const;
@@ -111,6 +121,8 @@ class Receiver {
   bool keep_alive_due_ = false;
   bool nak_forced_ = false;  // prompted: also an empty one
   MonotonicTime heard_at_;
+  MonotonicTime sender_heard_at_;    // other than heard_at_ not set anew by a contact
+  bool rested_since_heard_ = false;  // by a fault
   bool heard_since_nak_ = true;
   MonotonicTime metadata_ask_at_;
   MonotonicTime nak_not_before_;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -15,8 +17,8 @@ struct Place {
 };
 
 /// Follows a relative name below the open folder @p root. Parts that are empty, "." or ".." or begin with a
-/// dot are refused, and no symbolic link is followed on the way, so no name leaves the root, whatever
-/// somebody puts below it.
+/// dot are refused, and no symbolic link is followed on the way, so no name leaves the root, whatever is put
+/// below it.
 [[nodiscard]] FileResult<Place> locate(int root, std::string_view name);
 /// The same for a folder; "" is the root itself.
 [[nodiscard]] FileResult<Fd> open_folder(int root, std::string_view name);

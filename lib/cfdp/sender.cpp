@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "cfdp/sender.hpp"
 
 #include <algorithm>
@@ -64,7 +66,7 @@ void Sender::prepare() {
                      .outcome = {.condition = condition},
                      .handler = FaultHandler::cancel,
                      .file_fault = why});
-    // Nothing has left yet, so there is nobody to tell.
+    // Nothing has left yet, so there is no peer to notify.
     end({.condition = condition, .incomplete = true, .file_status = CfdpFileStatus::unreported});
   };
   if (!digest_) {
@@ -228,7 +230,7 @@ Outgoing Sender::eof(MonotonicTime now) {
                                              : context_.settings.ack_interval);
   CfdpEof eof{.condition = state_.cancelled};
   if (cancelling()) {
-    // Of what was sent so far; nobody checks a cancelled file, so it is not read again for its checksum.
+    // Of what was sent so far. A cancelled file is not checked, so it is not read again for its checksum.
     eof.file_size = sent_;
     eof.fault_location = state_.header.source_entity;
   } else {
@@ -288,7 +290,7 @@ void Sender::fault(CfdpCondition condition, std::optional<FileFault> why) {
   FaultHandler handler = context_.settings.fault_handlers.of(condition);
   // There is no sending of a file that is not there any more.
   if (is_of_file && handler == FaultHandler::ignore) handler = FaultHandler::cancel;
-  // The end of a cancellation that nobody acknowledges.
+  // The end of a cancellation that is not acknowledged.
   if (cancelling()) handler = FaultHandler::abandon;
   context_.report({.kind = EventKind::fault,
                    .id = id(),

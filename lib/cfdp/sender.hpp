@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -67,7 +69,7 @@ class Sender {
   [[nodiscard]] bool cancelling() const { return state_.cancelled != CfdpCondition::no_error; }
   [[nodiscard]] bool has_output() const;
   [[nodiscard]] bool all_sent() const { return state_.prepared && sent_ == state_.stamp.octets; }
-  /// The file is no longer the one whose checksum was taken: the condition that says so.
+  /// The file is no longer the one whose checksum was taken: the condition that reports it.
   [[nodiscard]] std::optional<CfdpCondition> file_changed(std::optional<FileFault>& why);
   [[nodiscard]] Outgoing metadata() const;
   [[nodiscard]] Outgoing eof(MonotonicTime now);

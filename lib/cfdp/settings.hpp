@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -11,10 +13,10 @@ namespace srfs::cfdp {
 
 /// What a fault does to its transaction (CCSDS 727.0-B-5, 4.8).
 enum class FaultHandler : std::uint8_t {
-  cancel,   ///< ends it and tells the peer
+  cancel,   ///< ends it and notifies the peer
   suspend,  ///< rests until resume(), or until the peer is heard again
   ignore,   ///< goes on
-  abandon,  ///< ends it without a word
+  abandon,  ///< ends it without notice
 };
 
 /// One handler for each condition code. A link that is down for long must not cost what was transferred, so
@@ -62,12 +64,20 @@ struct Settings {
   std::uint64_t keep_alive_limit_octets = 0;  ///< peer this much behind: fault; 0: not watched
   FaultHandlers fault_handlers{};
 
-  std::size_t transactions_max = 16;         ///< sent and received together
-  std::size_t gaps_max = 256;                ///< of one transaction; data that would make more is dropped
-  std::size_t history_max = 64;              ///< ended transactions whose late PDUs are still known
-  std::size_t replies_max = 32;              ///< ACKs waiting for the link; the newest is dropped
-  std::size_t events_max = 64;               ///< not yet taken; the oldest is dropped
-  std::uint64_t file_octets_max = 1U << 30;  ///< larger files are refused, either way
+  std::size_t transactions_max = 16;  ///< sent and received together
+  /// Of them received at most: the others are kept for sending. Beyond, a new file takes the place of one
+  /// that was announced and never came.
+  std::size_t receiving_max = 8;
+  /// Quota: what is there of all files that are being received, together. A file that announces more is
+  /// refused at once; nothing is set aside for what is only announced.
+  std::uint64_t receiving_octets_max = 256U << 20;
+  std::uint64_t free_floor_octets = 64U << 20;  ///< so much of the disk is left to others by what is received
+  bool safe_names = false;                      ///< received files are named by safe_name()
+  std::size_t gaps_max = 256;                   ///< of one transaction; data that would make more is dropped
+  std::size_t history_max = 64;                 ///< ended transactions whose late PDUs are still known
+  std::size_t replies_max = 32;                 ///< ACKs waiting for the link; the newest is dropped
+  std::size_t events_max = 64;                  ///< not yet taken; the oldest is dropped
+  std::uint64_t file_octets_max = 1U << 30;     ///< larger files are refused, either way
   /// Receiver: a crash costs at most so many file octets that travel again, for each transaction. Each
   /// checkpoint costs the disk a sync.
   std::size_t checkpoint_octets = 4U << 10;
@@ -84,8 +94,9 @@ struct Counters {
   std::uint64_t class_1 = 0;     ///< unacknowledged mode: refused
   std::uint64_t not_for_us = 0;  ///< other entities than own and peer
   std::uint64_t no_room = 0;     ///< new transaction refused
+  std::uint64_t displaced = 0;   ///< file awaited in vain, ended for a new one
   std::uint64_t no_transaction =
-      0;                         ///< of a transaction that nobody knows (answered where the standard says so)
+      0;                         ///< of a transaction that is not known (answered where the standard says so)
   std::uint64_t late = 0;        ///< of a transaction that ended
   std::uint64_t unexpected = 0;  ///< a PDU its transaction has no use for now
   std::uint64_t duplicate_data = 0;    ///< file data that was there already

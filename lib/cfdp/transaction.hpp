@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -39,7 +41,7 @@ struct Outcome {
 enum class EventKind : std::uint8_t {
   started,            ///< put() was accepted, or the first PDU came
   metadata_received,  ///< names and size are known
-  fault,              ///< condition, handler; file_fault says more of a filestore rejection
+  fault,              ///< condition, handler; file_fault details a filestore rejection
   suspended,
   resumed,
   finished,           ///< outcome: success has no_error
@@ -81,6 +83,8 @@ class Context {
   virtual void report(const Event& event) = 0;
   /// Everything that must survive a crash is on disk when this returns, or checkpoint_failures counts it.
   virtual void save_checkpoint() = 0;
+  /// Of all files that are being received.
+  [[nodiscard]] virtual std::uint64_t receiving_octets() const = 0;
 
   const Settings settings;
   FileStore& files;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "commanding/commanded_node.hpp"
 
 #include "base/file.hpp"
@@ -13,7 +15,7 @@ void CommandedNode::open_commanding() {
   reports_ = create_publisher(ros::topics::telecommand_report);
   telecommands_ = create_subscription(ros::topics::telecommand,
                                       [this](const srfs_msgs::msg::Telecommand& m) { on_telecommand(m); });
-  // Expiry, and reports for which nobody listened yet.
+  // Expiry, and reports that had no listener yet.
   timer_ = create_timer(
       milliseconds(200), [this] { settle(); }, "telecommands");
 }
@@ -105,7 +107,7 @@ void CommandedNode::on_written(std::uint64_t revision, bool ok) {
 }
 
 void CommandedNode::flush_reports() {
-  // Who publishes telecommands is ttc; a recorder that listens to the reports keeps none of them for it.
+  // ttc publishes the telecommands; a recorder that listens to the reports keeps none of them for it.
   if (!reports_ || !telecommands_ || !reports_->is_heard_by_a_publisher_of(*telecommands_)) return;
   while (const auto report = unheard_.pop()) reports_->publish(*report);
 }

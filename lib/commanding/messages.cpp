@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "commanding/messages.hpp"
 
 #include "base/file.hpp"
@@ -48,7 +50,7 @@ TelecommandJournal read_journal(const std::filesystem::path& file) {
     ros::set_aside_unreadable(file);
     log::error("stored telecommands and known ids are lost");
   } else if (journal.pending() > 0) {
-    log::info("{} stored telecommands go on", journal.pending());
+    log::info("resuming {} stored telecommands", journal.pending());
   }
   return journal;
 }

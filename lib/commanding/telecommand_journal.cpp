@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "commanding/telecommand_journal.hpp"
 
 #include <algorithm>
@@ -123,7 +125,7 @@ bool TelecommandJournal::repeat_reports(std::uint64_t id) {
   for (const StageReport& report : known_) {
     if (report.id != id) continue;
     if (!waits_for_disk(id)) {
-      // Whoever asks again has missed the acceptance too.
+      // A sender that asks again has missed the acceptance too.
       ready_.push_back({.id = id});
       ready_.push_back(report);
     }

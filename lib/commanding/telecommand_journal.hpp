@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -48,6 +50,7 @@ enum class FailureCode : std::uint16_t {
   no_version = 57,
   version_not_running = 58,
   confirmed_too_early = 59,
+  on_command_path = 67,
   time_jump_refused = 70,
   time_implausible = 71,
   parameters_refused = 83,
@@ -84,7 +87,7 @@ enum class JournalError : std::uint8_t { not_a_journal, damaged };
 
 /// The telecommands of one payload between their arrival and their end, and the ids of the last ended ones.
 /// What it holds is meant to be on disk: every change raises revision(); the owner writes encode()
-/// (coalescing at will) and says so with on_written(). Stages that must survive a crash are reported only
+/// (coalescing at will) and reports it with on_written(). Stages that must survive a crash are reported only
 /// then. Pure; one thread.
 class TelecommandJournal {
  public:
@@ -172,8 +175,8 @@ class TelecommandJournal {
   };
 
   void end_front(const StageReport& report);
-  /// Its expiry is past, or cannot be told. Of what may be repeated, no start is recorded: an earlier process
-  /// may have sent it, so that it did not start is no more than likely.
+  /// Its expiry is past, or cannot be determined. Repeatable commands record no start, so an earlier process
+  /// may have sent this one; "not started" is only likely.
   [[nodiscard]] StageReport too_late(const Pending& pending);
   void remember(const StageReport& report);
   void drop_unaccepted();

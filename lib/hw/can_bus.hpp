@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -38,7 +40,7 @@ enum class CanError : std::uint8_t {
 enum class CanBusState : std::uint8_t { active, warning, passive, bus_off, down, gone };
 [[nodiscard]] const char* to_string(CanBusState state);
 
-/// The controller as it was last reported: error counters are told with changes of state, not with each
+/// The controller as it was last reported: error counters are reported with changes of state, not with each
 /// error.
 struct CanController {
   CanBusState state = CanBusState::active;
@@ -55,7 +57,7 @@ struct CanCounters {
   std::uint64_t refused_full = 0;      ///< send() with queue_full
   std::uint64_t lost_in_queue = 0;     ///< own frames that never left: device vanished, bus-off, withdrawn
   std::uint64_t receive_overruns = 0;  ///< frames the driver or controller dropped before we read them
-  std::uint64_t malformed = 0;         ///< no classic frame, or a remote frame that nobody asked for
+  std::uint64_t malformed = 0;         ///< no classic frame, or an unwanted remote frame
   std::uint64_t bus_errors = 0;        ///< error frames: bit, form, stuff, CRC, acknowledgement
   std::uint64_t arbitration_lost = 0;
   std::uint64_t bus_off = 0;   ///< times the controller went bus-off
@@ -75,7 +77,7 @@ class CanBus {
   /// Readable (EPOLLIN, level-triggered) when receive() has something to do. Same number for the object's
   /// lifetime.
   [[nodiscard]] virtual int fd() const = 0;
-  /// Queues one frame; never blocks. Only the echo tells that it has left.
+  /// Queues one frame; never blocks. Only the echo shows that it has left.
   [[nodiscard]] virtual Result<void, CanError> send(const CanFrame& frame) = 0;
   /// The next frame, echoes of own frames included; nullopt when there is none. Never blocks.
   [[nodiscard]] virtual std::optional<CanFrame> receive() = 0;

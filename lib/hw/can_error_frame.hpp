@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <linux/can.h>
@@ -9,8 +11,8 @@
 
 namespace srfs::hw {
 
-/// What one error frame of SocketCAN says (linux/can/error.h): not a frame of the bus, but the controller's
-/// word to its own computer. The hub of hw_sim speaks the same.
+/// What one error frame of SocketCAN reports (linux/can/error.h): not a frame of the bus, but the
+/// controller's report to its own computer. The hub of hw_sim sends the same.
 struct CanErrorReport {
   bool bus_error = false;  ///< bit, form, stuff, CRC, acknowledgement, transceiver
   bool arbitration_lost = false;
@@ -29,7 +31,7 @@ struct CanErrorReport {
 [[nodiscard]] CanErrorReport decode_error_frame(const can_frame& raw);
 
 enum class CanTransition : std::uint8_t { none, state_changed, went_bus_off, restarted };
-/// The controller after @p report; bus-off is left by a restart only, whatever else is told meanwhile.
+/// The controller after @p report; bus-off is left by a restart only, whatever else is reported meanwhile.
 CanTransition apply(const CanErrorReport& report, CanController& controller, CanCounters& counters);
 
 }  // namespace srfs::hw

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -7,7 +9,8 @@
 
 namespace srfs::hw {
 
-/// Numbers of the suite's lines (docs/icd_can.md, section GPIO); a back-end maps them to the chip's offsets.
+/// Numbers of the suite's lines (docs/reference/icd_can.md, section GPIO); a back-end maps them to the chip's
+/// offsets.
 inline constexpr std::uint8_t gpio_power_adcs = 0;
 inline constexpr std::uint8_t gpio_power_eps = 1;
 inline constexpr std::uint8_t gpio_power_thermal = 2;

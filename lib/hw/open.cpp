@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw/open.hpp"
 
 #include <algorithm>
@@ -90,8 +92,8 @@ Result<std::unique_ptr<CanBus>, HwError> open_can(std::string_view uri, const st
     return make_sim_can(std::string(uri), below_var(parsed->rest, var_dir), std::move(filters));
   }
   if (parsed->rest.size() >= IFNAMSIZ || parsed->rest.find('/') != std::string::npos) {
-    return Err(HwError{
-        fmt::format("device '{}': '{}' is no interface name, expected one like can0", uri, parsed->rest)});
+    return Err(HwError{fmt::format("device '{}': '{}' is not an interface name, expected one like can0", uri,
+                                   parsed->rest)});
   }
   return make_socketcan(std::string(uri), parsed->rest, std::move(filters));
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -8,7 +10,7 @@
 
 namespace srfs::hw {
 
-/// Where a payload's peripheral is (docs/icd_can.md).
+/// Where a payload's peripheral is (docs/reference/icd_can.md).
 struct Peripheral {
   std::string_view payload;  ///< the node that owns it
   std::uint8_t can_address;

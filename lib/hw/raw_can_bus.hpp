@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <linux/can.h>
@@ -45,7 +47,7 @@ class RawCanBus : public CanBus {
   void on_report(const CanErrorReport& report);
   [[nodiscard]] bool present() const { return device_->present(); }
   [[nodiscard]] static Result<can_frame, CanError> to_raw(const CanFrame& frame);
-  /// Remote frames are for those who want to hear everything.
+  /// Remote frames are wanted only where every frame is.
   [[nodiscard]] bool is_unwanted_remote(const can_frame& raw) const {
     return (raw.can_id & CAN_RTR_FLAG) != 0 && !filters_.empty();
   }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw/reopening.hpp"
 
 #include <algorithm>
@@ -67,7 +69,7 @@ void Reopening::try_open() {
 
 void Reopening::lost(std::string reason, Retry retry) {
   if (!device_) return;
-  device_.reset();  // leaves the epoll set by itself: nobody else holds the descriptor
+  device_.reset();  // leaves the epoll set by itself: the descriptor has no other holder
   reason_ = std::move(reason);
   log::warn("{}: {}", name_, reason_);
   const bool at_once = retry == Retry::at_once;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -11,7 +13,7 @@
 namespace srfs::hw {
 
 enum class SerialError : std::uint8_t {
-  gone,  ///< no device, or nobody at the other end of the pty, at present; it is opened again by later calls
+  gone,  ///< no device, or no peer at the other end of the pty, at present; it is opened again by later calls
 };
 
 struct SerialCounters {

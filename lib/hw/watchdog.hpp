@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -15,11 +17,11 @@ enum class WatchdogError : std::uint8_t {
 };
 [[nodiscard]] const char* to_string(WatchdogError error);
 
-/// What the device says of itself and of the last reset, read each time it is opened.
+/// What the device reports of itself and of the last reset, read each time it is opened.
 struct WatchdogFacts {
   std::string identity;                   ///< for people
-  std::optional<bool> nowayout;           ///< nobody can stop it once armed; nullopt: not known
-  std::optional<bool> reset_by_watchdog;  ///< the last reset was its doing; nullopt: it cannot tell
+  std::optional<bool> nowayout;           ///< it cannot be stopped once armed; nullopt: not known
+  std::optional<bool> reset_by_watchdog;  ///< it caused the last reset; nullopt: not known
   std::string boot;                       ///< names this boot where no kernel boots (simulated); else empty
 };
 
@@ -36,7 +38,7 @@ class Watchdog {
   virtual ~Watchdog() = default;
 
   [[nodiscard]] virtual Result<void, WatchdogError> feed() = 0;
-  /// The time-out in force, as the device says; nullopt when it does not say, or is gone.
+  /// The time-out in force, as the device reports it; nullopt when it does not, or is gone.
   [[nodiscard]] virtual std::optional<seconds> timeout() const = 0;
   /// Empty until it was there once.
   [[nodiscard]] virtual const WatchdogFacts& facts() const = 0;

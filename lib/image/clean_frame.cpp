@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/clean_frame.hpp"
 
 #include <algorithm>
@@ -489,7 +491,7 @@ CleanFrame clean_frame(const Frame& frame, FrameFindings& findings) {
 
   out.no_sky = mark_what_is_no_sky(out.signal, out.flaws);
   if (out.no_sky > 0)
-    findings.notes.push_back(fmt::format("{:.0f} % of the frame is not searched: dark edges, so no sky",
+    findings.notes.push_back(fmt::format("{:.0f} % of the frame is not searched: dark edges without sky",
                                          std::ceil(100 * out.no_sky)));
 
   if (auto psf = measure_psf(out.signal, out.flaws, out.no_sky > 0)) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "image/background.hpp"
@@ -19,7 +21,7 @@ struct CleanFrame {
   double no_sky = 0;  ///< share of the frame with flaw_no_sky
 };
 
-/// Side of the squares that are told from sky.
+/// Side of the squares that are judged to be sky or not.
 inline constexpr int no_sky_cell_px = 32;
 
 /// @param findings  gets the figures of the frame and notes on what is unusual in it

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/frame.hpp"
 
 #include <algorithm>
@@ -45,8 +47,7 @@ void* allocate_frame_memory(std::size_t octets) {
 }
 
 std::optional<Refusal> refuse_size(std::int64_t width, std::int64_t height) {
-  if (width < 1 || height < 1)
-    return Refusal{fmt::format("{} x {} pixels: there is no image", width, height)};
+  if (width < 1 || height < 1) return Refusal{fmt::format("{} x {} pixels: no image", width, height)};
   if (width > pixels_most || height > pixels_most || width * height > pixels_most) {
     return Refusal{fmt::format("{} x {} pixels: more than {:.4g} million", width, height,
                                static_cast<double>(pixels_most) / 1e6)};

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/frame_file.hpp"
 
 #include <fcntl.h>
@@ -151,7 +153,7 @@ Result<TiffLayout, Refusal> tiff_layout(TIFF* tiff, std::size_t file_octets) {
   TIFFGetFieldDefaulted(tiff, TIFFTAG_PLANARCONFIG, &planar);
   TIFFGetField(tiff, TIFFTAG_PHOTOMETRIC, &photometric);
   if (auto refusal = refuse_size(width, height)) return Err(std::move(*refusal));
-  if (photometric == PHOTOMETRIC_PALETTE) return refuse("TIFF: an image with a colour table");
+  if (photometric == PHOTOMETRIC_PALETTE) return refuse("TIFF: colour tables are not supported");
   if (samples < 1 || samples > samples_max)
     return refuse("TIFF: {} samples a pixel; expected 1 to {}", samples, samples_max);
   const bool is_float = format == SAMPLEFORMAT_IEEEFP;
@@ -262,7 +264,7 @@ Decoded decode_tiff(OctetView content) {
   const bool read = TIFFIsTiled(file.handle) != 0 ? read_tiled(file.handle, *layout, frame.pixels)
                                                   : read_rows(file.handle, *layout, frame.pixels);
   if (!read)
-    return refuse("TIFF: {}", tiff_complaint.empty() ? "pixels and header do not fit" : tiff_complaint);
+    return refuse("TIFF: {}", tiff_complaint.empty() ? "the pixels do not match the header" : tiff_complaint);
   if (!layout->is_float) frame.step = 1.0F / static_cast<float>(layout->colours);
   return frame;
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/line_fit.hpp"
 
 #include <bit>
@@ -11,7 +13,7 @@ namespace {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-/// So much of a line is looked at behind its ends for the rest of it, at least, and as a share of its length.
+/// How far behind its ends a line is searched for its rest: at least, and as a share of its length.
 constexpr double beyond_least_px = 60;
 constexpr double beyond_share = 1.2;
 /// What counts of a bin's light along a line above the mean, in errors: the rest may be a star.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -20,10 +22,10 @@ struct Line {
   [[nodiscard]] double length() const;
 };
 
-/// Fits blurred lines to a plane whose noise is 1. Pixels with a mask other than 0 are not looked at.
+/// Fits blurred lines to a plane whose noise is 1. Pixels with a mask other than 0 are ignored.
 class LineFitter {
  public:
-  /// Both planes are looked at whenever a fit is made; they may change in between.
+  /// Every fit reads both planes; they may change in between.
   LineFitter(const Plane& light, const Grid<std::uint8_t>& mask, const Psf& psf, LineNoise noise);
 
   /// From about where the line is to where it fits best, its ends included. @return its significance beside

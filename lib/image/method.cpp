@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/method.hpp"
 
 #include <array>
@@ -16,7 +18,7 @@
 namespace srfs::image {
 namespace {
 
-constexpr ParameterSpec stars_max{"max_stars", 10000, 1, 100000, "the brightest stars that are kept"};
+constexpr ParameterSpec stars_max{"max_stars", 10000, 1, 100000, "most stars to keep, brightest first"};
 
 class StarCentroid final : public Method {
  public:
@@ -36,7 +38,7 @@ class StarCentroid final : public Method {
 
 constexpr std::array star_centroid_parameters{
     ParameterSpec{"threshold", 0, 0, 1000,
-                  "least SNR of a star; 0: what leaves about one false star in 70, 4.2 to 5"},
+                  "least SNR of a star; 0: automatic (4.2 to 5, about one false star in 70)"},
     stars_max,
 };
 
@@ -66,7 +68,7 @@ class StreakSearch final : public Method {
       if (!trails->is_trail[i]) others.push_back(findings.streaks[i]);
     }
     findings.notes.push_back(
-        fmt::format("{} streaks of {:.0f} px at {:.0f} degrees are trails of the stars: the camera turned",
+        fmt::format("{} streaks of {:.0f} px at {:.0f} degrees are star trails: the camera turned",
                     findings.streaks.size() - others.size(), trails->length_px, trails->angle_deg));
     findings.streaks = std::move(others);
   }
@@ -79,10 +81,9 @@ class StreakSearch final : public Method {
 constexpr std::array streak_parameters{
     ParameterSpec{"threshold", 7, 3, 1000, "least SNR of a whole streak"},
     ParameterSpec{"min_length", 10, 3, 10000, "px"},
-    ParameterSpec{"caution", 8, -100, 1000,
-                  "by how much of chi squared a short streak has to be likelier than stars"},
-    ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
-    ParameterSpec{"trails", 0, 0, 1, "1: also what the stars draw when the camera turns"},
+    ParameterSpec{"caution", 8, -100, 1000, "chi-squared margin by which a short streak must beat stars"},
+    ParameterSpec{"stars", 0, 0, 1, "1: also the stars"},
+    ParameterSpec{"trails", 0, 0, 1, "1: also star trails, drawn when the camera turns"},
 };
 
 /// Moving objects in several frames.
@@ -128,15 +129,19 @@ class TrackletSearch final : public Method {
 };
 
 constexpr std::array tracklet_parameters{
-    ParameterSpec{"threshold", 8.5, 4, 1000, "least SNR of all points together"},
-    ParameterSpec{"hits", 5, 3, 200,
-                  "least number of points in eight frames and more; in fewer five eighths of them, but 3"},
-    ParameterSpec{"max_speed", 40, 0.1, 10000, "px per frame; four times that of what is seen as streaks"},
+    ParameterSpec{"threshold", 8.5, 4, 1000, "least combined SNR of all points"},
+    ParameterSpec{
+        "hits", 5, 3, 200,
+        "least number of points in eight or more frames; in fewer, five eighths of them, at least 3"},
+    ParameterSpec{"max_speed", 40, 0.1, 10000,
+                  "px per frame; four times as much for objects seen as streaks"},
     ParameterSpec{"streak_threshold", 7, 3, 1000, "least SNR of a streak in one frame"},
-    ParameterSpec{"min_length", 10, 3, 10000, "of streaks, px"},
+    ParameterSpec{"min_length", 10, 3, 10000, "least length of a streak, px"},
     ParameterSpec{"caution", -100, -1000, 1000,
-                  "by how much of chi squared a streak has to be likelier than stars in the one frame"},
+                  "chi-squared margin by which a streak must beat stars in one frame"},
 };
+
+constexpr PlateOptions widest_field{1, 60};
 
 /// The attitude from the stars.
 class PlateSolution final : public Method {
@@ -152,8 +157,8 @@ class PlateSolution final : public Method {
     findings.stars = find_stars(clean, {}).stars;
     findings.attitude = solver_.solve(findings.stars, frame.pixels.width(), frame.pixels.height(), options_);
     if (!findings.attitude)
-      findings.notes.push_back(
-          fmt::format("no solution: {} stars, no attitude explains them", findings.stars.size()));
+      findings.notes.push_back(solver_.why_unsolved(findings.stars, frame.pixels.width(),
+                                                    frame.pixels.height(), options_, widest_field));
     if (!with_stars_) findings.stars.clear();
     return findings;
   }
@@ -171,9 +176,11 @@ class PlateSolution final : public Method {
 };
 
 constexpr std::array plate_parameters{
-    ParameterSpec{"min_field", 4, 1, 60, "least width of the field of view, degrees"},
-    ParameterSpec{"max_field", 20, 1, 60, "largest width of the field of view, degrees"},
-    ParameterSpec{"stars", 0, 0, 1, "1: the stars too"},
+    ParameterSpec{"min_field", 4, widest_field.field_least_deg, widest_field.field_most_deg,
+                  "least width of the field of view, degrees"},
+    ParameterSpec{"max_field", 20, widest_field.field_least_deg, widest_field.field_most_deg,
+                  "largest width of the field of view, degrees"},
+    ParameterSpec{"stars", 0, 0, 1, "1: also the stars"},
 };
 
 /// Pixels of the detector that are not as the others, from several frames.
@@ -199,7 +206,8 @@ class DefectMap final : public Method {
     SequenceFindings found;
     if (count_) found.defects = count_->defects(share_, most_);
     if (count_ && count_->frames() < frames_least)
-      found.notes.push_back(fmt::format("in fewer than {} frames particles look like defects", frames_least));
+      found.notes.push_back(
+          fmt::format("with fewer than {} frames particles look like defects", frames_least));
     count_.reset();
     return found;
   }
@@ -213,8 +221,8 @@ class DefectMap final : public Method {
 };
 
 constexpr std::array defect_parameters{
-    ParameterSpec{"share", 0.6, 0.05, 1, "share of the frames that have to show a defect"},
-    ParameterSpec{"max_defects", 10000, 1, 1000000, "the strongest defects that are kept"},
+    ParameterSpec{"share", 0.6, 0.05, 1, "share of the frames that must show a defect"},
+    ParameterSpec{"max_defects", 10000, 1, 1000000, "most defects to keep, strongest first"},
 };
 
 class Thumbnail final : public Method {
@@ -281,9 +289,8 @@ constexpr std::array entries{
                 make<PlateSolution>},
     MethodEntry{"defect_map", "hot and dark pixels of the detector, from several frames", defect_parameters,
                 make<DefectMap>},
-    MethodEntry{"roi", "a piece of the frame as it is", roi_parameters, make<RegionOfInterest>},
-    MethodEntry{"thumbnail", "the frame made small, for people to look at", thumbnail_parameters,
-                make<Thumbnail>},
+    MethodEntry{"roi", "a section of the frame, unchanged", roi_parameters, make<RegionOfInterest>},
+    MethodEntry{"thumbnail", "the frame scaled down, for viewing", thumbnail_parameters, make<Thumbnail>},
 };
 
 template <class Range>
@@ -306,7 +313,7 @@ Result<Parameters, Refusal> Parameters::parse(std::span<const ParameterSpec> spe
       if (s.name == name) spec = &s;
     }
     if (spec == nullptr)
-      return Err(Refusal{fmt::format("no parameter '{}': there are {}", name, names_of(specs))});
+      return Err(Refusal{fmt::format("no parameter '{}'; available: {}", name, names_of(specs))});
     if (equals == std::string::npos)
       return Err(Refusal{fmt::format("parameter '{}' has no value: expected {}=NUMBER", name, name)});
     const std::string_view number = std::string_view(text).substr(equals + 1);
@@ -336,7 +343,7 @@ Result<const MethodEntry*, Refusal> find_method(std::string_view name) {
   for (const MethodEntry& entry : entries) {
     if (entry.name == name) return &entry;
   }
-  return Err(Refusal{fmt::format("no method '{}': there are {}", name, names_of(entries))});
+  return Err(Refusal{fmt::format("no method '{}'; available: {}", name, names_of(entries))});
 }
 
 }  // namespace srfs::image

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -12,7 +14,7 @@ class PlaceIndex {
  public:
   PlaceIndex() = default;
 
-  /// @param points  with members x and y; only looked at here
+  /// @param points  with members x and y; copied, not kept
   template <class Points>
   explicit PlaceIndex(const Points& points) {
     if (points.empty()) return;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/plate_solver.hpp"
 
 #include <algorithm>
@@ -5,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include <fmt/format.h>
 #include <Eigen/Dense>
 
 namespace srfs::image {
@@ -466,6 +469,22 @@ class PlateSearch {
 std::optional<Attitude> PlateSolver::solve(const std::vector<Star>& stars, int width, int height,
                                            const PlateOptions& options) const {
   return PlateSearch(*this, stars, width, height, options).run();
+}
+
+std::string PlateSolver::why_unsolved(const std::vector<Star>& stars, int width, int height,
+                                      const PlateOptions& options, const PlateOptions& widest) const {
+  const std::string bounds = fmt::format("a field of {:g} to {:g} degrees (min_field, max_field)",
+                                         options.field_least_deg, options.field_most_deg);
+  const auto beyond = solve(stars, width, height, widest);
+  if (!beyond)
+    return fmt::format("no solution: {} stars, no attitude with {} explains them", stars.size(), bounds);
+  const double focal_px = arcsec_per_rad / beyond->scale_arcsec_px;
+  const double field_deg = 2 * std::atan(width / 2.0 / focal_px) / rad_per_deg;
+  const bool narrow = field_deg < options.field_most_deg;
+  return fmt::format("no solution with {}: {} of {} stars fit a field of {:.2f} degrees, {} {}={:g}", bounds,
+                     beyond->stars, stars.size(), field_deg, narrow ? "below" : "above",
+                     narrow ? "min_field" : "max_field",
+                     narrow ? options.field_least_deg : options.field_most_deg);
 }
 
 }  // namespace srfs::image

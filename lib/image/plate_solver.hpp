@@ -1,7 +1,10 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -31,6 +34,11 @@ class PlateSolver {
   /// @return nothing rather than what may be wrong
   [[nodiscard]] std::optional<Attitude> solve(const std::vector<Star>& stars, int width, int height,
                                               const PlateOptions& options) const;
+
+  /// Why solve() found nothing, for people: names the bound of the field when an attitude beyond it explains
+  /// the stars. Takes as long as solve(). @param widest  all fields that may be asked for
+  [[nodiscard]] std::string why_unsolved(const std::vector<Star>& stars, int width, int height,
+                                         const PlateOptions& options, const PlateOptions& widest) const;
 
  private:
   friend class PlateSearch;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/rows.hpp"
 
 #include <algorithm>
@@ -11,7 +13,7 @@ namespace srfs::image {
 namespace {
 
 constexpr float largest = std::numeric_limits<float>::max();
-constexpr int chunk = 32;  ///< pixels that are looked at together
+constexpr int chunk = 32;  ///< pixels that are processed together
 
 template <int Radius>
 [[gnu::always_inline]] inline void filter_columns(const float* const* rows, const float* taps, float* out,

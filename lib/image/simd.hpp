@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 /// Before a function whose loops the compiler turns into vector instructions: on x86-64 it is compiled twice,

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/star_finder.hpp"
 
 #include <algorithm>
@@ -272,7 +274,7 @@ class Finder {
   }
 
   /// What a star so bright leaves all around itself: optics scatter more light than the shape of faint stars
-  /// tells.
+  /// shows.
   void take_halo_away(const Fitted& star) {
     std::vector<float> halo;  // by distance
     std::vector<float> ring;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -11,8 +13,8 @@ struct StarOptions {
   /// Least significance; 0: as low as leaves about one false star in 70, between 4.2 and 5.
   double snr_least = 0;
   int stars_max = 10000;  ///< the brightest are kept
-  /// Also stars so close that only a fit of both tells them apart. Not where streaks are looked for: a short
-  /// one is as well explained by stars in a row.
+  /// Also stars so close that only a fit of both separates them. Not where streaks are searched: a short one
+  /// is as well explained by stars in a row.
   bool close_ones = true;
 };
 

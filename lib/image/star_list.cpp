@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/star_list.hpp"
 
 #include <algorithm>
@@ -61,7 +63,7 @@ Result<std::vector<ListedStar>, Refusal> decode_star_list(OctetView content) {
   r.u24();
   const std::uint32_t sum = r.u32();
   if (!r.ok() || r.remaining() % listed_star_octets != 0)
-    return refuse(fmt::format("a list of stars that was cut: {} octets", content.size()));
+    return refuse(fmt::format("a truncated list of stars: {} octets", content.size()));
   if (crc32c(content.subspan(star_list_header_octets)) != sum) return refuse("a damaged list of stars");
   std::vector<ListedStar> stars;
   while (r.remaining() > 0) {

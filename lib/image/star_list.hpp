@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -33,7 +35,7 @@ struct ListedStar {
 /// @return the stars, or why this is no list of them
 [[nodiscard]] Result<std::vector<ListedStar>, Refusal> decode_star_list(OctetView content);
 
-/// The brightest stars of many frames: at most as many as told, in memory for that many.
+/// The brightest stars of many frames: at most as many as requested, in memory for that many.
 class BrightestStars {
  public:
   explicit BrightestStars(std::size_t most) : most_(most) {}

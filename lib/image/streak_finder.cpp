@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/streak_finder.hpp"
 
 #include <algorithm>
@@ -28,7 +30,7 @@ constexpr double model_error = 0.05;
 /// Earth, and edges in all directions.
 constexpr float unrest_most = 5;
 
-/// What one place counts at most, and what the sum has to be in errors, of a line that is looked at quickly.
+/// For the quick check of a line: what one place counts at most, and what the sum has to be, in errors.
 constexpr double on_clip = 4;
 constexpr double on_least = 3.5;
 /// Lines whose ends are nearer than this are the same.
@@ -42,8 +44,8 @@ constexpr double even_share = 0.35;
 /// have to be so many times more significant.
 constexpr std::size_t dark_line = 5;
 constexpr double dark_share = 1.2;
-/// Places along a line that are looked at. One that lies on a streak already found in so many of them shows
-/// its light; in fewer, it crosses it.
+/// Places along a line that are checked. A line that lies on a streak already found in so many of them shows
+/// the streak's light; in fewer, it crosses it.
 constexpr int places = 9;
 constexpr int known_least = 4;
 /// What a line leaves of the light around it, on average of the pixels: their squares in noise, which is at

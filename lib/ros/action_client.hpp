@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -15,7 +17,7 @@ namespace srfs::ros {
 /// A random UUID, version 4 (RFC 9562, 5.4).
 [[nodiscard]] GoalId make_goal_id();
 
-/// What became of a request to cancel (action_msgs/srv/CancelGoal).
+/// The outcome of a request to cancel (action_msgs/srv/CancelGoal).
 enum class CancelOutcome : std::uint8_t {
   canceling,     ///< granted; the goal ends soon, as its work decides
   rejected,      ///< the server goes on with it
@@ -36,7 +38,7 @@ struct GoalResult {
 template <class A>
 using GoalOutcome = Result<GoalResult<A>, GoalError>;
 
-/// What a client is told of a goal, on the work thread. Any may be empty.
+/// A client's callbacks for one goal, called on the work thread. Any may be empty.
 template <class A>
 struct GoalCallbacks {
   std::function<void(UtcTime stamp)> accepted = {};
@@ -59,7 +61,7 @@ class ClientGoal : public std::enable_shared_from_this<ClientGoal<A>> {
   ClientGoal& operator=(const ClientGoal&) = delete;
 
   [[nodiscard]] const GoalId& id() const { return id_; }
-  /// The last state heard of; unknown until the server said something.
+  /// The last state reported; unknown until the server reports one.
   [[nodiscard]] GoalState state() const { return tracker_.state(); }
   [[nodiscard]] bool is_over() const { return tracker_.is_over(); }
   /// Asks the server to cancel the goal, as soon as the server has accepted it; a second call does nothing.
@@ -134,7 +136,7 @@ class ActionClient {
     made->send(goal);
     return made;
   }
-  /// Asks the server to cancel all goals, everybody's.
+  /// Asks the server to cancel all goals, those of other clients too.
   void cancel_all_goals(nanoseconds deadline, std::function<void(CancelOutcome)> callback) {
     links_->cancel.call({}, deadline, 1, [f = std::move(callback)](const auto& response) {
       f(response ? cancel_outcome(response->return_code) : CancelOutcome::unanswered);
@@ -157,7 +159,7 @@ class ActionClient {
   using StatusArray = action_msgs::msg::GoalStatusArray;
   using CancelGoal = action_msgs::srv::CancelGoal;
 
-  /// The endpoints, and who is told what comes in. Goals may outlive them.
+  /// The endpoints, and the goals that receive their input. Goals may outlive them.
   struct Links : std::enable_shared_from_this<Links> {
     Links(Executor& executor_in, Participant& participant, const std::string& action, Priority priority);
     ~Links();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 // Definitions of action_client.hpp's templates; include that.
@@ -149,7 +151,7 @@ void ClientGoal<A>::request_result() {
   result_calls_[result_call_count_++] = call;
 }
 
-// What was sent before the result is told before it, whichever the executor turns to first.
+// Feedback sent before the result is delivered before it, whichever input the executor takes first.
 template <class A>
 void ClientGoal<A>::take_waiting_feedback() {
   const auto links = links_.lock();
@@ -176,7 +178,7 @@ void ClientGoal<A>::request_cancel() {
   if (!links) return;
   action_msgs::srv::CancelGoal::Request request;
   request.goal_info.goal_id.uuid = id_;
-  if (tracker_.is_over()) {  // nobody waits for the answer any more
+  if (tracker_.is_over()) {  // the answer is not needed any more
     links->cancel.call(request, deadlines_.response, deadlines_.attempts, [](const auto&) {});
     return;
   }

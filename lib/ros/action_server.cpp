@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/action_server.hpp"
 
 #include <algorithm>
@@ -152,7 +154,7 @@ void ActionServerCore::on_item(const GoalMailbox::Item& item) {
       return;
     case GoalMailbox::Kind::abandoned:
       if (!is_active(book_.state(item.goal))) return;
-      log::warn("a goal of an action was dropped before its end: aborted");
+      log::warn("an action goal was dropped before its end: aborted");
       finish(item.goal, GoalEvent::abort, nullptr);
       return;
   }
@@ -161,7 +163,7 @@ void ActionServerCore::on_item(const GoalMailbox::Item& item) {
 void ActionServerCore::finish(const GoalId& id, GoalEvent how, const std::shared_ptr<const void>& result) {
   if (book_.state(id) == GoalState::accepted) book_.apply(id, GoalEvent::execute, executor_.now());
   if (how == GoalEvent::canceled && book_.state(id) != GoalState::canceling) {
-    log::warn("the work of a goal says it was canceled, which nobody granted: aborted");
+    log::warn("an action goal ended as canceled without a granted cancel request: aborted");
     how = GoalEvent::abort;
   }
   if (!book_.apply(id, how, executor_.now(), result)) return;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <atomic>
@@ -27,7 +29,7 @@ enum class GoalResponse : std::uint8_t {
 enum class CancelResponse : std::uint8_t { reject, accept };
 /// What happens to a goal whose client vanished.
 enum class OrphanPolicy : std::uint8_t {
-  run_on,  ///< its result is kept for whoever asks
+  run_on,  ///< its result is kept for later requests
   cancel,  ///< as if a request to cancel had come
 };
 
@@ -37,7 +39,7 @@ struct ActionServerOptions {
   Priority priority = Priority::normal;
 };
 
-/// What the owners of goals say, from any thread, on its way to the work thread, in order.
+/// Reports by the owners of goals, from any thread, on their way to the work thread, in order.
 /// Bounded: 16 feedbacks a goal (the goal's oldest makes room, counted), one end a goal.
 class GoalMailbox final : public Source, public std::enable_shared_from_this<GoalMailbox> {
  public:
@@ -86,7 +88,7 @@ class ActionServer;
 
 /// A goal at its server: what it asks for, and the way to report on it. Every member may be called from any
 /// thread; what is reported takes effect on the work thread, in order. When the last reference goes before
-/// the goal was ended, the goal is aborted: its clients never wait for nothing.
+/// the goal was ended, the goal is aborted: its clients never wait in vain.
 template <class A>
 class ServerGoal : public std::enable_shared_from_this<ServerGoal<A>> {
  public:
@@ -115,7 +117,7 @@ class ServerGoal : public std::enable_shared_from_this<ServerGoal<A>> {
   }
   void succeed(typename A::Result result = {}) { end(GoalEnd<A>::succeeded(std::move(result))); }
   void abort(typename A::Result result = {}) { end(GoalEnd<A>::aborted(std::move(result))); }
-  /// Without a granted request to cancel the goal is aborted instead: nobody else may cancel it.
+  /// Without a granted request to cancel, the goal is aborted instead: only such a request may cancel it.
   void canceled(typename A::Result result = {}) { end(GoalEnd<A>::canceled(std::move(result))); }
   /// The first end counts, further ones are ignored.
   void end(GoalEnd<A> how) {
@@ -124,9 +126,9 @@ class ServerGoal : public std::enable_shared_from_this<ServerGoal<A>> {
         {id_, GoalMailbox::Kind::end, how.how, std::make_shared<typename A::Result>(std::move(how.result))});
   }
 
-  /// Runs @p job on a worker's thread, where it may block; it should look at is_cancel_requested() often.
-  /// What it returns ends the goal. The goal executes from the job's begin; one canceled before is not begun.
-  /// An exception of the job, and a worker that drops it, abort the goal.
+  /// Runs @p job on a worker's thread, where it may block; it should check is_cancel_requested() often. What
+  /// it returns ends the goal. The goal executes from the job's begin; one canceled before is not begun. An
+  /// exception of the job, and a worker that drops it, abort the goal.
   /// @return false when the worker's queue is full: the goal is aborted
   bool run_on(Worker& worker, Job job) {
     const bool taken = worker.post([self = this->shared_from_this(), f = std::move(job)] { self->run(f); });
@@ -148,7 +150,7 @@ class ServerGoal : public std::enable_shared_from_this<ServerGoal<A>> {
     try {
       end(job(*this));
     } catch (const std::exception& e) {
-      log::error("the work of an action's goal failed: {}", e.what());
+      log::error("an action goal failed: {}", e.what());
       abort();
     }
   }
@@ -168,7 +170,7 @@ struct ActionHandlers {
   std::function<GoalResponse(const GoalId&, const typename A::Goal&)> goal = {};
   /// Grants or refuses a request to cancel. Empty: every request is granted.
   std::function<CancelResponse(const std::shared_ptr<ServerGoal<A>>&)> cancel = {};
-  /// Takes over an accepted goal and starts its work; the client has been told already.
+  /// Takes over an accepted goal and starts its work; the client has its answer already.
   std::function<void(std::shared_ptr<ServerGoal<A>>)> accepted;
 };
 
@@ -181,7 +183,7 @@ class ActionServerCore {
     virtual void publish_feedback(const void* message) = 0;
     /// @param result of the action's Result type; null: an empty one
     virtual void reply_result(Ticket ticket, GoalState state, const void* result) = 0;
-    /// May the goal be canceled? @return its answer; when granted the goal has been told
+    /// May the goal be canceled? @return its answer; when granted, the goal has been notified
     virtual CancelResponse cancel_wanted(const GoalId& id) = 0;
     virtual void goal_ended(const GoalId& id) = 0;
     [[nodiscard]] virtual bool within_reach(const GoalClient& client) const = 0;
@@ -203,7 +205,7 @@ class ActionServerCore {
   void result_wanted(const GoalId& id, Ticket ticket);
   /// Clients came or went; these requests for results were dropped with theirs.
   void clients_changed(std::span<const Ticket> dropped);
-  /// Aborts what runs and tells everybody; nothing is handled any more.
+  /// Aborts the goals that run and notifies all clients; nothing is handled any more.
   void shut_down();
 
   [[nodiscard]] const std::shared_ptr<GoalMailbox>& mailbox() const { return mailbox_; }
@@ -237,7 +239,7 @@ class ActionServerCore {
 /// (Humble's names, types and QoS on the wire). On the work thread; dropping it aborts the goals that run.
 ///
 /// Bounds: GoalLimits goals and results; 64 requests for results wait at a time; a request whose client
-/// vanished is dropped.
+/// vanished is dropped. Clients outside the suite get a refusal where there is no room (Service).
 template <class A>
 class ActionServer final : private ActionServerCore::Typed {
  public:
@@ -305,7 +307,7 @@ class ActionServer final : private ActionServerCore::Typed {
     response.status = static_cast<std::int8_t>(state);
     if (result != nullptr) response.result = *static_cast<const typename A::Result*>(result);
     if (!get_result_.reply(ticket, std::move(response)))
-      log::error("the result of a goal breaks a bound of {}; nobody gets it", A::ros_type_name);
+      log::error("the result of a goal exceeds a bound of {}; not sent", A::ros_type_name);
   }
   CancelResponse cancel_wanted(const GoalId& id) override {
     const auto found = goals_.find(id);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/added_nodes.hpp"
 
 #include <algorithm>
@@ -63,7 +65,7 @@ AddedNode read_added_node(const ConfigSection& section) {
 /// What is wrong with a node that is to be added to @p d; empty: it is added.
 std::string add(Deployment& d, const AddedNode& node) {
   AddedDescription description = read_added_description(node);
-  if (d.find(node.name) != nullptr) return "the deployment has a node of this name";
+  if (d.find(node.name) != nullptr) return "the deployment already has a node with this name";
   for (const auto& [key, uri] : description.devices) {
     const auto known = d.devices.find(key);
     if (known != d.devices.end() && known->second != uri)
@@ -72,7 +74,7 @@ std::string add(Deployment& d, const AddedNode& node) {
   if (description.slot) {
     if (!node.flag || *node.flag >= slots_at_most) return "no position for its task flag";
     if (*node.flag < d.slots.size() && !d.slots[*node.flag].payload.empty())
-      return fmt::format("the task flag {} is that of {}", *node.flag, d.slots[*node.flag].payload);
+      return fmt::format("task flag {} belongs to {}", *node.flag, d.slots[*node.flag].payload);
     if (d.slots.size() <= *node.flag) d.slots.resize(*node.flag + 1);
     d.slots[*node.flag] = std::move(*description.slot);
   }
@@ -108,7 +110,7 @@ std::string to_text(const AddedNodes& added) {
 }
 
 Result<AddedNodes, std::string> added_nodes_from_text(const std::string& text) {
-  if (!text.starts_with(head)) return Err(std::string("no list of added nodes"));
+  if (!text.starts_with(head)) return Err(std::string("not a list of added nodes"));
   const auto sum_begin = text.rfind(checksum_key);
   if (sum_begin == std::string::npos ||
       text.size() != sum_begin + checksum_key.size() + checksum_octets + 1 || text.back() != '\n')
@@ -162,7 +164,7 @@ DeploymentReading with_added(Deployment file, const AddedNodes& added) {
       problem = e.what();
     }
     if (!problem.empty())
-      reading.problems.push_back(fmt::format("added node {} is left out: {}", node.name, problem));
+      reading.problems.push_back(fmt::format("added node {} is ignored: {}", node.name, problem));
   }
   return reading;
 }
@@ -172,7 +174,7 @@ namespace {
 DeploymentReading with_list(Deployment file, const VarPaths& var) {
   const AddedNodesReading added = read_added_nodes(var);
   DeploymentReading reading = with_added(std::move(file), added.added);
-  if (!added.damage.empty()) reading.problems.push_back(added.damage + "; the deployment is used without it");
+  if (!added.damage.empty()) reading.problems.push_back(added.damage + "; continuing without added nodes");
   reading.deployment.added_problems = reading.problems;
   return reading;
 }

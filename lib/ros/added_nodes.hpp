@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -15,10 +17,10 @@
 namespace srfs::ros {
 
 /// The nodes that were added to the running system, in one file beside the read-only deployment:
-/// VAR/state/suite/added_nodes. It says everything that an added node is to the others: its entry, its place
-/// in the ring, its slot on the CAN bus, its devices, its fragment of the mission dictionary. Replacing it is
-/// the one instant at which a node joins or leaves; everybody looks at it each second. No DDS here; who adds
-/// and removes: node_addition.hpp.
+/// VAR/state/suite/added_nodes. It holds everything that the other nodes know of an added node: its entry,
+/// its place in the ring, its slot on the CAN bus, its devices, its fragment of the mission dictionary.
+/// Replacing it is the one instant at which a node joins or leaves; every process checks it each second. No
+/// DDS here; node_addition.hpp adds and removes nodes.
 struct AddedNodes {
   static constexpr std::size_t nodes_max = 8;
   static constexpr std::size_t description_octets_max = 4096;
@@ -54,7 +56,8 @@ struct DeploymentReading {
 /// position) is left out with a problem: the suite of the file flies on. Pure.
 [[nodiscard]] DeploymentReading with_added(Deployment file, const AddedNodes& added);
 
-/// What everybody who works with a VAR uses. Throws ConfigError for the deployment file alone.
+/// Every program that works with a VAR reads its deployment here. Throws ConfigError for the deployment file
+/// alone.
 [[nodiscard]] DeploymentReading load_deployment(const std::filesystem::path& file, const VarPaths& var);
 
 /// The deployment of a running process, which follows the list of added nodes.
@@ -71,7 +74,7 @@ class LiveDeployment {
   [[nodiscard]] const Deployment& current() const { return *current_.load(std::memory_order_acquire); }
   /// The one of the start: valid as long as this.
   [[nodiscard]] const Deployment& first() const { return *first_; }
-  /// Looks at the file (one `stat`), reads it when it is another one. One thread. Blocks on the disk.
+  /// Checks the file (one `stat`), reads it when it is another one. One thread. Blocks on the disk.
   /// @return whether current() is another one now
   bool refresh();
 

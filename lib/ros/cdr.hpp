@@ -1,7 +1,11 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -71,6 +75,66 @@ class CdrSizer {
   std::size_t size_ = 0;
 };
 
+/// Most octets of a sample of a type without bounds of its own: no sample of ours comes near.
+inline constexpr std::size_t largest_unbounded_payload = 1U << 20;
+
+/// The most octets that a value of a type can take, from the bounds of its strings and sequences. Padding is
+/// counted at its most, so it is never too few.
+class CdrBound {
+ public:
+  template <class T>
+  void value(const T& v) {
+    if constexpr (is_wire_primitive<T>) {
+      size_ += 2 * sizeof(T) - 1;
+    } else {
+      T::visit(v, *this);
+    }
+  }
+  void string(const std::string&, std::size_t bound) { add(7 + 1, bound, 1); }
+  template <class T>
+  void sequence(const std::vector<T>&, std::size_t bound, std::size_t string_bound) {
+    add(7, bound, of_element<T>(string_bound));
+  }
+  template <class T, std::size_t N>
+  void array(const std::array<T, N>&) {
+    add(0, N, of_element<T>(0));
+  }
+  void empty_struct() { size_ += 1; }
+  /// Of the value alone; nullopt: a string or a sequence in it has no bound.
+  [[nodiscard]] std::optional<std::size_t> size() const {
+    return bounded_ ? std::optional(size_) : std::nullopt;
+  }
+
+ private:
+  template <class T>
+  std::size_t of_element(std::size_t string_bound) {
+    CdrBound element;
+    if constexpr (std::is_same_v<T, std::string>) {
+      element.string({}, string_bound);
+    } else {
+      const T item{};
+      element.value(item);
+    }
+    bounded_ = bounded_ && element.bounded_;
+    return element.size_;
+  }
+  void add(std::size_t before, std::size_t count, std::size_t octets) {
+    bounded_ = bounded_ && count != 0;
+    size_ = std::min(size_ + before + count * octets, largest_payload);
+  }
+  std::size_t size_ = 0;
+  bool bounded_ = true;
+};
+
+/// The largest sample of a type that a reader takes when its topic says nothing else.
+template <class M>
+[[nodiscard]] std::size_t largest_sample() {
+  CdrBound bound;
+  const M message{};
+  M::visit(message, bound);
+  return bound.size() ? 8 + *bound.size() : largest_unbounded_payload;
+}
+
 /// Writes a value; throws CdrError where a bound of the type is exceeded.
 class CdrEncoder {
  public:
@@ -131,7 +195,7 @@ class CdrEncoder {
   eprosima::fastcdr::Cdr& cdr_;
 };
 
-/// Reads a value from octets of anybody: every length is checked against its bound and against what is left
+/// Reads a value from untrusted octets: every length is checked against its bound and against what is left
 /// before memory is taken for it. Throws CdrError or a Fast CDR exception.
 class CdrDecoder {
  public:

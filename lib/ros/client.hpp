@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <map>
@@ -9,7 +11,7 @@
 namespace srfs::ros {
 
 enum class CallError : std::uint8_t {
-  no_server,  ///< nobody serves this name within the deadline
+  no_server,  ///< no server of this name within the deadline
   timeout,    ///< every attempt went unanswered
   refused,    ///< the request breaks a bound of its type, or too many calls are waiting
 };
@@ -18,7 +20,7 @@ enum class CallError : std::uint8_t {
 /// Bookkeeping of a client's calls, without types: attempts, deadlines, which reply belongs to which call.
 class CallTable {
  public:
-  /// Sends one attempt; a repeat is told the sequence number of the first one.
+  /// Sends one attempt; a repeat gets the sequence number of the first one.
   /// @return its own sequence number, nullopt when it could not be written
   using Attempt = std::function<std::optional<std::int64_t>(std::optional<std::int64_t> first)>;
   using Failed = std::function<void(std::uint64_t call, CallError)>;
@@ -32,9 +34,9 @@ class CallTable {
   void begin(std::uint64_t call);
   /// The reply to one attempt came. @return the call it ends; nullopt for an unknown or ended one
   [[nodiscard]] std::optional<std::uint64_t> finish(std::int64_t sequence);
-  /// Ends a call without telling anybody; unknown ones are ignored.
+  /// Ends a call without a callback; unknown ones are ignored.
   void forget(std::uint64_t call) { calls_.erase(call); }
-  /// Ends all calls without telling anybody.
+  /// Ends all calls without a callback.
   void clear() { calls_.clear(); }
   /// Sends what waited for a server. Work thread.
   void server_changed();

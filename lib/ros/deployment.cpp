@@ -1,6 +1,14 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/deployment.hpp"
 
 #include <algorithm>
+#include <array>
+
+#include <fmt/format.h>
+
+#include "base/file.hpp"
+#include "base/known_key.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -19,6 +27,9 @@ Scheduling read_scheduling(const ConfigSection& section) {
     throw section.bad("priority", "0 unless the policy is fifo");
   s.nice = static_cast<int>(section.integer("nice", -20, 19, 0));
   for (const auto cpu : section.integers("cpus", 0, 1023)) s.cpus.push_back(static_cast<int>(cpu));
+  s.background = section.boolean("background", s.background);
+  if (s.background && s.policy == SchedulingPolicy::fifo)
+    throw section.bad("background", "false with policy fifo");
   section.finish();
   return s;
 }
@@ -39,7 +50,7 @@ bool is_node_name(const std::string& name) {
 std::string read_control_group(const ConfigSection& section) {
   std::string group = section.text("control_group", "");
   if (group.starts_with('/') || group.find("..") != std::string::npos)
-    throw section.bad("control_group", "a folder below /sys/fs/cgroup, as srfs.slice/srfs.service");
+    throw section.bad("control_group", "a folder below /sys/fs/cgroup, such as srfs.slice/srfs.service");
   return group;
 }
 
@@ -84,6 +95,7 @@ RingSettings read_ring(const ConfigSection& section) {
   ring.members = section.texts("members");
   ring.critical = section.texts("critical");
   ring.confirmed = section.texts("confirmed");
+  ring.command_path_limit = duration("command_path_limit_ms", 1000, ring.command_path_limit);
   ring.start_deadline = duration("start_deadline_ms", 100, ring.start_deadline);
   ring.absence_counts_misses = section.boolean("absence_counts_misses", ring.absence_counts_misses);
   ring.work_deadline = duration("work_deadline_ms", 100, ring.work_deadline);
@@ -114,9 +126,9 @@ void check_ring(Deployment& d, const ConfigSection& section) {
        {std::pair{"members", &d.ring.members}, std::pair{"critical", &d.ring.critical},
         std::pair{"confirmed", &d.ring.confirmed}}) {
     for (const std::string& name : *list) {
-      if (d.find(name) == nullptr) throw section.bad(key, "nodes of this file, '" + name + "' is none");
+      if (d.find(name) == nullptr) throw section.bad(key, "nodes of this file, '" + name + "' is not one");
       if (std::count(list->begin(), list->end(), name) != 1)
-        throw section.bad(key, "different names, '" + name + "' stands twice");
+        throw section.bad(key, "different names, '" + name + "' appears twice");
     }
   }
 }
@@ -125,11 +137,11 @@ void check_names(const Deployment& d, const ConfigSection& root) {
   for (const NodeEntry& node : d.nodes) {
     const auto same = [&](const NodeEntry& other) { return other.name == node.name; };
     if (std::count_if(d.nodes.begin(), d.nodes.end(), same) != 1)
-      throw root.bad("nodes", "different names, '" + node.name + "' stands twice");
+      throw root.bad("nodes", "different names, '" + node.name + "' appears twice");
   }
   for (const Slot& slot : d.slots) {
     if (d.find(slot.payload) == nullptr)
-      throw root.bad("slots", "payloads that are nodes of this file, '" + slot.payload + "' is none");
+      throw root.bad("slots", "payloads that are nodes of this file, '" + slot.payload + "' is not one");
   }
 }
 
@@ -207,11 +219,11 @@ LinkSettings read_link(const ConfigSection& section) {
       channel.security = ChannelSecurity::sdls;
       channel.spi = static_cast<int>(entry.integer("spi", 1, 65534));
       if (is_taken(&TelecommandChannel::spi, channel.spi))
-        throw entry.bad("spi", "a number that no other entry has");
+        throw entry.bad("spi", "a number not used by another entry");
       channel.key_file = entry.text("key_file");
       // Two counters under one key would use an IV twice, which breaks AES-GCM.
       if (is_taken(&TelecommandChannel::key_file, channel.key_file))
-        throw entry.bad("key_file", "a key that no other entry has");
+        throw entry.bad("key_file", "a key not used by another entry");
       const std::string set = entry.choice("set", {"a", "b", "contingency"}, "a");
       channel.set = set == "a"   ? AssociationSet::a
                     : set == "b" ? AssociationSet::b
@@ -222,7 +234,7 @@ LinkSettings read_link(const ConfigSection& section) {
                    other.security == ChannelSecurity::sdls;
           });
       if (of_the_same >= (channel.set == AssociationSet::contingency ? 1 : 2))
-        throw entry.bad("set", "two entries of a set for a channel at most, one for contingency");
+        throw entry.bad("set", "at most two entries of a set for a channel, one for contingency");
     }
     entry.finish();
     link.channels.push_back(channel);
@@ -268,6 +280,68 @@ const NodeEntry* Deployment::find(const std::string& node) const {
   const auto found =
       std::find_if(nodes.begin(), nodes.end(), [&](const NodeEntry& e) { return e.name == node; });
   return found == nodes.end() ? nullptr : &*found;
+}
+
+bool is_hardware_line(const std::string& uri, const std::filesystem::path& var) {
+  constexpr std::string_view scheme = "serial:";
+  if (!uri.starts_with(scheme)) return false;
+  const auto path = var / uri.substr(scheme.size(), uri.find('?') - scheme.size());
+  std::error_code ec;
+  auto real = std::filesystem::canonical(path, ec);
+  if (ec) real = path.lexically_normal();
+  return real.native().starts_with("/dev/") && !real.native().starts_with("/dev/pts/");
+}
+
+namespace {
+
+/// nullopt: the key is not publicly known, or cannot be read (ttc reports more).
+std::optional<std::string_view> why_known_key_file(const std::filesystem::path& file) {
+  constexpr std::size_t key_octets = 32;
+  auto text = read_file(file, 4096);
+  if (!text) return std::nullopt;
+  while (!text->empty() && (text->back() == '\n' || text->back() == '\r')) text->pop_back();
+  auto octets = from_hex(*text);
+  std::fill(text->begin(), text->end(), '\0');
+  if (!octets || octets->size() != key_octets) return std::nullopt;
+  const auto why = why_known(*octets);
+  std::fill(octets->begin(), octets->end(), std::uint8_t{0});
+  return why;
+}
+
+}  // namespace
+
+std::string unsafe_link(const Deployment& deployment, const std::filesystem::path& var) {
+  const auto line = deployment.devices.find("rs422");
+  if (line == deployment.devices.end() || !is_hardware_line(line->second, var)) return {};
+  for (const TelecommandChannel& channel : deployment.link.channels) {
+    if (channel.security == ChannelSecurity::none)
+      return fmt::format(
+          "{}: 'link.tc_channels': TC virtual channel {} has no security, and {} is a line of hardware: "
+          "anyone on it could command the spacecraft",
+          deployment.file.string(), channel.virtual_channel, line->second);
+  }
+  std::error_code ec;
+  if (std::filesystem::exists(var / "state" / "ttc" / "mode", ec)) return {};  // it ran
+  for (const TelecommandChannel& channel : deployment.link.channels) {
+    if (const auto why = why_known_key_file(var / channel.key_file))
+      return fmt::format(
+          "{}: 'link.tc_channels': everybody may know the key {} of TC virtual channel {} ({}), and {} is a "
+          "line of hardware: make another one",
+          deployment.file.string(), channel.key_file, channel.virtual_channel, *why, line->second);
+  }
+  return {};
+}
+
+bool Deployment::on_command_path(const std::string& node) const {
+  static constexpr std::array<std::string_view, 4> programs{"timing_node", "can_switcher_node", "ttc_node",
+                                                            "maintenance_node"};
+  const auto contains = [](const auto& list, std::string_view text) {
+    return std::find(list.begin(), list.end(), text) != list.end();
+  };
+  const NodeEntry* const entry = find(node);
+  return entry != nullptr &&
+         (contains(ring.critical, node) || contains(ring.confirmed, node) ||
+          contains(programs, std::filesystem::path(entry->executable).filename().string()));
 }
 
 }  // namespace srfs::ros

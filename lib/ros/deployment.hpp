@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -18,6 +20,10 @@ struct Scheduling {
   int priority = 0;       ///< 1..99 for fifo
   int nice = 0;           ///< -20..19 for other and batch
   std::vector<int> cpus;  ///< empty: all
+  /// It gives way to all others once it is Active: its session has background_niceness, where Linux shares
+  /// the CPUs among sessions (base/background.hpp). Its workers for bulk give way in any case; its loop,
+  /// which answers the ring, does not. Not with policy fifo.
+  bool background = false;
 };
 
 /// What of a node's memory never waits for the disk; run_node arranges it before the node is configured.
@@ -34,7 +40,7 @@ struct NodeEntry {
   std::int64_t memory_limit_mib = 0;  ///< private memory (RLIMIT_DATA); 0: none
   int oom_score_adj = 0;
   std::chrono::milliseconds worker_deadline{};  ///< of a job of its workers; the ring's unless the file says
-  std::string user;                             ///< whom the process belongs to; empty: as its starter
+  std::string user;                             ///< owner of the process; empty: as its starter
   /// Folder below /sys/fs/cgroup that the process enters where there is one; empty: its starter's.
   std::string control_group;
   ConfigSection parameters;
@@ -44,7 +50,7 @@ struct NodeEntry {
 
 /// One turn of the CAN plan (DESIGN section 5). Its index in the plan is the position of its task flag.
 struct Slot {
-  std::string payload;  ///< empty: nobody's, the position is left free
+  std::string payload;  ///< empty: no payload, the position is left free
   std::chrono::milliseconds allotted;
   std::chrono::milliseconds overrun;
   std::chrono::milliseconds reset;
@@ -87,7 +93,7 @@ struct LinkSettings {
   int tm_interleave = 1;
   bool tm_reed_solomon = true;
   bool tm_randomizer = true;
-  bool tm_continuous = false;  ///< idle frames when there is nothing to say
+  bool tm_continuous = false;  ///< idle frames when there is nothing to send
   bool tc_randomizer = false;
   bool tc_correct_single_bits = true;
   std::vector<TelecommandChannel> channels;
@@ -96,16 +102,18 @@ struct LinkSettings {
 /// Layout of the ROS graph messages (lib/ros/graph.hpp): they differ between ROS 2 releases.
 enum class RosGraph : std::uint8_t { off, humble, iron };
 
-/// The liveness ring (DESIGN section 8): who watches whom, and how patiently.
+/// The liveness ring (DESIGN section 8): which node watches which, and how patiently.
 struct RingSettings {
   bool enabled = false;                   ///< the file has the section
   std::chrono::milliseconds period{100};  ///< of the checks
-  int misses = 3;                         ///< unanswered checks in a row that are death (the paper's count)
+  int misses = 3;                         ///< unanswered checks in a row that mean death (the paper's count)
   std::vector<std::string> members;   ///< in ring order, different nodes of this file; default: start order
   std::vector<std::string> critical;  ///< starve the watchdog when they cannot be raised
   /// A version of theirs passes its probation only when the operator confirms it: through these two
-  /// everything else can be mended. Default: ttc and maintenance, where they are members.
+  /// everything else can be repaired. Default: ttc and maintenance, where they are members.
   std::vector<std::string> confirmed;
+  /// How long an operator's order may keep a node of the command path held or out of Active.
+  std::chrono::milliseconds command_path_limit{600'000};
   std::chrono::milliseconds start_deadline{3000};  ///< from exec to the desired state
   std::chrono::milliseconds work_deadline{2000};   ///< age of undone work that is due
   /// Of a worker thread's job, from when it runs, or could run: what is older is frozen.
@@ -143,9 +151,22 @@ struct Deployment {
   /// Throws ConfigError that names file, line, key and what was expected.
   static Deployment load(const std::filesystem::path& file);
   [[nodiscard]] const NodeEntry* find(const std::string& node) const;
+  /// Without it no telecommand is taken or executed, or the watchdog resets the computer: timing,
+  /// can_switcher, ttc and maintenance (by their programs), and what the ring has as critical or confirmed.
+  [[nodiscard]] bool on_command_path(const std::string& node) const;
 };
 
-/// What the description of an added node says. Throws ConfigError.
+/// Whether a device is a serial line of hardware, on which others may be: neither hw_sim's pseudo-terminal
+/// nor a path outside /dev. Follows links that are there. @param uri  "serial:PATH", below @p var unless
+/// absolute
+[[nodiscard]] bool is_hardware_line(const std::string& uri, const std::filesystem::path& var);
+/// Why nothing may be started where the link is a line of hardware: TC channels without security; before the
+/// first start also publicly known keys. Empty: it may. Reads the key files.
+/// Once ttc ran, such a key costs its association only, as a damaged one does (ttc reports it, the doctor
+/// fails). Either way it cannot be used, and one wrong file must not cost the spacecraft at its next reset.
+[[nodiscard]] std::string unsafe_link(const Deployment& deployment, const std::filesystem::path& var);
+
+/// The content of an added node's description. Throws ConfigError.
 struct AddedDescription {
   NodeEntry entry;
   std::optional<Slot> slot;

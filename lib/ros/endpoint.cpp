@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/endpoint.hpp"
 
 #include <algorithm>
@@ -86,11 +88,14 @@ void ReaderEndpoint::close() {
 }
 
 void ReaderEndpoint::open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type,
-                          const Qos& qos) {
+                          const Qos& qos, std::size_t largest_octets) {
   participant_ = &participant;
+  largest_octets_ = largest_octets;
   const auto [kind, name] = callback_name(dds_topic);
   executor_.name_source(shared_from_this(), kind, name);
-  reader_ = participant.create_reader(dds_topic, std::move(type), qos, this);
+  Qos bounded = qos;
+  bounded.largest_octets = largest_octets;
+  reader_ = participant.create_reader(dds_topic, std::move(type), bounded, this);
   if (reader_ == nullptr) throw std::runtime_error("DDS refused a reader for " + dds_topic);
 }
 
@@ -101,6 +106,7 @@ void ReaderEndpoint::on_data_available(dds::DataReader*) {
 
 InputStats ReaderEndpoint::stats() const {
   InputStats stats = stats_;
+  stats.malformed += *too_large_;
   if (fill_ && reader_ != nullptr) fill_(stats);
   return stats;
 }
@@ -120,14 +126,19 @@ void ReaderEndpoint::on_match_change(std::function<void()> callback) {
   match_change_ = std::move(callback);
 }
 
-void ReaderEndpoint::on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) {
+void ReaderEndpoint::on_subscription_matched(dds::DataReader* dds_reader,
+                                             const dds::SubscriptionMatchedStatus& status) {
   std::function<void()> callback;
   {
     const std::lock_guard lock(mutex_);
     const auto writer = static_cast<GUID_t>(status.last_publication_handle);
+    // Not reader_: a writer that is known already matches while the reader is being made.
+    const Gid reader = to_gid(dds_reader->guid());
     if (status.current_count_change > 0) {
+      participant_->on_writer_matched(to_gid(writer), reader, largest_octets_, too_large_);
       writers_.insert(writer);
     } else {
+      participant_->on_writer_unmatched(to_gid(writer), reader);
       writers_.erase(writer);
     }
     callback = match_change_;
@@ -135,7 +146,7 @@ void ReaderEndpoint::on_subscription_matched(dds::DataReader*, const dds::Subscr
   if (callback) callback();
 }
 
-void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
+std::optional<ReaderEndpoint::Gap> ReaderEndpoint::count_gap(const SampleIdentity& identity) {
   constexpr std::size_t most_writers = 64;
   const std::int64_t sequence = identity.sequence_number().to64long();
   const auto found = std::find_if(positions_.begin(), positions_.end(), [&](const WriterPosition& p) {
@@ -144,19 +155,23 @@ void ReaderEndpoint::count_gap(const SampleIdentity& identity) {
   if (found == positions_.end()) {
     if (positions_.size() == most_writers) positions_.pop_back();
     positions_.insert(positions_.begin(), {identity.writer_guid(), sequence});
-    return;
+    return std::nullopt;
   }
-  if (sequence > found->sequence + 1)
+  std::optional<Gap> gap;
+  if (sequence > found->sequence + 1) {
+    gap = {found->sequence + 1, sequence - 1};
     stats_.lost += static_cast<std::uint64_t>(sequence - found->sequence - 1);
+  }
   found->sequence = std::max(found->sequence, sequence);
   std::rotate(positions_.begin(), found, found + 1);
+  return gap;
 }
 
 bool ReaderEndpoint::admit(const SampleIdentity& identity) {
   if (!guarded_) return true;
+  if (!participant_->is_foreign(identity.writer_guid())) return true;
   GuidPrefix prefix{};
   std::copy_n(identity.writer_guid().guidPrefix.value, prefix.size(), prefix.begin());
-  if (!participant_->known_participants().is_foreign(prefix)) return true;
   ++stats_.foreign;
   last_foreign_ = prefix;
   return !participant_->drops_foreign();

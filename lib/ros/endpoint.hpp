@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <atomic>
@@ -27,7 +29,7 @@ using eprosima::fastrtps::rtps::WriteParams;
 /// What came in at one reader since it was made.
 struct InputStats {
   std::uint64_t received = 0;   ///< well-formed samples handed to the callback
-  std::uint64_t malformed = 0;  ///< octets that were no such message; dropped
+  std::uint64_t malformed = 0;  ///< octets that were no such message, or claimed to be too many; dropped
   std::uint64_t lost =
       0;  ///< gaps in writers' sequence numbers: overwritten before they were taken, or never arrived
   std::uint64_t foreign =
@@ -92,7 +94,7 @@ class ReaderEndpoint : public Source,
   /// What the kernel holds already reaches this reader's history now.
   void receive_waiting() const { participant_->receive_waiting(); }
   [[nodiscard]] InputStats stats() const;
-  /// Who knows more than the reader (a service) fills that in at every stats(). It must outlive the DDS
+  /// An owner that knows more than the reader (a service) adds it at every stats(). It must outlive the DDS
   /// reader.
   void add_to_stats(std::function<void(InputStats&)> fill) { fill_ = std::move(fill); }
   [[nodiscard]] std::size_t matched_count() const;
@@ -101,7 +103,7 @@ class ReaderEndpoint : public Source,
   [[nodiscard]] GUID_t guid() const { return reader_->guid(); }
   void on_match_change(std::function<void()> callback);
   /// From now on samples of participants outside the suite are counted, and dropped where the participant's
-  /// options say so.
+  /// options require it.
   void guard() { guarded_ = true; }
   /// The foreign participant that was heard last, for people; empty: none so far.
   [[nodiscard]] std::string last_foreign() const;
@@ -110,9 +112,16 @@ class ReaderEndpoint : public Source,
   void on_subscription_matched(dds::DataReader*, const dds::SubscriptionMatchedStatus& status) override;
 
  protected:
-  void open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos);
-  /// Counts the sample's gap to the one before from the same writer.
-  void count_gap(const SampleIdentity& identity);
+  /// @param largest_octets samples that claim to be larger are dropped and counted as malformed
+  void open(Participant& participant, const std::string& dds_topic, dds::TypeSupport type, const Qos& qos,
+            std::size_t largest_octets);
+  /// Samples of one writer that never came, or that made room before they were taken.
+  struct Gap {
+    std::int64_t first;
+    std::int64_t last;
+  };
+  /// Counts the sample's gap to the one before from the same writer. @return it
+  std::optional<Gap> count_gap(const SampleIdentity& identity);
   /// @return false when the sample is foreign and to be dropped
   [[nodiscard]] bool admit(const SampleIdentity& identity);
 
@@ -121,9 +130,11 @@ class ReaderEndpoint : public Source,
   dds::DataReader* reader_ = nullptr;
   InputStats stats_;
   Participant* participant_ = nullptr;
+  std::size_t largest_octets_ = 0;
 
  private:
   bool guarded_ = false;
+  std::shared_ptr<std::atomic<std::uint64_t>> too_large_ = std::make_shared<std::atomic<std::uint64_t>>(0);
   std::function<void(InputStats&)> fill_;
   std::optional<GuidPrefix> last_foreign_;
   mutable std::mutex mutex_;
@@ -136,6 +147,12 @@ class ReaderEndpoint : public Source,
   std::vector<WriterPosition> positions_;  // bounded; the least recently seen writer makes room
 };
 
+/// What a reader of a topic takes at most.
+template <class M>
+[[nodiscard]] std::size_t largest_octets(const Qos& qos) {
+  return qos.largest_octets != 0 ? qos.largest_octets : largest_sample<M>();
+}
+
 /// A reader of messages of type M.
 template <class M>
 class TypedReader final : public ReaderEndpoint {
@@ -146,32 +163,46 @@ class TypedReader final : public ReaderEndpoint {
                                              const std::string& dds_topic, const Qos& qos, Priority priority,
                                              Callback callback) {
     std::shared_ptr<TypedReader> self(new TypedReader(executor, priority, std::move(callback)));
-    self->open(participant, dds_topic, dds::TypeSupport(new TypeSupport<M>), qos);
+    self->open(participant, dds_topic, dds::TypeSupport(new TypeSupport<M>), qos, largest_octets<M>(qos));
     return self;
+  }
+
+  /// Called before the callback with the sample that shows that those before it are lost.
+  void on_gap(std::function<void(const MessageInfo&, std::int64_t first, std::int64_t last)> callback) {
+    gap_callback_ = std::move(callback);
   }
 
   bool dispatch_one(MonotonicTime now) override {
     if (reader_ == nullptr) return false;
     dds::SampleInfo info;
     if (reader_->take_next_sample(&sample_, &info) != ReturnCode_t::RETCODE_OK) return false;
-    if (!info.valid_data) return true;
-    count_gap(info.sample_identity);
-    if (!admit(info.sample_identity)) return true;
-    if (!sample_.well_formed) {
-      ++stats_.malformed;
-      return true;
-    }
-    ++stats_.received;
-    callback_(sample_.message,
-              {participant_->received_at(info, now), info.sample_identity, info.related_sample_identity});
+    participant_->on_taken(info.sample_identity, reader_->guid());
+    handle(info, now);
+    if (!keeps_memory(largest_octets_)) sample_ = {};
     return true;
   }
 
  private:
+  void handle(const dds::SampleInfo& info, MonotonicTime now) {
+    if (!info.valid_data) return;
+    const auto gap = count_gap(info.sample_identity);
+    if (gap && gap_callback_)
+      gap_callback_({now, info.sample_identity, info.related_sample_identity}, gap->first, gap->last);
+    if (!admit(info.sample_identity)) return;
+    if (!sample_.well_formed) {
+      ++stats_.malformed;
+      return;
+    }
+    ++stats_.received;
+    callback_(sample_.message,
+              {participant_->received_at(info, now), info.sample_identity, info.related_sample_identity});
+  }
+
   TypedReader(Executor& executor, Priority priority, Callback callback)
       : ReaderEndpoint(executor, priority), callback_(std::move(callback)) {}
   Callback callback_;
-  Sample<M> sample_;  // reused: no allocation for messages of a steady size
+  std::function<void(const MessageInfo&, std::int64_t, std::int64_t)> gap_callback_;
+  Sample<M> sample_;  // reused, unless it may be large: no allocation for messages of a steady size
 };
 
 /// "/timing/tick" -> "rt/timing/tick" and so on, as rmw_fastrtps names them.

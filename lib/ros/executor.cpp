@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/executor.hpp"
 
 #include <algorithm>
@@ -85,7 +87,7 @@ Executor::Executor()
 }
 
 Executor::~Executor() {
-  for (const auto& [due, timer] : timers_) timer->place.reset();  // whoever still holds one cancels nothing
+  for (const auto& [due, timer] : timers_) timer->place.reset();  // a handle still held cancels nothing
 }
 
 /// Runs a callback whose beginning is now_, counts it unless it says that it had nothing to do, and catches
@@ -196,8 +198,8 @@ void Executor::spin() {
 bool Executor::spin_until(const std::function<bool()>& condition, MonotonicTime deadline) {
   while (!condition()) {
     const nanoseconds left = deadline - monotonic_now();
-    // Conditions may also change on middleware threads (a match), which wakes nobody: look again every few
-    // ms.
+    // Conditions may also change on middleware threads (a match), which does not wake this thread: look again
+    // every few ms.
     constexpr nanoseconds look_again = milliseconds(5);
     if (left <= nanoseconds(0) || !spin_once(std::min(left, look_again))) return condition();
   }
@@ -239,7 +241,7 @@ bool Executor::run_due_timers() {
   bool ran = false;
   now_ = monotonic_now();
   if (heartbeat_ != nullptr) heartbeat_->beat(now_);
-  // Only what was due when the round began: a timer that takes longer than its period starves nobody.
+  // Only what was due when the round began: a timer that takes longer than its period starves nothing else.
   const MonotonicTime round = now_;
   while (!timers_.empty() && timers_.begin()->first <= round) {
     const std::shared_ptr<Timer> timer = timers_.begin()->second;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -99,7 +101,7 @@ class Executor {
   };
   /// On the work thread.
   [[nodiscard]] Backlog backlog() const;
-  /// The page that is told of every turn; nullptr: none. Outlives the executor's turns.
+  /// The page that records every turn; nullptr: none. Outlives the executor's turns.
   void set_heartbeat(HeartbeatPage* page) { heartbeat_ = page; }
   /// The workers whose results come here, on the work thread; each enters and leaves by itself.
   [[nodiscard]] const std::vector<Worker*>& workers() const { return workers_; }

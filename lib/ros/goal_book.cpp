@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/goal_book.hpp"
 
 #include <algorithm>
@@ -62,7 +64,7 @@ bool GoalBook::apply(const GoalId& id, GoalEvent event, MonotonicTime now, Resul
   return true;
 }
 
-// The goal that just ended stays: its waiters are still to be told.
+// The goal that just ended stays: its waiters are still to be answered.
 void GoalBook::make_room_for_results(const GoalId& just_ended) {
   const auto ended = [](const Entry& entry) { return is_terminal(entry.goal.state); };
   auto kept = static_cast<std::size_t>(std::count_if(entries_.begin(), entries_.end(), ended));

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -30,7 +32,7 @@ struct GoalCounters {
   std::uint64_t evicted = 0;             ///< results dropped before, to make room
 };
 
-/// An action server's memory of its goals: states, who waits for which result, results with their expiry.
+/// An action server's memory of its goals: states, the waiters for each result, results with their expiry.
 /// Pure: never reads a clock. Not thread-safe. Semantics are rcl_action's (action_server.c).
 class GoalBook {
  public:
@@ -68,7 +70,7 @@ class GoalBook {
   /// stamp and the one of the id (action_msgs/srv/CancelGoal).
   [[nodiscard]] CancelScope cancel_scope(const GoalId& id, UtcTime stamp) const;
 
-  /// Remembers who wants the result of a goal that runs. @return false when it does not run
+  /// Remembers a waiter for the result of a goal that runs. @return false when it does not run
   bool await_result(const GoalId& id, Waiter waiter);
   /// The waiters of a goal, which are forgotten.
   [[nodiscard]] std::vector<Waiter> take_waiters(const GoalId& id);

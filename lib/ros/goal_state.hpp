@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -11,7 +13,7 @@ namespace srfs::ros {
 /// Names one goal of an action: a random UUID that the client chooses.
 using GoalId = std::array<std::uint8_t, 16>;
 
-/// States with the values of action_msgs/msg/GoalStatus. unknown is no state: a goal nobody has heard of.
+/// States with the values of action_msgs/msg/GoalStatus. unknown is no state: there is no such goal.
 enum class GoalState : std::int8_t {
   unknown = 0,
   accepted = 1,

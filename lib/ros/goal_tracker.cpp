@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/goal_tracker.hpp"
 
 #include <algorithm>
@@ -21,7 +23,7 @@ const char* to_text(GoalError error) {
     case GoalError::result_late:
       return "no result in time";
     case GoalError::result_lost:
-      return "the goal ended but its result is not handed out";
+      return "the goal ended but its result is not available";
   }
   return "?";
 }

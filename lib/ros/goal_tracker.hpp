@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -10,14 +12,14 @@ namespace srfs::ros {
 
 /// Why a goal ended at its client without a result.
 enum class GoalError : std::uint8_t {
-  no_server,     ///< nobody serves the action within the deadline; the goal was not sent
-  unanswered,    ///< sent, but the server did not say whether it accepts
+  no_server,     ///< no server of the action within the deadline; the goal was not sent
+  unanswered,    ///< sent, but the server did not answer whether it accepts
   refused,       ///< the goal breaks a bound of its type, or too many goals are under way here
   rejected,      ///< by the server
   server_lost,   ///< the server that accepted it is gone; how far it came is not known
   unknown_goal,  ///< the server does not know it: it started anew, or the result expired
   result_late,   ///< no result within its deadline
-  result_lost,   ///< the server says the goal ended but does not hand out the result
+  result_lost,   ///< the server reports the end of the goal but does not hand out the result
 };
 [[nodiscard]] const char* to_text(GoalError error);
 
@@ -25,10 +27,10 @@ struct GoalDeadlines {
   nanoseconds response = seconds(1);  ///< for one attempt to send the goal, and for one to cancel it
   int attempts = 3;                   ///< our servers take a repeated goal for what it is; rclcpp's need 1
   nanoseconds result = seconds(60);   ///< from acceptance to the result
-  bool cancel_when_late = true;       ///< a goal past its result deadline is told to stop
+  bool cancel_when_late = true;       ///< a goal past its result deadline gets a cancel request
 };
 
-/// What a client knows of one goal: a pure state machine. Every on_... says what has to be done now.
+/// What a client knows of one goal: a pure state machine. Every on_... returns what has to be done now.
 /// Never reads a clock.
 class GoalTracker {
  public:
@@ -77,7 +79,7 @@ class GoalTracker {
   bool cancel_wanted_ = false;
   int result_requests_ = 0;
   MonotonicTime result_due_;
-  std::optional<MonotonicTime> ask_again_at_;  // the status topic said that it ended
+  std::optional<MonotonicTime> ask_again_at_;  // the status topic reported its end
   std::optional<MonotonicTime> give_up_at_;    // the server is gone
 };
 

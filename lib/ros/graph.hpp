@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -57,8 +59,8 @@ struct GraphMessage {
 using HumbleGraphMessage = GraphMessage<24>;
 using IronGraphMessage = GraphMessage<16>;
 
-/// What one participant tells the ROS graph: its node, and which readers and writers are the node's. A
-/// process of the suite is one node, so every endpoint under ROS 2's names is that node's.
+/// One participant's entry in the ROS graph: its node, and the node's readers and writers. A process of the
+/// suite is one node, so every endpoint under ROS 2's names is that node's.
 class ParticipantGraph {
  public:
   void set_participant(const Gid& gid) { participant_ = gid; }
@@ -101,7 +103,7 @@ class ParticipantGraph {
 };
 
 /// Endpoints that ROS 2 attributes to nodes: topics (rt/) and both halves of services (rq/, rr/). The graph's
-/// own topic is nobody's.
+/// own topic belongs to no node.
 [[nodiscard]] bool belongs_to_a_node(const std::string& dds_topic);
 
 }  // namespace srfs::ros

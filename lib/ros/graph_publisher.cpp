@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/graph_publisher.hpp"
 
 #include "ros/type_support.hpp"
@@ -5,8 +7,7 @@
 namespace srfs::ros {
 namespace {
 
-// The latest state is all that counts, also for who comes later (rmw_fastrtps_cpp,
-// init_rmw_context_impl.cpp).
+// The latest state is all that counts, also for late readers (rmw_fastrtps_cpp, init_rmw_context_impl.cpp).
 constexpr Qos graph_qos{.depth = 1, .transient_local = true};
 constexpr const char* graph_topic = "ros_discovery_info";
 

@@ -1,13 +1,17 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sensor_msgs/msg/image.hpp>
 
+#include "ros/cdr.hpp"
 #include "ros/topics.hpp"
 
 /// Topics of the image lane, apart from the others for their large types.
 namespace srfs::ros::topics {
 
 /// Frames of megabytes: two wait, the others are on the disk.
-inline const Topic<sensor_msgs::msg::Image> image_raw{"/image/raw", {.depth = 2}, Priority::bulk};
+inline const Topic<sensor_msgs::msg::Image> image_raw{
+    "/image/raw", {.depth = 2, .largest_octets = largest_payload}, Priority::bulk};
 
 }  // namespace srfs::ros::topics

@@ -1,8 +1,12 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/instance.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <charconv>
+#include <fstream>
 #include <sstream>
 
 #include <fcntl.h>
@@ -12,6 +16,8 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "base/log.hpp"
+#include "base/private_file.hpp"
 #include "base/time.hpp"
 
 namespace srfs::ros {
@@ -71,11 +77,21 @@ std::filesystem::path VarPaths::memory() const {
   return std::filesystem::path("/dev/shm") / fmt::format("srfs_{:016x}", hash);
 }
 
-Result<InstanceLock, std::string> InstanceLock::take(const VarPaths& var, const std::string& node) {
+std::optional<uid_t> VarPaths::owner() const {
+  struct stat status {};
+  return stat(root.c_str(), &status) == 0 ? std::optional(status.st_uid) : std::nullopt;
+}
+
+void VarPaths::make_run_folder() const {
   std::error_code ec;
-  std::filesystem::create_directories(var.run(), ec);
+  std::filesystem::create_directories(root, ec);
+  (void)open_private_folder(run(), true);  // what fails, fails again at the first file in it
+}
+
+Result<InstanceLock, std::string> InstanceLock::take(const VarPaths& var, const std::string& node) {
+  var.make_run_folder();
   const auto path = var.instance_lock(node);
-  Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  Fd fd = open_lock_file(path);
   if (!fd) return Err(fmt::format("{}: {}", path.string(), errno_text(errno)));
   struct flock lock = whole_file(F_WRLCK);
   if (fcntl(fd.get(), F_SETLK, &lock) == 0) {
@@ -84,7 +100,7 @@ Result<InstanceLock, std::string> InstanceLock::take(const VarPaths& var, const 
   }
   fd.reset();
   const auto other = find_instance(var, node);
-  return Err(fmt::format("{} runs already as pid {}", node, other ? other->pid : 0));
+  return Err(fmt::format("{} is already running as pid {}", node, other ? other->pid : 0));
 }
 
 std::optional<Process> open_instance(const VarPaths& var, const std::string& node) {
@@ -101,7 +117,7 @@ std::optional<RunningInstance> find_instance(const VarPaths& var, const std::str
   if (std::filesystem::absolute(var.instance_lock(node)) == own_instance().lock_file) {
     return RunningInstance{getpid(), own_instance().incarnation, own_instance().version};
   }
-  const Fd fd(open(var.instance_lock(node).c_str(), O_RDONLY | O_CLOEXEC));
+  const Fd fd(open(var.instance_lock(node).c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
   if (!fd) return std::nullopt;
   struct flock lock = whole_file(F_WRLCK);
   // F_GETLK names the holder.
@@ -164,45 +180,112 @@ void write_start_record(const VarPaths& var, const std::string& node, const Star
 
 namespace {
 
-const std::filesystem::path domain_folder = "/tmp/srfs_domains";
+constexpr int highest_domain = 101;
+constexpr unsigned first_dds_port = 7400;  // OMG DDSI-RTPS 9.6.1.1
+constexpr unsigned dds_ports_of_a_domain = 250;
 
-/// The lock file of a domain with the given flock, or why not (errno). The last holder removes the file, so a
-/// lock on a removed file is no lock: then the file is opened anew.
-Result<Fd, int> lock_domain(int domain, int operation) {
-  std::error_code ec;
-  if (std::filesystem::create_directories(domain_folder, ec)) {
-    std::filesystem::permissions(domain_folder, std::filesystem::perms::all, ec);
-  }
+std::filesystem::path domain_file(int domain) {
+  return fmt::format("/tmp/srfs_domains_{}/{}", geteuid(), domain);
+}
+
+struct DomainRefusal {
+  bool held;
+  std::string text;
+};
+
+/// The lock file of a domain with the given flock, or why not. The last holder removes the file, so a lock on
+/// a removed file is no lock: then the file is opened anew.
+Result<Fd, DomainRefusal> lock_domain(int domain, int operation) {
   while (true) {
-    Fd fd(open((domain_folder / std::to_string(domain)).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
-    if (!fd || flock(fd.get(), operation | LOCK_NB) != 0) return Err(errno);
+    auto fd = open_private(domain_file(domain), O_RDWR | O_CREAT);
+    if (!fd) return Err(DomainRefusal{false, fd.error().message});
+    if (flock(fd->get(), operation | LOCK_NB) != 0) {
+      const int error = errno;
+      return Err(
+          DomainRefusal{error == EWOULDBLOCK,
+                        fmt::format("{}: cannot lock: {}", domain_file(domain).string(), errno_text(error))});
+    }
     struct stat status {};
-    if (fstat(fd.get(), &status) == 0 && status.st_nlink > 0) return fd;
+    if (fstat(fd->get(), &status) == 0 && status.st_nlink > 0) return std::move(*fd);
   }
 }
 
 }  // namespace
 
-Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, int first) {
-  for (int domain = wanted.value_or(first); domain <= wanted.value_or(101); ++domain) {
-    if (auto fd = lock_domain(domain, LOCK_EX)) return DomainLock(domain, std::move(*fd));
+std::set<int> domains_of_other_users(std::istream& udp_sockets, uid_t own) {
+  std::set<int> domains;
+  std::string line;
+  std::getline(udp_sockets, line);  // the heading
+  while (std::getline(udp_sockets, line)) {
+    std::istringstream in(line);
+    std::string number, local, remote, state, queues, timer, retransmissions;
+    uid_t user = 0;
+    if (!(in >> number >> local >> remote >> state >> queues >> timer >> retransmissions >> user)) continue;
+    unsigned port = 0;
+    const char* const end = local.data() + local.size();
+    const auto colon = local.rfind(':');
+    if (user == own || colon == std::string::npos ||
+        std::from_chars(local.data() + colon + 1, end, port, 16).ec != std::errc() || port < first_dds_port)
+      continue;
+    const auto domain = static_cast<int>((port - first_dds_port) / dds_ports_of_a_domain);
+    if (domain <= highest_domain) domains.insert(domain);
   }
-  return Err(
-      wanted ? fmt::format("DDS domain {} is in use by another running suite", *wanted)
-             : fmt::format("no free DDS domain from {} to 101 (locks in {})", first, domain_folder.string()));
+  return domains;
 }
 
-Result<DomainLock, std::string> DomainLock::share(int domain) {
+Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, int first,
+                                                     const std::string& suite) {
+  std::set<int> of_others;
+  if (!wanted) {
+    std::ifstream udp_sockets("/proc/net/udp");
+    of_others = domains_of_other_users(udp_sockets, geteuid());
+  }
+  for (int domain = wanted.value_or(first); domain <= wanted.value_or(highest_domain); ++domain) {
+    if (of_others.contains(domain)) continue;
+    auto fd = lock_domain(domain, LOCK_EX);
+    if (fd) {
+      DomainLock lock(domain, std::move(*fd));
+      lock.sign(suite);
+      return lock;
+    }
+    if (!fd.error().held) return Err(fmt::format("cannot hold a DDS domain: {}", fd.error().text));
+  }
+  return Err(wanted ? fmt::format("DDS domain {} is in use by another running suite", *wanted)
+                    : fmt::format("no free DDS domain from {} to {} (locks in {})", first, highest_domain,
+                                  domain_file(first).parent_path().string()));
+}
+
+Result<DomainLock, std::string> DomainLock::share(int domain, const std::string& suite) {
+  // A domain that has no holder any more is taken, not shared.
+  if (auto free = lock_domain(domain, LOCK_EX)) {
+    DomainLock lock(domain, std::move(*free));
+    lock.sign(suite);
+    lock.downgrade();
+    return lock;
+  }
   auto fd = lock_domain(domain, LOCK_SH);
-  if (fd) return DomainLock(domain, std::move(*fd));
-  return Err(fmt::format("cannot share DDS domain {} (lock in {}): {}", domain, domain_folder.string(),
-                         errno_text(fd.error())));
+  if (!fd) return Err(fmt::format("cannot share DDS domain {}: {}", domain, fd.error().text));
+  DomainLock lock(domain, std::move(*fd));
+  if (const std::string other = lock.signature(); other != suite)
+    return Err(fmt::format("DDS domain {} is in use by another suite, {}", domain, other));
+  return lock;
+}
+
+void DomainLock::sign(const std::string& suite) {
+  if (ftruncate(fd_.get(), 0) != 0 || pwrite(fd_.get(), suite.data(), suite.size(), 0) < 0)
+    log::warn("{}: {}", domain_file(domain_).string(), errno_text(errno));
+}
+
+std::string DomainLock::signature() const {
+  std::array<char, 4096> text{};
+  const ssize_t octets = pread(fd_.get(), text.data(), text.size(), 0);
+  return {text.data(), static_cast<std::size_t>(std::max<ssize_t>(octets, 0))};
 }
 
 DomainLock::~DomainLock() {
   if (!fd_ || flock(fd_.get(), LOCK_EX | LOCK_NB) != 0) return;  // others still hold it
   std::error_code ec;
-  std::filesystem::remove(domain_folder / std::to_string(domain_), ec);
+  std::filesystem::remove(domain_file(domain_), ec);
 }
 
 void DomainLock::downgrade() {

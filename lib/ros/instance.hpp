@@ -1,10 +1,14 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
 
 #include <cstdint>
 #include <filesystem>
+#include <iosfwd>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "base/fd.hpp"
@@ -29,27 +33,33 @@ struct VarPaths {
   [[nodiscard]] std::filesystem::path restart_lock(const std::string& node) const {
     return run() / (node + ".restart.lock");
   }
-  /// Locked (flock) while `srfs up` starts node after node: who is not there yet is not missing.
+  /// Locked (flock) while `srfs up` starts node after node: a node that is not there yet is not missing.
   [[nodiscard]] std::filesystem::path starting_lock() const { return run() / "starting.lock"; }
-  /// Exists while the suite is being stopped: nobody may start a node then.
+  /// Exists while the suite is being stopped: no node may be started then.
   [[nodiscard]] std::filesystem::path stopping_flag() const { return run() / "stopping"; }
   /// Environment variables of test tools that every node of the suite gets (environment_for_nodes).
   [[nodiscard]] std::filesystem::path environment_file() const { return run() / "environment"; }
-  /// What processes map and share: on tmpfs, so that no store ever waits for a disk. It is empty after a
-  /// power loss, like the processes it tells of. Removed by `srfs down`.
+  /// The folder of files that processes map and share: on tmpfs, so that no store ever waits for a disk. A
+  /// power loss empties it, and ends the processes it describes. Removed by `srfs down`. Files there are
+  /// opened by open_private(file, flags, owner()): others could have made them.
   [[nodiscard]] std::filesystem::path memory() const;
-  /// Who may write to the CAN bus, kept by can_switcher for its successor.
+  /// The owner of VAR, if it exists: root takes that user's memory() for the suite's.
+  [[nodiscard]] std::optional<uid_t> owner() const;
+  /// Makes run(), for this user alone unless it is there and others may write to it: locks and sockets lie
+  /// there.
+  void make_run_folder() const;
+  /// The node that may write to the CAN bus, kept by can_switcher for its successor.
   [[nodiscard]] std::filesystem::path can_holder() const { return memory() / "can_holder"; }
   [[nodiscard]] std::filesystem::path domain_file() const { return run() / "dds_domain"; }
 };
 
-/// Proof that this process is the only instance of a node: an fcntl record lock, which the kernel drops with
-/// the process however it ends, and whose owner's pid the kernel itself tells.
+/// Proof that this process is the only instance of a node: an fcntl record lock. The kernel drops it with the
+/// process, however that ends, and reports the owner's pid itself.
 class InstanceLock {
  public:
   /// @return the lock, or why not ("timing runs already as pid 12")
   [[nodiscard]] static Result<InstanceLock, std::string> take(const VarPaths& var, const std::string& node);
-  /// Tells find_instance of other processes what runs here.
+  /// Publishes what runs here for find_instance of other processes.
   void publish(std::uint32_t incarnation, const std::string& version);
 
  private:
@@ -63,7 +73,7 @@ struct RunningInstance {
   std::string version;
 };
 
-/// The process that holds the node's instance lock now, asked from the kernel; nullopt when nobody does.
+/// The process that holds the node's instance lock now, asked from the kernel; nullopt: no process does.
 [[nodiscard]] std::optional<RunningInstance> find_instance(const VarPaths& var, const std::string& node);
 
 /// The same process, to be signalled; nullopt also when it ends meanwhile.
@@ -88,14 +98,24 @@ struct StartRecord {
 [[nodiscard]] StartRecord read_start_record(const VarPaths& var, const std::string& node);
 void write_start_record(const VarPaths& var, const std::string& node, const StartRecord& record);
 
-/// A DDS domain nobody else of this machine's suites uses, held by a lock file in /tmp until the lock's last
-/// holder ends.
+/// The DDS domains whose UDP ports another user's programs hold. @param udp_sockets  /proc/net/udp
+[[nodiscard]] std::set<int> domains_of_other_users(std::istream& udp_sockets, uid_t own);
+
+/// A DDS domain that no other suite of this machine uses, held by a lock file until the lock's last holder
+/// ends. The locks lie in a folder below /tmp that is this user's alone. Domains of other users are known by
+/// their UDP ports.
 class DomainLock {
  public:
-  /// The first free domain from @p first upwards (at most 101), or exactly @p wanted.
-  [[nodiscard]] static Result<DomainLock, std::string> allocate(std::optional<int> wanted, int first = 42);
-  /// Holds a domain together with others of the same suite.
-  [[nodiscard]] static Result<DomainLock, std::string> share(int domain);
+  static constexpr int first_domain = 42;
+  /// The first free domain from @p first upwards (at most 101), or exactly @p wanted, in which other users'
+  /// programs do not matter: they could keep a suite from starting.
+  /// @param suite  name of the suite in the lock file: its VAR folder
+  [[nodiscard]] static Result<DomainLock, std::string> allocate(std::optional<int> wanted,
+                                                                int first = first_domain,
+                                                                const std::string& suite = "");
+  /// Holds a domain together with others of the same suite. Fails if another suite holds the domain: it may
+  /// have taken it after all nodes of this one had been killed.
+  [[nodiscard]] static Result<DomainLock, std::string> share(int domain, const std::string& suite);
   DomainLock(DomainLock&&) = default;
   DomainLock& operator=(DomainLock&&) = default;
   ~DomainLock();  ///< the last holder removes the lock file
@@ -105,6 +125,8 @@ class DomainLock {
 
  private:
   DomainLock(int domain, Fd fd) : domain_(domain), fd_(std::move(fd)) {}
+  void sign(const std::string& suite);
+  [[nodiscard]] std::string signature() const;
   int domain_;
   Fd fd_;
 };

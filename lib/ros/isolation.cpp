@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/isolation.hpp"
 
 #include <algorithm>
@@ -71,7 +73,7 @@ void KnownParticipants::discovered(const GuidPrefix& prefix, OctetView user_data
   const std::lock_guard lock(mutex_);
   std::erase_if(known_, [&](const Known& k) { return k.prefix == prefix; });
   make_room();
-  known_.push_back({prefix, ours, true, name.substr(0, 64), address});
+  known_.push_back({prefix, ours, true, name.substr(0, 64), address, ours ? *identity : SuiteIdentity{}});
 }
 
 void KnownParticipants::gone(const GuidPrefix& prefix) {
@@ -86,6 +88,16 @@ bool KnownParticipants::is_foreign(const GuidPrefix& prefix) const {
   const std::lock_guard lock(mutex_);
   return std::none_of(known_.begin(), known_.end(),
                       [&](const Known& k) { return k.prefix == prefix && k.ours; });
+}
+
+std::vector<KnownParticipants::Member> KnownParticipants::members() const {
+  std::vector<Member> members;
+  const std::lock_guard lock(mutex_);
+  for (const Known& known : known_) {
+    if (known.ours && known.here && known.identity.node != as_part(own_->node))
+      members.push_back({known.prefix, known.identity});
+  }
+  return members;
 }
 
 std::string KnownParticipants::describe(const GuidPrefix& prefix) const {

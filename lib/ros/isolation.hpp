@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -29,12 +31,12 @@ struct SuiteIdentity {
 
 using GuidPrefix = std::array<std::uint8_t, 12>;
 
-/// Who of the participants discovered so far is foreign: not of this suite (its deployment). Filled on
+/// Which of the participants discovered so far are foreign: not of this suite (its deployment). Filled on
 /// discovery's thread, asked on the work thread. Remembers 64 participants; when full, the oldest that has
 /// gone is forgotten, else the oldest foreign one. One that is not remembered counts as foreign.
 class KnownParticipants {
  public:
-  /// @param own of this process; without it nobody is foreign (a process that belongs to no suite)
+  /// @param own of this process; without it no participant is foreign (a process that belongs to no suite)
   explicit KnownParticipants(std::optional<SuiteIdentity> own);
 
   /// @param name as it calls itself, @param address where it is; for people
@@ -44,6 +46,12 @@ class KnownParticipants {
   void gone(const GuidPrefix& prefix);
 
   [[nodiscard]] bool is_foreign(const GuidPrefix& prefix) const;
+  /// A participant of another node of this suite that is here.
+  struct Member {
+    GuidPrefix prefix;
+    SuiteIdentity identity;
+  };
+  [[nodiscard]] std::vector<Member> members() const;
   /// "'/' at 127.0.0.1 (010f1234...)", for people.
   [[nodiscard]] std::string describe(const GuidPrefix& prefix) const;
 
@@ -54,6 +62,7 @@ class KnownParticipants {
     bool here;
     std::string name;
     std::string address;
+    SuiteIdentity identity;  ///< of ours
   };
   void make_room();
 

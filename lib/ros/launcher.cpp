@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/launcher.hpp"
 
 #include <algorithm>
@@ -26,8 +28,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/background.hpp"
 #include "base/file.hpp"
 #include "base/log.hpp"
+#include "base/private_file.hpp"
 #include "base/process.hpp"
 #include "base/time.hpp"
 #include "ros/added_nodes.hpp"
@@ -51,11 +55,11 @@ constexpr milliseconds longest_wait_for_cpu{2000};
 constexpr milliseconds longest_wait_for_instance{1000};
 constexpr milliseconds longest_wait_for_lock{3000};
 constexpr milliseconds longest_wait_for_end{1000};
-constexpr const char* no_golden = "a node that was added has no golden version";
+constexpr const char* no_golden = "an added node has no golden version";
 constexpr seconds longest_stand_in{6};
 const std::filesystem::path control_groups = "/sys/fs/cgroup";
 
-/// Whom a process shall belong to.
+/// The owner that a process shall have.
 struct Owner {
   uid_t uid;
   gid_t gid;
@@ -108,7 +112,7 @@ std::vector<std::string> absolute_environment(const VarPaths& var) {
   return env;
 }
 
-/// Whom the node's process belongs to; nullopt: as this process.
+/// The owner of the node's process; nullopt: as this process.
 Result<std::optional<Owner>, std::string> owner_of(const NodeEntry& node) {
   if (node.user.empty()) return std::optional<Owner>();
   const passwd* entry = getpwnam(node.user.c_str());
@@ -182,7 +186,7 @@ Result<Preparation, std::string> prepare(const LaunchRequest& request, const Nod
       std::filesystem::file_size(log, ec) > static_cast<std::uintmax_t>(largest_log)) {
     std::filesystem::rename(log, log.string() + ".1", ec);
   }
-  p.log = Fd(open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+  p.log = Fd(open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0644));
   // A full or lost disk costs the log, not the node.
   if (!p.log) p.log = Fd(open("/dev/null", O_WRONLY | O_CLOEXEC));
   p.null = Fd(open("/dev/null", O_RDONLY | O_CLOEXEC));
@@ -234,9 +238,8 @@ void set_scheduling(const Scheduling& s) {
   parameter.sched_priority = s.priority;
   static constexpr std::array policies{SCHED_OTHER, SCHED_FIFO, SCHED_BATCH, SCHED_IDLE};
   sched_setscheduler(0, policies[static_cast<std::size_t>(s.policy)], &parameter);
-  constexpr int this_process = 1;  // IOPRIO_WHO_PROCESS; the C library has no name for it
-  constexpr int by_niceness = 0;   // IOPRIO_CLASS_NONE
-  syscall(SYS_ioprio_set, this_process, 0, by_niceness);
+  syscall(SYS_ioprio_set, io_priority_of_one, 0, io_priority_by_niceness);
+  set_turn(shortest_turn);
   prctl(PR_SET_TIMERSLACK, timer_slack_ns, 0, 0, 0);
   prctl(PR_SET_THP_DISABLE, 0, 0, 0, 0);
   syscall(SYS_set_mempolicy, 0, nullptr, 0);  // MPOL_DEFAULT
@@ -369,8 +372,8 @@ Result<Process, std::string> spawn(const Preparation& p, const NodeEntry& node) 
   return Err(fmt::format("{}: {}: {}", p.executable, failure.step, errno_text(failure.error)));
 }
 
-/// The restart lock is kept until the new process can be found, so that nobody looks in between and sees no
-/// instance. @return false: it ended before
+/// The restart lock is kept until the new process can be found, so that no other process looks in between and
+/// finds no instance. @return false: it ended before
 bool wait_for_instance(const VarPaths& var, const std::string& node, const Process& process) {
   const MonotonicTime give_up = monotonic_now() + longest_wait_for_instance;
   while (!find_instance(var, node)) {
@@ -414,7 +417,7 @@ Result<pid_t, std::string> start_version(const LaunchRequest& request, const Nod
   return process->pid();
 }
 
-/// While a node is down on purpose; nobody believes it for longer than the lease.
+/// While a node is down on purpose; believed for no longer than the lease.
 class StandingIn {
  public:
   StandingIn(const VarPaths& var, const std::string& node, const std::string& by) : var_(var), node_(node) {
@@ -444,7 +447,7 @@ void record_fallback(const LaunchRequest& request, const NodeEntry& node, const 
   record.version = launched.version;
   record.failed_version = launched.fallback->from;
   if (const auto written = FaultLedger(request.var).append(record); !written)
-    log::error("the fault of {} is not in the ledger: {}", node.name, written.error());
+    log::error("cannot record the fault of {} in the ledger: {}", node.name, written.error());
 }
 
 }  // namespace
@@ -464,21 +467,21 @@ std::filesystem::path suite_bin_folder() {
 }
 
 Result<RestartLock, RestartLock::Refusal> RestartLock::take(const VarPaths& var, const std::string& node) {
-  std::error_code ec;
-  std::filesystem::create_directories(var.run(), ec);
+  var.make_run_folder();
   auto path = var.restart_lock(node);
   while (true) {
-    Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    Fd fd = open_lock_file(path);
     if (!fd) {
       const auto in_memory = var.memory() / path.filename();
       if (path == in_memory)
         return Err(Refusal{false, fmt::format("{}: {}", path.string(), errno_text(errno))});
       path = in_memory;  // a full or lost disk must not keep a node down
-      std::filesystem::create_directories(path.parent_path(), ec);
+      if (const auto made = open_private_folder(var.memory(), true, var.owner()); !made)
+        return Err(Refusal{false, made.error().message});
       continue;
     }
     if (flock(fd.get(), LOCK_EX | LOCK_NB) != 0)
-      return Err(Refusal{true, fmt::format("{} is being started by somebody else", node)});
+      return Err(Refusal{true, fmt::format("{} is being started by another process", node)});
     struct stat status {};
     if (fstat(fd.get(), &status) == 0 && status.st_nlink > 0) return RestartLock(std::move(fd));
     // The end of the suite removed the file before we had the lock: that locks nothing.
@@ -516,9 +519,9 @@ Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry&
 
 Result<Launched, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
                                             const RestartLock& /*held*/, ProgramCheck check) {
-  // Whoever asks may not have heard yet that it was removed; then its process would be nobody's.
+  // The caller may not know yet that it was removed; its process would then belong to no suite.
   if (node.added && read_added_nodes(request.var).added.find(node.name) == nullptr)
-    return Err(fmt::format("{} belongs to the suite no more", node.name));
+    return Err(fmt::format("{} was removed from the suite", node.name));
   // Before the start: a starter that is killed right after it must not leave the next death uncounted.
   DeathHistory history = read_deaths(request.var, node.name);
   count_start(history, monotonic_now());
@@ -561,12 +564,12 @@ Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& re
                                                          std::uint32_t version, milliseconds probation,
                                                          const std::string& self) {
   if (version == update::golden && node.added) return Err(std::string(no_golden));
-  // Before anything is locked or stopped: nobody waits for it.
+  // Before anything is locked or stopped, so that nothing waits for it.
   const auto before_change = read_versions(request.var, node.name).table;
   const bool leaves_a_good_one = before_change.active() == before_change.last_good();
   if (leaves_a_good_one && version != before_change.active() && before_change.find(version) != nullptr) {
     if (const auto taken = snapshot_state(request.var, node.name, before_change.active()); !taken)
-      log::error("no snapshot of the state of {}: {}", node.name, taken.error());
+      log::error("cannot snapshot the state of {}: {}", node.name, taken.error());
   }
   auto lock = RestartLock::take(request.var, node.name);
   const MonotonicTime deadline = monotonic_now() + longest_wait_for_lock;
@@ -581,7 +584,7 @@ Result<std::optional<Launched>, std::string> use_version(const LaunchRequest& re
         if (const update::Version* wanted = table.find(version)) {
           if (const auto bad = store.damage(*wanted)) return Err(*bad);
         }
-        return store.use(version, probation, "another version was asked for");
+        return store.use(version, probation, "another version was requested");
       });
   if (!changed) return Err(changed.error());
   const auto running = open_instance(request.var, node.name);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -25,7 +27,7 @@ struct LaunchRequest {
 class RestartLock {
  public:
   struct Refusal {
-    bool held = false;  ///< by somebody else; otherwise there is no place for a lock
+    bool held = false;  ///< by another holder; otherwise there is no place for a lock
     std::string text;   ///< ready to print
   };
   /// Never waits. On a disk that takes no new file the lock is on tmpfs.
@@ -42,14 +44,14 @@ class RestartLock {
   Fd fd_;
 };
 
-/// Starts one node, the same way whoever asks: environment, user, control group, scheduling, CPUs, limits,
-/// I/O priority, timer slack, working folder, signal mask and descriptors are set absolutely from the
+/// Starts one node, in the same way for every caller: environment, user, control group, scheduling, CPUs,
+/// limits, I/O priority, timer slack, working folder, signal mask and descriptors are set absolutely from the
 /// deployment. Limits are soft ones: the hard ones stay open, so that a node can start another one whose
-/// limits are wider. What the system does not permit leaves the node running without it; the node says so
+/// limits are wider. What the system does not permit leaves the node running without it; the node logs that
 /// once. The node is no child of the caller. One starter at a time (restart lock); never a second instance
 /// (instance lock); never while the suite is stopping. Blocks until the program holds its instance lock or
 /// has ended: some 10 ms, 2 s at most.
-/// @param patience  with somebody else who is starting it
+/// @param patience  with another starter of the node
 /// @return what went wrong, ready to print. A node that runs or starts already is no error: its pid is
 /// returned.
 [[nodiscard]] Result<pid_t, std::string> launch(const LaunchRequest& request, const NodeEntry& node,
@@ -63,12 +65,12 @@ struct Launched {
   pid_t pid = 0;
   std::uint32_t version = 0;                ///< 0: golden, the deployment's executable
   std::optional<VersionFallback> fallback;  ///< the active version could not be started
-  MonotonicTime stopped{};                  ///< of use_version(): when the process before it was told to end
+  MonotonicTime stopped{};                  ///< of use_version(): when the process before it was asked to end
 };
-/// The start alone, for who holds the lock and has looked that nobody runs or starts. Works on a full disk;
-/// waits for no fsync. Starts the active version (lib/update). One whose program is missing or damaged, and
-/// one on probation that does not come to its instance lock, is set aside for the next best: last good,
-/// golden, what was good once; settle_versions() is to follow.
+/// The start alone, for a caller that holds the lock and has checked that no process of the node runs or
+/// starts. Works on a full disk; waits for no fsync. Starts the active version (lib/update). One whose
+/// program is missing or damaged, and one on probation that does not come to its instance lock, is set aside
+/// for the next best: last good, golden, what was good once; settle_versions() is to follow.
 [[nodiscard]] Result<Launched, std::string> launch_locked(const LaunchRequest& request, const NodeEntry& node,
                                                           const RestartLock& held, ProgramCheck check);
 /// Changes the node to a version and puts it to work: the program is compared with its hash, the change is
@@ -93,7 +95,7 @@ void count_start_on_disk(const LaunchRequest& request, const NodeEntry& node);
 
 /// Lines NAME=value of those variables of this process that nodes may have: sanitizer settings, the place of
 /// the mission dictionary of a build tree, a library path. `srfs up` writes them to
-/// VarPaths::environment_file(); whoever starts a node later takes them from there instead of from its own
+/// VarPaths::environment_file(); later starters of a node take them from there instead of from their own
 /// environment.
 [[nodiscard]] std::string environment_for_nodes();
 

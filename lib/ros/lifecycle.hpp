@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -36,7 +38,7 @@ enum class Trigger : std::uint8_t {
   error = 99,
 };
 
-/// What a transition's callback says.
+/// What a transition's callback returns.
 enum class CallbackReturn : std::uint8_t { success, failure, error };
 
 /// One row of the state table: in @p from, @p trigger leads to @p to. Labels are ROS 2's.

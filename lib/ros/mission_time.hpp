@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <srfs_msgs/msg/payload_telemetry.hpp>
@@ -23,7 +25,7 @@ namespace srfs::ros {
 /// What a node knows of the mission's time: the last tick, carried on by the monotonic clock.
 class MissionTime {
  public:
-  /// A tick from the far future is nobody's tick and is ignored.
+  /// A tick from the far future is impossible and is ignored.
   void on_tick(const srfs_msgs::msg::TimeTick& tick) {
     constexpr std::uint64_t farthest_ns = 1ULL << 61;  // 73 years of uptime
     if (tick.monotonic_ns > farthest_ns || tick.utc.nanosec >= 1'000'000'000) return;

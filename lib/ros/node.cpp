@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/node.hpp"
 
 #include <fmt/format.h>
@@ -15,6 +17,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/excerpt.hpp"
 #include "base/file.hpp"
 #include "ros/added_nodes.hpp"
 #include "ros/mission_time.hpp"
@@ -22,6 +25,7 @@
 #include "ros/real_time.hpp"
 #include "ros/ring/check_alive.hpp"
 #include "ros/ring/heartbeat_page.hpp"
+#include "ros/ring/node_record.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -34,7 +38,7 @@ constexpr std::uint32_t most_events_per_s = 20;
 constexpr std::size_t longest_function = 100;
 constexpr seconds input_check_period{10};
 constexpr seconds start_report_delay{
-    2};  // discovery needs a moment: an event raised at once would reach nobody
+    2};  // discovery needs a moment: an event raised at once would reach no reader
 
 lc::msg::State state_message(State state) {
   lc::msg::State m;
@@ -136,7 +140,7 @@ struct LifecycleNode::Interfaces {
     for (const auto& parameter : wanted) {
       const auto value = from_message(parameter.value);
       if (!value)
-        return fmt::format("parameter '{}': values of type {} are not supported", parameter.name,
+        return fmt::format("parameter '{}': values of type {} are not supported", excerpt(parameter.name),
                            parameter.value.type);
       changes.emplace_back(parameter.name, *value);
     }
@@ -187,7 +191,7 @@ struct LifecycleNode::Interfaces {
           for (const std::string& name : request.names) {
             const auto declaration = node.parameters().declaration(name);
             rcl::msg::ParameterDescriptor unknown;
-            unknown.name = name;
+            unknown.name = excerpt(name, longest_refusal);
             response.descriptors.push_back(declaration ? descriptor(name, *declaration) : unknown);
           }
         },
@@ -210,7 +214,9 @@ const Deployment& LifecycleNode::deployment() const {
 
 LifecycleNode::LifecycleNode(NodeContext& context)
     : context_(context),
-      graph_(context.executor, context.participant, context.deployment.ros_graph, context.name) {
+      graph_(context.executor, context.participant, context.deployment.ros_graph, context.name),
+      departures_(context.executor, context.participant, context.var,
+                  [this](const std::string& node) { return deployment().find(node) != nullptr; }) {
   const NodeEntry* entry = context.deployment.find(context.name);
   if (entry != nullptr) parameters_ = ParameterSet(entry->parameters);
   for (const auto& guarded : mission::guarded_parameters) {
@@ -252,11 +258,11 @@ void LifecycleNode::declare_common_parameters() {
   declare_parameter("callback_budget_ms", std::int64_t{20}, ParameterRange{1, 60000},
                     "Run time of a callback above which it is reported");
   declare_parameter("service_budget_ms", std::int64_t{100}, ParameterRange{1, 60000},
-                    "The same for the requests of services");
+                    "Run time of a service request above which it is reported");
   declare_parameter("transition_deadline_ms", std::int64_t{2000}, ParameterRange{1, 600000},
                     "Run time of a lifecycle callback above which it is reported as late");
   declare_parameter("parameter_trial_s", std::int64_t{300}, ParameterRange{1, 86400},
-                    "How long a changed value that is guarded waits to be confirmed before it goes back");
+                    "Time within which a guarded change must be confirmed; otherwise it reverts");
   apply_common_parameters();
 }
 
@@ -350,6 +356,11 @@ std::shared_ptr<Worker> LifecycleNode::create_worker(const std::string& worker_n
                                   deadline.value_or(worker_deadline()));
 }
 
+std::shared_ptr<Worker> LifecycleNode::create_background_worker(const std::string& worker_name,
+                                                                std::size_t capacity, milliseconds deadline) {
+  return std::make_shared<Worker>(context_.executor, worker_name, capacity, deadline, WorkerKind::background);
+}
+
 milliseconds LifecycleNode::worker_deadline() const {
   const NodeEntry* entry = deployment().find(name());
   return entry != nullptr ? entry->worker_deadline : deployment().ring.worker_deadline;
@@ -376,7 +387,7 @@ CallbackReturn LifecycleNode::run_callback(State transition_state) {
   } catch (const std::exception& e) {
     set_failure_reason(e.what());
   } catch (...) {
-    set_failure_reason("an exception that is no std::exception");
+    set_failure_reason("an exception that is not a std::exception");
   }
   // A device or key that is missing is no error: the next attempt may find it.
   return transition_state == State::configuring ? CallbackReturn::failure : CallbackReturn::error;
@@ -409,7 +420,7 @@ Result<TransitionResult, std::string> LifecycleNode::request_transition(std::uin
                                                                         std::string_view requested_label) {
   if (const LifecycleRow* row = find_request(state_, id, requested_label)) return pass_through(*row, {});
   const std::string wanted =
-      requested_label.empty() ? fmt::format("transition {}", id) : std::string(requested_label);
+      requested_label.empty() ? fmt::format("transition {}", id) : excerpt(requested_label);
   const std::string why = fmt::format("not possible in state {}", label(state_));
   if (is_primary(state_)) {
     last_transition_ = {.label = wanted, .outcome = LastTransition::Outcome::refused, .reason = why};
@@ -529,11 +540,9 @@ bool LifecycleNode::go_to(State target) {
 void LifecycleNode::persist_desired(State primary) {
   // A few octets, on an operator's command only: worth waiting for, so that the answer is true after a power
   // loss too.
-  if (const auto written =
-          write_file_atomically(state_dir() / "desired_state", std::string(label(primary)) + "\n");
+  if (const auto written = set_desired_state(var(), deployment(), name(), primary, monotonic_now());
       !written) {
-    log::error("the desired state '{}' will not survive a restart: {}", label(primary),
-               written.error().message);
+    log::error("the desired state '{}' will not survive a restart: {}", label(primary), written.error());
   }
 }
 
@@ -561,7 +570,7 @@ void LifecycleNode::report_bad_input(Input& input, const ReaderEndpoint& reader)
   const InputStats stats = reader.stats();
   if (stats.malformed > input.reported) {
     input.reported = stats.malformed;
-    log::warn("{} malformed samples on {} so far: who publishes there?", stats.malformed, input.topic);
+    log::warn("{} malformed samples on {} so far: check its publishers", stats.malformed, input.topic);
     const mission::NodeMalformedSamplesEvent event{.count = static_cast<std::uint32_t>(stats.malformed),
                                                    .topic = input.topic};
     raise(event);
@@ -575,6 +584,20 @@ void LifecycleNode::report_bad_input(Input& input, const ReaderEndpoint& reader)
         .count = static_cast<std::uint32_t>(stats.foreign), .topic = input.topic, .participant = source};
     raise(event);
   }
+}
+
+void LifecycleNode::report_dropped_foreign() {
+  const Participant& participant = context_.participant;
+  const std::uint64_t dropped = participant.transport_stats().foreign;
+  if (dropped <= foreign_dropped_reported_) return;
+  foreign_dropped_reported_ = dropped;
+  const std::string source = participant.last_dropped();
+  log::warn("{} datagrams from outside the suite dropped unread so far, last by participant {}: {}", dropped,
+            source,
+            participant.drops_foreign() ? "dds.foreign is drop" : "they came faster than this node can read");
+  const mission::NodeForeignSamplesEvent event{
+      .count = static_cast<std::uint32_t>(dropped), .topic = "*", .participant = source};
+  raise(event);
 }
 
 void LifecycleNode::report_bad_input() {
@@ -593,6 +616,7 @@ void LifecycleNode::report_bad_input() {
     log::warn("{} datagrams dropped by the kernel so far: this node reads too slowly (srfs stats {})",
               dropped, name());
   }
+  report_dropped_foreign();
   if (suppressed_events_ > suppressed_reported_) {
     const mission::NodeEventsSuppressedEvent event{
         .event = last_suppressed_event_,

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -12,6 +14,7 @@
 #include "ros/action_client.hpp"
 #include "ros/action_server.hpp"
 #include "ros/client.hpp"
+#include "ros/departures.hpp"
 #include "ros/deployment.hpp"
 #include "ros/executor.hpp"
 #include "ros/graph_publisher.hpp"
@@ -127,8 +130,8 @@ class LifecycleNode {
   [[nodiscard]] std::uint32_t failed_callbacks() const { return failed_callbacks_; }
   /// Goes to ErrorProcessing as soon as the running callback has returned. No effect in Finalized.
   void raise_error(std::string reason);
-  /// After the constructor: throws ConfigError for parameters of the deployment that nobody declared, and
-  /// moves stored ones that cannot be used out of the way. Blocks on the disk for the latter.
+  /// After the constructor: throws ConfigError for undeclared parameters of the deployment, and moves stored
+  /// ones that cannot be used out of the way. Blocks on the disk for the latter.
   void finish_declarations();
 
  protected:
@@ -208,6 +211,9 @@ class LifecycleNode {
   ///                 nullopt: worker_deadline()
   [[nodiscard]] std::shared_ptr<Worker> create_worker(const std::string& worker_name, std::size_t capacity,
                                                       std::optional<milliseconds> deadline = std::nullopt);
+  /// For computing or writing in bulk: behind all other threads (base/background.hpp).
+  [[nodiscard]] std::shared_ptr<Worker> create_background_worker(const std::string& worker_name,
+                                                                 std::size_t capacity, milliseconds deadline);
   /// The deployment's for a worker's job of this node.
   [[nodiscard]] milliseconds worker_deadline() const;
 
@@ -240,7 +246,7 @@ class LifecycleNode {
   void on_parameter_check(ParameterSet::Check check) { parameters_.set_check(std::move(check)); }
   /// May refuse a set of run-time changes that do not go together.
   void on_parameter_set_check(ParameterSet::SetCheck check) { parameters_.set_set_check(std::move(check)); }
-  /// Told after a change.
+  /// Called after a change.
   void on_parameter_change(ParameterSet::Changed changed) { parameter_changed_ = std::move(changed); }
 
   /// Raises an event of the mission dictionary on /event. Bounded: at most 20 a second and node, the rest
@@ -289,9 +295,11 @@ class LifecycleNode {
   void report_first_activation();
   void report_bad_input();
   void report_bad_input(Input& input, const ReaderEndpoint& reader);
+  void report_dropped_foreign();
 
   NodeContext& context_;
-  GraphPublisher graph_;  // first to come, last to go: it tells of all endpoints
+  GraphPublisher graph_;  // first to come, last to go: it publishes all endpoints
+  Departures departures_;
   ParameterSet parameters_;
   ParameterSet::Changed parameter_changed_;
   State state_ = State::unconfigured;
@@ -307,6 +315,7 @@ class LifecycleNode {
   std::uint64_t suppressed_events_ = 0;
   std::uint64_t suppressed_reported_ = 0;
   std::uint64_t overflow_reported_ = 0;
+  std::uint64_t foreign_dropped_reported_ = 0;
   std::uint16_t last_suppressed_event_ = 0;
   std::vector<Input> inputs_;
   Timer input_check_;

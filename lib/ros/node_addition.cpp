@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/node_addition.hpp"
 
 #include <algorithm>
@@ -11,6 +13,7 @@
 
 #include "base/file.hpp"
 #include "base/log.hpp"
+#include "base/private_file.hpp"
 #include "base/process.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "ros/launcher.hpp"
@@ -30,7 +33,7 @@ Result<Fd, std::string> lock_list(const VarPaths& var) {
   path += ".lock";
   std::error_code ec;
   std::filesystem::create_directories(path.parent_path(), ec);
-  Fd lock(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  Fd lock = open_lock_file(path);
   if (!lock) return Err(fmt::format("{}: {}", path.string(), errno_text(errno)));
   const MonotonicTime deadline = monotonic_now() + longest_wait_for_list;
   while (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
@@ -45,7 +48,7 @@ Result<void, std::string> write_list(const VarPaths& var, AddedNodes added) {
   ++added.revision;
   const std::string text = to_text(added);
   if (added_nodes_from_text(text) != added)
-    return Err(std::string("the description or the dictionary fragment is no plain UTF-8 text"));
+    return Err(std::string("the description or the dictionary fragment is not plain UTF-8 text"));
   if (const auto written = write_file_atomically(added_nodes_file(var), text); !written)
     return Err(written.error().message);
   return {};
@@ -74,7 +77,7 @@ Result<void, std::string> check_fragments(const AddedNodes& added, const std::fi
   if (last.dictionary.empty()) return {};
   const auto about = fragments.back().node();
   if (about && *about != last.name)
-    return Err(fmt::format("the dictionary fragment is about {}, not about {}", *about, last.name));
+    return Err(fmt::format("the dictionary fragment describes {}, not {}", *about, last.name));
   try {
     (void)mission::Dictionary::load(folder, fragments);
     return {};
@@ -103,11 +106,11 @@ Result<void, std::string> check(const Deployment& file, const AddedNodes& added,
     return Err(
         fmt::format("the dictionary fragment has more than {} octets", AddedNodes::dictionary_octets_max));
   if (added.nodes.size() == AddedNodes::nodes_max)
-    return Err(fmt::format("{} nodes were added already", AddedNodes::nodes_max));
+    return Err(fmt::format("{} nodes are added already, no more are allowed", AddedNodes::nodes_max));
   const AddedDescription description = read_added_description(node);
   const Deployment before = with_added(file, added).deployment;
   if (!node.ring_after.empty() && before.find(node.ring_after) == nullptr)
-    return Err(fmt::format("the ring has no node '{}' that could check it", node.ring_after));
+    return Err(fmt::format("the ring has no node '{}' to check it", node.ring_after));
   node.flag.reset();
   if (description.slot) {
     const auto turns = turns_of(before.slots);
@@ -115,7 +118,7 @@ Result<void, std::string> check(const Deployment& file, const AddedNodes& added,
     if (!after.empty() && std::find(turns.begin(), turns.end(), after) == turns.end())
       return Err(fmt::format("slot.after: '{}' has no slot", after));
     node.flag = free_flag(file, added);
-    if (!node.flag) return Err(fmt::format("the slot plan has {} places, all are taken", slots_at_most));
+    if (!node.flag) return Err(fmt::format("all {} places of the slot plan are taken", slots_at_most));
   }
   AddedNodes alone;
   alone.nodes.push_back(node);
@@ -139,7 +142,7 @@ Result<void, std::string> stop_process(const VarPaths& var, const std::string& n
   return Err(fmt::format("the process of {} cannot be killed", node));
 }
 
-/// What nobody asks for any more. Best effort: the node is gone already.
+/// Removes what is not needed any more. Best effort: the node is gone already.
 void clean_up(const VarPaths& var, const std::string& node) {
   std::error_code ec;
   std::filesystem::remove_all(versions_folder(var, node), ec);
@@ -179,7 +182,7 @@ Result<void, std::string> add_node(const VarPaths& var, const Deployment& deploy
   if (const AddedNode* known = added.find(node.name)) {
     node.flag = known->flag;
     if (*known == node) return {};
-    return Err(fmt::format("{} was added already, in another way", node.name));
+    return Err(fmt::format("{} is added already, with different settings", node.name));
   }
   try {
     const Deployment file = Deployment::load(deployment.file);
@@ -191,7 +194,7 @@ Result<void, std::string> add_node(const VarPaths& var, const Deployment& deploy
   }
   if (const auto there = check_program(var, node.name); !there) return there;
   if (!reading.damage.empty()) {
-    log::error("{}; it is set aside", reading.damage);
+    log::error("{}; set aside", reading.damage);
     std::filesystem::path aside = added_nodes_file(var);
     aside += ".damaged";
     std::error_code ec;
@@ -209,7 +212,7 @@ Result<void, std::string> remove_node(const VarPaths& var, const std::string& no
   if (!list_lock) return Err(list_lock.error());
   AddedNodesReading reading = read_added_nodes(var);
   if (!reading.damage.empty()) return Err(reading.damage);
-  if (reading.added.find(node) == nullptr) return Err(fmt::format("{} is no node that was added", node));
+  if (reading.added.find(node) == nullptr) return Err(fmt::format("{} is not an added node", node));
   auto lock = RestartLock::take(var, node);
   const MonotonicTime deadline = monotonic_now() + longest_wait_for_restart;
   while (!lock && lock.error().held && monotonic_now() < deadline) {
@@ -217,7 +220,7 @@ Result<void, std::string> remove_node(const VarPaths& var, const std::string& no
     lock = RestartLock::take(var, node);
   }
   if (!lock) return Err(lock.error().text);
-  // Before the list: from then on nobody would watch over it, or end it.
+  // Before the list: from then on no process would watch over it, or end it.
   if (const auto stopped = stop_process(var, node); !stopped) return stopped;
   std::erase_if(reading.added.nodes, [&](const AddedNode& n) { return n.name == node; });
   if (const auto written = write_list(var, std::move(reading.added)); !written) return written;

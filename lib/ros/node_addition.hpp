@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -9,19 +11,20 @@
 namespace srfs::ros {
 
 /// Adding a node to the running system, and removing it. The list of added nodes (added_nodes.hpp) is the one
-/// commit point of both: whoever is killed before it is replaced leaves the suite as it was, after it as it
-/// shall be. All block on the disk, and for the list's lock up to 2 s: not for a work thread.
+/// commit point of both: a process killed before the list is replaced leaves the suite as it was, after that
+/// as it shall be. All block on the disk, and for the list's lock up to 2 s: not for a work thread.
 
-/// What the package of a new node says of it. @param dictionary  the text of its fragment; empty: it has none
+/// What the package of a new node states of it. @param dictionary  the text of its fragment; empty: it has
+/// none
 [[nodiscard]] AddedNode added_node_of(const update::Manifest& manifest, std::string dictionary);
 
 /// The node becomes a member of the suite: of its ring, its slot plan and its dictionary, within a second in
 /// every process. Its program must be in the version store, active, and whole. Everything is checked before
 /// anything is changed: names, description, the place in the ring and in the slot plan, the fragment against
-/// the mission's dictionary and those of the other added nodes. Then it is for launch() to start it, or for
-/// the ring, which misses it.
-/// @param node  `flag` is not looked at: its slot gets the lowest free position. One that was added exactly
-/// so already is no error
+/// the mission's dictionary and those of the other added nodes. Then launch() starts it, or the ring, which
+/// misses it.
+/// @param node  `flag` is ignored: its slot gets the lowest free position. One that was added exactly so
+/// already is no error
 /// @param dictionary  folder of the mission dictionary
 /// @return why not, ready to print
 [[nodiscard]] Result<void, std::string> add_node(const VarPaths& var, const Deployment& deployment,

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/node_introspection.hpp"
 
 #include <algorithm>
@@ -7,6 +9,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/excerpt.hpp"
 #include "base/file.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
@@ -33,7 +36,7 @@ std::uint32_t as_us(nanoseconds d) {
 }
 
 std::string cut(std::string_view text, std::size_t longest) {
-  return std::string(text.substr(0, longest));
+  return excerpt(text, longest);
 }
 
 /// Where the dictionary has the structure of a node's work thread.
@@ -141,8 +144,8 @@ void NodeIntrospection::on_save(const SaveParameters::Request& request, Ticket t
   for (const auto& parameter : request.values) {
     const auto value = from_message(parameter.value);
     if (!value) {
-      return answer(Err(fmt::format("parameter '{}': values of type {} are not supported", parameter.name,
-                                    parameter.value.type)));
+      return answer(Err(fmt::format("parameter '{}': values of type {} are not supported",
+                                    excerpt(parameter.name), parameter.value.type)));
     }
     wanted.values.emplace_back(parameter.name, *value);
   }
@@ -187,9 +190,8 @@ void NodeIntrospection::write(std::function<void(const Result<void, std::string>
     keeper_.on_written(written->has_value());
     if (!*written) log::error("parameters not saved: {}", written->error().message);
     if (answer) {
-      answer(*written
-                 ? Result<void, std::string>{}
-                 : Err("not stored, it holds until the next start at most: " + written->error().message));
+      answer(*written ? Result<void, std::string>{}
+                      : Err("not saved, so it holds only until the next start: " + written->error().message));
     }
     keeper_.poll(node_.now());
     if (keeper_.to_write()) write({});
@@ -231,7 +233,7 @@ void NodeIntrospection::follow_keeper() {
   for (const ParameterNews& news : keeper_.take_news()) {
     switch (news.kind) {
       case ParameterNews::Kind::kept:
-        log::info("generation {} of the parameters is kept: {}", news.generation, to_text(news.values));
+        log::info("parameters kept as generation {}: {}", news.generation, to_text(news.values));
         node_.raise(mission::ParameterKeptEvent{.generation = news.generation,
                                                 .values = static_cast<std::uint16_t>(news.values.size()),
                                                 .content = content(news)});
@@ -246,7 +248,7 @@ void NodeIntrospection::follow_keeper() {
         node_.raise(mission::ParameterConfirmedEvent{.content = content(news)});
         break;
       case ParameterNews::Kind::reverted:
-        log::warn("{}, back to: {}", news.reason, to_text(news.values));
+        log::warn("{}, reverted to: {}", news.reason, to_text(news.values));
         node_.raise(mission::ParameterRevertedEvent{.reason = news.reason, .content = content(news)});
         break;
     }

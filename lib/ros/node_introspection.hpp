@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -30,8 +32,8 @@ class NodeIntrospection {
 
   /// Makes the services.
   void open();
-  /// Moves stored values that were not used into parameters_set_aside.yaml and says so; tells of a trial that
-  /// an earlier process left. After the last declaration. Blocks on the disk.
+  /// Moves unused stored values into parameters_set_aside.yaml and logs them; reports a trial that an earlier
+  /// process left. After the last declaration. Blocks on the disk.
   void begin_keeping();
   /// Raises an event for each stored value that was not used, at most 8, and for that trial.
   void raise_start_report();
@@ -51,7 +53,7 @@ class NodeIntrospection {
   /// Writes what the keeper wants written. @param answer  to be called then; may be empty
   void write(std::function<void(const Result<void, std::string>&)> answer);
   void keep_set_aside();
-  /// Tells what became of values, and wakes up when the trial's time is over.
+  /// Reports what became of values, and wakes up when the trial's time is over.
   void follow_keeper();
   [[nodiscard]] milliseconds trial_time() const;
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/node_versions.hpp"
 
 #include <algorithm>
@@ -8,7 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/file.hpp"
+#include "base/private_file.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -21,16 +23,16 @@ using update::VersionTable;
 constexpr milliseconds lock_patience{2000};
 constexpr std::size_t largest_note = 8192;
 
-std::filesystem::path aside_file(const VarPaths& var, const std::string& node) {
-  return var.memory() / (node + ".set_aside");
+std::string aside_file(const std::string& node) {
+  return node + ".set_aside";
 }
 
-std::filesystem::path started_file(const VarPaths& var, const std::string& node) {
-  return var.memory() / (node + ".starting");
+std::string started_file(const std::string& node) {
+  return node + ".starting";
 }
 
-std::filesystem::path violation_file(const VarPaths& var, const std::string& node) {
-  return var.memory() / (node + ".violation");
+std::string violation_file(const std::string& node) {
+  return node + ".violation";
 }
 
 struct SetAside {
@@ -41,7 +43,7 @@ struct SetAside {
 /// What was set aside while the table on disk had this revision; a later one knows of it, or of something
 /// newer.
 std::vector<SetAside> set_aside_at(const VarPaths& var, const std::string& node, std::uint64_t revision) {
-  std::istringstream in(read_file(aside_file(var, node), largest_note).value_or(""));
+  std::istringstream in(read_from_memory(var, aside_file(node), largest_note));
   std::uint64_t of = 0;
   std::vector<SetAside> all;
   if (!(in >> of) || of != revision) return all;
@@ -61,15 +63,18 @@ bool has_versions(const VarPaths& var, const std::string& node) {
 
 }  // namespace
 
-bool replace_in_memory(const std::filesystem::path& file, const std::string& text) {
+bool replace_in_memory(const VarPaths& var, const std::string& name, const std::string& text) {
+  const auto file = var.memory() / name;
   const std::string temporary = file.string() + ".tmp";
-  std::error_code ec;
-  std::filesystem::create_directories(file.parent_path(), ec);
   {
-    const Fd fd(open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
-    if (!fd || write(fd.get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) return false;
+    const auto fd = open_private(temporary, O_WRONLY | O_CREAT | O_TRUNC, var.owner());
+    if (!fd || write(fd->get(), text.data(), text.size()) != static_cast<ssize_t>(text.size())) return false;
   }
   return rename(temporary.c_str(), file.c_str()) == 0;
+}
+
+std::string read_from_memory(const VarPaths& var, const std::string& name, std::size_t limit) {
+  return read_private(var.memory() / name, limit, var.owner()).value_or("");
 }
 
 std::filesystem::path versions_folder(const VarPaths& var, const std::string& node) {
@@ -94,7 +99,7 @@ bool set_aside(const VarPaths& var, const std::string& node, VersionNumber versi
     text += fmt::format("{} {}\n", earlier.version, earlier.reason);
   std::string line = reason.substr(0, VersionTable::longest_text);
   std::replace(line.begin(), line.end(), '\n', ' ');
-  return replace_in_memory(aside_file(var, node), text + fmt::format("{} {}\n", version, line));
+  return replace_in_memory(var, aside_file(node), text + fmt::format("{} {}\n", version, line));
 }
 
 Result<void, std::string> settle_versions(const VarPaths& var, const std::string& node) {
@@ -117,12 +122,12 @@ Result<void, std::string> change_versions(const VarPaths& var, const std::string
 void remember_started(const VarPaths& var, const std::string& node, const Process& process, MonotonicTime now,
                       VersionNumber version) {
   if (const auto ticks = process_start_ticks(process.pid()))
-    replace_in_memory(started_file(var, node),
+    replace_in_memory(var, started_file(node),
                       fmt::format("{} {} {} {}\n", process.pid(), *ticks, now.ns(), version));
 }
 
 std::optional<StartedProcess> last_started(const VarPaths& var, const std::string& node) {
-  std::istringstream in(read_file(started_file(var, node), 256).value_or(""));
+  std::istringstream in(read_from_memory(var, started_file(node), 256));
   StartedProcess started;
   std::int64_t since_ns = 0;
   if (!(in >> started.pid >> started.start_ticks >> since_ns >> started.version)) return std::nullopt;
@@ -147,11 +152,11 @@ std::optional<VersionTrial> trial_of(const VarPaths& var, const RingSettings& ri
 void report_violation(const VarPaths& var, const std::string& node, pid_t pid, const std::string& what) {
   std::string line = what.substr(0, VersionTable::longest_text);
   std::replace(line.begin(), line.end(), '\n', ' ');
-  replace_in_memory(violation_file(var, node), fmt::format("{} {}\n", pid, line));
+  replace_in_memory(var, violation_file(node), fmt::format("{} {}\n", pid, line));
 }
 
 std::optional<std::string> violation_of(const VarPaths& var, const std::string& node, pid_t pid) {
-  std::istringstream in(read_file(violation_file(var, node), largest_note).value_or(""));
+  std::istringstream in(read_from_memory(var, violation_file(node), largest_note));
   pid_t blamed = 0;
   std::string what;
   if (!(in >> blamed) || blamed != pid || !std::getline(in >> std::ws, what)) return std::nullopt;

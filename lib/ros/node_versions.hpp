@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -19,7 +21,9 @@ namespace srfs::ros {
 
 /// Writes a file of var.memory(). Not write_file_atomically: there is nothing to sync on tmpfs, and one
 /// process at a time writes. @return false: not written
-bool replace_in_memory(const std::filesystem::path& file, const std::string& text);
+bool replace_in_memory(const VarPaths& var, const std::string& name, const std::string& text);
+/// Empty when there is none, when it is larger than @p limit, and when another user may have made it.
+[[nodiscard]] std::string read_from_memory(const VarPaths& var, const std::string& name, std::size_t limit);
 
 /// VAR/versions/NODE
 [[nodiscard]] std::filesystem::path versions_folder(const VarPaths& var, const std::string& node);
@@ -31,8 +35,8 @@ struct NodeVersions {
 /// Without a folder: golden alone, at the cost of opening it. Else reads two small files.
 [[nodiscard]] NodeVersions read_versions(const VarPaths& var, const std::string& node);
 
-/// The version has failed, from now on and for everybody. Under the node's restart lock. Waits for no disk:
-/// settle_versions() is to follow. @return false: not stored, no tmpfs
+/// The version has failed, from now on and for every process. Under the node's restart lock. Waits for no
+/// disk: settle_versions() is to follow. @return false: not stored, no tmpfs
 bool set_aside(const VarPaths& var, const std::string& node, update::VersionNumber version,
                const std::string& reason);
 /// Writes to disk what was set aside. Blocks on the disk.
@@ -62,9 +66,9 @@ void remember_started(const VarPaths& var, const std::string& node, const Proces
                                                    const std::string& node, const update::VersionTable& table,
                                                    bool seen, MonotonicTime now);
 
-/// Somebody blames a process of a node for a violation: its observers are to judge its version. On tmpfs.
+/// Records a violation by a process of a node: its observers are to judge its version. On tmpfs.
 void report_violation(const VarPaths& var, const std::string& node, pid_t pid, const std::string& what);
-/// nullopt: nobody blames this process.
+/// nullopt: no violation recorded for this process.
 [[nodiscard]] std::optional<std::string> violation_of(const VarPaths& var, const std::string& node,
                                                       pid_t pid);
 

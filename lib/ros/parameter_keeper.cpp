@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/parameter_keeper.hpp"
 
 #include <algorithm>
@@ -7,7 +9,7 @@
 namespace srfs::ros {
 namespace {
 
-constexpr const char* start_origin = "start, without what does not fit";
+constexpr const char* start_origin = "start, unusable values dropped";
 
 void forget_value(std::vector<StoredParameter>& values, const std::string& name) {
   std::erase_if(values, [&](const StoredParameter& s) { return s.name == name; });
@@ -53,7 +55,7 @@ void ParameterKeeper::begin(const std::string& saved) {
     }
     news_.push_back({.kind = ParameterNews::Kind::reverted,
                      .values = std::move(back),
-                     .reason = "started anew before it was confirmed"});
+                     .reason = "restarted before it was confirmed"});
   }
   if (history_.trial.empty() && set_.set_aside().empty()) return;
   static_cast<void>(store(set_.stored(), start_origin, saved));  // no more than what was read: it fits
@@ -92,7 +94,7 @@ void ParameterKeeper::on_changed(const std::vector<std::string>& names, Monotoni
 Result<void, std::string> ParameterKeeper::submit(const Request& request, MonotonicTime now,
                                                   milliseconds trial_time, const std::string& saved) {
   if (request.operation == Operation::report) return {};
-  if (text_) return Err(std::string("another save is under way"));
+  if (text_) return Err(std::string("another save is in progress"));
   switch (request.operation) {
     case Operation::keep:
       return keep(request, now, trial_time, saved);

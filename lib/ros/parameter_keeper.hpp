@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -105,7 +107,7 @@ class ParameterKeeper {
   std::optional<MonotonicTime> deadline_;
   bool confirmed_ = false;    ///< so the last trial ended
   bool disk_failed_ = false;  ///< the last write: nothing is written by itself
-  // A write under way.
+  // A write in progress.
   std::optional<std::string> text_;
   ParameterHistory next_;
   std::map<std::string, ParameterValue> confirms_;  ///< what it confirms

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/parameter_store.hpp"
 
 #include <algorithm>
@@ -81,12 +83,12 @@ class FileReader {
   /// Throws YAML::Exception, or a reason as std::string.
   StoredFile read(const std::string& text) {
     const YAML::Node root = YAML::Load(text);
-    if (!root.IsMap() || !root["format"]) throw std::string("not a file of parameters");
+    if (!root.IsMap() || !root["format"]) throw std::string("not a parameter file");
     const int format = root["format"].as<int>();
     if (format == list_format) {
       read_list(root["parameters"]);
     } else if (format == history_format) {
-      if (!has_its_checksum(text)) throw std::string("its checksum is wrong");
+      if (!has_its_checksum(text)) throw std::string("wrong checksum");
       read_history(root);
     } else {
       throw fmt::format("format {} instead of {}", format, history_format);
@@ -127,7 +129,7 @@ class FileReader {
   void read_history(const YAML::Node& root) {
     check_list(root["generations"], ParameterHistory::most_generations);
     for (const YAML::Node& entry : root["generations"]) {
-      if (!entry.IsMap()) throw std::string("a generation is no map");
+      if (!entry.IsMap()) throw std::string("a generation is not a mapping");
       ParameterGeneration g{.number = entry["number"].as<std::uint32_t>(),
                             .saved = entry["saved"].as<std::string>(),
                             .origin = entry["origin"].as<std::string>(),
@@ -146,8 +148,7 @@ class FileReader {
 std::string render(const std::string& node, const ParameterHistory& history) {
   YAML::Emitter out;
   out.SetDoublePrecision(17);
-  out << YAML::Comment("Kept parameters of /" + node +
-                       ": those of the last generation go over the deployment file's.")
+  out << YAML::Comment("Kept parameters of /" + node + ": the last generation overrides the deployment file.")
       << YAML::BeginMap << YAML::Key << "format" << YAML::Value << history_format << YAML::Key
       << "generations" << YAML::Value << YAML::BeginSeq;
   for (const ParameterGeneration& g : history.generations) {

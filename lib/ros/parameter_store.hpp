@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -24,7 +26,7 @@ struct ParameterHistory {
   static constexpr std::size_t most_generations = 10;
 
   std::deque<ParameterGeneration> generations;  ///< the oldest first
-  /// Values that waited to be confirmed when this was written: never used at a start, only told.
+  /// Values that waited to be confirmed when this was written: never used at a start, only reported.
   std::vector<StoredParameter> trial;
 
   /// Of the newest generation; empty: the deployment's hold.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/parameters.hpp"
 
 #include <algorithm>
@@ -8,6 +10,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <rcl_interfaces/msg/parameter_type.hpp>
+
+#include "base/excerpt.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -35,12 +39,12 @@ std::string range_refusal(double value, const ParameterRange& range) {
   if (range.step <= 0 || value == range.highest) return {};
   const double steps = std::round((value - range.lowest) / range.step);
   if (nearly(range.lowest + steps * range.step, value)) return {};
-  return fmt::format("{} is not {} and a multiple of {}", value, range.lowest, range.step);
+  return fmt::format("{} is not {} plus a multiple of {}", value, range.lowest, range.step);
 }
 
 std::string choice_refusal(const std::string& value, const std::vector<std::string>& choices) {
   if (std::find(choices.begin(), choices.end(), value) != choices.end()) return {};
-  return fmt::format("'{}' is not one of {}", value, fmt::join(choices, ", "));
+  return fmt::format("'{}' is not one of {}", excerpt(value), fmt::join(choices, ", "));
 }
 
 template <class T, class Rule>
@@ -54,9 +58,27 @@ std::string first_refusal(const ParameterValue& value, const Rule& rule) {
   return {};
 }
 
+/// Why a value takes more memory than a parameter may; empty: it does not.
+std::string size_refusal(const ParameterValue& value) {
+  const std::size_t items = std::visit(
+      []<class T>(const T& v) -> std::size_t {
+        if constexpr (requires { v.size(); } && !std::is_same_v<T, std::string>) return v.size();
+        return 0;
+      },
+      value);
+  if (items > longest_parameter_list)
+    return fmt::format("{} items are more than {}", items, longest_parameter_list);
+  return first_refusal<std::string>(value, [](const std::string& text) {
+    return text.size() <= longest_parameter_text
+               ? std::string()
+               : fmt::format("a text of {} octets is longer than {}", text.size(), longest_parameter_text);
+  });
+}
+
 /// Why a value of the right type breaks the declaration's rules; empty: it does not.
 std::string rule_refusal(const ParameterValue& value, const ParameterDeclaration& declaration) {
-  std::string why;
+  std::string why = size_refusal(value);
+  if (!why.empty()) return why;
   if (declaration.range) {
     const ParameterRange& range = *declaration.range;
     why = first_refusal<std::int64_t>(
@@ -144,7 +166,7 @@ void ParameterSet::finish() {
 
 std::string ParameterSet::refusal(const std::string& name, const ParameterValue& value, For when) const {
   const auto found = entries_.find(name);
-  if (found == entries_.end()) return fmt::format("parameter '{}' has not been declared", name);
+  if (found == entries_.end()) return fmt::format("parameter '{}' has not been declared", excerpt(name));
   const ParameterDeclaration& declaration = found->second.declaration;
   if (declaration.read_only && when == For::now) return fmt::format("parameter '{}' is read-only", name);
   if (value.index() != declaration.default_value.index()) {
@@ -152,9 +174,9 @@ std::string ParameterSet::refusal(const std::string& name, const ParameterValue&
                        type_text(value));
   }
   if (const std::string why = rule_refusal(value, declaration); !why.empty())
-    return fmt::format("parameter '{}': {}", name, why);
+    return excerpt(fmt::format("parameter '{}': {}", name, why), longest_refusal);
   if (check_) {
-    if (const auto checked = check_(name, value); !checked) return checked.error();
+    if (const auto checked = check_(name, value); !checked) return excerpt(checked.error(), longest_refusal);
   }
   return {};
 }
@@ -176,7 +198,7 @@ std::vector<std::string> ParameterSet::set_atomically(
   }
   if (all_fine && set_check_) {
     if (const auto checked = set_check_(Proposal(*this, changes)); !checked) {
-      refusals.assign(changes.size(), checked.error());
+      refusals.assign(changes.size(), excerpt(checked.error(), longest_refusal));
       all_fine = false;
     }
   }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -51,6 +53,11 @@ struct SetAside {
   std::string reason;
 };
 
+/// Longest text and list that a parameter takes, and octets of a reason why it does not.
+inline constexpr std::size_t longest_parameter_text = 4096;
+inline constexpr std::size_t longest_parameter_list = 1024;
+inline constexpr std::size_t longest_refusal = 250;
+
 /// The parameters of one node: declared once with type, range and default, started from the stored values,
 /// else the deployment file's, changed at run time only after every rule and the node's own callbacks agreed.
 /// Pure: no DDS.
@@ -87,8 +94,8 @@ class ParameterSet {
   /// Declares and returns the start value: the stored value, else the override, else the default. Throws
   /// ConfigError for an override of the wrong type or range; such a stored value is set aside.
   const ParameterValue& declare(const std::string& name, ParameterDeclaration declaration);
-  /// Throws ConfigError for overrides that nobody declared; stored values that nobody declared or that the
-  /// node's check refuses are set aside. After all declarations.
+  /// Throws ConfigError for undeclared overrides. Stored values that are undeclared, or refused by the node's
+  /// check, are set aside. After all declarations.
   void finish();
   /// Stored values that are not used.
   [[nodiscard]] const std::vector<SetAside>& set_aside() const { return set_aside_; }
@@ -100,7 +107,7 @@ class ParameterSet {
   [[nodiscard]] std::string next_start_refusal(const std::string& name, const ParameterValue& value) const {
     return refusal(name, value, For::next_start);
   }
-  /// Back to values that held before: asks nobody.
+  /// Back to values that held before, without the node's check.
   void put_back(const std::vector<std::pair<std::string, ParameterValue>>& values);
   void set_stored_now(std::vector<StoredParameter> stored) { stored_ = std::move(stored); }
   /// What the next start takes over the deployment's values, without what was set aside.

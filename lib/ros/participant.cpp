@@ -1,7 +1,13 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/participant.hpp"
 
 #include <algorithm>
 #include <set>
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fastrtps/utils/IPLocator.h>
@@ -10,6 +16,8 @@
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/log/Log.hpp>
+
+#include "base/fd.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -123,13 +131,6 @@ void set_common(DdsQos& qos, const Qos& ours) {
   qos.data_sharing().off();
 }
 
-Gid to_gid(const eprosima::fastrtps::rtps::GUID_t& guid) {
-  Gid gid{};
-  std::copy_n(guid.guidPrefix.value, 12, gid.begin());
-  std::copy_n(guid.entityId.value, 4, gid.begin() + 12);
-  return gid;
-}
-
 std::string first_address(const eprosima::fastrtps::rtps::RemoteLocatorList& locators) {
   if (locators.unicast.empty()) return "no address";
   const Locator_t& locator = locators.unicast[0];
@@ -138,7 +139,39 @@ std::string first_address(const eprosima::fastrtps::rtps::RemoteLocatorList& loc
 
 }  // namespace
 
-/// Notes who comes and goes. On discovery's thread.
+Gid to_gid(const eprosima::fastrtps::rtps::GUID_t& guid) {
+  Gid gid{};
+  std::copy_n(guid.guidPrefix.value, 12, gid.begin());
+  std::copy_n(guid.entityId.value, 4, gid.begin() + 12);
+  return gid;
+}
+
+Octets departure_message(const GuidPrefix& prefix) {
+  constexpr std::array<std::uint8_t, 4> participant{0, 0, 1, 0xc1};
+  constexpr std::array<std::uint8_t, 4> spdp_reader{0, 1, 0, 0xc7};
+  constexpr std::array<std::uint8_t, 4> spdp_writer{0, 1, 0, 0xc2};
+  OctetWriter out;
+  out.bytes(std::array<std::uint8_t, 8>{'R', 'T', 'P', 'S', 2, 2, 1, 15});  // version, vendor eProsima
+  out.bytes(prefix);
+  out.bytes(std::array<std::uint8_t, 4>{0x15, 0x02, 0, 52});  // DATA, big-endian, inline QoS, no payload
+  out.u16(0);
+  out.u16(16);  // octets to the inline QoS
+  out.bytes(spdp_reader);
+  out.bytes(spdp_writer);
+  out.u64(INT32_MAX);  // above all that it ever sent
+  out.u16(0x0070);     // PID_KEY_HASH: the participant
+  out.u16(16);
+  out.bytes(prefix);
+  out.bytes(participant);
+  out.u16(0x0071);  // PID_STATUS_INFO: disposed and unregistered
+  out.u16(4);
+  out.u32(3);
+  out.u16(1);  // PID_SENTINEL
+  out.u16(0);
+  return out.take();
+}
+
+/// Notes the participants that come and go. On discovery's thread.
 class Participant::Discovery : public dds::DomainParticipantListener {
  public:
   explicit Discovery(KnownParticipants& known) : known_(known) {}
@@ -153,17 +186,33 @@ class Participant::Discovery : public dds::DomainParticipantListener {
                         first_address(info.info.default_locators));
     } else if (info.status == Info::REMOVED_PARTICIPANT || info.status == Info::DROPPED_PARTICIPANT) {
       known_.gone(prefix);
+    } else {
+      return;
     }
+    const std::lock_guard lock(mutex_);
+    if (changed_) changed_();
+  }
+
+  /// When it returns, the callback before it is not being called.
+  void on_change(std::function<void()> callback) {
+    const std::lock_guard lock(mutex_);
+    changed_ = std::move(callback);
   }
 
  private:
   KnownParticipants& known_;
+  std::mutex mutex_;
+  std::function<void()> changed_;
 };
 
 Participant::Participant(const ParticipantOptions& options)
     : known_(options.identity),
       number_(take_number()),
+      domain_(options.domain),
+      interfaces_(options.interfaces),
       drop_foreign_(options.drop_foreign),
+      filter_(std::make_shared<DatagramFilter>(
+          [this](const GuidPrefix& prefix) { return known_.is_foreign(prefix); }, drop_foreign_)),
       discovery_(std::make_unique<Discovery>(known_)) {}
 
 Result<std::unique_ptr<Participant>, std::string> Participant::create(const ParticipantOptions& options) {
@@ -173,7 +222,8 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   all_by_the_wire();
   auto* factory = dds::DomainParticipantFactory::get_instance();
   std::unique_ptr<Participant> self(new Participant(options));
-  // Discovery is told outside the mask; everything else goes to the endpoints' own listeners.
+  self->transport_->filter = self->filter_;
+  // Discovery is called outside the mask; everything else goes to the endpoints' own listeners.
   self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain),
                                                    participant_qos(options, self->number_, self->transport_),
                                                    self->discovery_.get(), dds::StatusMask::none());
@@ -189,7 +239,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
     return Err(std::string("no DDS publisher or subscriber"));
   const auto& guid = self->participant_->guid();
   self->graph_.set_participant(to_gid(guid));
-  GuidPrefix own{};  // nobody discovers itself, and a node may hear what it says
+  GuidPrefix own{};  // no participant discovers itself, and a node may hear its own messages
   std::copy_n(guid.guidPrefix.value, own.size(), own.begin());
   self->known_.discovered(own, participant_user_data(options.identity), "/", "this process");
   return self;
@@ -201,6 +251,35 @@ Participant::~Participant() {
     dds::DomainParticipantFactory::get_instance()->delete_participant(participant_);
   }
   give_number_back(number_);
+}
+
+void Participant::on_peers_changed(std::function<void()> callback) {
+  discovery_->on_change(std::move(callback));
+}
+
+bool Participant::announce_departure(const GuidPrefix& prefix) const {
+  const Octets message = departure_message(prefix);
+  const Fd fd(socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!fd) return false;
+  bool sent = false;
+  for (const std::string& address : interfaces_) {
+    sockaddr_in to{};
+    to.sin_family = AF_INET;
+    if (inet_pton(AF_INET, address.c_str(), &to.sin_addr) != 1) continue;
+    for (int number = 0; number < static_cast<int>(most_participants); ++number) {
+      to.sin_port = htons(discovery_port(domain_, number));
+      const ssize_t n = sendto(fd.get(), message.data(), message.size(), 0,
+                               reinterpret_cast<const sockaddr*>(&to), sizeof to);
+      sent = sent || n == static_cast<ssize_t>(message.size());
+    }
+  }
+  return sent;
+}
+
+bool Participant::is_foreign(const eprosima::fastrtps::rtps::GUID_t& guid) const {
+  GuidPrefix prefix{};
+  std::copy_n(guid.guidPrefix.value, prefix.size(), prefix.begin());
+  return known_.is_foreign(prefix);
 }
 
 ParticipantGraph Participant::graph() const {
@@ -263,6 +342,9 @@ dds::DataReader* Participant::create_reader(const std::string& name, dds::TypeSu
   set_common(qos, ours);
   // A request that came before its reader knew the writer is asked for again soon, not after 70 ms.
   qos.reliable_reader_qos().times.initialAcknackDelay = duration(0.005);
+  // What grew in a pool stays there.
+  if (!keeps_memory(ours.largest_octets))
+    qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::DYNAMIC_RESERVE_MEMORY_MODE;
   auto* reader = subscriber_->create_datareader(dds_topic, qos, listener);
   if (reader != nullptr && belongs_to_a_node(name))
     change_graph([&](ParticipantGraph& graph) { return graph.add_reader(to_gid(reader->guid())); });
@@ -300,6 +382,7 @@ void Participant::destroy(dds::DataReader* reader) {
   change_graph([&](ParticipantGraph& graph) { return graph.remove_reader(gid); });
   reader->set_listener(nullptr);
   subscriber_->delete_datareader(reader);
+  filter_->ended(gid);
 }
 
 }  // namespace srfs::ros

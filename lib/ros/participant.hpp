@@ -1,5 +1,8 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -16,6 +19,8 @@
 #include <fastdds/dds/topic/TopicDataType.hpp>
 
 #include "base/result.hpp"
+#include "ros/cdr.hpp"
+#include "ros/datagram_filter.hpp"
 #include "ros/graph.hpp"
 #include "ros/isolation.hpp"
 #include "ros/qos.hpp"
@@ -25,22 +30,34 @@ namespace srfs::ros {
 
 namespace dds = eprosima::fastdds::dds;
 
-/// ParticipantOptions::lease where a ring watches: who is dead is the ring's business, DDS' own opinion would
-/// only cut those off who were stopped for a while.
+/// ParticipantOptions::lease where a ring watches: the ring decides which nodes are dead. DDS' own verdict
+/// would only cut off nodes that were stopped for a while.
 inline constexpr std::chrono::seconds lease_beside_the_ring{20};
 
 struct ParticipantOptions {
-  int domain = 42;  ///< 0..232; above 101 the kernel gives these ports to anybody
+  int domain = 42;  ///< 0..232; above 101 the kernel gives these ports to any process
   std::vector<std::string> interfaces = {"127.0.0.1"};  ///< transports are confined to these addresses
   /// Reads user traffic on its work thread (transport.hpp); outlives the participant. nullptr: Fast DDS' own
   /// receive threads do.
   Executor* executor = nullptr;
   std::optional<SuiteIdentity> identity = std::nullopt;  ///< none: a process that belongs to no suite
-  bool drop_foreign = false;  ///< drop what foreign participants publish on flight topics, not only count it
+  /// Ignore foreign participants: on a work thread none of their datagrams is read, requests included;
+  /// elsewhere what they publish on flight topics is dropped. Else it is counted.
+  bool drop_foreign = false;
   /// A participant not heard for so long is forgotten. Longer than any stop a process is to outlive: two that
   /// forgot each other at different times may not find each other again.
   std::chrono::milliseconds lease{2000};
 };
+
+/// Whether a reader keeps the memory of a sample for the next one: what is small, or a picture.
+[[nodiscard]] constexpr bool keeps_memory(std::size_t largest_octets) {
+  return largest_octets <= small_sample || largest_octets > largest_unbounded_payload;
+}
+
+/// The RTPS message by which a participant announces that it is gone.
+[[nodiscard]] Octets departure_message(const GuidPrefix& prefix);
+
+[[nodiscard]] Gid to_gid(const eprosima::fastrtps::rtps::GUID_t& guid);
 
 /// One DDS participant: UDPv4 on the given interfaces only, shared memory and data-sharing off (they do not
 /// survive kill -9 of a peer), leases so that a dead peer is forgotten. Everything is created here
@@ -68,16 +85,47 @@ class Participant {
   [[nodiscard]] MonotonicTime received_at(const dds::SampleInfo& info, MonotonicTime now) const;
   /// What the kernel holds already reaches the readers' histories now. On the work thread.
   void receive_waiting() const { transport_->receive_waiting(); }
-  [[nodiscard]] TransportStats transport_stats() const { return transport_->stats; }
+  [[nodiscard]] TransportStats transport_stats() const {
+    TransportStats stats = transport_->stats;
+    stats.foreign = filter_->dropped_foreign();
+    return stats;
+  }
 
   /// The others in the domain, ours and foreign ones.
   [[nodiscard]] const KnownParticipants& known_participants() const { return known_; }
+  /// Whether an endpoint belongs to a process outside this suite.
+  [[nodiscard]] bool is_foreign(const eprosima::fastrtps::rtps::GUID_t& guid) const;
   [[nodiscard]] bool drops_foreign() const { return drop_foreign_; }
+  /// Called on discovery's thread when a participant came or went; an empty function: no call.
+  void on_peers_changed(std::function<void()> callback);
+  /// Announces to the whole domain that a participant is gone, as it would have itself (the disposal of its
+  /// SPDP data; RTPS 2.2, 8.5.3). @pre its process has ended. @return false: nothing could be sent
+  bool announce_departure(const GuidPrefix& prefix) const;
 
-  // What this process tells the ROS graph; every endpoint that is made here is in it.
+  // This process' entry in the ROS graph; every endpoint that is made here is in it.
   [[nodiscard]] ParticipantGraph graph() const;
   void set_node(std::optional<std::string> name);
-  /// Called after every change, on the thread that made it; an empty function: nobody.
+  /// A writer feeds a reader here, which takes samples of at most @p octets. @param refused counts those that
+  /// claim more and are dropped before Fast DDS sees them (transport of the work thread)
+  void on_writer_matched(const Gid& writer, const Gid& reader, std::size_t octets,
+                         std::shared_ptr<std::atomic<std::uint64_t>> refused) {
+    filter_->matched(writer, reader, octets, std::move(refused));
+  }
+  void on_writer_unmatched(const Gid& writer, const Gid& reader) { filter_->unmatched(writer, reader); }
+  /// A reader gave this sample to the node.
+  void on_taken(const eprosima::fastrtps::rtps::SampleIdentity& sample,
+                const eprosima::fastrtps::rtps::GUID_t& reader) {
+    if (!filter_->holds_any()) return;
+    const auto sequence = static_cast<std::int64_t>(sample.sequence_number().to64long());
+    filter_->taken({to_gid(sample.writer_guid()), sequence}, to_gid(reader));
+  }
+  /// The sender of the last datagram that was dropped as foreign, for people.
+  [[nodiscard]] std::string last_dropped() const {
+    const auto prefix = filter_->last_dropped();
+    return prefix ? known_.describe(*prefix) : std::string();
+  }
+
+  /// Called after every change, on the thread that made it; an empty function: no call.
   void on_graph_change(std::function<void()> callback);
 
  private:
@@ -91,7 +139,10 @@ class Participant {
 
   KnownParticipants known_;
   const int number_;  // in this process
+  const int domain_;
+  const std::vector<std::string> interfaces_;
   const bool drop_foreign_;
+  const std::shared_ptr<DatagramFilter> filter_;
   std::unique_ptr<Discovery> discovery_;  // outlives the DDS participant
   mutable std::mutex graph_mutex_;
   ParticipantGraph graph_;

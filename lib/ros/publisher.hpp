@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <set>
@@ -19,11 +21,11 @@ class Publisher {
 
   /// Never waits for a reader. @return false when the message breaks a bound of its type (counted)
   bool publish(const M& message) { return writer_.write(&message); }
-  /// Somebody in the process that sent this message listens here.
+  /// A reader in the process that sent this message listens here.
   [[nodiscard]] bool is_heard_by_sender_of(const MessageInfo& message) const {
     return writer_.matched_in_participant_of(message.identity.writer_guid());
   }
-  /// Somebody who publishes what @p other receives listens here: the peer, not a recorder that only listens.
+  /// A publisher of what @p other receives listens here: the peer, not a recorder that only listens.
   template <class Other>
   [[nodiscard]] bool is_heard_by_a_publisher_of(const Subscription<Other>& other) const {
     for (const GUID_t& writer : other.publishers()) {
@@ -44,7 +46,7 @@ class Publisher {
 
 /// Receives messages of type M; dropping it ends the subscription. Topics are the suite's own business:
 /// what others publish there is counted, or dropped (ParticipantOptions::drop_foreign). Services are open to
-/// everybody in the domain.
+/// the whole domain.
 template <class M>
 class Subscription {
  public:

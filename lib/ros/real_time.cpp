@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/real_time.hpp"
 
 #include <alloca.h>
@@ -42,9 +44,8 @@ std::string limit_command(const std::string& user, const std::string& item, cons
 std::optional<std::string> refusal_to_lock(bool privileged, rlim_t limit, const std::string& user) {
   if (privileged || limit == RLIM_INFINITY) return std::nullopt;
   return fmt::format(
-      "user {} may lock {} KiB, expected no limit (RLIMIT_MEMLOCK); as root: {} (for the next login; in a "
-      "unit "
-      "of systemd LimitMEMLOCK=infinity)",
+      "user {} may lock {} KiB, expected no limit (RLIMIT_MEMLOCK); as root: {} (from the next login on; in "
+      "a systemd unit: LimitMEMLOCK=infinity)",
       user, limit >> 10U, limit_command(user, "memlock", "unlimited"));
 }
 
@@ -105,7 +106,7 @@ void bound_real_time(milliseconds longest) {
 
 void arrange_real_time(const NodeEntry& entry) {
   for (const std::string& what : missing_of(entry.scheduling))
-    log::warn("running without the deployment's {}; `srfs doctor` says what to change", what);
+    log::warn("running without the deployment's {}; `srfs doctor` shows the fix", what);
   if (entry.memory.lock) {
     if (const auto locked = lock_memory()) {
       log::info("memory is locked");

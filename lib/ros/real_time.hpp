@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/resource.h>
@@ -17,7 +19,7 @@ namespace srfs::ros {
 /// allocation beyond it would fail. Pure.
 /// @param privileged  CAP_IPC_LOCK
 /// @param limit       RLIMIT_MEMLOCK, in octets
-/// @return why not, and the command that mends it, ready to print
+/// @return why not, and the command that fixes it, ready to print
 [[nodiscard]] std::optional<std::string> refusal_to_lock(bool privileged, rlim_t limit,
                                                          const std::string& user);
 
@@ -38,8 +40,8 @@ void touch_stack(std::size_t octets);
 [[nodiscard]] std::vector<std::string> missing_of(const Scheduling& wanted);
 
 /// How long a thread under SCHED_FIFO may compute without a pause before the kernel ends the process, which
-/// would keep its CPU from everybody else (RLIMIT_RTTIME, SIGXCPU): at work; and while a node starts or
-/// changes its state, when it reads dictionaries and keys, and the ring counts the time.
+/// would keep its CPU from all others (RLIMIT_RTTIME, SIGXCPU): at work; and while a node starts or changes
+/// its state, when it reads dictionaries and keys, and the ring counts the time.
 inline constexpr milliseconds real_time_at_work{500};
 inline constexpr milliseconds real_time_in_transition{30'000};
 
@@ -48,7 +50,7 @@ inline constexpr milliseconds real_time_in_transition{30'000};
 void bound_real_time(milliseconds longest);
 
 /// For the thread that works, before it does: arranges NodeEntry::memory. Without a permission the node runs
-/// all the same; what it was not given is said once, in the log.
+/// all the same; what it was not given is logged once.
 void arrange_real_time(const NodeEntry& entry);
 
 }  // namespace srfs::ros

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -37,7 +39,7 @@ class RequestBook {
     execute,       ///< new: execute it, then answer() its ticket
     answer_again,  ///< a repeat of an answered request: send `response` once more
     wait,          ///< a repeat of a request that is being executed: its answer will serve
-    refuse,        ///< most_pending requests are waiting: dropped and counted, the client times out
+    refuse,        ///< most_pending requests are waiting: dropped and counted
   };
   struct Judgement {
     Verdict verdict;
@@ -61,7 +63,7 @@ class RequestBook {
   [[nodiscard]] Judgement judge(const SampleIdentity& request, std::optional<std::int64_t> first_sequence,
                                 bool within_reach, MonotonicTime now);
   /// Ends a pending request and keeps the response for repeats.
-  /// @return whom to answer; nullopt when the ticket was answered or dropped before
+  /// @return the request to answer; nullopt when the ticket was answered or dropped before
   [[nodiscard]] std::optional<SampleIdentity> answer(Ticket ticket, Response response, MonotonicTime now);
   /// Drops a pending request without an answer; a repeat of it is executed.
   void forget(Ticket ticket);

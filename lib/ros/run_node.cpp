@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/run_node.hpp"
 
 #include <cstdio>
@@ -11,7 +13,9 @@
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
+#include "base/background.hpp"
 #include "base/file.hpp"
+#include "base/process.hpp"
 #include "base/signals.hpp"
 #include "ros/added_nodes.hpp"
 #include "ros/crash_report.hpp"
@@ -20,6 +24,7 @@
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/liveness_ring.hpp"
 #include "ros/ring/membership.hpp"
+#include "ros/ring/node_record.hpp"
 #include "ros/ring/restarter.hpp"
 #include "srfs_version.hpp"
 
@@ -43,13 +48,6 @@ int code(ExitCode c) {
   return static_cast<int>(c);
 }
 
-State desired_state(const VarPaths& var, const std::string& node) {
-  const auto text = read_file(var.state(node) / "desired_state", 64);
-  if (!text) return State::active;
-  const auto state = primary_state(text->substr(0, text->find('\n')));
-  return state && *state != State::finalized ? *state : State::active;
-}
-
 Result<int, std::string> domain_of(const Arguments& arguments, const Deployment& deployment,
                                    const VarPaths& var) {
   if (arguments.domain) return *arguments.domain;
@@ -65,8 +63,8 @@ void check_control_group(const NodeEntry& entry) {
   const std::string groups = read_file("/proc/self/cgroup", largest).value_or("");
   if (("\n" + groups).find("\n0::/" + entry.control_group + "\n") != std::string::npos) return;
   log::warn(
-      "running without the bounds of the control group {} (not there, or no permission); the units of the "
-      "package make it",
+      "running without the limits of control group {} (missing, or no permission); the systemd units of the "
+      "package create it",
       entry.control_group);
 }
 
@@ -75,15 +73,20 @@ void check_control_group(const NodeEntry& entry) {
 /// Brings a node to its desired state and keeps trying: a device that is missing now may come.
 class NodeRunner {
  public:
-  NodeRunner(Executor& executor, LifecycleNode& node, State desired)
-      : executor_(executor), node_(node), desired_(desired) {
+  /// @param gives_way  its session goes behind others once the desired state is reached
+  NodeRunner(Executor& executor, LifecycleNode& node, const DesiredState& desired, bool gives_way)
+      : executor_(executor), node_(node), desired_(desired.state), gives_way_(gives_way) {
     node_.on_commanded_ = [this](State commanded) {
-      desired_ = commanded;  // the operator's word ends what was going on before
+      desired_ = commanded;  // the operator's order ends what was going on before
       node_.set_desired(commanded);
       retry_.reset();
+      end_order_at(commanded == State::active || commanded == State::finalized
+                       ? std::nullopt
+                       : end_of_order(node_.deployment(), node_.name(), monotonic_now()));
     };
     node_.on_error_processed_ = [this] { recover(); };
-    node_.set_desired(desired);
+    node_.set_desired(desired_);
+    end_order_at(desired.until);
     attempt();
   }
   ~NodeRunner() {
@@ -115,9 +118,28 @@ class NodeRunner {
     if (node_.go_to(desired_)) {
       malloc_trim(0);  // configuring takes memory that working does not need (YAML, tables being built)
       reached_ = monotonic_now();
+      if (gives_way_) (void)set_session_niceness(background_niceness);
       return;
     }
     retry_later();
+  }
+  /// A node of the command path comes back by itself: there may be no other way to order it.
+  void end_order_at(std::optional<MonotonicTime> end) {
+    order_end_.reset();
+    if (!end) return;
+    order_end_ = executor_.add_timer(
+        *end, nanoseconds(0),
+        [this] {
+          log::warn("{} for {} s, the limit on the command path: going to {}", label(desired_),
+                    std::chrono::duration_cast<seconds>(node_.deployment().ring.command_path_limit).count(),
+                    label(State::active));
+          order_end_.reset();
+          retry_.reset();
+          desired_ = State::active;
+          node_.set_desired(desired_);
+          attempt();
+        },
+        "end of an order");
   }
   void retry_later() {
     constexpr std::array<seconds, 4> waits{seconds(1), seconds(2), seconds(5), seconds(10)};
@@ -135,9 +157,11 @@ class NodeRunner {
   Executor& executor_;
   LifecycleNode& node_;
   State desired_;
+  bool gives_way_;
   std::size_t attempts_ = 0;
   std::optional<MonotonicTime> reached_;  ///< when the desired state was reached last
   Timer retry_;
+  Timer order_end_;
 };
 
 namespace {
@@ -190,14 +214,14 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
     page = std::move(*created);
     install_crash_handler(*page);
   } else {
-    log::error("no heartbeat page, so the ring takes silence for death: {}", created.error());
+    log::error("no heartbeat page, so the ring treats silence as death: {}", created.error());
   }
   arrange_real_time(*entry);
   check_control_group(*entry);
 
   const auto domain = domain_of(arguments, deployment, var);
   if (!domain) throw ConfigError(domain.error());
-  const auto domain_lock = DomainLock::share(*domain);
+  const auto domain_lock = DomainLock::share(*domain, var.root.string());
   if (!domain_lock) log::warn("{}", domain_lock.error());
 
   // Few threads, small heaps: one arena instead of one per thread saves about 1 MB a node.
@@ -250,7 +274,8 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
           node->on_deployment_changed();
         },
         "added nodes");
-    const NodeRunner runner(executor, *node, desired_state(var, arguments.name));
+    const NodeRunner runner(executor, *node, desired_state(var, deployment, arguments.name, monotonic_now()),
+                            entry->scheduling.background);
     while (!stopping && executor.spin_once(nanoseconds::max())) {
     }
   }
@@ -270,7 +295,7 @@ void take_devices_away(Deployment& deployment) {
   }
 }
 
-/// Nobody's keys: a test must not need those of the spacecraft.
+/// Random keys: a test must not need the spacecraft's.
 void replace_keys(Deployment& deployment, const VarPaths& var) {
   std::random_device random;
   for (TelecommandChannel& channel : deployment.link.channels) {
@@ -317,7 +342,7 @@ Deployment deployment_of_test(const Arguments& arguments) {
 }
 
 int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
-  if (!arguments.domain) throw ConfigError("--self-test needs --domain, one that nobody else uses");
+  if (!arguments.domain) throw ConfigError("--self-test needs --domain, one that is not in use");
   ignore_broken_pipes();
   // A node that is to be added stands in the list of the VAR that it tests itself in.
   Deployment deployment = deployment_of_test(arguments);
@@ -366,14 +391,14 @@ int run_node(int argc, char** argv, const NodeFactory& factory) {
       ->required();
   app.add_option("--var", arguments.var, "Folder of the running deployment")->default_val("var");
   app.add_option("--domain", arguments.domain,
-                 "DDS domain; default: VAR/run/dds_domain, then the deployment's")
+                 "DDS domain; default: VAR/run/dds_domain, then the deployment file")
       ->check(
           CLI::Range(0, 232));  // above 101: ports that the kernel gives out, good enough for a test alone
-  app.add_flag("--self-test", arguments.self_test,
-               "Go to Active and back without devices and without a ring, in a --var and a --domain of its "
-               "own; exit code 6: failed");
+  app.add_flag(
+      "--self-test", arguments.self_test,
+      "Go to Active and back without devices or ring, with its own --var and --domain; exit code 6: failed");
   app.add_option("--added-nodes", arguments.added_nodes,
-                 "With --self-test: the list of added nodes, where the node is one");
+                 "With --self-test of an added node: the list of added nodes");
   app.set_version_flag("--version", version());
   CLI11_PARSE(app, argc, argv);
   log::set_name(arguments.name);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -10,13 +12,13 @@ class LifecycleNode;
 
 using NodeFactory = std::function<std::unique_ptr<LifecycleNode>(NodeContext&)>;
 
-/// Version of this build, "0.1.0".
+/// Version of this build, "0.2.0".
 [[nodiscard]] const char* version();
 
 /// Exit codes of every node.
 enum class ExitCode : int {
   stopped = 0,           ///< asked to (SIGTERM, SIGINT)
-  bug = 1,               ///< an exception nobody expected
+  bug = 1,               ///< an unexpected exception
   configuration = 2,     ///< arguments or deployment file
   already_running = 3,   ///< another instance holds the lock
   middleware = 4,        ///< no DDS participant
@@ -27,7 +29,7 @@ enum class ExitCode : int {
 /// Everything a node's main does: arguments, signals (on a descriptor), configuration, instance lock,
 /// participant, the way to the desired state, the work loop, deactivation and clean-up before destruction.
 /// Blocks until the node ends. With `--self-test` the node goes to Active and back, in a domain and a VAR of
-/// its own, without devices and without a ring; the exit code says how that went.
+/// its own, without devices and without a ring; the exit code gives the result.
 int run_node(int argc, char** argv, const NodeFactory& factory);
 
 template <class Node>

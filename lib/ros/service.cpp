@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/service.hpp"
 
 #include <algorithm>
@@ -7,7 +9,7 @@
 namespace srfs::ros {
 namespace {
 
-constexpr std::size_t most_waiting = 32;
+constexpr std::size_t most_waiting = 1024;
 
 bool is_reader(const GUID_t& guid) {
   return (guid.entityId.value[3] & 0x04) != 0;
@@ -70,10 +72,36 @@ void ReplyQueue::flush() {
     timer_ = executor_.add_timer(waiting_.front().give_up, nanoseconds(0), [this] { flush(); });
 }
 
+std::uint64_t RefusalQueue::add(const GUID_t& client, std::int64_t first, std::int64_t last) {
+  if (first > last) return 0;
+  const auto count = static_cast<std::uint64_t>(last - first) + 1;
+  if (!runs_.empty() && runs_.back().client == client && runs_.back().last + 1 == first &&
+      last - runs_.back().next < longest_run) {
+    runs_.back().last = last;
+    return 0;
+  }
+  if (runs_.size() == most_runs) return count;
+  const std::int64_t begin = last - first < longest_run ? first : last - longest_run + 1;
+  runs_.push_back({client, begin, last});
+  return static_cast<std::uint64_t>(begin - first);
+}
+
+std::optional<SampleIdentity> RefusalQueue::take() {
+  if (runs_.empty()) return std::nullopt;
+  Run& run = runs_.front();
+  SampleIdentity request;
+  request.writer_guid(run.client);
+  request.sequence_number(sequence_number(run.next));
+  if (run.next++ == run.last) runs_.pop_front();
+  return request;
+}
+
 ServiceCore::ServiceCore(Executor& executor, Participant& participant, const std::string& dds_topic,
-                         dds::TypeSupport response_type, const Qos& qos)
+                         dds::TypeSupport response_type, const Qos& qos, std::shared_ptr<const void> refusal)
     : executor_(executor),
+      participant_(participant),
       topic_(dds_topic),
+      refusal_(std::move(refusal)),
       writer_(participant, dds_topic, std::move(response_type), qos),
       replies_(executor, writer_) {
   writer_.on_match_change([this, &executor, alive = std::weak_ptr<bool>(alive_)] {
@@ -99,8 +127,36 @@ std::optional<Ticket> ServiceCore::begin(const MessageInfo& info) {
   const auto judgement =
       book_.judge(request, first_attempt(info), within_reach(request.writer_guid()), executor_.now());
   if (judgement.verdict == RequestBook::Verdict::answer_again) replies_.send(request, judgement.response);
+  if (judgement.verdict == RequestBook::Verdict::refuse) {
+    const auto sequence = static_cast<std::int64_t>(request.sequence_number().to64long());
+    refuse(request.writer_guid(), sequence, sequence);
+  }
   if (judgement.verdict != RequestBook::Verdict::execute) return std::nullopt;
   return judgement.ticket;
+}
+
+void ServiceCore::on_lost(const MessageInfo& info, std::int64_t first, std::int64_t last) {
+  refuse(request_identity(info).writer_guid(), first, last);
+}
+
+void ServiceCore::refuse(const GUID_t& client, std::int64_t first, std::int64_t last) {
+  if (!participant_.is_foreign(client)) return;  // ours repeats, and gives up in time
+  unrefused_ += refusals_.add(client, first, last);
+  if (refusing_ || refusals_.empty()) return;
+  refusing_ = true;
+  send_refusals();
+}
+
+void ServiceCore::send_refusals() {
+  for (std::size_t i = 0; i < RefusalQueue::at_a_time; ++i) {
+    const auto request = refusals_.take();
+    if (!request) break;
+    replies_.send(*request, refusal_);
+  }
+  refusing_ = !refusals_.empty();
+  if (!refusing_) return;
+  next_refusals_ = executor_.add_timer(
+      monotonic_now(), nanoseconds(0), [this] { send_refusals(); }, "refusals");
 }
 
 void ServiceCore::add_to(InputStats& stats) const {
@@ -113,7 +169,7 @@ bool ServiceCore::reply(Ticket ticket, std::shared_ptr<const void> response) {
   const auto request = book_.answer(ticket, response, executor_.now());
   if (!request || replies_.send(*request, std::move(response))) return true;
   ++refused_replies_;
-  log::error("a reply on {} breaks a bound of its type and is not sent: the client will time out", topic_);
+  log::error("a reply on {} exceeds a bound of its type and is not sent: the client will time out", topic_);
   return false;
 }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/state_files.hpp"
 
 #include <fmt/format.h>
@@ -35,7 +37,7 @@ Result<void, std::string> snapshot_state(const VarPaths& var, const std::string&
     if (it->is_symlink(ignored) || !it->is_regular_file(ignored) || name.ends_with(unreadable)) continue;
     const auto content = read_file(it->path(), largest_snapshot - octets);
     if (!content || files == most_snapshot_files) {
-      log::warn("{} is not in the snapshot of its state", it->path().string());
+      log::warn("{} is left out of the state snapshot", it->path().string());
       continue;
     }
     if (const auto written = write_file_atomically(copy / name, *content); !written)
@@ -54,10 +56,10 @@ void set_aside_unreadable(const std::filesystem::path& file) {
   std::error_code ec;
   std::filesystem::rename(file, file.string() + std::string(unreadable), ec);
   if (ec) {
-    log::error("{} cannot be used, and not be set aside either: {}", file.string(), ec.message());
+    log::error("{} is unusable and cannot be set aside: {}", file.string(), ec.message());
   } else {
-    log::error("{} cannot be used by this version and is set aside as {}{}", file.string(),
-               file.filename().string(), unreadable);
+    log::error("{} is unusable for this version; set aside as {}{}", file.string(), file.filename().string(),
+               unreadable);
   }
 }
 
@@ -73,7 +75,7 @@ std::optional<std::string> read_state_file(const VarPaths& var, const std::strin
   const auto version = read_versions(var, node).table.active();
   auto copy = read_file(snapshot_folder(var, node, version) / name, limit);
   if (!copy || !usable(*copy)) return std::nullopt;
-  log::warn("{}: as version {} left it is good again", file.string(), version);
+  log::warn("{}: restored as version {} left it", file.string(), version);
   if (const auto written = write_file_atomically(file, *copy); !written)
     log::error("{}", written.error().message);
   return std::move(*copy);

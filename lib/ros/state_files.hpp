@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -31,12 +33,12 @@ enum class TakenBack : std::uint8_t {
 /// The content of VAR/state/NODE/NAME. What @p usable refuses is set aside as NAME.unreadable, with a line in
 /// the log, and is no failure: the copy in the snapshot of the active version takes its place where it may
 /// and is usable. Blocks on the disk.
-/// @param usable  leaves everything as it was when it says no
+/// @param usable  leaves everything as it was when it returns false
 /// @return nullopt: there is none that can be used
 [[nodiscard]] std::optional<std::string> read_state_file(
     const VarPaths& var, const std::string& node, const std::string& name, std::size_t limit,
     TakenBack taken_back, const std::function<bool(const std::string&)>& usable);
-/// NAME.unreadable, in the place of an earlier one; for who reads the file by himself.
+/// NAME.unreadable, in the place of an earlier one; for a caller that reads the file itself.
 void set_aside_unreadable(const std::filesystem::path& file);
 
 }  // namespace srfs::ros

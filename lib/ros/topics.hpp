@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -50,7 +52,7 @@ inline const Topic<m::Event> event{"/event", {.depth = 32}, Priority::normal};
 // Nine observers a period; a reader that misses some sees the next.
 inline const Topic<m::LivenessReport> liveness{"/liveness", {.depth = 64}, Priority::bulk};
 inline const Topic<m::SystemMode> mode{"/mode", {.depth = 1, .transient_local = true}, Priority::normal};
-// A sequence's frames are told of together when all are known; the result says what a reader missed.
+// A sequence's frames are published together when all are known; the result shows what a reader missed.
 inline const Topic<m::ImageDetections> image_detections{"/image/detections", {.depth = 64}, Priority::normal};
 // ROS 2 keeps 1000 lines for late readers; 100 are enough to see why a node is as it is and bound the memory
 // of a node to 0.15 MB (a line is 1.2 KB at most). Depth is no part of what must agree between writer and

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/transport.hpp"
 
 #include <algorithm>
@@ -16,6 +18,8 @@
 #include <sys/socket.h>
 
 #include "base/fd.hpp"
+#include "base/log.hpp"
+#include "ros/participant.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -81,7 +85,7 @@ class Channel {
     alignas(cmsghdr) std::array<std::uint8_t, 128> control{};
   };
 
-  /// Reads what is there, at most datagrams_a_call. Asking for two tells in the same system call that there
+  /// Reads what is there, at most datagrams_a_call. Asking for two shows in the same system call that there
   /// is no second one, which is the rule. @return whether there may be more
   bool read_some() {
     std::array<Incoming, datagrams_a_call> incoming;
@@ -100,16 +104,29 @@ class Channel {
     const MonotonicTime looked = monotonic_now();
     const int count = recvmmsg(fd_.get(), messages.data(), messages.size(), 0, nullptr);
     // A pending ICMP error (a peer that was killed) is reported once and is nothing to us.
-    if (count < 0) return errno == ECONNREFUSED || errno == EINTR;
+    if (count < 0) {
+      if (errno == ECONNREFUSED || errno == EINTR) return true;
+      busy_since_.reset();
+      return false;
+    }
     const auto received = static_cast<std::size_t>(count);
+    if (!busy_since_) busy_since_ = looked;
     for (std::size_t i = 0; i < received; ++i) {
       note(messages[i].msg_hdr, looked - empty_at_);
       state_->stats.last_datagram = looked;
-      hand_over(incoming[i], messages[i].msg_len);
+      if (passes({static_cast<const std::uint8_t*>(incoming[i].part.iov_base), messages[i].msg_len}, looked))
+        hand_over(incoming[i], messages[i].msg_len);
     }
     if (count == datagrams_a_call) return true;
     empty_at_ = looked;
+    busy_since_.reset();
     return false;
+  }
+
+  bool passes(OctetView datagram, MonotonicTime now) {
+    if (!state_->filter) return true;
+    return state_->filter->judge(datagram, shedder_.shed(now, now - busy_since_.value_or(now)), now) ==
+           DatagramFilter::Verdict::pass;
   }
 
   void hand_over(const Incoming& incoming, std::uint32_t length) {
@@ -148,11 +165,14 @@ class Channel {
   std::shared_ptr<TransportState> state_;
   std::span<std::uint8_t> buffer_;
   std::uint32_t dropped_ = 0;
-  MonotonicTime empty_at_ = monotonic_now();  ///< the socket was looked at, and nothing was left in it
+  LoadShedder shedder_;
+  std::optional<MonotonicTime> busy_since_;   ///< first read of those that left something in the socket
+  MonotonicTime empty_at_ = monotonic_now();  ///< the socket was checked, and nothing was left in it
   Executor::Handle watch_;
 };
 
-/// What discovery's socket hands its datagrams to: they wait at the gate, the others in the socket.
+/// What discovery's socket hands its datagrams to: they wait at the gate, the others in the socket. No reader
+/// of a node listens here. Discovery must hear of every participant, foreign ones too.
 class GatedReceiver final : public rtps::TransportReceiverInterface {
  public:
   GatedReceiver(rtps::TransportReceiverInterface& receiver, std::shared_ptr<TransportState> state)
@@ -160,10 +180,26 @@ class GatedReceiver final : public rtps::TransportReceiverInterface {
   void OnDataReceived(const eprosima::fastrtps::rtps::octet* data, std::uint32_t size, const Locator_t& local,
                       const Locator_t& remote) override {
     state_->gate.pass();
-    receiver_.OnDataReceived(data, size, local, remote);
+    forget_stalled(local);
+    const bool passes =
+        !state_->filter || state_->filter->judge_discovery({data, size}) == DatagramFilter::Verdict::pass;
+    if (passes) receiver_.OnDataReceived(data, size, local, remote);
   }
 
  private:
+  /// On the thread that reads discovery: as if they had said goodbye themselves.
+  void forget_stalled(const Locator_t& local) {
+    if (!state_->filter) return;
+    while (const auto who = state_->filter->next_stalled()) {
+      log::warn(
+          "participant {} outside the suite leaves a large sample unfinished while others wait for its "
+          "room: forgotten until it announces itself again",
+          to_hex(*who));
+      const Octets goodbye = departure_message(*who);
+      receiver_.OnDataReceived(goodbye.data(), static_cast<std::uint32_t>(goodbye.size()), local, local);
+    }
+  }
+
   rtps::TransportReceiverInterface& receiver_;
   std::shared_ptr<TransportState> state_;
 };

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -12,6 +14,7 @@
 #include <fastdds/rtps/transport/TransportDescriptorInterface.h>
 
 #include "base/time.hpp"
+#include "ros/datagram_filter.hpp"
 #include "ros/executor.hpp"
 
 namespace srfs::ros {
@@ -23,7 +26,7 @@ class ArrivalLog {
  public:
   /// @param read when the datagram is handed to Fast DDS; not before that of the call before
   /// @param arrived when the kernel had it whole, by a clock that may have been set since
-  /// @param longest since the socket was last found empty, by a clock that nobody sets: it has not waited
+  /// @param longest since the socket was last found empty, by a clock that is never set: it has not waited
   ///                for longer
   void add(UtcTime read, UtcTime arrived, nanoseconds longest);
   /// @param looked_at Fast DDS' reception time stamp of the sample
@@ -43,11 +46,12 @@ struct TransportStats {
   std::uint64_t datagrams = 0;
   MonotonicTime last_datagram;   ///< when the newest one was read
   std::uint64_t overflowed = 0;  ///< dropped by the kernel because the socket's buffer was full
+  std::uint64_t foreign = 0;     ///< of participants outside the suite, dropped unread (DatagramFilter)
 };
 
 /// Keeps discovery's input in the socket until the participant is ready for it. Fast DDS 2.9 announces a new
-/// participant before its receivers know whom to hand a datagram to: answers that come in between, which on
-/// one host they do, are dropped, and the next announcement is a period away. Any thread.
+/// participant before its receivers can pass on a datagram. Answers that come in between, as they do on one
+/// host, are dropped, and the next announcement is a period away. Any thread.
 class DiscoveryGate {
  public:
   void open();
@@ -65,6 +69,7 @@ struct TransportState {
   DiscoveryGate gate;  ///< opened by the participant when it has been made
   ArrivalLog arrivals;
   TransportStats stats;
+  std::shared_ptr<DatagramFilter> filter;  ///< nullptr: everything passes
   /// Hands what the kernel holds already to Fast DDS, at most 4096 datagrams a socket. On the work thread.
   std::function<void()> receive_waiting = [] {};
 };
@@ -72,7 +77,12 @@ struct TransportState {
 /// A UDPv4 transport of Fast DDS whose user traffic is read by the executor's work thread instead of a
 /// receive thread of its own: a sample reaches its callback without a change of thread (the larger part of
 /// rclcpp's and of our earlier latency), with one thread less, and Fast DDS' locks are free again when the
-/// callback runs. Discovery stays on Fast DDS' threads, so that a long callback costs nobody his lease.
+/// callback runs. Discovery stays on Fast DDS' threads, so that a long callback costs no participant its
+/// lease.
+///
+/// The DatagramFilter of the state decides what passes to Fast DDS, of discovery's datagrams, too: Fast DDS
+/// takes memory for a sample as large as its first fragment claims. While the work thread is behind, foreign
+/// datagrams are dropped (LoadShedder).
 ///
 /// Reading is bounded to 16 datagrams a turn of the loop; what comes meanwhile waits in the socket's buffer
 /// (4 MiB where the system allows it), what finds that full is dropped by the kernel, counted, and sent again

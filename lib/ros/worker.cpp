@@ -1,13 +1,19 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/worker.hpp"
 
 #include <pthread.h>
 
+#include "base/background.hpp"
+
 namespace srfs::ros {
 
-Worker::Worker(Executor& executor, const std::string& name, std::size_t capacity, milliseconds deadline)
+Worker::Worker(Executor& executor, const std::string& name, std::size_t capacity, milliseconds deadline,
+               WorkerKind kind)
     : executor_(executor),
       name_(name.substr(0, 15)),
       deadline_(deadline),
+      kind_(kind),
       capacity_(capacity),
       record_(&executor.statistics().record(CallbackKind::posted, "worker " + name)) {
   thread_ = std::thread([this] { run(); });
@@ -111,6 +117,7 @@ void Worker::run() {
     lock.unlock();
     std::function<void()> done = job.done;
     bool failed = false;
+    if (kind_ == WorkerKind::background) enter_background();  // again: a loan may have ended with its lender
     try {
       job.run();
     } catch (...) {
@@ -118,7 +125,7 @@ void Worker::run() {
       done = [error = std::current_exception()] { std::rethrow_exception(error); };
     }
     lock.lock();
-    // Counted before anybody can see that the job has ended.
+    // Counted before any thread can see that the job has ended.
     progress_.busy = false;
     first_waits_since_ = monotonic_now();
     progress_.failed += failed ? 1 : 0;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <condition_variable>
@@ -26,6 +28,12 @@ struct WorkerProgress {
   std::optional<MonotonicTime> owes_since{};  ///< a job runs, or waits though none runs
 };
 
+/// How a worker shares the CPUs and the disk.
+enum class WorkerKind : std::uint8_t {
+  normal,      ///< as its process
+  background,  ///< behind all other threads (base/background.hpp)
+};
+
 /// A named thread for what may block: files and fsync, heavy computation, blocking devices. Jobs run in
 /// order; what they produced is handled by their `done` on the work thread. The destructor finishes the job
 /// that runs, drops the waiting ones and joins. An exception of a job is thrown again on the work thread,
@@ -35,7 +43,8 @@ class Worker {
   /// On the work thread. @param name at most 15 characters (the thread's name); @param capacity jobs waiting
   /// at most; further ones are refused; @param deadline of one job: when one runs for longer, or could run
   /// and is not begun, the thread is frozen; liveness answers say so, and the node is restarted
-  Worker(Executor& executor, const std::string& name, std::size_t capacity, milliseconds deadline);
+  Worker(Executor& executor, const std::string& name, std::size_t capacity, milliseconds deadline,
+         WorkerKind kind = WorkerKind::normal);
   ~Worker();
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
@@ -67,6 +76,7 @@ class Worker {
   Executor& executor_;
   const std::string name_;
   const milliseconds deadline_;
+  const WorkerKind kind_;
   std::size_t capacity_;
   CallbackRecord* record_;  // run time of `done`
   mutable std::mutex mutex_;

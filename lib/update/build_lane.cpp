@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/build_lane.hpp"
 
 #include <algorithm>
@@ -31,12 +33,20 @@ std::vector<fs::path> paths(const Json& json, const fs::path& prefix) {
   return result;
 }
 
+/// The last -O counts; without one the compiler does not optimise.
+bool optimises(const std::vector<std::string>& options) {
+  const auto last = std::find_if(options.rbegin(), options.rend(),
+                                 [](const std::string& option) { return option.starts_with("-O"); });
+  return last != options.rend() && *last != "-O0";
+}
+
 /// Of header and sources alike: the header is of use for the same only.
 std::vector<std::string> compiler_command(const NodeBuild& build, const std::vector<std::string>& options,
                                           const fs::path& work) {
   std::vector<std::string> words{compiler};
   words.insert(words.end(), build.flags.begin(), build.flags.end());
   words.insert(words.end(), options.begin(), options.end());
+  if (!optimises(options)) words.emplace_back("-U_FORTIFY_SOURCE");  // it would only warn
   // Bounded messages; the same program wherever it is built.
   for (const char* word :
        {"-fPIE", "-pipe", "-Winvalid-pch", "-fmax-errors=20", "-fno-diagnostics-show-caret"})

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -63,7 +65,7 @@ enum class BuildOutcome : std::uint8_t {
   cancelled,
 };
 [[nodiscard]] std::string_view to_text(BuildOutcome outcome);
-/// Whether the log tells of a limit is taken from the compiler's words: sources can say them, too, and gain
+/// Whether the log reports a limit is taken from the compiler's words: sources can print them, too, and gain
 /// nothing by it.
 [[nodiscard]] BuildOutcome judge_build(const Ended& ended, std::string_view log, const Limits& limits);
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/control_group.hpp"
 
 #include <array>
@@ -68,7 +70,7 @@ void remove_abandoned_in(const std::filesystem::path& folder) {
   for (const auto& entry : std::filesystem::directory_iterator(folder, ec)) {
     const std::string name = entry.path().filename();
     if (!name.starts_with(prefix) || owner_lives(std::string_view(name).substr(prefix.size()))) continue;
-    rmdir(entry.path().c_str());  // refused while somebody is in it
+    rmdir(entry.path().c_str());  // refused while a process is in it
   }
 }
 

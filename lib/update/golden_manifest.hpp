@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -8,11 +10,11 @@
 
 namespace srfs::update {
 
-/// What tells a change on purpose from damage.
+/// What distinguishes a deliberate change from damage.
 enum class ScrubKind : std::uint8_t {
   program,  ///< executable or library of the installation: one with another build id was installed
   version,  ///< program in a version store: never changes
-  text,     ///< key, deployment, dictionary: who writes one leaves another time of modification; rot does not
+  text,     ///< key, deployment, dictionary: writing one changes its time of modification; rot does not
 };
 
 /// How a file was when it was taken for good.
@@ -34,14 +36,14 @@ struct FoundFile {
   std::uint64_t octets = 0;
   std::int64_t modified_ns = 0;
   std::string build_id;
-  bool settled = true;  ///< nobody has written to it for a while
+  bool settled = true;  ///< it was not written to for a while
 };
 
 enum class ScrubVerdict : std::uint8_t {
   good,
   damaged,
-  changed,    ///< on purpose: never mended
-  unsettled,  ///< it differs, and somebody may be writing it: to be looked at again
+  changed,    ///< on purpose: never repaired
+  unsettled,  ///< it differs, and a write may be in progress: to be checked again
 };
 /// @param found  nullopt: there is no file, or it cannot be read
 [[nodiscard]] ScrubVerdict judge(const GoldenFile& golden, const std::optional<FoundFile>& found);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/package.hpp"
 
 #include <algorithm>
@@ -15,6 +17,7 @@
 
 #include "base/fd.hpp"
 #include "update/deflate.hpp"
+#include "update/json_line.hpp"
 #include "update/sha256.hpp"
 #include "update/version_table.hpp"
 
@@ -33,6 +36,7 @@ constexpr std::string_view compressed_manifest = "srfs node package 2";
 constexpr std::string_view tag("SRFS-NODE-V1\0", 13);
 constexpr std::size_t longest_name = 32;
 constexpr std::size_t largest_entry = 4096;
+constexpr std::size_t longest_key_told = 40;
 constexpr int deepest_nesting = 16;
 constexpr seconds longest_self_test{60};
 constexpr std::uint64_t longest_slot_ms = 60'000;
@@ -95,7 +99,30 @@ std::optional<std::string> conflict(const std::vector<PackageFile>& files) {
   return std::nullopt;
 }
 
-/// Takes the fields of an object one after the other; what nobody took is unknown.
+/// Watches the parser: nesting is bounded, and a key stands once in its object. Readers of JSON differ in
+/// which of two they take, so two programs would see two manifests under one signature.
+class StrictParsing {
+ public:
+  /// @return whether the parser keeps the value
+  bool on_event(int depth, Json::parse_event_t event, const Json& parsed) {
+    too_deep_ = too_deep_ || depth > deepest_nesting;
+    if (too_deep_) return false;
+    if (event == Json::parse_event_t::object_start) open_.emplace_back();
+    if (event == Json::parse_event_t::object_end) open_.pop_back();
+    if (event == Json::parse_event_t::key && !open_.back().insert(parsed.get<std::string>()).second)
+      repeated_key_ = parsed.get<std::string>();
+    return true;
+  }
+  [[nodiscard]] bool too_deep() const { return too_deep_; }
+  [[nodiscard]] const std::optional<std::string>& repeated_key() const { return repeated_key_; }
+
+ private:
+  std::vector<std::set<std::string>> open_;  ///< keys of the objects around
+  bool too_deep_ = false;
+  std::optional<std::string> repeated_key_;
+};
+
+/// Takes the fields of an object one after the other; a field not taken is unknown.
 class Fields {
  public:
   explicit Fields(const Json& json) : json_(json) {}
@@ -247,13 +274,13 @@ Result<PackageStream, PackageFailure> decode_stream(const Json* json) {
 std::string_view to_text(DeflateError error) {
   switch (error) {
     case DeflateError::damaged:
-      return "no whole DEFLATE stream";
+      return "incomplete DEFLATE stream";
     case DeflateError::too_long:
-      return "it gives more than the files' octets";
+      return "it expands to more octets than the files have";
     case DeflateError::too_short:
-      return "it gives less than the files' octets";
+      return "it expands to fewer octets than the files have";
     case DeflateError::trailing:
-      return "octets behind its end";
+      return "octets after its end";
   }
   return "?";
 }
@@ -345,7 +372,7 @@ std::string_view to_text(PackageRefusal refusal) {
     case PackageRefusal::too_large:
       return "too large";
     case PackageRefusal::cut_off:
-      return "cut off, or no package";
+      return "truncated, or not a package";
     case PackageRefusal::unknown_format:
       return "unknown format";
     case PackageRefusal::wrong_key:
@@ -353,11 +380,11 @@ std::string_view to_text(PackageRefusal refusal) {
     case PackageRefusal::wrong_signature:
       return "wrong signature";
     case PackageRefusal::bad_manifest:
-      return "the manifest is not one";
+      return "invalid manifest";
     case PackageRefusal::bad_option:
       return "a build option that is not allowed";
     case PackageRefusal::old_counter:
-      return "not newer than what was accepted before";
+      return "not newer than the last accepted";
     case PackageRefusal::too_many_files:
       return "too many files";
     case PackageRefusal::bad_path:
@@ -367,9 +394,9 @@ std::string_view to_text(PackageRefusal refusal) {
     case PackageRefusal::wrong_size:
       return "not as long as the manifest says";
     case PackageRefusal::wrong_hash:
-      return "a file is not what was signed";
+      return "a file differs from the signed one";
     case PackageRefusal::bad_stream:
-      return "compressed files that are damaged, or too much";
+      return "compressed files damaged, or too large";
   }
   return "?";
 }
@@ -408,13 +435,16 @@ std::string encode(const Manifest& manifest) {
 
 Result<Manifest, PackageFailure> decode_manifest(std::string_view text) {
   if (text.size() > PackageLimits::manifest_octets) return refuse(PackageRefusal::too_large, "manifest");
-  bool too_deep = false;
-  const auto shallow = [&](int depth, Json::parse_event_t, Json&) {
-    too_deep = too_deep || depth > deepest_nesting;
-    return depth <= deepest_nesting;
+  StrictParsing strict;
+  const auto keep = [&](int depth, Json::parse_event_t event, const Json& parsed) {
+    return strict.on_event(depth, event, parsed);
   };
-  const Json json = Json::parse(text, shallow, false);
-  if (!json.is_object() || too_deep) return refuse(PackageRefusal::bad_manifest, "no JSON object");
+  const Json json = Json::parse(text, keep, false);
+  if (!json.is_object() || strict.too_deep())
+    return refuse(PackageRefusal::bad_manifest, "not a JSON object");
+  if (strict.repeated_key())
+    return refuse(PackageRefusal::bad_manifest,
+                  fmt::format("{} appears twice", plain_text(*strict.repeated_key(), longest_key_told)));
   Fields fields(json);
   const auto bad = [](const char* field) { return refuse(PackageRefusal::bad_manifest, field); };
   const auto format = fields.text("format");
@@ -446,7 +476,7 @@ Result<Manifest, PackageFailure> decode_manifest(std::string_view text) {
     if (!stream) return Err(stream.error());
     manifest.stream = std::move(*stream);
   }
-  if (!fields.all_taken()) return bad("a key that is not known");
+  if (!fields.all_taken()) return bad("unknown key");
   return manifest;
 }
 
@@ -534,7 +564,7 @@ Result<VerifiedPackage, PackageFailure> verify_package(
   auto manifest = decode_manifest(parts->manifest);
   if (!manifest) return Err(manifest.error());
   if (manifest->stream.has_value() != (parts->format == compressed_format))
-    return refuse(PackageRefusal::unknown_format, "manifest and head differ");
+    return refuse(PackageRefusal::unknown_format, "manifest and header differ");
   const std::uint64_t last = last_counter(manifest->node);
   if (manifest->counter <= last)
     return refuse(PackageRefusal::old_counter, fmt::format("{}, the last was {}", manifest->counter, last));
@@ -554,7 +584,7 @@ Result<VerifiedPackage, PackageFailure> verify_package(
     if (to_digits(sha256_of(content)) != file.sha256) return refuse(PackageRefusal::wrong_hash, file.path);
     verified.contents.push_back(content);
   }
-  if (!rest.empty()) return refuse(PackageRefusal::wrong_size, fmt::format("{} octets more", rest.size()));
+  if (!rest.empty()) return refuse(PackageRefusal::wrong_size, fmt::format("{} surplus octets", rest.size()));
   verified.manifest = std::move(*manifest);
   return verified;
 }

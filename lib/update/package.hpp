@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -72,8 +74,8 @@ struct PackageFile {
   friend bool operator==(const PackageFile&, const PackageFile&) = default;
 };
 
-/// The files as they lie in a package of format 2: one DEFLATE stream, signed too, so that nothing a stranger
-/// made is ever expanded.
+/// The files as they lie in a package of format 2: one DEFLATE stream, signed too, so that nothing made by a
+/// stranger is ever expanded.
 struct PackageStream {
   std::uint64_t octets = 0;
   std::string sha256;
@@ -117,7 +119,7 @@ struct Manifest {
 [[nodiscard]] Result<Manifest, PackageFailure> decode_manifest(std::string_view json);
 
 /// A package that the ground sends (format 2), verified as on board. @p manifest needs no sizes, hashes and
-/// stream: they are those of @p contents, of its files in their order. The same input gives the same octets
+/// stream: they follow from @p contents, from its files in their order. The same input gives the same octets
 /// with the same zlib.
 [[nodiscard]] Result<Octets, PackageFailure> make_package(Manifest manifest,
                                                           const std::vector<Octets>& contents,

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/package_keys.hpp"
 
 #include <algorithm>
@@ -12,6 +14,7 @@
 #include <unistd.h>
 
 #include "base/fd.hpp"
+#include "base/known_key.hpp"
 
 namespace srfs::update {
 namespace {
@@ -40,7 +43,7 @@ Result<Raw, FileError> load(const std::filesystem::path& file) {
 Result<void, FileError> save_new(const std::filesystem::path& file, const Raw& raw, mode_t mode) {
   const Fd fd(open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
   if (!fd)
-    return problem(file, errno == EEXIST ? "is there already; a key is never replaced"
+    return problem(file, errno == EEXIST ? "exists already; a key is never replaced"
                                          : "cannot create: " + errno_text(errno));
   std::string text = to_hex(raw) + '\n';
   const bool written =
@@ -65,7 +68,11 @@ Result<SigningSeed, FileError> load_seed(const std::filesystem::path& file) {
 }
 
 Result<PublicKey, FileError> load_public_key(const std::filesystem::path& file) {
-  return load(file);
+  auto key = load(file);
+  if (!key) return key;
+  if (const auto known = why_known(*key))
+    return problem(file, fmt::format("anyone could sign packages for this key: {}", *known));
+  return key;
 }
 
 Result<void, FileError> save_new_seed(const std::filesystem::path& file, const SigningSeed& seed) {

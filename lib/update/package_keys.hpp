@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -15,6 +17,7 @@ inline constexpr const char* public_key_file = "keys/package.pub";
 
 /// Refused when others than its owner may read it.
 [[nodiscard]] Result<SigningSeed, FileError> load_seed(const std::filesystem::path& file);
+/// Refused when the key behind it may be publicly known (base/known_key.hpp).
 [[nodiscard]] Result<PublicKey, FileError> load_public_key(const std::filesystem::path& file);
 
 /// Modes 0600 and 0644, synced. Never over a file that is there, nor through a link.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/sandbox.hpp"
 
 #include <array>
@@ -71,7 +73,7 @@ bool write_all(int fd, std::string_view content) {
   return true;
 }
 
-// ---- what the confined side tells, over a SOCK_SEQPACKET pair; the other end's silence is an end, too
+// ---- what the confined side reports, over a SOCK_SEQPACKET pair; the other end's silence is an end, too
 
 struct Message {
   enum class Stage : std::uint8_t { confined, refused, ended } stage = Stage::refused;
@@ -182,7 +184,7 @@ class Confined {
     if (!message_.in_force.test(index_of(Layer::files)) && privileges.ok()) {
       const Step first_choice = message_.failures[index_of(Layer::files)];
       note(Layer::files, restrict_files(confinement_, work_));
-      // The first choice's reason is told, too, where the second one holds.
+      // The first choice's reason is reported, too, where the second one holds.
       if (message_.in_force.test(index_of(Layer::files)))
         message_.failures[index_of(Layer::files)] = first_choice;
     }
@@ -211,7 +213,7 @@ class Confined {
     _exit(code);
   }
 
-  /// Nobody else's sockets are to be seen among the files.
+  /// No sockets of other programs are visible among the files.
   [[nodiscard]] bool has_own_view() const { return message_.failures[index_of(Layer::files)].ok(); }
 
   void wait_for(pid_t program, int children) {
@@ -219,8 +221,10 @@ class Confined {
     bool ended = false;
     while (!ended) {
       (void)poll(entries.data(), entries.size(), -1);
-      signalfd_siginfo ignored;
-      if (entries[0].revents != 0) (void)read(children, &ignored, sizeof ignored);
+      signalfd_siginfo child;
+      if (entries[0].revents != 0) {
+        [[maybe_unused]] const ssize_t ignored = read(children, &child, sizeof child);
+      }
       int status = 0;
       pid_t pid = 0;
       while ((pid = waitpid(-1, &status, WNOHANG)) > 0) {
@@ -228,7 +232,7 @@ class Confined {
         message_.status = status;
         ended = true;
       }
-      if (entries[1].revents != 0) break;  // told to end it, or nobody is there any more
+      if (entries[1].revents != 0) break;  // asked to end it, or the other end is gone
     }
     end_all(program, ended);
     rusage used{};
@@ -265,7 +269,7 @@ class Confined {
       prlimit(child, RLIMIT_NPROC, &none, nullptr);
       kill(child, SIGKILL);
     }
-    // All of the user's, which has no others: nobody can fork away from that.
+    // All processes of the user, which has no others: none can fork away from that.
     if (root_ && fork() == 0) {
       if (setresuid(confinement_.user, confinement_.user, confinement_.user) == 0) kill(-1, SIGKILL);
       _exit(0);
@@ -296,7 +300,7 @@ Forked fork_keeper(bool namespaces) {
   };
   if (const pid_t pid = clone(CLONE_NEWPID); pid >= 0) return {pid, {}};
   const Step refusal{"process namespace", errno};
-  // Who is root already gains nothing by it, and would be root outside.
+  // A process that is root already gains nothing by it, and would be root outside.
   if (geteuid() != 0) {
     if (const pid_t pid = clone(CLONE_NEWUSER | CLONE_NEWPID); pid >= 0) return {pid, {}, true};
   }
@@ -308,7 +312,7 @@ struct Pair {
 };
 Pair make_pipe() {
   int ends[2] = {-1, -1};
-  (void)pipe2(ends, O_CLOEXEC);
+  if (pipe2(ends, O_CLOEXEC) != 0) return {};
   fcntl(ends[0], F_SETFL, O_NONBLOCK);
   return {Fd(ends[0]), Fd(ends[1])};
 }
@@ -318,7 +322,7 @@ Pair make_channel() {
   return {Fd(ends[0]), Fd(ends[1])};
 }
 
-/// At most what a full pipe holds, so that who writes without end does not hold its judge up.
+/// At most what a full pipe holds, so that a program that writes without end does not hold its judge up.
 /// @return false: no more will come
 bool pass_on(int fd, const std::function<void(std::string_view)>& listener) {
   char chunk[16384];
@@ -417,7 +421,7 @@ Result<Fd, std::string> WorkFolder::take(const std::string& name, std::uint64_t 
   Fd file(openat(fd_.get(), name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
   struct stat status {};
   if (!file || fstat(file.get(), &status) != 0) return Err(fmt::format("{}: {}", name, errno_text(errno)));
-  if (!S_ISREG(status.st_mode)) return Err(fmt::format("{}: no ordinary file", name));
+  if (!S_ISREG(status.st_mode)) return Err(fmt::format("{}: not a regular file", name));
   if (static_cast<std::uint64_t>(status.st_size) > limit) return Err(fmt::format("{}: too large", name));
   return file;
 }
@@ -443,14 +447,14 @@ bool WorkFolder::is_full(const Limits& limits) const {
 Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const WorkFolder& work,
                                            const std::function<int()>& program, const Listener& listener) {
   constexpr milliseconds look_period{50};
-  constexpr seconds patience{5};  // of its end, once it is told to
+  constexpr seconds patience{5};  // with its end, once it is asked to
   const Limits& limits = confinement.limits;
-  if (geteuid() == 0 && confinement.user == 0) return Err(SandboxFailure{"root is no user to confine", {}});
+  if (geteuid() == 0 && confinement.user == 0) return Err(SandboxFailure{"root cannot be confined", {}});
   Pair channel = make_channel();
   Pair output = make_pipe();
   Pair log = make_pipe();
   if (!channel.ours || !output.ours || !log.ours)
-    return Err(SandboxFailure{"no pipes: " + errno_text(errno), {}});
+    return Err(SandboxFailure{"cannot create pipes: " + errno_text(errno), {}});
   ControlGroup group(limits.memory_octets, limits.processes);
 
   const uid_t user = geteuid();
@@ -458,7 +462,7 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
   fflush(nullptr);  // what waits to be written is not the program's
   const MonotonicTime begin = monotonic_now();
   const Forked keeper = fork_keeper(confinement.namespaces);
-  if (keeper.pid < 0) return Err(SandboxFailure{"no process: " + errno_text(errno), {}});
+  if (keeper.pid < 0) return Err(SandboxFailure{"cannot create a process: " + errno_text(errno), {}});
   if (keeper.pid == 0) {
     channel.ours.reset();
     Message message;
@@ -531,14 +535,14 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
   if (last) ended.layers = layers_of(*last);
   if (!confined) {
     if (ended.stop != Ended::Stop::none) return ended;
-    if (!last) return Err(SandboxFailure{"ended while it was set up", ended.layers});
+    if (!last) return Err(SandboxFailure{"ended during setup", ended.layers});
     const LayerSet missing = confinement.required & ~last->in_force;
     if (!last->fatal.ok())
       return Err(SandboxFailure{fmt::format("{}: {}", last->fatal.name, errno_text(last->fatal.error)),
                                 ended.layers});
-    return Err(SandboxFailure{missing.any() ? "required and not to be had: " + missing_layers(missing)
-                                            : "ended while it was set up",
-                              ended.layers});
+    return Err(SandboxFailure{
+        missing.any() ? "required but not available: " + missing_layers(missing) : "ended during setup",
+        ended.layers});
   }
   if (last->stage == Message::Stage::ended) {
     if (WIFEXITED(last->status)) ended.exit_code = WEXITSTATUS(last->status);

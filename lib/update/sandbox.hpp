@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -17,11 +19,11 @@
 
 namespace srfs::update {
 
-/// What stands between a program that nobody trusts and the satellite (README.md). Each is set up by itself;
-/// where the kernel or a container refuses one, the others hold.
+/// What stands between an untrusted program and the satellite (README.md). Each is set up by itself; where
+/// the kernel or a container refuses one, the others hold.
 enum class Layer : std::uint8_t {
-  user,       ///< a user of its own, no privileges, none to be had by a set-uid program
-  files,      ///< the system read-only, nothing else of it to be seen: mount namespace, else Landlock
+  user,       ///< a user of its own, no privileges, none gained by a set-uid program
+  files,      ///< the system read-only, nothing else of it visible: mount namespace, else Landlock
   processes,  ///< own process numbers: all of them end with the first
   network,    ///< none, or a loopback of its own
   ipc,        ///< own System V objects and message queues
@@ -64,17 +66,17 @@ struct Limits {
 
 struct Confinement {
   std::vector<std::filesystem::path> readable;  ///< beside /usr; absolute. Missing ones are left out
-  bool network = false;  ///< a loopback of its own; where that cannot be had, the host's network
-  uid_t user = 64042;    ///< where this process is root; else it stays who it is
+  bool network = false;  ///< a loopback of its own; where that is not possible, the host's network
+  uid_t user = 64042;    ///< where this process is root; else it keeps its user
   gid_t group = 64042;
   Limits limits;
   LayerSet required;       ///< without these nothing is run
   bool namespaces = true;  ///< false: as if the kernel had none
 };
 
-/// The one folder that a confined program may write to, with `tmp` and `shm` in it: in memory and of limited
-/// size where the kernel allows it, then nobody outside sees it, and it is gone with the last user; else a
-/// plain folder, removed with this object. For one run.
+/// The one folder that a confined program may write to, with `tmp` and `shm` in it. Where the kernel allows
+/// it, it is in memory, of limited size, invisible from outside, and gone with the last user; else a plain
+/// folder, removed with this object. For one run.
 class WorkFolder {
  public:
   /// @param path  absolute; made. Whatever lies there is removed
@@ -119,14 +121,14 @@ struct Listener {
 
 /// How a confined program ended, with all that it had started.
 struct Ended {
-  enum class Stop : std::uint8_t { none, wall_time, quota, cancelled };  ///< who ended it: none: it itself
+  enum class Stop : std::uint8_t { none, wall_time, quota, cancelled };  ///< what ended it; none: it itself
   Stop stop = Stop::none;
   std::optional<int> exit_code;
   int signal = 0;
   double seconds = 0;
   double cpu_s = 0;               ///< of all its processes that were waited for
   std::uint64_t peak_octets = 0;  ///< of all together where there is a control group, else of the largest
-  bool out_of_memory = false;     ///< the control group says so
+  bool out_of_memory = false;     ///< the control group reports it
   bool too_many_processes = false;
   Layers layers;
 };

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/sandbox_layers.hpp"
 
 #include <array>
@@ -23,6 +25,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include "base/background.hpp"
 #include "base/process.hpp"
 
 namespace srfs::update {
@@ -40,7 +43,7 @@ int write_text(const char* file, const std::string& text) {
   return write(fd.get(), text.data(), text.size()) < 0 ? -1 : 0;
 }
 
-/// Public files that programs need; no more of /etc is to be seen.
+/// Public files that programs need; no more of /etc is visible.
 constexpr std::array public_files{"/etc/ld.so.cache", "/etc/alternatives", "/etc/localtime", "/etc/hosts",
                                   "/etc/nsswitch.conf"};
 constexpr std::array system_folders{"/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32"};
@@ -132,15 +135,13 @@ Step bring_up_loopback() {
 }
 
 Step take_lowest_priority() {
-  constexpr int of_this_process = 1;   // IOPRIO_WHO_PROCESS
-  constexpr int idle_class = 3 << 13;  // IOPRIO_CLASS_IDLE
   const sched_param none{};
   if (setpriority(PRIO_PROCESS, 0, 19) != 0) return failed("nice 19");
   if (sched_setscheduler(0, SCHED_IDLE, &none) != 0) return failed("SCHED_IDLE");
   // EAGAIN: without privileges it may be set ten times a second by all.
   if (const int error = set_session_niceness(19); error != 0 && error != EAGAIN)
     return {"niceness of the session", error};
-  if (syscall(SYS_ioprio_set, of_this_process, 0, idle_class) != 0) return failed("idle I/O");
+  if (syscall(SYS_ioprio_set, io_priority_of_one, 0, idle_io_priority) != 0) return failed("idle I/O");
   return {};
 }
 

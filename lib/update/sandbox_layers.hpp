@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "update/sandbox.hpp"
@@ -14,7 +16,7 @@ struct Step {
 
 // For a process that confines itself, each once, in this order.
 
-/// Full rights in a user namespace of its own, so that somebody who is not root has the others too.
+/// Full rights in a user namespace of its own, so that a process that is not root has the others too.
 [[nodiscard]] Step map_user(uid_t user, gid_t group);
 /// A new root: /usr and what is readable, read-only, a few devices, the work folder. In a mount namespace.
 [[nodiscard]] Step enter_view(const Confinement& confinement, const WorkFolder& work, bool own_processes);
@@ -29,7 +31,7 @@ struct Step {
 [[nodiscard]] Step drop_privileges(std::optional<std::pair<uid_t, gid_t>> user);
 struct AllowedSockets {
   bool internet = false;
-  bool local = false;  ///< AF_UNIX; where nobody of the suite can be reached by it
+  bool local = false;  ///< AF_UNIX; where no process of the suite can be reached by it
 };
 [[nodiscard]] Step filter_system_calls(AllowedSockets sockets);
 

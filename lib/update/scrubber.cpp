@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/scrubber.hpp"
 
 #include <algorithm>
@@ -44,7 +46,7 @@ class Scrubber::Pass {
     ::unlink(to.c_str());  // what a power loss left
     if (error_.empty())
       to_ = Fd(open(to.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
-    if (error_.empty() && !to_) fail("no copy can be made", errno);
+    if (error_.empty() && !to_) fail("cannot be copied", errno);
     copies_ = true;
   }
 
@@ -63,7 +65,7 @@ class Scrubber::Pass {
       const ssize_t written = write(to_.get(), piece.data() + done, piece.size() - done);
       if (written < 0 && errno == EINTR) continue;
       if (written < 0) {
-        fail("no copy can be made", errno);
+        fail("cannot be copied", errno);
         return false;
       }
       done += static_cast<std::size_t>(written);
@@ -195,8 +197,7 @@ void Scrubber::finish_round(UtcTime now) {
       }
     }
   }
-  // Copies that nobody needs, and what was begun and not finished. Not while the manifest on disk may name
-  // them.
+  // Unneeded copies, and what was begun and not finished. Not while the manifest on disk may name them.
   std::error_code ec;
   for (std::filesystem::directory_iterator it(settings_.folder, ec), end;
        !manifest_changed_ && !ec && it != end; it.increment(ec)) {
@@ -235,9 +236,8 @@ void Scrubber::after_file() {
     pass_->read_from_the_medium();
     return;
   }
-  if (!found_) return lose("it is gone, and no copy was ever taken");
-  if (is_version && found_->sha256 != file_.sha256)
-    return lose("its SHA-256 is another, and no copy was ever taken");
+  if (!found_) return lose("missing, and no copy exists");
+  if (is_version && found_->sha256 != file_.sha256) return lose("wrong SHA-256, and no copy exists");
   if (!is_version && !found_->settled && mode_ != ScrubMode::retake) return;  // next time
   golden_ = {file_.path.string(), file_.kind,  found_->sha256,  found_->octets,
              found_->modified_ns, found_mode_, found_->build_id};
@@ -247,7 +247,7 @@ void Scrubber::after_file() {
                                ec);  // there are keys in it
   const auto space = std::filesystem::space(settings_.folder, ec);
   if (!ec && space.available < golden_.octets + settings_.keep_free_octets)
-    return leave("no room for a copy of it");
+    return leave("no disk space for a copy");
   begin_copy(Phase::take, file_.path, copy_of(golden_));
 }
 
@@ -264,7 +264,7 @@ void Scrubber::after_copy(bool good) {
       begin_copy(Phase::mend_copy, file_.path, copy_of(golden_));
       return;
     case ScrubVerdict::changed:
-      return leave("changed on purpose; good from the next start of maintenance or scrub.retake on");
+      return leave("changed on purpose; accepted by scrub.retake or at a restart");
     case ScrubVerdict::unsettled:
       return;
     case ScrubVerdict::damaged:
@@ -274,12 +274,12 @@ void Scrubber::after_copy(bool good) {
   const bool may_belong_to_it =
       !found_ || (golden_.kind == ScrubKind::program && found_->build_id != golden_.build_id);
   if (other_build_ && golden_.kind != ScrubKind::version && may_belong_to_it)
-    return leave("damaged or gone, and another build is installed");
+    return leave("damaged or missing, and another build is installed");
   say(ScrubFinding::What::damaged,
-      !found_ ? "it is gone or cannot be read"
+      !found_ ? "missing or unreadable"
       : found_->octets != golden_.octets
           ? fmt::format("{} octets instead of {}", found_->octets, golden_.octets)
-          : "its SHA-256 is another");
+          : "wrong SHA-256");
   if (!good) return lose(say_copy_is_bad() + " too");
   begin_copy(Phase::mend_file, copy_of(golden_), file_.path);
 }
@@ -294,7 +294,7 @@ void Scrubber::begin_copy(Phase phase, const std::filesystem::path& from, const 
 Result<void, std::string> Scrubber::place_copy() {
   const std::filesystem::path copy = target_.string() + std::string(unfinished);
   std::string why = pass_->error();
-  if (why.empty() && pass_->sha256() != golden_.sha256) why = "it changed while it was copied";
+  if (why.empty() && pass_->sha256() != golden_.sha256) why = "changed while being copied";
   if (why.empty() && phase_ == Phase::mend_file) {
     const timespec time{static_cast<time_t>(golden_.modified_ns / 1'000'000'000),
                         static_cast<long>(golden_.modified_ns % 1'000'000'000)};
@@ -361,7 +361,7 @@ void Scrubber::read_manifest() {
     if (!manifest) {
       manifest_changed_ = manifest_damaged_ = true;
       file_ = {settings_.folder / copy, ScrubKind::text, {}};
-      say(ScrubFinding::What::damaged, text ? "its checksum is wrong" : text.error().message);
+      say(ScrubFinding::What::damaged, text ? "wrong checksum" : text.error().message);
     } else if (!newest || manifest->revision > newest->revision) {
       newest = std::move(manifest);
     }
@@ -369,7 +369,7 @@ void Scrubber::read_manifest() {
   manifest_changed_ = manifest_changed_ && any;  // the first round writes it
   if (!newest && any) {
     manifest_damaged_ = false;
-    say(ScrubFinding::What::left, "both are damaged; everything is taken anew");
+    say(ScrubFinding::What::left, "both manifests damaged; all files accepted as they are");
   }
   if (newest) manifest_ = std::move(*newest);
   status_.build = manifest_.build();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -18,7 +20,7 @@ namespace srfs::update {
 struct ScrubFile {
   std::filesystem::path path;  ///< absolute, no link
   ScrubKind kind = ScrubKind::text;
-  std::string sha256;  ///< of a version, which says itself what it has to be; else empty
+  std::string sha256;  ///< of a version, which itself states the required value; else empty
 };
 
 enum class ScrubMode : std::uint8_t {
@@ -31,7 +33,7 @@ struct ScrubFinding {
   enum class What : std::uint8_t {
     damaged,  ///< found
     mended,
-    left,  ///< not mended: no good copy, not possible, or changed on purpose
+    left,  ///< not repaired: no good copy, not possible, or changed on purpose
   };
   What what = What::damaged;
   std::string path;
@@ -48,16 +50,16 @@ struct ScrubStatus {
   std::uint32_t mended = 0;
   std::uint32_t taken = 0;     ///< files taken for good in the round that ended last
   std::uint32_t lost = 0;      ///< without a good copy, in the round that ended last
-  std::uint32_t unmended = 0;  ///< with one, and yet not mended, in the round that ended last
+  std::uint32_t unmended = 0;  ///< with one, and yet not repaired, in the round that ended last
   UtcTime last_round;
   std::string build;
   std::string last_damaged;
 };
 
-/// Compares files with the digests that were taken of them once, and mends what rots from a good copy. The
-/// folder holds the copies, named by their SHA-256, and the manifest in two copies, manifest_a and
+/// Compares files with the digests that were taken of them once, and repairs rotten ones from a good copy.
+/// The folder holds the copies, named by their SHA-256, and the manifest in two copies, manifest_a and
 /// manifest_b, each replaced atomically; after a power loss at any instant the next round goes on from what
-/// is there. What is damaged in both places is reported and left. A round goes by slices, so that nothing
+/// is there. What is damaged in both places is reported and left. A round works in slices, so that nothing
 /// else waits for it. One thread; blocks on the disk.
 class Scrubber {
  public:

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -51,7 +53,7 @@ struct Update {
 
   friend bool operator==(const Update&, const Update&) = default;
 };
-/// As the version that comes of it says where it is from; of one package only.
+/// The origin that the resulting version states; of one package only.
 [[nodiscard]] std::string origin_of(const Update& update);
 
 /// The package that was accepted last for a node.
@@ -63,7 +65,7 @@ struct AcceptedPackage {
   friend bool operator==(const AcceptedPackage&, const AcceptedPackage&) = default;
 };
 
-/// What is to survive the end of maintenance and of the computer: the update under way, or the last one, and
+/// What must survive the end of maintenance and of the computer: the update in progress, or the last one, and
 /// the counters that forbid old packages. Pure.
 class UpdateJournal {
  public:
@@ -86,7 +88,7 @@ class UpdateJournal {
   void end(UpdateStep step, std::string_view reason);
   void installed(std::optional<milliseconds> outage);
 
-  /// Where an update goes on whose process ended, by what the node's table of versions says now: build (from
+  /// Where an update goes on after its process ended, by the node's present table of versions: build (from
   /// the beginning), swap, or it is over. Begun too often, it failed.
   void resume(const VersionTable& table);
 

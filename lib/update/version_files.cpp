@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/version_files.hpp"
 
 #include <algorithm>
@@ -89,7 +91,7 @@ Result<VersionFiles::Digest, FileError> PosixVersionFiles::copy_in(const std::fi
   if (!from) return failure("open", source, errno);
   struct stat status {};
   if (fstat(from.get(), &status) != 0) return failure("read", source, errno);
-  if (!S_ISREG(status.st_mode)) return Err(FileError{source.string() + ": is no ordinary file"});
+  if (!S_ISREG(status.st_mode)) return Err(FileError{source.string() + ": not a regular file"});
   const auto path = folder_ / name;
   ::unlink(path.c_str());  // what a power loss left may not be written to
   const Fd to(open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));

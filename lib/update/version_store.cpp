@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/version_store.hpp"
 
 #include <algorithm>
@@ -85,8 +87,8 @@ Result<void, std::string> VersionStore::change(Change change) {
   return {};
 }
 
-/// Removes programs of versions that are no more, and what was begun and not finished. What cannot be removed
-/// now is tried again at the next change.
+/// Removes programs of versions that no longer exist, and what was begun and not finished. What cannot be
+/// removed now is tried again at the next change.
 void VersionStore::remove_unnamed(const VersionTable& table) {
   for (const std::string& name : files_.names()) {
     const auto& versions = table.versions();
@@ -101,7 +103,7 @@ void VersionStore::remove_unnamed(const VersionTable& table) {
 Result<VersionNumber, std::string> VersionStore::add(const std::filesystem::path& program,
                                                      const std::string& origin, UtcTime now) {
   VersionTable table = read().table;
-  // The table first learns of what is there: a crash in between leaves a file that nobody names.
+  // The table names a file only once it is there: a crash in between leaves a file without an entry.
   const std::string file = file_of(table.next_number());
   const auto digest = files_.copy_in(program, file + std::string(unfinished));
   if (!digest) {
@@ -147,7 +149,7 @@ std::optional<std::string> VersionStore::damage(const Version& version) const {
   if (!digest) return digest.error().message;
   if (digest->octets != version.octets)
     return fmt::format("{} octets instead of {}", digest->octets, version.octets);
-  if (digest->sha256 != version.sha256) return "its SHA-256 is another";
+  if (digest->sha256 != version.sha256) return "wrong SHA-256";
   return std::nullopt;
 }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -11,7 +13,7 @@ namespace srfs::update {
 /// The versions of one node on disk: the programs NAME.1, NAME.2..., and the table in two copies, table_a and
 /// table_b, each replaced atomically one after the other, of which the newest readable one counts. After a
 /// power loss at any instant each change has happened whole or not at all, and the program of every version
-/// in the table is there. No table that can be read: golden is active, and the next change begins anew and
+/// in the table is there. Without a readable table golden is active, and the next change begins anew and
 /// removes what no table names. Blocks on the disk; one writer at a time (PosixVersionFiles::lock).
 class VersionStore {
  public:

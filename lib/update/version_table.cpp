@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/version_table.hpp"
 
 #include <algorithm>
@@ -187,7 +189,7 @@ Result<void, VersionRefusal> VersionTable::fail(VersionNumber number, std::strin
   } else if (was_active) {
     active_ = last_good_;
   } else {
-    // On trial is somebody else: only what it would go back to has changed. Golden is beyond doubt.
+    // Another version is on trial: only what it would go back to has changed. Golden is beyond doubt.
     last_good_ = golden;
   }
   return {};

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -20,7 +22,7 @@ enum class VersionState : std::uint8_t {
   probation,  ///< active on trial: a death now goes back to the last good version
   committed,  ///< the last good version
   previous,   ///< was the last good version once
-  failed,     ///< fell in its probation, was damaged or vetoed; active again only when somebody asks for it
+  failed,     ///< fell in its probation, was damaged or vetoed; active again only on request
 };
 [[nodiscard]] std::string_view to_text(VersionState state);
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "wire/cadu.hpp"
 
 #include <algorithm>
@@ -32,7 +34,7 @@ std::optional<CaduSynchroniser::Frame> decode_block(OctetView block, const CaduF
     auto decoded = rs_decode(octets, format.interleave);
     if (!decoded) return std::nullopt;
     // The code is cyclic, and so nearly is the random sequence: a codeblock taken one octet early or late
-    // decodes to a wrong frame. Only the FECF tells.
+    // decodes to a wrong frame. Only the FECF shows it.
     if (crc16(decoded->data) != 0) return std::nullopt;
     return CaduSynchroniser::Frame{std::move(decoded->data), decoded->corrected_octets};
   }

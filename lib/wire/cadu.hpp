@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -81,7 +83,7 @@ class CaduSynchroniser {
   std::size_t head_ = 0;       // first octet not yet decided
   std::size_t look_back_ = 0;  // octets before it that are searched too if the next marker is missing
   State state_ = State::searching;
-  bool spacing_checked_ = false;    // locked: the marker at the front was looked at
+  bool spacing_checked_ = false;    // locked: the marker at the front was checked
   unsigned marker_bit_errors_ = 0;  // of that marker
 };
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -12,7 +14,7 @@ struct CanFrameContent {
   bool extended = true;
   bool remote = false;
   std::uint8_t size = 0;  ///< 0-8: the DLC
-  OctetView data{};       ///< @p size octets; not looked at in a remote frame
+  OctetView data{};       ///< @p size octets; ignored in a remote frame
 };
 
 /// Bits the frame takes on the wire (ISO 11898-1): start of frame to the CRC sequence with its real stuff

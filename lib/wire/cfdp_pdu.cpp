@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "wire/cfdp_pdu.hpp"
 
 #include <algorithm>
@@ -340,11 +342,11 @@ std::string_view to_string(CfdpPduError error) {
     case Error::reserved_value:
       return "reserved bits or value";
     case Error::truncated:
-      return "a field ends behind the PDU";
+      return "a field ends beyond the PDU";
     case Error::trailing_octets:
-      return "octets behind the last field";
+      return "octets after the last field";
     case Error::bad_option:
-      return "option that does not belong there";
+      return "misplaced option";
     case Error::filestore_request:
       return "filestore requests are not supported";
     case Error::bad_segment:

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -73,7 +75,7 @@ struct CfdpTlv {
 
 struct CfdpMetadata {
   bool closure_requested = false;
-  std::uint8_t checksum_type = 0;  ///< of CfdpChecksumType, or one that nobody here knows
+  std::uint8_t checksum_type = 0;  ///< of CfdpChecksumType, or one that is not known here
   std::uint64_t file_size = 0;     ///< octets; 0: not known yet (5.2.5)
   std::string source_file = {};
   std::string destination_file = {};

@@ -1,8 +1,10 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "wire/cltu.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
-#include <iterator>
 #include <optional>
 
 #include "wire/crc16.hpp"
@@ -51,12 +53,16 @@ constexpr std::array<std::uint8_t, 128> make_single_errors() {
 }
 constexpr auto single_errors = make_single_errors();
 
+std::size_t wrong_bits(std::uint8_t octet, std::uint8_t expected) {
+  return static_cast<std::size_t>(std::popcount(static_cast<unsigned>(octet ^ expected)));
+}
+
 struct Block {
   std::array<std::uint8_t, bch_information_octets> information{};
   std::size_t corrected_bits = 0;
 };
 
-/// The filler bit is not looked at: it protects nothing, and a hit on it is no reason to lose a frame.
+/// The filler bit is ignored: it protects nothing, and a hit on it is no reason to lose a frame.
 std::optional<Block> decode_bch(OctetView octets, bool correct) {
   Block block;
   std::copy_n(octets.begin(), bch_information_octets, block.information.begin());
@@ -133,6 +139,17 @@ void CltuDecoder::drain(std::vector<Octets>& frames) {
   head_ = 0;
 }
 
+std::optional<std::size_t> CltuDecoder::start_errors(OctetView octets) const {
+  const std::size_t errors =
+      wrong_bits(octets[0], cltu_start_sequence[0]) + wrong_bits(octets[1], cltu_start_sequence[1]);
+  if (errors > (config_.correct_single_bits ? 1U : 0U)) return std::nullopt;
+  return errors;
+}
+
+bool CltuDecoder::may_begin_start(std::uint8_t octet) const {
+  return wrong_bits(octet, cltu_start_sequence[0]) <= (config_.correct_single_bits ? 1U : 0U);
+}
+
 CltuDecoder::Step CltuDecoder::search() {
   OctetView octets = pending();
   while (!octets.empty() && tail_matched_ < cltu_tail_sequence.size()) {
@@ -144,24 +161,25 @@ CltuDecoder::Step CltuDecoder::search() {
     octets = octets.subspan(1);
     drop(1);
   }
-  const auto start =
-      std::search(octets.begin(), octets.end(), cltu_start_sequence.begin(), cltu_start_sequence.end());
-  auto noise = static_cast<std::size_t>(std::distance(octets.begin(), start));
-  if (start == octets.end()) {
-    // The last octet may be the first half of a start sequence.
-    if (!octets.empty() && octets.back() == cltu_start_sequence[0]) --noise;
-    counters_.noise_octets += noise;
-    drop(noise);
-    return Step::needs_octets;
+  // EB and 90 differ in six bits, so a start sequence found never overlaps another one.
+  std::size_t noise = 0;
+  std::optional<std::size_t> errors;
+  while (octets.size() - noise >= cltu_start_sequence.size()) {
+    errors = start_errors(octets.subspan(noise));
+    if (errors) break;
+    ++noise;
   }
+  // The last octet may be the first half of a start sequence.
+  if (!errors && !octets.empty() && !may_begin_start(octets.back())) noise = octets.size();
   counters_.noise_octets += noise;
   drop(noise);
+  if (!errors) return Step::needs_octets;
   ++counters_.start_sequences;
   tail_matched_ = cltu_tail_sequence.size();
   in_cltu_ = true;
   frame_.clear();
   frame_octets_ = 0;
-  corrected_bits_ = 0;
+  corrected_bits_ = *errors;
   return Step::progressed;
 }
 
@@ -210,10 +228,18 @@ void CltuDecoder::finish(std::vector<Octets>& frames) {
   // A CLTU cut inside its last fill or parity can still be complete, corrected with the next one's start
   // sequence in their place. True fill and parity never hold one: fill is 55, the last bit of parity 0.
   const std::size_t end = cltu_start_sequence.size() + blocks * bch_block_octets;
-  const OctetView trailer = pending().first(end).last(fill_octets + 1);
-  const bool next_one_inside =
-      std::find(trailer.begin(), trailer.end(), cltu_start_sequence[0]) != trailer.end();
-  drop(next_one_inside ? end - trailer.size() : end);
+  const std::size_t trailer = end - fill_octets - 1;
+  drop(start_inside(trailer, end) ? trailer : end);
+}
+
+bool CltuDecoder::start_inside(std::size_t begin, std::size_t end) const {
+  const OctetView octets = pending();
+  for (std::size_t i = begin; i < end; ++i) {
+    // Parity may differ from the first octet in one bit, so that alone says nothing.
+    if (octets[i] == cltu_start_sequence[0]) return true;
+    if (i + 1 < octets.size() && start_errors(octets.subspan(i))) return true;
+  }
+  return false;
 }
 
 void CltuDecoder::give_up() {

@@ -1,9 +1,12 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "base/octets.hpp"
@@ -33,20 +36,22 @@ inline constexpr std::size_t bch_block_octets = 8;
 
 /// Finds the frames in the octets of the uplink line.
 ///
-/// The line is octet-aligned (a UART), so the start sequence is sought at octet borders, without error
-/// tolerance. Blocks are decoded one by one and the end is known from the frame's length field; the tail is
-/// never sought. A candidate is believed only when all its blocks, its length and its FECF are right.
-/// Otherwise only its start sequence is dropped and everything behind it is searched again, so a CLTU cut
-/// short, or a start sequence imitated by noise, never takes a good CLTU with it: the good one comes out as
-/// soon as the candidate fails, or at the latest when the line is silent.
+/// The line is octet-aligned (a UART), so the start sequence is sought at octet borders. With error
+/// correction one of its bits may be wrong, as in a block; else none. Blocks are decoded one by one and the
+/// end is known from the frame's length field; the tail is never sought. A candidate is believed only when
+/// all its blocks, its length and its FECF are right. Otherwise only its start sequence is dropped and
+/// everything behind it is searched again, so a CLTU cut short, or a start sequence imitated by noise, never
+/// takes a good CLTU with it: the good one comes out as soon as the candidate fails, or at the latest when
+/// the line is silent.
 ///
 /// Memory is bounded by the longest CLTU plus one piece of input. Not thread-safe. Never blocks.
 class CltuDecoder {
  public:
   struct Config {
     bool randomized = false;
-    bool correct_single_bits =
-        false;  ///< else any wrong parity rejects the block (231.0-B-4, 3.4: TED or SEC)
+    /// One wrong bit in a block, and in the start sequence; else any wrong bit rejects them (231.0-B-4, 3.4:
+    /// SEC or TED).
+    bool correct_single_bits = false;
     std::size_t frame_octets_max = tc_frame_octets_max;
     std::chrono::milliseconds silence{200};  ///< no octet for this long inside a CLTU: it was cut short
   };
@@ -56,7 +61,7 @@ class CltuDecoder {
         0;  ///< seen, imitations and those found again while searching behind a failure included
     std::uint64_t cltus_decoded = 0;    ///< frames handed out
     std::uint64_t blocks_rejected = 0;  ///< wrong parity that could not be corrected
-    std::uint64_t corrected_bits = 0;   ///< in frames handed out
+    std::uint64_t corrected_bits = 0;   ///< in frames handed out and their start sequences
     std::uint64_t bad_length = 0;       ///< length field below the shortest or above the longest frame
     std::uint64_t bad_fecf = 0;         ///< all blocks right, frame error control wrong
     std::uint64_t cut_short = 0;        ///< given up because the line was silent
@@ -89,6 +94,11 @@ class CltuDecoder {
 
   void drain(std::vector<Octets>& frames);
   Step search();
+  /// Wrong bits of the start sequence that may stand at @p octets (two at least); nullopt: it does not.
+  [[nodiscard]] std::optional<std::size_t> start_errors(OctetView octets) const;
+  /// Whether the next octet may make @p octet the begin of a start sequence.
+  [[nodiscard]] bool may_begin_start(std::uint8_t octet) const;
+  [[nodiscard]] bool start_inside(std::size_t begin, std::size_t end) const;
   Step decode_block(std::vector<Octets>& frames);
   void finish(std::vector<Octets>& frames);
   void give_up();

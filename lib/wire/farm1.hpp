@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -81,7 +83,7 @@ struct Clcw {
   friend bool operator==(const Clcw&, const Clcw&) = default;
 };
 
-/// What the CLCW of a channel says about its FARM (e11: report).
+/// What the CLCW of a channel reports about its FARM (e11: report).
 [[nodiscard]] Clcw make_clcw(const FarmState& state, std::uint8_t vc);
 [[nodiscard]] std::uint32_t encode_clcw(const Clcw& clcw);
 

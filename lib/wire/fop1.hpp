@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -92,7 +94,7 @@ inline constexpr std::size_t fop_event_count = 50;
 
 /// Reasons of an alert (table 4-4): the AD service ended.
 enum class FopAlert : std::uint8_t {
-  limit,    ///< transmissions exhausted (limit 1), said by a CLCW
+  limit,    ///< transmissions exhausted (limit 1), reported by a CLCW
   t1,       ///< transmissions exhausted when the timer expired
   lockout,  ///< the spacecraft's FARM-1 is locked out
   synch,    ///< a CLCW contradicts what was sent
@@ -151,7 +153,7 @@ struct FopSettings {
 };
 [[nodiscard]] bool is_valid(const FopSettings& settings);
 
-/// What FOP-1 wants done or has to say. To be handled in order.
+/// What FOP-1 wants done or has to report. To be handled in order.
 struct FopSignal {
   enum class Kind : std::uint8_t {
     transmit_ad,          ///< frame with `sequence` and `data`; answer with on_ad_accepted or on_ad_rejected
@@ -180,7 +182,7 @@ struct FopSignal {
 };
 
 /// FOP-1 of one virtual channel (CCSDS 232.1-B-2, section 5): sends AD frames in order, each exactly once,
-/// over a line that loses some. Holds data, not frames: who transmits makes (and secures) a new frame each
+/// over a line that loses some. Holds data, not frames: the transmitter makes (and secures) a new frame each
 /// time. Pure; memory: K frames and the signals of one event. Handle next_signal() until it is empty after
 /// each call. Tags are the caller's.
 class Fop1 {
@@ -209,7 +211,7 @@ class Fop1 {
   void set_settings(std::uint64_t tag, const FopSettings& settings, MonotonicTime now);
 
   // Requests
-  /// One frame may wait (room() says whether): more is rejected.
+  /// One frame may wait (room() shows whether it can): more is rejected.
   void request_ad(std::uint64_t tag, Octets data, MonotonicTime now);
   void request_bd(std::uint64_t tag, Octets data, MonotonicTime now);
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -10,7 +12,7 @@
 
 namespace srfs::wire {
 
-/// A time of day of the GNSS receiver, whichever way it said it. It belongs to the pulse before it.
+/// A time of day of the GNSS receiver, in whichever message it came. It belongs to the pulse before it.
 struct GnssTime {
   bool fix_valid = false;  ///< RMC: status and mode; UBX: all three validity bits; ZDA has none: false
   /// nullopt where the receiver does not know. UBX: rounded to the second when less than 5 ms off it.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "wire/isotp.hpp"
 
 #include <algorithm>
@@ -420,7 +422,7 @@ void IsoTpChannel::flow_control_left() {
 }
 
 void IsoTpChannel::on_consecutive_frame(OctetView frame) {
-  // The peer may answer our flow control before we are told that it has left.
+  // The peer may answer our flow control before we learn that it has left.
   const bool expected = receive_state_ == ReceiveState::await_consecutive ||
                         receive_state_ == ReceiveState::clear_to_send_flies;
   if (!expected) {
@@ -472,7 +474,7 @@ void IsoTpChannel::on_flow_control(OctetView frame) {
     ++counters_.malformed_pdus;
     return;
   }
-  // The peer may answer the first frame or the end of a block before we are told that it has left.
+  // The peer may answer the first frame or the end of a block before we learn that it has left.
   if (may_be_answered()) {
     forget_message_frames();
     message_frame_left();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -20,8 +22,8 @@ inline constexpr std::size_t isotp_most_ahead = 32;
 
 /// The two ends of a 29-bit normal fixed identifier (ISO 15765-2:2016, 10.3.3.2, physical addressing).
 struct IsoTpAddress {
-  std::uint8_t target = 0;  ///< who shall receive
-  std::uint8_t source = 0;  ///< who sends
+  std::uint8_t target = 0;  ///< the receiver
+  std::uint8_t source = 0;  ///< the sender
   friend constexpr bool operator==(IsoTpAddress, IsoTpAddress) = default;
 };
 
@@ -104,7 +106,7 @@ struct IsoTpCounters {
   std::uint64_t wrong_sequences = 0;
   std::uint64_t invalid_flow_statuses = 0;
   std::uint64_t unexpected_pdus = 0;  ///< receptions cut off
-  std::uint64_t ignored_pdus = 0;     ///< well-formed, but nobody waited for it (9.8.3)
+  std::uint64_t ignored_pdus = 0;     ///< well-formed, but not awaited (9.8.3)
   std::uint64_t malformed_pdus = 0;   ///< unknown type, impossible or missing length
   std::uint64_t wait_limits = 0;
   std::uint64_t peer_overflows = 0;

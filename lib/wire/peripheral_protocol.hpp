@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -9,7 +11,7 @@
 
 namespace srfs::wire {
 
-/// What the computer and a peripheral say to each other in one ISO-TP message (docs/icd_can.md). Big-endian;
+/// What the computer and a peripheral exchange in one ISO-TP message (docs/reference/icd_can.md). Big-endian;
 /// each message ends with a CRC-16 (CCITT polynomial, start value FFFF) over everything before it.
 enum class PeripheralOpcode : std::uint8_t { wake_up = 0x01, command = 0x02, reset = 0x03 };
 

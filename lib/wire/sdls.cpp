@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "wire/sdls.hpp"
 
 #include <openssl/crypto.h>
@@ -16,7 +18,7 @@ using Iv = std::array<std::uint8_t, sdls_iv_octets>;
 using Cipher = std::unique_ptr<EVP_CIPHER_CTX, decltype(&EVP_CIPHER_CTX_free)>;
 
 /// The algorithm, looked up once. No configuration file is read: a damaged openssl.cnf must not close the
-/// uplink. Error texts are not loaded, they would be half a megabyte for nobody to read.
+/// uplink. Error texts are not loaded: they would be half a megabyte that is never read.
 const EVP_CIPHER* aes_256_gcm() {
   static const EVP_CIPHER* const cipher = [] {
     OPENSSL_init_crypto(OPENSSL_INIT_NO_LOAD_CONFIG | OPENSSL_INIT_NO_LOAD_CRYPTO_STRINGS, nullptr);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -34,7 +36,7 @@ struct PacketHeader {
   friend bool operator==(const PacketHeader&, const PacketHeader&) = default;
 };
 
-/// A packet seen through octets that somebody else owns.
+/// A packet seen through octets that are owned elsewhere.
 struct SpacePacketView {
   PacketHeader header;
   OctetView data;  ///< packet data field, 1 to 65536 octets

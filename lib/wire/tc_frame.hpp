@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -42,7 +44,7 @@ enum class TcFrameError : std::uint8_t {
   bad_crc,           ///< FECF
   reserved_bits,     ///< the two spare bits are not 0
   reserved_type,     ///< control command with the bypass flag clear (table 4-1)
-  wrong_spacecraft,  ///< for somebody else
+  wrong_spacecraft,  ///< for another spacecraft
 };
 [[nodiscard]] std::string_view to_string(TcFrameError error);
 

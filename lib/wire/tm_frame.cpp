@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "wire/tm_frame.hpp"
 
 #include <algorithm>
@@ -81,6 +83,14 @@ Result<TmFrame, TmFrameError> decode_tm_frame(OctetView octets, std::uint16_t sp
 
 TmFrameBuilder::TmFrameBuilder(Config config) : config_(config) {
   assert(config.frame_octets >= tm_frame_octets_min && config.frame_octets <= tm_frame_octets_max);
+  master_count_ = config.first.master;
+  for (std::size_t vc = 0; vc < channels_.size(); ++vc) channels_[vc].frame_count = config.first.vc[vc];
+}
+
+TmFrameCounts TmFrameBuilder::counts() const {
+  TmFrameCounts counts{.master = master_count_};
+  for (std::size_t vc = 0; vc < channels_.size(); ++vc) counts.vc[vc] = channels_[vc].frame_count;
+  return counts;
 }
 
 bool TmFrameBuilder::queue_packet(std::uint8_t vc, Octets packet) {

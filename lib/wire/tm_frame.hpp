@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -48,7 +50,7 @@ enum class TmFrameError : std::uint8_t {
   wrong_length,        ///< not the octets agreed for this link
   bad_fecf,            ///< damaged
   bad_version,         ///< transfer frame version number is not 0
-  wrong_spacecraft,    ///< from somebody else
+  wrong_spacecraft,    ///< from another spacecraft
   no_ocf,              ///< OCF flag is clear
   bad_data_status,     ///< secondary header, VCA data, reversed packets or a segment length other than 11
   bad_header_pointer,  ///< points behind the data field
@@ -62,6 +64,13 @@ inline constexpr std::size_t tm_frame_error_count = 7;
 [[nodiscard]] Result<TmFrame, TmFrameError> decode_tm_frame(OctetView octets, std::uint16_t spacecraft_id,
                                                             std::size_t frame_octets);
 
+/// The frame counters of the next frames.
+struct TmFrameCounts {
+  std::uint8_t master = 0;
+  std::array<std::uint8_t, tm_vc_count> vc{};
+  friend bool operator==(const TmFrameCounts&, const TmFrameCounts&) = default;
+};
+
 /// Makes the frames of all virtual channels out of queued packets (CCSDS 132.0-B-3, 4.2). Packets of one
 /// channel leave in order and span frames; what a frame has left over is filled with idle packets. Memory:
 /// the queues' bound. Not thread-safe.
@@ -72,6 +81,7 @@ class TmFrameBuilder {
     std::size_t frame_octets = 223;  ///< tm_frame_octets_min to tm_frame_octets_max
     std::size_t queue_octets_max =
         1 << 17;  ///< per channel; a packet that would exceed it is refused and counted
+    TmFrameCounts first{};
   };
   struct Counters {
     std::uint64_t frames = 0;
@@ -97,6 +107,7 @@ class TmFrameBuilder {
   [[nodiscard]] Octets build_idle(std::uint32_t ocf);
 
   [[nodiscard]] const Counters& counters(std::uint8_t vc) const { return channels_[vc].counters; }
+  [[nodiscard]] TmFrameCounts counts() const;
   [[nodiscard]] const Config& config() const { return config_; }
 
  private:

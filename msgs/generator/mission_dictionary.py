@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Reads and checks the mission dictionary (msgs/mission/*.yaml) for the build-time generators.
 
 The run-time loader (msgs/mission/dictionary.cpp) checks the same files for themselves and names lines; here only what the
@@ -109,6 +111,9 @@ class Dictionary:
             self._check_fields(command, command["arguments"], MAX_PACKET if has_packet(command) else MAX_ARGUMENTS)
             if command["node"] not in self.apid_of:
                 raise DictionaryError(f"{command['file']}: {command['name']}: unknown node '{command['node']}'")
+            ordered = command.get("reports", {}).get("structure")
+            if ordered is not None and ordered not in self.structure_of:
+                raise DictionaryError(f"{command['file']}: {command['name']}: unknown structure '{ordered}'")
 
     @staticmethod
     def _unique(entries, key):

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Writes mission/structures.hpp: the C++ view of the mission dictionary for flight code.
 
 With a fragment: what it adds alone, for the package of the node that it belongs to.

@@ -1,9 +1,11 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Writes the mission dictionary as XTCE 1.2 (OMG, namespace 20180204) for Yamcs and other ground systems.
 
 usage: mission_xtce.py --dictionary FOLDER --out FILE [--fragment FILE]... [--events FILE] [--verifiers yamcs|container]
 
-docs/yamcs/README.md says what is where in the file, and what XTCE cannot say.
+docs/how-to/yamcs/README.md says what is where in the file, and what XTCE cannot say.
 """
 
 import argparse
@@ -21,6 +23,7 @@ NAMESPACE = "http://www.omg.org/spec/XTCE/20180204"
 SEVERITIES = {"info": 1, "low": 2, "medium": 3, "high": 4}
 CUC_P_FIELD = 0x1F  # 4 octets of seconds, 3 of 2^-24 s, TAI, epoch 1958
 CUC_SCALE_S = 2.0**-24
+LONGEST = 2**63 - 1  # bounds of integers are xs:long
 MAX_GROUPS = 16  # of a request with a repeated group, when the dictionary says no less
 COMPLETION_GRACE_MS = 35000  # ttc itself ends a telecommand without a last word 30 s after its timeout
 UPLINK_MS = 10000  # release to the first report
@@ -62,6 +65,7 @@ VERIFICATION_REPORTS = [
     ("progress_failure", 6, True, True, "TM 1,6: a step failed"),
     ("completion_success", 7, False, False, "TM 1,7: execution is complete"),
     ("completion_failure", 8, False, True, "TM 1,8: execution failed"),
+    ("routing_failure", 10, False, True, "TM 1,10: no application process has this APID"),
 ]
 # Arguments that every telecommand inherits. The packet's length, sequence count and error control are the link's.
 TC_ARGUMENTS = [
@@ -248,8 +252,8 @@ class TypeWriter:
         lowest, highest = (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if signed else (0, 2**bits - 1)
         if field["unknown"] not in (lowest, highest):
             raise DictionaryError(f"{field['name']}: XTCE can only say 'unknown' with the smallest or the largest raw value")
-        bounds = {"minInclusive": lowest + (field["unknown"] == lowest), "maxInclusive": highest - (field["unknown"] == highest),
-                  "validRangeAppliesToCalibrated": "false"}
+        bounds = {"minInclusive": lowest + (field["unknown"] == lowest),
+                  "maxInclusive": min(highest - (field["unknown"] == highest), LONGEST), "validRangeAppliesToCalibrated": "false"}
         element(made, "ValidRange", bounds)
 
     def _alarms(self, made, field, path):
@@ -416,7 +420,7 @@ class Document:
                 f"{f['name']}: {f['parameter'].split(' ', 1)[1]}" for f in self.d.failure_codes
                 if f.get("parameter") and OCTETS[f["parameter"].split()[0]] == size))
         tm.container("verification_report", [f[0] for f in REQUEST_ID], "pus_tm", [("service", 1)], abstract=True,
-                     description="TM 1,1 to 1,8: verification of a telecommand")
+                     description="TM 1,1 to 1,8 and 1,10: verification of a telecommand")
         for name, subtype, has_step, is_failure, description in VERIFICATION_REPORTS:
             entries = (["step"] if has_step else []) + (["failure_code"] if is_failure else [])
             entry_list = tm.container(name, entries, "verification_report", [("subtype", subtype)], description=description)
@@ -680,7 +684,7 @@ def event_templates(dictionary):
 
 
 def digest_of(folder):
-    """First octets of the hash over all files, so that a data base can be told from the next."""
+    """First octets of the hash over all files, to distinguish one data base from the next."""
     digest = hashlib.sha256()
     for file in sorted(pathlib.Path(folder).glob("*.yaml")):
         digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")

@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Turns .msg, .srv and .action files into plain C++ structs.
 
 Usage: ros_messages.py --out DIR PACKAGE_FOLDER...

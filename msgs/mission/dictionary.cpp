@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "msgs/mission/dictionary.hpp"
 
 #include <algorithm>
@@ -195,11 +197,17 @@ std::string text_of(const Dictionary& d, const Field& field, const Value& value)
   }
   if (const auto* u = std::get_if<std::uint64_t>(&value)) return fmt::format("{}", *u);
   if (const auto* i = std::get_if<std::int64_t>(&value)) return fmt::format("{}", *i);
-  if (const auto* number = std::get_if<double>(&value))
-    return std::isnan(*number) ? "unknown" : fmt::format("{:.6g}", *number);
+  if (const auto* number = std::get_if<double>(&value)) return fmt::format("{:.6g}", *number);
   if (const auto* truth = std::get_if<bool>(&value)) return *truth ? "true" : "false";
   if (const auto* time = std::get_if<TaiTime>(&value)) return to_iso8601(to_utc(*time));
   return std::get<std::string>(value);
+}
+
+/// The raw value is the one that stands for "not known".
+bool says_unknown(const Field& field, const Value& raw) {
+  if (!field.unknown) return false;
+  if (const auto* time = std::get_if<TaiTime>(&raw)) return time->ns() == *field.unknown;
+  return as_integer(raw) == field.unknown;
 }
 
 DecodedField interpret(const Dictionary& d, const Field& field, std::size_t index, Value value) {
@@ -208,16 +216,15 @@ DecodedField interpret(const Dictionary& d, const Field& field, std::size_t inde
   if (field.count > 1)
     out.name += field.labels.empty() ? fmt::format("[{}]", index) : "." + field.labels[index];
   out.unit = field.unit;
-  if (!field.calibration.empty()) {
-    const bool unknown = field.unknown && as_integer(value) == field.unknown;
-    value = unknown ? std::numeric_limits<double>::quiet_NaN()
-                    : evaluate(field.calibration, as_number(value).value_or(0));
-  }
+  out.known = !says_unknown(field, value);
+  if (!field.calibration.empty())
+    value = out.known ? evaluate(field.calibration, as_number(value).value_or(0))
+                      : std::numeric_limits<double>::quiet_NaN();
   const auto* truth = std::get_if<bool>(&value);
   const auto number = truth != nullptr ? std::optional(*truth ? 1.0 : 0.0) : as_number(value);
-  out.known = !(number && std::isnan(*number));
+  out.known = out.known && !(number && std::isnan(*number));
   if (number && out.known) out.limit = judge(field, *number);
-  out.text = text_of(d, field, value);
+  out.text = out.known ? text_of(d, field, value) : "unknown";
   out.value = std::move(value);
   return out;
 }
@@ -421,7 +428,7 @@ bool is_allowed(const Dictionary& d, const Field& field, const Value& value) {
   if (!std::isfinite(*number)) return false;
   if (!field.range) return true;
   if (field.type != FieldType::f32) return field.range->contains(*number);
-  // The nearest float of a bound is inside: that is what a sender who asks for the bound can send.
+  // The float nearest to a bound is inside: it is what a sender can send for the bound.
   const auto nearest = [](std::optional<double> v) {
     return v ? std::optional(static_cast<double>(static_cast<float>(*v))) : std::nullopt;
   };
@@ -442,6 +449,17 @@ std::string_view to_text(LimitState state) {
       return "red";
   }
   return "?";
+}
+
+std::string to_text(const Bounds& bounds) {
+  // Whole numbers with all their digits, others as short as they read back the same.
+  const auto number = [](double v) {
+    return v == std::trunc(v) && std::abs(v) < 1e18 ? fmt::format("{:.0f}", v) : fmt::format("{}", v);
+  };
+  if (!bounds.low && !bounds.high) return "any";
+  if (!bounds.high) return "at least " + number(*bounds.low);
+  if (!bounds.low) return "at most " + number(*bounds.high);
+  return number(*bounds.low) + " to " + number(*bounds.high);
 }
 
 std::size_t Field::max_size() const {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -6,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -47,6 +50,8 @@ struct Bounds {
   std::optional<double> high;
   [[nodiscard]] bool contains(double v) const { return !(low && v < *low) && !(high && v > *high); }
 };
+/// "1 to 4294967295", "at least 0.5", "at most 3"
+[[nodiscard]] std::string to_text(const Bounds& bounds);
 
 struct Enumeration {
   std::string name;
@@ -66,12 +71,13 @@ struct Field {
   bool hex = false;                 ///< shown as hexadecimal
   const Enumeration* enumeration = nullptr;
   Reference reference = Reference::none;
-  std::vector<double> calibration;      ///< polynomial, constant first; empty: the raw value is the value
-  std::optional<std::int64_t> unknown;  ///< raw value that says "not known"
-  std::optional<Bounds> soft;           ///< telemetry: outside is yellow
-  std::optional<Bounds> hard;           ///< telemetry: outside is red
-  std::optional<Bounds> range;          ///< argument: outside is refused
-  std::string default_text;             ///< argument: used when it is not given
+  std::vector<double> calibration;  ///< polynomial, constant first; empty: the raw value is the value
+  std::optional<std::int64_t>
+      unknown;                  ///< raw value that says "not known", of a u64 its 64 bits; of a time 0
+  std::optional<Bounds> soft;   ///< telemetry: outside is yellow
+  std::optional<Bounds> hard;   ///< telemetry: outside is red
+  std::optional<Bounds> range;  ///< argument: outside is refused
+  std::string default_text;     ///< argument: used when it is not given
   bool has_default = false;
 
   [[nodiscard]] std::size_t max_size() const;
@@ -136,9 +142,22 @@ struct Event {
   std::vector<Field> fields;
 };
 
+/// Service and subtype of the reports that carry a housekeeping structure.
+inline constexpr std::pair<std::uint8_t, std::uint8_t> housekeeping_report{3, 25};
+
+/// What a telecommand orders down, beside its verification reports.
+struct OrderedReports {
+  std::uint8_t service = 0;
+  std::uint8_t subtype = 0;
+  std::string structure;  ///< the structure of these reports; empty: they have none, or the argument names it
+  std::string argument;   ///< of the telecommand: names the structure
+  bool several = false;   ///< how many there are is not known before they came
+  bool may_be_none = false;  ///< there may be nothing to report
+};
+
 struct Command {
   std::string name;
-  std::string node;  ///< who executes it
+  std::string node;  ///< executes it
   std::uint16_t apid = 0;
   std::uint8_t service = 8;
   std::uint8_t subtype = 1;
@@ -156,6 +175,7 @@ struct Command {
   std::vector<std::uint8_t> modes;  ///< allowed mission modes
   milliseconds timeout{0};          ///< acceptance to completion
   std::vector<Field> arguments;
+  std::optional<OrderedReports> reports;
 
   [[nodiscard]] bool is_function() const { return function_id != 0; }
   [[nodiscard]] bool allowed_in(std::uint8_t mode) const;
@@ -171,10 +191,10 @@ enum class LimitState : std::uint8_t { none, green, yellow, red };
 struct DecodedField {
   std::string name;  ///< "body_rate_rad_s.x" for an element of an array
   Value value;
-  std::string text;  ///< for people: label of an enum, name of a reference, ISO time; without unit
+  std::string text;  ///< for people: label of an enum, name of a reference, ISO time, "unknown"; without unit
   std::string unit;
   LimitState limit = LimitState::none;  ///< none: the dictionary states no limits, or the value is unknown
-  bool known = true;                    ///< false: the satellite says that it does not know (NaN)
+  bool known = true;  ///< false: the satellite says that it does not know; the value is NaN or the raw one
 };
 
 /// Why a text command cannot be sent, for people: "eps.switch_load: argument 'load': 7 is out of range 0..3".
@@ -196,7 +216,7 @@ struct Fragment {
   std::string name;  ///< for messages: a file or a node
   std::string text;
 
-  /// The node that it is about; nullopt: not to be told.
+  /// The node that it is about; nullopt: cannot be determined.
   [[nodiscard]] std::optional<std::string> node() const;
 };
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
 #include <set>
@@ -83,6 +85,38 @@ std::vector<double> parse_calibration(const ConfigSection& field) {
   }
   section.finish();
   return coefficients;
+}
+
+/// Only integers and times have a raw value to spare; a float says it with not-a-number, an enum with a
+/// label.
+std::optional<std::int64_t> parse_unknown(const ConfigSection& section, const Field& field) {
+  if (!section.has("unknown")) return std::nullopt;
+  switch (field.enumeration != nullptr ? FieldType::text : field.type) {
+    case FieldType::u8:
+      return section.integer("unknown", 0, UINT8_MAX);
+    case FieldType::u16:
+      return section.integer("unknown", 0, UINT16_MAX);
+    case FieldType::u32:
+      return section.integer("unknown", 0, UINT32_MAX);
+    case FieldType::u64: {
+      std::uint64_t value = 0;
+      if (!YAML::convert<std::uint64_t>::decode(section.raw("unknown"), value))
+        throw section.bad("unknown", "an integer of 64 bits, not negative");
+      return static_cast<std::int64_t>(value);
+    }
+    case FieldType::i8:
+      return section.integer("unknown", INT8_MIN, INT8_MAX);
+    case FieldType::i16:
+      return section.integer("unknown", INT16_MIN, INT16_MAX);
+    case FieldType::i32:
+      return section.integer("unknown", INT32_MIN, INT32_MAX);
+    case FieldType::i64:
+      return section.integer("unknown", INT64_MIN, INT64_MAX);
+    case FieldType::time:  // all octets behind the P-field are zero
+      return section.integer("unknown", 0, 0);
+    default:
+      throw section.bad("unknown", "nothing: only integers that are no enum, and times, have it");
+  }
 }
 
 Reference parse_reference(const ConfigSection& section) {
@@ -281,8 +315,7 @@ class DictionaryLoader {
   void read_structure(const ConfigSection& section) {
     Structure s;
     s.name = section.text("name");
-    const std::string kind =
-        section.choice("kind", {"housekeeping", "raw", "group", "report"}, "housekeeping");
+    const std::string kind = kind_of(section);
     s.kind = kind == "raw"      ? StructureKind::raw
              : kind == "group"  ? StructureKind::group
              : kind == "report" ? StructureKind::report
@@ -373,8 +406,43 @@ class DictionaryLoader {
     c.arguments = read_fields(section, "arguments", 0);
     if (c.head >= std::max<std::size_t>(c.arguments.size(), 1))
       throw section.bad("head", "fewer than there are arguments");
+    c.reports = read_reports(section, c);
     section.finish();
     d_.commands_.push_back(std::move(c));
+  }
+
+  /// By structure, by the argument that names a structure, or, of reports that are none, by service.
+  std::optional<OrderedReports> read_reports(const ConfigSection& command, const Command& c) const {
+    if (!command.has("reports")) return std::nullopt;
+    const ConfigSection section = command.section("reports");
+    OrderedReports reports;
+    reports.several = section.boolean("several", false);
+    reports.may_be_none = section.boolean("may_be_none", false);
+    std::tie(reports.service, reports.subtype) = housekeeping_report;
+    if (section.has("structure")) {
+      reports.structure = section.text("structure");
+      const auto found = by_name_.find(reports.structure);
+      const std::string kind = found == by_name_.end() ? "none" : kind_of(found->second);
+      if (kind != "housekeeping" && kind != "report")
+        throw section.bad("structure", "a structure that is sent: of the kind housekeeping or report");
+      if (kind == "report") std::tie(reports.service, reports.subtype) = read_service(found->second);
+    } else if (section.has("argument")) {
+      reports.argument = section.text("argument");
+      const bool names_it = std::any_of(c.arguments.begin(), c.arguments.end(), [&](const Field& field) {
+        return field.name == reports.argument && field.reference == Reference::structure;
+      });
+      if (!names_it || c.head > 0)
+        throw section.bad("argument",
+                          "an argument of this command, which has no head, that names a structure");
+    } else {
+      std::tie(reports.service, reports.subtype) = read_service(section);
+    }
+    section.finish();
+    return reports;
+  }
+
+  static std::string kind_of(const ConfigSection& structure) {
+    return structure.choice("kind", {"housekeeping", "raw", "group", "report"}, "housekeeping");
   }
 
   std::vector<std::uint8_t> read_modes(const ConfigSection& section) const {
@@ -440,7 +508,7 @@ class DictionaryLoader {
     }
     f.reference = parse_reference(section);
     f.calibration = parse_calibration(section);
-    if (section.has("unknown")) f.unknown = section.integer("unknown", INT64_MIN, INT64_MAX);
+    f.unknown = parse_unknown(section, f);
     const ConfigSection limits = section.section("limits");
     f.soft = parse_bounds(limits, "soft");
     f.hard = parse_bounds(limits, "hard");

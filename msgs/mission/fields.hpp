@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -68,7 +70,7 @@ inline void put_text(OctetWriter& out, const std::string& text, std::size_t max)
   return in.ok();
 }
 
-/// A whole space packet: its header tells the length.
+/// A whole space packet: its header gives the length.
 /// @return false if the octets end early or the packet is longer than @p max
 [[nodiscard]] inline bool take_packet(OctetReader& in, Octets& packet, std::size_t max) {
   const OctetView header = in.bytes(wire::packet_header_octets);

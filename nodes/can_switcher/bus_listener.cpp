@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/can_switcher/bus_listener.hpp"
 
 #include "base/log.hpp"
@@ -11,7 +13,7 @@ BusListener::BusListener(std::unique_ptr<hw::CanBus> bus) : bus_(std::move(bus))
 std::unique_ptr<BusListener> BusListener::open(const std::string& uri, const std::filesystem::path& var) {
   auto bus = hw::open_can(uri, var);
   if (!bus) {
-    log::error("the load of the CAN bus is not measured: {}", bus.error().message);
+    log::error("cannot measure the CAN bus load: {}", bus.error().message);
     return nullptr;
   }
   return std::unique_ptr<BusListener>(new BusListener(std::move(*bus)));

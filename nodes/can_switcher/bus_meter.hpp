@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -7,8 +9,8 @@
 
 namespace srfs {
 
-/// Load of the CAN bus from the frames heard on it, window by window, and whether somebody floods it. Memory
-/// does not grow with the flood. Pure.
+/// Load of the CAN bus from the frames heard on it, window by window, and whether it is flooded. Memory does
+/// not grow with the flood. Pure.
 class BusMeter {
  public:
   static constexpr double flooded_from = 0.9;  ///< load of a window
@@ -36,7 +38,8 @@ class BusMeter {
 
   struct Counters {
     std::uint64_t frames = 0;
-    std::uint64_t foreign_frames = 0;  ///< neither to nor from the computer (docs/icd_can.md, section 1)
+    /// Neither to nor from the computer (docs/reference/icd_can.md, section 1).
+    std::uint64_t foreign_frames = 0;
     std::uint32_t floods = 0;
   };
   [[nodiscard]] const Counters& counters() const { return counters_; }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/can_switcher/can_switcher_node.hpp"
 
 #include <sys/epoll.h>
@@ -36,17 +38,14 @@ std::vector<Slot> plan_of(const ros::Deployment& deployment) {
 
 CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(context) {
   declare_parameter("fence_wait_ms", std::int64_t{500}, ros::ParameterRange{10, 10000},
-                    "Wait for the exit of a killed holder before it is killed again and reported", true);
-  declare_parameter(
-      "recall_ms", std::int64_t{3000}, ros::ParameterRange{100, 60000},
-      "How long the holder that an earlier switcher left may take to answer before it is fenced", true);
+                    "Time a killed holder has to exit before it is killed again and reported", true);
+  declare_parameter("recall_ms", std::int64_t{3000}, ros::ParameterRange{100, 60000},
+                    "Time the holder left by an earlier switcher has to answer before it is fenced", true);
   declare_parameter(
       "rotation_order", std::vector<std::string>{},
-      "Payloads in the order of their turns, without those left out; empty: the deployment's slots");
-  declare_parameter(
-      "early_handover", false,
-      "A slot that its payload gives back without a frame goes to the next at once, not at the next "
-      "tick");
+      "Payloads in slot order; a payload not named gets no slot; empty: the deployment's slots");
+  declare_parameter("early_handover", false,
+                    "A slot released without a frame goes to the next payload at once, not at the next tick");
   on_parameter_check([this](const std::string& parameter,
                             const ros::ParameterValue& value) -> Result<void, std::string> {
     if (parameter != "rotation_order") return {};
@@ -58,7 +57,7 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
       });
       if (!known) return Err(fmt::format("rotation_order: '{}' has no slot in the deployment", payload));
       if (std::count(payloads.begin(), payloads.end(), payload) > 1)
-        return Err(fmt::format("rotation_order: '{}' stands twice", payload));
+        return Err(fmt::format("rotation_order: '{}' appears twice", payload));
     }
     return {};
   });
@@ -68,7 +67,8 @@ CanSwitcherNode::CanSwitcherNode(ros::NodeContext& context) : LifecycleNode(cont
 void CanSwitcherNode::apply_parameters() {
   if (!rotation_) return;
   rotation_->set_early_handover(get_parameter<bool>("early_handover"));
-  if (!rotation_->set_order(turns())) log::error("rotation_order is no order of the payloads: unchanged");
+  if (!rotation_->set_order(turns()))
+    log::error("rotation_order does not order the payloads: order unchanged");
 }
 
 std::vector<std::string> CanSwitcherNode::turns() const {
@@ -126,7 +126,7 @@ void CanSwitcherNode::make_rotation() {
     if (record) {
       holder_record_ = std::move(*record);
     } else {
-      log::error("{}; a switcher after this one will not know whom it granted", record.error());
+      log::error("{}; a restarted switcher will not know the bus holder", record.error());
     }
     granted = inherited(holder_record_ ? holder_record_->read() : std::nullopt);
     rotation_.emplace(plan_of(deployment()), incarnation(), monotonic_now(), granted);
@@ -136,26 +136,25 @@ void CanSwitcherNode::make_rotation() {
     failure_reported_.resize(rotation_->slots().size());
     slot_use_.resize(rotation_->slots().size());
   } else if (rotation_->awaits_release()) {
-    // Nobody heard since this node was unconfigured what became of the slot.
+    // Since this node was unconfigured, the end of the slot was not monitored.
     const auto holder = rotation_->holder();
     granted = inherited(HolderRecord::Holder{holder->slot, holder->process});
     rotation_->inherit(*granted, monotonic_now());
   }
   if (granted && granted->process)
-    log::warn("{} was granted the bus and nobody watched it since: it is asked to give it back",
-              granted->payload);
+    log::warn("{} was granted the bus and has not been supervised since: recalling it", granted->payload);
 }
 
 std::optional<InheritedGrant> CanSwitcherNode::inherited(
     const std::optional<HolderRecord::Holder>& holder) const {
-  // Of a payload that was removed meanwhile the process is gone: it was ended before.
+  // The process of a payload that was removed meanwhile is gone: it was ended before.
   if (!holder || holder->slot >= deployment().slots.size() ||
       deployment().slots[holder->slot].payload.empty())
     return std::nullopt;
   InheritedGrant granted{deployment().slots[holder->slot].payload, std::nullopt};
   const auto process = holder->process != 0 ? std::optional(holder->process) : std::nullopt;
   const auto instance = ros::find_instance(var(), granted.payload);
-  // One without a number has not come as far as to open the bus.
+  // A process without a number has not opened the bus yet.
   if (instance && instance->incarnation != 0 && is_holder(instance->incarnation, process))
     granted.process = instance->incarnation;
   return granted;
@@ -337,7 +336,7 @@ void CanSwitcherNode::on_tick_missing() {
       report_outage(flywheel_.stop(t));
     } else {
       if (flywheel_.on_deadline(t) == TickFlywheel::Substitute::beat_in_outage) {
-        log::warn("no tick since cycle {}: the rotation goes on with its own", flywheel_.cycle());
+        log::warn("no tick since cycle {}: the rotation continues with substitute ticks", flywheel_.cycle());
         raise(mission::CanSwitcherTicksMissingEvent{.cycle = flywheel_.cycle()});
       }
       beat(t);
@@ -358,12 +357,12 @@ bool CanSwitcherNode::ticks_were_stopped() const {
 void CanSwitcherNode::report_outage(const std::optional<TickFlywheel::Outage>& ended) {
   if (!ended) return;
   const auto lasted_ms = static_cast<std::uint32_t>(ended->lasted / milliseconds(1));
-  log::info("no more substitute ticks: {} in {} ms", ended->substitutes, lasted_ms);
+  log::info("ticks are back after {} substitute ticks in {} ms", ended->substitutes, lasted_ms);
   raise(mission::CanSwitcherTicksBackEvent{.substitutes = ended->substitutes, .lasted_ms = lasted_ms});
 }
 
 void CanSwitcherNode::give(const Grant& grant, MonotonicTime received) {
-  // This process may have been stopped since the decision: the holder must not answer for that with its life.
+  // This process may have been stopped since the decision: the holder must not be killed for that.
   if (monotonic_now() >= grant.granted + grant.allotted) {
     rotation_->withdraw(grant.id);
     return;
@@ -373,7 +372,8 @@ void CanSwitcherNode::give(const Grant& grant, MonotonicTime received) {
   watch_holder();
 }
 
-/// Opens the accounting of the holder's process, which lives as long as it, and remembers what it says now.
+/// Opens the accounting of the holder's process, which lives as long as the process, and records its present
+/// values.
 void CanSwitcherNode::watch_holder() {
   const auto holder = rotation_->holder();
   if (!holder || holder->process == 0) return;
@@ -387,7 +387,7 @@ void CanSwitcherNode::watch_holder() {
       watch.cpu = ros::ProcessCpu::open(instance->pid);
   }
   if (!watch.cpu) return;
-  if (const auto totals = watch.cpu->read(false, monotonic_now())) watch.at_grant = *totals;
+  if (const auto totals = watch.cpu->read(true, monotonic_now())) watch.at_grant = *totals;
 }
 
 std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {
@@ -395,9 +395,9 @@ std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {
   if (!holder || holder->process == 0 || holders_.size() <= holder->slot) return std::nullopt;
   HolderWatch& watch = holders_[holder->slot];
   if (watch.process != holder->process || !watch.cpu) return std::nullopt;
-  const auto totals = watch.cpu->read(false, monotonic_now());
+  const auto totals = watch.cpu->read(true, monotonic_now());
   if (!totals) return std::nullopt;  // it has ended
-  return HolderCpu{totals->waited - watch.at_grant.waited, totals->ran - watch.at_grant.ran,
+  return HolderCpu{totals->any_waited - watch.at_grant.any_waited, totals->ran - watch.at_grant.ran,
                    watch.cpu->is_runnable()};
 }
 
@@ -490,22 +490,24 @@ void CanSwitcherNode::on_deadline() {
     arm_deadline();
     return;
   }
-  // This thread may be the late one: a release that waits in the reader counts before anybody is accused.
+  // This thread may be the late one: a release that waits in the reader counts before the holder is blamed.
   statuses_->take_waiting();
   const std::uint32_t deaf_before = rotation_->counters().deaf_deadlines;
   const std::uint32_t starved_before = rotation_->counters().starved_holders;
-  const Decision decision = rotation_->on_deadline(
-      monotonic_now(), context().participant.transport_stats().last_datagram, holder_cpu());
+  const auto cpu = holder_cpu();
+  const Decision decision =
+      rotation_->on_deadline(monotonic_now(), context().participant.transport_stats().last_datagram, cpu);
   if (rotation_->counters().starved_holders != starved_before)
-    log::warn("{} has no CPU to release the bus at the end of its lease: it is given time, and the bus waits",
+    log::warn("{} got no CPU to release the bus at the end of its lease: waiting for it",
               rotation_->current()->payload);
   if (rotation_->counters().deaf_deadlines != deaf_before)
-    log::warn("nothing is heard at the end of the lease of {}: it is not accused",
+    log::warn("no datagram received at the end of the lease of {}: not accusing it",
               rotation_->current()->payload);
   if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
-  if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f);
+  if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f, cpu);
   if (const Recall* recall = std::get_if<Recall>(&decision)) {
-    log::warn("was deaf, or late, at the end of the lease of {}: asked before it is killed", recall->payload);
+    log::warn("this switcher was deaf or late at the end of the lease of {}: asking before killing it",
+              recall->payload);
     publish_recall(*recall, monotonic_now());
   }
   record_holder();
@@ -526,9 +528,12 @@ void CanSwitcherNode::order_reset(const OrderReset& order) {
       .payload = order.payload, .grant = order.id.counter, .held_us = as_us(order.held)});
 }
 
-void CanSwitcherNode::fence(const Fence& f) {
-  log::error("{} did not release the bus before the end of its lease (grant {}.{}): killing it", f.payload,
-             f.id.incarnation, f.id.counter);
+void CanSwitcherNode::fence(const Fence& f, const std::optional<HolderCpu>& cpu) {
+  const std::string had = cpu ? fmt::format(", in which it ran {} and waited {} ms for a CPU",
+                                            cpu->ran / milliseconds(1), cpu->waited / milliseconds(1))
+                              : std::string();
+  log::error("{} did not release the bus before the end of its lease (grant {}.{}){}: killing it", f.payload,
+             f.id.incarnation, f.id.counter, had);
   raise(mission::CanSwitcherHolderFencedEvent{.payload = f.payload, .grant = f.id.counter});
   fenced_process_ = f.process;
   fence_->fence(f.payload, {.gone = [this] { drain_transmit_queue(); },
@@ -537,7 +542,7 @@ void CanSwitcherNode::fence(const Fence& f) {
 
 void CanSwitcherNode::report_unproven(const std::string& why) {
   const std::string& granted = rotation_->current()->payload;
-  const std::string payload = granted.empty() ? "somebody before this start" : granted;
+  const std::string payload = granted.empty() ? "an earlier holder" : granted;
   rotation_->on_fence_unproven();
   log::fatal("{} may still write, the bus stays blocked: {}", payload, why);
   raise(mission::CanSwitcherFenceUnprovenEvent{.payload = payload, .why = why});
@@ -561,7 +566,7 @@ void CanSwitcherNode::step_drain() {
   }
   if (state == State::waiting) return;
   if (state == State::unproven) {
-    report_unproven("its frames do not get the bus and cannot be taken back");
+    report_unproven("its frames do not get the bus and cannot be withdrawn");
     return;
   }
   drain_timer_.reset();
@@ -585,7 +590,7 @@ void CanSwitcherNode::report_power_cut(const hw::Peripheral& peripheral,
                                        std::optional<hw::GpioError> problem) {
   if (!problem) {
     ++peripherals_cut_;
-    log::error("the peripheral of {} babbles and its payload has no process: its power is cut",
+    log::error("the peripheral of {} babbles and its payload has no process: switched off",
                peripheral.payload);
     raise(mission::CanSwitcherPeripheralCutEvent{.payload = std::string(peripheral.payload)});
   } else if (++failed_cuts_ % 100 == 1) {

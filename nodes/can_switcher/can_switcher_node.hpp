@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <memory>
@@ -55,7 +57,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void make_fence();
   void open_topics();
   void open_bus();
-  /// A grant that nobody watched since, by who runs now.
+  /// A grant that was not monitored since, judged by the process that runs now.
   [[nodiscard]] std::optional<InheritedGrant> inherited(
       const std::optional<HolderRecord::Holder>& holder) const;
   /// After each change of the rotation, and before a flag goes out.
@@ -66,7 +68,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void publish_flag(const Grant& grant, MonotonicTime tick_received);
   void publish_recall(const Recall& recall, MonotonicTime tick_received);
   void order_reset(const OrderReset& order);
-  void fence(const Fence& fence);
+  void fence(const Fence& fence, const std::optional<HolderCpu>& cpu);
   /// The process of the fenced holder is gone: the bus goes on when nothing of it waits to be sent.
   void drain_transmit_queue();
   void step_drain();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/can_switcher/holder_fence.hpp"
 
 #include <sys/syscall.h>
@@ -22,8 +24,8 @@ Fd open_pidfd(pid_t pid) {
 }  // namespace
 
 bool is_holder(std::uint32_t incarnation, const std::optional<std::uint32_t>& holder) {
-  if (!holder) return true;  // whoever it is
-  // A holder has made its number known long ago: who has none yet is a successor, too.
+  if (!holder) return true;  // any process
+  // A holder has made its number known long ago: a process without one is a successor, too.
   return incarnation != 0 && incarnation <= *holder;
 }
 
@@ -48,7 +50,7 @@ void HolderFence::attempt() {
     return;
   }
   if (pidfd_) watch_ = hooks_.watch(pidfd_.get(), [this] { finish(); });
-  timeout_ = hooks_.after(wait_, [this, why = problem.value_or("killed, and does not go away")] {
+  timeout_ = hooks_.after(wait_, [this, why = problem.value_or("killed, but still there")] {
     if (outcome_.unproven) outcome_.unproven(why);
     attempt();
   });
@@ -59,7 +61,7 @@ std::optional<std::string> HolderFence::kill_holder() {
   if (!pid) return std::nullopt;
   pidfd_ = open_pidfd(*pid);
   if (!pidfd_) return fmt::format("pidfd of {}: {}", *pid, errno_text(errno));
-  // Asked again: between the two questions the process may have ended and its number gone to a stranger.
+  // Asked again: between the two questions the process may have ended and its number may have been reused.
   if (hooks_.find(payload_) != pid) {
     pidfd_.reset();
     return "another process holds its lock";

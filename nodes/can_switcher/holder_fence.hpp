@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -18,16 +20,16 @@ namespace srfs {
 /// @param holder       incarnation of the holder; nullopt: not known
 [[nodiscard]] bool is_holder(std::uint32_t incarnation, const std::optional<std::uint32_t>& holder);
 
-/// Ends a payload's process so surely that it can never write to the bus again, without blocking: SIGKILL by
-/// pidfd (a number that was reused meanwhile is never hit), then its exit is waited for. A process that
-/// cannot be killed, or does not go away, may still write: nobody is told that it is gone before it is; it is
-/// killed again after each wait. Work thread.
+/// Ends a payload's process so surely that it can never write to the bus again. Does not block: sends SIGKILL
+/// by pidfd (a reused number is never hit), then waits for the exit. A process that cannot be killed, or does
+/// not go away, may still write: it is not reported as gone before it is, and is killed again after each
+/// wait. Work thread.
 class HolderFence {
  public:
   /// What it needs from its surroundings.
   struct Hooks {
     std::function<std::optional<pid_t>(const std::string& payload)>
-        find;  ///< who holds the payload's instance lock now
+        find;  ///< holder of the payload's instance lock now
     std::function<ros::Executor::Handle(int fd, std::function<void()> readable)> watch;
     std::function<ros::Timer(nanoseconds delay, std::function<void()> due)> after;
     std::function<int(int pidfd)> kill = send_sigkill;  ///< @return 0 or errno

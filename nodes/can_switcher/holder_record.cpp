@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/can_switcher/holder_record.hpp"
 
 #include <atomic>
@@ -8,7 +10,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "base/fd.hpp"
+#include "base/private_file.hpp"
 
 namespace srfs {
 namespace {
@@ -21,11 +23,11 @@ constexpr std::uint64_t held = std::uint64_t{1} << 63U;  // then the slot (8 bit
 
 Result<HolderRecord, std::string> HolderRecord::open(const std::filesystem::path& file) {
   const auto problem = [&] { return Err(fmt::format("{}: {}", file.string(), errno_text(errno))); };
-  std::error_code ec;  // told by open()
-  std::filesystem::create_directory(file.parent_path(), ec);
-  const Fd fd(::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-  // A longer file is cut; the octets of a new one are zero: nobody holds the bus.
-  if (!fd || ::ftruncate(fd.get(), sizeof(std::uint64_t)) != 0) return problem();
+  const auto opened = open_private(file, O_RDWR | O_CREAT);
+  if (!opened) return Err(opened.error().message);
+  const Fd& fd = *opened;
+  // A longer file is cut; the octets of a new one are zero: no payload holds the bus.
+  if (::ftruncate(fd.get(), sizeof(std::uint64_t)) != 0) return problem();
   // A store into a page without memory behind it would be a SIGBUS.
   errno = ::posix_fallocate(fd.get(), 0, sizeof(std::uint64_t));
   if (errno != 0) return problem();

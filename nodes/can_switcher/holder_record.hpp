@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -10,9 +12,9 @@
 
 namespace srfs {
 
-/// Who may write to the bus, for the switcher that starts after this one was killed: one word of a mapped
-/// file on tmpfs. What is stored there survives the process at any instant (not the computer: then the holder
-/// is gone too), costs a store that waits for no disk, and is never torn.
+/// The process that may write to the bus, kept for the switcher that starts after this one was killed: one
+/// word of a mapped file on tmpfs. The word survives the process at any instant (not the computer: then the
+/// holder is gone too). Storing it waits for no disk and is never torn.
 class HolderRecord {
  public:
   struct Holder {

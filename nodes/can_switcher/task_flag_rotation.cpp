@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 
 #include <algorithm>
@@ -134,7 +136,7 @@ bool TaskFlagRotation::set_order(const std::vector<std::string>& payloads) {
   const std::vector<std::size_t> before = std::exchange(order_, std::move(order));
   const std::size_t next_before = std::exchange(next_place_, 0);
   if (!current_ || current_->payload.empty()) return true;
-  // It goes on behind who had the bus last; when that one has left, with who would have been next.
+  // It goes on after the last holder; if that payload has left, with the payload that would have been next.
   const auto place_of = [this](std::size_t slot) { return std::find(order_.begin(), order_.end(), slot); };
   const bool is_there = slots_[current_->slot].payload == current_->payload;
   if (const auto last = place_of(current_->slot); is_there && last != order_.end()) {
@@ -279,8 +281,8 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
   SlotCounters& counters = slot_counters_[current_->slot];
   if (phase_ == Phase::granted) {
     ++counters.not_taken;
-    // A payload writes its first frame only after its TAKEN left for a switcher it is matched with. One that
-    // never said a word since it started is not up yet (or not configured): there is nobody to fence.
+    // A payload writes its first frame only after its TAKEN left for a switcher it is matched with. A payload
+    // that never reported since its start is not up yet (or not configured): there is nothing to fence.
     if (!known_process_[current_->slot]) {
       free_bus();
       return Nothing{};
@@ -323,7 +325,7 @@ ReportVerdict TaskFlagRotation::on_bus_status(const BusReport& report, Monotonic
   if (report.grant < current_->id) return count(ReportVerdict::old_grant);
   if (phase_ == Phase::recalling && report.kind == BusReport::Kind::released &&
       report.payload != current_->payload) {
-    known_process_[*slot] = report.payload_incarnation;  // everybody answers a recall
+    known_process_[*slot] = report.payload_incarnation;  // every payload answers a recall
     return ReportVerdict::greeting;
   }
   if (report.payload != current_->payload) return count(ReportVerdict::foreign);
@@ -334,7 +336,7 @@ ReportVerdict TaskFlagRotation::on_recall_answer(const BusReport& report, Monoto
   if (report.kind != BusReport::Kind::released || report.payload_incarnation < *holder_process_)
     return ReportVerdict::foreign;
   if (report.payload_incarnation > *holder_process_) {
-    // The holder is gone and will never answer. What it wrote may still wait: that is the fence's business.
+    // The holder is gone and will never answer. Its frames may still wait to be sent: the fence handles that.
     current_->lease_end = now;
     return ReportVerdict::greeting;
   }
@@ -356,10 +358,10 @@ ReportVerdict TaskFlagRotation::on_current_report(const BusReport& report, Monot
     phase_ = Phase::taken;
     return ReportVerdict::applied;
   }
-  // RELEASED may overtake TAKEN on its way; it says everything TAKEN would have said.
+  // RELEASED may overtake TAKEN on its way; it reports everything TAKEN would have reported.
   SlotCounters& counters = slot_counters_[current_->slot];
   ++(report.kind == BusReport::Kind::released ? counters.released : counters.failed);
-  // Whoever took the bus may have written, whatever it says now.
+  // A payload that took the bus may have written, whatever it reports now.
   slot_left_unused_ = report.unused && report.kind == BusReport::Kind::released && phase_ == Phase::granted;
   if (slot_left_unused_) ++counters.unused;
   free_bus();

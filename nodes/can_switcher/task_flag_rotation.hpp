@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -15,7 +17,7 @@ namespace srfs {
 struct Slot {
   std::string payload;      ///< empty: the place is free
   nanoseconds allotted{0};  ///< time the payload may plan with
-  nanoseconds overrun{0};   ///< tolerated beyond it before the payload is told to reset its peripheral
+  nanoseconds overrun{0};   ///< tolerated beyond it before the payload must reset its peripheral
   nanoseconds reset{0};     ///< time for that reset; then the lease ends
   [[nodiscard]] nanoseconds lease() const { return allotted + overrun + reset; }
   friend bool operator==(const Slot&, const Slot&) = default;
@@ -32,7 +34,7 @@ struct Grant {
   std::size_t slot = 0;  ///< index in the configured order
   std::string payload;
   MissionCycle cycle = 0;
-  MonotonicTime granted;    ///< the tick's receipt; of an early grant, that of the release before
+  MonotonicTime granted;    ///< the tick's receipt; for an early grant, that of the previous release
   MonotonicTime lease_end;  ///< never renewed
   nanoseconds allotted{0};
 };
@@ -51,49 +53,48 @@ struct OrderReset {
   std::string payload;
   nanoseconds held{0};
 };
-/// The lease ended without release. Kill the holder's process, wait until it is gone and nothing of it waits
-/// to be sent, then call on_fenced(). Until then nobody is granted.
+/// The lease ended without release. Kill the holder's process, wait until it is gone and none of its frames
+/// waits to be sent, then call on_fenced(). Until then nothing is granted.
 struct Fence {
   GrantId id;
   std::string payload;
-  std::optional<std::uint32_t> process;  ///< incarnation of the holder where known: a later one is innocent
+  std::optional<std::uint32_t> process;  ///< holder's incarnation, if known: spare a later one
 };
 
-/// Publish a flag of nobody under this id: the payload gives up what it was granted before, and says so with
-/// RELEASED of this id. Until then nobody is granted.
+/// Publish a flag without holder under this id. The payload gives up its earlier grant and reports RELEASED
+/// with this id. Until then nothing is granted.
 struct Recall {
   GrantId id;
   std::string payload;
 };
 
-/// What the kernel says of the holder's work thread since its grant, or since it was asked to give the bus
-/// back.
+/// CPU use of the holder, as the kernel reports it, since its grant or since its recall: of its work thread
+/// and of the middleware's threads, which may hold a lock that the work thread needs.
 struct HolderCpu {
-  nanoseconds waited{0};  ///< ready to run, without a CPU
-  nanoseconds ran{0};
-  bool runnable = false;  ///< now: it runs, or waits
+  nanoseconds waited{0};  ///< one of them: ready to run, without a CPU
+  nanoseconds ran{0};     ///< the work thread
+  bool runnable = false;  ///< now: one of them runs, or waits
 };
 
 using Decision = std::variant<Nothing, Grant, Blocked, WaitingOut, OrderReset, Fence, Recall>;
 
-/// What was granted and not watched since: the switcher was killed, or unconfigured. Past its lease a holder
-/// refuses to write, but one that was stopped between that check and the write would still do it when it goes
-/// on.
+/// A grant that was not monitored since: the switcher was killed, or unconfigured. Past its lease a holder
+/// refuses to write. But a holder that was stopped between that check and the write still writes when it
+/// continues.
 struct InheritedGrant {
   std::string payload;
-  /// Incarnation of the payload's process, which runs; nullopt: it is gone. What it wrote may still wait to
-  /// be sent.
+  /// Incarnation of the payload's running process; nullopt: it is gone. Its frames may still wait to be sent.
   std::optional<std::uint32_t> process;
 };
 
-/// What a payload says on /can/bus_status.
+/// What a payload reports on /can/bus_status.
 struct BusReport {
   enum class Kind : std::uint8_t { taken = 1, released = 2, failed = 3 };
   Kind kind = Kind::taken;
   GrantId grant;
   std::string payload;
   std::uint32_t payload_incarnation = 0;
-  bool unused = false;  ///< released without a single frame: the payload had nothing to say
+  bool unused = false;  ///< released without a single frame: the payload had nothing to send
 };
 
 enum class ReportVerdict : std::uint8_t {
@@ -105,11 +106,11 @@ enum class ReportVerdict : std::uint8_t {
 };
 
 /// The flag rotation (paper section IV.A, Figs. 4-6; DESIGN section 5). At most one payload holds the bus,
-/// ever: the next flag is given only after the holder released, was fenced, or - when it never took the bus
-/// and never spoke, so that it cannot have written - its lease ended. Pure; one thread.
+/// ever. The next flag is given only after the holder released or was fenced. A holder that never took the
+/// bus and never reported cannot have written; then the end of its lease is enough. Pure; one thread.
 class TaskFlagRotation {
  public:
-  /// @param slots        rotation order, with a payload at least; the indices are the flags' positions
+  /// @param slots        rotation order, at least one payload; the indices are the flags' positions
   /// @param incarnation  of this switcher process, higher than any before it
   /// @param now          nothing is granted before now + the longest lease: an earlier switcher may have
   /// granted until now
@@ -121,33 +122,33 @@ class TaskFlagRotation {
   /// @param received  when the tick arrived, before now if it had to wait
   /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (suspended, a tick from before resume())
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
-  /// @return OrderReset or Fence when due, else Nothing. To call at next_deadline(); harmless at any other
+  /// @return OrderReset or Fence when due, else Nothing. Call it at next_deadline(); harmless at any other
   /// time.
-  /// @param last_heard  when anything came in by the network; a switcher that hears nobody accuses nobody
-  /// @param holder      nullopt: not known, so the clock alone counts
+  /// @param last_heard  last input of any kind from the network; a switcher that hears nothing blames no
+  /// payload
+  /// @param holder      nullopt: not known, so only the clock counts
   [[nodiscard]] Decision on_deadline(MonotonicTime now, MonotonicTime last_heard,
                                      const std::optional<HolderCpu>& holder = std::nullopt);
   [[nodiscard]] Decision on_deadline(MonotonicTime now) { return on_deadline(now, now); }
   ReportVerdict on_bus_status(const BusReport& report, MonotonicTime now);
-  /// The next grant where the last report left a slot unused and early hand-over is on, else Nothing: the
-  /// rest of the round until the next tick, every payload at most once a tick. To call after each report.
+  /// The next grant if the last report left a slot unused and early hand-over is on, else Nothing. Serves the
+  /// rest of the round until the next tick, every payload at most once a tick. Call it after each report.
   [[nodiscard]] Decision on_early_release(MonotonicTime now);
-  /// The flag of this grant was not published: this process came to it too late. Nobody can have taken the
-  /// bus.
+  /// The flag of this grant was not published because this process was too late. No payload can have taken
+  /// the bus.
   void withdraw(GrantId id);
-  /// The answer to Fence: the process is gone, and all it wrote has left or was taken back. Until then the
-  /// bus stays blocked, however long that takes: a process that lives may write, a queue that is not empty
-  /// may send.
+  /// The answer to Fence: the process is gone, and all its frames were sent or taken back. Until then the bus
+  /// stays blocked, however long that takes: a live process may write, a non-empty queue may send.
   void on_fenced(GrantId id, MonotonicTime now);
-  /// That is not known after another wait.
+  /// Another wait ended without this proof.
   void on_fence_unproven() { ++counters_.unproven_fences; }
-  /// Takes over a grant that nobody watched since. It is asked back from the next tick on, under a new id;
-  /// who does not answer in time is fenced. Of a process that is gone, on_fenced() is awaited at once.
+  /// Takes over a grant that was not monitored since. From the next tick on it is recalled, under a new id; a
+  /// holder that does not answer in time is fenced. If its process is gone, on_fenced() is awaited at once.
   void inherit(const InheritedGrant& granted, MonotonicTime now);
-  /// Nobody knows of a grant from before, but of frames nobody knows either: a suite that was killed and
-  /// started anew, a record that is gone. Blocked until on_fenced() of current().
+  /// No earlier grant is known, but frames may still wait to be sent: the suite was killed and started anew,
+  /// or the record is gone. The bus stays blocked until on_fenced() of current().
   void await_empty_queue(MonotonicTime now);
-  /// A grant is out whose end can only be heard: not released, not recalled, not fenced.
+  /// A grant is out that still awaits a report of its end: not released, not recalled, not fenced.
   [[nodiscard]] bool awaits_release() const {
     return phase_ == Phase::granted || phase_ == Phase::taken || phase_ == Phase::reset_ordered;
   }
@@ -156,22 +157,22 @@ class TaskFlagRotation {
   /// When on_deadline() has something to do; nullopt: nothing before the next tick or report.
   [[nodiscard]] std::optional<MonotonicTime> next_deadline() const;
 
-  /// A slot that was not used is given on at once, not at the next tick. Off at first.
+  /// An unused slot is passed on at once, not at the next tick. Initially off.
   void set_early_handover(bool on) { early_handover_ = on; }
-  /// The rotation goes through these payloads in this order from the next grant on; who is left out gets no
-  /// slot. A running slot is finished. The flags keep their positions.
-  /// @return false: not a list of different payloads of the plan, or an empty one; nothing was changed
+  /// From the next grant on the rotation goes through these payloads in this order; a payload left out gets
+  /// no slot. A running slot is finished. The flags keep their positions.
+  /// @return false: the list is empty, has a payload twice or one outside the plan; nothing was changed
   bool set_order(const std::vector<std::string>& payloads);
-  /// Payloads joined or left: from the next grant on the rotation goes through @p order, which are payloads
-  /// of
-  /// @p slots, behind who had the bus last, so that nobody loses a turn. Who has a place in both plans keeps
-  /// it. A running slot is finished, overrun or fenced by its old plan.
-  /// @return false: that slot's place changes, and the change waits for its end: call it again then
+  /// Payloads joined or left. From the next grant on the rotation goes through @p order, payloads of @p
+  /// slots. It starts after the last holder, so that no payload loses a turn. A payload in both plans keeps
+  /// its place. A running slot is finished, overrun or fenced by its old plan.
+  /// @return false: the running slot's place changes, so the plan must wait for that slot's end: call again
+  /// then
   bool set_plan(const std::vector<Slot>& slots, const std::vector<std::string>& order);
-  /// Grants nothing until resume(); a running slot is finished or fenced as ever.
+  /// Grants nothing until resume(); a running slot is finished or fenced as usual.
   void suspend() {
     suspended_ = true;
-    recalled_ = false;  // nobody is asked now, so nobody is late with an answer
+    recalled_ = false;  // no recall is out now, so no answer is late
   }
   /// @param now  ticks received before grant nothing: their slot is partly over, its flag would come late
   void resume(MonotonicTime now) {
@@ -183,7 +184,7 @@ class TaskFlagRotation {
   void set_recall_time(nanoseconds time) { recall_time_ = time; }
 
   [[nodiscard]] const std::optional<Grant>& current() const { return current_; }
-  /// Who may write now, as far as is known here; for a successor of this process.
+  /// The payload that may write now, as far as this process knows; for its successor.
   struct Holder {
     std::size_t slot = 0;
     std::uint32_t process = 0;  ///< 0: not known
@@ -197,7 +198,7 @@ class TaskFlagRotation {
     std::uint32_t granted = 0;
     std::uint32_t released = 0;
     std::uint32_t failed = 0;     ///< released, but the peripheral did not do its part
-    std::uint32_t not_taken = 0;  ///< lease ended without a word
+    std::uint32_t not_taken = 0;  ///< lease ended without a report
     std::uint32_t overruns = 0;   ///< PeripheralReset ordered
     std::uint32_t fences = 0;
     std::uint32_t unused = 0;  ///< released without a frame; part of released
@@ -210,10 +211,10 @@ class TaskFlagRotation {
     std::uint32_t duplicate_reports = 0;
     std::uint32_t old_reports = 0;
     std::uint32_t foreign_reports = 0;
-    std::uint32_t early_grants = 0;     ///< given on before the next tick
-    std::uint32_t unproven_fences = 0;  ///< waits for the end of a fenced holder that ended without it
-    std::uint32_t late_deadlines = 0;   ///< ends of leases this process came to so late that it asked first
-    std::uint32_t deaf_deadlines = 0;   ///< ends of leases at which this process heard nobody
+    std::uint32_t early_grants = 0;     ///< passed on before the next tick
+    std::uint32_t unproven_fences = 0;  ///< waits for a fenced holder's end that brought no proof
+    std::uint32_t late_deadlines = 0;   ///< ends of leases handled so late that the holder was asked first
+    std::uint32_t deaf_deadlines = 0;   ///< ends of leases at which this process had no input
     std::uint32_t withdrawn = 0;        ///< grants whose flag was not published
     std::uint32_t starved_holders = 0;  ///< ends of leases whose holder had no CPU to release the bus
   };
@@ -226,22 +227,21 @@ class TaskFlagRotation {
   /// Later than this after the end of a lease this process was held up itself.
   static constexpr nanoseconds held_up_limit = milliseconds(50);
   static constexpr nanoseconds held_up_recall_time = milliseconds(500);
-  /// So long without any input at the end of a lease (a tick, a report, an acknowledgement) is deafness: the
-  /// release may have been missed. Until something is heard the bus stays blocked, then the holder is asked;
-  /// but after the patience, in which the ring replaces a deaf switcher, it is fenced as ever.
+  /// This long without any input (a tick, a report, an acknowledgement) at the end of a lease is deafness:
+  /// the release may have been missed. The bus stays blocked until something is heard, then the holder is
+  /// asked. After the patience, in which the ring replaces a deaf switcher, the holder is fenced as usual.
   static constexpr nanoseconds deaf_limit = milliseconds(30);
   static constexpr nanoseconds deaf_patience = seconds(2);
   static constexpr nanoseconds deaf_look = milliseconds(20);
-  /// A holder that waited for a CPU instead of releasing is not killed for that before it had the length of
-  /// its lease to run, or the patience has passed. Its lease is over all the same: its handle refuses to
-  /// write.
+  /// A holder that waited for a CPU instead of releasing is killed only after it could run for the length of
+  /// its lease, or after the patience. Its lease is over all the same: its handle refuses to write.
   static constexpr nanoseconds starved_patience = seconds(2);
   static constexpr nanoseconds starved_look = milliseconds(25);
 
  private:
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
 
-  /// Nothing came in around the end of the lease; it is looked at again a little later.
+  /// Nothing came in around the end of the lease; it is checked again a little later.
   [[nodiscard]] bool waits_to_hear(MonotonicTime now, MonotonicTime last_heard);
   [[nodiscard]] bool waits_for_starved_holder(MonotonicTime now, const HolderCpu& holder);
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
@@ -260,7 +260,7 @@ class TaskFlagRotation {
 
   std::vector<Slot> slots_;
   std::vector<std::size_t> order_;  ///< indices of slots_, never empty
-  /// The process of each payload that has spoken: it is up and matched, so its silence is a failure, not a
+  /// The process of each payload that has reported: it is up and matched, so its silence is a failure, not a
   /// start.
   std::vector<std::optional<std::uint32_t>> known_process_;
   std::vector<SlotCounters> slot_counters_;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -10,21 +12,21 @@ namespace srfs {
 /// A tick as it arrived.
 struct HeardTick {
   MissionCycle cycle = 0;
-  MonotonicTime due;      ///< as timing says; of a nonsense value its receipt is taken
+  MonotonicTime due;      ///< as timing reports it; for a nonsense value, its receipt
   nanoseconds period{0};  ///< as timing says; out of range: not known, nothing is substituted
   MonotonicTime received;
 };
 
-/// The beat of the switching: timing's ticks, and while they stay away ticks of its own at their period and
-/// phase. So a dead, stopped or late timing node costs no slot. It begins to turn with a real tick only, and
-/// a substitute has no cycle number: the numbers are timing's alone, so nothing can collide when it is back.
+/// The beat of the switching: timing's ticks, and while they stay away substitutes at their period and phase.
+/// So a dead, stopped or late timing node costs no slot. It starts with a real tick only. A substitute has no
+/// cycle number: the numbers are timing's alone, so none can collide when timing is back.
 ///
 /// - Without a tick for a period and the grace, a substitute is made, then one a period, until a believed
 ///   tick arrives.
 /// - A real tick that was due less than half a period after the last beat is that beat: it moves the phase,
 ///   and does not beat again (a substitute took its place, or timing came back in another phase).
 /// - So two beats lie at least half a period apart, and at most one and a half plus the lateness of
-///   whoever makes them.
+///   their source.
 ///
 /// Pure; one thread.
 class TickFlywheel {
@@ -91,7 +93,7 @@ class TickFlywheel {
   std::optional<MonotonicTime> last_beat_;  ///< when it was due, of a substitute when it was made
   MonotonicTime last_real_;                 ///< when the last real tick was due
   std::uint32_t in_a_row_ = 0;              ///< substitutes since
-  bool told_ = false;                       ///< that this is an outage
+  bool told_ = false;                       ///< this outage was reported
   std::optional<MissionCycle> last_cycle_;
   std::optional<MissionCycle> doubted_cycle_;
   Counters counters_;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -8,15 +10,16 @@
 
 namespace srfs {
 
-/// Proves that nothing a dead process wrote waits any more to be sent. What was written stays with the
-/// interface when its writer is killed, in the queue and in the controller, and no driver tells the second.
-/// But frames leave an interface in the order in which they were written: so one frame that nobody listens to
-/// is written behind them, and its echo is the proof. If it does not come in time the bus is jammed, and all
-/// that waits is taken back, the marker too. Pure but for the handle of the bus; one object for each proof.
+/// Proves that no frame of a dead process waits any more to be sent. When a writer is killed, its frames stay
+/// in the interface's queue and in the controller, and no driver reports the latter. But frames leave an
+/// interface in the order in which they were written. So a marker frame, to which no station listens, is
+/// written behind them, and its echo is the proof. Without the echo in time the bus is jammed, and all
+/// waiting frames are taken back, the marker too. Pure but for the handle of the bus; one object for each
+/// proof.
 class TransmitDrain {
  public:
   /// From the computer to itself, without data, behind every frame of a payload in arbitration
-  /// (docs/icd_can.md).
+  /// (docs/reference/icd_can.md).
   static constexpr hw::CanFrame marker{
       .id = 0x1CDA0101, .extended = true, .size = 0, .data = {}, .timestamp = {}};
   static constexpr nanoseconds patience = milliseconds(25);  ///< for the echo: N_As of ISO-TP

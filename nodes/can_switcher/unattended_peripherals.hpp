@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -12,9 +14,9 @@
 
 namespace srfs {
 
-/// Finds peripherals that babble while nobody minds them: a payload switches its own off, unless it has no
-/// process. Without one nobody asks the peripheral anything, so all it sends beyond the rest of an answer is
-/// babble. Pure.
+/// Finds peripherals that babble unattended. A payload switches its own peripheral off, unless it has no
+/// process. Without a process the peripheral gets no requests, so all it sends beyond the rest of an answer
+/// is babble. Pure.
 class UnattendedPeripherals {
  public:
   static constexpr std::uint32_t tolerated_frames = 64;            ///< at once

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/image_acquisition/frame_check.hpp"
 
 #include <algorithm>
@@ -27,14 +29,14 @@ std::optional<std::string> FrameCheck::judge(const hw::CameraFrame& frame, Monot
   const Last now{frame.pixels.width(), frame.pixels.height(), frame.sequence,
                  frame.may_repeat ? 0 : crc32c(octets)};
   const std::optional<Last> before = last_;
-  if (frame.begin + clock_slack < begun) return "a frame from before its exposure";
+  if (frame.begin + clock_slack < begun) return "a frame older than its exposure";
   last_ = now;
   if (!before || frame.may_repeat) return std::nullopt;
   if (before->width != now.width || before->height != now.height) {
     return fmt::format("a frame of {} x {} pixels after {} x {}", now.width, now.height, before->width,
                        before->height);
   }
-  if (before->sequence == now.sequence) return fmt::format("frame {} came twice", now.sequence);
+  if (before->sequence == now.sequence) return fmt::format("frame {} received twice", now.sequence);
   if (before->crc == now.crc && !is_uniform(frame))
     return fmt::format("frame {} has the pixels of frame {}", now.sequence, before->sequence);
   return std::nullopt;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/image_acquisition/frame_header.hpp"
 
 #include <algorithm>
@@ -36,11 +38,11 @@ std::vector<image::FitsCard> frame_header(const hw::CameraFrame& frame, const Fr
   cards.push_back({"FRAME", std::int64_t{facts.number}, "number in the task, from 1"});
   if (facts.begin) {
     cards.push_back({"TIMESYS", std::string("UTC"), ""});
-    cards.push_back({"DATE-OBS", fits_date(*facts.begin), "begin of the exposure"});
+    cards.push_back({"DATE-OBS", fits_date(*facts.begin), "start of the exposure"});
   }
   cards.push_back({"EXPTIME", std::chrono::duration<double>(frame.settings.exposure).count(), "s"});
   cards.push_back({"GAIN", frame.settings.gain_db, "dB"});
-  cards.push_back({"STARTERR", std::int64_t{facts.start_error_us}, "us, begin minus when it was due"});
+  cards.push_back({"STARTERR", std::int64_t{facts.start_error_us}, "us, actual minus due start"});
   cards.push_back({"SEQUENCE", std::int64_t{frame.sequence}, "the camera's count"});
   cards.push_back({"DATABITS", std::int64_t{frame.bits}, "bits of a pixel"});
   if (least != cells.end()) {
@@ -48,7 +50,7 @@ std::vector<image::FitsCard> frame_header(const hw::CameraFrame& frame, const Fr
     cards.push_back({"DATAMAX", std::int64_t{*most}, "ADU"});
   }
   if (frame.saturation_adu)
-    cards.push_back({"SATURATE", std::int64_t{*frame.saturation_adu}, "ADU, from here on saturated"});
+    cards.push_back({"SATURATE", std::int64_t{*frame.saturation_adu}, "ADU, saturated from here on"});
   if (frame.temperature_k)
     cards.push_back({"CCD-TEMP", *frame.temperature_k - ice_point_k, "deg C, of the sensor"});
   if (facts.attitude) {
@@ -57,7 +59,7 @@ std::vector<image::FitsCard> frame_header(const hw::CameraFrame& frame, const Fr
       cards.push_back(
           {names[i], static_cast<double>(facts.attitude->quaternion[i]), "body to inertial, as measured"});
     }
-    cards.push_back({"ATT-AGE", facts.attitude->age_s, "s, before the begin of the exposure"});
+    cards.push_back({"ATT-AGE", facts.attitude->age_s, "s, before the start of the exposure"});
   }
   return cards;
 }

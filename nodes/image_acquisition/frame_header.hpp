@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -14,7 +16,7 @@ namespace srfs {
 struct FrameFacts {
   std::uint32_t task = 0;
   std::uint16_t number = 0;  ///< from 1
-  std::string camera;        ///< what open() said it is
+  std::string camera;        ///< as reported by open()
   std::string instrument;
   std::optional<UtcTime> begin;  ///< of the exposure; nothing: the time is not valid
   std::int32_t start_error_us = 0;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -19,7 +21,7 @@ struct StoredFrame {
   std::uint32_t task = 0;
   std::uint16_t number = 0;  ///< from 1
   std::uint64_t octets = 0;
-  FrameStanding standing = FrameStanding::unmarked;  ///< when it was last looked at
+  FrameStanding standing = FrameStanding::unmarked;  ///< when it was last checked
 };
 
 /// Chooses what to remove for a new frame: by standing, and of one standing the oldest first. Never frames

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -19,13 +21,13 @@ struct StoreFigures {
   std::uint64_t removed = 0;  ///< to make room, since the start
 };
 
-/// Frames on disk within a quota; what makes room is said in frame_removal.hpp. A frame is there whole or
-/// not at all, also across power loss; the folder itself is the only record. Every call blocks on the disk:
-/// one worker thread.
+/// Frames on disk within a quota; frame_removal.hpp describes what makes room. A frame is there whole or not
+/// at all, also across power loss; the folder itself is the only record. Every call blocks on the disk: one
+/// worker thread.
 class FrameStore {
  public:
   static constexpr std::uint16_t number_max = 9999;
-  /// More files than this are not looked at: the index takes 24 octets each.
+  /// Files beyond this number are ignored: the index takes 24 octets each.
   static constexpr std::size_t frames_max = 100'000;
 
   struct Failure {

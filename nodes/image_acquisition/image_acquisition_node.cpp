@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/image_acquisition/image_acquisition_node.hpp"
 
 #include <time.h>
@@ -59,12 +61,12 @@ std::uint32_t as_u32(std::uint64_t v) {
 ImageAcquisitionNode::ImageAcquisitionNode(ros::NodeContext& context, CameraOpener open_camera)
     : LifecycleNode(context), open_camera_(std::move(open_camera)) {
   declare_parameter("store_quota_mib", std::int64_t{512}, ros::ParameterRange{1, 1'048'576},
-                    "Size of all stored frames together", true);
+                    "Total size of the stored frames", true);
   declare_parameter("frame_patience_ms", std::int64_t{3000}, ros::ParameterRange{10, 60'000},
-                    "A frame that has not come so long after its exposure is lost, and taken again");
+                    "A frame that is this late after its exposure is lost and taken again");
   declare_parameter("latest_start_ms", std::int64_t{1000}, ros::ParameterRange{0, 3'600'000},
-                    "A task that cannot begin so soon after its start fails");
-  declare_parameter("instrument", std::string("SRFS"), "INSTRUME of the frames' headers", true);
+                    "A task that cannot begin this soon after its start time fails");
+  declare_parameter("instrument", std::string("SRFS"), "INSTRUME in the frame headers", true);
 }
 
 // ---------------------------------------------------------------- lifecycle
@@ -83,7 +85,7 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
   store_ = std::make_unique<FrameStore>(var().root / "images", quota);
   const milliseconds deadline = std::max(worker_deadline(), longest_job);
   camera_worker_ = create_worker("camera", camera_queue, deadline);
-  store_worker_ = create_worker("frame_store", store_queue, deadline);
+  store_worker_ = create_background_worker("frame_store", store_queue, deadline);
   open_store();
   images_ = create_publisher(ros::topics::image_raw);
   ticks_ = create_subscription(ros::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& tick) {
@@ -169,13 +171,13 @@ void ImageAcquisitionNode::on_goal(const Goal& goal) {
   if (const auto refused = refuse(request)) return refuse_goal(goal, *refused);
   const auto same = [&](const TaskPointer& task) { return task && task->request.task == request.task; };
   if (same(current_) || std::any_of(waiting_.begin(), waiting_.end(), same))
-    return refuse_goal(goal, {failure::task_exists, fmt::format("task {} is under way", request.task)});
+    return refuse_goal(goal, {failure::task_exists, fmt::format("task {} is in progress", request.task)});
   if (request.start && time_.valid()) {
     if (const auto past = refuse_past(*request.start, time_.utc_at(now()), nanoseconds(0)))
       return refuse_goal(goal, *past);
   }
   waiting_.push_back(std::make_shared<Task>(goal, request, now()));
-  drive_soon();  // after the client was told
+  drive_soon();  // after the client was answered
 }
 
 void ImageAcquisitionNode::refuse_goal(const Goal& goal, const CaptureFailure& why) {
@@ -220,7 +222,7 @@ void ImageAcquisitionNode::drop_tasks(const std::string& reason) {
   wake_.reset();
 }
 
-/// @return nothing while its time cannot be told
+/// @return nothing while its time is not known
 std::optional<MonotonicTime> ImageAcquisitionNode::due_of(const Task& task) const {
   if (!task.request.start) return task.accepted;
   if (!time_.valid()) return std::nullopt;
@@ -355,7 +357,7 @@ void ImageAcquisitionNode::on_camera(std::function<void()> job, std::function<vo
   });
   if (!taken) {
     --camera_jobs_;
-    raise_error("the camera's worker takes no more work");
+    raise_error("the camera worker's queue is full");
   }
 }
 
@@ -386,7 +388,7 @@ void ImageAcquisitionNode::close_camera() {
 void ImageAcquisitionNode::camera_lost(const std::string& why) {
   camera_problem_ = why;
   camera_state_ = mission::CameraState::lost;
-  if (camera_was_lost_) return;  // said already
+  if (camera_was_lost_) return;  // reported already
   camera_was_lost_ = true;
   log::warn("camera lost: {}", why);
   raise(mission::ImageCameraLostEvent{.why = why});
@@ -423,7 +425,7 @@ void ImageAcquisitionNode::take() {
               if (!*taken) return on_fault(task, taken->error());
               if (**taken) return on_frame(task, std::move(***taken));
               if (now() < task->frame_deadline) return;
-              on_unsound(task, "no frame came");
+              on_unsound(task, "no frame received");
             });
 }
 
@@ -510,8 +512,7 @@ void ImageAcquisitionNode::on_store_opened(const Result<void, FileError>& opened
   store_problem_ = "frames cannot be read: " + opened.error().message;
   if (known) return;
   ++counters_.store_failures;
-  log::error("{}; no frame is taken until it is mended, which is looked at every {} s", store_problem_,
-             store_retry_interval / seconds(1));
+  log::error("{}; capture suspended, retrying every {} s", store_problem_, store_retry_interval / seconds(1));
   raise(mission::NodeErrorEvent{.what = store_problem_.substr(0, reason_max)});
 }
 
@@ -529,7 +530,7 @@ void ImageAcquisitionNode::store(const TaskPointer& task, TakenFrame frame) {
     FrameFacts& facts = job->taken.facts;
     if (!store_->is_open()) return Err(FrameStore::Failure{false, "the folder of frames cannot be read"});
     const auto number = store_->next_number(facts.task);
-    if (!number) return Err(FrameStore::Failure{true, "no number is left"});
+    if (!number) return Err(FrameStore::Failure{true, "no frame number left"});
     facts.number = *number;
     const auto content =
         image::encode_packed_fits(job->taken.frame.pixels, frame_header(job->taken.frame, facts));
@@ -548,7 +549,7 @@ void ImageAcquisitionNode::store(const TaskPointer& task, TakenFrame frame) {
         if (job->stored) {
           on_stored(task, *job->stored, job->taken);
         } else {
-          // A task may be accepted before the store was seen to be unreadable; it is told why, too.
+          // A task may be accepted before the store is found unreadable; it gets that reason, too.
           on_store_failure(task, store_problem_.empty() ? job->stored.error()
                                                         : FrameStore::Failure{false, store_problem_});
         }
@@ -557,7 +558,7 @@ void ImageAcquisitionNode::store(const TaskPointer& task, TakenFrame frame) {
   if (posted) return;
   --task->storing;
   --frames_storing_;
-  on_store_failure(task, {false, "the store's worker takes no more work"});
+  on_store_failure(task, {false, "the store worker's queue is full"});
 }
 
 void ImageAcquisitionNode::on_stored(const TaskPointer& task, const std::string& file,
@@ -574,7 +575,7 @@ void ImageAcquisitionNode::on_stored(const TaskPointer& task, const std::string&
 
 void ImageAcquisitionNode::on_store_failure(const TaskPointer& task, const FrameStore::Failure& why) {
   ++counters_.store_failures;
-  log::error("task {}: a frame is not stored: {}", task->request.task, why.reason);
+  log::error("task {}: frame not stored: {}", task->request.task, why.reason);
   if (why.full) raise(mission::ImageStoreFullEvent{.what = why.reason});
   if (!task->failure)
     task->failure = CaptureFailure{why.full ? failure::frame_store_full : failure::disk_failed, why.reason};

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/image_processing/image_processing_node.hpp"
 
 #include <algorithm>
@@ -43,11 +45,10 @@ srfs_msgs::msg::ImageStreak to_message(const image::Streak& s) {
 
 ImageProcessingNode::ImageProcessingNode(ros::NodeContext& context) : LifecycleNode(context) {
   declare_parameter("product_quota_mib", std::int64_t{64}, ros::ParameterRange{1, 1'000'000},
-                    "Size of all products on board; the oldest task's go first", true);
-  declare_parameter(
-      "frame_pixels_max", std::int64_t{6'000'000}, ros::ParameterRange{256, image::frame_pixels_max},
-      "Larger frames are refused; one takes 22 octets a pixel of the node's memory while it is processed",
-      true);
+                    "Total size of the products on board; the oldest task's are removed first", true);
+  declare_parameter("frame_pixels_max", std::int64_t{6'000'000},
+                    ros::ParameterRange{256, image::frame_pixels_max},
+                    "Larger frames are refused; processing takes 22 octets of memory per pixel", true);
 }
 
 bool ImageProcessingNode::is_at_rest() const {
@@ -59,7 +60,8 @@ bool ImageProcessingNode::is_at_rest() const {
 // ---------------------------------------------------------------- lifecycle
 
 CallbackReturn ImageProcessingNode::on_configure() {
-  if (!worker_) worker_ = create_worker("image", 4, std::max<milliseconds>(worker_deadline(), longest_step));
+  if (!worker_)
+    worker_ = create_background_worker("image", 4, std::max<milliseconds>(worker_deadline(), longest_step));
   if (!open_store()) {
     set_failure_reason("a step of an earlier task has not ended yet");
     return CallbackReturn::failure;
@@ -97,7 +99,7 @@ CallbackReturn ImageProcessingNode::on_deactivate() {
   return CallbackReturn::success;
 }
 
-/// The worker stays: nobody waits for the step that runs, and what comes later comes behind it.
+/// The worker stays: the running step is not awaited, and later steps come after it.
 CallbackReturn ImageProcessingNode::on_cleanup() {
   abort_all();
   housekeeping_timer_.reset();
@@ -283,11 +285,11 @@ void ImageProcessingNode::abort(const Goal& goal, std::uint16_t code, const std:
   goal->abort(std::move(result));
 }
 
-/// What the worker does meanwhile is nobody's any more.
+/// What the worker still does belongs to no task any more.
 void ImageProcessingNode::abort_all() {
   if (running_) waiting_.push_front(std::exchange(running_, std::nullopt)->goal);
   for (const Goal& goal : std::exchange(waiting_, {}))
-    abort(goal, mission::failure::node_not_active, "the node is not active any more");
+    abort(goal, mission::failure::node_not_active, "the node is no longer active");
 }
 
 // ---------------------------------------------------------------- housekeeping

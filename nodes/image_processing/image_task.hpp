@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -16,7 +18,7 @@
 
 namespace srfs {
 
-/// What one frame holds, for those who listen while the task goes on.
+/// What one frame holds, for listeners while the task runs.
 struct FrameReport {
   std::string file;
   std::optional<double> time_s;  ///< begin of the exposure, seconds since 1970

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/image_processing/product_store.hpp"
 
 #include <algorithm>
@@ -91,13 +93,13 @@ void ProductStore::begin(std::uint32_t task, bool anew) {
 }
 
 Result<std::string, StoreFailure> ProductStore::put(const std::string& name, OctetView content) {
-  if (!begun_) return Err(StoreFailure{StoreProblem::disk, "no task is under way"});
+  if (!begun_) return Err(StoreFailure{StoreProblem::disk, "no task is in progress"});
   const std::uint32_t task = tasks_.back().number;
   const auto path = folder(task) / name;
   const std::uint64_t before = size_of(path);
   while (octets() - before + content.size() > quota_octets_) {
     if (!remove_oldest())
-      return Err(StoreFailure{StoreProblem::quota, fmt::format("{}: the store of products is full", name)});
+      return Err(StoreFailure{StoreProblem::quota, fmt::format("{}: the product store is full", name)});
   }
   const std::string_view text(reinterpret_cast<const char*>(content.data()), content.size());
   auto written = write_file_atomically(path, text);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/image_processing/task_order.hpp"
 
 #include <algorithm>
@@ -47,11 +49,12 @@ Result<std::filesystem::path, image::Refusal> frame_path(const std::filesystem::
                                                          const std::string& file) {
   const auto refuse = [](const char* why) { return Err(image::Refusal{why}); };
   const std::filesystem::path name(file);
-  if (file.empty() || name.is_absolute()) return refuse("not a name below the folder of images");
+  if (file.empty() || name.is_absolute()) return refuse("not a name below the image folder");
   if (std::any_of(file.begin(), file.end(), [](unsigned char c) { return c < 0x20 || c == 0x7F; }))
     return refuse("a name with control characters");
   for (const auto& part : name) {
-    if (part.empty() || part.native().front() == '.') return refuse("a name that leads elsewhere, or hidden");
+    if (part.empty() || part.native().front() == '.')
+      return refuse("a name that leads elsewhere, or is hidden");
   }
   std::error_code failed;
   const auto path = std::filesystem::canonical(images / name, failed);
@@ -59,7 +62,7 @@ Result<std::filesystem::path, image::Refusal> frame_path(const std::filesystem::
   const auto root = std::filesystem::canonical(images, failed);
   if (failed) return Err(image::Refusal{failed.message()});
   const auto [end, unused] = std::mismatch(root.begin(), root.end(), path.begin(), path.end());
-  if (end != root.end()) return refuse("a link that leads out of the folder of images");
+  if (end != root.end()) return refuse("a link that leads out of the image folder");
   return path;
 }
 

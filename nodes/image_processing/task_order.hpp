@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -40,7 +42,7 @@ struct TaskRefusal {
 [[nodiscard]] Result<TaskOrder, TaskRefusal> check_request(ProcessRequest request);
 
 /// Where a stored frame is. Refused: names that lead out of the folder, by links too, or to hidden files.
-/// Looks at the disk.
+/// Reads the disk.
 [[nodiscard]] Result<std::filesystem::path, image::Refusal> frame_path(const std::filesystem::path& images,
                                                                        const std::string& file);
 

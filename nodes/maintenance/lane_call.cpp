@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/maintenance/lane_call.hpp"
 
 #include <fmt/format.h>
@@ -46,7 +48,7 @@ LaneReport read_lane_report(std::string_view json, std::string_view end) {
   const auto parsed = nlohmann::json::parse(json, nullptr, false);
   const std::string outcome = parsed.is_object() ? text_of(parsed, "outcome") : std::string();
   if (outcome.empty()) {
-    report.reason = fmt::format("the build lane said nothing ({})", end);
+    report.reason = fmt::format("no report from the build lane ({})", end);
     return report;
   }
   report.good = outcome == "built" || outcome == "passed";

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Limit violations of versions on probation: seen here, judged and carried out by the ring.
 #include <malloc.h>
 
@@ -24,7 +26,7 @@ void MaintenanceNode::open_limits() {
         try {
           dictionary->emplace(mission::Dictionary::load(mission::Dictionary::default_folder()));
         } catch (const ConfigError& e) {
-          log::error("limits of versions on probation are not watched: {}", e.what());
+          log::error("cannot monitor the limits of versions on probation: {}", e.what());
         }
       },
       [this, dictionary] {
@@ -51,7 +53,7 @@ void MaintenanceNode::watch_limits(std::shared_ptr<Limits> limits) {
                                if (m.source == node) on_sample(m);
                              }));
   }
-  log::info("limits of versions on probation are watched");
+  log::info("monitoring the limits of versions on probation");
 }
 
 void MaintenanceNode::on_sample(const srfs_msgs::msg::PayloadTelemetry& message) {
@@ -71,7 +73,7 @@ void MaintenanceNode::blame_version(const std::string& node, const std::string& 
   if (!trial || (trial->lived >= trial->probation && !trial->to_confirm)) return;
   const auto started = ros::last_started(var(), node);
   if (!started || ros::violation_of(var(), node, started->pid)) return;
-  log::warn("{}: version {} is to blame for {}", node, trial->version, violation);
+  log::warn("{}: blaming version {} for {}", node, trial->version, violation);
   ros::report_violation(var(), node, started->pid, violation);
 }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/maintenance/maintenance_node.hpp"
 
 #include <algorithm>
@@ -77,6 +79,12 @@ FailureCode judge(OctetView arguments, const ros::Deployment& deployment) {
   }
   if constexpr (requires { command->node; }) {
     if (deployment.find(command->node) == nullptr) return FailureCode::unknown_node;
+  }
+  // Down or Inactive by telecommand, such a node could not be brought back by telecommand.
+  constexpr bool takes_away =
+      std::is_same_v<Command, mission::RingHold> || std::is_same_v<Command, mission::RingReleaseInactive>;
+  if constexpr (takes_away) {
+    if (deployment.on_command_path(command->node)) return FailureCode::on_command_path;
   }
   return FailureCode::none;
 }
@@ -162,8 +170,8 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
   const OctetView arguments = telecommand.arguments;
   switch (telecommand.function) {
     case mission::RingHold::function_id:
-      run([this, node = mission::RingHold::decode(arguments)->node] {
-        return outcome_of(ros::hold(var(), node, "held by telecommand"));
+      run([this, plan = deployment(), node = mission::RingHold::decode(arguments)->node] {
+        return outcome_of(ros::hold(var(), plan, node, "held by telecommand", monotonic_now()));
       });
       break;
     case mission::RingRelease::function_id:
@@ -172,9 +180,10 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       });
       break;
     case mission::RingReleaseInactive::function_id:
-      run([this, node = mission::RingReleaseInactive::decode(arguments)->node] {
+      run([this, plan = deployment(), node = mission::RingReleaseInactive::decode(arguments)->node] {
         if (ros::find_instance(var(), node)) return FailureCode::node_runs;
-        const FailureCode set = outcome_of(ros::set_desired_state(var(), node, ros::State::inactive));
+        const FailureCode set =
+            outcome_of(ros::set_desired_state(var(), plan, node, ros::State::inactive, monotonic_now()));
         return set != FailureCode::none ? set : outcome_of(ros::release(var(), node, release_patience));
       });
       break;
@@ -365,7 +374,8 @@ void MaintenanceNode::send_report(const mission::NodeSendReport& command) {
         auto queued = queue_report(var.root / "files" / "outbox",
                                    fmt::format("{}_{}", command.node, report->incarnation), report->file);
         if (!queued) {
-          log::error("the report of {} cannot go down: {}", command.node, queued.error().text);
+          log::error("cannot queue the crash report of {} for downlink: {}", command.node,
+                     queued.error().text);
           outcome->code = to_failure_code(queued.error().error);
           return;
         }

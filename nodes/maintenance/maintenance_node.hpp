@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <deque>
@@ -84,7 +86,7 @@ class MaintenanceNode : public CommandedNode {
   void save_updates();
   void send_lane_log();
 
-  /// The lane's process, and who waits for its end.
+  /// The lane's process, and what waits for its end.
   struct Lane {
     ChildProcess child;
     ros::Executor::Handle ended;
@@ -102,7 +104,7 @@ class MaintenanceNode : public CommandedNode {
   std::optional<Lane> lane_;
   bool taking_in_ = false;  ///< a package is being verified
   bool packages_open_ = false;
-  bool resume_pending_ = false;  ///< what an earlier process left is looked at once
+  bool resume_pending_ = false;  ///< what an earlier process left is checked once
   std::shared_ptr<ros::Worker> package_worker_;
   ros::Timer awaiting_active_;
 

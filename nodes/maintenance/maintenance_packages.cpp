@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The installation of uplinked packages (README.md: "Packages"): verify, build, self-test, store, swap. Each
 // step runs on a worker or in a process of its own; the journal and the table of versions say where it
 // stands, so that it goes on wherever maintenance or the computer ended.
@@ -52,7 +54,7 @@ void MaintenanceNode::open_packages() {
   package_worker_ =
       create_worker("packages", 4, std::max<milliseconds>(worker_deadline(), longest_package_job));
   auto [journal, problem] = update::read_update_journal(state_dir());
-  if (!problem.empty()) log::error("journal of updates: {}", problem);
+  if (!problem.empty()) log::error("update journal: {}", problem);
   updates_ = std::move(journal);
   packages_open_ = true;
   resume_pending_ = true;
@@ -114,7 +116,7 @@ void MaintenanceNode::install_package(const std::string& file, bool activate) {
               std::max(intake->update.probation,
                        std::chrono::ceil<seconds>(ros::default_probation(ring, intake->update.node)));
         if (!journal.begin(intake->update)) {
-          outcome->failure.reason = "too many nodes have had packages";
+          outcome->failure.reason = "too many nodes in the update journal";
           return;
         }
         if (const auto written = update::write_update_journal(state, journal); !written) {
@@ -153,14 +155,14 @@ void MaintenanceNode::resume_update() {
   updates_.resume(ros::read_versions(var(), node).table);
   const bool has_joined = deployment().find(node) != nullptr;
   if (updates_.update().step == UpdateStep::installed && !has_joined) updates_.set(UpdateStep::swap);
-  log::warn("update of {} from {} goes on: {} {}", node, updates_.update().file,
+  log::warn("resuming the update of {} from {}: {} {}", node, updates_.update().file,
             to_text(updates_.update().step), updates_.update().reason);
   save_updates();
   if (!updates_.is_under_way()) {
     announce();
     return;
   }
-  // What is said of a new node stands in its package.
+  // The description of a new node is in its package.
   if (updates_.update().step == UpdateStep::swap && updates_.update().kind == update::PackageKind::replace) {
     go_on();
     return;
@@ -175,7 +177,7 @@ void MaintenanceNode::resume_update() {
         if (!*intake) {
           end_update(UpdateStep::failed, (*intake).error().reason);
         } else if ((*intake)->update.sha256 != updates_.update().sha256) {
-          end_update(UpdateStep::failed, "the package is another one now");
+          end_update(UpdateStep::failed, "the package has changed");
         } else {
           manifest_ = (*intake)->manifest;
           dictionary_ = (*intake)->dictionary;
@@ -208,7 +210,7 @@ void MaintenanceNode::announce() {
   const update::Update& u = updates_.update();
   switch (u.step) {
     case UpdateStep::installed: {
-      log::info("{} runs version {} from {}, {} ms without it", u.node, u.version, u.file,
+      log::info("{} runs version {} from {}, outage {} ms", u.node, u.version, u.file,
                 u.outage ? u.outage->count() : -1);
       mission::UpdateInstalledEvent event;
       event.file = u.file;
@@ -253,9 +255,9 @@ void MaintenanceNode::announce() {
 void MaintenanceNode::save_updates() {
   const bool taken = package_worker_->post([journal = updates_, state = state_dir()] {
     if (const auto written = update::write_update_journal(state, journal); !written)
-      log::error("journal of updates: {}", written.error().message);
+      log::error("update journal: {}", written.error().message);
   });
-  if (!taken) log::warn("journal of updates: not written, the worker is busy");
+  if (!taken) log::warn("update journal not written: the worker is busy");
 }
 
 mission::UpdateStatusHousekeeping MaintenanceNode::update_status() const {
@@ -318,7 +320,7 @@ void MaintenanceNode::on_built(const LaneReport& report) {
     return;
   }
   if (manifest_.binary_sha256 && *manifest_.binary_sha256 != report.program_sha256) {
-    end_update(UpdateStep::failed, "the program differs from the one that the ground built");
+    end_update(UpdateStep::failed, "the program differs from the ground build");
     return;
   }
   updates_.set(UpdateStep::self_test);
@@ -356,13 +358,13 @@ void MaintenanceNode::store_program() {
               return {};
             });
         if (!stored || !version) {
-          outcome->problem = stored ? "the version is gone" : stored.error();
+          outcome->problem = stored ? "the version no longer exists" : stored.error();
           return;
         }
         outcome->journal.stored(version->number, version->octets);
         outcome->journal.set(u.activate ? UpdateStep::swap : UpdateStep::candidate);
         if (const auto written = update::write_update_journal(state, outcome->journal); !written)
-          log::error("journal of updates: {}", written.error().message);
+          log::error("update journal: {}", written.error().message);
         std::error_code ec;
         std::filesystem::remove_all(folders.work, ec);
       },
@@ -404,7 +406,7 @@ void MaintenanceNode::add_program() {
       [swapped, u = updates_.update(), node = ros::added_node_of(manifest_, dictionary_),
        deployment = deployment(), var = var()] {
         const auto used = ros::change_versions(var, u.node, [&](update::VersionStore& store) {
-          return store.use(u.version, u.probation, "another version was asked for");
+          return store.use(u.version, u.probation, "another version was requested");
         });
         const auto added = used ? ros::add_node(var, deployment, node) : used;
         if (!added) {
@@ -440,7 +442,7 @@ void MaintenanceNode::on_swapped(const Swapped& swapped) {
     own_end_ = create_one_shot(
         now() + before_own_end,
         [] {
-          log::info("ending, for the ring to start the other version");
+          log::info("exiting so that the ring starts the other version");
           kill(getpid(), SIGTERM);
         },
         "own end");
@@ -473,8 +475,8 @@ void MaintenanceNode::review_added_nodes() {
     const auto table = ros::read_versions(var(), node.name).table;
     if (table.active() != update::golden) continue;
     const std::string reason =
-        table.versions().empty() ? "it has no version" : "rolled back: " + table.versions().back().reason;
-    log::error("{} is removed: {}", node.name, reason);
+        table.versions().empty() ? "no version left" : "rolled back: " + table.versions().back().reason;
+    log::error("removing {}: {}", node.name, reason);
     (void)package_worker_->post([var = var(), node = node.name] { (void)ros::remove_node(var, node); },
                                 [this, node = node.name, reason] {
                                   mission::UpdateRemovedEvent event;
@@ -513,7 +515,8 @@ void MaintenanceNode::await_active(pid_t pid, MonotonicTime stopped) {
           const auto table = ros::read_versions(var(), u.node).table;
           const update::Version* version = table.find(u.version);
           if (version == nullptr || version->state == update::VersionState::failed) {
-            updates_.end(UpdateStep::failed, version == nullptr ? "the version is gone" : version->reason);
+            updates_.end(UpdateStep::failed,
+                         version == nullptr ? "the version no longer exists" : version->reason);
           } else if (now() < give_up) {
             return;
           } else {
@@ -537,7 +540,7 @@ void MaintenanceNode::run_lane(const std::vector<std::string>& command, millisec
   with_caller.push_back(fmt::format("--caller={}", getpid()));
   auto child = ChildProcess::start(with_caller);
   if (!child) {
-    end_update(UpdateStep::failed, "no build lane: " + child.error());
+    end_update(UpdateStep::failed, "cannot start the build lane: " + child.error());
     return;
   }
   lane_.emplace(Lane{std::move(*child), {}, {}, {}, {}, false, false, std::move(done)});
@@ -597,7 +600,7 @@ void MaintenanceNode::send_lane_log() {
         if (queued) {
           outcome->queued = std::move(*queued);
         } else {
-          log::warn("the log of the build lane cannot go down: {}", queued.error().text);
+          log::warn("cannot queue the build lane's log for downlink: {}", queued.error().text);
         }
       },
       [this, outcome] {

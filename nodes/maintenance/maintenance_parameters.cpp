@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // maintenance and the parameters of the nodes: what is kept, confirmed, restored and reset, by
 // ~/save_parameters.
 #include "nodes/maintenance/generation_line.hpp"

@@ -1,11 +1,10 @@
-// Scrubbing in the node (lib/update/scrubber): one slice at a time on a worker that gives way to everybody.
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+// Scrubbing in the node (lib/update/scrubber): one slice at a time on a worker that gives way to all other
+// work.
 #include <algorithm>
 
 #include <dlfcn.h>
-#include <linux/ioprio.h>
-#include <sys/resource.h>
-#include <sys/syscall.h>
-#include <unistd.h>
 
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
@@ -15,19 +14,11 @@
 namespace srfs {
 namespace {
 
-// Whoever reads and writes goes before it, so it may wait for long.
+// All other disk access goes first, so a slice may wait for long.
 constexpr auto longest_slice = std::chrono::minutes(10);
 constexpr std::size_t longest_file = 80;
 constexpr std::size_t longest_why = 60;
 constexpr std::size_t longest_build = 40;
-
-/// Of the calling thread alone. Refusals do not matter.
-void give_way() {
-  constexpr int this_thread = 0;
-  constexpr int lowest = 19;
-  (void)syscall(SYS_ioprio_set, IOPRIO_WHO_PROCESS, this_thread, IOPRIO_PRIO_VALUE(IOPRIO_CLASS_IDLE, 0));
-  (void)setpriority(PRIO_PROCESS, this_thread, lowest);
-}
 
 std::filesystem::path library_folder() {
   Dl_info self{};
@@ -55,17 +46,17 @@ struct MaintenanceNode::Scrubbing {
 void MaintenanceNode::declare_scrubbing() {
   constexpr std::int64_t day_s = 86400;
   declare_parameter("scrub_first_after_s", std::int64_t{300}, ros::ParameterRange{0, day_s},
-                    "First round of scrubbing, after the configuration");
+                    "Delay of the first scrubbing round after the configuration");
   declare_parameter("scrub_interval_s", std::int64_t{21600}, ros::ParameterRange{0, 30 * day_s},
-                    "From the end of a round to the next; 0: by telecommand only");
+                    "Pause between rounds; 0: rounds by telecommand only");
   declare_parameter("scrub_pause_ms", std::int64_t{100}, ros::ParameterRange{0, 10000},
-                    "Between slices of 128 KiB");
+                    "Pause between slices of 128 KiB");
 }
 
 void MaintenanceNode::open_scrubbing() {
   scrub_ = std::make_shared<Scrubbing>(update::Scrubber::Settings{.folder = var().root / "golden"});
-  scrub_->worker = create_worker("scrubber", 2, std::max<milliseconds>(worker_deadline(), longest_slice));
-  scrub_->worker->post(give_way);
+  scrub_->worker =
+      create_background_worker("scrubber", 2, std::max<milliseconds>(worker_deadline(), longest_slice));
   if (get_parameter<std::int64_t>("scrub_interval_s") > 0)
     scrub_later(seconds(get_parameter<std::int64_t>("scrub_first_after_s")));
 }
@@ -136,7 +127,7 @@ void MaintenanceNode::end_scrubbing_round() {
     event.build = status.build.substr(0, longest_build);
     raise(event);
   }
-  log::info("scrubbing: {} files, {} KiB, {} taken for good, {} lost, {} not mended", status.files,
+  log::info("scrubbing: {} files, {} KiB, {} accepted as good, {} lost, {} not repaired", status.files,
             status.octets / 1024, status.taken, status.lost, status.unmended);
   if (scrub_->retake) {
     scrub_slice();
@@ -148,7 +139,7 @@ void MaintenanceNode::end_scrubbing_round() {
 void MaintenanceNode::report_finding(const update::ScrubFinding& finding) {
   const std::string file = end_of(finding.path, longest_file);
   const std::string why = finding.why.substr(0, longest_why);
-  log::warn("scrubbing: {}{}{}", finding.path, finding.why.empty() ? " is mended" : ": ", finding.why);
+  log::warn("scrubbing: {}{}{}", finding.path, finding.why.empty() ? " was repaired" : ": ", finding.why);
   switch (finding.what) {
     case update::ScrubFinding::What::damaged: {
       mission::MaintenanceFileDamagedEvent event;

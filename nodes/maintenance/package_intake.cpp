@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/maintenance/package_intake.hpp"
 
 #include <algorithm>
@@ -28,7 +30,7 @@ Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, co
   if (!file) return missing(errno_text(errno));
   struct stat status {};
   if (fstat(file.get(), &status) != 0) return missing(errno_text(errno));
-  if (!S_ISREG(status.st_mode)) return missing("no file");
+  if (!S_ISREG(status.st_mode)) return missing("not a regular file");
   if (static_cast<std::uint64_t>(status.st_size) > update::PackageLimits::package_octets)
     return Err(IntakeFailure{false, fmt::format("{}: {}", to_text(update::PackageRefusal::too_large), name)});
   Octets content(static_cast<std::size_t>(status.st_size));
@@ -36,7 +38,7 @@ Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, co
   while (done < content.size()) {
     const ssize_t n = read(file.get(), content.data() + done, content.size() - done);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return missing(n < 0 ? errno_text(errno) : "it became shorter while it was read");
+    if (n <= 0) return missing(n < 0 ? errno_text(errno) : "it shrank while it was read");
     done += static_cast<std::size_t>(n);
   }
   return content;
@@ -49,7 +51,7 @@ Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const st
                                               const LaneFolders& folders) {
   const auto refusal = [](std::string reason) { return Err(IntakeFailure{false, std::move(reason)}); };
   const auto key = update::load_public_key(rules.public_key);
-  if (!key) return refusal("no key to verify with: " + key.error().message);
+  if (!key) return refusal("no verification key: " + key.error().message);
   const auto content = read_package(rules.files, file);
   if (!content) return Err(content.error());
   const std::string sha256 = update::to_digits(update::sha256_of(*content));
@@ -61,7 +63,7 @@ Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const st
   if (manifest.kind == update::PackageKind::replace && !is_there)
     return refusal(fmt::format("there is no node '{}' to replace", manifest.node));
   if (manifest.kind == update::PackageKind::add && is_there)
-    return refusal(fmt::format("there is a node '{}' already", manifest.node));
+    return refusal(fmt::format("there is already a node '{}'", manifest.node));
 
   std::error_code ec;
   std::filesystem::remove_all(folders.work, ec);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -28,7 +30,7 @@ struct Installation {
 /// As the ground gets it; what the structure has no room for is cut. Pure.
 [[nodiscard]] mission::ScrubStatusHousekeeping to_mission(const update::ScrubStatus& status);
 
-/// The end of a path, which tells most.
+/// The end of a path, its most informative part.
 [[nodiscard]] std::string end_of(const std::string& path, std::size_t most);
 
 }  // namespace srfs

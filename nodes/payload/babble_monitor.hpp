@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -8,8 +10,8 @@
 
 namespace srfs {
 
-/// Judges frames of the peripheral that nobody asked for. A late answer is a handful of frames, a babbling
-/// peripheral never stops: a bucket that leaks tells them apart. Pure.
+/// Judges unsolicited frames of the peripheral. A late answer is a handful of frames, a babbling peripheral
+/// never stops: a leaky bucket distinguishes them. Pure.
 class BabbleMonitor {
  public:
   struct Settings {

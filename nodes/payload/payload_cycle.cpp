@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/payload/payload_cycle.hpp"
 
 #include <algorithm>
@@ -90,7 +92,7 @@ PayloadActions PayloadCycle::finish() {
 PayloadActions PayloadCycle::on_flag(const PayloadFlag& flag, MonotonicTime now) {
   if (flag.grant <= newest_) {
     ++counters_.repeated_flags;
-    // Whoever repeats a flag may have missed what became of it.
+    // A switcher that repeats a flag may have missed its outcome.
     if (last_status_ && last_status_->grant == flag.grant) act(*last_status_);
     return finish();
   }
@@ -534,7 +536,7 @@ PayloadActions PayloadCycle::on_deadline(MonotonicTime now) {
         act(WithdrawFrames{});
         break;
       }
-      // Only the fence can tell now that the frames are gone; a late echo still releases.
+      // Only the fence can prove now that the frames are gone; a late echo still releases.
       if (!stuck_counted_) ++counters_.stuck_frames;
       stuck_counted_ = true;
       deadline_.reset();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -152,7 +154,7 @@ enum class RequestFailure : std::uint8_t { silent, garbage, not_sent };
 /// One payload's work in its slots (paper Figs. 5 and 7, DESIGN section 5): take the flag, wake the
 /// peripheral, take its answer, execute stored telecommands, let the last own frame leave, release, process.
 /// Whatever goes wrong ends in a release before the lease does, except when own frames are stuck in the
-/// controller and cannot be taken back: then only the switcher's fence can tell that they are gone. A
+/// controller and cannot be taken back: then only the switcher's fence can prove that they are gone. A
 /// peripheral that babbles is switched off and on, and in the end kept off until a telecommand power-cycles
 /// it. Pure: time and all input come by the calls, what to do goes out as actions. One thread.
 class PayloadCycle {
@@ -172,9 +174,8 @@ class PayloadCycle {
   PayloadActions on_flag(const PayloadFlag& flag, MonotonicTime now);
   /// Another payload's flag: ours is over, whatever we believe.
   PayloadActions on_foreign_flag(GrantId grant, MonotonicTime now);
-  /// The switcher asks for what it, or an earlier one, granted: a running slot ends, nothing is written until
-  /// the next own flag, and it is told so, each time it asks, once every own frame has left or was taken
-  /// back.
+  /// The switcher recalls what it, or an earlier one, granted. A running slot ends, and nothing is written
+  /// until the next own flag. Each recall is answered once every own frame has left or was taken back.
   PayloadActions on_recall(GrantId id, MonotonicTime now);
   PayloadActions on_peripheral_reset(GrantId grant, const std::string& reason, MonotonicTime now);
   PayloadActions on_answer(const wire::PeripheralResponse& answer, MonotonicTime now);
@@ -283,7 +284,7 @@ class PayloadCycle {
   std::optional<MonotonicTime> starting_since_;  ///< until the first slot is begun
   Step step_ = Step::idle;
   PayloadFlag flag_;                 ///< the running or last own slot
-  GrantId newest_;                   ///< highest grant seen, anybody's
+  GrantId newest_;                   ///< highest grant seen, of any payload
   std::optional<GrantId> recalled_;  ///< a recall to be answered once no own frame waits for the bus
   std::optional<PublishStatus> last_status_;
   std::optional<MonotonicTime> deadline_;

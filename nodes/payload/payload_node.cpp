@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/payload/payload_node.hpp"
 
 #include <sys/epoll.h>
@@ -18,9 +20,10 @@ using ros::CallbackReturn;
 
 constexpr std::size_t longest_detail = 120;  // bound of BusStatus.detail
 constexpr nanoseconds counters_period = seconds(5);
-constexpr int frames_per_turn = 128;               // the rest of a flood waits for other input
-constexpr seconds longest_foreign_lease{180};      // three times the bound of a slot's parts
-constexpr std::uint32_t usual_bit_rate = 500'000;  // docs/icd_can.md, where the interface does not say
+constexpr int frames_per_turn = 128;           // the rest of a flood waits for other input
+constexpr seconds longest_foreign_lease{180};  // three times the bound of a slot's parts
+// Where the interface does not report it (docs/reference/icd_can.md).
+constexpr std::uint32_t usual_bit_rate = 500'000;
 
 std::uint64_t pack(GrantId grant) {
   return std::uint64_t{grant.incarnation} << 32U | grant.counter;
@@ -85,22 +88,22 @@ void PayloadNode::declare_parameters() {
   declare_parameter("answer_timeout_ms", std::int64_t{25}, ros::ParameterRange{1, 10000},
                     "Longest wait for the peripheral's answer to one request; never past the allotted time");
   declare_parameter("command_time_ms", std::int64_t{12}, ros::ParameterRange{1, 10000},
-                    "A request is begun only while so much of the allotted time is left");
+                    "A request starts only while at least this much of the allotted time is left");
   declare_parameter("power_off_ms", std::int64_t{200}, ros::ParameterRange{50, 10000},
-                    "Time without power when the node switches its peripheral off and on by itself");
+                    "Time without power when the node power-cycles its peripheral by itself");
   declare_parameter("silent_slots_to_power_cycle", std::int64_t{20}, ros::ParameterRange{0, 100000},
-                    "Silent slots in a row after which the peripheral is switched off and on; 0: never");
+                    "Silent slots in a row after which the peripheral is power-cycled; 0: never");
   declare_parameter("babble_power_cycles", std::int64_t{3}, ros::ParameterRange{0, 100},
-                    "Power cycles of a peripheral that babbles before it is kept off until commanded");
-  declare_parameter(
-      "measurement_period_ms", std::int64_t{0}, ros::ParameterRange{0, 3600000},
-      "A slot earlier after the last measurement, without a telecommand, is given back unused; 0: never");
+                    "Power cycles of a babbling peripheral before it is kept off until commanded");
+  declare_parameter("measurement_period_ms", std::int64_t{0}, ros::ParameterRange{0, 3600000},
+                    "A slot without a telecommand, sooner than this after the last measurement, is released "
+                    "unused; 0: never");
   declare_parameter("processing_time_ms", std::int64_t{0}, ros::ParameterRange{0, 60000},
                     "Artificial time added to the processing of a measurement, for experiments");
   declare_parameter("sensor_inputs", std::vector<std::int64_t>{},
                     "GPIO lines (8-11) of the on-board sensor inputs that this node reads and reports", true);
   declare_parameter("sensor_input_period_ms", std::int64_t{500}, ros::ParameterRange{20, 60000},
-                    "How often they are read", true);
+                    "How often the sensor inputs are read", true);
   on_parameter_change([this](const std::string&) {
     if (cycle_) cycle_->change_settings(settings());
   });
@@ -272,8 +275,8 @@ CallbackReturn PayloadNode::on_error() {
 
 bool PayloadNode::is_plausible(const srfs_msgs::msg::TaskFlags& flags) {
   const auto& slots = deployment().slots;
-  // Of a payload that was just added or removed the switcher may know before this node, or after it: flags of
-  // nobody in this plan are free, the others must fit.
+  // The switcher may learn of an added or removed payload before this node, or after it. The flag of a holder
+  // outside this plan may be at any free place; the other flags must fit.
   const bool known = flags.holder.empty() ||
                      std::any_of(slots.begin(), slots.end(),
                                  [&](const ros::Slot& slot) { return slot.payload == flags.holder; });
@@ -468,7 +471,8 @@ void PayloadNode::carry_out(const OpenBus& action) {
   frames_sent_ = 0;
   frames_received_ = 0;
   awaiting_quiet_ = false;
-  if (!leased_->begin(grant_, action.lease_end)) log::error("grant {:#x} was not above the last one", grant_);
+  if (!leased_->begin(grant_, action.lease_end))
+    log::error("grant {:#x} refused: not newer than the last one", grant_);
 }
 
 void PayloadNode::carry_out(const CloseBus& /*action*/) {
@@ -696,7 +700,7 @@ void PayloadNode::carry_out(const SwitchPower& action) {
       [this, on = action.on, outcome] {
         outcome->was_on = gpio_->read_line(profile_->peripheral().power_line).value_or(true);
         const auto set = gpio_->set_line(profile_->peripheral().power_line, on);
-        if (!set) log::warn("power switch of the peripheral: {}", hw::to_string(set.error()));
+        if (!set) log::warn("cannot switch the power of the peripheral: {}", hw::to_string(set.error()));
         outcome->ok = set.has_value();
       },
       [this, on = action.on, outcome] {
@@ -709,9 +713,9 @@ void PayloadNode::carry_out(const WithdrawFrames& /*action*/) {
   const std::size_t waiting = can_->unconfirmed();
   if (waiting == 0) return;
   if (can_->withdraw()) {
-    log::warn("{} own frames did not get the bus: taken back", waiting);
+    log::warn("{} own frames did not get the bus: withdrawn", waiting);
   } else {
-    log::error("{} own frames do not get the bus and cannot be taken back", waiting);
+    log::error("{} own frames do not get the bus and cannot be withdrawn", waiting);
   }
   check_quiet();
 }
@@ -747,7 +751,7 @@ void PayloadNode::carry_out(const PayloadEvent& action) {
       raise(mission::PayloadPeripheralPowerCycledEvent{.reason = action.text});
       break;
     case Kind::peripheral_babbles:
-      log::error("the peripheral sends frames nobody asked for: its power is cut");
+      log::error("the peripheral sends frames without request: its power is cut");
       raise(mission::PayloadPeripheralBabblesEvent{.cycles = action.number});
       break;
     case Kind::peripheral_kept_off:
@@ -770,7 +774,7 @@ void PayloadNode::carry_out(const StageReport& action) {
 }
 
 void PayloadNode::flush_reports() {
-  // Who publishes telecommands is ttc; a recorder that listens to the reports keeps none of them for it.
+  // Telecommands are published by ttc. A recorder that listens to the reports does not keep them for ttc.
   if (!reports_ || !telecommands_ || !reports_->is_heard_by_a_publisher_of(*telecommands_)) return;
   while (const auto report = unheard_.pop()) reports_->publish(*report);
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <deque>
@@ -115,7 +117,7 @@ class PayloadNode : public ros::LifecycleNode {
   std::uint32_t frames_received_ = 0;  ///< in this slot
   std::uint32_t frames_outside_slot_ = 0;
   std::uint64_t bits_ = 0;           ///< on the bus, of our exchange with the peripheral
-  std::uint64_t bus_offs_seen_ = 0;  ///< a running request was told of
+  std::uint64_t bus_offs_seen_ = 0;  ///< reported to a running request
 
   struct Reported {
     MonotonicTime at;
@@ -129,8 +131,7 @@ class PayloadNode : public ros::LifecycleNode {
   std::uint32_t believed_switcher_ = 0;
   bool journal_writing_ = false;
   std::uint64_t journal_wanted_ = 0;
-  /// Reports that nobody was there to hear yet; the oldest is dropped (ttc asks again by repeating the
-  /// telecommand).
+  /// Reports that still had no listener; the oldest is dropped (ttc asks again by repeating the telecommand).
   BoundedQueue<srfs_msgs::msg::TelecommandReport> unheard_{64, Overflow::drop_oldest};
   ros::Timer report_timer_;
   ros::Timer counter_timer_;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -20,7 +22,7 @@ class PeripheralLink {
  public:
   static constexpr std::uint8_t computer_address = 0x01;
 
-  /// @param address  of the peripheral on the bus (docs/icd_can.md)
+  /// @param address  of the peripheral on the bus (docs/reference/icd_can.md)
   explicit PeripheralLink(std::uint8_t address);
 
   struct Failure {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -40,7 +42,7 @@ class SensorInputs {
   std::uint8_t levels_ = 0;
   std::uint8_t valid_ = 0;
   std::uint8_t known_ = 0;     ///< read at least once
-  std::uint8_t reported_ = 0;  ///< levels as the last event, or the first reading, told them
+  std::uint8_t reported_ = 0;  ///< levels that the last event, or the first reading, reported
   std::optional<MonotonicTime> last_event_;
   std::uint32_t changes_ = 0;
   std::uint32_t failures_ = 0;

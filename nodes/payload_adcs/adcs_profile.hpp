@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -29,7 +31,7 @@ class AdcsProfile : public PayloadProfile {
   [[nodiscard]] std::optional<Processed> process(OctetView block, MissionCycle cycle,
                                                  const mission::SlotStatistics& slots) override;
   bool on_command_done(const PeripheralFunction& command) override;
-  /// The target: the peripheral does not tell it.
+  /// The target: the peripheral does not report it.
   [[nodiscard]] Octets state() const override;
   [[nodiscard]] bool restore_state(OctetView state) override;
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/timing/boot_keeper.hpp"
 
 #include <utility>
@@ -27,7 +29,7 @@ BootKeeper::BootKeeper(const std::optional<wire::BootRecord>& before, const Boot
 ResetCause BootKeeper::cause_of(const std::optional<wire::BootRecord>& before, const BootFacts& facts) {
   if (facts.reset_by_watchdog.value_or(false)) return ResetCause::watchdog;
   if (!before) return ResetCause::power_on;
-  // Not every watchdog can tell. One that was not being fed is the likeliest cause.
+  // Not every watchdog reports its reset. A watchdog that was not being fed is the likeliest cause.
   if (!facts.reset_by_watchdog && before->withheld) return ResetCause::watchdog;
   if (before->ended) return ResetCause::commanded;
   return facts.reset_by_watchdog ? ResetCause::power_on : ResetCause::unknown;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -10,10 +12,10 @@
 
 namespace srfs {
 
-/// What tells this start of the computer from others.
+/// What distinguishes this start of the computer from others.
 struct BootFacts {
   std::string boot_id;                    ///< another one at each start
-  std::optional<bool> reset_by_watchdog;  ///< as the watchdog says; nullopt: it cannot tell
+  std::optional<bool> reset_by_watchdog;  ///< as the watchdog reports; nullopt: it cannot
 };
 
 /// Keeps the boot record: whether this is a new boot and why, and when it became healthy. Pure; one thread.
@@ -21,7 +23,7 @@ class BootKeeper {
  public:
   struct Settings {
     nanoseconds healthy_after;   ///< the watchdog fed for so long without a gap: healthy
-    nanoseconds withheld_after;  ///< not fed for so long: the record says so, in case the watchdog bites
+    nanoseconds withheld_after;  ///< not fed for so long: recorded, in case the watchdog bites
   };
 
   /// @param before  what stands on disk; nullopt: nothing
@@ -36,7 +38,7 @@ class BootKeeper {
 
   /// The watchdog was due. @param utc  now; nullopt while the time is not valid
   void on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc);
-  /// Nobody feeds the watchdog from now on.
+  /// The watchdog is not fed from now on.
   void on_feeding_ended();
   /// The node ends because it was asked to.
   void on_end();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -16,7 +18,7 @@ class MissionClock : public DisciplinedClock {
 
   MissionClock(UtcTime utc, MonotonicTime now);
 
-  /// For the pieces of the past that are still held (the last eight) what was said then.
+  /// In the pieces of the past that are still held (the last eight): the time it gave then.
   [[nodiscard]] UtcTime utc_at(MonotonicTime t) const override;
   double follow(const ReferenceTime& reference, MonotonicTime now) override;
   void step_to(UtcTime utc, MonotonicTime now) override;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/timing/pulse_clock.hpp"
 
 #include <algorithm>
@@ -25,7 +27,7 @@ double rate_gain(int n) {
 // and past the end it may belong to the next.
 constexpr nanoseconds earliest_message = milliseconds(20);
 constexpr nanoseconds latest_message = milliseconds(980);
-// Pulses that return may be off by so much a second of silence; others are somebody else's.
+// Returning pulses may be off by this much per second of silence; others come from another source.
 constexpr nanoseconds silent_growth_per_s = microseconds(5);
 constexpr nanoseconds widest_window = milliseconds(250);
 // A time not further off names the right second.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -30,7 +32,7 @@ enum class TimeOfDayVerdict : std::uint8_t {
   corrected,     ///< a small correction of a valid time; the published time slews to it
   jump_refused,  ///< the difference is larger than the limit; the clock keeps its time
   implausible,   ///< of a receiver that knows no date
-  no_pulse,      ///< no accepted pulse belongs to it, or which one cannot be told
+  no_pulse,      ///< no accepted pulse belongs to it, or it is unclear which one
   not_a_second,  ///< no valid fix, no time, or a fraction: says nothing about the pulse
 };
 

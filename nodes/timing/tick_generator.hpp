@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -45,8 +47,7 @@ class TickGenerator {
   void follow(const SecondGrid& grid) { grid_ = grid; }
 
   /// @return the tick that is due, or nullopt when woken too early. However late the wake-up, one tick at
-  /// most: the
-  ///         latest due; those before it are skipped and the cycle number jumps by them.
+  /// most: the latest due; those before it are skipped and the cycle number jumps by them.
   [[nodiscard]] std::optional<Tick> on_wakeup(MonotonicTime now);
 
   [[nodiscard]] MonotonicTime next_due() const { return next_due_; }

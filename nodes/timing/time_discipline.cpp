@@ -1,4 +1,9 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/timing/time_discipline.hpp"
+
+#include <algorithm>
+#include <limits>
 
 namespace srfs {
 namespace {
@@ -12,6 +17,11 @@ nanoseconds absolute(nanoseconds d) {
 }
 
 }  // namespace
+
+float telemetered_error_us(std::optional<nanoseconds> error) {
+  if (!error) return std::numeric_limits<float>::quiet_NaN();
+  return static_cast<float>(std::min(*error, largest_error).count()) * 1e-3F;
+}
 
 TimeDiscipline::TimeDiscipline(const PulseClockSettings& settings, const ClockStart& start, MonotonicTime now,
                                DisciplinedClock& clock)

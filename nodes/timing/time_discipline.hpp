@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -25,6 +27,11 @@ enum class SetTimeVerdict : std::uint8_t {
   jump_refused,  ///< larger than the limit and no jump allowed
   implausible,   ///< no time of 1980 to 2199, or its instant is more than a minute from now
 };
+
+/// How wrong the time may be, as ticks, records and telemetry report it: that or more.
+inline constexpr nanoseconds largest_error = seconds(1000);
+/// Of the structure `timing`: at most largest_error, not a number while the time is not valid.
+[[nodiscard]] float telemetered_error_us(std::optional<nanoseconds> error);
 
 /// The whole discipline: pulses, times of day and commands in, one continuous time out. Once the time is
 /// valid, nothing but a command that allows a jump makes it step. Pure; one thread.

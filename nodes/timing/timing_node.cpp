@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/timing/timing_node.hpp"
 
 #include <sys/epoll.h>
@@ -20,7 +22,6 @@ constexpr nanoseconds housekeeping_period = seconds(1);
 constexpr nanoseconds feed_period = seconds(1);
 constexpr nanoseconds save_period = seconds(60);
 constexpr nanoseconds discipline_period = seconds(1);
-constexpr nanoseconds largest_error = seconds(1000);   // that or more, or not known
 constexpr std::uint64_t refused_jumps_per_event = 60;  // one event a minute while the receiver insists
 
 std::uint32_t as_u32(std::uint64_t v) {
@@ -40,28 +41,28 @@ TimingNode::TimingNode(ros::NodeContext& context)
 void TimingNode::declare_parameters() {
   declare_parameter("tick_period_ms", std::int64_t{1000}, ros::ParameterRange{1, 60000},
                     "Period of the tick; divides the second or is a whole number of seconds");
-  declare_parameter(
-      "late_tick_ms", std::int64_t{50}, ros::ParameterRange{1, 60000},
-      "A tick handled later than this is late; the watchdog is not fed after more than five in a row");
+  declare_parameter("late_tick_ms", std::int64_t{50}, ros::ParameterRange{1, 60000},
+                    "A tick handled later than this is late; after more than five late ticks in a row the "
+                    "watchdog is not fed");
   declare_parameter("gps_baud", std::int64_t{9600}, ros::ParameterRange{4800, 921600},
                     "Line rate of the GPS receiver", true);
   declare_parameter("outlier_limit_us", std::int64_t{2000}, ros::ParameterRange{10, 200000},
                     "Largest accepted distance of a pulse from its prediction", true);
   declare_parameter("time_jump_limit_s", std::int64_t{2}, ros::ParameterRange{0, 86400},
-                    "Largest change of a valid time that is taken over without an operator", true);
+                    "Largest change of a valid time that is accepted without an operator", true);
   declare_parameter("clock", std::string("mission"), {"mission", "system"},
                     "What is disciplined: a clock beside the system clock, or the system clock itself", true);
   declare_parameter("not_before", std::string("2026-01-01T00:00:00Z"),
-                    "The receiver's dates are read as of the 1024 weeks from here on", true);
+                    "The receiver's dates are read as within the 1024 weeks from this date on", true);
   declare_parameter(
       "oscillator_wander_ppm", 0.3, ros::ParameterRange{0.001, 50},
-      "By so much the oscillator may have left its measured rate: growth of the error in holdover", true);
+      "Possible drift of the oscillator from its measured rate: growth of the error in holdover", true);
   declare_parameter("leap_seconds", std::int64_t{default_leap_seconds}, ros::ParameterRange{30, 60},
                     "TAI minus UTC");
   declare_parameter("watchdog_timeout_s", std::int64_t{30}, ros::ParameterRange{1, 3600},
-                    "Time-out asked of the hardware watchdog", true);
+                    "Requested time-out of the hardware watchdog", true);
   declare_parameter("healthy_after_s", std::int64_t{600}, ros::ParameterRange{1, 86400},
-                    "The watchdog was fed for so long without a gap: the boot record calls this boot healthy",
+                    "Time of gapless watchdog feeding after which the boot record calls this boot healthy",
                     true);
   on_parameter_check(
       [](const std::string& name, const ros::ParameterValue& value) -> Result<void, std::string> {
@@ -145,7 +146,8 @@ CallbackReturn TimingNode::on_configure() {
   // The first reservation is on disk before the first tick.
   if (const auto ceiling = reservation_->wanted(next_cycle_)) {
     const auto written = store_.save(record_now(*ceiling));
-    if (!written) log::error("the cycle number may repeat after a restart: {}", written.error().message);
+    if (!written)
+      log::error("cannot save the cycle number, it may repeat after a restart: {}", written.error().message);
     reservation_->on_written(*ceiling, written.has_value());
   }
 
@@ -178,7 +180,7 @@ void TimingNode::start_clock(const TimingRecord& record) {
     auto clock = std::make_unique<SystemClockDiscipline>(*kernel_);
     system_clock_ = clock.get();
     clock_ = std::move(clock);
-    // Within one boot it has run on; after another nobody knows what it says.
+    // Within one boot it has run on; after another boot its value is unknown.
     if (start.valid) {
       start.utc = clock_->utc_at(t);
     } else {
@@ -371,7 +373,9 @@ void TimingNode::save(MissionCycle ceiling) {
       [this, record, ok] {
         const auto written = store_.save(record);
         *ok = written.has_value();
-        if (!written) log::error("the cycle number may repeat after a restart: {}", written.error().message);
+        if (!written)
+          log::error("cannot save the cycle number, it may repeat after a restart: {}",
+                     written.error().message);
       },
       [this, record, ok] { reservation_->on_written(record.cycle_ceiling, *ok); });
   if (!taken) reservation_->on_written(ceiling, false);
@@ -401,7 +405,7 @@ void TimingNode::take_pulse(const hw::Pulse& pulse) {
   if (time_->on_pulse(pulse.edge, t) != PulseVerdict::adopted) return;
   const double moved_us =
       static_cast<double>((time_->pulse_clock().utc_at(pulse.edge) - before).count()) * 1e-3;
-  log::warn("the GPS pulse is elsewhere, by {:.0f} us: followed", moved_us);
+  log::warn("GPS pulse moved by {:.0f} us, re-locked", moved_us);
   raise(mission::TimingPulseMovedEvent{.moved_us = moved_us});
 }
 
@@ -428,7 +432,7 @@ void TimingNode::take_time_of_day(const wire::GnssTime& time, MonotonicTime rece
     case TimeOfDayVerdict::jump_refused: {
       if (time_->pulse_clock().counters().jumps_refused % refused_jumps_per_event != 1) break;
       const nanoseconds difference = time_->pulse_clock().refused_jump();
-      log::warn("time of day differs by {} s, not taken over", difference / seconds(1));
+      log::warn("time of day differs by {} s, ignored", difference / seconds(1));
       raise(mission::TimingTimeJumpRefusedEvent{.difference_s =
                                                     static_cast<double>(difference.count()) * 1e-9});
       break;
@@ -464,7 +468,7 @@ SetTimeVerdict TimingNode::set_time(const TimeCommand& command) {
     ++times_commanded_;
     report_time_set(command.utc);
   } else {
-    log::warn("time {} is not taken over: {}", to_iso8601(command.utc),
+    log::warn("time {} rejected: {}", to_iso8601(command.utc),
               verdict == SetTimeVerdict::implausible
                   ? "implausible"
                   : "it differs by more than time_jump_limit_s, and no step was allowed");
@@ -535,7 +539,7 @@ void TimingNode::begin_boot() {
     const WatchdogBudget budget = watchdog_budget(ring.period, ring.misses, ring.start_deadline);
     // It runs already, so it is fed none the less.
     if (*in_force <= budget.least_timeout)
-      log::error("the watchdog's time-out is {} s: it may bite while the ring recovers a node",
+      log::error("the watchdog's time-out is {} s: it may reset the computer while the ring recovers a node",
                  in_force->count());
   }
   if (boot_) return;
@@ -558,7 +562,7 @@ void TimingNode::save_boot_record() {
   if (!record) return;
   const auto write = [this](const wire::BootRecord& r) {
     const auto written = boot_store_.save(r);
-    if (!written) log::error("the boot record is not durable: {}", written.error().message);
+    if (!written) log::error("cannot save the boot record: {}", written.error().message);
     return written.has_value();
   };
   if (!worker_) {  // at the end
@@ -615,7 +619,7 @@ void TimingNode::publish_housekeeping() {
   hk.week_rollovers = as_u32(clock.week_rollovers);
   hk.leap_seconds_seen = as_u32(gnss.leap_seconds);
   hk.gps_line_reopened = as_u32(pulse_->counters().reopened + serial_->counters().reopened);
-  hk.estimated_error_us = static_cast<float>(estimated_error(at).count()) * 1e-3F;
+  hk.estimated_error_us = telemetered_error_us(time_->error_at(at));
   hk.times_commanded = times_commanded_;
   hk.kernel_clock_refused = as_u32(system_clock_ ? system_clock_->refused() : 0);
   hk.watchdog_feeds = watchdog_feeds_;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/acceptance_journal.hpp"
 
 #include <algorithm>
@@ -9,7 +11,8 @@
 namespace srfs {
 namespace {
 
-constexpr std::uint8_t state_version = 2;
+constexpr std::uint8_t state_version = 3;
+constexpr std::uint8_t version_without_refusals = 2;
 constexpr std::uint8_t version_without_schedule = 1;
 
 enum Kind : std::uint8_t {
@@ -18,9 +21,10 @@ enum Kind : std::uint8_t {
   link_changed = 2,
   progressed = 3,  ///< taken, started, a step
   ended = 4,
-  withdrawn = 5,
+  withdrawn = 5,  ///< of earlier versions: refused after all, untold
   told = 6,
   schedule_changed = 7,
+  refused = 8,
 };
 
 // Flags of an accepted telecommand.
@@ -95,6 +99,7 @@ AcceptedTelecommand read_telecommand(OctetReader& reader) {
   t.packet.assign(packet.begin(), packet.end());
   t.restored = true;
   t.reported = true;
+  t.end_said = true;
   return t;
 }
 
@@ -115,18 +120,18 @@ bool read_progress(OctetReader& reader, AcceptedTelecommand& t) {
   return (flags & flag_ended) != 0;
 }
 
-void write_end(OctetWriter& writer, const AcceptedTelecommand& t) {
-  writer.u64(t.ended_serial);
-  writer.u8(static_cast<std::uint8_t>(t.end->stage));
-  writer.u8(t.end->success ? 1 : 0);
-  writer.u16(t.end->failure_code);
-  writer.u8(t.end->step);
-  writer.u8(static_cast<std::uint8_t>(t.end->data.size()));
-  writer.bytes(t.end->data);
+void write_end(OctetWriter& writer, std::uint64_t serial, const TelecommandEnd& end) {
+  writer.u64(serial);
+  writer.u8(static_cast<std::uint8_t>(end.stage));
+  writer.u8(end.success ? 1 : 0);
+  writer.u16(end.failure_code);
+  writer.u8(end.step);
+  writer.u8(static_cast<std::uint8_t>(end.data.size()));
+  writer.bytes(end.data);
 }
 
-TelecommandEnd read_end(OctetReader& reader, AcceptedTelecommand& t) {
-  t.ended_serial = reader.u64();
+TelecommandEnd read_end(OctetReader& reader, std::uint64_t& serial) {
+  serial = reader.u64();
   TelecommandEnd end;
   end.stage = static_cast<Stage>(reader.u8());
   end.success = reader.u8() != 0;
@@ -135,6 +140,29 @@ TelecommandEnd read_end(OctetReader& reader, AcceptedTelecommand& t) {
   const OctetView data = reader.bytes(reader.u8());
   end.data.assign(data.begin(), data.end());
   return end;
+}
+
+Octets bounded_end_data(OctetView data) {
+  const OctetView kept = data.first(std::min(data.size(), AcceptanceJournal::max_end_data));
+  return {kept.begin(), kept.end()};
+}
+
+void write_refused(OctetWriter& writer, const RefusedTelecommand& r) {
+  writer.u16(r.origin.request.packet_identification);
+  writer.u16(r.origin.request.packet_sequence_control);
+  writer.u16(r.origin.apid);
+  writer.u16(r.origin.source_id);
+  write_end(writer, r.serial, r.end);
+}
+
+RefusedTelecommand read_refused(OctetReader& reader) {
+  RefusedTelecommand r;
+  r.origin.request.packet_identification = reader.u16();
+  r.origin.request.packet_sequence_control = reader.u16();
+  r.origin.apid = reader.u16();
+  r.origin.source_id = reader.u16();
+  r.end = read_end(reader, r.serial);
+  return r;
 }
 
 // What no version of this program writes is not taken over, whatever its checksum says.
@@ -147,6 +175,10 @@ bool is_sound(const TelecommandEnd& end) {
 bool is_sound(const AcceptedTelecommand& t) {
   const bool has_id = t.origin.id != 0 && t.origin.id != UINT64_MAX;
   return has_id && (!t.end || is_sound(*t.end));
+}
+
+bool is_sound(const RefusedTelecommand& r) {
+  return is_before_start(r.end.stage) && !r.end.success;
 }
 
 bool same_packet(const AcceptedTelecommand& t, OctetView packet) {
@@ -170,7 +202,7 @@ bool AcceptanceJournal::apply(const JournalRecord& record) {
 
 bool AcceptanceJournal::apply_snapshot(OctetReader& reader) {
   const std::uint8_t version = reader.u8();
-  if (version != state_version && version != version_without_schedule) return false;
+  if (version < version_without_schedule || version > state_version) return false;
   const bool same_boot = read_text(reader) == boot_id_;
   const std::uint64_t next_id = reader.u64();
   const std::uint64_t serial = reader.u64();
@@ -181,19 +213,28 @@ bool AcceptanceJournal::apply_snapshot(OctetReader& reader) {
   std::vector<std::uint64_t> ended;
   for (std::size_t n = reader.u16(); n > 0 && reader.ok(); --n) {
     AcceptedTelecommand t = read_telecommand(reader);
-    if (read_progress(reader, t)) t.end = read_end(reader, t);
+    if (read_progress(reader, t)) t.end = read_end(reader, t.ended_serial);
     t.other_boot = t.other_boot || !same_boot;
     if (t.end) ended.push_back(t.origin.id);
     if (!is_sound(t) || !entries.emplace(t.origin.id, std::move(t)).second) return false;
   }
   auto schedule = version == version_without_schedule ? TimeSchedule{} : TimeSchedule::read(reader);
-  if (!schedule || !reader.ok() || reader.remaining() != 0) return false;
+  std::deque<RefusedTelecommand> refused;
+  if (version > version_without_refusals) {
+    for (std::size_t n = reader.u16(); n > 0 && reader.ok(); --n) {
+      refused.push_back(read_refused(reader));
+      if (!is_sound(refused.back())) return false;
+    }
+  }
+  if (!schedule || !reader.ok() || reader.remaining() != 0 || refused.size() > max_refused) return false;
   if (entries.size() - ended.size() > max_open || ended.size() > max_ended) return false;
   std::sort(ended.begin(), ended.end(), [&](std::uint64_t a, std::uint64_t b) {
     return entries[a].ended_serial < entries[b].ended_serial;
   });
   entries_ = std::move(entries);
   schedule_ = std::move(*schedule);
+  refused_ = std::move(refused);
+  has_state_ = true;
   ended_.assign(ended.begin(), ended.end());
   open_ = entries_.size() - ended_.size();
   applied_same_boot_ = same_boot;
@@ -233,6 +274,18 @@ bool AcceptanceJournal::apply_change(std::uint8_t kind, OctetReader& reader) {
     ++open_;
     return true;
   }
+  if (kind == Kind::refused) {
+    const std::uint64_t id = reader.u64();
+    RefusedTelecommand r = read_refused(reader);
+    if (!is_sound(r) || !newer(read_link_state(reader))) return false;
+    if (const AcceptedTelecommand* t = find(id); t != nullptr && !t->end) {
+      entries_.erase(id);
+      --open_;
+    }
+    serial_ = std::max(serial_, r.serial);
+    keep_refused(std::move(r));
+    return true;
+  }
   AcceptedTelecommand* t = find(reader.u64());
   if (t == nullptr || t->end) return reader.ok();  // its acceptance was in a damaged place, or was forgotten
   if (kind == Kind::withdrawn) {
@@ -246,7 +299,7 @@ bool AcceptanceJournal::apply_change(std::uint8_t kind, OctetReader& reader) {
     return reader.ok();
   }
   if (kind != Kind::ended) return false;
-  TelecommandEnd end = read_end(reader, *t);
+  TelecommandEnd end = read_end(reader, t->ended_serial);
   serial_ = std::max(serial_, t->ended_serial);
   if (!reader.ok() || !is_sound(end)) return false;
   this->end(*t, std::move(end));
@@ -261,6 +314,7 @@ void AcceptanceJournal::begin(const LinkState& older, std::uint64_t first_id, Mo
     if (!t.end) ++counters_.restored;
     if (t.other_boot) t.accepted_at = now;  // the window for repeats begins anew: rather longer than missed
   }
+  std::erase_if(refused_, [this](const RefusedTelecommand& r) { return r.serial <= told_; });
   counters_.forgotten = 0;
 }
 
@@ -320,20 +374,37 @@ std::uint64_t AcceptanceJournal::change_schedule(const ScheduleChange& change) {
   return ++revision_;
 }
 
-void AcceptanceJournal::withdraw(std::uint64_t id) {
-  const AcceptedTelecommand* t = find(id);
-  if (t == nullptr || t->end) return;
-  entries_.erase(id);
-  --open_;
+std::uint64_t AcceptanceJournal::refuse(const TelecommandOrigin& origin, const TelecommandEnd& end,
+                                        const LinkState& link) {
+  link_ = link;
+  add_refusal(0, {.origin = origin, .end = end});
+  return serial_;
+}
+
+void AcceptanceJournal::add_refusal(std::uint64_t id, RefusedTelecommand refused) {
+  refused.serial = ++serial_;
+  refused.end.data = bounded_end_data(refused.end.data);
+  ++revision_;
+  ++counters_.refused;
   OctetWriter writer;
   writer.u64(id);
-  add(Kind::withdrawn, std::move(writer));
+  write_refused(writer, refused);
+  write_link_state(writer, link_);
+  add(Kind::refused, std::move(writer));
+  keep_refused(std::move(refused));
+}
+
+void AcceptanceJournal::keep_refused(RefusedTelecommand refused) {
+  if (refused_.size() == max_refused) {
+    refused_.pop_front();
+    ++counters_.forgotten;
+  }
+  refused_.push_back(std::move(refused));
 }
 
 void AcceptanceJournal::on_link(const LinkState& link) {
   if (link.generation == link_.generation) return;
   link_ = link;
-  ++revision_;
   // Of changes that are not written yet the newest says it all.
   if (!pending_.empty() && pending_.back().kind == Kind::link_changed) {
     pending_octets_ -= pending_.back().payload.size();
@@ -359,24 +430,33 @@ void AcceptanceJournal::on_stage(const StageReached& stage) {
   if (t == nullptr || t->end) return;
   if (stage.stage == Stage::acceptance) {  // that it is here says that it was accepted
     t->reported = true;
-    if (!stage.success) withdraw(stage.id);
+    if (stage.success) return;
+    RefusedTelecommand refused{.origin = t->origin,
+                               .end = {.stage = stage.stage,
+                                       .success = false,
+                                       .failure_code = stage.failure_code,
+                                       .step = stage.step,
+                                       .data = stage.data},
+                               .said = true};
+    entries_.erase(stage.id);
+    --open_;
+    add_refusal(stage.id, std::move(refused));
     return;
   }
-  const bool over = stage.stage == Stage::completion || (!stage.success && stage.stage != Stage::progress);
-  if (over) {
+  if (stage.is_end()) {
     t->ended_serial = ++serial_;
-    const std::size_t data = std::min(stage.data.size(), max_end_data);
+    t->end_said = stage.silent;
+    ++revision_;
     TelecommandEnd how{.stage = stage.stage,
                        .success = stage.success,
                        .failure_code = stage.failure_code,
                        .step = stage.step,
-                       .data = {stage.data.begin(), stage.data.begin() + static_cast<std::ptrdiff_t>(data)}};
+                       .data = bounded_end_data(stage.data)};
     OctetWriter writer;
     writer.u64(stage.id);
-    t->end = std::move(how);
-    write_end(writer, *t);
+    write_end(writer, t->ended_serial, how);
     add(Kind::ended, std::move(writer));
-    end(*t, *std::exchange(t->end, std::nullopt));
+    end(*t, std::move(how));
     return;
   }
   if (stage.stage == Stage::progress) t->last_step = stage.step;
@@ -423,15 +503,55 @@ const AcceptedTelecommand* AcceptanceJournal::find_repeated_frame(const Uplinked
 
 const AcceptedTelecommand* AcceptanceJournal::find_repeated_packet(const UplinkedPacket& uplinked,
                                                                    MonotonicTime now) {
-  if (!uplinked.spi) return nullptr;
   for (auto entry = entries_.rbegin(); entry != entries_.rend(); ++entry) {
-    const AcceptedTelecommand& t = entry->second;
-    if (t.spi && now - t.accepted_at < repeat_window_ && same_packet(t, uplinked.packet)) {
-      ++counters_.repeats;
-      return &t;
-    }
+    AcceptedTelecommand& t = entry->second;
+    const bool from_schedule = t.activity != 0;  // it came in no frame
+    if (from_schedule || t.spi.has_value() != uplinked.spi.has_value()) continue;
+    const bool recent =
+        t.spi ? now - t.accepted_at < repeat_window_
+              : t.vc == uplinked.vc && now - t.repeated_at.value_or(t.accepted_at) < repeat_answer_period;
+    if (!recent || !same_packet(t, uplinked.packet)) continue;
+    if (!t.spi) t.repeated_at = now;
+    ++counters_.repeats;
+    return &t;
   }
   return nullptr;
+}
+
+void AcceptanceJournal::answer_repeat(const AcceptedTelecommand& telecommand, MonotonicTime now,
+                                      ReportOutbox& outbox) {
+  AcceptedTelecommand* t = find(telecommand.origin.id);
+  if (t == nullptr) return;
+  if (t->told_again_at && now - *t->told_again_at < repeat_answer_period) {
+    ++counters_.unanswered;
+    return;
+  }
+  t->told_again_at = now;
+  tell_again(*t, 0, outbox, false);
+}
+
+// ---- what was reported to the ground
+
+std::uint64_t AcceptanceJournal::said() const {
+  std::uint64_t first_unsaid = serial_ + 1;
+  for (const auto& [id, t] : entries_) {
+    if (!t.reported) first_unsaid = std::min(first_unsaid, t.accepted_serial);
+    if (t.end && !t.end_said) first_unsaid = std::min(first_unsaid, t.ended_serial);
+  }
+  for (const RefusedTelecommand& r : refused_) {
+    if (!r.said) first_unsaid = std::min(first_unsaid, r.serial);
+  }
+  return first_unsaid - 1;
+}
+
+void AcceptanceJournal::on_refusal_said(std::uint64_t serial) {
+  for (RefusedTelecommand& r : refused_) {
+    if (r.serial == serial) r.said = true;
+  }
+}
+
+void AcceptanceJournal::on_end_said(std::uint64_t id) {
+  if (AcceptedTelecommand* t = find(id)) t->end_said = true;
 }
 
 // ---- writing
@@ -439,23 +559,32 @@ const AcceptedTelecommand* AcceptanceJournal::find_repeated_packet(const Uplinke
 void AcceptanceJournal::on_told(std::uint64_t serial) {
   if (serial <= told_) return;
   told_ = serial;
+  std::erase_if(refused_, [this](const RefusedTelecommand& r) { return r.serial <= told_; });
   OctetWriter writer;
   writer.u64(serial);
   add(Kind::told, std::move(writer));
 }
 
 void AcceptanceJournal::tell_again(const AcceptedTelecommand& telecommand, std::uint64_t told,
-                                   ReportOutbox& outbox) {
+                                   ReportOutbox& outbox, bool stored) {
   if (!telecommand.reported) return;  // it will be, when it is durable
   const TelecommandOrigin& origin = telecommand.origin;
-  if (telecommand.accepted_serial > told) outbox.success_again(origin, Stage::acceptance);
-  if (telecommand.started && telecommand.started_serial > told) outbox.success_again(origin, Stage::start);
-  if (!telecommand.end || telecommand.ended_serial <= told) return;
+  if (telecommand.accepted_serial > told) outbox.success_again(origin, Stage::acceptance, stored);
+  if (telecommand.started && telecommand.started_serial > told)
+    outbox.success_again(origin, Stage::start, stored);
+  if (!telecommand.end || !telecommand.end_said || telecommand.ended_serial <= told) return;
   const TelecommandEnd& end = *telecommand.end;
   if (end.success) {
-    outbox.success_again(origin, end.stage);
+    outbox.success_again(origin, end.stage, stored);
   } else {
-    outbox.failure_again(origin, end.stage, end.failure_code, end.data, end.step);
+    outbox.failure_again(origin, end.stage, end.failure_code, end.data, end.step, stored);
+  }
+}
+
+void AcceptanceJournal::tell_refused_again(ReportOutbox& outbox) {
+  for (RefusedTelecommand& r : refused_) {
+    outbox.failure_again(r.origin, r.end.stage, r.end.failure_code, r.end.data, r.end.step, true);
+    r.said = true;
   }
 }
 
@@ -482,9 +611,11 @@ Octets AcceptanceJournal::encode_snapshot() const {
   for (const auto& [id, t] : entries_) {
     write_telecommand(writer, t);
     write_progress(writer, t);
-    if (t.end) write_end(writer, t);
+    if (t.end) write_end(writer, t.ended_serial, *t.end);
   }
   schedule_.write(writer);
+  writer.u16(static_cast<std::uint16_t>(refused_.size()));
+  for (const RefusedTelecommand& r : refused_) write_refused(writer, r);
   assert(writer.ok());
   return writer.take();
 }
@@ -494,6 +625,7 @@ JournalBatch AcceptanceJournal::take_batch(bool sync) {
   writing_ = true;
   JournalBatch batch;
   batch.revision = revision_;
+  batch.link = link_;
   if (snapshot_wanted_) {
     snapshot_wanted_ = false;
     batch.snapshot = encode_snapshot();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/beacon_builder.hpp"
 
 #include <algorithm>
@@ -11,7 +13,7 @@ namespace {
 
 mission::LifecycleState beacon_state(std::optional<std::uint8_t> state, bool running) {
   if (!running) return mission::LifecycleState::absent;
-  if (!state) return mission::LifecycleState::transition;  // there is a process, and it has not said more
+  if (!state) return mission::LifecycleState::transition;  // a process runs, its state is unknown
   const auto value = static_cast<mission::LifecycleState>(*state);
   return mission::is_valid(value) ? value : mission::LifecycleState::transition;
 }
@@ -21,6 +23,7 @@ mission::TelecommandOutcome outcome_of(const LastTelecommand& last) {
   if (!last.any) return TelecommandOutcome::none;
   switch (last.stage) {
     case Stage::acceptance:
+    case Stage::routing:
       return last.success ? TelecommandOutcome::accepted : TelecommandOutcome::rejected;
     case Stage::start:
       return last.success ? TelecommandOutcome::started : TelecommandOutcome::start_failed;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -21,7 +23,7 @@ namespace srfs {
 struct NodeFacts {
   bool running = false;
   std::uint32_t restarts = 0;
-  std::string version;  ///< "0.1.0"; empty: unknown
+  std::string version;  ///< "0.2.0"; empty: unknown
 };
 
 /// How often and why the computer started.
@@ -33,7 +35,7 @@ struct BootTold {
 /// What ttc itself knows at the moment of the beacon.
 struct BeaconInputs {
   std::uint64_t cycle = 0;
-  BootTold boot;  ///< used until timing has told it
+  BootTold boot;  ///< used until timing has reported it
   Mode mode = Mode::safe;
   std::string mode_reason;
   bool time_valid = false;
@@ -65,9 +67,9 @@ class BeaconBuilder {
   /// @param state id as in lifecycle_msgs/msg/State
   void on_lifecycle(std::string_view node, std::uint8_t state);
   void on_facts(std::string_view node, const NodeFacts& facts);
-  /// nullopt: timing has not told it yet.
+  /// nullopt: timing has not reported it yet.
   [[nodiscard]] const std::optional<BootTold>& boot() const { return boot_; }
-  /// Nodes that run and whose state nobody has told yet: worth asking.
+  /// Running nodes whose state is not known yet: worth asking.
   [[nodiscard]] std::vector<std::string> nodes_to_ask() const;
 
   /// The parameters of the beacon structure, encoded.
@@ -75,7 +77,7 @@ class BeaconBuilder {
 
  private:
   struct Node {
-    std::optional<std::uint8_t> state;  ///< lifecycle state last told
+    std::optional<std::uint8_t> state;  ///< lifecycle state last reported
     NodeFacts facts;
   };
   struct Reading {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/command_forwarder.hpp"
 
 #include <algorithm>
@@ -131,6 +133,7 @@ bool CommandForwarder::apply(Entry& entry, const NodeReport& report) {
   }
   switch (report.stage) {
     case Stage::acceptance:
+    case Stage::routing:
       return false;
     case Stage::start:
       if (entry.started) ++counters_.duplicate_reports;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -17,7 +19,7 @@ namespace srfs {
 
 /// One telecommand on its way to another node, as published on /telecommand.
 struct ForwardedCommand {
-  std::uint64_t id = 0;  ///< unique for ever, counts up; payloads tell commands apart by the low 32 bits.
+  std::uint64_t id = 0;  ///< unique for ever, counts up; payloads distinguish commands by the low 32 bits.
                          ///< That of the origin
   std::string target;    ///< node name
   std::uint16_t apid = 0;
@@ -27,10 +29,10 @@ struct ForwardedCommand {
   Octets arguments;
 };
 
-/// What a node says on /telecommand_report.
+/// What a node reports on /telecommand_report.
 struct NodeReport {
   std::uint64_t id = 0;
-  std::string node;  ///< that says it; only the target of the command is believed
+  std::string node;  ///< that reports it; only the target of the command is believed
   Stage stage = Stage::acceptance;
   bool success = true;
   std::uint16_t failure_code = 0;
@@ -64,7 +66,7 @@ struct ForwardingCounters {
   std::uint64_t stray_reports = 0;      ///< about a command that is not under way, or not from its target
 };
 
-/// A command that ended without its node, for the event that says so.
+/// A command that ended without its node, for the event that reports it.
 struct ExpiredCommand {
   std::uint64_t id = 0;
   std::string target;
@@ -103,7 +105,7 @@ class CommandForwarder {
   Result<void, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
                                     MonotonicTime now);
   /// Goes on with one of an earlier process, in the order of the ids and whatever the bounds: they held when
-  /// it was accepted. Its node is given time to say what became of it, also past its expiry.
+  /// it was accepted. Its node is given time to report the outcome, also past its expiry.
   void restore(const TelecommandOrigin& origin, ForwardedCommand command, const ForwardedProgress& progress,
                MonotonicTime now);
   /// Whether submit() for @p target would be taken after @p reserved others.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/downlink_scheduler.hpp"
 
 #include <algorithm>
@@ -25,7 +27,8 @@ DownlinkScheduler::DownlinkScheduler(DownlinkConfig config)
       frames_({.spacecraft_id = config.spacecraft_id,
                .frame_octets = config.cadu.frame_octets,
                .queue_octets_max = std::max(
-                   {config.live_queue_octets, config.playback_queue_octets, config.files_queue_octets})}),
+                   {config.live_queue_octets, config.playback_queue_octets, config.files_queue_octets}),
+               .first = config.first_counts}),
       pacer_(config.baud, wire::cadu_octets(config.cadu)) {
   channels_[vc(DownlinkChannel::live)].capacity = config.live_queue_octets;
   channels_[vc(DownlinkChannel::playback)].capacity = config.playback_queue_octets;

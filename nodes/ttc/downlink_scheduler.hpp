@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -28,6 +30,7 @@ struct DownlinkConfig {
   /// The same while another channel has whole frames to send, in CADUs of the line: a frame half empty costs
   /// that one its share. At most a second.
   unsigned flush_after_cadus = 32;
+  wire::TmFrameCounts first_counts{};
   bool continuous = false;  ///< the line is never silent: what is there goes at once, else an idle frame
   unsigned live_frames_per_other = 7;  ///< minimum share of the others: one frame after so many live ones
 };
@@ -80,6 +83,8 @@ class DownlinkScheduler {
     return frames_.queued_octets(vc(channel)) % field_octets_;
   }
   [[nodiscard]] DownlinkCounters counters() const;
+  /// Of the next frames.
+  [[nodiscard]] wire::TmFrameCounts frame_counts() const { return frames_.counts(); }
   /// Frames of the live channel.
   [[nodiscard]] std::uint64_t live_frames() const {
     return frames_.counters(vc(DownlinkChannel::live)).frames;

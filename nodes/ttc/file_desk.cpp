@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/file_desk.hpp"
 
 #include <algorithm>
@@ -95,7 +97,7 @@ std::uint64_t operation_of(const cfdp::Report& report) {
 }
 
 FileOutcome FileDesk::serve(cfdp::Postbox& postbox, const FileOrder& order, MonotonicTime now) {
-  if (reading_ && reading_->order != order.number) reading_.reset();  // nobody waits for it any more
+  if (reading_ && reading_->order != order.number) reading_.reset();  // no order waits for it any more
   if (!tree_) {
     auto opened = cfdp::FileTree::open(root_);
     if (!opened) return failed(mission::failure::disk_failed);

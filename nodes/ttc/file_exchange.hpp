@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -25,7 +27,7 @@ class FileExchange {
   static constexpr std::size_t received_max = 256;
   static constexpr std::size_t received_per_turn = 64;  ///< so that a turn on a slow disk stays short
   static constexpr std::size_t pdu_octets_max = 1000;
-  static constexpr milliseconds scan_period{2000};   ///< how often the outbox is looked at
+  static constexpr milliseconds scan_period{2000};   ///< how often the outbox is scanned
   static constexpr milliseconds retry_period{1000};  ///< after a worker without room
 
   /// @param refill_octets room in the downlink's queue from which on it is filled again; pdu_octets_max and

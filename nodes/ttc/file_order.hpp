@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -24,7 +26,7 @@ enum class FileAction : std::uint8_t {
 
 /// One request as the worker that owns the disk carries it out.
 struct FileOrder {
-  std::uint64_t number = 0;  ///< tells orders apart
+  std::uint64_t number = 0;  ///< distinguishes orders
   FileAction action = FileAction::list;
   std::string repository = {};  ///< folder below the folder of files; empty: that itself
   std::string name = {};        ///< of the file or folder in it; list: the name behind which it begins

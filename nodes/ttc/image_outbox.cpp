@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/image_outbox.hpp"
 
 #include <algorithm>
@@ -150,7 +152,7 @@ QueuedProducts ImageOutbox::queue(const OutboxImage& image, const std::vector<st
     ++waiting;
   if (failed) return {.failure = code_of(failed.value()), .reason = failed.message()};
   if (waiting + products.size() > max_outbox_files)
-    return {.failure = mission::failure::outbox_full, .reason = "the outbox"};
+    return {.failure = mission::failure::outbox_full, .reason = "too many files wait in the outbox"};
   QueuedProducts done;
   for (std::size_t i = 0; i < products.size(); ++i) {
     const std::string& product = products[i];

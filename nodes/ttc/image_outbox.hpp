@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -13,7 +15,7 @@
 
 namespace srfs {
 
-/// What a file in the outbox is of, as its name says: image_RANK_rRUN_TASK_NAME is a product of a run of a
+/// What a file in the outbox belongs to, by its name: image_RANK_rRUN_TASK_NAME is a product of a run of a
 /// task's processing, strip_RANK_TASK_FRAME_NAME a part of one frame.
 struct OutboxImage {
   std::uint32_t task = 0;
@@ -41,7 +43,7 @@ struct QueuedProducts {
 class ImageOutbox {
  public:
   static constexpr std::size_t max_frames = 256;         ///< of one order; a task number used again has more
-  static constexpr std::size_t max_outbox_files = 1000;  ///< cfdp::Postbox looks at 1024
+  static constexpr std::size_t max_outbox_files = 1000;  ///< cfdp::Postbox reads 1024
   static constexpr std::size_t max_to_mark = 64;
   static constexpr std::size_t marks_per_call = 4;  ///< each waits for the disk several times
 
@@ -54,9 +56,8 @@ class ImageOutbox {
   /// The same, the newest max_frames at most.
   [[nodiscard]] std::vector<std::string> newest_frames_of(std::uint32_t task, std::uint16_t frame) const;
   /// Puts products into the outbox, the first first. @param products below the folder of images
-  /// @param is_sending  whether a transfer has this name of the outbox, also one that was cancelled and that
-  /// the
-  ///                    ground has not ended yet
+  /// @param is_sending  whether a transfer has this name of the outbox, also a cancelled one that the
+  /// ground has not ended yet
   [[nodiscard]] QueuedProducts queue(const OutboxImage& image, const std::vector<std::string>& products,
                                      const std::function<bool(const std::string&)>& is_sending = {});
   /// Names in the outbox of a task, whatever they are of it.

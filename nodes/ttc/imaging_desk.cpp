@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/imaging_desk.hpp"
 
 #include <algorithm>
@@ -100,7 +102,7 @@ void ImagingDesk::restore(const TelecommandOrigin& origin, const mission::Comman
   list_frames(added, now);
 }
 
-/// A goal of the earlier process, for which nobody waits any more, would hold up the next ones.
+/// A goal of the earlier process, whose end is not awaited any more, would hold up the next ones.
 void ImagingDesk::clear(ImageServer server, MonotonicTime now) {
   auto& until = clearing_[static_cast<std::size_t>(server)];
   if (until) return;
@@ -238,7 +240,7 @@ std::optional<MonotonicTime> ImagingDesk::next_due(const ImagingTime& time) cons
   for (const Task& task : tasks_) {
     sooner(waits(task) ? task.expiry : task.silent_at);
     if (task.state == State::waits_for_processing && !busy(ImageServer::processing)) sooner(task.not_before);
-    // The time of UTC may step: looked at with each tick too.
+    // UTC may step: checked at each tick too.
     if (task.state == State::waits_for_camera && task.start && time.utc_valid) {
       if (*task.start - lead > time.utc) sooner(time.now + (*task.start - lead - time.utc));
       if (*task.start >= time.utc) sooner(time.now + (*task.start - time.utc) + nanoseconds(1));
@@ -347,7 +349,7 @@ void ImagingDesk::on_captured(Task& task, ImageGoalEnd end, MonotonicTime now) {
   counters_.frames += static_cast<std::uint32_t>(end.files.size());
   progress(task, step_captured);
   if (task.settings.method.empty()) return complete(task.origin.id);
-  if (end.files.empty()) return fail(task.origin.id, mission::failure::no_usable_frame, "no frame came");
+  if (end.files.empty()) return fail(task.origin.id, mission::failure::no_usable_frame, "no frame received");
   task.files = std::move(end.files);
   task.expiry = std::max(task.expiry, now + longest_wait);
   task.state = State::waits_for_processing;
@@ -373,7 +375,7 @@ void ImagingDesk::on_processed(Task& task, ImageGoalEnd end, MonotonicTime now) 
 void ImagingDesk::on_instance(ImageServer server, std::uint32_t incarnation, MonotonicTime looked) {
   std::vector<std::uint64_t> lost;
   for (Task& task : tasks_) {
-    // What was seen before the goal was taken says nothing of who took it.
+    // What was seen before the goal was taken does not show which process took it.
     if (server_of(task) != server || !task.accepted_at || looked < *task.accepted_at) continue;
     if (!task.incarnation && incarnation != 0) task.incarnation = incarnation;
     if (task.incarnation && *task.incarnation != incarnation) lost.push_back(task.origin.id);
@@ -413,7 +415,7 @@ void ImagingDesk::lose(Task& task, MonotonicTime now) {
                                             : mission::failure::disk_failed;
   fail(id, code);
   if (!server) return;
-  // Should it be alive after all, or have been taken without our hearing of it: nobody else has goals there.
+  // In case the goal is alive after all, or was taken without our hearing of it. Only ttc has goals there.
   orders_.push_back({.action = ImagingAction::cancel_goal, .id = id, .server = *server});
   clear(*server, now);
 }

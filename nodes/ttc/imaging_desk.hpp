@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -20,7 +22,7 @@ namespace srfs {
 /// The two nodes that serve imaging's actions.
 enum class ImageServer : std::uint8_t { acquisition, processing };
 
-/// What an imaging task needs done by somebody else.
+/// What an imaging task needs done outside of ImagingDesk.
 enum class ImagingAction : std::uint8_t {
   capture,         ///< a goal of image_acquisition
   process,         ///< a goal of image_processing
@@ -43,7 +45,7 @@ struct ImagingOrder {
   std::string parameters = {};
   std::uint32_t budget_octets = 0;
   bool full_frames = false;
-  std::uint32_t run = 0;  ///< queue_products: of the processing, if the products tell all it found; else 0
+  std::uint32_t run = 0;  ///< queue_products: of the processing, if the products show all it found; else 0
   ImageServer server = ImageServer::acquisition;  ///< cancel_goal, cancel_all
 };
 
@@ -70,8 +72,8 @@ struct ImagingTime {
   bool utc_valid = false;
 };
 
-/// The imaging tasks of the ground: takes telecommands image.*, says which goals to send and to cancel and
-/// what to do with files, and tells the ground how far each task is. At most one goal at each of the two
+/// The imaging tasks of the ground: takes telecommands image.*, decides which goals to send and to cancel and
+/// what to do with files, and reports to the ground how far each task is. At most one goal at each of the two
 /// nodes, so that one task can be captured while another is processed and a third is sent. Every telecommand
 /// that is taken ends exactly once. Pure.
 ///
@@ -92,7 +94,7 @@ class ImagingDesk {
   static constexpr seconds lead{10};               ///< a goal is sent so long before the start of its capture
   static constexpr seconds answer_patience{60};    ///< goal sent -> accepted; order to the disk -> done
   static constexpr seconds capture_patience{30};   ///< beyond the time that the next frame takes
-  static constexpr seconds process_patience{300};  ///< without a word of image_processing
+  static constexpr seconds process_patience{300};  ///< without a report of image_processing
   static constexpr seconds clear_patience{15};     ///< cancel_all -> on_cleared()
   static constexpr seconds reject_pause{2};
   static constexpr int max_rejections = 5;
@@ -133,7 +135,7 @@ class ImagingDesk {
                           std::size_t queued);
   /// @param files taken out of the folder. @param failure code of the dictionary, 0: none
   void on_sending_stopped(std::uint64_t id, std::size_t files, std::uint16_t failure);
-  /// The server was told to cancel_all, or is not there to be told.
+  /// The server got cancel_all, or is not there.
   void on_cleared(ImageServer server) { clearing_[static_cast<std::size_t>(server)].reset(); }
   /// The ground has a product.
   void on_product_sent() { ++counters_.products_sent; }
@@ -174,7 +176,7 @@ class ImagingDesk {
     MonotonicTime silent_at;         ///< of everything else
     MonotonicTime not_before;        ///< after a rejection
     int rejections = 0;
-    std::uint8_t quarters = 0;  ///< of the frames that were told
+    std::uint8_t quarters = 0;  ///< of the frames, as last reported
     bool cancelled = false;
     std::optional<MonotonicTime> accepted_at;
     std::optional<std::uint32_t> incarnation;  ///< of the server, seen since

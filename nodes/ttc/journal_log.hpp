@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -11,7 +13,7 @@
 
 namespace srfs {
 
-/// One record of a journal: what it says is the owner's; kind 0 is a whole state, all others are changes to
+/// One record of a journal: its content is the owner's; kind 0 is a whole state, all others are changes to
 /// the state before them.
 struct JournalRecord {
   std::uint8_t kind = 0;
@@ -47,8 +49,8 @@ struct JournalSegment {
   std::size_t damaged_octets = 0;  ///< between valid records; what follows the last one is the tail
 };
 
-/// Finds the records of the newest generation in a segment, over damage too. Records of an older use of the
-/// segment behind them are nobody's.
+/// Finds the records of the newest generation in a segment, past damage too. Records behind them, of an older
+/// use of the segment, are ignored.
 [[nodiscard]] JournalSegment scan_journal_segment(OctetView octets);
 
 /// Append-only log in two segments that are written in turn: a segment begins with a snapshot and goes on

@@ -1,5 +1,8 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/link_state.hpp"
 
+#include <algorithm>
 #include <cassert>
 
 #include "base/crc32c.hpp"
@@ -12,6 +15,11 @@ constexpr std::uint16_t link_state_version = 2;
 constexpr std::uint16_t version_without_telecommand_id = 1;
 
 }  // namespace
+
+std::uint64_t lost_counter_floor(UtcTime now) {
+  const auto floor = std::chrono::duration_cast<milliseconds>(now.since_epoch() - lost_counter_tolerance);
+  return static_cast<std::uint64_t>(std::max<milliseconds::rep>(floor.count(), 0));
+}
 
 void write_link_state(OctetWriter& writer, const LinkState& state) {
   assert(state.channels.size() <= max_link_channels && state.associations.size() <= max_link_associations);

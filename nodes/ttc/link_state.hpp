@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -5,6 +7,7 @@
 #include <vector>
 
 #include "base/octets.hpp"
+#include "base/time.hpp"
 #include "wire/farm1.hpp"
 
 namespace srfs {
@@ -28,6 +31,13 @@ struct LinkState {
   std::vector<Association> associations;  ///< only those that accepted a frame ever
   friend bool operator==(const LinkState&, const LinkState&) = default;
 };
+
+/// Where lost counters go on. A ground station whose counters are milliseconds of its clock is above, a
+/// recording older than lost_counter_tolerance is below.
+inline constexpr seconds lost_counter_tolerance{60};
+[[nodiscard]] std::uint64_t lost_counter_floor(UtcTime now);
+/// Milliseconds of the year 2004: a ground station whose counters are lower counts no clock.
+inline constexpr std::uint64_t lowest_clock_counter = std::uint64_t{1} << 40U;
 
 /// Octets of one copy on disk, whatever it holds.
 inline constexpr std::size_t link_state_octets = 512;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/packet_store.hpp"
 
 #include <algorithm>
@@ -170,7 +172,7 @@ Result<void, FileError> PacketStore::commit() {
 Result<void, FileError> PacketStore::start_segment() {
   struct stat info {};
   if (file_ && fstat(file_.get(), &info) == 0 && info.st_nlink == 0) {
-    gone_ = true;  // somebody removed it: what is written there is lost
+    gone_ = true;  // it was removed: what is written there is lost
     return Err(failure("write", path_of(segments_.rbegin()->first), ENOENT));
   }
   if (!segments_.empty() && !file_) {
@@ -217,7 +219,8 @@ Result<void, FileError> PacketStore::write_pending() {
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) {
       const int error = n == 0 ? ENOSPC : errno;
-      (void)ftruncate(file_.get(), static_cast<off_t>(segment.octets));  // half a record must not stay
+      // half a record must not stay
+      [[maybe_unused]] const int ignored = ftruncate(file_.get(), static_cast<off_t>(segment.octets));
       return Err(failure("write", path_of(number), error));
     }
     done += static_cast<std::size_t>(n);

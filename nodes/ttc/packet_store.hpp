@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -55,7 +57,7 @@ struct RetrievedPackets {
   std::vector<Octets> packets;
   RetrievalCursor next{};
   bool finished = false;
-  std::uint32_t next_sequence = 0;  ///< behind the last record that was looked at
+  std::uint32_t next_sequence = 0;  ///< after the last record that was checked
   bool damaged = false;             ///< a segment that may hold packets of the period could not be read
 };
 

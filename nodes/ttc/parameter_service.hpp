@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -30,7 +32,7 @@ struct ParameterCall {
 /// What became of a call.
 enum class ParameterCallError : std::uint8_t { no_answer, no_such_parameter };
 
-/// A value that a node refused, for the event that says so.
+/// A value that a node refused, for the event that reports it.
 struct RefusedValue {
   std::uint16_t parameter = 0;
   std::string reason;
@@ -93,7 +95,7 @@ class ParameterService {
   std::vector<RefusedValue> refused_;
 };
 
-/// Between the value on the link and that of the node. nullopt: it cannot be said so.
+/// Between the value on the link and that of the node. nullopt: no equivalent.
 [[nodiscard]] std::optional<NodeValue> to_node(const mission::Parameter& parameter,
                                                const mission::Value& value);
 [[nodiscard]] std::optional<mission::Value> from_node(const mission::Parameter& parameter,

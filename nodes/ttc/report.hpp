@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -6,13 +8,15 @@
 
 namespace srfs {
 
-/// One PUS report before it becomes a packet: who speaks, service type and subtype, source data.
+/// One PUS report before it becomes a packet: source, service type and subtype, source data.
 struct Report {
   std::uint16_t apid = 0;
   std::uint8_t service = 0;
   std::uint8_t subtype = 0;
-  std::uint16_t destination_id = 0;  ///< source id of the telecommand it answers; 0: everybody
+  std::uint16_t destination_id = 0;  ///< source id of the telecommand it answers; 0: all
   Octets data;
+  std::uint64_t ends = 0;  ///< id of the accepted telecommand whose end it reports; 0: of none
+  bool again = false;      ///< asked for by a repeat: sent, not stored
 };
 
 }  // namespace srfs

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -8,7 +10,7 @@
 
 namespace srfs {
 
-/// What became of telecommands, since the start of the node. Stages nobody wanted reported are counted too.
+/// Outcomes of telecommands since the start of the node. Stages whose report was not wanted are counted too.
 struct VerificationCounters {
   std::uint32_t accepted = 0;
   std::uint32_t rejected = 0;
@@ -34,6 +36,12 @@ struct StageReached {
   std::uint16_t failure_code = 0;
   std::uint8_t step = 0;
   Octets data;
+  bool silent = false;  ///< a success whose report was not wanted
+
+  /// Nothing comes after it.
+  [[nodiscard]] bool is_end() const {
+    return stage == Stage::completion || (!success && (stage == Stage::start || is_before_start(stage)));
+  }
 };
 
 /// Reports on their way to the ground, in order. Everything that handles telecommands writes into one outbox,
@@ -44,14 +52,15 @@ class ReportOutbox {
   void failure(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code, OctetView data = {},
                std::uint8_t step = 0);
   /// What was reported before, once more: neither counted nor remembered.
-  void success_again(const TelecommandOrigin& origin, Stage stage);
+  /// @param stored it may not be in the packet store yet
+  void success_again(const TelecommandOrigin& origin, Stage stage, bool stored);
   void failure_again(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code, OctetView data,
-                     std::uint8_t step);
+                     std::uint8_t step, bool stored);
   /// A report that is no verification: the answer to a request.
   void put(Report report) { reports_.push_back(std::move(report)); }
 
   [[nodiscard]] std::vector<Report> take() { return std::exchange(reports_, {}); }
-  /// Stages of telecommands with an id since the last call, whether somebody wanted them reported or not.
+  /// Stages of telecommands with an id since the last call, whether or not their report was wanted.
   [[nodiscard]] std::vector<StageReached> take_stages() { return std::exchange(stages_, {}); }
   [[nodiscard]] const VerificationCounters& counters() const { return counters_; }
   [[nodiscard]] const LastTelecommand& last() const { return last_; }

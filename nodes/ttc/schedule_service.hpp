@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -23,7 +25,7 @@ struct ScheduleFailureCodes {
       schedule_disabled, group_in_use, unknown_identifier, bad_time_range, expired, storage_unavailable;
 };
 
-/// An activity that was not released, for the event that says so.
+/// An activity that was not released, for the event that reports it.
 struct DroppedActivity {
   ScheduledRequestId request;
   TaiTime release;
@@ -111,7 +113,7 @@ class ScheduleService {
     std::uint16_t code = 0;
     Octets parameter;
   };
-  /// What is said when the journal with this revision is on disk.
+  /// What is reported once the journal with this revision is on disk.
   struct Held {
     std::uint64_t revision = 0;
     TelecommandOrigin origin;

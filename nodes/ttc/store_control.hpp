@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -117,7 +119,7 @@ class StoreControl {
   std::deque<Pushed> pushed_;
   std::optional<std::uint16_t> to_push_;  ///< store of the batch that is about to be pushed
   std::uint64_t requests_ = 0;
-  std::size_t turn_ = 0;  ///< index of the store that is looked at first
+  std::size_t turn_ = 0;  ///< index of the store that is checked first
   bool progress_ = false;
 };
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/telecommand_router.hpp"
 
 #include <algorithm>
@@ -17,7 +19,6 @@ constexpr std::uint8_t housekeeping_service = 3;
 constexpr std::uint8_t event_service = 5;
 constexpr std::uint8_t function_service = 8;
 constexpr std::uint8_t storage_service = 15;
-constexpr std::uint8_t test_service = 17;
 constexpr std::uint8_t parameter_service = 20;
 constexpr std::uint8_t file_service = 23;
 constexpr std::uint8_t perform_function = 1;
@@ -78,7 +79,7 @@ TelecommandOrigin TelecommandRouter::origin_of(const wire::TcPacket& packet) con
                            .apid = packet.apid,
                            .ack_flags = packet.ack_flags,
                            .source_id = packet.source_id};
-  // Nobody else can answer for an application process that does not exist.
+  // Only ttc can answer for an application process that does not exist.
   if (parts_.dictionary.apid(origin.apid) == nullptr) origin.apid = own_apid_;
   return origin;
 }
@@ -165,21 +166,10 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
   }
 }
 
-void TelecommandRouter::on_packet_without_room(OctetView packet) {
-  TelecommandOrigin origin{.request = wire::peek_request_id(packet).value_or(wire::RequestId{}),
-                           .apid = own_apid_,
-                           .ack_flags = 0,
-                           .source_id = 0};
-  if (const auto parsed = wire::parse_tc_packet(packet)) {
-    if (parts_.dictionary.apid(parsed->apid) != nullptr) origin.apid = parsed->apid;
-    origin.source_id = parsed->source_id;
-  }
-  refuse(origin, Refusal{parts_.codes.queue_full, {}});
-}
-
 Result<const mission::Command*, Refusal> TelecommandRouter::find_command(const wire::TcPacket& packet) const {
   const mission::Dictionary& dictionary = parts_.dictionary;
-  if (dictionary.apid(packet.apid) == nullptr) return Err(Refusal{parts_.codes.unknown_apid, {}});
+  if (dictionary.apid(packet.apid) == nullptr)
+    return Err(Refusal{parts_.codes.unknown_apid, {}, Stage::routing});
   if (packet.service == function_service && packet.subtype == perform_function) {
     OctetReader reader(packet.application);
     const std::uint16_t function_id = reader.u16();
@@ -190,6 +180,9 @@ Result<const mission::Command*, Refusal> TelecommandRouter::find_command(const w
   }
   const mission::Command* request = dictionary.request(packet.apid, packet.service, packet.subtype);
   if (request != nullptr) return request;
+  // Every application process can be asked whether it is alive; ttc asks its node.
+  if (packet.service == ConnectionTester::service_type && packet.subtype == ConnectionTester::are_you_alive)
+    return dictionary.request(own_apid_, packet.service, packet.subtype);
   const bool service_known =
       packet.service == function_service || dictionary.has_service(packet.apid, packet.service);
   return Err(Refusal{service_known ? parts_.codes.unknown_subtype : parts_.codes.unknown_service, {}});
@@ -246,7 +239,7 @@ std::optional<Refusal> TelecommandRouter::refuse_insertion(const mission::Comman
   return Refusal{error->code, std::move(error->parameter)};
 }
 
-/// What never changes between insertion and release; mode and room are looked at when it is released.
+/// What never changes between insertion and release; mode and room are checked at the release.
 std::optional<ScheduleService::RequestError> TelecommandRouter::check_scheduled(OctetView packet) const {
   const auto parsed = wire::parse_tc_packet(packet);
   if (!parsed) return {{judge_malformed(packet, parsed.error()).refusal.code, std::uint8_t{0}}};
@@ -259,7 +252,7 @@ std::optional<ScheduleService::RequestError> TelecommandRouter::check_scheduled(
 }
 
 void TelecommandRouter::refuse(const TelecommandOrigin& origin, const Refusal& refusal) {
-  parts_.outbox.failure(origin, Stage::acceptance, refusal.code, refusal.parameter);
+  parts_.outbox.failure(origin, refusal.stage, refusal.code, refusal.parameter);
   if (rejected_.size() == max_rejected) rejected_.erase(rejected_.begin());
   rejected_.push_back(RejectedTelecommand{
       .apid = static_cast<std::uint16_t>(origin.request.packet_identification & 0x7FF),
@@ -273,7 +266,8 @@ JudgedTelecommand TelecommandRouter::judge_malformed(OctetView packet, wire::TcP
   judged.origin.apid = own_apid_;
   judged.refusal.code = parts_.codes.bad_length;
   if (error == wire::TcPacketError::bad_checksum) judged.refusal.code = parts_.codes.bad_checksum;
-  if (error == wire::TcPacketError::idle_packet) judged.refusal.code = parts_.codes.unknown_apid;
+  if (error == wire::TcPacketError::idle_packet)
+    judged.refusal = {parts_.codes.unknown_apid, {}, Stage::routing};
   if (error == wire::TcPacketError::bad_pus_version || error == wire::TcPacketError::no_secondary_header) {
     judged.refusal.code = parts_.codes.unknown_service;
   }
@@ -299,14 +293,8 @@ void TelecommandRouter::forward(const Request& request, MonotonicTime expiry, Mo
 void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
   const mission::Command& command = *request.command;
   switch (command.service) {
-    case test_service:
-      parts_.outbox.success(request.origin, Stage::start);
-      parts_.outbox.put(Report{.apid = request.origin.apid,
-                               .service = test_service,
-                               .subtype = 2,
-                               .destination_id = request.origin.source_id,
-                               .data = {}});
-      parts_.outbox.success(request.origin, Stage::completion);
+    case ConnectionTester::service_type:
+      execute_test(request);
       return;
     case housekeeping_service:
       execute_housekeeping(request);
@@ -373,6 +361,19 @@ void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
 void TelecommandRouter::complete(const TelecommandOrigin& origin) {
   parts_.outbox.success(origin, Stage::start);
   parts_.outbox.success(origin, Stage::completion);
+}
+
+void TelecommandRouter::execute_test(const Request& request) {
+  const std::uint8_t subtype = request.command->subtype;
+  const std::uint16_t apid = subtype == ConnectionTester::test_connection
+                                 ? OctetReader(request.arguments).u16()
+                                 : request.origin.apid;
+  const mission::ApplicationProcess* process = parts_.dictionary.apid(apid);
+  if (process == nullptr) {
+    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(apid));
+    return;
+  }
+  parts_.connections.submit(request.origin, subtype, apid, process->node, process->node == own_node_);
 }
 
 void TelecommandRouter::execute_housekeeping(const Request& request) {

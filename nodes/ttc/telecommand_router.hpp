@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -10,6 +12,7 @@
 #include "base/result.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/command_forwarder.hpp"
+#include "nodes/ttc/connection_tester.hpp"
 #include "nodes/ttc/event_reporter.hpp"
 #include "nodes/ttc/file_service.hpp"
 #include "nodes/ttc/hazard_guard.hpp"
@@ -37,6 +40,7 @@ struct FailureCodes {
       node_unavailable, busy, bad_time_range, store_unreadable, aborted, interrupted, completion_unknown,
       not_armed, not_hazardous;
 
+  [[nodiscard]] ConnectionTester::Codes for_connections() const { return {busy, node_unavailable}; }
   [[nodiscard]] StoreControl::Codes for_stores() const {
     return {busy, unknown_subtype, storage_unavailable};
   }
@@ -63,17 +67,18 @@ struct TransmitterChange {
   std::string stored_text;
 };
 
-/// A telecommand that was refused, for the event that says so.
+/// A telecommand that was refused, for the event that reports it.
 struct RejectedTelecommand {
   std::uint16_t apid = 0;
   std::uint16_t sequence_count = 0;
   std::uint16_t code = 0;
 };
 
-/// Why a telecommand is refused (1,2).
+/// Why a telecommand is refused (1,2 or 1,10).
 struct Refusal {
   std::uint16_t code = 0;
   Octets parameter;
+  Stage stage = Stage::acceptance;  ///< routing: no application process can accept it
 };
 
 /// A telecommand packet after the decision and before anything is done.
@@ -83,6 +88,7 @@ struct JudgedTelecommand {
   Octets arguments;
   MonotonicTime expiry;  ///< not begun by its node after this
   Refusal refusal;
+  std::uint64_t refusal_serial = 0;  ///< filled in when the refusal is recorded; 0: it is not
 };
 
 /// How far a telecommand of an earlier process got.
@@ -121,6 +127,7 @@ class TelecommandRouter {
     const AvailableKeySets& key_sets;
     TransmitterSwitch& transmitter;
     ImagingDesk& imaging;
+    ConnectionTester& connections;
   };
 
   /// @param own_node name of the node whose commands are executed here
@@ -129,14 +136,13 @@ class TelecommandRouter {
   /// @param packet a space packet as it came up
   /// @param room whether an accepted one can be recorded; if not, it is refused (queue_full)
   [[nodiscard]] JudgedTelecommand judge(OctetView packet, MonotonicTime now, bool room = true);
-  /// 1,1 and what is asked for, or 1,2. Once for each that judge() gave, in that order.
+  /// 1,1 and what is asked for, or 1,2. Once for each that judge() gave, in that order; refused ones at any
+  /// time.
   /// @param durable whether its record is on disk; if not, only recovery commands run
   void carry_out(const JudgedTelecommand& judged, bool durable, MonotonicTime now);
   /// Goes on with an accepted telecommand of an earlier process. One of ttc itself that may have begun is
   /// done again if it is idempotent and not expired; else it ends as interrupted.
   void restore(const RestoredTelecommand& restored, MonotonicTime now);
-  /// A packet that came while too many wait for the disk: 1,2 queue_full, unseen.
-  void on_packet_without_room(OctetView packet);
 
   [[nodiscard]] std::optional<ModeChange> take_mode_change() {
     return std::exchange(mode_change_, std::nullopt);
@@ -181,6 +187,7 @@ class TelecommandRouter {
   void forward(const Request& request, MonotonicTime expiry, MonotonicTime now);
   [[nodiscard]] static ForwardedCommand forwarded(const Request& request, MonotonicTime expiry);
   void execute(const Request& request, MonotonicTime now);
+  void execute_test(const Request& request);
   void execute_housekeeping(const Request& request);
   void execute_events(const Request& request);
   void execute_storage(const Request& request);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -11,7 +13,7 @@
 
 namespace srfs {
 
-/// How service 11 names a request (ECSS-E-ST-70-41C 6.11.4.2): who made it, for whom, which.
+/// How service 11 names a request (ECSS-E-ST-70-41C 6.11.4.2): source, application process, sequence count.
 struct ScheduledRequestId {
   std::uint16_t source = 0;
   std::uint16_t apid = 0;
@@ -33,7 +35,7 @@ struct ScheduledActivity {
 /// A change as it is written down: it holds as a whole or not at all.
 struct ScheduleChange {
   enum class GroupState : std::uint8_t { disabled = 0, enabled = 1, deleted = 2 };
-  std::uint64_t requested_by = 0;  ///< id of the telecommand; 0: nobody, an activity was dropped
+  std::uint64_t requested_by = 0;  ///< id of the telecommand; 0: none, an activity was dropped
   std::optional<bool> enabled;
   std::vector<std::uint64_t> removed;
   std::vector<std::pair<std::uint64_t, TaiTime>> moved;  ///< their new release times
@@ -50,9 +52,9 @@ void write_schedule_change(OctetWriter& writer, const ScheduleChange& change);
 /// nullopt: not one, or beyond the bounds of a schedule.
 [[nodiscard]] std::optional<ScheduleChange> read_schedule_change(OctetReader& reader);
 
-/// The time-based schedule as it is on disk: activities, groups, execution function. It changes by whole
-/// changes only, so that a process that finds them again has the same schedule. Who makes a change keeps the
-/// bounds; apply() ignores what does not fit the state (its part before was lost).
+/// The time-based schedule as it is on disk: activities, groups, execution function. It is modified by whole
+/// changes only, so that a process that finds them again has the same schedule. The maker of a change keeps
+/// the bounds; apply() ignores what does not fit the state (an earlier part was lost).
 class TimeSchedule {
  public:
   static constexpr std::size_t max_activities = 256;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // What ttc does about nodes that are added and removed while it runs: their fragments in the dictionary,
 // their telemetry, their part of the beacon.
 #include <algorithm>
@@ -66,7 +68,7 @@ void TtcNode::load_dictionary() {
 
 void TtcNode::take_dictionary(LoadedDictionary loaded) {
   if (!loaded.dictionary) {
-    log::error("the mission dictionary stays as it was: {}", loaded.problem);
+    log::error("cannot reload the mission dictionary, keeping the old one: {}", loaded.problem);
   } else {
     // Its elements stay where they are when it is moved, so pointers into it hold.
     auto old =
@@ -123,7 +125,7 @@ void TtcNode::fill_from_dictionary_again(const mission::Dictionary& old) {
 
 void TtcNode::report_refused_fragments() {
   for (const mission::RefusedFragment& refused : std::exchange(refused_fragments_, {})) {
-    log::error("the dictionary fragment of {} is not used: {}", refused.name, refused.why);
+    log::error("the dictionary fragment of {} is rejected: {}", refused.name, refused.why);
     mission::SuiteFragmentRefusedEvent event;
     event.node = refused.name;
     event.why = refused.why.substr(0, longest_reason);
@@ -142,7 +144,7 @@ void TtcNode::meet_added_nodes(bool tell) {
       return node.name == guest.name && apid_of(guest.name) == guest.apid;
     });
     if (stays) return false;
-    log::info("{} belongs to the suite no more", guest.name);
+    log::info("{} was removed from the suite", guest.name);
     mission::SuiteNodeLeftEvent event;
     event.node = guest.name;
     raise(event.severity, event.event_id, event.encoded());

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // ttc and the folder of files: CFDP between link and disk, the PUS service 23.
 #include <numeric>
 
@@ -23,14 +25,17 @@ bool has_arrived(const cfdp::News& news) {
 
 Result<void, std::string> TtcNode::Files::open() {
   if (postbox) return {};
-  const cfdp::Settings settings{.own_entity = cfdp_spacecraft, .peer_entity = cfdp_ground};
+  const cfdp::Settings settings{.own_entity = cfdp_spacecraft,
+                                .peer_entity = cfdp_ground,
+                                .receiving_octets_max = uplink_quota_octets,
+                                .free_floor_octets = free_floor_octets};
   // Above all that were ever used, should the checkpoint be lost: less than one file a second was sent.
   const auto first = static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
   auto opened = cfdp::Postbox::open(root, checkpoint, settings, first, monotonic_now());
   if (!opened) return Err(opened.error().message);
   postbox = std::move(*opened);
   if (postbox->damaged()) {
-    log::error("files under way begin again: checkpoint {}", cfdp::to_string(*postbox->damaged()));
+    log::error("restarting file transfers in progress: checkpoint {}", cfdp::to_string(*postbox->damaged()));
   }
   return {};
 }
@@ -70,7 +75,7 @@ void TtcNode::pump_files() {
                                       .filled = link_->downlink.begun_octets(DownlinkChannel::files)});
   if (!turn) return;
   using Outcome = Result<cfdp::PostboxTurnResult, std::string>;
-  auto result = std::make_shared<Outcome>(Err(std::string("the turn failed")));
+  auto result = std::make_shared<Outcome>(Err(std::string("the file transfer step failed")));
   const bool taken =
       files_worker_->post([files = files_, turn = std::make_shared<cfdp::PostboxTurn>(std::move(*turn)),
                            result] { *result = files->take_turn(*turn); },

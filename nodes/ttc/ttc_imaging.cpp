@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // ttc and imaging: the goals of the two nodes, products into the outbox.
 #include "nodes/ttc/ttc_node.hpp"
 
@@ -136,13 +138,13 @@ void TtcNode::cancel_image_goal(const ImagingOrder& order) {
     if (found == goals.under_way.end()) return;
     const auto goal = found->second;
     goal->cancel();
-    // Of a task that was given up nobody waits for the end.
+    // The end of a task that was given up is not awaited.
     if (!link_->imaging.knows(order.id)) goals.under_way.erase(order.id);
   };
   order.server == ImageServer::acquisition ? cancel(capture_goals_) : cancel(process_goals_);
 }
 
-/// Nobody but ttc has goals there, and it has none of this process.
+/// Only ttc has goals there, and none of them is of this process.
 void TtcNode::cancel_left_goals(ImageServer server) {
   const auto done = [this, server](ros::CancelOutcome) {
     link_->imaging.on_cleared(server);

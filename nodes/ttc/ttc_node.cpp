@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/ttc_node.hpp"
 
 #include <algorithm>
@@ -14,6 +16,9 @@ constexpr int reads_per_wake = 8;  ///< so that a flood on the line cannot starv
 constexpr std::size_t read_octets = 512;
 constexpr std::size_t frames_per_read = read_octets / 26 + 2;  ///< the shortest CLTU has 26 octets
 constexpr std::uint8_t verification_service = 1;
+/// Control commands need no key: what they change is written no more often than this.
+constexpr seconds flags_period{1};
+constexpr seconds connection_patience{2};          ///< of a test whether a node is there
 constexpr milliseconds schedule_retry_period{50};  ///< what is due and not released waits for room
 constexpr const char* journal_name = "journal of telecommands";
 
@@ -67,37 +72,55 @@ void TtcNode::take_uplinked(std::vector<UplinkedPacket> packets) {
   }
   for (const UplinkedPacket& refused : link_->uplink.take_refused()) {
     const AcceptedTelecommand* known = link_->journal.find_repeated_frame(refused);
-    if (known != nullptr) AcceptanceJournal::tell_again(*known, 0, link_->outbox);
+    if (known != nullptr) link_->journal.answer_repeat(*known, received, link_->outbox);
   }
 }
 
 void TtcNode::take_packet(UplinkedPacket packet, MonotonicTime received) {
   AcceptanceJournal& journal = link_->journal;
-  const LinkState& link = link_->uplink.state();
   if (const AcceptedTelecommand* known = journal.find_repeated_packet(packet, received)) {
-    journal.on_link(link);
-    AcceptanceJournal::tell_again(*known, 0, link_->outbox);
+    journal.on_link(packet.link);
+    journal.answer_repeat(*known, received, link_->outbox);
     return;
   }
-  if (!link_->gate.has_room()) {
-    link_->gate.refuse();
-    journal.on_link(link);
-    link_->router.on_packet_without_room(packet.packet);
-    return;
-  }
-  JudgedTelecommand judged = link_->router.judge(packet.packet, received, journal.has_room());
+  const bool may_wait = link_->gate.has_room();
+  JudgedTelecommand judged = link_->router.judge(packet.packet, received, may_wait && journal.has_room());
   if (judged.command != nullptr) {
     judged.origin.id =
-        journal.accept(packet, judged.origin, judged.command->node, judged.expiry, link, received);
+        journal.accept(packet, judged.origin, judged.command->node, judged.expiry, packet.link, received);
   } else {
-    journal.on_link(link);
+    record_refusal(judged, packet.link);
   }
-  link_->gate.enter(std::move(judged), journal.revision(), received);
+  if (may_wait) {
+    link_->gate.enter(std::move(judged), journal.revision(), received);
+    return;
+  }
+  // Refused: its record is on its way to the disk, and is not waited for.
+  link_->gate.refuse();
+  link_->router.carry_out(judged, true, received);
+  journal.on_refusal_said(judged.refusal_serial);
+}
+
+void TtcNode::record_refusal(JudgedTelecommand& judged, const LinkState& link) {
+  judged.refusal_serial = link_->journal.refuse(judged.origin,
+                                                {.stage = judged.refusal.stage,
+                                                 .success = false,
+                                                 .failure_code = judged.refusal.code,
+                                                 .step = 0,
+                                                 .data = judged.refusal.parameter},
+                                                link);
 }
 
 void TtcNode::persist_journal(bool sync_all) {
   AcceptanceJournal& journal = link_->journal;
-  journal.on_link(link_->uplink.state());
+  const UplinkChain& uplink = link_->uplink;
+  if (uplink.has_data_after(journal.link().generation)) {
+    journal.on_link(uplink.state());
+  } else if (uplink.state().generation != journal.link().generation &&
+             (sync_all || monotonic_now() - flags_written_ >= flags_period)) {
+    flags_written_ = monotonic_now();
+    journal.on_link(uplink.state());
+  }
   const bool awaited = link_->gate.wants_write(journal.revision());
   const bool lazy = journal.wants_write() || (sync_all && journal.wants_sync());
   if (!awaited && !(lazy && link_->gate.may_write())) return;
@@ -121,6 +144,10 @@ void TtcNode::persist_journal(bool sync_all) {
 void TtcNode::on_journal_written(const JournalBatch& batch, const Result<void, FileError>& written,
                                  std::size_t used_octets) {
   link_->journal.on_written(batch, written.has_value(), used_octets);
+  // Without storage frames are taken all the same.
+  if (link_->uplink.on_stored(written ? batch.link : link_->uplink.state()))
+    link_->downlink.want_control_word(now());
+  if (written && raised_generation_ && batch.link.generation >= *raised_generation_) forget_wanted_floor();
   link_->gate.on_write_done(written.has_value(), monotonic_now());
   link_->schedule.on_written(batch.revision, written.has_value());
   note_storage(journal_durable_, written.has_value(), written ? "" : written.error().message, journal_name);
@@ -129,9 +156,12 @@ void TtcNode::on_journal_written(const JournalBatch& batch, const Result<void, F
 
 void TtcNode::execute_passed() {
   for (const GatedTelecommand& gated : link_->gate.take_passed()) {
-    if (!gated.durable)
+    if (!gated.durable) {
       note_storage(journal_durable_, false, "the journal of telecommands is not on disk", journal_name);
+      link_->uplink.on_stored(link_->uplink.state());
+    }
     link_->router.carry_out(gated.judged, gated.durable, now());
+    if (gated.judged.refusal_serial != 0) link_->journal.on_refusal_said(gated.judged.refusal_serial);
     send_reports(link_->outbox.take(), gated.received);
   }
   for (const std::uint64_t id : link_->router.take_unstored_runs()) {
@@ -141,13 +171,20 @@ void TtcNode::execute_passed() {
   }
 }
 
+void TtcNode::send_released() {
+  for (const HeldReport& held : link_->gate.take_released()) {
+    send(held.report, held.live, held.stored, held.urgent);
+    if (held.report.ends != 0) link_->journal.on_end_said(held.report.ends);
+  }
+}
+
 void TtcNode::record_progress() {
   for (const std::uint64_t id : link_->forwarder.take_taken()) link_->journal.on_taken(id);
   for (const StageReached& stage : link_->outbox.take_stages()) link_->journal.on_stage(stage);
 }
 
 void TtcNode::copy_link_state() {
-  LinkState state = link_->uplink.state();
+  LinkState state = link_->uplink.stored_state();
   if (state.generation == copied_generation_) return;
   state.next_telecommand_id = link_->journal.next_id() + reserved_telecommand_ids;
   state_worker_->post([file = link_file_, state] {
@@ -158,7 +195,12 @@ void TtcNode::copy_link_state() {
 
 void TtcNode::report_findings() {
   for (const SecurityFinding& finding : link_->uplink.take_findings()) {
-    if (finding.kind == SecurityFinding::Kind::replayed) {
+    if (finding.kind == SecurityFinding::Kind::counter_out_of_range) {
+      mission::TtcFrameCounterOutOfRangeEvent event;
+      event.vc = finding.vc;
+      event.count = link_->uplink.counters().counter_out_of_range;
+      raise(event.severity, event.event_id, event.encoded());
+    } else if (finding.kind == SecurityFinding::Kind::replayed) {
       mission::TtcFrameReplayedEvent event;
       event.vc = finding.vc;
       event.counter = finding.counter;
@@ -172,14 +214,28 @@ void TtcNode::report_findings() {
   }
 }
 
+void TtcNode::test_connection() {
+  const auto node = link_->connections.take_question();
+  if (!node) return;
+  // The answer comes from the node's work thread: a node that answers is alive.
+  auto& client = connection_clients_[*node];
+  if (!client) client = create_client<lifecycle_msgs::srv::GetState>("/" + *node + "/get_state");
+  client->call({}, connection_patience, 1, [this](const auto& response) {
+    link_->connections.on_answer(response.has_value());
+    if (is_active()) settle();
+  });
+}
+
 // ---- outputs
 
 void TtcNode::settle() {
   run_schedule();
   persist_journal();
   execute_passed();
+  send_released();
   serve_files();
   ask_nodes();
+  test_connection();
   begin_imaging_tasks();
   publish_telecommands();
   send_reports(link_->outbox.take(), std::nullopt);
@@ -192,6 +248,7 @@ void TtcNode::settle() {
   report_findings();
   record_progress();
   persist_journal();
+  send_released();
   carry_out_imaging_orders();
   link_->uplink.set_buffer_available(link_->gate.has_room(frames_per_read));
   pump_downlink();
@@ -215,7 +272,13 @@ void TtcNode::send_reports(const std::vector<Report>& reports, std::optional<Mon
   for (const Report& report : reports) {
     // Verification reports are stored; answers to requests (17,2, a one-shot) are not.
     const bool verification = report.service == verification_service;
-    send(report, true, verification, true);
+    if (report.ends != 0) record_progress();  // its record is what it waits for
+    if (report.ends != 0 && journal_durable_) {
+      link_->gate.hold({.report = report}, link_->journal.revision(), now());
+      continue;
+    }
+    send(report, true, verification && !report.again, true);
+    if (report.ends != 0) link_->journal.on_end_said(report.ends);
     const bool acceptance = verification && report.subtype <= 2;
     if (received && acceptance) link_->acceptance_latency.add(monotonic_now() - *received);
   }
@@ -346,6 +409,7 @@ void TtcNode::pump_downlink() {
     auto cadu = link_->downlink.next(monotonic_now(), [this] { return link_->uplink.next_clcw(); });
     if (!cadu) break;
     outgoing_ = std::move(*cadu);
+    if (frame_counts_) frame_counts_->write(link_->downlink.frame_counts());
     send_time_report();
   }
   // The last playback frame may just have left.
@@ -407,13 +471,17 @@ void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
     return;
   }
   cycle_ = tick.cycle;
+  if (floor_wanted_ != FloorWanted::no && tick.time_valid) {
+    raise_counters();
+    if (is_active()) send_beacon();  // a ground station with lower counters sees at once where they go on
+  }
   // The time may have become valid, or have made a step.
   const bool waited_for = !link_->schedule.schedule().empty() || link_->imaging.tasks() > 0;
   if (is_active() && waited_for) settle();
 }
 
 void TtcNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) {
-  on_telemetry(sample);  // nobody else wants it
+  on_telemetry(sample);  // only ttc itself uses it
 }
 
 void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
@@ -479,6 +547,15 @@ void TtcNode::send_event(mission::EventSeverity severity, std::uint16_t event_id
   if (report) send(report->report, report->live, true, false);
 }
 
+void TtcNode::send_behind_ends(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data) {
+  auto report = link_->events.on_event(dictionary_.apid_of_node(name())->apid, event_id,
+                                       static_cast<std::uint8_t>(severity), data, now());
+  if (!report) return;
+  link_->gate.hold(
+      {.report = std::move(report->report), .live = report->live, .stored = true, .urgent = false},
+      link_->journal.revision(), now());
+}
+
 void TtcNode::raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data) {
   raise_event(event_id, static_cast<std::uint8_t>(severity), data);
 }
@@ -530,6 +607,7 @@ void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
   h.tc_open = as_u32(link_->journal.open());
   h.tc_restored = as_u32(journal.restored);
   h.tc_repeats = as_u32(journal.repeats);
+  h.tc_repeats_unanswered = as_u32(journal.unanswered);
   h.journal_octets = journal.written_octets;
   h.journal_syncs = as_u32(journal.syncs);
   h.journal_write_failures = as_u32(journal.failed_writes);
@@ -544,6 +622,7 @@ void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
   h.wrong_vc = up.wrong_vc;
   h.sdls_mac_failures = up.not_authentic;
   h.sdls_replays = up.replayed;
+  h.sdls_counters_out_of_range = up.counter_out_of_range;
   h.sdls_contingency_spi = link_->uplink.associations().contingency;
   h.sdls_contingency_counter = link_->uplink.counter(h.sdls_contingency_spi).value_or(0);
   h.sdls_keys_unusable = static_cast<std::uint8_t>(unusable_keys_.size());
@@ -642,7 +721,7 @@ void TtcNode::send_beacon() {
   using mission::Beacon;
   const auto report = link_->housekeeping.on_sample(Beacon::apid, Beacon::structure_id,
                                                     link_->beacon.build(in, now()), now());
-  // Unasked and in every mode: nobody can switch it off.
+  // Unasked and in every mode: it cannot be switched off.
   if (report) send(report->report, true, true, false);
   send_added_nodes();
   settle();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <deque>
@@ -28,6 +30,8 @@
 #include "nodes/ttc/file_desk.hpp"
 #include "nodes/ttc/file_exchange.hpp"
 #include "nodes/ttc/file_service.hpp"
+#include "nodes/ttc/frame_count_file.hpp"
+#include "nodes/ttc/frame_count_page.hpp"
 #include "nodes/ttc/housekeeping_scheduler.hpp"
 #include "nodes/ttc/image_outbox.hpp"
 #include "nodes/ttc/imaging_desk.hpp"
@@ -56,9 +60,9 @@ struct ImagingOutcome {
   QueuedProducts products{.failure = mission::failure::disk_failed};  ///< queued, or taken out again
 };
 
-/// The ground's end of the spacecraft: telecommands from the RS422 line to the nodes, everybody's telemetry
-/// to the store and to the line. Decisions are made by the classes above; here they are fed, and what they
-/// say is done.
+/// The spacecraft's end of the link: telecommands go from the RS422 line to the nodes, telemetry of all nodes
+/// to the store and to the line. The classes above decide; this class feeds them and carries out their
+/// decisions.
 class TtcNode : public ros::LifecycleNode {
  public:
   explicit TtcNode(ros::NodeContext& context);
@@ -97,6 +101,7 @@ class TtcNode : public ros::LifecycleNode {
     FileService file_service;
     ParameterService parameters;
     ImagingDesk imaging;
+    ConnectionTester connections;
     TelecommandRouter router;
     UplinkChain uplink;
     PersistenceGate gate;
@@ -117,7 +122,13 @@ class TtcNode : public ros::LifecycleNode {
   [[nodiscard]] std::string load_stores() const;
   [[nodiscard]] BootTold load_boot() const;
   [[nodiscard]] bool ran_before() const;
-  [[nodiscard]] AcceptanceJournal load_journal();
+  /// @param nothing no state of the link was found. @param ran although there was one
+  void note_missing_counters(bool nothing, bool ran);
+  void report_counters(std::uint64_t floor, const std::string& why);
+  void raise_counters();
+  void forget_wanted_floor();
+  /// @param ran something is left of an earlier start
+  [[nodiscard]] AcceptanceJournal load_journal(bool ran);
   void restore_telecommands();
   void fill_from_dictionary();
   void subscribe();
@@ -137,7 +148,12 @@ class TtcNode : public ros::LifecycleNode {
   /// The second home of the counters, should the journal be damaged.
   void copy_link_state();
   void execute_passed();
+  void send_released();
+  /// What was refused, for the disk and for the ground after a kill.
+  void record_refusal(JudgedTelecommand& judged, const LinkState& link);
   void report_findings();
+  /// PUS 17 of other nodes: asks the next one.
+  void test_connection();
 
   // Schedule (ttc_schedule.cpp)
   /// Releases what is due.
@@ -163,6 +179,9 @@ class TtcNode : public ros::LifecycleNode {
   void report_hazards();
   /// Chooses the set of each channel: as it was stored, else one that can be used.
   void load_key_selection(UplinkConfig& config);
+  /// @return the TM frame counters to go on with
+  [[nodiscard]] wire::TmFrameCounts open_frame_counts();
+  void on_frame_counts_stored(const wire::TmFrameCounts& counts, const Result<void, FileError>& stored);
   void store_key_change();
   void store_transmitter_change();
   // Packet stores (ttc_stores.cpp)
@@ -228,7 +247,7 @@ class TtcNode : public ros::LifecycleNode {
   void add_structure(const mission::Structure& structure);
   void report_refused_fragments();
   void report_added_problems();
-  /// Follows the list of added nodes. @param tell whether it is said who came
+  /// Follows the list of added nodes. @param tell whether to report new ones
   void meet_added_nodes(bool tell);
   void listen_to(const std::string& node);
   void drop_retired_dictionaries();
@@ -256,8 +275,10 @@ class TtcNode : public ros::LifecycleNode {
   void ask_for_state(const std::string& node);
   /// An event that must not be held back by the rate limit of the event topic.
   void send_event(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
+  /// The same, after the ends that wait for the disk.
+  void send_behind_ends(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
   void raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
-  /// @param known what was known before; only a change is said
+  /// @param known what was known before; only a change is reported
   /// @param what of the storage, for people
   void note_storage(bool& known, bool works, const std::string& why, const std::string& what);
 
@@ -265,6 +286,8 @@ class TtcNode : public ros::LifecycleNode {
   struct Files {
     std::filesystem::path root;
     std::filesystem::path checkpoint;
+    std::uint64_t uplink_quota_octets = 0;
+    std::uint64_t free_floor_octets = 0;
     std::unique_ptr<cfdp::Postbox> postbox;
     std::optional<FileDesk> desk;
     std::optional<ImageOutbox> images;
@@ -274,7 +297,7 @@ class TtcNode : public ros::LifecycleNode {
     [[nodiscard]] Result<void, std::string> open();
   };
 
-  std::vector<mission::RefusedFragment> refused_fragments_;  ///< to be said
+  std::vector<mission::RefusedFragment> refused_fragments_;  ///< to be reported
   mission::Dictionary dictionary_;
   struct RetiredDictionary {
     MonotonicTime since;
@@ -287,7 +310,7 @@ class TtcNode : public ros::LifecycleNode {
     std::string name;
     std::uint16_t apid = 0;  ///< 0: none
     NodeFacts facts;
-    std::optional<std::uint8_t> state;  ///< last told
+    std::optional<std::uint8_t> state;  ///< last reported
     std::vector<std::shared_ptr<void>> subscriptions;
   };
   std::vector<Guest> guests_;  ///< nodes that were added
@@ -314,10 +337,15 @@ class TtcNode : public ros::LifecycleNode {
   StoreRackStatus store_status_;
   bool commit_running_ = false;
   int commits_missed_ = 0;
-  Octets outgoing_;                ///< of a CADU the line did not take whole
-  std::uint64_t lost_frames_ = 0;  ///< sent while the line was gone
+  std::optional<FrameCountPage> frame_counts_;
+  std::shared_ptr<FrameCountFile> frame_count_file_;  ///< used on the worker of the stores
+  FrameCountReserve frame_count_reserve_;
+  bool frame_counts_stored_ = true;  ///< the last time they were written; only a change is reported
+  Octets outgoing_;                  ///< of a CADU the line did not take whole
+  std::uint64_t lost_frames_ = 0;    ///< sent while the line was gone
   std::uint64_t unstored_packets_ = 0;
   bool journal_durable_ = true;  ///< the journal reaches the disk in time
+  MonotonicTime flags_written_;  ///< of FARM-1, without data
   bool stores_work_ = true;
   bool files_work_ = true;
   mission::TtcFilesHousekeeping files_status_;  ///< as of the last turn
@@ -325,9 +353,15 @@ class TtcNode : public ros::LifecycleNode {
   std::uint64_t next_telecommand_id_ = 0;       ///< after the last clean-up, 0: none yet
   std::uint64_t copied_generation_ = 0;         ///< of the link state in its second home
   std::size_t journal_damaged_octets_ = 0;
-  std::string journal_damage_;  ///< what it means, to be said; empty: none
+  std::string journal_damage_;  ///< what it means, to be reported; empty: none
   BootTold boot_{.count = 1, .cause = mission::ResetCause::unknown};
   std::uint64_t cycle_ = 0;
+  bool first_start_ = false;  ///< to be reported
+  /// Why the counters of the uplink get a floor as soon as the time is valid.
+  enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };
+  FloorWanted floor_wanted_ = FloorWanted::no;
+  std::optional<std::uint64_t>
+      raised_generation_;  ///< of the link state with their floor, until it is stored
   KeySelection key_selection_;
   struct UnusableKey {
     std::uint16_t spi = 0;
@@ -340,13 +374,14 @@ class TtcNode : public ros::LifecycleNode {
     KeySet set = KeySet::a;
     std::string why;
   };
-  std::vector<KeyNews> key_news_;                        ///< of the start, to be said
+  std::vector<KeyNews> key_news_;                        ///< of the start, to be reported
   std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event
 
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::Telecommand>> telecommands_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::SystemMode>> mode_publisher_;
   std::vector<std::shared_ptr<void>> subscriptions_;
   std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> state_clients_;
+  std::map<std::string, std::shared_ptr<ros::Client<lifecycle_msgs::srv::GetState>>> connection_clients_;
   std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::GetParameters>>> get_clients_;
   std::map<std::string, std::shared_ptr<ros::Client<rcl_interfaces::srv::SetParameters>>> set_clients_;
   ImageGoals<srfs_msgs::action::CaptureImage> capture_goals_;

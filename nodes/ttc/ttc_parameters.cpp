@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // ttc and the parameters of the nodes: the PUS service 20 over their ROS 2 parameter services.
 #include "nodes/ttc/ttc_node.hpp"
 

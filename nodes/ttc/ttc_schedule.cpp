@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The time-based schedule and the time reports in the node: what is due goes the way of a telecommand.
 #include <algorithm>
 
@@ -33,6 +35,7 @@ bool TtcNode::release(const ScheduledActivity& activity, MonotonicTime at) {
   } else if (judged.refusal.code == link_->codes.queue_full) {
     return false;
   } else {
+    record_refusal(judged, journal.link());  // before its place in the schedule goes
     link_->schedule.on_refused(activity);
   }
   link_->gate.enter(std::move(judged), journal.revision(), at);

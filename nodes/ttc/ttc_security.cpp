@@ -1,4 +1,6 @@
-// What the ttc node tells and stores about arming and keys.
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+// What the ttc node reports and stores about arming and keys.
 #include <algorithm>
 
 #include "nodes/ttc/ttc_node.hpp"
@@ -43,18 +45,18 @@ void TtcNode::load_key_selection(UplinkConfig& config) {
     const KeySet other = channel.selected == KeySet::a ? KeySet::b : KeySet::a;
     if (!has(channel.selected) && has(other)) {
       channel.selected = other;
-      key_news_.push_back({channel.vc, other, "the others cannot be used"});
+      key_news_.push_back({channel.vc, other, "the selected keys are unusable"});
     }
   }
   if (found.damaged_copies == 0) return;
-  log::error("{} of 2 copies of the selection of keys are damaged", found.damaged_copies);
+  log::error("{} of 2 copies of the key selection are damaged", found.damaged_copies);
   if (const auto stored = store_key_selection(state_dir() / "key_selection", key_selection_); !stored)
     log::error("{}", stored.error().message);
 }
 
 void TtcNode::report_keys_at_start() {
   for (const UnusableKey& key : unusable_keys_) {
-    log::error("association {} is left out: {}", key.spi, key.why);
+    log::error("association {} is not used: {}", key.spi, key.why);
     mission::TtcKeyUnusableEvent event;
     event.spi = key.spi;
     event.why = key.why;
@@ -64,7 +66,7 @@ void TtcNode::report_keys_at_start() {
 }
 
 void TtcNode::report_keys(std::uint8_t vc, KeySet set, const std::string& why) {
-  log::warn("TC virtual channel {} takes keys {}: {}", vc, to_text(set), why);
+  log::warn("TC virtual channel {} uses keys {}: {}", vc, to_text(set), why);
   mission::TtcKeysSelectedEvent event;
   event.vc = vc;
   event.set = set == KeySet::b ? mission::KeySet::b : mission::KeySet::a;

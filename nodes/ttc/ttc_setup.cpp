@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // How ttc comes up: parameters, keys, what is on disk, subscriptions.
 #include <algorithm>
 #include <cerrno>
@@ -7,12 +9,16 @@
 #include <sys/epoll.h>
 #include <sys/stat.h>
 
+#include "base/known_key.hpp"
 #include "nodes/ttc/ttc_node.hpp"
 #include "ros/boot_store.hpp"
 
 namespace srfs {
 namespace {
 
+/// There while the counters of the uplink have no floor yet.
+constexpr const char* wanted_floor_file = "counters_lost";
+constexpr std::string_view first_start_text = "first start\n";  ///< in it; else counters were lost
 constexpr std::size_t journal_worker_capacity = 2;
 constexpr std::size_t state_worker_capacity = 8;
 constexpr std::size_t store_worker_capacity = 8;
@@ -79,6 +85,7 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
       file_service(outbox, mission::apid::ttc),
       parameters(dictionary, outbox, mission::apid::ttc),
       imaging(outbox),
+      connections(outbox, codes.for_connections()),
       router({.dictionary = dictionary,
               .codes = codes,
               .housekeeping = housekeeping,
@@ -95,7 +102,8 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
               .hazards = hazards,
               .key_sets = key_sets,
               .transmitter = transmitter,
-              .imaging = imaging},
+              .imaging = imaging,
+              .connections = connections},
              own_name),
       uplink(std::move(uplink_config), journal.link()),
       gate(persist_deadline, journal.revision()),
@@ -123,6 +131,10 @@ TtcNode::TtcNode(ros::NodeContext& context)
                     "The same packet on a secured channel within this time is a repeat");
   declare_parameter("schedule_late_max_ms", std::int64_t{60000}, ros::ParameterRange{1000, 86'400'000},
                     "A scheduled activity that is later than this is dropped", true);
+  declare_parameter("uplink_quota_mib", std::int64_t{256}, ros::ParameterRange{1, 1024},
+                    "Octets of all files that are coming up, together; more is refused", true);
+  declare_parameter("free_floor_mib", std::int64_t{64}, ros::ParameterRange{0, 65'536},
+                    "So much of the disk files that come up leave free", true);
   on_parameter_change([this](const std::string& parameter) { on_parameter_changed(parameter); });
 }
 
@@ -142,11 +154,17 @@ Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) co
   auto key = wire::SdlsKey::from_hex(*text);
   std::fill(text->begin(), text->end(), '\0');
   if (!key) return Err(fmt::format("{}: expected 64 hexadecimal digits", path.string()));
+  // Left out, and no more: see ros::unsafe_link().
+  const auto known = why_known(key->octets());
+  if (known && ros::is_hardware_line(device("rs422"), var().root))
+    return Err(fmt::format("{}: not used, everybody may know this key: {}", path.string(), *known));
   return std::move(*key);
 }
 
 Result<UplinkConfig, std::string> TtcNode::read_channels() {
   const ros::LinkSettings& settings = deployment().link;
+  if (auto unsafe = ros::unsafe_link(deployment(), var().root); !unsafe.empty())
+    return Err(std::move(unsafe));
   UplinkConfig config;
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
   config.cltu.randomized = settings.tc_randomizer;
@@ -224,10 +242,33 @@ Result<DownlinkConfig, std::string> TtcNode::read_downlink() const {
   return config;
 }
 
+wire::TmFrameCounts TtcNode::open_frame_counts() {
+  frame_counts_.reset();
+  frame_count_reserve_ = {};
+  frame_count_file_ = std::make_shared<FrameCountFile>(state_dir() / "frame_counts");
+  auto page = FrameCountPage::open(var().memory() / "ttc_frame_counts", var().owner());
+  if (!page) {
+    log::warn("{}: a kill of ttc makes a gap in the TM frame counters", page.error());
+    return frame_count_file_->load().value_or(wire::TmFrameCounts{});
+  }
+  frame_counts_ = std::move(*page);
+  if (const auto counts = frame_counts_->read()) return *counts;
+  const auto counts = frame_count_file_->load().value_or(wire::TmFrameCounts{});
+  frame_counts_->write(counts);
+  return counts;
+}
+
 bool TtcNode::ran_before() const {
   std::error_code ec;
-  return std::filesystem::exists(state_dir() / "link_state", ec) ||
-         std::filesystem::exists(state_dir() / "mode", ec);
+  if (std::filesystem::exists(state_dir() / "link_state", ec) ||
+      std::filesystem::exists(state_dir() / "mode", ec))
+    return true;
+  // Its own state may be lost and the packets it stored not.
+  const auto stored = std::filesystem::directory_iterator(var().root / "store", ec);
+  return !ec && std::any_of(begin(stored), end(stored), [](const auto& store) {
+    std::error_code none;
+    return store.is_directory(none) && !std::filesystem::is_empty(store.path(), none);
+  });
 }
 
 ModeKeeper TtcNode::load_mode(bool ran) {
@@ -261,7 +302,7 @@ TransmitterSwitch TtcNode::load_transmitter() const {
   return transmitter;
 }
 
-/// What the boot record says until timing tells more: it may write the record of this boot at this moment.
+/// The boot record, used until timing reports more: timing may be writing the record of this boot right now.
 BootTold TtcNode::load_boot() const {
   const auto record = ros::BootStore(var().boot()).load();
   if (!record) return {.count = 1, .cause = mission::ResetCause::unknown};
@@ -292,8 +333,9 @@ ros::CallbackReturn TtcNode::on_configure() {
                                                     refused_fragments_);
   }
   const bool ran = ran_before();
+  downlink->first_counts = open_frame_counts();
   load_key_selection(*channels);
-  AcceptanceJournal journal = load_journal();
+  AcceptanceJournal journal = load_journal(ran);
   link_ = std::make_unique<Link>(dictionary_, std::move(journal), std::move(*channels), *downlink,
                                  load_mode(ran), load_transmitter(), load_stores(),
                                  milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
@@ -306,10 +348,19 @@ ros::CallbackReturn TtcNode::on_configure() {
   journal_worker_ = create_worker("ttc_journal", journal_worker_capacity);
   state_worker_ = create_worker("ttc_state", state_worker_capacity);
   store_worker_ = create_worker("ttc_store", store_worker_capacity);
-  store_worker_->post([stores = stores_] { stores->open(); });
+  store_worker_->post([stores = stores_, file = frame_count_file_,
+                       counts = frame_count_reserve_.wanted(link_->downlink.frame_counts()).value()] {
+    (void)file->store(counts);  // the first commit writes them again, and says what fails
+    stores->open();
+  });
   files_ = std::make_shared<Files>();
   files_->root = var().root / "files";
   files_->checkpoint = state_dir() / "cfdp";
+  const auto mib = [this](const char* parameter) {
+    return static_cast<std::uint64_t>(get_parameter<std::int64_t>(parameter)) << 20;
+  };
+  files_->uplink_quota_octets = mib("uplink_quota_mib");
+  files_->free_floor_octets = mib("free_floor_mib");
   files_->desk.emplace(files_->root);
   files_->images.emplace(var().root / "images", files_->root);
   files_worker_ = create_worker("ttc_files", files_worker_capacity);
@@ -323,7 +374,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   return ros::CallbackReturn::success;
 }
 
-AcceptanceJournal TtcNode::load_journal() {
+AcceptanceJournal TtcNode::load_journal(bool ran) {
   AcceptanceJournal journal(kernel_boot_id().value_or("unknown"),
                             milliseconds(get_parameter<std::int64_t>("repeat_window_ms")));
   journal_file_ = std::make_shared<JournalOnDisk>(state_dir() / "telecommands");
@@ -334,7 +385,7 @@ AcceptanceJournal TtcNode::load_journal() {
   }
   link_file_ = std::make_shared<LinkStateFile>(state_dir() / "link_state");
   const LinkStateFile::Found copy = link_file_->load();
-  const bool lost = found.existed && journal.link().generation == 0;
+  const bool lost = found.existed && !journal.has_state() && journal.link().generation == 0;
   journal_damage_ = !lost                        ? journal_damaged_octets_ > 0 ? "the rest is read" : ""
                     : copy.state.generation != 0 ? "telecommands lost, counters from their copy"
                                                  : "telecommands and counters lost";
@@ -346,12 +397,77 @@ AcceptanceJournal TtcNode::load_journal() {
   journal.begin(copy.state,
                 first_telecommand_id(copy.state.next_telecommand_id, next_telecommand_id_, system_utc_now()),
                 monotonic_now());
+  const bool nothing = !journal.has_state() && journal.link().generation == 0;
+  note_missing_counters(nothing, ran || found.existed);
+  // A first start that is killed from here on has left a journal, and is none any more.
+  if (nothing) {
+    const JournalBatch batch = journal.take_batch(true);
+    const auto written = journal_file_->log.snapshot(*batch.snapshot);
+    journal.on_written(batch, written.has_value(), journal_file_->log.used_octets());
+  }
   return journal;
 }
 
-/// What was accepted and has not ended goes on; what may not have reached the ground is said again.
+/// A first start looks like the loss of everything that ttc wrote: it wants a floor, too.
+void TtcNode::note_missing_counters(bool nothing, bool ran) {
+  const auto marker = state_dir() / wanted_floor_file;
+  first_start_ = nothing && !ran;
+  const auto noted = read_file(marker, 64);
+  const bool lost = (nothing && ran) || (noted && *noted != first_start_text);
+  if (!nothing && !noted) {
+    floor_wanted_ = FloorWanted::no;
+    return;
+  }
+  floor_wanted_ = lost ? FloorWanted::counters_lost : FloorWanted::first_start;
+  if (lost) log::error("the counters of the uplink are lost: any is taken until the time is valid");
+  if (const auto written = write_file_atomically(marker, lost ? "" : first_start_text); !written)
+    log::error("that the counters want a floor is not durable: {}", written.error().message);
+}
+
+void TtcNode::report_counters(std::uint64_t floor, const std::string& why) {
+  mission::TtcCountersLostEvent event;
+  event.floor = floor;
+  event.why = why;
+  send_event(event.severity, event.event_id, event.encoded());
+}
+
+/// The first valid time came. At a first start a ground station that was heard and counts no clock goes on
+/// with its counters: it would be locked out in the middle of its work.
+void TtcNode::raise_counters() {
+  const bool lost = std::exchange(floor_wanted_, FloorWanted::no) == FloorWanted::counters_lost;
+  const LinkState& state = link_->uplink.state();
+  const std::uint64_t before = state.generation;
+  const std::uint64_t floor = lost_counter_floor(link_->clock.utc_at(monotonic_now()));
+  const bool counts_no_clock =
+      std::any_of(state.associations.begin(), state.associations.end(),
+                  [](const LinkState::Association& a) { return a.counter < lowest_clock_counter; });
+  if (lost || !counts_no_clock) link_->uplink.raise_counters(floor);
+  raised_generation_ = state.generation;
+  if (state.generation == before) forget_wanted_floor();  // nothing to write
+  if (lost) {
+    log::warn("uplink counters that were lost go on behind {}", floor);
+    report_counters(floor, "time is valid");
+  } else if (!counts_no_clock) {
+    log::info("the counters of the uplink begin behind {}", floor);
+  } else {
+    log::info("the ground station counts no clock: the counters of the uplink get no floor");
+  }
+}
+
+/// The floor is on disk.
+void TtcNode::forget_wanted_floor() {
+  raised_generation_.reset();
+  state_worker_->post([marker = state_dir() / wanted_floor_file] {
+    std::error_code ec;
+    std::filesystem::remove(marker, ec);
+    if (ec) log::error("{}: cannot be removed: {}", marker.string(), ec.message());
+  });
+}
+
+/// What was accepted and has not ended goes on; what may not have reached the ground is reported again.
 void TtcNode::restore_telecommands() {
   AcceptanceJournal& journal = link_->journal;
+  journal.tell_refused_again(link_->outbox);
   for (const AcceptedTelecommand* t : journal.known()) {
     AcceptanceJournal::tell_again(*t, journal.told(), link_->outbox);
     if (t->end) continue;
@@ -465,6 +581,13 @@ ros::CallbackReturn TtcNode::on_activate() {
     event.what = std::exchange(journal_damage_, {});
     send_event(event.severity, event.event_id, event.encoded());
   }
+  if (first_start_) {
+    mission::TtcFirstStartEvent event;
+    event.boot_count = boot_.count;
+    send_event(event.severity, event.event_id, event.encoded());
+    first_start_ = false;
+  }
+  if (floor_wanted_ == FloorWanted::counters_lost) report_counters(0, "any is taken until the time is valid");
   report_keys_at_start();
   settle();
   return ros::CallbackReturn::success;
@@ -490,6 +613,7 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   subscriptions_.clear();
   disconnect_imaging();
   state_clients_.clear();
+  connection_clients_.clear();
   get_clients_.clear();
   set_clients_.clear();
   telecommands_.reset();
@@ -502,6 +626,10 @@ ros::CallbackReturn TtcNode::on_cleanup() {
     journal_worker_->drain();
     copy_link_state();
     store_open_progress();
+    // No more is sent: the next start goes on exactly there.
+    store_worker_->post([file = frame_count_file_, counts = link_->downlink.frame_counts()] {
+      if (const auto stored = file->store(counts); !stored) log::warn("{}", stored.error().message);
+    });
   }
   if (state_worker_) state_worker_->drain();
   if (store_worker_) store_worker_->drain();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // ttc and the packet stores (PUS service 15): commits, retrieval, what the ground has set.
 #include <algorithm>
 
@@ -25,22 +27,34 @@ void TtcNode::commit_stores() {
   persist_journal(true);
   // What has left and is in this commit, the ground has or can ask for.
   const bool all_left = link_->downlink.empty(DownlinkChannel::live) && outgoing_.empty();
-  const std::uint64_t told = all_left ? link_->journal.serial() : 0;
+  const std::uint64_t told = all_left ? link_->journal.said() : 0;
   auto status = std::make_shared<StoreRackStatus>();
+  const auto counts = frame_count_reserve_.wanted(link_->downlink.frame_counts());
+  auto counts_stored = std::make_shared<Result<void, FileError>>();
   commit_running_ = store_worker_->post(
       [stores = stores_, items = std::make_shared<std::vector<StoreItem>>(to_store_), status,
-       bounded = link_->stores.bounded()] {
+       bounded = link_->stores.bounded(), file = frame_count_file_, counts, counts_stored] {
         stores->set_bounded(bounded);
         for (const StoreItem& item : *items) stores->append(item);
         stores->commit();
         *status = stores->status();
+        if (counts) *counts_stored = file->store(*counts);
       },
-      [this, status, told] {
+      [this, status, told, counts, counts_stored] {
         commit_running_ = false;
+        if (counts) on_frame_counts_stored(*counts, *counts_stored);
         if (status->failure.empty()) link_->journal.on_told(told);
         on_store_status(*status);
       });
   if (commit_running_) to_store_.clear();
+}
+
+void TtcNode::on_frame_counts_stored(const wire::TmFrameCounts& counts,
+                                     const Result<void, FileError>& stored) {
+  if (stored) frame_count_reserve_.on_stored(counts);
+  if (!stored && frame_counts_stored_)
+    log::warn("{}: a reset of the computer may use TM frame counters twice", stored.error().message);
+  frame_counts_stored_ = stored.has_value();
 }
 
 void TtcNode::on_store_status(const StoreRackStatus& status) {
@@ -76,8 +90,9 @@ void TtcNode::feed_playback() {
     event.store = done.store;
     event.packets = done.packets;
     event.octets = done.octets;
-    send_event(event.severity, event.event_id, event.encoded());
+    send_behind_ends(event.severity, event.event_id, event.encoded());
   }
+  persist_journal();
 
   const std::size_t room = link_->downlink.room_octets(DownlinkChannel::playback);
   if (const auto batch = retrieval.next_batch(room)) {
@@ -132,7 +147,7 @@ void TtcNode::store_open_progress() {
   if (!link_->stores.take_progress()) return;
   state_worker_->post([path = state_dir() / "stores", text = link_->stores.stored_text()] {
     if (const auto written = write_file_atomically(path, text); !written)
-      log::warn("the place of the open retrieval is not durable: {}", written.error().message);
+      log::warn("cannot save the position of the open retrieval: {}", written.error().message);
   });
 }
 

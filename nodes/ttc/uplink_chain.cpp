@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/uplink_chain.hpp"
 
 #include <algorithm>
@@ -21,7 +23,9 @@ UplinkChain::UplinkChain(UplinkConfig config, const LinkState& stored)
     }
   }
   carry_along(stored);
-  // A wait that was on when the process ended has nobody left to end it.
+  data_generation_ = state_.generation;
+  stored_ = state_;
+  // Nothing else would end a wait that was on when the process ended.
   set_buffer_available(true);
 }
 
@@ -119,6 +123,7 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
   set_farm(channel.vc, outcome.state);
   if (outcome.verdict != wire::FarmVerdict::accept_sequenced &&
       outcome.verdict != wire::FarmVerdict::accept_expedited) {
+    acknowledge_flags();
     ++counters_.farm_discarded;
     if (opened) {
       packet.packet = std::move(opened->packet);
@@ -128,8 +133,9 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
     keep_refused(std::move(packet));
     return std::nullopt;
   }
+  if (opened) set_counter(opened->spi, opened->counter);
+  data_generation_ = state_.generation;
   if (opened) {
-    set_counter(opened->spi, opened->counter);
     if (opened->segment_header != wire::segment_header_unsegmented || opened->packet.empty()) {
       ++counters_.bad_segment;
       return std::nullopt;
@@ -144,6 +150,7 @@ std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& ch
     packet.packet.assign(payload->begin(), payload->end());
   }
   ++counters_.packets;
+  packet.link = state_;
   return packet;
 }
 
@@ -162,6 +169,11 @@ std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& c
       });
   if (association == channel.associations.end()) return refuse();
   auto opened = wire::sdls_open(association->key, association->spi, channel.vc, frame.data);
+  if (!opened && opened.error() == wire::SdlsError::counter_out_of_range) {
+    ++counters_.counter_out_of_range;
+    find({.kind = SecurityFinding::Kind::counter_out_of_range, .vc = channel.vc, .counter = 0});
+    return std::nullopt;
+  }
   if (!opened) return refuse();
   if (!wire::is_fresh(counter(association->spi), opened->counter)) {
     ++counters_.replayed;
@@ -181,6 +193,7 @@ void UplinkChain::on_control_frame(std::uint8_t vc, const wire::TcFrame& frame) 
   const wire::FarmOutcome outcome =
       wire::farm_receive(farm(vc), frame, buffer_available_, config_.farm_window);
   set_farm(vc, outcome.state);
+  acknowledge_flags();
   ++(outcome.verdict == wire::FarmVerdict::control_executed ? counters_.control_commands
                                                             : counters_.bad_control_command);
 }
@@ -244,6 +257,16 @@ void UplinkChain::set_farm(std::uint8_t vc, const wire::FarmState& farm) {
   ++state_.generation;
 }
 
+void UplinkChain::acknowledge_flags() {
+  if (stored_.generation >= data_generation_) stored_ = state_;
+}
+
+bool UplinkChain::on_stored(const LinkState& stored) {
+  if (stored.generation <= stored_.generation) return false;
+  stored_ = stored.generation >= data_generation_ ? state_ : stored;
+  return true;
+}
+
 void UplinkChain::set_counter(std::uint16_t spi, std::uint64_t counter) {
   ++state_.generation;
   for (LinkState::Association& association : state_.associations) {
@@ -255,6 +278,14 @@ void UplinkChain::set_counter(std::uint16_t spi, std::uint64_t counter) {
   state_.associations.push_back(LinkState::Association{.spi = spi, .counter = counter});
 }
 
+void UplinkChain::raise_counters(std::uint64_t floor) {
+  for (const UplinkChannel& channel : config_.channels) {
+    for (const UplinkAssociation& association : channel.associations)
+      set_counter(association.spi, std::max(floor, counter(association.spi).value_or(0)));
+  }
+  data_generation_ = state_.generation;  // to disk as soon as a frame's
+}
+
 void UplinkChain::set_buffer_available(bool available) {
   const bool released = available && !buffer_available_;
   buffer_available_ = available;
@@ -264,12 +295,15 @@ void UplinkChain::set_buffer_available(bool available) {
       set_farm(channel.vc, wire::farm_step(channel.farm, wire::FarmEvent::e10_buffer_released).state);
     }
   }
+  acknowledge_flags();
 }
 
 std::uint32_t UplinkChain::next_clcw() {
   if (config_.channels.empty()) return 0;
-  const LinkState::Channel& channel = state_.channels[clcw_turn_++ % config_.channels.size()];
-  return wire::encode_clcw(wire::make_clcw(channel.farm, channel.vc));
+  const std::size_t turn = clcw_turn_++ % config_.channels.size();
+  wire::FarmState said = stored_.channels[turn].farm;
+  if (state_.channels[turn].farm.wait) said.wait = said.retransmit = true;
+  return wire::encode_clcw(wire::make_clcw(said, state_.channels[turn].vc));
 }
 
 void UplinkChain::keep_refused(UplinkedPacket packet) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -53,6 +55,7 @@ struct UplinkCounters {
   std::uint32_t wrong_vc = 0;
   std::uint32_t not_authentic = 0;  ///< too short, unknown or unfit association, wrong MAC
   std::uint32_t replayed = 0;
+  std::uint32_t counter_out_of_range = 0;  ///< authentic, with a counter of more than 64 bits
   std::uint32_t farm_discarded = 0;
   std::uint32_t bad_control_command = 0;
   std::uint32_t bad_segment = 0;
@@ -68,11 +71,12 @@ struct UplinkedPacket {
   std::uint64_t counter = 0;         ///< of the association
   std::uint8_t frame_sequence = 0;   ///< N(S) of an AD frame
   Octets packet;                     ///< not judged yet
+  LinkState link{};                  ///< as its frame left it; of a refused one empty
 };
 
-/// A frame that security refused, for the events that say so.
+/// A frame that security refused, for the events that report it.
 struct SecurityFinding {
-  enum class Kind : std::uint8_t { not_authentic, replayed };
+  enum class Kind : std::uint8_t { not_authentic, replayed, counter_out_of_range };
   Kind kind = Kind::not_authentic;
   std::uint8_t vc = 0;
   std::uint64_t counter = 0;  ///< replayed: the old counter
@@ -80,7 +84,7 @@ struct SecurityFinding {
 
 /// The uplink from octets of the line to space packets: CLTU, TC frame, virtual channel, SDLS (MAC, then
 /// counter), FARM-1, segment header. Never blocks. A frame advances its association's counter only when
-/// FARM-1 accepted it.
+/// FARM-1 accepted it. The control word acknowledges a frame with data only when what it left is stored.
 class UplinkChain {
  public:
   static constexpr std::size_t max_findings = 16;
@@ -109,11 +113,20 @@ class UplinkChain {
   /// Whether AD frames can be taken now; false makes FARM-1 wait. Turning true ends the wait.
   void set_buffer_available(bool available);
 
-  /// The control word for the next TM frame; the channels take turns.
+  /// The control word for the next TM frame; the channels take turns. What is not stored is not acknowledged;
+  /// that data must wait is reported at once.
   [[nodiscard]] std::uint32_t next_clcw();
 
   /// What must be on disk before the packets handed out so far may be executed.
   [[nodiscard]] const LinkState& state() const { return state_; }
+  /// Whether a frame with data came after @p generation; else only flags of FARM-1 and control commands did.
+  [[nodiscard]] bool has_data_after(std::uint64_t generation) const { return data_generation_ > generation; }
+  /// @p stored is on disk, or cannot be brought there. @return whether more is acknowledged now
+  bool on_stored(const LinkState& stored);
+  /// No configured association takes @p floor or a lower counter from now on.
+  void raise_counters(std::uint64_t floor);
+  /// The newest state that no restart takes back.
+  [[nodiscard]] const LinkState& stored_state() const { return stored_; }
   [[nodiscard]] const wire::FarmState& farm(std::uint8_t vc) const;
   /// Last accepted counter of an association; nullopt: none yet.
   [[nodiscard]] std::optional<std::uint64_t> counter(std::uint16_t spi) const;
@@ -122,7 +135,8 @@ class UplinkChain {
   /// The newest findings since the last call, at most max_findings.
   [[nodiscard]] std::vector<SecurityFinding> take_findings() { return std::exchange(findings_, {}); }
   /// Packets whose frame was whole (and authentic, where the channel is secured) but came before: its counter
-  /// was used, or FARM-1 discarded it. Perhaps somebody missed the reports. The newest, at most max_refused.
+  /// was used, or FARM-1 discarded it. The sender may have missed the reports. The newest, at most
+  /// max_refused.
   [[nodiscard]] std::vector<UplinkedPacket> take_refused() { return std::exchange(refused_, {}); }
 
  private:
@@ -137,6 +151,8 @@ class UplinkChain {
   [[nodiscard]] const UplinkChannel* channel_of(std::uint8_t vc) const;
   [[nodiscard]] LinkState::Channel& channel_state(std::uint8_t vc);
   void set_farm(std::uint8_t vc, const wire::FarmState& farm);
+  /// The change that set_farm() made carries no data: it is acknowledged when nothing before it waits.
+  void acknowledge_flags();
   void set_counter(std::uint16_t spi, std::uint64_t counter);
   void find(SecurityFinding finding);
   void keep_refused(UplinkedPacket packet);
@@ -144,7 +160,9 @@ class UplinkChain {
 
   UplinkConfig config_;
   wire::CltuDecoder decoder_;
-  LinkState state_;  ///< the configured channels first, in their order
+  LinkState state_;                    ///< the configured channels first, in their order
+  LinkState stored_;                   ///< what the control word reports, in the same order
+  std::uint64_t data_generation_ = 0;  ///< of the state after the newest frame with data
   bool buffer_available_ = true;
   std::size_t clcw_turn_ = 0;
   UplinkCounters counters_;

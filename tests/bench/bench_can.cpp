@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Measures the CAN path, one subject a call, and prints one JSON object. `./run bench can` calls it.
 
 #include <cstdio>

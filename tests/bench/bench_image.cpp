@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Writes the frames of ./run bench image with their truth: NAME.fits and NAME.json each, of sequences
 // NAME_0.fits to NAME_7.fits and NAME.json. Every frame has another optics, sky and detector, so that nothing
 // can be tuned to one of them.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Measures the time discipline on the simulated receiver, in simulated time; prints one JSON object.
 // `./run bench time` calls it.
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A subscriber of the flying suite's mission topics, received as a node receives them (lib/ros, one work
 // thread, SCHED_FIFO where it is asked for): when each sample was published, which is the source time stamp
 // that DDS gives it as ROS 2 has it, and when its callback would begin, both on the system's clock of this
@@ -68,7 +70,7 @@ class StampedReader final : public ros::ReaderEndpoint {
 
   void listen(ros::Participant& participant, const ros::Topic<M>& topic) {
     open(participant, ros::topic_dds_name(topic.name), ros::dds::TypeSupport(new ros::TypeSupport<M>),
-         topic.qos);
+         topic.qos, ros::largest_octets<M>(topic.qos));
   }
 
   bool dispatch_one(MonotonicTime) override {

@@ -1,13 +1,18 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <sys/file.h>
 
 #include <fcntl.h>
 #include <csignal>
+#include <ctime>
 #include <numeric>
 #include <sstream>
 #include <stdexcept>
 
+#include "base/cpu_wait.hpp"
 #include "base/file.hpp"
 #include "ros/publisher.hpp"
+#include "ros/ring/process_cpu.hpp"
 #include "ros/topics.hpp"
 #include "tests/bench/measures.hpp"
 #include "tests/bench/suite.hpp"
@@ -110,6 +115,42 @@ Json listen_to_the_ring(int domain, seconds time) {
           {"other_verdicts", others}};
 }
 
+/// CPU time of this thread.
+nanoseconds own_time() {
+  timespec used{};
+  if (clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used) != 0) throw std::runtime_error("no clock of CPU time");
+  return seconds(used.tv_sec) + nanoseconds(used.tv_nsec);
+}
+
+/// Mean of many calls, in microseconds of CPU time.
+template <class F>
+double cost_us(F&& read) {
+  constexpr int calls = 2000;
+  const nanoseconds begin = own_time();
+  for (int i = 0; i < calls; ++i) read();
+  return ms(own_time() - begin) * 1000 / calls;
+}
+
+/// What the kernel's evidence costs of who had a CPU (decision 0022), while nobody is in doubt: each node
+/// reads itself and the next one in each round, and the next one's threads and /proc/stat each second.
+Json measure_evidence(pid_t pid, int nodes) {
+  auto process = ros::ProcessCpu::open(pid);
+  if (!process) throw std::runtime_error("this kernel does not tell who waits for a CPU");
+  const double read_us = cost_us([&] { (void)process->read(false, monotonic_now()); });
+  const double doubt_us = cost_us([&] { (void)process->read(true, monotonic_now()); });
+  const double threads_us = cost_us([&] { (void)process->count_busy_threads(monotonic_now()); });
+  StolenTime stolen;
+  const double stat_us =
+      cost_us([&] { (void)stolen.on_reading(read_file("/proc/stat", 1U << 20U).value_or("")); });
+  const double rounds_per_s = 1000.0 / static_cast<double>(check_period.count());
+  const double node_us = 2 * rounds_per_s * read_us + threads_us + stat_us;
+  return {{"read_us", read_us},
+          {"read_in_doubt_us", doubt_us},
+          {"threads_us", threads_us},
+          {"proc_stat_us", stat_us},
+          {"percent_together", nodes * node_us / 1e4}};
+}
+
 std::vector<std::uint32_t> incarnations(const Suite& suite, int nodes) {
   std::vector<std::uint32_t> numbers;
   for (int i = 0; i < nodes; ++i) {
@@ -148,6 +189,7 @@ Json measure_ring(const fs::path& bin, int nodes, seconds duration) {
     for (std::size_t i = 0; i < after.size(); ++i) together += 100 * ms(after[i] - before[k][i]) / elapsed_ms;
     percent[kinds[k].first] = together;
   }
+  const Json evidence = measure_evidence(with_ring.nodes.front().pid(), nodes);
   const Json heard = listen_to_the_ring(with_ring.suite.domain(), seconds(3));
   const bool nobody_died = started_as == incarnations(with_ring.suite, nodes);
 
@@ -162,6 +204,7 @@ Json measure_ring(const fs::path& bin, int nodes, seconds duration) {
           {"raw_cpu_percent", requests},
           {"ratio", ring / requests},
           {"ratio_whole_processes", of("ring") / of("raw")},
+          {"evidence", evidence},
           {"heard", heard},
           {"raw_requests", raw.end()},
           {"nobody_died", nobody_died}};

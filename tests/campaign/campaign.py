@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run campaign: long runs of the real processes under faults; verdict, figures and drawing; exit code 0 only if every invariant held."""
 
 import argparse
@@ -51,6 +53,7 @@ def parse():
     busy = parser.add_argument_group("overload")
     busy.add_argument("--flood", type=float, default=60, metavar="S", help="length of an overload of 60 processes that burn CPUs (default: %(default)s)")
     busy.add_argument("--calm", type=float, default=60, metavar="S", help="seconds beside the load without a fault (default: %(default)s)")
+    busy.add_argument("--sim", type=float, default=0, metavar="S", help="seconds of ./run sim beside the load: restarts (default: %(default)s)")
     busy.add_argument("--demos", type=int, default=0, metavar="N", help="runs of the demo beside the load (default: %(default)s)")
     busy.add_argument("--heavy-demos", type=int, default=0, metavar="N", help="the same beside a heavier load (default: %(default)s)")
     options = parser.parse_args()
@@ -97,6 +100,29 @@ def run_fencing(options, out, seed, signals, say):
     return verdict, lambda: fencing.draw(out, found)
 
 
+def run_trials(campaign, jobs, say):
+    """Carries out the jobs, each of which returns a trial. One that finds the suite restless is a failure; three in a row end the campaign."""
+    unsteady = 0  # in a row
+    for number, job in enumerate(jobs, start=1):
+        try:
+            trial = job()
+            unsteady = 0
+        except mission.MissionError as error:
+            if error.code == 130 or unsteady == 2:
+                say(f"{error}: {len(jobs) - number + 1} faults not injected")
+                return
+            unsteady += 1
+            trial = campaign.failed(str(error))
+        if trial is None:
+            say(f"{number} of {len(jobs)}: not applicable")
+        else:
+            active = trial.seconds("active")
+            say(f"{number} of {len(jobs)}: {trial.kind} {','.join(trial.victims)}: "
+                + (f"Active again after {active:.3f} s" if active is not None else trial.note or "nobody restarted")
+                + (f"; found as {trial.found_as}" if trial.found_as else "")
+                + (f"; FALSE RESTARTS: {', '.join(trial.false_restarts)}" if trial.false_restarts else ""))  # fmt: skip
+
+
 def run_faults(options, out, seed, signals, say):
     injector = options.bin.absolute().parent / "lib" / "libsrfs_fault_injector.so"
     if not injector.exists():
@@ -115,24 +141,7 @@ def run_faults(options, out, seed, signals, say):
             jobs = [lambda f=f, n=n: campaign.trial(f, n) for f, n in trials] + [lambda s=s: campaign.subset(s) for s in subsets]
             jobs += [lambda: campaign.stop_everybody(order.choice((0.05, 0.2, 0.5, 1.0, 3.0)))] * options.stops
             jobs += [lambda: campaign.subset(faults.NODES)] * options.everybody
-            unsteady = 0  # in a row
-            for number, job in enumerate(jobs, start=1):
-                try:
-                    trial = job()
-                    unsteady = 0
-                except mission.MissionError as error:
-                    if error.code == 130 or unsteady == 2:
-                        say(f"{error}: {len(jobs) - number + 1} faults not injected")
-                        break
-                    unsteady += 1
-                    trial = campaign.failed(str(error))
-                if trial is None:
-                    say(f"{number} of {len(jobs)}: not applicable")
-                else:
-                    active = trial.seconds("active")
-                    say(f"{number} of {len(jobs)}: {trial.kind} {','.join(trial.victims)}: "
-                        + (f"Active again after {active:.3f} s" if active is not None else trial.note or "nobody restarted")
-                        + (f"; FALSE RESTARTS: {', '.join(trial.false_restarts)}" if trial.false_restarts else ""))  # fmt: skip
+            run_trials(campaign, jobs, say)
             if options.soak:
                 campaign.soak(options.soak, faults.tick_ms(deployment))
         faults.write(out, campaign)
@@ -147,29 +156,22 @@ def run_overload(options, out, seed, signals, say):
     deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml", options.misses)
     names = {fault.name for fault in options.classes}
     trials = [(fault, node) for fault in overload.CLASSES if fault.name in names or (names and fault is faults.HOG_CLASS)
-              for node in options.nodes for _ in range(options.repeat) if fault is not faults.HOG_CLASS or node not in overload.NICED]  # fmt: skip
+              for node in options.nodes for _ in range(options.repeat)]
     random.Random(seed).shuffle(trials)
     say(f"{len(trials)} faults beside {overload.LOAD}, seed {seed}")
     with overload.busy(overload.LOAD), mission.Mission(options.var or out / "var", deployment, options.bin, say) as flight:
         say(f"the suite is up beside the load after {flight.up_report['took_ms'] / 1000:.1f} s")
         with overload.Overload(flight, wrappers, signals, seed, say) as campaign:
-            for number, (fault, node) in enumerate(trials, start=1):
-                trial = campaign.trial(fault, node)
-                if trial is None:
-                    continue
-                active = trial.seconds("active")
-                say(f"{number} of {len(trials)}: {trial.kind} {node}: " + (f"Active again after {active:.3f} s" if active is not None else trial.note)
-                    + (f"; found as {trial.found_as}" if trial.found_as else "")
-                    + (f"; FALSE RESTARTS: {', '.join(trial.false_restarts)}" if trial.false_restarts else ""))  # fmt: skip
-            if options.calm:
-                say(f"{options.calm:.0f} s beside the load: restarted {campaign.calm(options.calm).false_restarts or 'nobody'}")
-            if options.flood:
-                trial = campaign.flood(options.flood)
-                say(f"overload of {options.flood:.0f} s: as before {campaign.back_s:.1f} s after its end, restarted {trial.false_restarts or 'nobody'}")
+            jobs = [lambda f=fault, n=node: campaign.trial(f, n) for fault, node in trials]
+            jobs += [lambda: campaign.calm(options.calm)] * bool(options.calm) + [lambda: campaign.flood(options.flood)] * bool(options.flood)
+            run_trials(campaign, jobs, say)
+            if campaign.back_s is not None:
+                say(f"overload of {options.flood:.0f} s: as before {campaign.back_s:.1f} s after its end")
         faults.write(out, campaign)
+    sim = overload.fly_sim(options, out, options.sim, say) if options.sim else None
     demos = [run for load, count in ((overload.LOAD, options.demos), (overload.HEAVY_LOAD, options.heavy_demos))
              for run in overload.fly_demos(options, out, load, count, say)]  # fmt: skip
-    summary = {"misses": options.misses, "realtime": False, **overload.summarize(campaign, demos)}
+    summary = {"misses": options.misses, "realtime": False, **overload.summarize(campaign, demos, sim)}
     (out / "report.md").write_text(faults.report(summary))
     return summary, lambda: faults.draw(out, campaign)
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the simulated peripherals executed of telecommands: the campaigns' independent record."""
 
 import json

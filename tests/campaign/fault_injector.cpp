@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Preloaded into the nodes by the fault campaign (LD_PRELOAD): makes a process that carries no test code of
 // its own fail in the ways a process fails. A real-time signal, queued to one thread, says which; its handler
 // runs on that thread between any two instructions. Commands are in tests/campaign/faults.py, which must

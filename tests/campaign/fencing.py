@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The fencing campaign: the real processes, stopped and killed at random points of their slots, while telecommands come all the time.
 
 What is judged afterwards is in witness.py.

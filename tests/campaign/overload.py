@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The overload campaign: the mission beside programs that take the CPUs. Who waits for a CPU is not dead, who is dead is found all the same."""
 
 import contextlib
@@ -22,7 +24,6 @@ FRESH_S = 5.0  # an answer beside the load
 INJECTED = ("kill", "segfault", "stop", "loop", "deadlock", "worker")
 CLASSES = (*(dataclasses.replace(fault, p50_s=FOUND_WITHIN_S, max_s=FOUND_WITHIN_S, bound_s=60) for fault in faults.CLASSES if fault.name in INJECTED),
            faults.HOG_CLASS)  # fmt: skip
-NICED = ("image_acquisition", "image_processing")  # they give way, so nobody minds what they take
 DEMO_DEADLINE_S = 900
 
 
@@ -77,11 +78,16 @@ class Overload(faults.FaultCampaign):
         return trial
 
     def _answers_since(self, begin):
-        """Every node was checked and each payload released a slot since then."""
+        """Every node was checked, each payload released a slot and completed a telecommand since then."""
         with self._lock:
             checked = all(alive[2] > begin for alive in self._alive.values())
         used = {m["payload"] for m in self.messages[-200:] if m["type"] == "bus" and m["status"] == "released" and m["said_ns"] > begin}
-        return checked and used >= set(faults.PAYLOADS)
+        return checked and used >= set(faults.PAYLOADS) and self._commanded_since(begin) >= set(faults.PAYLOADS)
+
+    def _commanded_since(self, begin):
+        """Payloads of which a telecommand was completed since then."""
+        payload_of = {line.split()[0]: payload for payload, lines in faults.TELECOMMANDS.items() for line in lines}
+        return {payload_of.get(m["command"]) for m in self.messages[-400:] if m["type"] == "tc_stage" and m["stage"] == "completed" and m["at_ns"] > begin}
 
     def calm(self, seconds):
         """Nothing but LOAD, which is there already: who is restarted now was not ill."""
@@ -96,6 +102,23 @@ class Overload(faults.FaultCampaign):
     def _pause(self, seconds):
         if self.signals.wait(seconds):
             raise mission.MissionError("interrupted", code=130)
+
+
+def fly_sim(options, out, seconds, say):
+    """./run sim for so long beside LOAD: what it said of nodes that ended or were restarted, and how it ended."""
+    with busy(LOAD):
+        time.sleep(2)  # it is there before the suite
+        command = [sys.executable, "-B", str(mission.ROOT / "tools" / "demo" / "sim.py"), "--bin", str(options.bin), "--var", str(out / "sim")]
+        with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+            try:
+                said, _ = process.communicate(timeout=seconds)
+            except subprocess.TimeoutExpired:
+                process.terminate()
+                said, _ = process.communicate()
+    lines, code = said.splitlines(), process.returncode
+    restarts = [line for line in lines if line.startswith("! ")]
+    say(f"./run sim for {seconds:.0f} s beside {LOAD}: exit code {code}, {len(restarts)} nodes restarted")
+    return {"seconds": seconds, "code": code, "restarts": restarts, "end": lines[-3:]}
 
 
 def fly_demos(options, out, load, count, say):
@@ -117,7 +140,7 @@ def fly_demos(options, out, load, count, say):
     return runs
 
 
-def summarize(campaign, demos):
+def summarize(campaign, demos, sim=None):
     """As faults.summarize(), with what this campaign asks for besides."""
     summary = faults.summarize(campaign)
     took = [t.seconds("active") for t in campaign.trials if t.expected == "restart" and t.active]
@@ -130,6 +153,9 @@ def summarize(campaign, demos):
     if demos:
         bad = [f"beside {run['load']}: {'; '.join(run['failures'])[:300]}" for run in demos if not run["ok"]]
         checks.append(witness.check(bad, "the demo is as expected beside the load", len(demos)))
+    if sim:
+        checks.append(witness.check([*sim["restarts"], *(sim["end"] if sim["code"] else [])], "nobody is restarted in ./run sim, which ends in order", 1))
+        summary["sim"] = sim
     summary["checks"] += checks
     summary["ok"] = all(c["ok"] for c in summary["checks"])
     summary["starved"] = [f"{node} {detail}" for node, detail in campaign.starved]

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Campaign `updates`: packages of sources one after the other, a third of them bad in different ways, processes killed at random meanwhile.
 
 Invariants: when an update is over, exactly one process of the node works, in the version that the table says; a bad one never stays; what is good and

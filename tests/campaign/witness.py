@@ -1,5 +1,7 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Judges what was recorded while processes were stopped and killed: the bus' own record against the grants, the peripherals' own list of
-executed telecommands against the reports. Pure: knows nothing of the code that flies; docs/icd_can.md is its source.
+executed telecommands against the reports. Pure: knows nothing of the code that flies; docs/reference/icd_can.md is its source.
 
 All times are CLOCK_MONOTONIC in ns.
 """

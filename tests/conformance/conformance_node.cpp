@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The node under test: the layer with a parameter of every type, one input and one client, nothing else.
 
 #include "ros/run_node.hpp"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/conformance/ros2_peer.hpp"
 
 #include <chrono>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The action protocol as a ROS 2 peer speaks it (rcl_action), on raw Fast DDS with octets
 // written by hand. The server and the client under test are processes of their own (action_peer).
 

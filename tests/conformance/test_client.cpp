@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A node of ours as the client of a service that ROS 2 serves.
 
 #include "tests/conformance/node_process.hpp"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Names, types and QoS of the endpoints every node has, as endpoint discovery tells them.
 
 #include "tests/conformance/node_process.hpp"

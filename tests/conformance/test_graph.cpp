@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // ros_discovery_info and the participant's USER_DATA: what `ros2 node list` and `ros2 node info` live on.
 
 #include <algorithm>

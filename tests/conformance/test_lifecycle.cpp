@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The lifecycle services and ~/transition_event, octet by octet: `ros2 lifecycle`.
 
 #include <chrono>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The parameter services and /parameter_events, octet by octet: `ros2 param`.
 
 #include "tests/conformance/node_process.hpp"

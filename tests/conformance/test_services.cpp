@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Which reply belongs to which request (ROS 2's rule on Fast DDS), with more than one client and with
 // requests that are not what they should be.
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // /rosout, and what happens when a workstation publishes on a topic of the flight software.
 
 #include "tests/conformance/node_process.hpp"

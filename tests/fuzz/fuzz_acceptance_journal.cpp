@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // ttc's journal of telecommands as a damaged disk may give it back. Input: an octet that chooses; then either
 // the octets of both segments (length u16 of the first), or records (kind u8, length u16, payload) as a sound
 // disk with a wrong author would give them. Checked: bounds, and that the journal works on whatever came.

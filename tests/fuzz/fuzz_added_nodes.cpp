@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The list of added nodes as it comes from the disk, and what a package says of a node: its description, its
 // slot and its dictionary fragment. Whatever it is: refused or used, and the deployment stays sound.
 #include <cstdlib>

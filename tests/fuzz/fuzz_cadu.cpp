@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The downlink as it comes from the line: synchroniser, Reed-Solomon, frame, packets.
 #include <cstdlib>
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // What the simulated camera sends: never more than the frame it announced, a frame or a reason.
 #include <algorithm>
 #include <cstdlib>

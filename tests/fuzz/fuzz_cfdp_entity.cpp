@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A hostile peer and a damaged disk at a CFDP entity. Input: octets of a checkpoint with a right CRC, then
 // records of what happens (octet), length (u16) and a PDU. Checked: bounds, and silence within the limits.
 
@@ -22,6 +24,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
   settings.own_entity = 2;
   settings.peer_entity = 1;
   settings.transactions_max = 3;
+  settings.receiving_max = 2;
+  settings.receiving_octets_max = 40'000;
   settings.gaps_max = 4;
   settings.replies_max = 4;
   settings.events_max = 8;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // CFDP PDUs from the line: whatever is accepted is packed again and read as the same.
 #include <cstdlib>
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The uplink as it comes from the line: CLTU decoder, transfer frame, segment or control command, security.
 #include <cstdlib>
 
@@ -42,7 +44,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
 
   // Whatever came before: the next good CLTU decodes.
   const Octets good = encode_tc_frame({.spacecraft_id = 0xAB, .vc = 1, .data = {0xC0, 1, 2, 3}});
-  auto frames = decoder.push(encode_cltu(good, (data[0] & 1) != 0), now + seconds(2));
+  Octets line = encode_cltu(good, (data[0] & 1) != 0);
+  if ((data[0] & 2) != 0) line[0] ^= static_cast<std::uint8_t>(1U << (data[0] >> 2) % 8);
+  auto frames = decoder.push(line, now + seconds(2));
   for (Octets& late : decoder.on_idle(now + seconds(4))) frames.push_back(std::move(late));
   if (frames.empty() || frames.back() != good) std::abort();
   return 0;

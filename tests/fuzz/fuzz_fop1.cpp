@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // FOP-1 under any order of events: control words from the line, requests, directives, time.
 #include <cstdlib>
 

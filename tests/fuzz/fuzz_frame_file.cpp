@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Image files from outside: a frame with the pixels it announces, or a reason.
 #include <cstdlib>
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Strips of a frame as they come from the link: the frame, or a reason; the same with sums that fit, so that
 // what is behind them is reached.
 #include <cmath>

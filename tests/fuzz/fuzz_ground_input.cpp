@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // What the ground tool takes from others: datagrams of the bridge, and scripts.
 #include <cstdlib>
 

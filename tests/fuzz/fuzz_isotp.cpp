@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Frames of a hostile or broken peer at an ISO-TP channel. Input: records of 10 octets: what (send, confirm,
 // pop, settings of time), frame size, eight data octets. Checked: bounded queue, and idle again within the
 // time-outs.

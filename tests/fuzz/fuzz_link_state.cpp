@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The file of SDLS counters and FARM-1 states: a copy with a right checksum and anything under it, and the
 // file's octets as they are. Checked: what is read is written as the same, and the uplink works on it.
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A package of sources as it comes from the line; one whose manifest is signed, whatever stands in it; a
 // stream of compressed files; and one whose hash is signed.
 #include <algorithm>

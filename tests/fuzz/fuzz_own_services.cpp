@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Arguments of the services 20 and 23: whatever the dictionary lets pass becomes orders and calls within
 // their bounds, and every request ends.
 #include <cstdlib>

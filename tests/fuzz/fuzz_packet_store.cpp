@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Recovery and reading of a packet store whose segments hold anything. Input: pieces (what u8, length u16,
 // octets): a record of these octets, the octets as they are, or the next segment. Checked: nothing but an
 // incomplete tail is cut, what is stored afterwards is found, and a second recovery finds what the first did.

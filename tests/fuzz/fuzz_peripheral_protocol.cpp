@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Messages of a hostile or broken peripheral. What is accepted must be exactly what encode() would have
 // written. The input is tried as it is, and with its CRC put right, so that the bodies are reached.
 

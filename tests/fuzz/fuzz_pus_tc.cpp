@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Telecommand packets: whatever is accepted is packed again into the same octets.
 #include <cstdlib>
 

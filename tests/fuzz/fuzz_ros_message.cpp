@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Payloads of any peer at the decoders of everything our nodes subscribe to or serve, the types of actions
 // included. Input: one octet that picks the type, then the payload with its encapsulation header. Checked: a
 // payload that is understood is understood the same once it is encoded again, and what is kept of it is no

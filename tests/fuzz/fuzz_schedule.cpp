@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The schedule as it comes from the disk, and the arguments of service 11 as they come from the line.
 #include <cstdlib>
 

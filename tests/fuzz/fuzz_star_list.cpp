@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Lists of stars as they come from the link: the stars, or a reason; what was read is written the same.
 #include <cstdlib>
 

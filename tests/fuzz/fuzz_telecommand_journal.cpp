@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The journal of a node that executes telecommands, with a right checksum and anything under it, and then
 // what may happen to it. Input: length u16 and octets of the file without checksum; then steps, an octet
 // each.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Stands in for libFuzzer where there is none: runs every file of the corpus folders as it is, then a fixed
 // number of mutations of them. The same seed gives the same inputs, so a failure can be repeated.
 #include <algorithm>

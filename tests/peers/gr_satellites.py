@@ -1,4 +1,6 @@
 #!/usr/bin/env python3
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Lets gr-satellites, a CADU receiver that is not ours, read the downlink of a running simulation.
 
     apt-get install --no-install-recommends gnuradio gr-satellites       # about 300 MB, hence a step by hand

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // One goal to /image/capture of a running suite: `capture_client VAR TASK [--frames N] [--exposure-us N]
 // [--interval-ms N]
 // [--gain-db N] [--start-in-ms N] [--cancel-after FRAMES]`. Prints the result as one JSON object; exit code 0

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """CLTUs with and without faults, written apart from the flight code (CCSDS 231.0-B section 3 and 6, 232.0-B section 4)."""
 
 START_SEQUENCE = bytes.fromhex("eb90")

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Preloaded into ttc by test_once.py: ends the process with SIGKILL at the n-th system call after a
 // telecommand came, of the kinds by which it takes octets, writes its journal, speaks to other nodes and to
 // the line. What is armed stands in a mapped file, so that only one process ends. For tools

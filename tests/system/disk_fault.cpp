@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Preloaded into ttc by test_remote_files.py: the disk under the folder of files is full or read-only. What
 // the thread ttc_files asks to change fails with the error that stands in a mapped file (0: none).
 

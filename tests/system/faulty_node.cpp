@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A node that does what its parameters say: for tests of what happens to a node from outside.
 
 #include <chrono>

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The sending end of COP-1's AD service, written from CCSDS 232.1-B-2 section 5 alone, without the project's code: the states
 S1 (active), S2 (retransmit without wait), S3 (retransmit with wait), S5 (initialising with BC frame), S6 (initial). It drives an
 OpenStation and is as plain as the standard allows: one wait queue, one sent queue, timeout type 0.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """A ground station of its own for TC virtual channel 1, without the project's code: telecommand packets to octets of the line,
 octets of the line to telemetry packets, housekeeping structures read by the dictionary's YAML.
 

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Runs one class of system tests: run_test.py MODULE.CLASS. Each runs once; a failure counts.
 
 The suite flies in real time here. A witness that only sleeps (tools/demo/lateness.py) says what the machine was like meanwhile.

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The AD service of COP-1 against the running suite: with a sending end that shares no code with it, and with srfs-ground."""
 
 import struct

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """A node is added to the flying suite and removed again: the impact payload of examples/payload_impact."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Octets on the RS422 line that are no good telecommand: counted, and the next good one works."""
 
 import os
@@ -91,7 +93,7 @@ class BadInputTest(SystemTest):
             (flight.var / "state" / "suite" / "added_nodes").write_text("revision: 1\nnodes: [{ name: intruder }]\n")
             told = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "suite.added_nodes_damaged", DEADLINE_S, since)
             self.assertIsNotNone(told, "the ground is told")
-            self.assertIn("no list of added nodes", told["fields"]["why"])
+            self.assertIn("not a list of added nodes", told["fields"]["why"])
             self.assertEqual({node["name"]: node["pid"] for node in flight.status()}, before)
 
 

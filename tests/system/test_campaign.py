@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The campaigns in their short form. ./run test --full runs the long ones."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Faults of the CAN bus and of who shares it: bus-off, a flood, a peripheral that babbles, a holder that does not give the bus back, a
 switcher that did not listen. The rotation goes on."""
 

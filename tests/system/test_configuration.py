@@ -1,9 +1,13 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """A deployment file that cannot be used: the message names the file, the key and what was expected; exit code 2."""
 
+import re
 import subprocess
 import unittest
 
-from support import BIN, DEMO, PYTHON, SystemTest
+import yaml
+from support import BIN, DEMO, PYTHON, ROOT, SystemTest
 
 MISTAKES = [
     # (what, text of sim.yaml, its replacement, what the message names)
@@ -17,6 +21,16 @@ MISTAKES = [
     ("an unknown key of the simulation", "simulation: ", "simulation_x: ", "simulation_x"),
     ("a wrong type in the simulation", "time_acceleration: 60", "time_acceleration: fast", "time_acceleration"),
 ]
+
+
+class VersionTest(unittest.TestCase):
+    def test_every_program_says_its_version(self):
+        version = re.search(r"project\(srfs[^)]*VERSION ([0-9.]+)", (ROOT / "CMakeLists.txt").read_text()).group(1)
+        nodes = [f"{node['executable']}" for node in yaml.safe_load((ROOT / "launch_config/sim.yaml").read_text())["nodes"]]
+        for program in ["srfs", "srfs-ground", "hw_sim", "srfs-detect", "srfs-product", "srfs-lane", *nodes]:
+            with self.subTest(program):
+                run = subprocess.run([BIN / program, "--version"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=30)
+                self.assertEqual((run.returncode, run.stdout.strip()), (0, version), run.stderr)
 
 
 class ConfigurationTest(SystemTest):

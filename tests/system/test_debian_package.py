@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The Debian package: what is in it, what it depends on, and that its units are sound. Installing it: tools/package/install_test."""
 
 import os
@@ -9,6 +11,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import hardening
 from support import BIN, ROOT, run
 
 BUILD = Path(BIN).parent
@@ -75,6 +78,9 @@ class DebianPackageTest(unittest.TestCase):
                 content = file.read_text(errors="replace")
                 found += [str(file) for place in (ROOT, BUILD, self.folder) if str(place) in content]
         self.assertEqual(found, [])
+
+    def test_every_program_and_library_in_it_is_hardened(self):
+        self.assertEqual(hardening.faults_below(self.root / "opt/srfs/bin", self.root / "opt/srfs/lib"), [])
 
     @unittest.skipUnless(shutil.which("dpkg-shlibdeps"), "no dpkg-dev here")
     def test_it_depends_on_the_packages_of_the_libraries_that_it_loads(self):

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The demo's script from end to end, as a newcomer runs it."""
 
 import json
@@ -17,8 +19,10 @@ class DemoTest(SystemTest):
 
     def test_script_runs_as_expected_and_ends_with_a_summary(self):
         output, _ = self.start("--duration", "20").communicate(timeout=400)
-        last = output.strip().splitlines()[-1]
-        summary = json.loads(last)
+        try:
+            summary = json.loads(output.strip().splitlines()[-1])
+        except (ValueError, IndexError):
+            self.fail(f"no summary:\n{output}")
 
         self.assertEqual(summary["failures"], [], output)
         self.assertTrue(summary["ok"], output)

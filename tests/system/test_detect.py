@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """srfs-detect as an operator calls it."""
 
 import json
@@ -98,6 +100,17 @@ class DetectProgramTest(unittest.TestCase):
             run = detect("--method", "roi", "--out", folder + "/none", self.frames[0])
             self.assertEqual((run.returncode, run.stdout), (2, ""))
 
+    def test_makes_no_picture_without_a_folder_for_it_and_says_so(self):
+        for method in ("thumbnail", "roi"):
+            run = detect("--method", method, self.frames[0])
+            self.assertEqual((run.returncode, run.stdout), (2, ""), run.stderr)
+            self.assertIn(f"--method {method} makes a picture: give its folder with --out", run.stderr)
+
+    def test_names_the_bounds_of_the_field_that_explains_no_stars(self):
+        run = detect("--method", "plate_solve", "--params", "min_field=7", self.frames[0])
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("field of 7 to 20 degrees (min_field, max_field)", run.stdout)
+
     def test_lists_the_defects_of_a_detector(self):
         run = detect("--method", "defect_map", "--json", *self.frames)
         self.assertEqual(run.returncode, 0, run.stderr)
@@ -109,11 +122,11 @@ class DetectProgramTest(unittest.TestCase):
     def test_says_which_methods_and_parameters_there_are(self):
         run = detect("--method", "comets", self.frames[0])
         self.assertEqual((run.returncode, run.stdout), (2, ""))
-        self.assertIn("no method 'comets': there are star_centroid, streak", run.stderr)
+        self.assertIn("no method 'comets'; available: star_centroid, streak", run.stderr)
 
         run = detect("--method", "streak", "--params", "treshold=3", self.frames[0])
         self.assertEqual((run.returncode, run.stdout), (2, ""))
-        self.assertIn("no parameter 'treshold': there are threshold, min_length", run.stderr)
+        self.assertIn("no parameter 'treshold'; available: threshold, min_length", run.stderr)
 
     def test_says_which_file_it_cannot_read_and_why(self):
         broken = Path(self.folder.name) / "broken.fits"

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """`srfs doctor` says what this machine lacks; a node gets of it what the deployment asks for."""
 
 import collections
@@ -14,9 +16,9 @@ VARYING = {"memory.suites"}  # other tests run beside this one
 
 
 class DoctorTest(SystemTest):
-    def doctor(self, *arguments, code=None):
+    def doctor(self, *arguments, code=None, cwd=ROOT):
         command = [str(BIN / "srfs"), "doctor", *arguments, "--var", str(self.var)]
-        result = subprocess.run(command, cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        result = subprocess.run(command, cwd=cwd, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
         if code is not None:
             self.assertEqual(result.returncode, code, result.stdout + result.stderr)
         return result
@@ -51,6 +53,11 @@ class DoctorTest(SystemTest):
             if finding["verdict"] in ("WARN", "FAIL"):
                 self.assertTrue(finding["expected"], finding)
         self.assertFalse(self.var.exists(), "looking makes no folder")
+
+    def test_a_deployment_is_found_by_its_name_from_any_folder(self):
+        for arguments in ((), ("--deployment", "sim")):
+            self.assertIn("eady for 'sim'", self.doctor(*arguments, cwd=self.folder).stdout)
+        self.assertIn("eady for 'board_rk3568'", self.doctor("--deployment", "board_rk3568", cwd="/").stdout)
 
     def test_a_device_that_is_not_there_fails_and_a_deployment_that_is_not_there_is_a_wrong_question(self):
         file = self.deployment(('"sim:run/watchdog.sock"', '"dev:/dev/no_such_watchdog"'))

@@ -1,10 +1,12 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's experiments with the real processes. ./run test --full runs all of them with their drawings."""
 
 import json
 import subprocess
 import unittest
 
-from support import BIN, PYTHON, ROOT, SystemTest
+from support import BIN, PYTHON, ROOT, SystemTest, hurried_lane
 
 
 class ExperimentTest(SystemTest):
@@ -91,6 +93,7 @@ class Fig15Test(ExperimentTest):
 
 class Fig16Test(ExperimentTest):
     def test_fig16_and_its_files(self):
+        self.enterContext(hurried_lane(self.var))
         run = self.run_experiment("fig16", "--out", str(self.folder / "out"), "--var", str(self.var), "--json")
 
         summary = json.loads(run.stdout or "{}")

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Faults of a peripheral, of a node's state and of the watchdog's feeder: a defined reaction, the others fly on."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Files over the link by CFDP: up and down, over a bad line, between ends that are killed."""
 
 import hashlib

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """An installed SRFS as others build against it: moved elsewhere, and with this tree's paths nowhere in it."""
 
 import shutil
@@ -5,6 +7,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import hardening
 from support import BIN, run
 
 SOURCE = Path(__file__).resolve().parents[2]
@@ -39,6 +42,7 @@ class FindPackageTest(unittest.TestCase):
         run("cmake", "--build", build)
         for node in ("minimal_node", "payload_eps_node"):
             self.assertIn("--deployment", run(build / node, "--help"))
+            self.assertEqual(hardening.faults(hardening.read(build / node), absolute_runpath=True), [])
 
     def test_the_installed_lane_builds_against_its_own_installation(self):
         sources = self.folder / "sources"
@@ -46,6 +50,7 @@ class FindPackageTest(unittest.TestCase):
         run(self.prefix / "bin/srfs-lane", "build", "--sources", sources, "--name", "payload_eps", "--option", "-O0", "--work", self.folder / "work",
             "--out", self.folder / "candidate", "--log", self.folder / "log", "--no-precompiled-header", "--uid", "64045", "--normal-priority")  # fmt: skip
         self.assertIn("--deployment", run(self.folder / "candidate", "--help"))
+        self.assertEqual(hardening.faults(hardening.read(self.folder / "candidate"), absolute_runpath=True), [])
         self.assertIn(str(self.prefix), run("ldd", self.folder / "candidate"))
 
 

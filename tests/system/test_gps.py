@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The GPS receiver lost, lying, disturbed and unplugged: what the suite makes of it."""
 
 import unittest

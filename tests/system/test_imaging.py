@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Imaging tasks with the real processes: from the telecommand to files on the ground, cancelled, at a commanded time, and with a node killed."""
 
 import datetime

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The keys of the uplink: switched by telecommand, remembered by both ends, never a lock-out."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """srfs-lane as maintenance calls it, on sources and programs that mean well and that do not. All of it bounded to seconds."""
 
 import hashlib
@@ -273,7 +275,7 @@ class EndedLaneTest(LaneTest):
         second = subprocess.run(self.command("build", "--sources", self.folder / "src", "--name", "x", "--out", self.folder / "x", "--log", self.folder / "xlog"),
                                 stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=20)  # fmt: skip
         self.assertEqual(second.returncode, 2)
-        self.assertIn("another one works there", second.stderr)
+        self.assertIn("another srfs-lane is using it", second.stderr)
         lane.terminate()
         lane.wait(timeout=20)
 
@@ -353,7 +355,7 @@ class SelfTestTest(LaneTest):
         self.assertIn("EPERM", report["layers"]["failures"]["processes"])
         code, report = self.judge(program, "--require", "processes")
         self.assertEqual((code, report["outcome"]), (2, "sandbox_failed"))
-        self.assertEqual(report["reason"], "required and not to be had: processes")
+        self.assertEqual(report["reason"], "required but not available: processes")
 
 
 if __name__ == "__main__":

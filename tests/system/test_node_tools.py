@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """What an engineer does with one node from outside: `srfs lifecycle`, `stats`, `param`, `status`; what becomes of a node that fails."""
 
 import json
@@ -99,7 +101,7 @@ class NodeToolsTest(ToolTest):
         self.assertEqual(described["range"], {"from": 0, "to": 60000, "step": 10})
         result = self.srfs("param", "set", "faulty", "configure_ms", "25")
         self.assertEqual(result.returncode, 1)
-        self.assertIn("25 is not 0 and a multiple of 10", result.stderr)
+        self.assertIn("25 is not 0 plus a multiple of 10", result.stderr)
         self.assertEqual(self.srfs("param", "set", "faulty", "configure_ms", "many").returncode, 2)
         self.assertEqual(self.srfs("param", "set", "faulty", "window", "[3]").returncode, 1, "read-only")
 

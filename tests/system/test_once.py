@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """ttc killed while telecommands run: what it accepted is executed once, and its end is told; a telecommand sent again is not executed again."""
 
 import collections

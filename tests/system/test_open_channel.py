@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The deployment sim_open, commanded over TC virtual channel 1 without security by a station that shares no code with the suite."""
 
 import random
@@ -28,7 +30,6 @@ REFUSED = [
     ("a function that does not exist", (EPS, 8, 1, b"\x7f\xff"), code(7, b"\x7f\xff")),
     ("a service that does not exist", (TTC, 99, 1), code(4)),
     ("a request that does not exist", (TTC, 17, 99), code(5)),
-    ("an application process that does not exist", (0x123, 17, 1), code(1)),
     ("more groups than a request may carry", (TTC, 3, 5, struct.pack(">H", 17) + bytes(34)), code(13)),
 ]
 
@@ -115,6 +116,10 @@ class OpenChannelTest(SystemTest):
                     refusal = station.verification(request, 2, DEADLINE_S, since)
                     self.assertIsNotNone(refusal, station.reports[since:])
                     self.assertEqual(refusal.data[4:], notice)
+            since = len(station.reports)
+            refusal = station.verification(station.send(0x123, 17, 1), 10, DEADLINE_S, since)
+            self.assertIsNotNone(refusal, "1,10: it cannot be routed")
+            self.assertEqual((refusal.apid, refusal.data[4:]), (TTC, code(1)))
             self.completes(station, *PING)
 
     def test_damaged_octets_are_counted_and_the_next_good_telecommand_works(self):

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Packet stores as the ground sets them (PUS 15): open retrieval over a restart, disabled and bounded stores, their reports."""
 
 import os
@@ -51,9 +53,16 @@ class OpenRetrievalTest(SystemTest):
             self.assertGreater(status["refused"], 0)
             self.assertEqual(self.report(ground, "packet_store_status", "housekeeping", since)["type"], "bounded")
 
-            self.completed(ground, "storage.summary store=events")
-            summary = self.report(ground, "packet_store_summary", "events", since)
+            summary = wait_until(lambda: self.summary_of_events(ground), DEADLINE_S, "the events of the start are committed, once a second")
             self.assertLessEqual(summary["oldest"], summary["newest"])
+
+    def summary_of_events(self, ground):
+        """None while the store is empty."""
+        since = ground.position()
+        self.completed(ground, "storage.summary store=events")
+        summary = self.report(ground, "packet_store_summary", "events", since)
+        self.assertEqual(summary["oldest"] is None, summary["newest"] is None)
+        return summary if summary["oldest"] else None
 
     def report(self, ground, structure, store, since):
         message = ground.wait_for(

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """`srfs-ground package` as a team calls it: packages made, shown, verified and refused; and put up to the running suite."""
 
 import json
@@ -105,8 +107,8 @@ class PackageProgramTest(unittest.TestCase):
     def test_keys_are_private_and_never_replaced(self):
         self.assertEqual(stat.S_IMODE(self.seed.stat().st_mode), 0o600)
         before = self.seed.read_text(), self.key.read_text()
-        self.assert_refused(package("keygen", self.seed, self.folder / "other.pub"), "is there already")
-        self.assert_refused(package("keygen", self.folder / "other.seed", self.key), "is there already")
+        self.assert_refused(package("keygen", self.seed, self.folder / "other.pub"), "exists already")
+        self.assert_refused(package("keygen", self.folder / "other.seed", self.key), "exists already")
         self.assertFalse((self.folder / "other.seed").exists())
         self.assertEqual((self.seed.read_text(), self.key.read_text()), before)
         self.seed.chmod(0o644)
@@ -131,8 +133,8 @@ class PackageProgramTest(unittest.TestCase):
         self.out.write_bytes(good[:-3])
         self.assertIn("not as long as the manifest says", verify().stderr)
         self.out.write_bytes(b"int main() {}\n")
-        self.assert_refused(verify(), "cut off, or no package", 1)
-        self.assert_refused(package("show", self.out), "cut off, or no package")
+        self.assert_refused(verify(), "truncated, or not a package", 1)
+        self.assert_refused(package("show", self.out), "truncated, or not a package")
         self.out.unlink()
         self.assert_refused(verify(), "out.pkg")
 
@@ -146,7 +148,7 @@ class PackageProgramTest(unittest.TestCase):
         outside.write_text("\n")
         self.assert_refused(self.make("--root", self.sources, sources=self.sources / ".." / "outside.cpp"), "not below")
         self.assert_refused(self.make(sources=self.sources / "none.cpp"), "no such file")
-        self.assert_refused(self.make("--root", "/", sources="/dev/null"), "/dev/null: no ordinary file")
+        self.assert_refused(self.make("--root", "/", sources="/dev/null"), "/dev/null: not a regular file")
         hidden = self.sources / ".hidden.cpp"
         hidden.write_text("\n")
         self.assert_refused(self.make(), "a path that is not allowed: .hidden.cpp")
@@ -180,7 +182,7 @@ class PackageProgramTest(unittest.TestCase):
         self.assert_refused(self.make("--probation", 2_592_001), "probation_s")
         self.assert_refused(self.make(counter=0), "counter")
         self.assert_refused(self.make("--ring-after", "No"), "ring_after")
-        self.assert_refused(package("make", "--key", self.seed, "-o", self.out), "the node is not named")
+        self.assert_refused(package("make", "--key", self.seed, "-o", self.out), "no node given")
         manifest = self.folder / "package.yaml"
         for text, message in (("node: x\nkind: replace\ncounter: 1\nsource: [a]\n", "'source'"), ("counter: -1\n", "package.yaml:1: 'counter'"), ("[", "package.yaml"),
                               ("slot: {allotted_ms: 0}\n", "slot.allotted_ms")):  # fmt: skip
@@ -199,7 +201,7 @@ class PackageProgramTest(unittest.TestCase):
         self.out.write_bytes(self.out.read_bytes()[:-1])
         self.assert_refused(install("--public", self.key), "not as long as the manifest says")
         self.out.write_bytes(b"x")
-        self.assert_refused(install(), "cut off, or no package")
+        self.assert_refused(install(), "truncated, or not a package")
         self.assertFalse((self.folder / "ground").exists())
 
     def test_explains_itself(self):
@@ -239,7 +241,7 @@ class PackageInstallTest(SystemTest):
             whole, self.package = self.package, other
             code, told = self.install(flight, "--timeout", "2")
             self.assertEqual(code, 2, told)
-            self.assertIn("another file of this name is under way", told[-1]["message"])
+            self.assertIn("another file with this name is being sent", told[-1]["message"])
             self.package = whole
 
             flight.control({"rs422": {"cut": False}})

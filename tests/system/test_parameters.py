@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Parameters of the nodes by telecommand (PUS 20)."""
 
 import json
@@ -171,7 +173,7 @@ class KeptParametersTest(ParameterTools):
             self.kill(flight, "ttc")
             self.wait_for_value(flight, "ttc.beacon_period_ms", 30000)
             said = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "parameter.reverted", DEADLINE_S, since)
-            self.assertEqual(said["fields"]["reason"], "started anew before it was confirmed")
+            self.assertEqual(said["fields"]["reason"], "restarted before it was confirmed")
             outcome = ground.command("tc parameters.confirm node=ttc", DEADLINE_S)
             self.assertEqual((outcome["stage"], outcome["name"]), ("failed", "parameters_refused"))
             said = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "parameter.request_refused", DEADLINE_S, since)

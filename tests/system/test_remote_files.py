@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The folder of files on board by telecommand (PUS 23): listing, checksum, copies to and from the ground, bad names, a disk that fails."""
 
 import errno

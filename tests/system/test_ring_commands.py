@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """What the ground asks of the ring: hold, release, release Inactive, the fault ledger, log levels (nodes/maintenance)."""
 
 import json
@@ -44,6 +46,9 @@ class RingCommandsTest(SystemTest):
             self.assertEqual(line["fields"]["fault"], "exited")
 
             self.assertIn("no such node", self.refuse(ground, "ring.hold node=payload_xyz"))
+            for node in ("timing", "can_switcher", "ttc", "maintenance"):
+                for command in ("ring.hold", "ring.release_inactive"):
+                    self.assertIn("it can be restarted, not held or removed", self.refuse(ground, f"{command} node={node}"))
             self.complete(ground, "node.set_log_level node=timing level=debug")
             self.assertIn("debug", flight.srfs("param", "get", "timing", "log_level").stdout)
 
@@ -124,10 +129,28 @@ class RingCommandsTest(SystemTest):
 
     def test_a_report_is_shown_with_the_telecommand_that_asks_for_it(self):
         with self.flight():
-            shown = self.ground_run("tc", "node.report_versions", "node=payload_eps", "--show", "node_version")
-            self.assertEqual(shown.returncode, 0, shown.stdout + shown.stderr)
-            self.assertIn("golden", shown.stdout)
-            self.assertNotIn("payload_adcs", shown.stdout, "other telemetry")
+            for words in (["node.report_versions", "node=payload_eps"], ["node.report_versions", "node=payload_eps", "--show", "node_version"]):
+                shown = self.ground_run("tc", *words)
+                self.assertEqual(shown.returncode, 0, shown.stdout + shown.stderr)
+                self.assertIn("golden", shown.stdout)
+                self.assertNotIn("payload_adcs", shown.stdout, "other telemetry")
+            orders = {
+                "storage.summary": "packet_store_summary", "storage.status": "packet_store_status", "package.report": "update_status",
+                "scrub.report": "scrub_status", "file.list": "repository_summary", "file.report_copies": "file_copy_status",
+                "parameters.history node=ttc": "parameter_generation", "housekeeping.one_shot structure=timing": "timing",
+                "parameters.report parameter=timing.log_level": "parameter_value", "schedule.detail_all": "schedule:",
+                "schedule.summary_all": "schedule:", "schedule.report_groups": "schedule:", "ttc.ping": "are-you-alive report",
+            }  # fmt: skip
+            for telecommand, structure in orders.items():
+                with self.subTest(telecommand):
+                    shown = self.ground_run("tc", *telecommand.split())
+                    self.assertEqual(shown.returncode, 0, shown.stdout + shown.stderr)
+                    self.assertIn(structure, shown.stdout)
+                    self.assertNotIn("4294967295", shown.stdout)
+                    self.assertNotIn("1957", shown.stdout)
+            nothing = self.ground_run("tc", "ring.report_faults")
+            self.assertEqual(nothing.returncode, 0, nothing.stdout + nothing.stderr)
+            self.assertRegex(nothing.stdout, "nothing to report|ring_fault", "a busy machine may have given it something")
             wrong = self.ground_run("tc", "package.report", "--show", "nonsense")
             self.assertEqual(wrong.returncode, 2, wrong.stdout + wrong.stderr)
             self.assertIn("no structure 'nonsense'", wrong.stdout + wrong.stderr)

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """What an operator does about a node that keeps dying: `srfs faults`, `srfs ring`."""
 
 import json
@@ -24,7 +26,7 @@ def crc32c(data):
 
 
 def ledger_line(**changes):
-    """A line of VAR/state/ring/faults.log as docs/operations.md describes it."""
+    """A line of VAR/state/ring/faults.log as docs/how-to/inspect_the_suite.md describes it."""
     record = {
         "kind": "fault", "seq": 1, "utc": "2026-11-21T08:00:00.250000Z", "mono_ns": 1000, "boot": "b", "observer": "timing",
         "subject": "faulty", "class": 2, "class_text": "exited", "misses": 0, "detail": "", "cause": "signal 11 (SIGSEGV)",
@@ -98,4 +100,4 @@ class RingToolsTest(ToolTest):
         self.assertEqual(self.srfs("up").returncode, 0)
         result = self.srfs("ring", "release", "faulty", "--state", "inactive")
         self.assertEqual(result.returncode, 1)
-        self.assertIn("faulty runs", result.stderr)
+        self.assertIn("faulty is running", result.stderr)

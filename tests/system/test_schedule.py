@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Time-tagged telecommands with the real processes: released at their time, executed once whatever becomes of ttc, listed, moved and deleted."""
 
 import os

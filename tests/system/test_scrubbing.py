@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """What must not rot is compared with its digests and mended from a good copy (lib/update, nodes/maintenance)."""
 
 import os
@@ -47,8 +49,9 @@ class ScrubbingTest(SystemTest):
         return event["fields"]
 
     def test_a_program_and_a_key_are_mended_and_what_is_damaged_twice_is_reported(self):
-        program = self.folder / "installed" / "payload_eps_node"
-        program.parent.mkdir()
+        program = self.folder / "installed" / "bin" / "payload_eps_node"
+        program.parent.mkdir(parents=True)
+        (program.parent.parent / "lib").symlink_to(BIN.parent / "lib")  # programs find their libraries relative to themselves
         shutil.copyfile(BIN / "payload_eps_node", program)
         program.chmod(0o755)
         os.utime(program, (1_700_000_000, 1_700_000_000))

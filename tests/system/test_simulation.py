@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run sim: start, live, stop; twice on one machine; after it was killed."""
 
 import os
@@ -13,10 +15,10 @@ from support import BIN, DEADLINE_S, DEMO, PYTHON, SystemTest, mission, wait_unt
 class Sim:
     """A running ./run sim and what it has said."""
 
-    def __init__(self, var):
+    def __init__(self, var, *options, before=None):
         self.process = subprocess.Popen(
-            [PYTHON, str(DEMO / "sim.py"), "--bin", str(BIN), "--var", str(var)],
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            [PYTHON, str(DEMO / "sim.py"), "--bin", str(BIN), "--var", str(var), *map(str, options)],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=before,
         )  # fmt: skip
         self.said = ""
         self._thread = threading.Thread(target=self._read, daemon=True)
@@ -26,10 +28,14 @@ class Sim:
         for line in self.process.stdout:
             self.said += line
 
-    def says(self, text):
-        wait_until(lambda: text in self.said or self.process.poll() is not None, DEADLINE_S, f"'{text}' in:\n{self.said}")
-        if text not in self.said:
-            raise AssertionError(f"ended without saying '{text}':\n{self.said}")
+    def says(self, pattern, deadline_s=DEADLINE_S):
+        """Waits for a regular expression in what it has said."""
+        try:
+            wait_until(lambda: re.search(pattern, self.said) or self.process.poll() is not None, deadline_s, f"'{pattern}'")
+        except mission.MissionError as error:
+            raise AssertionError(f"{error}; said:\n{self.said}") from error
+        if not re.search(pattern, self.said):
+            raise AssertionError(f"ended without saying '{pattern}':\n{self.said}")
 
     def domain(self):
         return int(re.search(r"DDS domain (\d+)", self.said).group(1))

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The CAN rotation changed at run time, and without the ticks it lives on, seen on the nodes' own topics."""
 
 import os
@@ -39,7 +41,7 @@ class SwitchingTest(SystemTest):
 
             refused = self.set_parameter(flight, "rotation_order", "[payload_thermal, payload_thermal]")
             self.assertNotEqual(refused.returncode, 0)
-            self.assertIn("stands twice", refused.stdout + refused.stderr)
+            self.assertIn("appears twice", refused.stdout + refused.stderr)
 
             self.assertEqual(self.set_parameter(flight, "rotation_order", "[]").returncode, 0)
             since = recorder.position()

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The transmitter switched off by telecommand: silence for its time, whoever is killed, and then no more."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Packages of sources, from the ground to a running program: built by the lane, tested, swapped; refused or rolled back when they are bad."""
 
 import json
@@ -6,7 +8,7 @@ import signal
 import subprocess
 import unittest
 
-from support import BIN, DEADLINE_S, ROOT, SystemTest, mission, wait_until
+from support import BIN, DEADLINE_S, ROOT, SystemTest, hurried_lane, mission, wait_until
 
 BUILD_DEADLINE_S = 180  # a compiler on a loaded machine
 IDLE = ROOT / "examples" / "payload_idle" / "main.cpp"
@@ -28,6 +30,10 @@ class UpdateTest(SystemTest):
     """The suite runs from an installation, which the lane builds against."""
 
     counter = 0
+
+    def setUp(self):
+        super().setUp()
+        self.enterContext(hurried_lane(self.var))
 
     def flight(self, deployment="fig16"):
         return mission.Mission(self.var, deployment, mission.installed(BIN), print)

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Versions of a node's program: stored, used, tried and rolled back, with and without a ring to watch over them."""
 
 import json
@@ -216,7 +218,7 @@ class LimitsTest(VersionsTest):
         self.file.write_text(self.file.read_text().replace("configure_ms: 20", f"configure_ms: 20, fault: {fault}", 1))
         self.up()
         log = self.var / "log" / "maintenance.log"
-        wait_until(lambda: "limits of versions on probation are watched" in log.read_text(), DEADLINE_S, "maintenance")
+        wait_until(lambda: "monitoring the limits of versions on probation" in log.read_text(), DEADLINE_S, "maintenance")
         end = time.monotonic() + 2
         wait_until(lambda: time.monotonic() > end, DEADLINE_S, "samples of the golden version")
 

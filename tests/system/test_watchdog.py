@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The hardware watchdog (simulated) behind everything else, and the boot record that tells of it."""
 
 import os

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Runs the tests that need root and a kernel with CAN, on the kernel that runs. ./run vm-test starts it, in a virtual machine if need be.
 
 The last line is "N passed, M failed"; exit code 0 when nothing failed.

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The V4L2 back-end on the kernel's own virtual video driver: one device of the single- and one of the
 // multi-planar API.
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // lib/wire/isotp over SocketCAN with Linux' own ISO 15765-2 (can-isotp) and its tools as the peer.
 
 #include <linux/can/isotp.h>

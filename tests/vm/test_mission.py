@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """A short mission on a virtual CAN interface: the whole suite and the simulated peripherals, candump as recorder, cangen as disturbance.
 
 Needs root and a kernel with CAN: run by ./run vm-test. The processor may be an emulated one, so nothing here is about how long things
@@ -29,6 +31,8 @@ FULL = os.environ.get("SRFS_VM_FULL") == "1"
 PATIENCE_S = DEADLINE_S * mission.PATIENCE
 SLOTS = 100 if FULL else 4  # of each payload, wherever the rotation is watched
 CLOCK_ERROR_NS = 2_000_000  # between the two clocks, should the host's be slewed meanwhile
+LAST_CPU = pathlib.Path("/sys/devices/system/cpu/cpu1/online")
+MAY_UNPLUG = os.environ.get("SRFS_IN_GUEST") == "1" and LAST_CPU.exists()  # never one of a real machine
 REAL_TIME_KERNEL = pathlib.Path("/sys/kernel/realtime").exists()
 PRIORITIES = {"timing": 50, "can_switcher": 48, **dict.fromkeys(PAYLOADS, 45), "ttc": 40}  # of launch_config/board_rk3568.yaml
 
@@ -242,6 +246,13 @@ class MissionOnVcan(unittest.TestCase):
             ip("set", flight.interface, "up")
             flight.wait_for_slots(2, "after the interface came back")
 
+    @unittest.skipUnless(MAY_UNPLUG, "no virtual machine with a second CPU that can be unplugged")
+    def test_a_cpu_that_goes_and_comes_back_restarts_no_node(self):
+        self.addCleanup(LAST_CPU.write_text, "1")
+        for state in ("0", "1"):
+            LAST_CPU.write_text(state)
+            flight.wait_for_slots(SLOTS, f"after cpu1 got {state} as its state")
+
     @unittest.skipUnless(kernel_pulse_device(), "this kernel has no pulse device that we can drive")
     def test_timing_follows_pulses_that_the_kernel_stamped(self):
         seen = flight.ground.housekeeping("timing", PATIENCE_S, None, lambda fields: fields["time_valid"] and fields["sync_state"] != "unlocked")
@@ -281,7 +292,7 @@ def load_tests(loader, tests, pattern):
     story = ("telemetry_of_every_payload_arrives_at_the_ground", "the_kernel_hands_a_payload_only_the_frames_of_its_own_transfers",
              "timing_follows_pulses_that_the_kernel_stamped", "every_node_has_its_priority_and_its_memory_on_a_real_time_kernel",
              "the_rotation_goes_on_under_foreign_traffic", "a_telecommand_is_executed_in_the_payloads_slot",
-             "the_suite_survives_that_the_interface_goes_down_and_up", "no_two_payloads_ever_shared_a_slot")  # fmt: skip
+             "the_suite_survives_that_the_interface_goes_down_and_up", "a_cpu_that_goes_and_comes_back_restarts_no_node", "no_two_payloads_ever_shared_a_slot")  # fmt: skip
     return unittest.TestSuite(MissionOnVcan(f"test_{name}") for name in story)
 
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The pulse back-end on a pulse-per-second device of the kernel's (RFC 2783).
 
 #include <poll.h>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // TransmitDrain and the way back after withdraw() on the kernel's own virtual CAN interfaces.
 #include <memory>
 #include <thread>

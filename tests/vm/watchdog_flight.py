@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """One boot of the guest of tools/vm/watchdog_test.py: the suite over Linux' watchdog device, until the watchdog resets the machine.
 
 First boot: everything stops and nobody feeds any more. Second boot: what the boot record says of it. The boot record lies in /run/vm, which is

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Preloaded into emulated programs: QEMU's user-mode emulation (7.2) answers ENOPROTOOPT to IP_MULTICAST_IF, and Fast DDS then
 // discovers nobody. On the loopback interface it makes no difference which interface was asked for.
 #define _GNU_SOURCE

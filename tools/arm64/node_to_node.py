@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Nodes of the arm64 build talk to each other: timing, can_switcher and payload_eps, each a process of its own in QEMU's user-mode
 emulation, over Fast DDS on the loopback interface. The simulated spacecraft around them runs on this machine itself: the emulation has no
 pseudo-terminals.
@@ -27,7 +29,7 @@ import mission  # noqa: E402  (found through the path above)
 EMULATOR = "qemu-aarch64-static"
 NODES = ("timing", "can_switcher", "payload_eps")
 READY_DEADLINE_S = 60
-WAKE_UP = "18DA1201#0401"  # a single frame to the EPS: request 01 (docs/icd_can.md)
+WAKE_UP = "18DA1201#0401"  # a single frame to the EPS: request 01 (docs/reference/icd_can.md)
 WANTED = 5  # slots in which it was sent
 
 
@@ -87,10 +89,10 @@ def fly(build, hw_sim, sysroot, folder, deadline_s):
             with contextlib.suppress(OSError):
                 wake_ups = (var / "log/can.log").read_text().count(WAKE_UP)
             if wake_ups >= WANTED:
-                print(f"after {time.monotonic() - begin:.1f} s the peripheral had been woken {wake_ups} times")
+                print(f"after {time.monotonic() - begin:.1f} s the peripheral was woken {wake_ups} times")
                 return 0
             time.sleep(0.2)
-        print(f"node_to_node: not within {deadline_s} s: woken {wake_ups} times", file=sys.stderr)
+        print(f"node_to_node: not finished within {deadline_s} s: peripheral woken {wake_ups} times", file=sys.stderr)
         for log in sorted((var / "log").iterdir()):
             print(f"--- {log.name}", *log.read_text(errors="replace").splitlines()[-10:], sep="\n", file=sys.stderr)
         return 1
@@ -102,7 +104,7 @@ def fly(build, hw_sim, sysroot, folder, deadline_s):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-arm64")
-    parser.add_argument("--hw-sim", type=pathlib.Path, default=ROOT / "build-release/bin/hw_sim", help="of this machine")
+    parser.add_argument("--hw-sim", type=pathlib.Path, default=ROOT / "build-release/bin/hw_sim", help="hw_sim for this machine")
     parser.add_argument("--sysroot", type=pathlib.Path,
                         default=pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "srfs/arm64/sysroot")  # fmt: skip
     parser.add_argument("--deadline", type=int, default=120, metavar="S")

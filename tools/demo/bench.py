@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run bench: measures, as a table or one JSON object."""
 
 import argparse
@@ -37,13 +39,13 @@ def show_flight(summary):
 
 def main():
     parser = argparse.ArgumentParser(prog="./run bench")
-    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can", "link", "time", "image", "imaging"], metavar="ros|mission|can|link|time|image|imaging", help="default: everything")
-    parser.add_argument("--duration", type=float, default=110, metavar="S", help="of the flight; 110 s have more than 1000 ticks")
-    parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="of bench can, at each tick period")
+    parser.add_argument("what", nargs="*", choices=[[], "ros", "mission", "can", "link", "time", "image", "imaging"], metavar="ros|mission|can|link|time|image|imaging", help="what to measure; default: everything")
+    parser.add_argument("--duration", type=float, default=110, metavar="S", help="bench mission: length of the flight; 110 s have more than 1000 ticks")
+    parser.add_argument("--slots-for", type=float, default=30, metavar="S", help="bench can: time at each tick period")
     parser.add_argument("--fifo", action="store_true", help="bench can, imaging: timing, switcher and payloads (imaging: ttc too) under SCHED_FIFO, as on a board")
-    parser.add_argument("--imaging-for", type=float, default=60, metavar="S", help="of bench imaging, each of its three flights; 70 at most")
-    parser.add_argument("--seeds", type=int, default=20, metavar="N", help="of bench time")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument("--imaging-for", type=float, default=60, metavar="S", help="bench imaging: time of each of its three flights, at most 70")
+    parser.add_argument("--seeds", type=int, default=20, metavar="N", help="bench time: number of seeds")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--bin", type=pathlib.Path, default=mission.ROOT / "build-release" / "bin", help=argparse.SUPPRESS)
     ros_measures.add_options(parser)
     link_measures.add_options(parser)

@@ -1,8 +1,10 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Which telecommand was on the CAN bus when: read from the simulated bus' own record, judged against the slots. Pure.
 
 The record (simulation.can_log, `candump -L` format) holds every frame with the CLOCK_MONOTONIC time of its end on the bus. A
 command's request is an ISO-TP message whose first frame carries the low 32 bits of the telecommand's id
-(docs/icd_can.md, sections 2 and 3).
+(docs/reference/icd_can.md, sections 2 and 3).
 """
 
 import bisect
@@ -45,7 +47,7 @@ def judge_slots(frames, slots, clock_error_ns=0):
     frames  as computer_frames gives them, on the clock of the slots
     slots   in order: [{holder, published, lease_end, released or None}]; frames before the first or behind the last are not judged
 
-    A slot is over with its release; without one, at the end of its lease. A holder of None is a time nobody recorded: not judged.
+    A slot is over with its release; without one, at the end of its lease. A holder of None is a time without a record: not judged.
     """
     starts = [slot["published"] for slot in slots]
     good, wrong = 0, []

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run bench can: how the CAN bus is shared, measured on the flying suite, and ISO-TP on the paced hub.
 
 Each tick period is flown alone. What is published is stamped by the publisher, frames by the hub: all on CLOCK_MONOTONIC.

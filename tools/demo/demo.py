@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run demo: the simulated spacecraft, the suite and a scripted operator; says live what happens, checks it, sums it up."""
 
 import argparse
@@ -559,7 +561,7 @@ class Demo:
         summary["ok"] = not self.failures
 
     def excuse(self, excuses, what, needs, begin_ns, end_ns):
-        """Whether what went wrong is the machine's; says so then."""
+        """Whether what went wrong is the machine's fault; reports it then."""
         why = excuses.find(needs, begin_ns, end_ns)
         if why:
             self.excused.append(f"{what}: {why}")
@@ -608,10 +610,10 @@ class Demo:
 
 def parse(arguments=None):
     parser = argparse.ArgumentParser(prog="./run demo", description="Flies the simulated spacecraft with a scripted operator.")
-    parser.add_argument("--duration", type=float, default=40, metavar="S", help=f"about how long, from {SHORTEST_S} s (default: %(default)s s)")
+    parser.add_argument("--duration", type=float, default=40, metavar="S", help=f"approximate length, at least {SHORTEST_S} s (default: %(default)s s)")
     parser.add_argument("--var", default=mission.ROOT / "var", metavar="DIR", help="folder of the running deployment (default: %(default)s)")
     parser.add_argument("--deployment", default="sim", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: %(default)s)")
-    parser.add_argument("--json", action="store_true", help="only the last line: the summary as JSON")
+    parser.add_argument("--json", action="store_true", help="print only the last line: the summary as JSON")
     parser.add_argument("--bin", default=mission.ROOT / "build-release" / "bin", metavar="DIR", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     if options.duration < SHORTEST_S:

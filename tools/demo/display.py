@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Progress on a terminal: lines, and on a tty one live line below them."""
 
 import sys

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run bench image: srfs-detect on simulated frames with known truth, beside source-extractor on the same frames.
 
 bench_image writes the frames, each with another optics, sky and detector. Both programs read the same FITS files; times are
@@ -383,8 +385,8 @@ def measure_lossless(bin_dir, options, folder):
 
 
 def add_options(parser):
-    parser.add_argument("--frames", type=int, default=24, metavar="N", help="bench image: frames of each set")
-    parser.add_argument("--seed", type=int, default=int(time.time()), help="bench image: of the frames (default: another each time, reported)")
+    parser.add_argument("--frames", type=int, default=24, metavar="N", help="bench image: frames in each set")
+    parser.add_argument("--seed", type=int, default=int(time.time()), help="bench image: seed of the frames (default: a new one each time, printed)")
 
 
 def measure(bin_dir, options, say):

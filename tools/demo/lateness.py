@@ -1,7 +1,10 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Whether this machine had time for the suite. Two witnesses, processes of their own, so that nothing the asking program does can delay them.
 
-Lateness sleeps, and sees how much too late it wakes: what a hypervisor or the kernel takes from everybody; not that others are busy as well,
-for who sleeps much goes first. Waiting reads how long each process of a suite was ready to run and had no CPU. Standard library only.
+Lateness sleeps, and sees how much too late it wakes: what a hypervisor or the kernel takes from every process. It does not see that others
+are busy as well, for a process that sleeps much goes first. Waiting reads how long each process of a suite was ready to run and had no CPU.
+Standard library only.
 """
 
 import contextlib
@@ -28,7 +31,7 @@ class Witness:
     NOTHING = {}
 
     def __init__(self, *arguments):
-        # Its own session: it is not interrupted at the terminal with the one who asks, whose end ends it.
+        # Its own session: an interrupt at the terminal stops the asking process only, whose end ends this one.
         self._process = subprocess.Popen([sys.executable, "-B", "-S", __file__, *self.ARGUMENTS, *map(str, arguments)], stdin=subprocess.PIPE,
                                          stdout=subprocess.PIPE, text=True, start_new_session=True)  # fmt: skip
         self._seen = None
@@ -62,7 +65,7 @@ class Lateness(Witness):
 class Waiting(Witness):
     """The processes with this VAR on their command line: hw_sim, the nodes, srfs. end(): {NAME: {waited_s, waits}} with the time that the
     thread of it that waited longest was ready to run and had no CPU, and [begin, end, waited] in ns of CLOCK_MONOTONIC where it had to wait.
-    Empty where the kernel does not tell."""
+    Empty where the kernel does not report it."""
 
     ARGUMENTS = ("--waiting",)
 
@@ -96,7 +99,7 @@ class ProcessWait:
         self._read_at = self._listed_at = None
 
     def read(self, now_ns):
-        """What its thread that waited longest waited since the reading before, in ns; None when it has ended or the kernel does not tell."""
+        """The wait of its longest-waiting thread since the last reading, in ns; None when it has ended or the kernel does not report it."""
         if self._listed_at is None or now_ns - self._listed_at >= self.RENEW_NS:
             self._list(now_ns)
         longest, elapsed = 0, 0 if self._read_at is None else now_ns - self._read_at
@@ -113,7 +116,7 @@ class ProcessWait:
                 thread[2:] = numbers, 0
             else:
                 added = elapsed if state == b"R" else 0
-                thread[3] = thread[3] + added if added else 0
+                thread[3] += added
             longest = max(longest, added)
         return longest if self._threads else None
 
@@ -127,7 +130,10 @@ class ProcessWait:
                 try:
                     for name in ("schedstat", "stat"):
                         opened.append(os.open(f"/proc/{self.pid}/task/{tid}/{name}", os.O_RDONLY | os.O_CLOEXEC))
-                    self._threads[tid] = [*opened, os.pread(opened[0], 96, 0), 0]
+                    numbers = os.pread(opened[0], 96, 0)
+                    if int(tid) == self.pid and not any(map(int, numbers.split())):
+                        raise OSError("a kernel that has the file and does not count")
+                    self._threads[tid] = [*opened, numbers, 0]
                 except OSError:
                     self._close(opened)
 
@@ -165,7 +171,7 @@ def _read_cpu_times():
 
 
 def watch(sleep, now=time.monotonic, read=_read_cpu_times):
-    """Has sleep() sleep for PERIOD_S again and again until it returns True. What it sees is as Lateness.end() tells it."""
+    """Has sleep() sleep for PERIOD_S again and again until it returns True. What it sees has the form of Lateness.end()."""
     wakeups, late, longest_s, late_at = 0, 0, 0.0, []
 
     def note(begin_s, end_s):
@@ -206,7 +212,7 @@ def name_of(words, var):
 
 
 def watch_waiting(var, sleep, now=time.monotonic_ns):
-    """Reads again and again until sleep(WAIT_LOOK_S) is true. What it sees is as Waiting.end() tells it."""
+    """Reads again and again until sleep(WAIT_LOOK_S) is true. What it sees has the form of Waiting.end()."""
     seen, processes, listed_at = {}, {}, None
     while True:
         at = now()
@@ -234,7 +240,7 @@ def watch_waiting(var, sleep, now=time.monotonic_ns):
 
 
 if __name__ == "__main__":
-    # Until the one who asked writes, closes or is gone.
+    # Until the asking process writes, closes or is gone.
     is_asked = lambda seconds: bool(select.select([sys.stdin], [], [], seconds)[0])  # noqa: E731
     if sys.argv[1:2] == ["--waiting"]:
         print(json.dumps(watch_waiting(sys.argv[2], is_asked)), flush=True)

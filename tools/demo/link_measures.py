@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run bench link: codecs, packet store, downlink throughput and telecommand rate of the ground link.
 
 Throughput is what a flying suite sends through the line of the simulator, which carries ten bits an octet and no faster, as the ground
@@ -30,8 +32,8 @@ PARTS = ("codecs", "store", "wear", "downlink", "telecommands", "bad_line")
 
 
 def add_options(parser):
-    parser.add_argument("--link-parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help=f"bench link: of {', '.join(PARTS)}")
-    parser.add_argument("--link-s", type=float, default=25, metavar="S", help="bench link: of each retrieval, file and telecommand run")
+    parser.add_argument("--link-parts", nargs="+", choices=PARTS, default=PARTS, metavar="PART", help=f"bench link: some of {', '.join(PARTS)}")
+    parser.add_argument("--link-s", type=float, default=25, metavar="S", help="bench link: length of each retrieval, file and telecommand run")
 
 
 def capacity(baud):
@@ -78,7 +80,7 @@ def wear(bin_dir, duration_s):
 
 
 class Passage:
-    """What passed through the line between two looks at the ground tool's counters, taken while a transfer was under way."""
+    """What passed through the line between two readings of the ground tool's counters, taken during a transfer."""
 
     def __init__(self, ground):
         self._ground = ground
@@ -230,7 +232,7 @@ def measure(bin_dir, options, say):
         return json.loads(subprocess.run([bin_dir / "bench_link", *arguments], check=True, capture_output=True, text=True).stdout)
 
     if "codecs" in options.link_parts:
-        say("link: codecs beside libfec")
+        say("link: codecs compared with libfec")
         results["codecs"] = program("codecs")
     if "store" in options.link_parts:
         say("link: a packet store of 64 MiB")

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """One running simulation: the simulated spacecraft and the suite in a VAR folder, started, watched and ended in order.
 
 Used by ./run sim, ./run demo, ./run bench and the system tests. Standard library only.
@@ -30,6 +32,7 @@ READY_DEADLINE_S = 60 * PATIENCE
 UP_DEADLINE_S = 20 * PATIENCE  # without progress of any node; ten times as long in all
 ANSWER_DEADLINE_S = 60 * PATIENCE
 STOP_PATIENCE_S = 5 * PATIENCE  # without the time in which a process waits for a CPU; ten times as long in all
+MOST_ROUNDS = 5  # of ending what was started while its starter was asked to end
 MOST_PATIENCE = 10
 
 
@@ -74,7 +77,7 @@ def installed(bin_dir):
 
 
 def lock_owner(path):
-    """Pid that holds the record lock of a node's lock file, as the kernel tells it; None when nobody does."""
+    """Pid that holds the record lock of a node's lock file, as the kernel reports it; None when no process does."""
     whole_file = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
     try:
         with open(path, "r+b") as file:
@@ -118,7 +121,7 @@ def processes_of(var):
 
 
 def end_processes(pids, patience_s=STOP_PATIENCE_S):
-    """SIGTERM, then SIGKILL for who is still there. Returns the pids that needed SIGKILL."""
+    """SIGTERM, then SIGKILL for those still there. Returns the pids that needed SIGKILL."""
     handles = {}
     for pid in pids:
         with contextlib.suppress(ProcessLookupError):
@@ -137,21 +140,39 @@ def end_processes(pids, patience_s=STOP_PATIENCE_S):
     return killed
 
 
+class Patience:
+    """So many seconds from `begin` on, now unless given. Time in which the process `pid` waits for a CPU does not count, up to MOST_PATIENCE
+    times as long; None: all counts."""
+
+    def __init__(self, seconds, pid=None, begin=None):
+        self.seconds, self.begin, self.waited_s = seconds, time.monotonic() if begin is None else begin, 0.0
+        self._process = None if pid is None else ProcessWait(pid)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *failure):
+        if self._process:
+            self._process.close()
+
+    def elapsed_s(self):
+        return time.monotonic() - self.begin
+
+    def left_s(self):
+        if self._process:
+            self.waited_s += (self._process.read(time.monotonic_ns()) or 0) / 1e9
+        return min(self.seconds + self.waited_s, MOST_PATIENCE * self.seconds) - self.elapsed_s()
+
+
 def has_ended(handle, pid, patience_s, begin):
-    """Waits for the end of a process (a pidfd) that was told to end at `begin`. Time in which it waits for a CPU does not count, up to
-    MOST_PATIENCE times as long."""
-    process, waited_s = ProcessWait(pid), 0.0
-    try:
+    """Waits for the end of a process (a pidfd) that was asked to end at `begin`."""
+    with Patience(patience_s, pid, begin) as patience:
         while True:
-            waited_s += (process.read(time.monotonic_ns()) or 0) / 1e9
-            elapsed_s = time.monotonic() - begin
-            left_s = min(patience_s + waited_s, MOST_PATIENCE * patience_s) - elapsed_s
+            left_s = patience.left_s()
             if select.select([handle], [], [], min(max(left_s, 0), 0.1))[0]:
                 return True
             if left_s <= 0:
                 return False
-    finally:
-        process.close()
 
 
 def memory_folder(var):
@@ -172,16 +193,18 @@ def has_come(var, node):
     return state != 0 and state == desired and process & 0xFFFFFFFF == lock_owner(var / "run" / f"{node}.lock")
 
 
-def wait_until(condition, deadline_s, what, period_s=0.02):
-    """Waits until condition() is true and returns its value; MissionError after deadline_s."""
-    end = time.monotonic() + deadline_s
-    while True:
-        value = condition()
-        if value:
-            return value
-        if time.monotonic() > end:
-            raise MissionError(f"{what}: not within {deadline_s} s")
-        time.sleep(period_s)
+def wait_until(condition, deadline_s, what, period_s=0.02, pid=None):
+    """Waits until condition() is true and returns its value; MissionError after deadline_s, counted as Patience does for the process `pid`."""
+    with Patience(deadline_s, pid) as patience:
+        while True:
+            value = condition()
+            if value:
+                return value
+            if patience.left_s() < 0:
+                waited_s = patience.waited_s
+                waiting = f"; it waited for a CPU for {waited_s:.0f} s: close other programs and try again" if waited_s > deadline_s / 4 else ""
+                raise MissionError(f"{what}: not within {patience.elapsed_s():.0f} s{waiting}")
+            time.sleep(period_s)
 
 
 def stop_child(process):
@@ -333,7 +356,7 @@ class Mission:
         self.bin_dir = pathlib.Path(bin_dir).absolute()
         self.say = say
         self.only = only  # nodes that are started; empty: all
-        self.insist_s = insist_s  # so long who ended is started again: without a ring, whom the switcher kills on a late machine stays down
+        self.insist_s = insist_s  # so long ended nodes are restarted: without a ring, nodes the switcher kills on a late machine stay down
         self.wait_for_all = wait_for_all  # else nodes that flight does not need (the image lane) join when they can
         self.coming = []  # those of them that are not there yet
         self.run_dir = self.var / "run"
@@ -367,11 +390,12 @@ class Mission:
         return str(path)
 
     def _take_lock(self):
-        self.run_dir.mkdir(parents=True, exist_ok=True)
+        self.var.mkdir(parents=True, exist_ok=True)
+        self.run_dir.mkdir(mode=0o700, exist_ok=True)  # locks and sockets of this user alone
         (self.var / "log").mkdir(exist_ok=True)
         path = self.run_dir / "mission.lock"
         for _ in range(10):  # the last holder removes the file on its way out: then it is another file now
-            lock = open(path, "a+")
+            lock = open(path, "a+", opener=lambda name, flags: os.open(name, flags | os.O_NOFOLLOW, 0o600))
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -409,14 +433,22 @@ class Mission:
         return found
 
     def _end_orphans(self):
-        (self.run_dir / "stopping").touch()  # nobody may restart what is ended now
-        orphans = self._orphans()
-        if orphans:
+        for orphans, killed in self._end_rounds(self._orphans):
             names = ", ".join(f"{name} (pid {pid})" for pid, name in sorted(orphans.items()))
             self.say(f"an earlier simulation in {self.var} was killed; ending what it left: {names}")
-            for pid in end_processes(orphans):
+            for pid in killed:
                 self.say(f"{orphans[pid]} (pid {pid}) did not end in time and was killed")
         self._remove_run_files()
+
+    def _end_rounds(self, running):
+        """Ends what running() finds, {pid: name}, until it finds nothing: a node that was just restarting another when it was asked to end
+        leaves that one behind. Yields, for each round, what was found and which of it needed SIGKILL."""
+        (self.run_dir / "stopping").touch()  # no restart begins from now on
+        for _ in range(MOST_ROUNDS):
+            found = running()
+            if not found:
+                return
+            yield found, end_processes(found)
 
     def _remove_run_files(self):
         for path in self.run_dir.iterdir():
@@ -436,7 +468,7 @@ class Mission:
             )  # fmt: skip
         wait_until(
             lambda: (self.run_dir / "hw_sim.ready").exists() or self.hw_sim.poll() is not None,
-            READY_DEADLINE_S, f"the simulated spacecraft is ready (see {log})",
+            READY_DEADLINE_S, f"the simulated spacecraft is ready (see {log})", pid=self.hw_sim.pid,
         )  # fmt: skip
         if self.hw_sim.poll() is not None:
             said = log.read_bytes()[begin:].decode(errors="replace").strip()
@@ -644,11 +676,11 @@ class Mission:
 
     def _leftovers(self):
         left = []
-        remaining = processes_of(self.var)
-        left += [f"process {name} (pid {pid})" for pid, name in remaining.items()]
-        end_processes(remaining)
+        for remaining, _ in self._end_rounds(lambda: processes_of(self.var)):
+            left += [f"process {name} (pid {pid})" for pid, name in remaining.items()]
+        (self.run_dir / "stopping").unlink(missing_ok=True)
         if self.hw_sim.returncode < 0:
-            return left  # killed, it could not remove its files; that is said already
+            return left  # killed, it could not remove its files; that was reported already
         left += [f"file {path}" for path in self.run_dir.iterdir() if path.name != "mission.lock"]
         if (self.var / "rs422").is_symlink():
             left.append(f"link {self.var / 'rs422'}")
@@ -659,8 +691,8 @@ class Mission:
         for lines in reversed(self._lines):
             lines.end()
         self._lines = []
-        (self.run_dir / "stopping").touch()
-        end_processes(self._orphans())
+        for _ in self._end_rounds(self._orphans):
+            pass
         if self.hw_sim:
             self.hw_sim.wait()
         self._remove_run_files()

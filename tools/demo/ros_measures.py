@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The measures of lib/ros: runs bench_ros, judges what it found against the goals, shows and draws it."""
 
 import contextlib
@@ -97,13 +99,13 @@ MEASURES = {
 
 
 def add_options(parser):
-    parser.add_argument("--only", nargs="+", choices=MEASURES, metavar="NAME", help="of ros: " + ", ".join(MEASURES))
-    parser.add_argument("--rounds", type=int, default=3000, metavar="N", help="of the latency measures")
-    parser.add_argument("--images", type=int, default=200, metavar="N", help="of each size, ten a second")
+    parser.add_argument("--only", nargs="+", choices=MEASURES, metavar="NAME", help="bench ros: only these of " + ", ".join(MEASURES))
+    parser.add_argument("--rounds", type=int, default=3000, metavar="N", help="bench ros: rounds of the latency measurements")
+    parser.add_argument("--images", type=int, default=200, metavar="N", help="bench ros: images of each size, ten per second")
     parser.add_argument("--starts", type=int, default=40, metavar="N")
-    parser.add_argument("--idle-s", type=int, default=60, metavar="S", help="of idle and ring")
-    parser.add_argument("--cycles", type=int, default=1000, metavar="N", help="kill -9 and restart; about 0.6 s each")
-    parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="also write ros.json, ros.svg and ros.png there")
+    parser.add_argument("--idle-s", type=int, default=60, metavar="S", help="bench ros: length of idle and ring")
+    parser.add_argument("--cycles", type=int, default=1000, metavar="N", help="bench ros: number of kill -9 and restart; about 0.6 s each")
+    parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="bench ros: also write ros.json, ros.svg and ros.png to this folder")
 
 
 def measure(bin_dir, options, say):
@@ -174,6 +176,8 @@ def ring_rows(name, result):
               rounded(result["raw_cpu_percent"], 2), f"<= 1.5x raw: {result['ratio']:.2f}x", result["ratio"] <= 1.5)
     together = result["cpu_percent_together"]
     yield row(name, "the whole processes, % of one", rounded(together["ring"], 2), rounded(together["raw"], 2), "", True)
+    evidence = result["evidence"]["percent_together"]
+    yield row(name, "evidence of who had a CPU, % of one", rounded(evidence, 3), None, "<= 0.3", evidence <= 0.3)
     answered = result["raw_requests"]["answered"] / max(1, result["raw_requests"]["asked"])
     rate = result["nodes"] * 1000 / result["period_ms"]
     yield row(name, "checks answered in a second", rounded(result["heard"]["checks_answered_per_s"], 1), rounded(answered * rate, 1), f">= {0.95 * rate:.0f}",
@@ -217,7 +221,7 @@ def is_sound(results):
 
 def show(results):
     m = results["machine"]
-    print(f"{m['cpus']} CPUs ({m['cpu']}{', virtual' if m['virtual'] else ''}), Linux {m['kernel']}, governor {m['governor'] or 'not told'}, "
+    print(f"{m['cpus']} CPUs ({m['cpu']}{', virtual' if m['virtual'] else ''}), Linux {m['kernel']}, governor {m['governor'] or 'unknown'}, "
           f"load average {results['load'][0]}")
     rows = [["measure", "", "srfs", "raw Fast DDS", "goal", ""]]
     last = None

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """What `srfs record` saw of the CAN rotation and of telecommands, checked. Pure: messages in, facts out.
 
 Messages may come in another thread than the one that asks for facts: facts are taken from copies (list() of a dict is one

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run sim: the simulated spacecraft and the suite, up until Ctrl-C or SIGTERM."""
 
 import argparse
@@ -22,7 +24,7 @@ def say(text):
 def greeting(flight):
     var, bin_dir, nodes = flight.var, flight.bin_dir, flight.up_report["nodes"]
     option = "" if flight.deployment.stem == "sim" else f" --deployment {flight.deployment}"
-    coming = f"; still coming, flight does not need them: {', '.join(flight.coming)}" if flight.coming else ""
+    coming = f"; still starting, not needed for flight: {', '.join(flight.coming)}" if flight.coming else ""
     return f"""{len(nodes) - len(flight.coming)} nodes up in {flight.up_report['took_ms']} ms, DDS domain {flight.domain}{coming}
   operator's port  {var}/rs422
   logs             {var}/log/

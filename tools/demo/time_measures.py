@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run bench time: the time discipline on the simulated receiver, in simulated time; the worst of all seeds."""
 
 import json

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """States of the payloads over time, as `srfs record` saw them, and what the paper's Fig. 14 says about their shape. Pure.
 
 All times are CLOCK_MONOTONIC in ns. A state lasts from its message to the next one of the same payload.
@@ -93,7 +95,7 @@ def one_on_the_bus(intervals):
 def in_rotation(intervals, payloads):
     order = [i.payload for i in of_state(intervals, OCCUPYING)]
     wrong = sum(payloads[(payloads.index(a) + 1) % len(payloads)] != b for a, b in zip(order, order[1:]))
-    return check(wrong == 0 and len(order) > len(payloads), f"the bus goes round in the configured order, {wrong} of {max(0, len(order) - 1)} switches do not")
+    return check(wrong == 0 and len(order) > len(payloads), f"the bus rotates in the configured order, {wrong} of {max(0, len(order) - 1)} switches do not")
 
 
 def processing_follows(intervals, end):
@@ -174,7 +176,7 @@ def fig14b(intervals, heartbeats, payloads, end, slow):
     return [
         *common(intervals, heartbeats, payloads, end),
         check(blocked, f"{slow} has the bus over a heartbeat ({len(blocked)} times)"),
-        check(all(slot.payload == slow for slot, _ in blocked), f"nobody but {slow} blocks the switch"),
+        check(all(slot.payload == slow for slot, _ in blocked), f"only {slow} blocks the switch"),
         no_async(intervals, payloads),
     ]
 
@@ -189,7 +191,7 @@ def fig14c(intervals, heartbeats, payloads, end):
         parallel += any(p.payload == before.payload and p.overlap(slot) > 0 for p in processing)
     return [
         *common(intervals, heartbeats, payloads, end),
-        check(judged and parallel == judged, f"processing of a payload goes on while the next one has the bus: {parallel} of {judged} slots"),
+        check(judged and parallel == judged, f"processing of a payload continues while the next one has the bus: {parallel} of {judged} slots"),
         no_async(intervals, payloads),
     ]
 
@@ -204,7 +206,7 @@ def fig14d(intervals, heartbeats, payloads, end, target, telecommands, completed
     slots = of_state(intervals, OCCUPYING, target)
     results = [
         *common(intervals, heartbeats, payloads, end),
-        check(ours and len(telecommands) == len(ours), f"{len(ours)} telecommands went to {target} and to nobody else"),
+        check(ours and len(telecommands) == len(ours), f"{len(ours)} telecommands went to {target}, none to another payload"),
         no_async(intervals, payloads, except_for=(target,)),
         check(pulses and all(p.end - p.begin <= PULSE_BOUND_NS for p in pulses), f"{target} shows 'other async commands' as a brief pulse ({len(pulses)})"),
     ]

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // srfs-detect: the on-board detection methods on files. Several files are one sequence, in the order given.
 
 #include <time.h>
@@ -15,6 +17,7 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 
+#include "base/version.hpp"
 #include "image/drawing.hpp"
 #include "image/findings_json.hpp"
 #include "image/frame_file.hpp"
@@ -36,8 +39,7 @@ Result<Json, Refusal> written(const Cutout& cutout, const std::string& source, c
                               const std::string& folder) {
   const auto size = [](const auto& pixels) { return std::pair(pixels.width(), pixels.height()); };
   const auto [width, height] = std::visit(size, cutout.pixels);
-  Json json{{"x", cutout.x}, {"y", cutout.y}, {"width", width}, {"height", height}, {"file", nullptr}};
-  if (folder.empty()) return json;
+  Json json{{"x", cutout.x}, {"y", cutout.y}, {"width", width}, {"height", height}};
   const auto* const grey = std::get_if<srfs::image::Grid<std::uint8_t>>(&cutout.pixels);
   const std::filesystem::path path =
       std::filesystem::path(folder) / fmt::format("{}_{}.{}", std::filesystem::path(source).stem().string(),
@@ -102,8 +104,7 @@ void print_text(const Report& report) {
                f["stars"].get<int>(), f["streaks"].get<int>(), f["background"].get<double>(),
                f["noise"].get<double>(), f["elapsed_ms"].get<double>());
     for (const Json& note : f["notes"]) fmt::print("  note: {}\n", note.get<std::string>());
-    if (f.contains("cutout") && !f["cutout"]["file"].is_null())
-      fmt::print("  {}\n", f["cutout"]["file"].get<std::string>());
+    if (f.contains("cutout")) fmt::print("  {}\n", f["cutout"]["file"].get<std::string>());
     if (const Json& a = f["solution"]; !a.is_null())
       fmt::print("  attitude: RA {:.4f}, Dec {:+.4f}, roll {:.3f} degrees, {:.3f} arcsec/px{}, {} stars\n",
                  a["ra_deg"].get<double>(), a["dec_deg"].get<double>(), a["roll_deg"].get<double>(),
@@ -163,16 +164,17 @@ Overlay overlay_of(const std::vector<FrameFindings>& frames, const SequenceFindi
   return overlay;
 }
 
+constexpr int drawing_width_most = 4096;
+
 struct Options {
   std::string method;
   std::vector<std::string> parameters;
   std::vector<std::string> files;
   std::string folder;  ///< for pictures and cut-outs
   std::string drawing;
+  int drawing_width = drawing_width_most;
   bool json = false;
 };
-
-constexpr int drawing_width_most = 4096;
 
 void print(const Report& report, const Options& options) {
   if (options.json) {
@@ -211,6 +213,10 @@ int run(const Options& options) {
     add(report, file, *frame, *found,
         {std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count(),
          cpu_ms() - cpu_before_ms});
+    if (found->cutout && options.folder.empty())
+      return refuse(
+          Refusal{fmt::format("--method {} makes a picture: give its folder with --out", options.method)},
+          bad_usage);
     if (found->cutout) {
       auto cutout = written(*found->cutout, file, options.method, options.folder);
       if (!cutout) return refuse(cutout.error(), file_refused);
@@ -226,7 +232,7 @@ int run(const Options& options) {
   const auto frame = read_frame(options.files[static_cast<std::size_t>(sequence.reference)]);
   if (!frame) return refuse(frame.error(), file_refused);
   const auto written =
-      write_png(options.drawing, draw(frame->pixels, overlay_of(drawn, sequence), drawing_width_most));
+      write_png(options.drawing, draw(frame->pixels, overlay_of(drawn, sequence), options.drawing_width));
   return written ? done : refuse(written.error(), file_refused);
 }
 
@@ -237,15 +243,19 @@ int main(int argc, char** argv) {
       "Finds stars and debris in frames (FITS, TIFF, PNG, JPEG) as the spacecraft does. Pixel (0, 0) is the "
       "centre of the first pixel."};
   Options options;
-  app.add_option("--method", options.method, "What to look for; see below")->required();
-  app.add_option("--params", options.parameters, "name=value of the method, may be given several times")
+  app.add_option("--method", options.method, "What to search for; see below")->required();
+  app.add_option("--params", options.parameters, "Parameter of the method, name=value; may be repeated")
       ->allow_extra_args(false);
-  app.add_option("--out", options.folder, "Where pictures and cut-outs are written (thumbnail, roi)")
+  app.add_option("--out", options.folder, "Folder for pictures and cut-outs; thumbnail and roi need it")
       ->check(CLI::ExistingDirectory);
   app.add_option("--draw", options.drawing,
-                 "PNG: the first frame (of a sequence its reference frame), what was found drawn over it");
-  app.add_flag("--json", options.json, "One JSON object");
-  app.add_option("FILE", options.files, "Several are one sequence, in this order")->required();
+                 "PNG: the first frame (of a sequence its reference frame) with the findings drawn over it");
+  app.add_option("--draw-width", options.drawing_width,
+                 "Width of the drawing, px; at most the frame's (default: the frame's)")
+      ->check(CLI::Range(16, drawing_width_most));
+  app.add_flag("--json", options.json, "Write one JSON object");
+  app.add_option("FILE", options.files, "Frames; several are one sequence, in this order")->required();
+  app.set_version_flag("--version", srfs::version());
   app.footer(list_of_methods());
   try {
     app.parse(argc, argv);

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """./run experiment: the paper's experiments with the real processes; drawings, CSV and summary.json; exit code 0 if they show what it says."""
 
 import argparse
@@ -20,10 +22,10 @@ FIGURES = {name: module for module in (fig12, fig13, fig14, fig15, fig16) for na
 
 
 def parse():
-    parser = argparse.ArgumentParser(prog="./run experiment", description="One of the paper's experiments, with the real processes. "
+    parser = argparse.ArgumentParser(prog="./run experiment", description="Run one of the paper's experiments with the real processes. "
                                      "Exit code 0 only if the recorded shape is the one the paper describes.")  # fmt: skip
     parser.add_argument("name", choices=FIGURES, help="; ".join(f"{name}: {module.TITLES[name]}" for name, module in FIGURES.items()))
-    parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="where the files go (default: var/experiments/NAME)")
+    parser.add_argument("--out", type=pathlib.Path, metavar="DIR", help="folder of the files (default: var/experiments/NAME)")
     parser.add_argument("--var", type=pathlib.Path, metavar="DIR", help="folder of the running deployment (default: DIR of --out + /var)")
     parser.add_argument("--deployment", metavar="NAME", help="launch_config/NAME.yaml, or a file (default: that of the figure)")
     parser.add_argument("--phase", type=float, metavar="S", help="fig12, fig13: length of each phase (default: 60)")

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's Fig. 12: how late Linux wakes a task of 1 ms and priority 99, by cyclictest, one thread a CPU. No flight of the suite.
 
 Three phases: idle, every CPU computing (stress-ng), idle with power management off (governor performance, frequency locked at the

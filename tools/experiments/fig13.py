@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's Fig. 13 with the real processes: how long the mission's topics take from publisher to subscriber, idle and beside image processing.
 
 The subscriber is a process of its own that receives as a node does (tests/bench/bench_topics.cpp), under SCHED_FIFO with the priority of a
@@ -47,7 +49,7 @@ GROUPS = {"/timing/tick": "tick", "/can/task_flags": "task flags", "/can/bus_sta
 
 def varied(deployment, folder):
     """The deployment with real-time housekeeping, and the image lane on the last CPU."""
-    lane = f"policy: other, priority: 0, nice: 10, cpus: [{max(os.sched_getaffinity(0))}]"
+    lane = f"policy: other, priority: 0, background: true, cpus: [{max(os.sched_getaffinity(0))}]"
     scheduling = {**imaging_measures.realtime(), "image_acquisition": lane, "image_processing": lane}
     file = folder / "fig13.yaml"
     file.write_text(imaging_measures.scheduled(mission.find_deployment(deployment).read_text(), scheduling))

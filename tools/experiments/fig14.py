@@ -1,4 +1,6 @@
-"""The paper's Fig. 14 with the real processes: who occupied the CAN bus when, who processed, who took a telecommand."""
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The paper's Fig. 14 with the real processes: which payload occupied the CAN bus when, which processed, which took a telecommand."""
 
 import csv
 import time
@@ -20,7 +22,7 @@ DURATION_S = {"fig14a": 6.0, "fig14b": 8.0, "fig14c": 6.0, "fig14d": 8.0}
 TITLES = {
     "fig14a": "normal",
     "fig14b": "CAN bus blocked: payload2 uses it for longer than anticipated",
-    "fig14c": "processing goes on while the next payload has the bus",
+    "fig14c": "processing continues while the next payload has the bus",
     "fig14d": "telecommands to payload1",
 }
 STATE_LABELS = ("off", "occupying CAN", "data processing", "other async commands")  # the paper's words, in the order of timeline.STATES

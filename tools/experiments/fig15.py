@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's Fig. 15 with the real processes: payload1 alone starts payload3, which starts payload2; then payload3 fails and is healed.
 
 payload3 fails twice: killed (its process ends) and stopped (it hangs, SIGSTOP). Everything on CLOCK_MONOTONIC in ns.
@@ -16,7 +18,7 @@ from timeline import MS, check
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")  # the paper's payload1, 2, 3
 FIRST, SECOND, THIRD = PAYLOADS
-RING = (FIRST, THIRD, SECOND)  # who checks the next
+RING = (FIRST, THIRD, SECOND)  # each checks the next
 TITLES = {"fig15": "cyclic restart: payload1 starts payload3, payload3 starts payload2; payload3 fails and is healed"}
 DEPLOYMENT = "fig15"
 ONLY = (FIRST,)
@@ -122,14 +124,14 @@ class Experiment:
         healings = [ringline.step(line, FIRST, THIRD, at, at, until) for (_, at), until in zip(self.failures, ends)]
         hung = healings[1]
         checks = [
-            check(self.at_first[FIRST] and not self.at_first[SECOND] and not self.at_first[THIRD], "payload1 alone runs at the beginning"),
+            check(self.at_first[FIRST] and not self.at_first[SECOND] and not self.at_first[THIRD], "only payload1 runs at the beginning"),
             check(complete and starts[FIRST] < starts[THIRD] < starts[SECOND], "payload3 starts first, payload2 after it"),
             *(check(s["accused_misses"] >= 3, f"{s['observer']} starts {s['subject']} after {s['accused_misses']} checks without an answer") for s in steps),
             *(check(s["outcome"] == "restarted" and s["active_ns"], f"{s['observer']} started {s['subject']}, which became Active") for s in steps),
             *(check(s["outcome"] == "restarted" and s["active_ns"], f"payload3 {what}: payload1 restarts it, and it is Active again")
               for (what, _), s in zip(self.failures, healings)),
-            check(hung["accused_misses"] >= 3, f"payload3 stopped: it is given up after {hung['accused_misses']} checks without an answer"),
-            check(not line.restarts_by_others(RING, begin), "nobody is restarted by anybody but the node that checks it"),
+            check(hung["accused_misses"] >= 3, f"payload3 stopped: restarted after {hung['accused_misses']} checks without an answer"),
+            check(not line.restarts_by_others(RING, begin), "every node is restarted only by the node that checks it"),
             check(all(self.at_last[p] and self.at_last[p] == self.first_pid(p) for p in (FIRST, SECOND)), "payload1 and payload2 are never restarted"),
         ]  # fmt: skip
         return {
@@ -177,7 +179,7 @@ class Experiment:
                 rows.writerow([payload, state, f"{(begin - self.begin) / 1e9:.6f}", f"{(end - self.begin) / 1e9:.6f}"])
 
     def draw(self, folder):
-        """SVG and PNG like the paper's figure: a panel a payload, its state over time, who restarted it when."""
+        """SVG and PNG like the paper's figure: one panel for each payload with its state over time and which node restarted it when."""
         import matplotlib
 
         matplotlib.use("Agg")

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The paper's Fig. 16 with the real processes: maintenance builds a payload3 that uses the CAN bus and puts it in place of one that does not.
 
 The sources go up as a signed package over the ground link, are compiled on board by the build lane, tested, and started in place of
@@ -15,7 +17,7 @@ from timeline import MS, OCCUPYING, STATES, Timeline, check
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")  # the paper's payload1, 2, 3
 FIRST, SECOND, THIRD = PAYLOADS
-RING = (FIRST, THIRD, SECOND)  # who checks the next
+RING = (FIRST, THIRD, SECOND)  # each checks the next
 TITLES = {"fig16": "system maintenance: payload3 without the CAN bus is replaced in flight by one with it, built on board from uplinked source"}
 DEPLOYMENT = "fig16"
 ONLY = ()
@@ -36,7 +38,7 @@ class Experiment:
         self.ring = ringline.RingLine()
         self.timeline = Timeline(PAYLOADS)
         self.rotation = Rotation()
-        self.steps = {}  # what the spacecraft said of the update -> when it was heard
+        self.steps = {}  # what the spacecraft reported of the update -> when it was heard
         self.installed = None
         self.step_deadline_s = 60
 
@@ -150,7 +152,7 @@ class Experiment:
     def text(summary):
         steps = ", ".join(f"{step} {at} s" for step, at in summary["steps_s"].items())
         return (f"  package of {summary['package_octets']} octets; after the order: {steps}\n"
-                f"  payload1 heard nothing of payload3 for {summary['outage_ms']} ms (a check each {summary['check_period_ms']} ms)")  # fmt: skip
+                f"  payload1 heard nothing from payload3 for {summary['outage_ms']} ms (a check each {summary['check_period_ms']} ms)")  # fmt: skip
 
     # --- files --------------------------------------------------------------------------------------------------------
 

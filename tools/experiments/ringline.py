@@ -1,4 +1,6 @@
-"""What the members of the liveness ring said of each other, as `srfs record` heard it. Pure. Times: CLOCK_MONOTONIC in ns."""
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""What the members of the liveness ring reported of each other, as `srfs record` heard it. Pure. Times: CLOCK_MONOTONIC in ns."""
 
 from rotation import percentile  # tools/demo
 
@@ -17,7 +19,7 @@ class RingLine:
             self.reports.append(m)
 
     def of(self, since=0, until=None, **fields):
-        """The reports said from `since` to `until` with these fields, in order of time."""
+        """The reports made from `since` to `until` with these fields, in order of time."""
         found = [m for m in list(self.reports) if m["said_ns"] >= since and (until is None or m["said_ns"] < until)
                  and all(m.get(name) == value for name, value in fields.items())]  # fmt: skip
         return sorted(found, key=lambda m: m["said_ns"])

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cerrno>
 #include <cstdio>
@@ -30,7 +32,8 @@ Result<std::vector<Source>, std::string> read_sources(const fs::path& folder) {
   for (; !ec && entry != fs::recursive_directory_iterator(); entry.increment(ec)) {
     const fs::file_status status = entry->symlink_status(ec);
     if (fs::is_directory(status) && entry.depth() < static_cast<int>(PackageLimits::path_parts)) continue;
-    if (!fs::is_regular_file(status)) return Err(fmt::format("{}: no ordinary file", entry->path().string()));
+    if (!fs::is_regular_file(status))
+      return Err(fmt::format("{}: not a regular file", entry->path().string()));
     auto content = read_file(entry->path(), PackageLimits::file_octets);
     if (!content) return Err(content.error().message);
     octets += content->size();
@@ -112,7 +115,7 @@ LaneExit build(const Lane& lane, const BuildOrder& order, Report& report) {
   report.precompiled = header.has_value();
 
   const BuildPlan plan = plan_build(lane.installation, names, order.options, lane.job(), header);
-  if (plan.compile.empty()) return conclude(BuildOutcome::compiler_failed, "no file ends in .cpp");
+  if (plan.compile.empty()) return conclude(BuildOutcome::compiler_failed, "no source file ends in .cpp");
   Confinement confinement = lane.confinement;
   if (header) confinement.readable.push_back(header->parent_path());
   const auto work = WorkFolder::make(lane.job(), confinement);

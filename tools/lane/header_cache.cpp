@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // CACHE/KEY/: node.hpp, node.hpp.gch, and `stamps`: what the header was made of. A folder appears whole, by
 // rename.
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -22,7 +24,7 @@ struct Lane {
   [[nodiscard]] std::filesystem::path job() const { return work / "job"; }
 };
 
-/// A line on standard output, at once; nobody may be there to hear it.
+/// Prints a line on standard output, at once; there may be no reader.
 void say(std::string_view line);
 
 /// For --report; written atomically.
@@ -63,7 +65,7 @@ struct SelfTestOrder {
 
 /// The header that every node includes, compiled for these options: work/headers/KEY/node.hpp, with its .gch
 /// beside it. Compiled when there is none, or when anything that it includes has changed since; that is done
-/// confined, and before any foreign source is there. nullopt: not to be had; sources are compiled without it.
+/// confined, and before any foreign source is there. nullopt: not available; sources are compiled without it.
 [[nodiscard]] std::optional<std::filesystem::path> precompiled_header(
     const Lane& lane, const std::vector<std::string>& options);
 

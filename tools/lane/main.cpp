@@ -1,5 +1,6 @@
-// srfs-lane: compiles a node from sources nobody trusts, and tries the program out, within bounds
-// (README.md).
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+// srfs-lane: compiles a node from untrusted sources, and tries the program out, within bounds (README.md).
 
 #include <poll.h>
 #include <sys/file.h>
@@ -18,6 +19,7 @@
 
 #include "base/file.hpp"
 #include "base/signals.hpp"
+#include "base/version.hpp"
 #include "lane.hpp"
 #include "update/control_group.hpp"
 #include "update/package.hpp"
@@ -46,32 +48,37 @@ struct Arguments {
 };
 
 void add_common(CLI::App& app, Arguments& a) {
-  app.add_option("--prefix", a.prefix, "Installation that nodes are built against (default: this program's)");
-  app.add_option("--work", a.work, "Folder of its own; one run at a time")->required();
-  app.add_option("--report", a.report, "Outcome as JSON");
+  app.add_option("--prefix", a.prefix, "Installation to build nodes against (default: this program's)");
+  app.add_option("--work", a.work, "Work folder of srfs-lane alone; one run at a time")->required();
+  app.add_option("--report", a.report, "File for the outcome as JSON");
   app.add_option("--memory-mib", a.memory_mib)->capture_default_str()->check(CLI::Range(16, 1 << 20));
-  app.add_option("--work-mib", a.work_mib, "All files; in memory where possible, then part of it")
+  app.add_option("--work-mib", a.work_mib,
+                 "Size of all files; they count as memory where the work folder is in memory")
       ->capture_default_str()
       ->check(CLI::Range(1, 1 << 20));
-  app.add_option("--file-mib", a.file_mib, "One file")->capture_default_str()->check(CLI::Range(1, 1 << 20));
+  app.add_option("--file-mib", a.file_mib, "Size of one file")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1 << 20));
   app.add_option("--files", a.confinement.limits.files)
       ->capture_default_str()
       ->check(CLI::Range(16, 1 << 20));
-  app.add_option("--cpu-s", a.cpu_s, "Of one process")->capture_default_str()->check(CLI::Range(1, 86400));
-  app.add_option("--processes", a.confinement.limits.processes, "Threads count")
+  app.add_option("--cpu-s", a.cpu_s, "CPU time of one process")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 86400));
+  app.add_option("--processes", a.confinement.limits.processes, "Processes; threads count")
       ->capture_default_str()
       ->check(CLI::Range(1, 4096));
-  app.add_option("--uid", a.confinement.user, "Where this is root: user of its own")
+  app.add_option("--uid", a.confinement.user, "User of the sandbox, where srfs-lane runs as root")
       ->capture_default_str()
       ->check(CLI::Range(1U, 0x7fff'ffffU));
   app.add_option("--gid", a.confinement.group)->capture_default_str()->check(CLI::Range(1U, 0x7fff'ffffU));
-  app.add_option("--require", a.required, "Layers without which nothing is run (README.md)")
+  app.add_option("--require", a.required, "Layers of the sandbox without which nothing runs (README.md)")
       ->check([](const std::string& name) {
         return update::layer_of(name) ? std::string() : "no layer: " + name;
       });
-  app.add_flag("--no-namespaces", a.no_namespaces, "As if the kernel had none");
-  app.add_option("--caller", a.caller, "Ends at once (SIGKILL) with this process, its parent");
-  app.add_flag("--normal-priority", a.normal_priority, "Not SCHED_IDLE");
+  app.add_flag("--no-namespaces", a.no_namespaces, "Run as if the kernel had no namespaces");
+  app.add_option("--caller", a.caller, "End at once (SIGKILL) with this process, the parent");
+  app.add_flag("--normal-priority", a.normal_priority, "Run without SCHED_IDLE");
 }
 
 constexpr seconds lock_patience{10};
@@ -84,8 +91,9 @@ int fail(const std::string& message) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Builds and tries nodes within bounds");
+  CLI::App app("Builds and tests nodes in a sandbox");
   app.require_subcommand(1);
+  app.set_version_flag("--version", version());
   Arguments a;
   BuildOrder order;
   SelfTestOrder test;
@@ -96,38 +104,41 @@ int main(int argc, char** argv) {
   CLI::App* const build_app =
       app.add_subcommand("build", "Compiles all *.cpp below a folder into one program");
   add_common(*build_app, a);
-  build_app->add_option("--sources", sources, "Never holds rules of how to build")
+  build_app->add_option("--sources", sources, "Folder of the sources; build rules in it are ignored")
       ->required()
       ->check(CLI::ExistingDirectory);
-  build_app->add_option("--name", order.node, "Of the node")->required();
-  build_app->add_option("--option", order.options, "For the compiler")
+  build_app->add_option("--name", order.node, "Name of the node")->required();
+  build_app->add_option("--option", order.options, "Option of the compiler")
       ->check(CLI::IsMember(update::allowed_options()));
   build_app->add_option("--out", out, "The program, stripped; replaced atomically")->required();
-  build_app->add_option("--log", log, "What the compiler said")->required();
-  build_app->add_option("--log-kib", log_kib, "Head and tail of it")
+  build_app->add_option("--log", log, "File for the output of the compiler")->required();
+  build_app->add_option("--log-kib", log_kib, "Limit of the log; its head and tail are kept")
       ->capture_default_str()
       ->check(CLI::Range(1, 65536));
-  build_app->add_option("--jobs", order.jobs, "Compilers side by side")
+  build_app->add_option("--jobs", order.jobs, "Compilers in parallel")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
-  build_app->add_option("--seconds", a.wall_s, "For all")->capture_default_str()->check(CLI::Range(1, 86400));
+  build_app->add_option("--seconds", a.wall_s, "Time limit of the build")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 86400));
   bool without_header = false;
   build_app->add_flag("--no-precompiled-header", without_header);
 
   CLI::App* const test_app =
-      app.add_subcommand("self-test", "Runs a program with --self-test and judges how it ends");
+      app.add_subcommand("self-test", "Runs a program with --self-test and judges its end");
   add_common(*test_app, a);
   test_app->add_option("--program", program)->required()->check(CLI::ExistingFile);
   test_app->add_option("--name", test.node)->required();
   test_app->add_option("--deployment", deployment)->required()->check(CLI::ExistingFile);
   test_app->add_option("--seconds", a.wall_s)->required()->check(CLI::Range(1, 86400));
   test_app
-      ->add_option("--domain", test.domain, "DDS domain; nobody else's, where the host's loopback is seen")
+      ->add_option("--domain", test.domain,
+                   "DDS domain; must be unused where the program sees the host's loopback interface")
       ->capture_default_str()
       ->check(CLI::Range(0, 232));
   test_app->add_option("--added-nodes", added_nodes,
-                       "List of added nodes that the program finds (lib/ros/added_nodes)");
-  test_app->add_option("--log", log, "What it wrote, 64 KiB");
+                       "List of added nodes for the program (lib/ros/added_nodes)");
+  test_app->add_option("--log", log, "File for the output of the program, 64 KiB");
   test.domain = 232;
 
   try {
@@ -138,7 +149,7 @@ int main(int argc, char** argv) {
 
   umask(022);  // what the confined user must read
   if (a.caller != 0 && (prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || getppid() != a.caller))
-    return fail("the caller is gone");
+    return fail("the caller has ended");
   const Fd termination = termination_signals();
   ignore_broken_pipes();
   Lane lane;
@@ -173,7 +184,7 @@ int main(int argc, char** argv) {
   // One that was killed with its caller may be on its way out.
   const MonotonicTime give_up = monotonic_now() + (a.caller != 0 ? lock_patience : seconds(0));
   while (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
-    if (monotonic_now() >= give_up) return fail(lane.work.string() + ": another one works there");
+    if (monotonic_now() >= give_up) return fail(lane.work.string() + ": another srfs-lane is using it");
     poll(nullptr, 0, 20);
   }
   update::ControlGroup::remove_abandoned();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // srfs-product: turns products of image_processing that came down into what other programs read: strips into
 // FITS and PNG, lists of stars into CSV.
 
@@ -12,6 +14,7 @@
 
 #include "base/file.hpp"
 #include "base/time.hpp"
+#include "base/version.hpp"
 #include "image/frame_file.hpp"
 #include "image/frame_strips.hpp"
 #include "image/picture.hpp"
@@ -109,18 +112,17 @@ int run(const Options& options) {
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "Turns what image_processing sent down into files for other programs: a frame in strips (*.strips) "
-      "into "
-      "FITS and PNG, a list of stars (stars.bin) into CSV on standard output. Says which strips are "
-      "missing."};
+      "Converts products of image_processing into files for other programs: a frame in strips (*.strips) "
+      "into FITS and PNG, a list of stars (stars.bin) into CSV on standard output. Lists missing strips."};
   Options options;
   app.add_option("FILE", options.file, "Product: strips or a list of stars")->required();
   app.add_option("--out", options.fits, "Write the frame as 16-bit FITS");
-  app.add_option("--png", options.png, "Write the frame stretched, for people, as PNG");
+  app.add_option("--png", options.png, "Write the frame as PNG, stretched for viewing");
   app.add_option("--pack", options.frame,
-                 "The other way: write this frame (FITS, TIFF, PNG, JPEG) to FILE in strips");
+                 "The reverse: write this frame (FITS, TIFF, PNG, JPEG) to FILE in strips");
+  app.set_version_flag("--version", srfs::version());
   app.footer(
-      "Exit code 0: whole; 1: a file cannot be read or written; 2: unknown option; 3: strips are missing, "
+      "Exit code 0: complete; 1: a file cannot be read or written; 2: unknown option; 3: strips are missing, "
       "the rest is written.");
   try {
     app.parse(argc, argv);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/added_node_commands.hpp"
 
 #include <iostream>
@@ -63,7 +65,7 @@ Result<void, std::string> store_program(const ros::VarPaths& var, const std::str
   return ros::change_versions(var, node, [&](update::VersionStore& store) -> Result<void, std::string> {
     const auto number = store.add(program, program.string(), system_utc_now());
     if (!number) return Err(number.error());
-    if (const auto used = store.use(*number, probation, "it is added anew"); !used) return used;
+    if (const auto used = store.use(*number, probation, "it is added again"); !used) return used;
     return probation > seconds(0) ? Result<void, std::string>() : store.commit(*number);
   });
 }
@@ -75,7 +77,7 @@ int add_node(const Target& target, const std::filesystem::path& folder, const st
   const auto node = read_package(folder);
   if (!node) return fail(CommandExit::usage, node.error(), json);
   if (target.deployment.find(node->name) != nullptr)
-    return fail(CommandExit::refused, fmt::format("the suite has a node '{}' already", node->name), json);
+    return fail(CommandExit::refused, fmt::format("the suite already has a node '{}'", node->name), json);
   std::error_code ec;
   const bool had_versions = std::filesystem::exists(ros::versions_folder(target.var, node->name), ec);
   const auto stored = store_program(target.var, node->name, program, probation);
@@ -97,12 +99,12 @@ int add_node(const Target& target, const std::filesystem::path& folder, const st
   }
   if (!problem.empty())
     return fail(CommandExit::refused,
-                fmt::format("{} belongs to the suite and does not start: {}", node->name, problem), json);
+                fmt::format("{} was added to the suite, but does not start: {}", node->name, problem), json);
   if (json) {
     std::cout << Json{{"ok", true}, {"node", node->name}, {"pid", pid ? Json(*pid) : Json(nullptr)}}.dump()
               << "\n";
   } else {
-    fmt::print("{} belongs to the suite{}\n", node->name, pid ? fmt::format(", pid {}", *pid) : "");
+    fmt::print("{} was added to the suite{}\n", node->name, pid ? fmt::format(", pid {}", *pid) : "");
   }
   return static_cast<int>(CommandExit::done);
 }
@@ -113,7 +115,7 @@ int remove_node(const Target& target, const std::string& node, bool json) {
   if (json) {
     std::cout << Json{{"ok", true}, {"node", node}}.dump() << "\n";
   } else {
-    fmt::print("{} is removed\n", node);
+    fmt::print("{} was removed from the suite\n", node);
   }
   return static_cast<int>(CommandExit::done);
 }
@@ -131,7 +133,7 @@ int list_added_nodes(const Target& target, bool json) {
          {"dictionary_octets", node.dictionary.size()}});
     if (json) continue;
     fmt::print("{}: checked by {}, {}, dictionary fragment of {} octets\n", node.name,
-               node.ring_after.empty() ? "the last one" : node.ring_after,
+               node.ring_after.empty() ? "the last node" : node.ring_after,
                description.slot ? fmt::format("CAN slot of {} ms (flag {})",
                                               description.slot->allotted.count(), *node.flag)
                                 : "no CAN slot",

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <memory>
@@ -18,7 +20,7 @@ struct Bus {
   ros::Executor executor;
   std::unique_ptr<ros::Participant> participant;
 
-  /// Throws std::runtime_error when there is no participant to be had.
+  /// Throws std::runtime_error when no participant can be created.
   Bus(const ros::Deployment& deployment, int domain) {
     auto made = ros::Participant::create(participant_options(deployment, domain, executor));
     if (!made) throw std::runtime_error(made.error());

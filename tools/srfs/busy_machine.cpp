@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/busy_machine.hpp"
 
 #include <algorithm>
@@ -37,7 +39,10 @@ std::vector<std::string> advice_on(const MachineLoad& load) {
   const std::string cpus = load.cpus == 1 ? "one CPU" : fmt::format("{} CPUs", load.cpus);
   double used = 0;
   for (const CpuUser& user : load.users) used += user.cpus;
-  const bool busy = load.load_average.value_or(0) > load.cpus || used > 0.8 * load.cpus;
+  // The pressure also of a machine whose CPUs are not all for these programs: a container's quota, pinned
+  // CPUs.
+  const bool busy = load.load_average.value_or(0) > load.cpus || used > 0.8 * load.cpus ||
+                    load.pressure.value_or(0) >= busy_cpu_pressure;
   std::string state = busy ? "the machine is busy" : "the machine is not busy";
   if (load.load_average) state += fmt::format(": load average {:.1f} on {}", *load.load_average, cpus);
   if (load.pressure)

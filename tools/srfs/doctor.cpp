@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/doctor.hpp"
 
 #include <algorithm>
@@ -54,7 +56,7 @@ void print(const ros::Deployment& deployment, const std::vector<Finding>& findin
   const bool commands =
       std::any_of(findings.begin(), findings.end(), [](const Finding& f) { return !f.command.empty(); });
   fmt::print("{} for '{}': {}{}\n", count(findings, Verdict::fail) == 0 ? "Ready" : "NOT ready",
-             deployment.name, counts, commands ? "; what stands behind -> is a command for root" : "");
+             deployment.name, counts, commands ? "; after ->: a command to run as root" : "");
 }
 
 }  // namespace
@@ -116,10 +118,10 @@ std::vector<Finding> examine(const Machine& machine, const ros::Deployment& depl
   Examination x{machine, deployment, var, prefix, now, {}};
   if (const auto account = caller(machine)) {
     x.starter = *account;
-    x.note("user", fmt::format("{} is taken for who starts the suite", account->name));
+    x.note("user", fmt::format("assumed: {} starts the suite", account->name));
   } else {
     x.starter = {"nobody", 65534, {65534}, 0};
-    x.unknown("user", "/proc/self/status does not tell; taken for nobody");
+    x.unknown("user", "not shown in /proc/self/status; assumed: user nobody");
   }
   examine_kernel(x);
   examine_waiting(x);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -14,31 +16,31 @@
 namespace srfs::tool {
 
 enum class Verdict : std::uint8_t {
-  ok,       ///< looked at, and as it has to be
+  ok,       ///< checked, and as required
   note,     ///< good to know
-  unknown,  ///< cannot be told from here
+  unknown,  ///< cannot be checked from here
   warn,     ///< works, worse than it could
-  fail,     ///< what the deployment asks for is not to be had
+  fail,     ///< a requirement of the deployment is not met
 };
 [[nodiscard]] std::string_view to_text(Verdict verdict);
 
 /// One line of `srfs doctor`.
 struct Finding {
   Verdict verdict;
-  std::string check;  ///< what was looked at, a name for tools: "sysctl.net.core.rmem_max"
+  std::string check;  ///< what was checked, a name for tools: "sysctl.net.core.rmem_max"
   std::string found;
   std::string expected;  ///< empty: nothing in particular
-  std::string command;   ///< for root: changes it, or tells more; empty: there is none
+  std::string command;   ///< for root: fixes it, or shows more; empty: none
 };
 
-/// What is asked, and what has been found so far.
+/// What is examined, and the findings so far.
 struct Examination {
   const Machine& machine;
   const ros::Deployment& deployment;
   std::filesystem::path var;     ///< absolute
   std::filesystem::path prefix;  ///< installation whose programs the suite runs
   UtcTime now;
-  Account starter;  ///< who runs this: taken for who starts the suite
+  Account starter;  ///< the caller, assumed to start the suite as well
   std::vector<Finding> findings = {};
 
   void ok(std::string check, std::string found);
@@ -46,14 +48,14 @@ struct Examination {
   void unknown(std::string check, std::string why, std::string expected = "");
   void add(Verdict verdict, std::string check, std::string found, std::string expected, std::string command);
 
-  /// It drives hardware: a device is none of the simulation's.
+  /// It drives hardware: at least one device is not simulated.
   [[nodiscard]] bool flies() const;
   /// A node runs under SCHED_FIFO.
   [[nodiscard]] bool is_real_time() const;
-  /// For what costs a simulation nothing.
+  /// For what matters on flight hardware but not in a simulation.
   [[nodiscard]] Verdict when_flying(Verdict verdict) const { return flies() ? verdict : Verdict::note; }
   [[nodiscard]] const ros::NodeEntry* running(std::string_view executable) const;
-  /// Whom a node's process will belong to; nullopt: there is no such user, which is a finding of its own.
+  /// The account that will own a node's process; nullopt: there is no such user, which is a separate finding.
   [[nodiscard]] std::optional<Account> account(const ros::NodeEntry& node) const;
 };
 
@@ -72,7 +74,7 @@ void examine_clock(Examination& x);
 void examine_lane(Examination& x);
 void examine_keys(Examination& x);
 
-/// All of them. Blocks as reading some hundred files does.
+/// Runs all checks. Blocks for as long as reading some hundred files takes.
 [[nodiscard]] std::vector<Finding> examine(const Machine& machine, const ros::Deployment& deployment,
                                            const std::filesystem::path& var,
                                            const std::filesystem::path& prefix, UtcTime now);

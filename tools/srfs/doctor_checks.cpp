@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Kernel, processors, limits, users, memory, disk, network, clock.
 
 #include <algorithm>
@@ -7,6 +9,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/cpu_wait.hpp"
@@ -53,7 +56,7 @@ struct LimitNeed {
   const char* item;  ///< in limits.conf
   std::uint64_t value;
   std::string value_text;  ///< in limits.conf
-  std::string asked_by;    ///< empty: by nobody
+  std::string asked_by;    ///< empty: by no node
   bool privileged;         ///< a capability makes up for it
   const char* capability;
 };
@@ -66,14 +69,14 @@ void examine_limit(Examination& x, const LimitNeed& need) {
   if (need.asked_by.empty()) return x.ok(need.check, fmt::format("{}; no node asks for more", found));
   if (need.privileged)
     return x.ok(need.check,
-                fmt::format("user {} may, whatever the limit; asked by {}", x.starter.name, need.asked_by));
-  if (!limit) return x.unknown(need.check, "/proc/self/limits does not tell", need.value_text);
-  if (*limit >= need.value) return x.ok(need.check, fmt::format("{}; asked by {}", found, need.asked_by));
-  const bool root = x.starter.user == 0;  // whom no login gives limits: a container
+                fmt::format("user {} may exceed any limit; needed by {}", x.starter.name, need.asked_by));
+  if (!limit) return x.unknown(need.check, "not shown in /proc/self/limits", need.value_text);
+  if (*limit >= need.value) return x.ok(need.check, fmt::format("{}; needed by {}", found, need.asked_by));
+  const bool root = x.starter.user == 0;  // it gets no limits from a login: a container
   x.add(Verdict::fail, need.check, fmt::format("{} of user {}", found, x.starter.name),
-        fmt::format("{}, asked by {}{}", need.value_text, need.asked_by,
-                    root ? fmt::format(", or {} (of a container: --cap-add)", need.capability)
-                         : ", with the next login"),
+        fmt::format("{}, needed by {}{}", need.value_text, need.asked_by,
+                    root ? fmt::format(", or {} (in a container: --cap-add)", need.capability)
+                         : ", from the next login on"),
         root ? "" : ros::limit_command(x.starter.name, need.item, need.value_text));
 }
 
@@ -89,29 +92,29 @@ struct SysctlNeed {
 void examine_sysctl(Examination& x, const SysctlNeed& need, const std::function<bool(std::int64_t)>& good) {
   const std::string check = std::string("sysctl.") + need.name;
   const auto value = x.machine.number(sysctl_file(need.name));
-  if (!value) return x.unknown(check, "this kernel does not tell", need.expected);
+  if (!value) return x.unknown(check, "not reported by this kernel", need.expected);
   if (good(*value)) return x.ok(check, std::to_string(*value));
   x.add(need.verdict, check, std::to_string(*value), need.expected, sysctl_command(need.name, need.value));
 }
 
 void examine_swap(Examination& x) {
   if (x.machine.lines("/proc/swaps").size() > 1) {
-    examine_sysctl(x, {"vm.swappiness", 1, "10 at most where there is swap", x.when_flying(Verdict::warn)},
+    examine_sysctl(x, {"vm.swappiness", 1, "at most 10 with swap", x.when_flying(Verdict::warn)},
                    [](std::int64_t value) { return value <= 10; });
   } else if (x.machine.exists("/proc/swaps")) {
     x.ok("sysctl.vm.swappiness", "no swap");
   } else {
-    x.unknown("sysctl.vm.swappiness", "/proc/swaps does not tell whether there is swap");
+    x.unknown("sysctl.vm.swappiness", "/proc/swaps cannot be read");
   }
 }
 
 void examine_core_pattern(Examination& x) {
   const auto pattern = x.machine.text("/proc/sys/kernel/core_pattern");
-  if (!pattern) return x.unknown("sysctl.kernel.core_pattern", "this kernel does not tell");
+  if (!pattern) return x.unknown("sysctl.kernel.core_pattern", "not reported by this kernel");
   if (!pattern->starts_with("|"))
     return x.ok("sysctl.kernel.core_pattern", pattern->empty() ? "none" : *pattern);
   x.add(x.when_flying(Verdict::warn), "sysctl.kernel.core_pattern", *pattern,
-        "no program: a node that dies waits for it, whatever its limit of core files",
+        "no program: a dying node waits for it, whatever its limit of core files",
         "sysctl -w kernel.core_pattern=core | tee -a /etc/sysctl.d/60-srfs.conf");
 }
 
@@ -141,11 +144,48 @@ std::optional<Mount> mount_of(const Machine& machine, const fs::path& path) {
   return best;
 }
 
+/// A folder below /tmp or /dev/shm that the suite uses only if it is its own (base/private_file.hpp). @return
+/// false: it would not be used
+bool examine_private_folder(Examination& x, const std::string& check, const fs::path& folder,
+                            const std::string& effect) {
+  const auto file = x.machine.look(folder);
+  std::error_code ec;
+  const bool linked = fs::is_symlink(fs::symlink_status(x.machine.at(folder), ec));
+  if (!linked && !file) return true;  // not there
+  const auto of_var = x.machine.look(x.var);
+  std::string what;
+  if (linked) {
+    what = "is a symbolic link";
+  } else if (file->owner != x.starter.user &&
+             !(x.starter.user == 0 && of_var && file->owner == of_var->owner)) {
+    what = "belongs to user " + name_of_user(x.machine, file->owner);
+  } else if (!S_ISDIR(file->mode)) {
+    what = "is not a folder";
+  } else if ((file->mode & (S_IWGRP | S_IWOTH)) != 0) {
+    what = "others may write to it";
+  } else {
+    return true;
+  }
+  x.add(Verdict::fail, check, fmt::format("{}: {}", folder.string(), what),
+        fmt::format("a folder of user {} only: {}", x.starter.name, effect), "rm -r " + folder.string());
+  return false;
+}
+
+/// Where the suite holds its DDS domain.
+void examine_domain_locks(Examination& x) {
+  const fs::path folder = fmt::format("/tmp/srfs_domains_{}", x.starter.user);
+  if (!x.machine.names("/tmp")) return x.unknown("network.domains", "/tmp cannot be read");
+  if (examine_private_folder(x, "network.domains", folder, "otherwise the suite does not start"))
+    x.ok("network.domains", folder.string() + ": of this user only");
+}
+
 /// What suites leave below /dev/shm: the folder of a suite that runs is mapped by its nodes.
 void examine_leftovers(Examination& x) {
   const fs::path own = ros::VarPaths{x.var}.memory();
   const auto names = x.machine.names("/dev/shm");
   if (!names) return x.unknown("memory.suites", "/dev/shm cannot be read");
+  (void)examine_private_folder(x, "memory.suites", own,
+                               "otherwise nodes run without heartbeat pages and histories");
   std::vector<std::string> maps;
   std::size_t suites = 0;
   const auto mapped = x.machine.processes("maps", [&](const std::string& text) {
@@ -163,9 +203,9 @@ void examine_leftovers(Examination& x) {
     if (used) {
       x.note("memory.suites", folder + (own == folder ? ": this suite runs" : ": another suite runs"));
     } else if (!mapped.complete) {
-      x.unknown("memory.suites", folder + ": may be in use, not all processes can be seen");
+      x.unknown("memory.suites", folder + ": may be in use, not all processes are visible");
     } else if (own == folder) {
-      x.note("memory.suites", folder + ": this suite was killed", "nothing, or that srfs up takes it over",
+      x.note("memory.suites", folder + ": this suite was killed", "nothing; srfs up takes it over",
              fmt::format("srfs down --deployment {} --var {}", x.deployment.file.string(), x.var.string()));
     } else {
       x.add(Verdict::warn, "memory.suites", folder + ": left by another suite that was killed", "nothing",
@@ -180,16 +220,16 @@ void examine_leftovers(Examination& x) {
 void examine_file_system(Examination& x, const fs::path& folder) {
   const auto mount = mount_of(x.machine, folder);
   if (!mount) {
-    x.unknown("disk.kind", "/proc/mounts does not tell");
+    x.unknown("disk.kind", "not shown in /proc/mounts");
   } else if (mount->read_only) {
-    x.add(Verdict::fail, "disk.kind", mount->point + " is read-only", "a file system that can be written",
+    x.add(Verdict::fail, "disk.kind", mount->point + " is read-only", "a writable file system",
           "mount -o remount,rw " + mount->point);
   } else if (mount->type == "vfat" || mount->type == "exfat" || mount->type.starts_with("ntfs")) {
     x.add(Verdict::fail, "disk.kind", mount->type, "a journalling file system with owners and modes (ext4)",
           "");
   } else if (mount->type == "tmpfs" || mount->type == "ramfs" || mount->type == "overlay") {
     x.add(x.when_flying(Verdict::warn), "disk.kind", fmt::format("{} on {}", mount->type, mount->point),
-          "one that outlives a loss of power (ext4)", "");
+          "one that survives a power loss (ext4)", "");
   } else {
     x.ok("disk.kind", fmt::format("{} on {}", mount->type, mount->point));
   }
@@ -199,7 +239,7 @@ void examine_room(Examination& x, const fs::path& folder) {
   const auto room = x.machine.room(folder);
   const std::string expected = mib_text(good_disk) + " free for VAR";
   if (!room) {
-    x.unknown("disk.room", folder.string() + " does not tell", expected);
+    x.unknown("disk.room", folder.string() + ": free space unknown", expected);
   } else if (room->free_octets >= good_disk) {
     x.ok("disk.room", fmt::format("{} free in {}", mib_text(room->free_octets), folder.string()));
   } else {
@@ -212,7 +252,7 @@ void examine_room(Examination& x, const fs::path& folder) {
 /// Of what is there already of VAR.
 void examine_access(Examination& x, const fs::path& folder) {
   const auto file = x.machine.look(folder);
-  if (!file) return x.unknown("disk.access", folder.string() + " cannot be looked at");
+  if (!file) return x.unknown("disk.access", folder.string() + " cannot be examined");
   std::set<std::string> refused;
   for (const NodeEntry& node : x.deployment.nodes) {
     const auto account = x.account(node);
@@ -222,11 +262,10 @@ void examine_access(Examination& x, const fs::path& folder) {
                                         name_of_user(x.machine, file->owner), file->mode & 07777U);
   if (!refused.empty()) {
     x.add(Verdict::fail, "disk.access", owner,
-          fmt::format("that user {} may write there", fmt::join(refused, ", ")),
+          fmt::format("write access for user {}", fmt::join(refused, ", ")),
           fmt::format("install -d -o {} -m 0755 {}", *refused.begin(), x.var.string()));
   } else if (folder == x.var && (file->mode & 002U) != 0) {
-    x.add(Verdict::warn, "disk.access", owner, "that nobody else may write there",
-          "chmod o-w " + folder.string());
+    x.add(Verdict::warn, "disk.access", owner, "no write access for others", "chmod o-w " + folder.string());
   } else {
     x.ok("disk.access", owner);
   }
@@ -272,7 +311,8 @@ void examine_cpu_sets(Examination& x, const std::set<int>& online) {
 
 void examine_waiting(Examination& x) {
   const auto own = x.machine.text("/proc/self/schedstat");
-  if (own && parse_schedstat(*own)) {
+  const auto reading = own ? parse_schedstat(*own) : std::nullopt;
+  if (reading && is_counted(*reading)) {
     x.ok("kernel.schedstat", "tells how long each thread waits for a CPU");
   } else {
     x.add(Verdict::warn, "kernel.schedstat",
@@ -298,9 +338,9 @@ void examine_kernel(Examination& x) {
   int minor = 0;
   char dot = 0;
   std::istringstream in(release.value_or(""));
-  const std::string expected = "5.13 or newer (Debian 12: 6.1); 5.3 at least";
+  const std::string expected = "5.13 or newer (Debian 12: 6.1); at least 5.3";
   if (!(in >> major >> dot >> minor)) {
-    x.unknown("kernel.release", "it does not tell", expected);
+    x.unknown("kernel.release", "not reported", expected);
   } else if (std::pair(major, minor) >= std::pair(5, 13)) {
     x.ok("kernel.release", *release);
   } else {
@@ -312,7 +352,7 @@ void examine_kernel(Examination& x) {
   const bool told = version && (version->find("PREEMPT_RT") != std::string::npos ||
                                 version->find("PREEMPT RT") != std::string::npos);
   if (told || x.machine.text("/sys/kernel/realtime") == "1") return x.ok("kernel.preemption", "PREEMPT_RT");
-  if (!version) return x.unknown("kernel.preemption", "/proc/version does not tell");
+  if (!version) return x.unknown("kernel.preemption", "not shown in /proc/version");
   const std::string kind = version->find("PREEMPT_DYNAMIC") != std::string::npos ? "PREEMPT_DYNAMIC"
                            : version->find("PREEMPT") != std::string::npos       ? "PREEMPT"
                                                                                  : "no preemption";
@@ -325,8 +365,8 @@ void examine_processors(Examination& x) {
   const fs::path folder = "/sys/devices/system/cpu";
   const auto online = parse_cpus(x.machine.text(folder / "online").value_or(""));
   if (!online) {
-    x.unknown("cpu.sets", "/sys does not tell which CPUs are online");
-    return x.unknown("cpu.governor", "/sys does not tell which CPUs are online", "performance");
+    x.unknown("cpu.sets", "/sys does not show which CPUs are online");
+    return x.unknown("cpu.governor", "/sys does not show which CPUs are online", "performance");
   }
   examine_cpu_sets(x, *online);
 
@@ -345,7 +385,7 @@ void examine_processors(Examination& x) {
     if (limit && possible && *limit < *possible)
       slowed.push_back(fmt::format("cpu{}: {} of {} kHz", cpu, *limit, *possible));
   }
-  const std::string untold = "no cpufreq of every CPU here: firmware or host decide";
+  const std::string untold = "no cpufreq for some CPUs: firmware or host decides";
   if (!others.empty()) {
     x.add(x.when_flying(Verdict::warn), "cpu.governor", fmt::format("{}", fmt::join(others, ", ")),
           "performance", "echo performance | tee /sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor");
@@ -356,11 +396,11 @@ void examine_processors(Examination& x) {
   }
   if (!slowed.empty()) {
     x.add(x.when_flying(Verdict::warn), "cpu.frequency", fmt::format("{}", fmt::join(slowed, ", ")),
-          "the highest of the hardware",
+          "the hardware's maximum",
           "for f in /sys/devices/system/cpu/cpu[0-9]*/cpufreq; do cat $f/cpuinfo_max_freq > "
           "$f/scaling_max_freq; done");
   } else if (frequencies < online->size()) {
-    x.unknown("cpu.frequency", untold, "the highest of the hardware");
+    x.unknown("cpu.frequency", untold, "the hardware's maximum");
   } else {
     x.ok("cpu.frequency", "not limited");
   }
@@ -400,9 +440,10 @@ void examine_limits(Examination& x) {
   examine_limit(x, {"limit.nofile", "Max open files", "nofile", open_files, std::to_string(open_files),
                     "all nodes", raises, "CAP_SYS_RESOURCE"});
   if (by_score.empty()) return;
-  if (raises) return x.ok("limit.oom_score_adj", "user " + x.starter.name + " may, by CAP_SYS_RESOURCE");
+  if (raises)
+    return x.ok("limit.oom_score_adj", "user " + x.starter.name + " may lower it, by CAP_SYS_RESOURCE");
   x.add(Verdict::fail, "limit.oom_score_adj", "user " + x.starter.name + " may not lower it",
-        "CAP_SYS_RESOURCE, asked by " + by_score, "");
+        "CAP_SYS_RESOURCE, needed by " + by_score, "");
 }
 
 void examine_users(Examination& x) {
@@ -416,13 +457,13 @@ void examine_users(Examination& x) {
     if (node.user.empty() || !looked_at.insert(node.user).second) continue;
     const std::string check = "user." + node.user;
     if (!account) {
-      x.add(Verdict::fail, check, "there is no such user", "the user of " + node.name,
+      x.add(Verdict::fail, check, "no such user", "the user of " + node.name,
             "useradd --system --no-create-home --shell /usr/sbin/nologin " + node.user);
     } else if (account->user == x.starter.user || may_change) {
       x.ok(check, fmt::format("uid {}, of {}", account->user, node.name));
     } else {
-      x.add(Verdict::fail, check, fmt::format("user {} cannot start a node as another one", x.starter.name),
-            "root, asked by " + node.name,
+      x.add(Verdict::fail, check, fmt::format("user {} cannot start a node as another user", x.starter.name),
+            "root, needed by " + node.name,
             fmt::format("srfs up --deployment {}", x.deployment.file.string()));
     }
   }
@@ -441,29 +482,28 @@ void examine_users(Examination& x) {
 void examine_sysctls(Examination& x) {
   const auto enough = [](std::int64_t value) { return value >= socket_buffer_octets; };
   const Verdict required = x.flies() ? Verdict::fail : Verdict::warn;
-  examine_sysctl(
-      x,
-      {"net.core.rmem_max", socket_buffer_octets, "at least 4 MiB: images take 30 times as long", required},
-      enough);
   examine_sysctl(x,
-                 {"net.core.wmem_max", socket_buffer_octets, "at least 4 MiB, as much as is asked for",
+                 {"net.core.rmem_max", socket_buffer_octets,
+                  "at least 4 MiB; otherwise images take 30 times as long", required},
+                 enough);
+  examine_sysctl(x,
+                 {"net.core.wmem_max", socket_buffer_octets, "at least 4 MiB, as the suite requests",
                   x.when_flying(Verdict::warn)},
                  enough);
   if (x.is_real_time()) {
     const char* const name = "kernel.sched_rt_runtime_us";
     const auto runtime = x.machine.number(sysctl_file(name));
     if (runtime && *runtime < 0) {
-      x.note(std::string("sysctl.") + name,
-             "-1: only RLIMIT_RTTIME (0.5 s) ends a real-time thread that runs "
-             "away",
+      x.note(std::string("sysctl.") + name, "-1: only RLIMIT_RTTIME (0.5 s) ends a runaway real-time thread",
              "950000", sysctl_command(name, 950'000));
     } else {
-      examine_sysctl(x, {name, 950'000, "950000 of 1000000, or real-time threads are held up", Verdict::warn},
-                     [](std::int64_t value) { return value >= 950'000; });
+      examine_sysctl(
+          x, {name, 950'000, "950000 of 1000000; otherwise real-time threads are held up", Verdict::warn},
+          [](std::int64_t value) { return value >= 950'000; });
     }
   }
   examine_sysctl(
-      x, {"vm.overcommit_memory", 0, "0 or 1: reserved stacks count as used otherwise", Verdict::warn},
+      x, {"vm.overcommit_memory", 0, "0 or 1; otherwise reserved stacks count as used", Verdict::warn},
       [](std::int64_t value) { return value != 2; });
   examine_swap(x);
   examine_core_pattern(x);
@@ -477,7 +517,7 @@ void examine_memory(Examination& x) {
     x.add(Verdict::fail, "memory.shm", "/dev/shm: " + errno_text(room.error()), expected,
           "mkdir -p /dev/shm && mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm");
   } else if (!mount) {
-    x.unknown("memory.shm", "/proc/mounts does not tell what /dev/shm is", expected);
+    x.unknown("memory.shm", "/dev/shm not shown in /proc/mounts", expected);
   } else if (mount->type != "tmpfs") {
     x.add(Verdict::warn, "memory.shm", "/dev/shm is on " + mount->type, expected,
           "mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm");
@@ -499,26 +539,27 @@ void examine_disk(Examination& x) {
 }
 
 void examine_network(Examination& x) {
+  examine_domain_locks(x);
   const auto flags = x.machine.text("/sys/class/net/lo/flags");
   constexpr unsigned long up = 1;  // IFF_UP
   if (!flags) {
-    x.unknown("network.loopback", "/sys does not tell", "up");
+    x.unknown("network.loopback", "not shown in /sys", "up");
   } else if ((std::strtoul(flags->c_str(), nullptr, 16) & up) != 0) {
     x.ok("network.loopback", "up");
   } else {
-    x.add(Verdict::fail, "network.loopback", "down", "up: all messages go over it", "ip link set lo up");
+    x.add(Verdict::fail, "network.loopback", "down", "up: it carries all messages", "ip link set lo up");
   }
   for (const std::string& address : x.deployment.interfaces) {
     if (!address.starts_with("127."))
-      x.note("network.interfaces", address + " is no loopback: others can send to the suite",
-             "127.0.0.1 alone");
+      x.note("network.interfaces", address + " is not a loopback address: other hosts can send to the suite",
+             "127.0.0.1 only");
   }
 }
 
 void examine_clock(Examination& x) {
   const NodeEntry* timing = x.running("timing_node");
   const bool system = timing != nullptr && timing->parameters.text("clock", "mission") == "system";
-  // Who slews the system clock slews the monotonic one, too, by which the pulse is timed.
+  // Slewing the system clock also slews the monotonic one, by which the pulse is timed.
   const Verdict verdict = system                        ? Verdict::fail
                           : is_real_pulse(x.deployment) ? Verdict::warn
                                                         : Verdict::note;
@@ -531,21 +572,21 @@ void examine_clock(Examination& x) {
     if (processes.found.empty()) continue;
     found = true;
     x.add(verdict, "clock.discipline", fmt::format("{} runs (pid {})", one.unit, processes.found.front()),
-          system ? "that timing alone sets the system clock" : "that nobody slews the clock under the pulse",
+          system ? "only timing sets the system clock" : "nothing slews the clock that times the pulse",
           fmt::format("systemctl disable --now {}", one.unit));
   }
-  if (!found && complete) x.ok("clock.discipline", "nobody else sets the clock");
-  if (!found && !complete) x.unknown("clock.discipline", "not all processes can be seen");
+  if (!found && complete) x.ok("clock.discipline", "nothing else sets the clock");
+  if (!found && !complete) x.unknown("clock.discipline", "not all processes are visible");
 
   if (const auto source =
           x.machine.text("/sys/devices/system/clocksource/clocksource0/current_clocksource")) {
     if (source->find("jiffies") != std::string::npos) {
-      x.add(Verdict::fail, "clock.source", *source, "a counter of the hardware", "");
+      x.add(Verdict::fail, "clock.source", *source, "a hardware counter", "");
     } else {
       x.ok("clock.source", *source);
     }
   } else {
-    x.unknown("clock.source", "/sys does not tell");
+    x.unknown("clock.source", "not shown in /sys");
   }
   if (!system) return;
   const auto account = x.account(*timing);

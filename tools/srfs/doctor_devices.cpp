@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The devices that the deployment names. None is opened.
 
 #include <algorithm>
@@ -19,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using ros::NodeEntry;
 
-constexpr std::uint32_t bit_rate = 500'000;  // docs/icd_can.md, section 1
+constexpr std::uint32_t bit_rate = 500'000;  // docs/reference/icd_can.md, section 1
 
 // ---------------------------------------------------------------- modules of the kernel
 
@@ -54,7 +56,7 @@ void examine_module(Examination& x, const std::string& file, Verdict without, co
     case Module::absent:
       break;
   }
-  x.add(without, check, "this kernel has none", why,
+  x.add(without, check, "not in this kernel", why,
         "apt-get install linux-image-$(dpkg --print-architecture)");
 }
 
@@ -87,7 +89,7 @@ std::vector<std::string_view> users_of(std::string_view key) {
   return {};
 }
 
-/// Whom the processes belong to that open a device, each once.
+/// The accounts of the processes that open a device, each once.
 std::vector<Account> accounts_for(const Examination& x, std::string_view key) {
   const auto executables = users_of(key);
   std::vector<Account> accounts;
@@ -127,7 +129,7 @@ bool examine_file(Examination& x, const std::string& check, std::string_view key
     return false;
   }
   if (!S_ISCHR(file->mode)) {
-    x.add(Verdict::fail, check, path.string() + " is no character device", fmt::format("a {}", kind.what),
+    x.add(Verdict::fail, check, path.string() + " is not a character device", fmt::format("a {}", kind.what),
           kind.look);
     return false;
   }
@@ -136,16 +138,17 @@ bool examine_file(Examination& x, const std::string& check, std::string_view key
     x.add(Verdict::fail, check,
           fmt::format("{} is {}:{} {:04o}", path.string(), name_of_user(x.machine, file->owner),
                       name_of_group(x.machine, file->group), file->mode & 07777U),
-          fmt::format("that user {} may use it", account.name),
+          fmt::format("access for user {}", account.name),
           access_command(x, kind, path, *file, account.name));
     return false;
   }
   const fs::path entry = fs::path(kind.class_folder) / x.machine.name_behind(path);
   // The old name /dev/watchdog is the first device's.
   if (!x.machine.exists(entry) && entry.filename() != "watchdog") {
-    x.unknown(check,
-              fmt::format("{} is there, but {} does not say what it is", path.string(), entry.string()),
-              fmt::format("a {}", kind.what));
+    x.unknown(
+        check,
+        fmt::format("{} exists, but {} does not: kind of device unknown", path.string(), entry.string()),
+        fmt::format("a {}", kind.what));
     return false;
   }
   return true;
@@ -166,22 +169,23 @@ void examine_can(Examination& x, const std::string& check, const std::string& in
                   : fmt::format("ip link set {} up type can bitrate {} restart-ms 100", interface, bit_rate);
   const std::string expected = virtual_one ? "up" : fmt::format("up, {} bit/s", bit_rate);
   if (!x.machine.exists(folder))
-    return x.add(Verdict::fail, check, "there is no interface " + interface, expected,
+    return x.add(Verdict::fail, check, "no interface " + interface, expected,
                  virtual_one
                      ? fmt::format("modprobe vcan; ip link add {} type vcan && {}", interface, bring_up)
                      : "dmesg | grep -i can");
   if (const auto type = x.machine.number(folder / "type"); type && *type != can_type)
-    return x.add(Verdict::fail, check, interface + " is no CAN interface", expected, "ip -d link show");
+    return x.add(Verdict::fail, check, interface + " is not a CAN interface", expected, "ip -d link show");
   const auto flags = x.machine.text(folder / "flags");
-  if (!flags) return x.unknown(check, fmt::format("{}: /sys does not tell its flags", interface), expected);
+  if (!flags) return x.unknown(check, fmt::format("{}: /sys does not show its flags", interface), expected);
   if ((std::strtoul(flags->c_str(), nullptr, 16) & is_up) == 0)
     return x.add(Verdict::fail, check, interface + " is down", expected, bring_up);
   if (virtual_one) return x.ok(check, interface + " is up");
   const auto link = x.machine.can_link(interface);
   if (!link)
-    return x.unknown(check, fmt::format("{} is up; its bit rate: {}", interface, errno_text(link.error())),
-                     expected);
-  if (!link->bit_rate) return x.unknown(check, interface + " is up and does not tell its bit rate", expected);
+    return x.unknown(
+        check, fmt::format("{} is up; cannot read its bit rate: {}", interface, errno_text(link.error())),
+        expected);
+  if (!link->bit_rate) return x.unknown(check, interface + " is up, but reports no bit rate", expected);
   if (*link->bit_rate != bit_rate)
     return x.add(Verdict::fail, check, fmt::format("{} runs at {} bit/s", interface, *link->bit_rate),
                  expected, fmt::format("ip link set {} down && {}", interface, bring_up));
@@ -201,14 +205,15 @@ void examine_serial(Examination& x, const std::string& check, const fs::path& pa
   });
   if (!login.found.empty())
     return x.add(Verdict::fail, check, fmt::format("a login waits on {} (pid {})", tty, login.found.front()),
-                 "nobody else", fmt::format("systemctl disable --now serial-getty@{}.service", tty));
+                 "no other user", fmt::format("systemctl disable --now serial-getty@{}.service", tty));
   const auto consoles = x.machine.text("/sys/class/tty/console/active");
   if (!consoles || !login.complete)
-    return x.unknown(check, fmt::format("{} is there; who else uses it does not show", path.string()));
+    return x.unknown(check,
+                     fmt::format("{} exists; whether it has other users is not visible", path.string()));
   if ((" " + *consoles + " ").find(" " + tty + " ") != std::string::npos)
     return x.add(Verdict::fail, check, fmt::format("{} is a console of the kernel", tty),
                  fmt::format("no console={} on the kernel's command line", tty), "");
-  x.ok(check, path.string() + ", nobody else uses it");
+  x.ok(check, path.string() + ", no other user");
 }
 
 void examine_pulse(Examination& x, const std::string& check, const fs::path& path) {
@@ -217,7 +222,7 @@ void examine_pulse(Examination& x, const std::string& check, const fs::path& pat
   double second = 0;
   unsigned long count = 0;
   if (!assert || std::sscanf(assert->c_str(), "%lf#%lu", &second, &count) != 2)
-    return x.unknown(check, path.string() + " does not tell its last pulse", "a pulse a second");
+    return x.unknown(check, path.string() + " does not show its last pulse", "one pulse per second");
   const double age_s = static_cast<double>(x.now.ns()) / 1e9 - second;
   constexpr double recent_s = 3;
   if (count > 0 && age_s > -recent_s && age_s < recent_s)
@@ -225,7 +230,7 @@ void examine_pulse(Examination& x, const std::string& check, const fs::path& pat
   x.add(Verdict::warn, check,
         count == 0 ? path.string() + ": no pulse so far"
                    : fmt::format("{}: the last pulse is {:.0f} s old", path.string(), age_s),
-        "a pulse a second", fmt::format("watch -n 1 cat {}/assert", folder.string()));
+        "one pulse per second", fmt::format("watch -n 1 cat {}/assert", folder.string()));
 }
 
 /// systemd or a daemon that has the watchdog keeps timing from it.
@@ -239,7 +244,7 @@ void examine_watchdog_users(Examination& x, const std::string& check) {
       const std::string key = "RuntimeWatchdogSec=";
       const std::string value = line.starts_with(key) ? line.substr(key.size()) : "";
       if (value.empty() || value == "0" || value == "off" || value == "infinity") continue;
-      x.add(Verdict::fail, check + ".user", fmt::format("{}: {}", file, line), "that timing alone feeds it",
+      x.add(Verdict::fail, check + ".user", fmt::format("{}: {}", file, line), "only timing feeds it",
             fmt::format(
                 "sed -i 's/^RuntimeWatchdogSec=.*/RuntimeWatchdogSec=off/' {} && systemctl daemon-reexec",
                 file));
@@ -249,7 +254,7 @@ void examine_watchdog_users(Examination& x, const std::string& check) {
     const auto running = x.machine.processes("comm", [&](const std::string& name) { return name == daemon; });
     if (running.found.empty()) continue;
     x.add(Verdict::fail, check + ".user", fmt::format("{} runs (pid {})", daemon, running.found.front()),
-          "that timing alone feeds it", fmt::format("systemctl disable --now {}", daemon));
+          "only timing feeds it", fmt::format("systemctl disable --now {}", daemon));
   }
 }
 
@@ -261,7 +266,7 @@ void examine_watchdog(Examination& x, const std::string& check, const fs::path& 
   const auto nowayout = x.machine.text(folder / "nowayout");
   if (!nowayout) {
     x.unknown(check,
-              fmt::format("{}: {}; {} does not tell nowayout", path.string(), identity, folder.string()),
+              fmt::format("{}: {}; {} does not show nowayout", path.string(), identity, folder.string()),
               "nowayout");
   } else if (*nowayout == "0") {
     x.add(Verdict::warn, check,
@@ -277,7 +282,7 @@ void examine_watchdog(Examination& x, const std::string& check, const fs::path& 
       timing != nullptr ? timing->parameters.integer("watchdog_timeout_s", 1, 3600, usual_timeout_s) : 0;
   if (timing == nullptr) return;
   if (!longest)
-    return x.unknown(check + ".timeout", folder.string() + " does not tell the longest",
+    return x.unknown(check + ".timeout", folder.string() + " does not show the longest time-out",
                      fmt::format("{} s, timing's watchdog_timeout_s", wanted));
   if (*longest == 0) return x.ok(check + ".timeout", fmt::format("{} s, the driver has no limit", wanted));
   if (*longest >= wanted)
@@ -289,7 +294,7 @@ void examine_watchdog(Examination& x, const std::string& check, const fs::path& 
 void examine_folder(Examination& x, const std::string& check, const fs::path& path) {
   const auto file = x.machine.look(path);
   if (file && S_ISDIR(file->mode)) return x.ok(check, path.string());
-  x.add(Verdict::fail, check, fmt::format("there is no folder {}", path.string()), "a folder of frames",
+  x.add(Verdict::fail, check, fmt::format("no folder {}", path.string()), "a folder with frames",
         fmt::format("mkdir -p {}", path.string()));
 }
 
@@ -298,13 +303,13 @@ void examine_device(Examination& x, const std::string& key, const std::string& u
   const auto parsed =
       hw::parse_device_uri(uri, {"socketcan", "serial", "pps", "gpiochip", "dev", "v4l2", "dir", "sim"});
   if (!parsed)
-    return x.add(Verdict::fail, check, parsed.error().message, "a URI as lib/hw/open.hpp has it", "");
+    return x.add(Verdict::fail, check, parsed.error().message, "a device URI (lib/hw/open.hpp)", "");
   if (parsed->scheme == "socketcan") return examine_can(x, check, parsed->rest);
   const fs::path path = hw::below_var(parsed->rest, x.var);
   if (parsed->scheme == "dir") return examine_folder(x, check, path);
   if (parsed->scheme == "sim" || fs::path(parsed->rest).is_relative())
     return x.note(check, fmt::format("{}: simulated, {}", uri,
-                                     x.machine.exists(path) ? "and there" : "there while hw_sim runs"));
+                                     x.machine.exists(path) ? "exists" : "exists while hw_sim runs"));
   const auto* const kind =
       std::find_if(kinds.begin(), kinds.end(), [&](const Kind& k) { return k.scheme == parsed->scheme; });
   if (kind == kinds.end() || !examine_file(x, check, key, *kind, path)) return;
@@ -335,8 +340,7 @@ void examine_devices(Examination& x) {
     if (running.found.empty()) continue;
     x.add(Verdict::fail, std::string("device.intruder"),
           fmt::format("{} runs (pid {})", one.process, running.found.front()),
-          fmt::format("that it does not: it {}", one.why),
-          fmt::format("systemctl disable --now {}", one.units));
+          fmt::format("not running: it {}", one.why), fmt::format("systemctl disable --now {}", one.units));
   }
 }
 

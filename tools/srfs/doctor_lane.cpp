@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // What the build lane needs (tools/lane, lib/update/sandbox), and the keys.
 
 #include <algorithm>
@@ -9,6 +11,7 @@
 #include <unistd.h>
 
 #include "base/fd.hpp"
+#include "base/known_key.hpp"
 #include "tools/srfs/doctor.hpp"
 #include "update/build_lane.hpp"
 #include "update/package_keys.hpp"
@@ -45,14 +48,14 @@ void examine_tools(Examination& x) {
   if (missing.empty()) {
     x.ok("lane.tools", "compiler, linker, headers");
   } else {
-    x.add(Verdict::fail, "lane.tools", "missing: " + missing, "what compiles a node on board",
+    x.add(Verdict::fail, "lane.tools", "missing: " + missing, "tools that compile a node on board",
           "apt-get install --no-install-recommends" + packages);
   }
   const fs::path settings = x.prefix / "share/srfs/node_build.json";
   const auto text = x.machine.text(settings);
   const auto build = text ? update::decode_node_build(*text, x.prefix)
                           : Result<update::NodeBuild, std::string>(Err(std::string("cannot be read")));
-  const std::string expected = "an installation, or a build tree, with all that nodes include";
+  const std::string expected = "an installation or a build tree with all headers of nodes";
   if (!build)
     return x.add(Verdict::fail, "lane.installation", fmt::format("{}: {}", settings.string(), build.error()),
                  expected, "");
@@ -68,9 +71,9 @@ void examine_tools(Examination& x) {
 
 void examine_lane_user(Examination& x, const Account& owner) {
   const uid_t uid = update::Confinement().user;
-  const std::string expected = fmt::format("a user of its own, uid {}: maintenance runs as root", uid);
+  const std::string expected = fmt::format("its own user, uid {}: maintenance runs as root", uid);
   if (owner.user != 0)
-    return x.add(Verdict::warn, "lane.user", fmt::format("what is compiled runs as user {}", owner.name),
+    return x.add(Verdict::warn, "lane.user", fmt::format("compiled code runs as user {}", owner.name),
                  expected, "");
   if (!owner.has(Capability::setuid) || !owner.has(Capability::setgid))
     return x.add(Verdict::fail, "lane.user", "root without the right to change the user",
@@ -78,12 +81,12 @@ void examine_lane_user(Examination& x, const Account& owner) {
   const std::string name = name_of_user(x.machine, uid);
   if (name != std::to_string(uid))
     return x.add(Verdict::warn, "lane.user", fmt::format("uid {} belongs to {}", uid, name),
-                 "that it is nobody's", fmt::format("usermod -u 64043 {}", name));
-  x.ok("lane.user", fmt::format("uid {}, nobody else's", uid));
+                 "no user with this uid", fmt::format("usermod -u 64043 {}", name));
+  x.ok("lane.user", fmt::format("uid {}, no other user", uid));
 }
 
 void examine_namespaces(Examination& x, const Account& owner) {
-  const std::string weaker = "namespaces; else Landlock and limits alone hold what is compiled";
+  const std::string weaker = "namespaces; otherwise only Landlock and limits confine compiled code";
   const auto all = x.machine.names("/proc/self/ns");
   if (!all) return x.unknown("lane.namespaces", "/proc/self/ns cannot be read", weaker);
   for (const char* name : {"mnt", "pid", "net", "ipc", "uts"}) {
@@ -106,14 +109,14 @@ void examine_namespaces(Examination& x, const Account& owner) {
                    fmt::format("sysctl -w kernel.{}={} | tee -a /etc/sysctl.d/60-srfs.conf", name, good));
   }
   if (!x.machine.exists("/proc/sys/user/max_user_namespaces"))
-    return x.unknown("lane.namespaces", "this kernel does not tell of user namespaces", weaker);
+    return x.unknown("lane.namespaces", "user namespaces not reported by this kernel", weaker);
   x.ok("lane.namespaces", "user namespaces");
 }
 
 void examine_control_groups(Examination& x, const Account& owner) {
   const fs::path groups = "/sys/fs/cgroup";
   const std::string check = "lane.cgroup";
-  const std::string expected = "control groups for memory and processes; else limits of each process alone";
+  const std::string expected = "control groups for memory and processes; otherwise only limits per process";
   const bool version_2 = x.machine.exists(groups / "cgroup.controllers");
   if (!version_2 && !(x.machine.exists(groups / "memory") && x.machine.exists(groups / "pids")))
     return x.add(Verdict::warn, check, "no control groups in /sys/fs/cgroup", expected,
@@ -124,7 +127,8 @@ void examine_control_groups(Examination& x, const Account& owner) {
                    "mount -o remount,rw /sys/fs/cgroup");
   }
   if (owner.user != 0)
-    return x.add(Verdict::warn, check, fmt::format("user {} may not make any", owner.name), expected, "");
+    return x.add(Verdict::warn, check, fmt::format("user {} may not create control groups", owner.name),
+                 expected, "");
   if (!version_2) return x.ok(check, "version 1: memory, pids");
   const std::string enabled = " " + x.machine.text(groups / "cgroup.subtree_control").value_or("") + " ";
   for (const char* controller : {" memory ", " pids "}) {
@@ -139,13 +143,13 @@ void examine_kernel_rules(Examination& x) {
   if (x.machine.exists("/proc/sys/kernel/seccomp/actions_avail")) {
     x.ok("lane.seccomp", "there");
   } else {
-    x.add(Verdict::warn, "lane.seccomp", "this kernel does not tell of it", "CONFIG_SECCOMP_FILTER", "");
+    x.add(Verdict::warn, "lane.seccomp", "not reported by this kernel", "CONFIG_SECCOMP_FILTER", "");
   }
   const auto modules = x.machine.text("/sys/kernel/security/lsm");
   if (!modules) {
-    x.unknown("lane.landlock", "/sys/kernel/security does not tell");
+    x.unknown("lane.landlock", "not shown in /sys/kernel/security");
   } else if (modules->find("landlock") == std::string::npos) {
-    x.note("lane.landlock", "not active: where there are no namespaces, the rights of the user hold",
+    x.note("lane.landlock", "not active: without namespaces only the user's rights confine compiled code",
            "landlock in lsm= on the kernel's command line");
   } else {
     x.ok("lane.landlock", "there");
@@ -159,9 +163,9 @@ void examine_lane_memory(Examination& x) {
     const std::string found = fmt::format("{} MiB available", kib / 1024);
     if (kib / 1024 >= lane_memory_mib) return x.ok("lane.memory", found);
     return x.add(Verdict::warn, "lane.memory", found,
-                 fmt::format("{} MiB, the lane's limit; a build takes some 900", lane_memory_mib), "");
+                 fmt::format("{} MiB, the lane's limit; a build needs about 900", lane_memory_mib), "");
   }
-  x.unknown("lane.memory", "/proc/meminfo does not tell");
+  x.unknown("lane.memory", "not shown in /proc/meminfo");
 }
 
 // ---------------------------------------------------------------- keys
@@ -175,15 +179,16 @@ void examine_key(Examination& x, const fs::path& path, bool secret, const std::o
   const std::string check = "key." + path.filename().string();
   const auto file = x.machine.look(path);
   if (!file && file.error() == EACCES)
-    return x.unknown(check, path.string() + " cannot be looked at; ask as root");
+    return x.unknown(check, path.string() + " cannot be examined; run as root");
   if (!file && simulated) return x.note(check, path.string() + ": hw_sim makes a test key");
   if (!file)
-    return x.add(secret ? Verdict::fail : Verdict::warn, check,
-                 fmt::format("{}: {}", path.string(), errno_text(file.error())),
-                 secret ? "the key that the ground has, too" : "the key of packages; else all are refused",
-                 make);
+    return x.add(
+        secret ? Verdict::fail : Verdict::warn, check,
+        fmt::format("{}: {}", path.string(), errno_text(file.error())),
+        secret ? "the same key as on the ground" : "the key of packages; otherwise all packages are refused",
+        make);
   if (!S_ISREG(file->mode))
-    return x.add(Verdict::fail, check, path.string() + " is no ordinary file", "a key", "");
+    return x.add(Verdict::fail, check, path.string() + " is not a regular file", "a key", "");
   const unsigned forbidden = secret ? 077U : 022U;
   if ((file->mode & forbidden) != 0)
     return x.add(Verdict::fail, check, fmt::format("{} has mode {:04o}", path.string(), file->mode & 07777U),
@@ -192,12 +197,15 @@ void examine_key(Examination& x, const fs::path& path, bool secret, const std::o
   if (reader && !reader->may(*file, R_OK))
     return x.add(Verdict::fail, check,
                  fmt::format("{} belongs to {}", path.string(), name_of_user(x.machine, file->owner)),
-                 fmt::format("that user {} may read it", reader->name),
+                 fmt::format("read access for user {}", reader->name),
                  fmt::format("chown {} {}", reader->name, path.string()));
   const auto text = x.machine.text(path);
-  if (!text) return x.unknown(check, path.string() + " cannot be read; ask as root");
+  if (!text) return x.unknown(check, path.string() + " cannot be read; run as root");
   if (!is_key(*text))
-    return x.add(Verdict::fail, check, path.string() + " is no key", "64 hexadecimal digits", make);
+    return x.add(Verdict::fail, check, path.string() + " is not a key", "64 hexadecimal digits", make);
+  if (const auto known = why_known(*from_hex(*text)); known && (!simulated || !secret))
+    return x.add(Verdict::fail, check, fmt::format("{}: publicly known, {}", path.string(), *known),
+                 "a random key: this one is refused", make);
   x.ok(check, fmt::format("{}, mode {:04o}", path.string(), file->mode & 07777U));
 }
 
@@ -218,11 +226,22 @@ void examine_lane(Examination& x) {
 
 void examine_keys(Examination& x) {
   const auto line = x.deployment.devices.find("rs422");
-  const bool simulated = line == x.deployment.devices.end() || !line->second.starts_with("serial:/");
+  const bool simulated = line == x.deployment.devices.end() || !ros::is_hardware_line(line->second, x.var);
   if (const NodeEntry* ttc = x.running("ttc_node")) {
     const auto reader = x.account(*ttc);
     for (const ros::TelecommandChannel& channel : x.deployment.link.channels) {
-      if (channel.security != ros::ChannelSecurity::sdls) continue;
+      if (channel.security != ros::ChannelSecurity::sdls) {
+        const std::string open =
+            fmt::format("TC virtual channel {} has no security", channel.virtual_channel);
+        if (simulated) {
+          x.note("link.security", open, "for tests only");
+        } else {
+          x.add(Verdict::fail, "link.security",
+                fmt::format("{}, and {} is a line of hardware", open, line->second),
+                "sdls; otherwise the suite does not start", "");
+        }
+        continue;
+      }
       const fs::path path = x.var / channel.key_file;
       examine_key(x, path, true, reader, simulated,
                   fmt::format("install -d -m 0700 {} && (umask 077; openssl rand -hex 32 > {})",

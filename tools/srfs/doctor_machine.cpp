@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/doctor_machine.hpp"
 
 #include <algorithm>
@@ -103,7 +105,7 @@ Machine::Processes Machine::processes(const std::string& file,
     if (!is_number(name)) continue;
     const auto content = text(fs::path("/proc") / name / file);
     if (content && condition(*content)) result.found.push_back(name);
-    // One that has ended meanwhile is nobody.
+    // A process that has ended meanwhile does not count.
     if (!content && exists(fs::path("/proc") / name)) result.complete = false;
   }
   return result;

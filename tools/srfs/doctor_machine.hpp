@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -15,10 +17,9 @@
 
 namespace srfs::tool {
 
-/// What `srfs doctor` knows this machine by: files below a root, and a few facts that stand in no file. Tests
-/// give a folder of files and their own facts. Nothing is opened that opening changes (a watchdog is armed by
-/// it, a serial line told that somebody is there), nothing is written. Reading blocks as files of /proc and
-/// /sys do.
+/// How `srfs doctor` sees this machine: files below a root, and a few facts that are in no file. Tests give a
+/// folder of files and their own facts. It writes nothing and opens nothing that opening changes (a watchdog
+/// would be armed, a serial line would signal a listener). Reading blocks as files of /proc and /sys do.
 class Machine {
  public:
   struct File {
@@ -27,7 +28,7 @@ class Machine {
     gid_t group;
   };
   struct Room {
-    std::uint64_t free_octets;  ///< for who is not root
+    std::uint64_t free_octets;  ///< for users other than root
   };
 
   /// The machine that this runs on.
@@ -57,7 +58,7 @@ class Machine {
   /// Processes whose file of this name in /proc/PID fulfils the condition.
   struct Processes {
     std::vector<std::string> found;  ///< numbers
-    bool complete = true;            ///< everyone's file could be read
+    bool complete = true;            ///< the file of every process could be read
   };
   [[nodiscard]] Processes processes(const std::string& file,
                                     const std::function<bool(const std::string&)>& condition) const;
@@ -78,7 +79,7 @@ enum class Capability : unsigned {
   sys_time = 25,
 };
 
-/// Whom a process belongs to.
+/// The account of a process: user, groups, capabilities.
 struct Account {
   std::string name;
   uid_t user = 0;
@@ -90,17 +91,17 @@ struct Account {
   [[nodiscard]] bool may(const Machine::File& file, int wanted) const;
 };
 
-/// Who runs this; nullopt: /proc does not tell.
+/// The account of this process; nullopt: /proc does not show it.
 [[nodiscard]] std::optional<Account> caller(const Machine& machine);
 /// A user of /etc/passwd, without capabilities unless it is root; nullopt: there is none.
 [[nodiscard]] std::optional<Account> account_of(const Machine& machine, const std::string& user);
 [[nodiscard]] std::string name_of_user(const Machine& machine, uid_t user);
 [[nodiscard]] std::string name_of_group(const Machine& machine, gid_t group);
 
-/// A hard limit of who runs this, by its name in /proc/self/limits; unlimited: the highest number.
+/// A hard limit of this process, by its name in /proc/self/limits; unlimited: the highest number.
 [[nodiscard]] std::optional<std::uint64_t> hard_limit(const Machine& machine, const std::string& name);
 
-/// "0-2,5": the CPUs of a list of the kernel; nullopt: it is none.
+/// Parses a CPU list of the kernel, such as "0-2,5"; nullopt: not a list.
 [[nodiscard]] std::optional<std::set<int>> parse_cpus(const std::string& list);
 
 }  // namespace srfs::tool

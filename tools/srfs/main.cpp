@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The engineer's command: start, stop and look at a deployment.
 
 #include <cstdio>
@@ -70,12 +72,12 @@ int show_up(const UpReport& report, bool json) {
       for (const std::string& line : *lines) fmt::print(stderr, "srfs up: {}\n", line);
     if (report.all_reached) {
       fmt::print(
-          "{} nodes up in {} ms, DDS domain {} (export ROS_DOMAIN_ID={} ROS_LOCALHOST_ONLY=1 to look at them "
-          "with ROS 2)\n",
+          "{} nodes up in {} ms, DDS domain {} (for ROS 2 tools: export ROS_DOMAIN_ID={} "
+          "ROS_LOCALHOST_ONLY=1)\n",
           report.nodes.size() - report.held.size() - report.coming.size(), report.took.count(), report.domain,
           report.domain);
       if (!report.coming.empty())
-        fmt::print("still coming, flight does not need them: {}\n", fmt::join(report.coming, ", "));
+        fmt::print("still starting, not needed for flight: {}\n", fmt::join(report.coming, ", "));
     }
   }
   if (report.all_reached) return 0;
@@ -97,21 +99,22 @@ int show_down(const DownReport& report, bool json) {
       const bool starved =
           std::find(report.starved.begin(), report.starved.end(), name) != report.starved.end();
       fmt::print(stderr, "srfs down: {} did not stop in time and was killed{}\n", name,
-                 starved ? ": the machine is too busy to let it end" : "");
+                 starved ? ": the machine was too busy for it to stop" : "");
     }
-    for (const std::string& name : report.left) fmt::print(stderr, "srfs down: {} is still there\n", name);
+    for (const std::string& name : report.left) fmt::print(stderr, "srfs down: {} is still running\n", name);
   }
   return report.left.empty() ? 0 : 1;
 }
 
-int run_restart(const Target& target, UpOptions options, bool json) {
+/// @param if_up  not a suite that was stopped (`srfs down`)
+int run_restart(const Target& target, UpOptions options, bool if_up, bool json) {
   constexpr milliseconds patience{500};
   if (options.cause == "up") options.cause = "restart by command";
   if (const auto domain = running_domain(target)) {
-    if (auto lock = ros::DomainLock::share(*domain))
+    if (auto lock = ros::DomainLock::share(*domain, target.var.root.string()))
       options.held_domain = std::make_shared<ros::DomainLock>(std::move(*lock));
   }
-  const RestartReport report = restart(target, patience, options);
+  const RestartReport report = restart(target, patience, options, if_up);
   if (report.up) return show_up(*report.up, json);
   if (report.down.left.empty()) fmt::print(stderr, "srfs restart: the suite was stopped meanwhile\n");
   return show_down(report.down, json);
@@ -149,25 +152,25 @@ void add_parameter_commands(CLI::App& app, ParameterArguments& a) {
     sub->add_option("node", a.node, "Node name")->required();
     return sub;
   };
-  add("list", "All parameters with their values");
-  for (const auto& [verb, help] : {std::pair{"get", "Value of a parameter"},
-                                   {"describe", "Type, range and meaning of a parameter"},
+  add("list", "Show all parameters with their values");
+  for (const auto& [verb, help] : {std::pair{"get", "Show the value of a parameter"},
+                                   {"describe", "Show type, range and meaning of a parameter"},
                                    {"set", "Change a parameter, until the node's next start"}}) {
     CLI::App* sub = add(verb, help);
     sub->add_option("name", a.name, "Parameter")->required();
     if (std::string(verb) != "set") continue;
     sub->add_option("value", a.value, "As in YAML: 5, true, text, [1, 2]")->required();
-    sub->add_flag("--next-start", a.next_start, "Store it for the next start, change nothing now");
+    sub->add_flag("--next-start", a.next_start, "Store it for the next start only, without a change now");
   }
-  add("keep", "Keep present values over restarts of the node; guarded ones once they are confirmed")
+  add("keep", "Keep present values across restarts of the node; guarded ones once they are confirmed")
       ->add_option("names", a.names, "Parameters; default: all that differ from the deployment");
-  add("confirm", "What is on trial holds, and is kept if it was to be kept");
-  add("history", "The last ten sets of values that were kept");
-  add("restore", "Take the values of a set of the history, now and at the next starts")
-      ->add_option("generation", a.generation, "Its number")
+  add("confirm", "Confirm the values on trial, and keep those that wait to be kept");
+  add("history", "Show the last ten kept sets of values");
+  add("restore", "Use the values of a set of the history, now and at the next starts")
+      ->add_option("generation", a.generation, "Number of the set")
       ->required();
-  add("reset", "Back to the deployment's values, now and at the next starts");
-  add("forget", "Forget stored values; the next start is that of the deployment")
+  add("reset", "Return to the deployment's values, now and at the next starts");
+  add("forget", "Forget stored values; the next start uses those of the deployment")
       ->add_option("names", a.names, "Parameters; default: all");
 }
 
@@ -196,18 +199,18 @@ struct RingArguments {
 };
 
 void add_ring_commands(CLI::App& app, RingArguments& a) {
-  a.faults = app.add_subcommand("faults", "The fault ledger; works also when nothing runs");
+  a.faults = app.add_subcommand("faults", "Show the fault ledger; also works when nothing runs");
   a.faults->add_option("--since", a.since, "A time (2026-11-21T08:00:00Z) or how long ago (90s, 15m, 2h)");
   a.faults->add_option("--node", a.node, "Only faults of this node");
   a.ring = app.add_subcommand("ring", "What the ring does with a node that dies");
   a.ring->require_subcommand(1);
-  a.ring->add_subcommand("status", "Deaths, back-off, quarantine and holds of every node");
-  CLI::App* hold = a.ring->add_subcommand("hold", "Nobody restarts the node until it is released");
+  a.ring->add_subcommand("status", "Show deaths, back-off, quarantine and holds of every node");
+  CLI::App* hold = a.ring->add_subcommand("hold", "Keep the node from being restarted until it is released");
   hold->add_option("node", a.node, "Node name")->required();
-  hold->add_option("--reason", a.reason, "For the next operator")->capture_default_str();
+  hold->add_option("--reason", a.reason, "Note for the next operator")->capture_default_str();
   CLI::App* release = a.ring->add_subcommand("release", "Lift hold, back-off and quarantine");
   release->add_option("node", a.node, "Node name")->required();
-  release->add_option("--state", a.state, "Of its next start; default: as it was")
+  release->add_option("--state", a.state, "State of its next start; default: unchanged")
       ->check(CLI::IsMember({"active", "inactive", "unconfigured"}));
 }
 
@@ -229,7 +232,8 @@ struct VersionArguments {
 };
 
 void add_version_commands(CLI::App& app, VersionArguments& a) {
-  a.command = app.add_subcommand("versions", "Versions of the nodes' programs; without a subcommand: a list");
+  a.command =
+      app.add_subcommand("versions", "Versions of the nodes' programs; without a subcommand: list them");
   a.command->require_subcommand(0, 1);
   a.command->add_option("--node", a.node, "Only this node");
   a.command->add_flag("--check", a.check,
@@ -242,16 +246,15 @@ void add_version_commands(CLI::App& app, VersionArguments& a) {
   };
   CLI::App* store = add("add", "Store a program as a version; it is not started", nullptr);
   store->add_option("file", a.file, "Program")->required();
-  store->add_option("--origin", a.origin, "For the list; default: the file's path");
+  store->add_option("--origin", a.origin, "Origin shown in the list; default: the file's path");
   add("use", "Restart the node in a version, on probation unless it is golden or the last good one",
       "Number, golden or previous")
-      ->add_option(
-          "--probation", a.probation_s,
-          "Seconds; a death sooner than this goes back to the last good version. Default: 300; of nodes "
-          "whose versions have to be confirmed 1800")
+      ->add_option("--probation", a.probation_s,
+                   "Seconds; if the node dies within this time, the last good version returns. Default: 300, "
+                   "or 1800 for nodes whose versions must be confirmed")
       ->check(CLI::Range(1, static_cast<int>(update::VersionTable::longest_probation / seconds(1))));
-  add("confirm", "End a probation well: it is the last good version from now on", "Number");
-  add("remove", "Remove a version that is neither active nor the last good one", "Number");
+  add("confirm", "End a probation with success: it becomes the last good version", "Number");
+  add("remove", "Remove a version; not the active or the last good one", "Number");
 }
 
 int run_versions(const Target& target, const VersionArguments& a, bool json) {
@@ -274,7 +277,7 @@ struct NodeArguments {
 };
 
 void add_node_commands(CLI::App& app, NodeArguments& a) {
-  a.command = app.add_subcommand("node", "Nodes that were added to the suite beside those of the deployment");
+  a.command = app.add_subcommand("node", "Nodes added to the suite, besides those of the deployment");
   a.command->require_subcommand(1);
   CLI::App* add =
       a.command->add_subcommand("add", "Add a node to the suite, also to a running one, and start it");
@@ -284,13 +287,13 @@ void add_node_commands(CLI::App& app, NodeArguments& a) {
   add->add_option("--program", a.program, "Its program, which becomes its active version")
       ->required()
       ->check(CLI::ExistingFile);
-  add->add_option("--probation", a.probation_s, "Seconds; 0: none. A node that dies in it stays down")
+  add->add_option("--probation", a.probation_s, "Seconds; 0: none. A node that dies on probation stays down")
       ->check(CLI::Range(0, static_cast<int>(update::VersionTable::longest_probation / seconds(1))))
       ->capture_default_str();
-  a.command->add_subcommand("remove", "End a node that was added, and take it out of the suite")
+  a.command->add_subcommand("remove", "Stop an added node and remove it from the suite")
       ->add_option("node", a.node, "Node name")
       ->required();
-  a.command->add_subcommand("list", "The nodes that were added");
+  a.command->add_subcommand("list", "List the added nodes");
 }
 
 int run_node_command(const Target& target, const NodeArguments& a, bool json) {
@@ -300,29 +303,31 @@ int run_node_command(const Target& target, const NodeArguments& a, bool json) {
   return list_added_nodes(target, json);
 }
 
-/// What `--deployment` means: a file, or the name of one in launch_config here or of the installation.
+/// What `--deployment` means: a file, or the name of one in launch_config here, of the installation, or of
+/// the tree that this was built from.
 std::string deployment_file_of(const std::string& named) {
   namespace fs = std::filesystem;
   const fs::path file = "launch_config/" + named + ".yaml";
   const fs::path installed = ros::suite_bin_folder().parent_path() / "share/srfs" / file;
   std::error_code ec;
   if (named.find('/') != std::string::npos || fs::is_regular_file(named, ec)) return named;
-  for (const fs::path& candidate : {file, installed})
+  const fs::path source = SRFS_LAUNCH_SOURCE_DIR "/" + named + ".yaml";
+  for (const fs::path& candidate : {file, installed, source})
     if (fs::is_regular_file(candidate, ec)) return candidate;
   return named;
 }
 
 constexpr const char* doctor_help =
-    "Is this machine ready for the deployment? One line for each check: OK, note, unknown, WARN or FAIL, "
-    "what was found, what is expected, and the command that changes it. Starts and changes nothing. "
-    "--deployment, --var and --json as for every command. Exit code 0: nothing fails; 1: something does";
+    "Check whether this machine is ready for the deployment. One line per check: OK, note, unknown, WARN or "
+    "FAIL, what was found, what is expected, and the command that fixes it. Starts and changes nothing. "
+    "--deployment, --var and --json as for every command. Exit code 0: no FAIL; 1: at least one";
 
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
   app.fallthrough();
   app.set_version_flag("--version", ros::version());
-  std::string deployment_file = "launch_config/sim.yaml";
+  std::string deployment_file = "sim";
   std::string var = "var";
   bool json = false;
   app.add_option("--deployment", deployment_file, "Deployment file, or its name: sim")
@@ -334,15 +339,16 @@ int run(int argc, char** argv) {
   app.add_flag("--json", json, "Machine-readable output");
 
   UpOptions up_options;
+  bool only_if_up = false;
   int deadline_s = 15;
   int patience_ms = 3000;
   std::string node;
   std::string label;
   int duration_s = 0;
   int transition_ms = 2000;
-  auto* up_command = app.add_subcommand(
-      "up",
-      "Start all nodes, those that flight needs first; wait until these are in their desired state, exit");
+  auto* up_command = app.add_subcommand("up",
+                                        "Start all nodes, those that flight needs first; wait until these "
+                                        "are in their desired state, then exit");
   up_command
       ->add_option("--domain", up_options.domain,
                    "DDS domain; default: the deployment's, or the first free from 42")
@@ -352,20 +358,23 @@ int run(int argc, char** argv) {
                    "Seconds to wait without progress of an awaited node; ten times as long in all")
       ->check(CLI::Range(1, 600))
       ->capture_default_str();
-  up_command->add_option("--only", up_options.only, "These nodes alone; a ring raises the others");
+  up_command->add_option("--only", up_options.only, "Start only these nodes; a ring starts the others");
   up_command->add_flag("--all", up_options.all, "Wait also for nodes that flight does not need");
   auto* down_command = app.add_subcommand("down", "Stop all nodes in reverse order");
   down_command
       ->add_option("--patience", patience_ms,
-                   "Milliseconds before SIGKILL, without the time in which a node waits for a CPU")
+                   "Milliseconds before SIGKILL, not counting time in which a node waits for a CPU")
       ->check(CLI::Range(10, 60000))
       ->capture_default_str();
   auto* restart_command =
-      app.add_subcommand("restart", "down and up again, as after a reset of the computer");
-  restart_command->add_option("--cause", up_options.cause, "Cause written into the nodes' start records")
+      app.add_subcommand("restart", "Down and up again, as after a reset of the computer");
+  restart_command->add_flag(
+      "--if-up", only_if_up,
+      "Do nothing if the suite was stopped by `srfs down`: for a watchdog, whose order may come late");
+  restart_command->add_option("--cause", up_options.cause, "Cause to write into the nodes' start records")
       ->default_str("restart by command");
   auto* status_command =
-      app.add_subcommand("status", "Lifecycle state, pid, incarnation, version, restarts of every node");
+      app.add_subcommand("status", "Show lifecycle state, pid, incarnation, version, restarts of every node");
   auto* lifecycle_command = app.add_subcommand("lifecycle", "Request a lifecycle transition");
   lifecycle_command->add_option("node", node, "Node name")->required();
   lifecycle_command->add_option("transition", label, "configure, activate, deactivate, cleanup or shutdown")
@@ -373,14 +382,14 @@ int run(int argc, char** argv) {
       ->check(CLI::IsMember({"configure", "activate", "deactivate", "cleanup", "shutdown"}));
   lifecycle_command
       ->add_option("--deadline", transition_ms,
-                   "Milliseconds to wait for its end; exit code 3 when it is still running then")
+                   "Milliseconds to wait for its end; exit code 3 if it is still running then")
       ->check(CLI::Range(1, 600000))
       ->capture_default_str();
   bool reset = false;
   auto* stats_command =
-      app.add_subcommand("stats", "Run times of a node's callbacks, what was lost at its inputs");
+      app.add_subcommand("stats", "Show run times of a node's callbacks and losses at its inputs");
   stats_command->add_option("node", node, "Node name")->required();
-  stats_command->add_flag("--reset", reset, "Start to count anew afterwards");
+  stats_command->add_flag("--reset", reset, "Reset the counters afterwards");
   ParameterArguments parameters;
   add_parameter_commands(app, parameters);
   RingArguments ring;
@@ -422,7 +431,7 @@ int run(int argc, char** argv) {
   if (*versions.command) return run_versions(target, versions, json);
   if (*nodes.command) return run_node_command(target, nodes, json);
   if (*record_command) return record(target, seconds(duration_s));
-  if (*restart_command) return run_restart(target, up_options, json);
+  if (*restart_command) return run_restart(target, up_options, only_if_up, json);
   return 2;
 }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/node_commands.hpp"
 
 #include <algorithm>
@@ -21,6 +23,7 @@
 #include "ros/parameters.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 #include "tools/srfs/bus.hpp"
+#include "tools/srfs/ring_commands.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -122,8 +125,8 @@ Result<ChangeState::Response, ros::CallError> request_transition(Bus& bus, const
   return *answer;
 }
 
-/// What the node wrote into its page: also of a node whose thread is busy with a transition and answers
-/// nobody.
+/// What the node wrote into its page. Also works while the node's thread is busy with a transition and does
+/// not answer.
 ros::State state_in_memory(const Target& target, const std::string& node) {
   const auto page = ros::HeartbeatPage::read(target.var, node);
   return page ? static_cast<ros::State>(page->state) : ros::State::unknown;
@@ -250,11 +253,20 @@ int change_state(const Target& target, const std::string& node, const std::strin
   }
   const auto status = r.bus->ask<GetNodeStatus>("/" + node + "/get_status", {}, answer_deadline);
   const std::string state = status ? status->state_label : "not answering";
-  if (answer->success) return print_outcome(node, state, CommandExit::done, "", json);
+  if (answer->success) {
+    const bool rests =
+        state == ros::label(ros::State::inactive) || state == ros::label(ros::State::unconfigured);
+    if (const std::string hint = end_of_order_text(target.deployment, node);
+        !json && rests && !hint.empty()) {
+      fmt::print("/{} is {}{}\n", node, state, hint);
+      return code(CommandExit::done);
+    }
+    return print_outcome(node, state, CommandExit::done, "", json);
+  }
   const bool refused = status && status->last_outcome == GetNodeStatus::Response::REFUSED;
   return print_outcome(node, state, CommandExit::refused,
                        fmt::format("/{} {} '{}' and is {}: {}", node, refused ? "refused" : "failed to",
-                                   label, state, status ? status->last_reason : "it does not say why"),
+                                   label, state, status ? status->last_reason : "no reason given"),
                        json);
 }
 
@@ -378,9 +390,10 @@ int set_parameter(const Target& target, const std::string& node, const std::stri
   try {
     parameter.value = ros::to_message(parse_value(text, *present));
   } catch (const YAML::Exception&) {
-    return fail(CommandExit::usage,
-                fmt::format("'{}' is no {}, as the parameter '{}' is", text, ros::type_text(*present), name),
-                json);
+    return fail(
+        CommandExit::usage,
+        fmt::format("'{}' is not {}, the type of parameter '{}'", text, ros::type_text(*present), name),
+        json);
   }
   if (next_start) {
     SaveParameters::Request request;
@@ -393,7 +406,8 @@ int set_parameter(const Target& target, const std::string& node, const std::stri
                                                                      answer_deadline);
   if (!answer) return fail(CommandExit::no_answer, no_answer(node, answer.error()), json);
   if (answer->results.empty() || !answer->results.front().successful)
-    return fail(CommandExit::refused, answer->results.empty() ? "no result" : answer->results.front().reason,
+    return fail(CommandExit::refused,
+                answer->results.empty() ? "the node returned no result" : answer->results.front().reason,
                 json);
   if (json) print({{"ok", true}});
   return code(CommandExit::done);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -11,7 +13,7 @@ namespace srfs::tool {
 /// Exit codes of the commands to one node.
 enum class CommandExit : int {
   done = 0,
-  refused = 1,        ///< the node said no, or what was asked for failed
+  refused = 1,        ///< the node refused, or what was asked for failed
   usage = 2,          ///< no such node, no such value
   still_running = 3,  ///< a transition that has not ended within the deadline; it goes on
   no_answer = 4,      ///< the node does not answer

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -8,8 +10,8 @@
 
 namespace srfs::tool {
 
-/// CPU time of another process, from repeated readings of all its threads: of a node at its start or end any
-/// of them may be the one that works. Nothing is known where the kernel does not tell.
+/// CPU time of another process, from repeated readings of all its threads: at the start or end of a node any
+/// of them may be the one that works. Nothing is known where the kernel does not report it.
 class ProcessCpu {
  public:
   enum class From : std::uint8_t { start_of_the_process, first_reading };

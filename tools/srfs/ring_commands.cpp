@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/ring_commands.hpp"
 
 #include <charconv>
@@ -82,7 +84,7 @@ void print_faults(const std::vector<const FaultRecord*>& faults, const Recoverie
 /// What the ring's memory says of a node.
 std::string standing(const Target& target, const std::string& node, const ros::DeathHistory& history,
                      bool runs, MonotonicTime now) {
-  if (const auto why = ros::held_because(target.var, node)) return "held: " + *why;
+  if (const auto why = ros::held_because(target.var, target.deployment, node, now)) return "held: " + *why;
   if (runs) return "guarded";
   const RestartDecision decision = ros::decide(history, target.deployment.ring);
   if (!history.down || decision.step == RestartDecision::Step::start || decision.not_before <= now)
@@ -93,6 +95,14 @@ std::string standing(const Target& target, const std::string& node, const ros::D
 }
 
 }  // namespace
+
+std::string end_of_order_text(const ros::Deployment& deployment, const std::string& node) {
+  const MonotonicTime now = monotonic_now();
+  const auto end = ros::end_of_order(deployment, node, now);
+  if (!end) return "";
+  return fmt::format("; for at most {} s and not across a reset: it is on the command path",
+                     std::chrono::duration_cast<seconds>(*end - now).count());
+}
 
 std::optional<UtcTime> parse_since(const std::string& since, UtcTime now) {
   if (const auto time = from_iso8601(since)) return time;
@@ -118,10 +128,9 @@ int show_faults(const Target& target, const std::string& since, const std::strin
   if (!since.empty()) {
     earliest = parse_since(since, system_utc_now());
     if (!earliest)
-      return fail(
-          CommandExit::usage,
-          fmt::format("--since: '{}' is neither a time (2026-11-21T08:00:00Z) nor 90s, 15m, 2h", since),
-          json);
+      return fail(CommandExit::usage,
+                  fmt::format("--since: '{}': expected a time (2026-11-21T08:00:00Z) or 90s, 15m, 2h", since),
+                  json);
   }
   const auto content = ros::FaultLedger(target.var).read();
   const Recoveries recoveries = recoveries_of(content.records);
@@ -158,7 +167,7 @@ int show_ring(const Target& target, bool json) {
     const ros::DeathHistory history = ros::read_deaths(target.var, node.name);
     const std::string text = standing(target, node.name, history, instance.has_value(), now);
     if (json) {
-      const auto why = ros::held_because(target.var, node.name);
+      const auto why = ros::held_because(target.var, target.deployment, node.name, now);
       list.push_back({{"name", node.name},
                       {"pid", instance ? Json(instance->pid) : Json(nullptr)},
                       {"incarnation", instance ? Json(instance->incarnation) : Json(nullptr)},
@@ -178,31 +187,40 @@ int show_ring(const Target& target, bool json) {
 
 int hold_node(const Target& target, const std::string& node, const std::string& reason, bool json) {
   if (target.deployment.find(node) == nullptr)
-    return fail(CommandExit::usage, fmt::format("there is no node '{}'", node), json);
-  if (const auto held = ros::hold(target.var, node, reason); !held)
+    return fail(CommandExit::usage, fmt::format("no node '{}' in the deployment", node), json);
+  const MonotonicTime now = monotonic_now();
+  if (const auto held = ros::hold(target.var, target.deployment, node, reason, now); !held)
     return fail(CommandExit::refused, held.error(), json);
-  return done(fmt::format("{} is held: nobody restarts it, and `srfs up` does not start it", node), json);
+  return done(fmt::format("{} is held: it is not restarted, and `srfs up` does not start it{}", node,
+                          end_of_order_text(target.deployment, node)),
+              json);
 }
 
 int release_node(const Target& target, const std::string& node, const std::string& state, bool json) {
   if (target.deployment.find(node) == nullptr)
-    return fail(CommandExit::usage, fmt::format("there is no node '{}'", node), json);
+    return fail(CommandExit::usage, fmt::format("no node '{}' in the deployment", node), json);
   if (!state.empty()) {
     const auto wanted = ros::primary_state(state);
     if (!wanted || *wanted == ros::State::finalized)
-      return fail(CommandExit::usage, fmt::format("no state to start in: '{}'", state), json);
+      return fail(CommandExit::usage, fmt::format("'{}': not a state to start in", state), json);
     if (ros::find_instance(target.var, node))
       return fail(CommandExit::refused,
-                  fmt::format("{} runs; `srfs lifecycle {} ...` brings it there and keeps it", node, node),
+                  fmt::format("{} is running; use `srfs lifecycle {} ...` to change its state and keep it",
+                              node, node),
                   json);
-    if (const auto set = ros::set_desired_state(target.var, node, *wanted); !set)
+    if (const auto set =
+            ros::set_desired_state(target.var, target.deployment, node, *wanted, monotonic_now());
+        !set)
       return fail(CommandExit::refused, set.error(), json);
   }
   if (const auto released = ros::release(target.var, node, longest_wait_for_lock); !released)
     return fail(CommandExit::refused, released.error(), json);
-  return done(fmt::format("{} is released: no hold, no back-off, no quarantine{}", node,
-                          state.empty() ? "" : "; its next start is in state " + state),
-              json);
+  return done(
+      fmt::format("{} is released: no hold, no back-off, no quarantine{}", node,
+                  state.empty() ? ""
+                                : "; its next start is in state " + state +
+                                      (state == "active" ? "" : end_of_order_text(target.deployment, node))),
+      json);
 }
 
 }  // namespace srfs::tool

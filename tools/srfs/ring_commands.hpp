@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -13,13 +15,16 @@ namespace srfs::tool {
 /// @param node   as subject; empty: all
 int show_faults(const Target& target, const std::string& since, const std::string& node, bool json);
 
-/// `srfs ring status`: who runs, who is held, deaths, back-off and quarantine.
+/// `srfs ring status`: running and held nodes, deaths, back-off and quarantine.
 int show_ring(const Target& target, bool json);
-/// `srfs ring hold NODE`: from now on nobody restarts it, dead or hung, until it is released; `srfs up` does
+/// For people: when an order to this node (hold, a state other than Active) ends by itself; empty: it does
+/// not.
+[[nodiscard]] std::string end_of_order_text(const ros::Deployment& deployment, const std::string& node);
+/// `srfs ring hold NODE`: from now on it is not restarted, dead or hung, until it is released; `srfs up` does
 /// not start it.
 int hold_node(const Target& target, const std::string& node, const std::string& reason, bool json);
 /// `srfs ring release NODE`: lifts hold, back-off and quarantine. @param state  of its next start: "active",
-/// "inactive", "unconfigured"; empty: as it was. A node that runs is told by `srfs lifecycle` instead.
+/// "inactive", "unconfigured"; empty: as it was. For a running node use `srfs lifecycle` instead.
 int release_node(const Target& target, const std::string& node, const std::string& state, bool json);
 
 /// The earliest time that @p since means; nullopt: cannot be read.

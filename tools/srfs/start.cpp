@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/start.hpp"
 
 #include <algorithm>
@@ -14,16 +16,13 @@
 namespace srfs::tool {
 namespace {
 
-constexpr milliseconds between_looks{100};     // at locks and files of the nodes
-constexpr seconds patience_with_a_restart{4};  // by a neighbour, of a node that ended a moment ago
+constexpr milliseconds between_looks{100};  // at locks and files of the nodes
 constexpr seconds between_lines{5};
 constexpr seconds between_lines_on_a_terminal{2};
 
 std::string desired(const Target& target, const std::string& node) {
-  const auto text = read_file(target.var.state(node) / "desired_state", 64);
-  const std::string label = text ? text->substr(0, text->find('\n')) : "active";
-  const auto state = ros::primary_state(label);
-  return state && *state != ros::State::finalized ? label : "active";
+  return std::string(
+      ros::label(ros::desired_state(target.var, target.deployment, node, monotonic_now()).state));
 }
 
 std::vector<std::string> names(const ros::Deployment& deployment) {
@@ -44,6 +43,7 @@ Start::Start(const Target& target, const UpOptions& options, Bus& bus)
       bus_(bus),
       questions_(bus, names(target.deployment)),
       begin_(monotonic_now()),
+      deadline_(options.deadline),
       patience_(options.deadline, begin_),
       terminal_(isatty(STDERR_FILENO) != 0),
       next_show_(begin_ + (terminal_ ? between_lines_on_a_terminal : between_lines)) {
@@ -56,10 +56,10 @@ Start::Start(const Target& target, const UpOptions& options, Bus& bus)
 
 void Start::launch(const ros::LaunchRequest& request) {
   for (Node& node : nodes_) {
-    node.held = ros::held_because(target_.var, node.entry->name);
+    node.held = ros::held_because(target_.var, target_.deployment, node.entry->name, monotonic_now());
     if (node.held) continue;
     const auto started = ros::launch(request, *node.entry, patience_with_a_restart);
-    // Somebody else may be at it: what counts is whether the node comes.
+    // Another process may be starting it: what counts is whether the node comes up.
     if (!started) node.launch_problem = started.error();
     if (started) node.launched = Process::open(*started);
     read(node, monotonic_now());
@@ -124,23 +124,23 @@ void Start::read(Node& node, MonotonicTime now) {
   if (!node.cpu || node.cpu->pid() != pid) node.cpu.emplace(pid, ProcessCpu::From::start_of_the_process);
   node.cpu->read(now);
   node.reading.cpu = node.cpu->ran() + node.cpu->waited();
+  node.reading.waited = node.cpu->waited();
   if (const auto page = ros::HeartbeatPage::read(target_.var, name); page && page->pid == pid)
     node.reading.state = static_cast<ros::State>(page->state);
 }
 
 void Start::look(MonotonicTime now) {
-  // Without a ring a node that ended (a bad parameter, a missing library) will not come by waiting for it.
-  // With one, its neighbours start it again: on a busy machine, the switcher may fence a holder that was
-  // late.
-  const nanoseconds patience = target_.deployment.ring.enabled ? patience_with_a_restart : nanoseconds(0);
   std::vector<StartReading> awaited;
   for (Node& node : nodes_) {
-    node.held = ros::held_because(target_.var, node.entry->name);
+    node.held = ros::held_because(target_.var, target_.deployment, node.entry->name, monotonic_now());
     if (node.held || (is_there(node) && ros::find_instance(target_.var, node.entry->name))) continue;
     read(node, now);
     if (!node.awaited) continue;
     awaited.push_back(node.reading);
-    ended_ = ended_ || (node.gone_since && now - *node.gone_since >= patience);
+    // A node that ended (a bad parameter, a missing library) may come by a restart alone.
+    if (node.gone_since)
+      ended_ = ended_ || now - *node.gone_since >=
+                             patience_with_gone(target_.deployment.ring.enabled, cpu_pressure(), deadline_);
   }
   patience_.on_readings(awaited, now);
 }
@@ -200,11 +200,14 @@ void Start::tell(UpReport& report) {
     report.problems.push_back(fmt::format("{} is {} instead of {}{}; see {}", entry.name, state_of(*node),
                                           node->wanted, cpu_of(*node), target_.var.log(entry.name).string()));
   }
-  if (reached_ || ended_) return;
+  if (reached_) return;
   report.advice = advice_on(look_at_machine());
-  report.advice.insert(report.advice.begin(),
-                       fmt::format("gave up after {:.0f} s, of which the last {:.0f} s without progress",
-                                   in_seconds(monotonic_now() - begin_), in_seconds(patience_.idle())));
+  report.advice.insert(
+      report.advice.begin(),
+      ended_ ? fmt::format("gave up after {:.0f} s: a node ended and nobody started it again",
+                           in_seconds(monotonic_now() - begin_))
+             : fmt::format("gave up after {:.0f} s, of which the last {:.0f} s without progress",
+                           in_seconds(monotonic_now() - begin_), in_seconds(patience_.idle())));
 }
 
 }  // namespace srfs::tool

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -12,8 +14,8 @@
 
 namespace srfs::tool {
 
-/// One `srfs up` from the first launch on: launches nodes, then looks at them until those that are awaited
-/// are there, or will not come. Shows on stderr what it waits for.
+/// One `srfs up` from the first launch on: launches nodes, then checks them until the awaited ones are up, or
+/// will not come up. Shows on stderr what it waits for.
 class Start {
  public:
   Start(const Target& target, const UpOptions& options, Bus& bus);
@@ -23,7 +25,7 @@ class Start {
   void launch(const ros::LaunchRequest& request);
   void wait();
   void tell(UpReport& report);
-  /// As `srfs status` says it.
+  /// As `srfs status` shows it.
   [[nodiscard]] std::string state(const NodeStatus& node) const;
 
  private:
@@ -53,8 +55,9 @@ class Start {
   StateQuestions questions_;
   std::vector<Node> nodes_;
   MonotonicTime begin_;
+  nanoseconds deadline_;
   StartPatience patience_;
-  bool ended_ = false;  ///< an awaited node is gone and nobody starts it again
+  bool ended_ = false;  ///< an awaited node is gone and is not restarted
   bool reached_ = false;
   bool terminal_;
   MonotonicTime next_show_;

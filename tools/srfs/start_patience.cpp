@@ -1,6 +1,10 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/start_patience.hpp"
 
 #include <algorithm>
+
+#include "base/cpu_users.hpp"
 
 namespace srfs::tool {
 namespace {
@@ -33,12 +37,18 @@ bool is_starting(State state) {
 
 }  // namespace
 
+nanoseconds patience_with_gone(bool ring, std::optional<double> pressure, nanoseconds deadline) {
+  if (!ring) return nanoseconds(0);
+  if (pressure.value_or(0) < busy_cpu_pressure) return patience_with_a_restart;
+  return std::max<nanoseconds>(deadline, patience_with_a_restart);
+}
+
 bool StartPatience::makes_progress(const StartReading& reading) {
   if (reading.pid == 0) return false;
   Node& node = nodes_[reading.node];
   if (node.pid != reading.pid) {
     node.pid = reading.pid;
-    node.cpu = nanoseconds(0);
+    node.cpu = node.waited = nanoseconds(0);
     if (++node.processes <= most_processes) node.furthest = -1;
   }
   const bool used = reading.cpu > node.cpu;
@@ -49,10 +59,24 @@ bool StartPatience::makes_progress(const StartReading& reading) {
   return further || (used && now == node.furthest && is_starting(reading.state));
 }
 
+/// Call after makes_progress().
+nanoseconds StartPatience::newly_waited(const StartReading& reading) {
+  if (reading.pid == 0) return nanoseconds(0);
+  Node& node = nodes_[reading.node];
+  const nanoseconds before = node.waited;
+  node.waited = std::max(node.waited, reading.waited);
+  return node.waited - before;
+}
+
 void StartPatience::on_readings(const std::vector<StartReading>& awaited, MonotonicTime now) {
   bool progress = false;
-  for (const StartReading& reading : awaited) progress = makes_progress(reading) || progress;
-  idle_ = progress ? nanoseconds(0) : idle_ + std::min<nanoseconds>(now - last_, longest_step);
+  nanoseconds waited{0};
+  for (const StartReading& reading : awaited) {
+    progress = makes_progress(reading) || progress;
+    waited = std::max(waited, newly_waited(reading));
+  }
+  const nanoseconds step = std::min<nanoseconds>(now - last_, longest_step);
+  idle_ = progress ? nanoseconds(0) : idle_ + step - std::min(waited, step);
   last_ = now;
 }
 

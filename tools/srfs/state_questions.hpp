@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <map>
@@ -11,7 +13,7 @@
 
 namespace srfs::tool {
 
-/// Asks nodes for their lifecycle state until told to stop.
+/// Asks nodes for their lifecycle state until it is stopped.
 class StateQuestions {
  public:
   StateQuestions(Bus& bus, const std::vector<std::string>& nodes) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/suite.hpp"
 
 #include <algorithm>
@@ -13,6 +15,7 @@
 #include <srfs_msgs/srv/get_node_status.hpp>
 
 #include "base/file.hpp"
+#include "base/private_file.hpp"
 #include "base/process.hpp"
 #include "hw/open.hpp"
 #include "hw/watchdog.hpp"
@@ -42,11 +45,13 @@ std::vector<NodeStatus> local_status(const Target& target) {
 Result<std::shared_ptr<ros::DomainLock>, std::string> take_domain(const Target& target,
                                                                   const UpOptions& options, bool running) {
   const auto old = running_domain(target);
+  const std::string suite = target.var.root.string();
   std::shared_ptr<ros::DomainLock> held = options.held_domain;
   if (!held) {
     auto lock = running && old
-                    ? ros::DomainLock::share(*old)
-                    : ros::DomainLock::allocate(options.domain ? options.domain : target.deployment.domain);
+                    ? ros::DomainLock::share(*old, suite)
+                    : ros::DomainLock::allocate(options.domain ? options.domain : target.deployment.domain,
+                                                ros::DomainLock::first_domain, suite);
     if (!lock) return Err(lock.error());
     held = std::make_shared<ros::DomainLock>(std::move(*lock));
   }
@@ -65,11 +70,10 @@ Result<std::shared_ptr<ros::DomainLock>, std::string> take_domain(const Target& 
 }
 
 /// One `up` or `down` of a deployment at a time: the second waits for the first. No file is left behind: the
-/// lock is on the folder itself.
+/// lock is on the folder of locks itself, which others cannot open.
 Fd lock_suite(const Target& target) {
-  std::error_code ec;
-  std::filesystem::create_directories(target.var.root, ec);
-  Fd folder(open(target.var.root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  target.var.make_run_folder();
+  Fd folder(open(target.var.run().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (folder) flock(folder.get(), LOCK_EX);
   return folder;
 }
@@ -147,22 +151,20 @@ void disarm_simulated_watchdog(const Target& target) {
   if (auto watchdog = hw::open_watchdog(uri->second, target.var.root, unused)) (void)(*watchdog)->disarm();
 }
 
-/// Held while nodes are started one after the other: the ring does not miss who has not had its turn.
+/// Held while nodes are started one after the other: the ring does not miss a node that waits for its turn.
 Fd lock_starting(const ros::VarPaths& var) {
-  Fd lock(open(var.starting_lock().c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-  if (lock) flock(lock.get(), LOCK_EX | LOCK_NB);  // one `up` at a time: nobody else locks it for writing
+  Fd lock = open_lock_file(var.starting_lock());
+  if (lock) flock(lock.get(), LOCK_EX | LOCK_NB);  // one `up` at a time: only `up` locks it for writing
   return lock;
 }
 
-/// Sets the flag while nobody is starting anything: whoever starts a node afterwards sees it. A starter that
-/// holds its lock for longer than a second is overtaken; down() looks again when that one has ended.
+/// Sets the flag while no node is being started: every later starter sees it. A starter that holds its lock
+/// for longer than a second is overtaken; down() checks again after its end.
 void set_stopping_flag(const Target& target) {
-  std::error_code ec;
-  std::filesystem::create_directories(target.var.run(), ec);
   std::vector<Fd> locks;
   const MonotonicTime deadline = monotonic_now() + seconds(1);
   for (const auto& node : target.deployment.nodes) {
-    Fd lock(open(target.var.restart_lock(node.name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+    Fd lock = open_lock_file(target.var.restart_lock(node.name));
     while (lock && flock(lock.get(), LOCK_EX | LOCK_NB) != 0 && monotonic_now() < deadline)
       poll(nullptr, 0, 5);
     locks.push_back(std::move(lock));
@@ -203,6 +205,10 @@ namespace {
 
 UpReport up_locked(const Target& suite, const UpOptions& options) {
   UpReport report;
+  if (auto unsafe = ros::unsafe_link(suite.deployment, suite.var.root); !unsafe.empty()) {
+    report.problems.push_back(std::move(unsafe));
+    return report;
+  }
   std::error_code ec;
   std::filesystem::remove(suite.var.stopping_flag(), ec);
   const auto before = local_status(suite);
@@ -232,7 +238,7 @@ UpReport up_locked(const Target& suite, const UpOptions& options) {
   return report;
 }
 
-/// Ends these and adds who needed more than SIGTERM to the report.
+/// Ends these and adds those that needed more than SIGTERM to the report.
 void end_all(const std::vector<NodeProcess>& running, milliseconds patience, DownReport& report) {
   struct Ending {
     const NodeProcess* one;
@@ -285,7 +291,7 @@ DownReport down_locked(const Target& target, milliseconds patience) {
       std::filesystem::remove(target.var.restart_lock(node.name), ec);
     }
     if (const auto domain = running_domain(target))
-      (void)ros::DomainLock::share(*domain);  // removes the lock of killed nodes
+      (void)ros::DomainLock::share(*domain, target.var.root.string());  // removes the lock of killed nodes
     std::filesystem::remove(target.var.domain_file(), ec);
     std::filesystem::remove(target.var.environment_file(), ec);
     std::filesystem::remove_all(target.var.memory(), ec);
@@ -307,11 +313,15 @@ DownReport down(const Target& target, milliseconds patience) {
   return down_locked(target, patience);
 }
 
-RestartReport restart(const Target& target, milliseconds patience, const UpOptions& options) {
-  const bool was_up = running_domain(target).has_value();
+RestartReport restart(const Target& target, milliseconds patience, const UpOptions& options, bool if_up) {
+  const bool was_up = if_up || running_domain(target).has_value();
   const Fd suite_lock = lock_suite(target);
   if (was_up && !running_domain(target)) return {};  // a `srfs down` came before
   RestartReport report;
+  if (auto unsafe = ros::unsafe_link(target.deployment, target.var.root); !unsafe.empty()) {
+    report.up.emplace().problems.push_back(std::move(unsafe));  // what runs, runs on
+    return report;
+  }
   report.down = down_locked(target, patience);
   if (report.down.left.empty()) report.up = up_locked(target, options);
   return report;

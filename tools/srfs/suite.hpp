@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <chrono>
@@ -19,7 +21,7 @@ struct Target {
   ros::VarPaths var;
 };
 
-/// A tool's participant: it belongs to the suite that it looks at.
+/// A tool's participant: it belongs to the suite that it inspects.
 [[nodiscard]] ros::ParticipantOptions participant_options(const ros::Deployment& deployment, int domain,
                                                           ros::Executor& executor);
 
@@ -39,7 +41,7 @@ struct UpOptions {
   bool all = false;      ///< nodes that flight does not need are waited for, too
   std::optional<int> domain;
   std::vector<std::string> only;  ///< these nodes alone; empty: all. The others are left as they are
-  /// A domain the caller holds for this suite already: over a restart nobody else may take it in between.
+  /// A domain the caller already holds for this suite: no other process may take it during a restart.
   std::shared_ptr<ros::DomainLock> held_domain;
 };
 
@@ -66,21 +68,22 @@ struct DownReport {
   std::vector<std::string> left;     ///< nodes that survived even that
 };
 
-/// Stops every node in reverse order, and what was on the way to become one: stopping flag first, so that
-/// nobody revives what is stopped; SIGTERM, after @p patience SIGKILL; then locks and the domain file are
-/// removed. The simulated watchdog is disarmed. Time in which a process waits for a CPU does not count, up to
-/// ten times the patience. Blocks.
+/// Stops every node in reverse order, and every process that is about to become a node. Sets the stopping
+/// flag first, so that nothing revives a stopped node. Sends SIGTERM, after @p patience SIGKILL. Then locks
+/// and the domain file are removed. The simulated watchdog is disarmed. Time in which a process waits for a
+/// CPU does not count, up to ten times the patience. Blocks.
 [[nodiscard]] DownReport down(const Target& target, milliseconds patience);
 
 struct RestartReport {
   DownReport down;
   std::optional<UpReport>
-      up;  ///< nullopt: not all could be stopped, or the suite was stopped by somebody else
+      up;  ///< nullopt: not all could be stopped, or the suite was stopped by another process
 };
 
 /// down() and up() as one step: no other start or stop comes in between. A suite that was stopped while this
-/// waited for its turn stays down.
-[[nodiscard]] RestartReport restart(const Target& target, milliseconds patience, const UpOptions& options);
+/// waited for its turn stays down. @param if_up  so does one that was stopped before
+[[nodiscard]] RestartReport restart(const Target& target, milliseconds patience, const UpOptions& options,
+                                    bool if_up);
 
 /// Asks every node for its state over DDS. Blocks for at most @p deadline.
 [[nodiscard]] std::vector<NodeStatus> status(const Target& target, milliseconds deadline);

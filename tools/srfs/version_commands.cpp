@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/srfs/version_commands.hpp"
 
 #include <charconv>
@@ -28,7 +30,7 @@ int fail(CommandExit exit, const std::string& why, bool json) {
 }
 
 int no_node(const std::string& node, bool json) {
-  return fail(CommandExit::usage, fmt::format("there is no node '{}'", node), json);
+  return fail(CommandExit::usage, fmt::format("no node '{}' in the deployment", node), json);
 }
 
 std::string name_of(VersionNumber version) {
@@ -59,7 +61,8 @@ int change(const Target& target, const std::string& node, const std::string& ver
            const std::string& done) {
   if (target.deployment.find(node) == nullptr) return no_node(node, json);
   const auto number = parse_version(version, ros::read_versions(target.var, node).table);
-  if (!number) return fail(CommandExit::usage, fmt::format("'{}' is no version of {}", version, node), json);
+  if (!number)
+    return fail(CommandExit::usage, fmt::format("'{}' is not a version of {}", version, node), json);
   const auto changed = ros::change_versions(
       target.var, node, [&](update::VersionStore& store) { return (store.*operation)(*number); });
   if (!changed)
@@ -163,7 +166,8 @@ int use_version(const Target& target, const std::string& node, const std::string
   const ros::NodeEntry* entry = target.deployment.find(node);
   if (entry == nullptr) return no_node(node, json);
   const auto number = parse_version(version, ros::read_versions(target.var, node).table);
-  if (!number) return fail(CommandExit::usage, fmt::format("'{}' is no version of {}", version, node), json);
+  if (!number)
+    return fail(CommandExit::usage, fmt::format("'{}' is not a version of {}", version, node), json);
   const auto& ring = target.deployment.ring;
   const milliseconds probation =
       wanted_probation ? milliseconds(*wanted_probation) : ros::default_probation(ring, node);
@@ -186,7 +190,8 @@ int use_version(const Target& target, const std::string& node, const std::string
     fmt::print("{} {} {}{}\n", node, launched ? "runs" : "has", name_of(*number),
                on_trial ? fmt::format(", on probation for {} s", probation / seconds(1)) : "");
     if (on_trial && ros::needs_confirmation(ring, node))
-      fmt::print("without `srfs versions confirm {} {}` within this time it is rolled back\n", node, *number);
+      fmt::print("it is rolled back unless `srfs versions confirm {} {}` comes within this time\n", node,
+                 *number);
   }
   return static_cast<int>(CommandExit::done);
 }
@@ -195,11 +200,11 @@ int confirm_version(const Target& target, const std::string& node, const std::st
   const auto number = parse_version(version, ros::read_versions(target.var, node).table);
   if (number && !ros::runs_since(target.var, node, *number))
     return fail(CommandExit::refused, fmt::format("{} does not run {}", node, name_of(*number)), json);
-  return change(target, node, version, json, &update::VersionStore::commit, "is the last good one");
+  return change(target, node, version, json, &update::VersionStore::commit, "is now the last good one");
 }
 
 int remove_version(const Target& target, const std::string& node, const std::string& version, bool json) {
-  return change(target, node, version, json, &update::VersionStore::remove, "is removed");
+  return change(target, node, version, json, &update::VersionStore::remove, "was removed");
 }
 
 }  // namespace srfs::tool

@@ -1,4 +1,6 @@
 #!/bin/bash
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 # Process 1 of the guest after initramfs_init.sh: runs the command that lies in /run/vm/command, leaves its exit code in
 # /run/vm/exit_code and switches the machine off. What the command prints goes to /run/vm/output, which the host shows meanwhile.
 export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root TERM=dumb LANG=C.UTF-8

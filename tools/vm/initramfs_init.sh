@@ -1,4 +1,6 @@
 #!/bin/sh
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 # First program of the guest, from its initramfs: the host's root file system (9p, read-only) under a tmpfs, then on to
 # guest_init.sh. Only busybox and the modules named in /modules are here. Writes to the console, which the host shows on failure.
 export PATH=/bin

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Runs one command as root under Debian's own kernel, in a virtual machine (QEMU) that shares this machine's files.
 
 For what the running kernel lacks: CAN, above all. The kernel package is fetched once with apt-get and kept unpacked below
@@ -56,14 +58,14 @@ def cache_folder():
 def quietly(command, deadline_s, **options):
     """Runs a program without a terminal; its output in the error when it fails."""
     try:
-        # depmod and modprobe are in /sbin, which is not in everybody's PATH; apt's words are read below.
+        # depmod and modprobe are in /sbin, which is not in every PATH; apt's messages are parsed below.
         environment = {**os.environ, "PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin", "LC_ALL": "C"}
         result = subprocess.run(command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                                 errors="replace", timeout=deadline_s, **options)  # fmt: skip
     except FileNotFoundError as error:
         raise CannotRun(f"{command[0]} is missing: install the packages of packages.txt (group vm)") from error
     except subprocess.TimeoutExpired as error:
-        raise CannotRun(f"{shlex.join(command)}: not done within {deadline_s} s") from error
+        raise CannotRun(f"{shlex.join(command)}: not finished within {deadline_s} s") from error
     if result.returncode != 0:
         raise CannotRun(f"{shlex.join(command)}:\n{result.stdout.strip()}")
     return result.stdout
@@ -145,13 +147,13 @@ def kernel_folder(say, kind="amd64"):
     cache = cache_folder()
     cache.mkdir(parents=True, exist_ok=True)
     with open(cache / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # somebody else may be fetching it right now
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another process may be fetching it right now
         package = newest_package(kind)
         for kernel in kernels_of(kind, cache):
             if package in (None, kernel.name):
                 if is_whole(kernel):
                     return kernel
-                say(f"{kernel} is damaged and is made anew")
+                say(f"{kernel} is damaged, making it again")
                 shutil.rmtree(kernel)
         for left_over in [*cache.glob("new.*"), *cache.glob("unpack.*")]:
             shutil.rmtree(left_over)
@@ -160,7 +162,7 @@ def kernel_folder(say, kind="amd64"):
         except CannotRun as error:
             for kernel in kernels_of(kind, cache):
                 if is_whole(kernel):
-                    say(f"{error}\nusing {kernel.name}, which is there")
+                    say(f"{error}\nusing {kernel.name} from the cache")
                     return kernel
             raise CannotRun(f"the kernel package cannot be fetched, and {cache} has none: {error}") from error
 
@@ -290,7 +292,7 @@ def run(command, options, say, devices=(), may_reset=False, keep_file=None):
     the command again; what it left in /run/vm is still there.
     keep_file (name, target): a file of /run/vm to copy out at the end."""
     if platform.machine() != "x86_64":
-        raise CannotRun(f"the guest is an amd64 machine with this machine's programs, and these are for {platform.machine()}. "
+        raise CannotRun(f"the guest is an amd64 machine that runs this machine's programs, but these are for {platform.machine()}. "
                         "The tests run directly on a kernel with CAN: as root, `modprobe vcan` and try again")  # fmt: skip
     if not shutil.which(QEMU):
         raise CannotRun(f"{QEMU} is missing: install the packages of packages.txt (group vm)")
@@ -316,9 +318,9 @@ def run(command, options, say, devices=(), may_reset=False, keep_file=None):
             return int(code)
         print_console(exchange)
         if not ended:
-            say(f"the guest hung: it was not done within {options.deadline} s" + ("" if booted else "; it had not even booted"))
+            say(f"the guest hung: not finished within {options.deadline} s" + ("" if booted else "; it did not boot"))
             return EXIT_HUNG
-        say(f"the guest reset itself or went off without an exit code after {took:.1f} s (QEMU ended with {qemu.returncode})")
+        say(f"the guest reset itself or switched off without an exit code after {took:.1f} s (QEMU ended with {qemu.returncode})")
         return EXIT_RESET
     finally:
         if keep_file and (exchange / keep_file[0]).exists():
@@ -333,10 +335,10 @@ def run(command, options, say, devices=(), may_reset=False, keep_file=None):
 
 
 def add_options(parser, deadline="300"):
-    parser.add_argument("--kernel", choices=PACKAGES, default="amd64", help="Debian's usual one, or the one with PREEMPT_RT (default: %(default)s)")
-    parser.add_argument("--cpus", type=int, default=2, metavar="N", help="of the guest (default: %(default)s)")
-    parser.add_argument("--memory-mib", type=int, default=3072, metavar="N", help="of the guest; 60 %% of it may hold files (default: %(default)s)")
-    parser.add_argument("--deadline", type=float, default=300, metavar="S", help=f"the guest is ended after S seconds (default: {deadline})")
+    parser.add_argument("--kernel", choices=PACKAGES, default="amd64", help="Debian's usual kernel, or the one with PREEMPT_RT (default: %(default)s)")
+    parser.add_argument("--cpus", type=int, default=2, metavar="N", help="CPUs of the guest (default: %(default)s)")
+    parser.add_argument("--memory-mib", type=int, default=3072, metavar="N", help="memory of the guest; files may use 60 %% of it (default: %(default)s)")
+    parser.add_argument("--deadline", type=float, default=300, metavar="S", help=f"stop the guest after S seconds (default: {deadline})")
     parser.add_argument("--keep", action="store_true", help="keep the folder with console, output and exit code")
 
 
@@ -360,7 +362,7 @@ def main():
     runner = commands.add_parser("run", help="boot and run a command")
     add_options(runner)
     runner.add_argument("command", nargs="+", metavar="COMMAND")
-    fetcher = commands.add_parser("fetch", help="only get the kernel")
+    fetcher = commands.add_parser("fetch", help="only fetch the kernel")
     fetcher.add_argument("--kernel", choices=PACKAGES, default="amd64")
     options = parser.parse_args()
     interruptible()

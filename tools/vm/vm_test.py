@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The tests that need a kernel with CAN (tests/vm): the suite and its SocketCAN driver against Linux' own CAN stack and can-utils, the GPIO
 driver on a chip of the kernel's, pulses that the kernel stamps, the V4L2 driver on the kernel's virtual camera. --kernel rt: on Debian's
 kernel with PREEMPT_RT, with a board's priorities and locked memory; about function, for an emulated processor has no latency worth a word.
@@ -23,7 +25,7 @@ FULL_DEADLINE_S = 3000
 
 
 def kernel_has_can():
-    """Whether a vcan interface can be made here: tried, for no list of modules tells it."""
+    """Whether a vcan interface can be made here: tried, because no list of modules shows it."""
     if os.geteuid() != 0:
         return False
     name = f"sv{os.getpid()}t"
@@ -38,9 +40,9 @@ def kernel_has_can():
 
 def parse():
     parser = argparse.ArgumentParser(prog="./run vm-test", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--full", action="store_true", help="everything several times, in random order")
-    parser.add_argument("--only", choices=("can", "mission"), help="SocketCAN, ISO-TP, GPIO, pulses and camera, or the mission, alone")
-    parser.add_argument("--vm", action="store_true", help="in the virtual machine even if this kernel has CAN")
+    parser.add_argument("--full", action="store_true", help="run everything several times, in random order")
+    parser.add_argument("--only", choices=("can", "mission"), help="run only SocketCAN, ISO-TP, GPIO, pulses and camera (can), or only the mission")
+    parser.add_argument("--vm", action="store_true", help="use the virtual machine even if this kernel has CAN")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-release", help=argparse.SUPPRESS)
     vm.add_options(parser, f"{DEADLINE_S}, with --full {FULL_DEADLINE_S}")
     parser.set_defaults(deadline=None)
@@ -59,7 +61,7 @@ def main():
         if not options.vm and options.kernel == "amd64" and kernel_has_can():
             print("this kernel has CAN: no virtual machine", flush=True)
             return subprocess.run(command, stdin=subprocess.DEVNULL, check=False).returncode
-        return vm.run(["env", f"SRFS_PATIENCE={SLOWER_IN_THE_GUEST}", *command], options, vm.say)
+        return vm.run(["env", f"SRFS_PATIENCE={SLOWER_IN_THE_GUEST}", "SRFS_IN_GUEST=1", *command], options, vm.say)
     except vm.CannotRun as error:
         vm.say(str(error))
         return vm.EXIT_CANNOT

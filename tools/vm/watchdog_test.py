@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Linux' watchdog devices really reset the machine: the suite in a virtual machine, stopped as a whole, comes up again after the reset.
 
 softdog: the kernel's own timer resets. i6300esb: QEMU plays the chip, which also tells the next boot that it was the cause. Twice two
@@ -37,8 +39,8 @@ def judge(driver, code, lines):
         (f"{driver}: two boots of the machine, the second ended well", code == 0 and len(boots) == 2),
         (f"{driver}: it was reset, not merely restarted", bool(first) and first["kernel"] != second["kernel"]),
         (f"{driver}: timing and all other nodes were stopped before", any("timing" in line.get("stopped", ()) for line in lines)),
-        (f"{driver}: nobody could have disarmed it (nowayout)", bool(first) and first["nowayout"] and second["nowayout"]),
-        (f"{driver}: its time-out is the one that was asked for", bool(first) and first["watchdog_timeout_s"] == 20),
+        (f"{driver}: no process could disarm it (nowayout)", bool(first) and first["nowayout"] and second["nowayout"]),
+        (f"{driver}: its time-out is the requested one", bool(first) and first["watchdog_timeout_s"] == 20),
         (f"{driver}: the boot is counted", bool(first) and second["boot_count"] == first["boot_count"] + 1),
         (f"{driver}: the reset cause is the watchdog", bool(first) and second["reset_cause"] == "watchdog"),
     ]
@@ -57,7 +59,7 @@ def fly(driver, build):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build-release", metavar="DIR", help="default: %(default)s")
-    parser.add_argument("--only", choices=DEVICES, help="one device alone")
+    parser.add_argument("--only", choices=DEVICES, help="test only this device")
     options = parser.parse_args()
     vm.interruptible()
     os.chdir(ROOT)

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -41,8 +43,8 @@ struct CameraFault {
   std::string reason;  ///< for people
 };
 
-/// One camera. Every call may block as long as it says, so all belong to one worker thread; not thread-safe.
-/// Closed at first. Order: open, prepare, begin, take until there is a frame or a fault.
+/// One camera. Every call may block for the time it documents, so all belong to one worker thread; not
+/// thread-safe. Closed at first. Order: open, prepare, begin, take until there is a frame or a fault.
 class Camera {
  public:
   virtual ~Camera() = default;
@@ -54,7 +56,7 @@ class Camera {
   /// Before each frame: its exposure and gain, and whatever can be done before the exposure. Up to 500 ms, a
   /// replayed picture as long as it takes to decode.
   [[nodiscard]] virtual Result<void, CameraFault> prepare(const CameraSettings& settings) = 0;
-  /// The exposure of the next frame begins now, or as soon as the camera can: the frame says when. At most
+  /// The exposure of the next frame begins now, or as soon as the camera can: the frame states when. At most
   /// 5 ms.
   [[nodiscard]] virtual Result<void, CameraFault> begin() = 0;
   /// The frame begun. Waits for it for up to @p patience. @return nothing when it is not there yet

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "hw/camera/camera.hpp"
@@ -12,7 +14,7 @@ struct V4l2Options {
   std::uint32_t height = 0;
   double line_us = 0;         ///< V4L2_CID_EXPOSURE counts lines of this length; 0: units of 100 us
   double gain_step_db = 0.1;  ///< one unit of the gain control
-  /// Of a camera whose exposure nobody can set: it is always so long. 0: there is a control.
+  /// Of a camera whose exposure cannot be set: it is always so long. 0: there is a control.
   microseconds fixed_exposure{0};
   const PixelFormat* format = nullptr;  ///< none: the best that the driver offers
   /// Sub-device with the sensor's controls, where the capture device has none of them; empty: that has them

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <thread>
 #include <vector>
@@ -57,7 +59,7 @@ class FolderCamera : public Camera {
   }
 
   Result<std::optional<CameraFrame>, CameraFault> take(nanoseconds patience) override {
-    if (pictures_.empty() || !begun_) return absent("no exposure under way");
+    if (pictures_.empty() || !begun_) return absent("no exposure in progress");
     const MonotonicTime now = monotonic_now();
     const MonotonicTime done = *begun_ + settings_.exposure;
     if (done > now) std::this_thread::sleep_for(std::min<nanoseconds>(done - now, patience));
@@ -93,7 +95,7 @@ class FolderCamera : public Camera {
       ready_ = to_camera_frame(*frame);
     } catch (const std::bad_alloc&) {
       return Err(CameraFault{CameraFault::Kind::unsound,
-                             fmt::format("{}: larger than the memory", picture.filename().string())});
+                             fmt::format("{}: not enough memory", picture.filename().string())});
     }
     return {};
   }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cerrno>
 
@@ -30,7 +32,8 @@ class SimCamera : public Camera {
     const auto reply = ask_settings({});
     if (!reply) return Err(reply.error());
     if (reply->bits < 1 || reply->bits > bits_max || image::refuse_size(reply->width, reply->height))
-      return lost(fmt::format("it says {} x {}, {} bits", reply->width, reply->height, reply->bits));
+      return lost(fmt::format("the simulator reports impossible frames: {} x {}, {} bits", reply->width,
+                              reply->height, reply->bits));
     frame_.emplace(reply->width, reply->height, reply->bits);
     return fmt::format("simulated sky, {} x {}, {} bits", reply->width, reply->height, reply->bits);
   }
@@ -111,13 +114,13 @@ class SimCamera : public Camera {
     const ssize_t n = ::recv(socket_.get(), buffer_.data(), buffer_.size(), MSG_TRUNC);
     if (n < 0 && (errno == EAGAIN || errno == EINTR)) return std::optional<sim_camera::Reply>{};
     if (n <= 0) return lost("the simulator closed the connection");
-    if (static_cast<std::size_t>(n) > buffer_.size()) return lost("a message longer than any");
+    if (static_cast<std::size_t>(n) > buffer_.size()) return lost("message too long");
     auto reply = sim_camera::decode_reply(OctetView(buffer_.data(), static_cast<std::size_t>(n)));
-    if (!reply) return lost("a message that is none");
+    if (!reply) return lost("malformed message");
     return reply;
   }
 
-  /// Passes over what is left of frames that nobody waits for.
+  /// Skips what is left of frames that are not awaited any more.
   Result<sim_camera::SettingsReply, CameraFault> ask_settings(const CameraSettings& settings) {
     const auto [exposure_us, gain_db] = settings_of(settings);
     if (const auto sent = send(sim_camera::SettingsRequest{exposure_us, gain_db}); !sent)

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw/camera/sim_camera_protocol.hpp"
 
 #include <cmath>
@@ -172,7 +174,8 @@ Result<std::optional<CameraFrame>, std::string> FrameAssembler::on_head(const Fr
   if (head.width != width_ || head.height != height_ || head.bits != bits_)
     return unsound(fmt::format("a frame of {} x {}, {} bits; the camera has {} x {}, {} bits", head.width,
                                head.height, head.bits, width_, height_, bits_));
-  if (head.begin_ns > static_cast<std::uint64_t>(INT64_MAX)) return unsound("a frame from no time");
+  if (head.begin_ns > static_cast<std::uint64_t>(INT64_MAX))
+    return unsound("a frame with an impossible time");
   head_ = head;
   received_ = 0;
   frame_ = CameraFrame{};
@@ -183,7 +186,8 @@ Result<std::optional<CameraFrame>, std::string> FrameAssembler::on_head(const Fr
 Result<std::optional<CameraFrame>, std::string> FrameAssembler::on_piece(const FramePiece& piece) {
   const std::size_t whole = frame_.pixels.size() * sizeof(std::uint16_t);
   if (!head_ || piece.offset != received_ || piece.octets.size() > whole - received_)
-    return unsound(fmt::format("torn: pixels from octet {} on where {} were due", piece.offset, received_));
+    return unsound(
+        fmt::format("torn: pixels from octet {}, expected from octet {}", piece.offset, received_));
   auto* const pixels = reinterpret_cast<std::uint8_t*>(frame_.pixels.cells().data());
   std::copy(piece.octets.begin(), piece.octets.end(), pixels + received_);
   received_ += piece.octets.size();
@@ -195,7 +199,7 @@ Result<std::optional<CameraFrame>, std::string> FrameAssembler::on_end() {
   if (!head_ || received_ != whole)
     return unsound(fmt::format("short: {} of {} octets", head_ ? received_ : 0, whole));
   const OctetView octets(reinterpret_cast<const std::uint8_t*>(frame_.pixels.cells().data()), whole);
-  if (crc32c(octets) != head_->crc) return unsound("torn: the pixels do not fit their checksum");
+  if (crc32c(octets) != head_->crc) return unsound("torn: wrong checksum of the pixels");
   frame_.bits = head_->bits;
   frame_.sequence = head_->sequence;
   frame_.begin = MonotonicTime(nanoseconds(static_cast<std::int64_t>(head_->begin_ns)));

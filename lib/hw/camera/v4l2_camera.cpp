@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -83,7 +85,7 @@ class V4l2Camera : public Camera {
     planes_ = (can & V4L2_CAP_VIDEO_CAPTURE) == 0 && (can & V4L2_CAP_VIDEO_CAPTURE_MPLANE) != 0;
     if ((can & (V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_VIDEO_CAPTURE_MPLANE)) == 0 ||
         (can & V4L2_CAP_STREAMING) == 0)
-      return lost(fmt::format("{}: no device that streams pictures", path_.string()));
+      return lost(fmt::format("{}: not a streaming capture device", path_.string()));
     if (!options_.controls.empty()) {
       controls_ = Fd(::open(options_.controls.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC));
       if (!controls_) return lost(fmt::format("{}: {}", options_.controls.string(), errno_text(errno)));
@@ -326,13 +328,13 @@ class V4l2Camera : public Camera {
   /// @return nothing for a frame whose exposure began before begin()
   Result<std::optional<CameraFrame>, CameraFault> frame_of(const Dequeued& taken) {
     const v4l2_buffer& buffer = taken.buffer;
-    if (buffer.index >= mappings_.size()) return lost("a buffer that is none");
+    if (buffer.index >= mappings_.size()) return lost("the driver returned an unknown buffer");
     const MonotonicTime begin = begin_of(buffer);
     if (begin < *begun_) return std::optional<CameraFrame>{};
     const auto unsound = [](std::string why) {
       return Err(CameraFault{CameraFault::Kind::unsound, std::move(why)});
     };
-    if ((buffer.flags & V4L2_BUF_FLAG_ERROR) != 0) return unsound("torn: the driver marked it");
+    if ((buffer.flags & V4L2_BUF_FLAG_ERROR) != 0) return unsound("torn: marked by the driver");
     const std::size_t begin_octet = planes_ ? taken.planes[0].data_offset : 0;
     const std::size_t used = planes_ ? taken.planes[0].bytesused : buffer.bytesused;
     CameraFrame frame;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -9,7 +11,7 @@
 
 namespace srfs::hw {
 
-/// What rtnetlink tells of an interface (linux/rtnetlink.h, linux/can/netlink.h). Nothing of a controller
+/// What rtnetlink reports of an interface (linux/rtnetlink.h, linux/can/netlink.h). Nothing of a controller
 /// where there is none: vcan.
 struct CanLink {
   std::optional<CanBusState> state;  ///< of the controller; stopped or sleeping: down
@@ -32,15 +34,15 @@ struct CanLink {
 [[nodiscard]] Result<CanLink, int> decode_link(OctetView answer, std::uint32_t sequence);
 [[nodiscard]] Result<void, int> decode_acknowledgement(OctetView answer, std::uint32_t sequence);
 
-// The same said to the kernel. rtnetlink answers within the call; it may hold the caller for as long as
-// another process holds the kernel's rtnl lock. All return an errno; the two that change something need
+// The same as requests to the kernel. rtnetlink answers within the call; it may hold the caller for as long
+// as another process holds the kernel's rtnl lock. All return an errno; the two that change something need
 // CAP_NET_ADMIN (EPERM).
 
 [[nodiscard]] Result<CanLink, int> query_can_link(int interface);
 [[nodiscard]] Result<void, int> restart_can_controller(int interface);
 [[nodiscard]] Result<void, int> set_can_link_up(int interface);
 /// Down and up again is the only way to take queued frames back from interface and controller. Every socket
-/// on the interface notices. Both go to the kernel in one system call: whoever is killed in between leaves no
+/// on the interface notices. Both go to the kernel in one system call: a process killed in between leaves no
 /// interface down.
 struct LinkCycle {
   Result<void, int> down;

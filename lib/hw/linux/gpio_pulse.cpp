@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <cerrno>
 #include <cstring>
 
@@ -54,7 +56,7 @@ class GpioPulse : public PulseSource {
       source_.lost("the chip is gone");
       return std::nullopt;
     }
-    // The kernel keeps 16 events and drops the newest; its sequence number tells.
+    // The kernel keeps 16 events and drops the newest; its sequence number shows it.
     if (event.line_seqno > last_ + 1 && last_ > 0)
       counters_.dropped += static_cast<std::uint32_t>(event.line_seqno - last_ - 1);
     last_ = event.line_seqno;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <atomic>
 #include <cerrno>
 #include <condition_variable>
@@ -92,7 +94,7 @@ class Pps : public PulseSource {
     if (device) {
       pps_kparams parameters{};
       if (::ioctl(device.get(), PPS_GETPARAMS, &parameters) != 0) {
-        reason = fmt::format("{} is no PPS device: {}", device_path_.string(), errno_text(errno));
+        reason = fmt::format("{} is not a PPS device: {}", device_path_.string(), errno_text(errno));
       } else if ((parameters.mode & PPS_CAPTUREASSERT) == 0) {
         parameters.mode |= PPS_CAPTUREASSERT;
         if (::ioctl(device.get(), PPS_SETPARAMS, &parameters) != 0)
@@ -117,7 +119,7 @@ class Pps : public PulseSource {
     if (::ioctl(device, PPS_FETCH, &edge) != 0) {
       if (errno == EINTR) return true;
       if (errno != ETIMEDOUT) return lost("PPS_FETCH: " + errno_text(errno));
-      // A device whose driver went away times out like one without pulses; its file tells.
+      // A device whose driver went away times out like one without pulses; its file shows it.
       if (!is_the_file(device)) return lost(device_path_.string() + " was removed");
       // An edge between two waits is found by asking once without waiting (a time-out of zero).
       edge = {};

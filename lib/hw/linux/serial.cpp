@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cerrno>
 #include <utility>
@@ -22,7 +24,8 @@ Result<Fd, std::string> open_tty(const path& tty, speed_t speed) {
   Fd line(::open(tty.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!line) return Err(fmt::format("{}: {}", tty.string(), errno_text(errno)));
   termios settings{};
-  if (::tcgetattr(line.get(), &settings) != 0) return Err(fmt::format("{} is no serial line", tty.string()));
+  if (::tcgetattr(line.get(), &settings) != 0)
+    return Err(fmt::format("{} is not a serial line", tty.string()));
   // TIOCEXCL does not keep root out; the lock does, between processes of ours.
   if (::flock(line.get(), LOCK_EX | LOCK_NB) != 0)
     return Err(fmt::format("{} is used by another process", tty.string()));
@@ -43,7 +46,7 @@ Result<Fd, std::string> open_tty(const path& tty, speed_t speed) {
   termios actual{};
   if (::tcgetattr(line.get(), &actual) != 0 || ::cfgetospeed(&actual) != speed ||
       (actual.c_cflag & CSIZE) != CS8) {
-    return Err(fmt::format("{} does not take the speed or 8N1", tty.string()));
+    return Err(fmt::format("{} does not support the speed or 8N1", tty.string()));
   }
   return line;
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -225,8 +227,8 @@ class SocketCan : public RawCanBus {
     const CanLink known = link ? *link : CanLink{};
     const bool off = known.state ? known.state == CanBusState::bus_off : !known.carrier.value_or(true);
     if (!off) {
-      // Restarted by whomever, and the error frame that tells it was lost. An interface that says nothing of
-      // its controller is believed to work again: that shows with the next frame, waiting shows nothing.
+      // It was restarted, and the error frame that reports it was lost. An interface that reports nothing of
+      // its controller is believed to work again: the next frame shows it, waiting shows nothing.
       on_report({.restarted = true,
                  .state = known.state,
                  .transmit_errors = known.transmit_errors,

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <cerrno>
 #include <cstring>
 
@@ -70,11 +72,12 @@ class WatchdogDevice : public Watchdog {
     if (::ioctl(fd.get(), WDIOC_GETTIMEOUT, &actual) == 0) in_force_ = seconds(actual);
     facts_ = read_facts(fd.get());
     log::info("{}: {}, time-out {} s, {}", device.string(), facts_.identity, in_force_ ? actual : -1,
-              !facts_.nowayout   ? "nowayout not known"
+              !facts_.nowayout   ? "nowayout unknown"
               : *facts_.nowayout ? "nowayout"
-                                 : "WITHOUT nowayout: whoever is root can stop it");
+                                 : "WITHOUT nowayout: root can stop it");
     if (in_force_ != timeout)
-      log::warn("{}: a time-out of {} s was asked for {}", device.string(), timeout.count(), set_error);
+      log::warn("{}: the requested time-out of {} s is not in force {}", device.string(), timeout.count(),
+                set_error);
     return fd;
   }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw/sim/seqpacket.hpp"
 
 #include <cerrno>
@@ -13,7 +15,7 @@ Result<sockaddr_un, std::string> unix_address(const std::filesystem::path& path)
   address.sun_family = AF_UNIX;
   const std::string text = path.string();
   if (text.size() >= sizeof address.sun_path) {
-    return Err(fmt::format("socket path of {} octets, at most {} are possible: {}", text.size(),
+    return Err(fmt::format("socket path of {} octets, at most {} allowed: {}", text.size(),
                            sizeof address.sun_path - 1, text));
   }
   std::memcpy(address.sun_path, text.c_str(), text.size() + 1);
@@ -26,7 +28,7 @@ Result<Fd, std::string> connect_seqpacket(const std::filesystem::path& path) {
   Fd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!socket) return Err("socket: " + errno_text(errno));
   if (::connect(socket.get(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) != 0) {
-    return Err(fmt::format("nobody listens at {}: {}", path.string(), errno_text(errno)));
+    return Err(fmt::format("nothing listens at {}: {}", path.string(), errno_text(errno)));
   }
   return socket;
 }

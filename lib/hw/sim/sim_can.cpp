@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <cerrno>
 #include <utility>
 
@@ -11,18 +13,18 @@
 namespace srfs::hw {
 namespace {
 
-constexpr std::size_t transmit_queue =
-    64;  // the hub's bound per client: what it would refuse is refused here
+constexpr std::size_t transmit_queue = 64;  // of the hub for each client
 constexpr int datagrams_per_call = 64;
 
-constexpr std::uint32_t bit_rate = 500'000;  // docs/icd_can.md, section 1
-/// The hub of hw_sim (docs/icd_can.md): each datagram is one struct can_frame, __res0 = 1 marks an echo.
+constexpr std::uint32_t bit_rate = 500'000;  // docs/reference/icd_can.md, section 1
+/// The hub of hw_sim (docs/reference/icd_can.md): each datagram is one struct can_frame, __res0 = 1 marks an
+/// echo.
 class SimCan : public RawCanBus {
  public:
   SimCan(const std::string& uri, const path& hub, std::vector<CanFilter> filters)
       : RawCanBus(uri, std::move(filters)) {
     start([this, hub] {
-      // The hub tells a controller that is not error-active with the first frame.
+      // The hub reports a controller that is not error-active with the first frame.
       opened_with({.state = CanBusState::active,
                    .transmit_errors = std::uint16_t{0},
                    .receive_errors = std::uint16_t{0},

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cerrno>
 
@@ -24,7 +26,8 @@ bool is_input(std::uint8_t line) {
   return line >= gpio_first_input && line < gpio_first_input + gpio_input_count;
 }
 
-/// Four octets there, four back (docs/icd_can.md, GPIO). Waits for the answer, at most answer_timeout.
+/// Four octets there, four back (docs/reference/icd_can.md, GPIO). Waits for the answer, at most
+/// answer_timeout.
 class SimGpio : public GpioLines {
  public:
   SimGpio(const std::string& uri, const path& socket)
@@ -79,7 +82,7 @@ class SimGpio : public GpioLines {
     const ssize_t n = ::recv(socket, answer.data(), answer.size(), MSG_TRUNC);
     if (n != static_cast<ssize_t>(answer.size()) ||
         (operation != Operation::read_bank && answer[1] != line)) {
-      simulator_.lost(n <= 0 ? "the simulator closed the connection" : "an answer that fits no request");
+      simulator_.lost(n <= 0 ? "the simulator closed the connection" : "an answer that matches no request");
       return Err(GpioError::gone);
     }
     if (answer[0] == status_no_line) return Err(GpioError::no_line);

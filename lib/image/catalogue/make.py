@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Makes tycho2_bright.bin from Debian's astrometry-data-tycho2-07-littleendian (its FITS file is the first argument).
 
 One star in seven octets, brightest first: right ascension and declination as shares of 360 degrees in 24 bits, little-endian (the

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/check_alive.hpp"
 
 #include <algorithm>
@@ -49,7 +51,7 @@ void CheckAliveService::answer(const srfs_msgs::srv::CheckAlive_Request& request
   member_->on_asked(request.observer, request.ring_generation);
 }
 
-/// Whoever was stopped, or had no CPU, has old work, and is not to be blamed for it.
+/// A node that was stopped, or had no CPU, has old work and is not to be blamed for it.
 std::uint32_t CheckAliveService::age_ms(MonotonicTime since) const {
   const nanoseconds held_up = member_ != nullptr ? member_->held_up_since(since) : nanoseconds(0);
   return as_ms(node_.now() - since - held_up);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -12,15 +14,15 @@ namespace srfs::ros {
 class LifecycleNode;
 struct WorkStatus;
 
-/// What a node's answer says of its work.
+/// What a node's answer reports of its work.
 struct DueWork {
   std::uint32_t due = 0;
   std::uint32_t done = 0;
   std::optional<MonotonicTime> oldest;
 };
 
-/// Input that waits and the node's own work together. What got done is that of the kind whose work has
-/// waited longer: a node that handles its input and neglects its own work, or the reverse, is found out.
+/// Input that waits and the node's own work together. The work done is that of the kind whose work has
+/// waited longer: a node that handles its input and neglects its own work, or the reverse, is detected.
 [[nodiscard]] DueWork due_work(const Executor::Backlog& input, const WorkStatus& own);
 
 /// A node's answers to the liveness checks, given on its work thread with or without a ring. A part of

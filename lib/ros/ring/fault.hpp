@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -14,7 +16,7 @@ namespace srfs::ros {
 /// the ledger.
 enum class FaultClass : std::uint8_t {
   none = 0,
-  absent = 1,         ///< nobody holds its instance lock, and nobody saw a process end
+  absent = 1,         ///< no process holds its instance lock, and none was seen to end
   exited = 2,         ///< its process ended
   silent = 3,         ///< checks unanswered and the heartbeat page stale: hung, stopped or starved
   deaf = 4,           ///< checks unanswered and the heartbeat page fresh: its communication failed
@@ -56,8 +58,8 @@ struct VersionFallback {
 struct RestartOutcome {
   enum class What : std::uint8_t {
     restarted = 1,
-    renewed = 2,         ///< somebody else had restarted it before
-    under_way = 3,       ///< somebody else is restarting it
+    renewed = 2,         ///< another process had restarted it before
+    under_way = 3,       ///< another process is restarting it
     held = 4,            ///< by the operator: it stays down
     backing_off = 5,     ///< it died too often: not before `not_before`
     quarantined = 6,     ///< the same, and slowly from now on

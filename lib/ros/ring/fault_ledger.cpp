@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/fault_ledger.hpp"
 
 #include <algorithm>
@@ -14,6 +16,7 @@
 
 #include "base/crc32c.hpp"
 #include "base/file.hpp"
+#include "base/private_file.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -93,9 +96,9 @@ std::uint64_t last_sequence(int fd, off_t size) {
 }
 
 Fd lock_ledger(const VarPaths& var) {
-  std::error_code ec;
-  std::filesystem::create_directories(var.memory(), ec);
-  Fd fd(open((var.memory() / "faults.lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  Fd fd;
+  if (auto opened = open_private(var.memory() / "faults.lock", O_RDWR | O_CREAT, var.owner()))
+    fd = std::move(*opened);
   // A writer that was stopped while it held the lock must not silence the others.
   for (int i = 0; fd && flock(fd.get(), LOCK_EX | LOCK_NB) != 0 && i < 100; ++i) poll(nullptr, 0, 2);
   return fd;
@@ -191,7 +194,7 @@ Result<std::uint64_t, std::string> FaultLedger::append(FaultRecord record) const
     return Err(fmt::format("{}: cannot {}: {}", path.string(), what, errno_text(errno)));
   };
   const auto open_file = [&] {
-    fd = Fd(open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644));
+    fd = Fd(open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0644));
     struct stat status {};
     if (fd && fstat(fd.get(), &status) == 0) size = status.st_size;
     return static_cast<bool>(fd);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/heartbeat_page.hpp"
 
 #include <fcntl.h>
@@ -10,8 +12,7 @@
 
 #include <fmt/format.h>
 
-#include "base/fd.hpp"
-#include "base/file.hpp"
+#include "base/private_file.hpp"
 
 namespace srfs::ros {
 
@@ -47,13 +48,11 @@ Result<HeartbeatPage, std::string> HeartbeatPage::create(const VarPaths& var, co
   static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
   const auto path = page_file(var, node);
   const auto failed = [&](int error) { return Err(fmt::format("{}: {}", path.string(), errno_text(error))); };
-  std::error_code ec;
-  std::filesystem::create_directories(path.parent_path(), ec);
-  const Fd fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-  if (!fd) return failed(errno);
+  const auto fd = open_private(path, O_RDWR | O_CREAT, var.owner());
+  if (!fd) return Err(fd.error().message);
   // A store into a page without memory behind it would be a SIGBUS.
-  if (const int error = posix_fallocate(fd.get(), 0, sizeof(Layout)); error != 0) return failed(error);
-  auto* page = static_cast<Layout*>(map(fd.get(), sizeof(Layout), PROT_READ | PROT_WRITE));
+  if (const int error = posix_fallocate(fd->get(), 0, sizeof(Layout)); error != 0) return failed(error);
+  auto* page = static_cast<Layout*>(map(fd->get(), sizeof(Layout), PROT_READ | PROT_WRITE));
   if (page == nullptr) return failed(errno);
   page->magic = 0;  // readers see no mixture of the predecessor's and ours
   page->process = static_cast<std::uint32_t>(getpid()) | static_cast<std::uint64_t>(incarnation) << 32U;
@@ -66,11 +65,11 @@ Result<HeartbeatPage, std::string> HeartbeatPage::create(const VarPaths& var, co
 }
 
 std::optional<HeartbeatPage::Reading> HeartbeatPage::read(const VarPaths& var, const std::string& node) {
-  const Fd fd(open(page_file(var, node).c_str(), O_RDONLY | O_CLOEXEC));
+  const auto fd = open_private(page_file(var, node), O_RDONLY, var.owner());
   if (!fd) return std::nullopt;
   // A copy by read(2): a file that is too short answers less instead of a SIGBUS.
   std::array<std::uint64_t, sizeof(Layout) / sizeof(std::uint64_t)> words{};
-  if (pread(fd.get(), words.data(), sizeof words, 0) != static_cast<ssize_t>(sizeof words) ||
+  if (pread(fd->get(), words.data(), sizeof words, 0) != static_cast<ssize_t>(sizeof words) ||
       words[0] != Layout::magic_value) {
     return std::nullopt;
   }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -14,17 +16,18 @@
 
 namespace srfs::ros {
 
-/// How a process ended, as it said itself in its last moment.
+/// How a process ended, as it recorded itself in its last moment.
 enum class EndKind : std::uint32_t {
-  running = 0,  ///< said nothing: it runs, or was killed without a word (SIGKILL, power)
+  running = 0,  ///< no record: it runs, or was killed without a word (SIGKILL, power)
   exit = 1,     ///< value: exit code
   signal = 2,   ///< value: the signal that was fatal
 };
 
 /// One page per node in shared memory: the second witness (DESIGN section 8) beside the answers over DDS. Its
-/// work thread stores the time of every turn there, so an observer can tell a hung process from one whose
-/// communication failed; and the last words of a process that ends stand there, since nobody is its parent.
-/// Stores and loads are single words: nothing is torn, nothing blocks, a killed process leaves no lock.
+/// work thread stores the time of every turn there, so an observer can distinguish a hung process from one
+/// whose communication failed. A process that ends leaves its last words there, since it has no parent to
+/// report to. Stores and loads are single words: nothing is torn, nothing blocks, a killed process leaves no
+/// lock.
 class HeartbeatPage {
  public:
   struct Reading {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/liveness_ring.hpp"
 
 #include <algorithm>
@@ -8,6 +10,7 @@
 #include <dirent.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sched.h>
 #include <sys/epoll.h>
 #include <sys/random.h>
 #include <sys/stat.h>
@@ -26,7 +29,8 @@ constexpr Qos check_qos{.depth = 8};
 constexpr seconds client_memory{60};  ///< an unused client is kept: its node may fall silent again
 constexpr std::size_t longest_detail = 128;
 constexpr std::size_t longest_event_detail = 80;
-/// A restart takes up to two (waits for ends, a slow exec); whoever makes one under load is not to be killed.
+/// A restart takes up to two (waits for ends, a slow exec); a node that makes one under load is not to be
+/// killed.
 constexpr milliseconds shortest_worker_deadline{5000};
 /// Of the caps; a node at its cap fails in ways of its own.
 constexpr std::uint64_t cap_percent = 90;
@@ -85,17 +89,25 @@ std::uint64_t count_descriptors(pid_t pid) {
   return count;
 }
 
-/// Who has a real-time priority is bounded by the kernel (RLIMIT_RTTIME), and who is niced gives way.
+/// A node with a real-time priority is bounded by the kernel (RLIMIT_RTTIME), and a niced one gives way.
 bool may_be_culprit(const NodeEntry& entry) {
-  return entry.scheduling.policy == SchedulingPolicy::other && entry.scheduling.nice <= 0;
+  const Scheduling& s = entry.scheduling;
+  return s.policy == SchedulingPolicy::other && s.nice <= 0 && !s.background;
+}
+
+/// CPUs that a process may run on; a control group's quota is ignored.
+std::size_t usable_cpus(pid_t pid) {
+  cpu_set_t cpus;
+  if (sched_getaffinity(pid, sizeof cpus, &cpus) == 0) return static_cast<std::size_t>(CPU_COUNT(&cpus));
+  return static_cast<std::size_t>(std::max(sysconf(_SC_NPROCESSORS_ONLN), 1L));
 }
 
 Footprint read_footprint(pid_t pid, const NodeEntry* entry, std::optional<ProcessCpu>& cpu) {
   std::array<char, 4096> buffer{};
   Footprint footprint;
-  if (cpu && entry != nullptr && may_be_culprit(*entry)) {
+  if (cpu && entry != nullptr && entry->scheduling.policy != SchedulingPolicy::fifo) {
     footprint.busy_threads = cpu->count_busy_threads(monotonic_now());
-    footprint.busy_threads_cap = static_cast<std::size_t>(std::max(sysconf(_SC_NPROCESSORS_ONLN), 2L));
+    footprint.busy_threads_cap = std::max<std::size_t>(usable_cpus(pid), 2);
   }
   if (entry != nullptr && entry->memory_limit_mib > 0) {
     const auto status = read_proc(pid, "status", buffer);
@@ -230,7 +242,7 @@ void LivenessRing::on_period() {
 }
 
 void LivenessRing::each_second() {
-  // A restarter that hangs is found out before it is needed.
+  // A restarter that hangs is found before it is needed.
   if (!std::exchange(worker_tried_, true))
     worker_tried_ = worker_->post([] {}, [this] { worker_tried_ = false; });
   read_stolen_time();
@@ -257,8 +269,8 @@ void LivenessRing::on_answer(const std::string& subject, const CheckAlive::Respo
   act();
 }
 
-/// What came in before the answer of ourselves is handled before it: the socket keeps the order, the readers
-/// behind it do not.
+/// Input that came before the answer to our own self-check is handled before it: the socket keeps the order,
+/// the readers behind it do not.
 void LivenessRing::on_self_answer(const CheckAlive::Response& response) {
   node_.context().participant.receive_waiting();
   for (auto& [name, peer] : peers_) {
@@ -288,6 +300,14 @@ std::optional<CpuTotals> LivenessRing::look_at_cpu(std::string_view subject, pid
   if (peer.cpu_pid != pid) {
     peer.cpu = ProcessCpu::open(pid);
     peer.cpu_pid = pid;
+    peer.loan.reset();
+  }
+  // A process that put itself behind others, or holds a lock there, gets what it needs for its answer.
+  if (!doubt) {
+    peer.loan.reset();
+  } else {
+    if (!peer.loan) peer.loan.emplace(pid);
+    peer.loan->lend();
   }
   if (!peer.cpu) return std::nullopt;
   const MonotonicTime now = monotonic_now();
@@ -299,7 +319,7 @@ std::optional<CpuTotals> LivenessRing::look_at_cpu(std::string_view subject, pid
     read_stolen_time();
   }
   totals->any_waited += own_middleware_waited_;
-  // Whose time the host of a virtual machine takes, nobody can say: it may be the subject's.
+  // Time that the host of a virtual machine takes cannot be attributed: it may be the subject's.
   totals->waited += stolen_.total();
   totals->any_waited += stolen_.total();
   return totals;
@@ -365,7 +385,7 @@ void LivenessRing::carry_out(const RingMonitor::Follow& action) {
   peer.pidfd = Fd(static_cast<int>(syscall(SYS_pidfd_open, action.pid, 0)));  // close-on-exec by itself
   if (!peer.pidfd) {
     if (errno == ESRCH) monitor_->on_exit(subject, action.pid, monotonic_now());
-    return;  // without descriptors left, its silence tells
+    return;  // without descriptors left, its silence shows it
   }
   peer.exit_watch = executor_.add_fd(
       peer.pidfd.get(), EPOLLIN,
@@ -385,6 +405,7 @@ void LivenessRing::carry_out(const RingMonitor::Unwatch& action) {
   found->second.pidfd.reset();
   found->second.pid = 0;
   found->second.cpu.reset();
+  found->second.loan.reset();
   found->second.cpu_pid = 0;
 }
 
@@ -403,7 +424,7 @@ void LivenessRing::carry_out(RingMonitor::Accuse& action) {
   event.misses = static_cast<std::uint8_t>(std::min<std::uint32_t>(accusation.misses, UINT8_MAX));
   event.detail = accusation.detail.substr(0, longest_event_detail);
   node_.raise(event);
-  // Who is dead is raised before anybody spends time on killing the others.
+  // Dead nodes are restarted before time is spent on killing the others.
   const auto is_gone = [](const Accusation& a) {
     return a.fault == FaultClass::exited || a.fault == FaultClass::absent;
   };
@@ -489,7 +510,7 @@ void LivenessRing::carry_out(const RingMonitor::Starved& action) {
   const auto survey = [this, users] {
     const MonotonicTime now = monotonic_now();
     const bool renew =
-        !survey_ || now - survey_->at >= shortest_survey;  // else: one answer for all who starve
+        !survey_ || now - survey_->at >= shortest_survey;  // else: one answer for all that starve
     if (renew) {
       CpuSurvey next{now, read_process_table(), {}};
       if (survey_) next.users = largest_cpu_users(survey_->processes, next.processes, now - survey_->at);
@@ -513,12 +534,12 @@ void LivenessRing::carry_out(const RingMonitor::Starved& action) {
   if (!worker_->post(survey, finish)) finish();
 }
 
-/// One of ours that takes half of all CPUs or more, without a real-time priority and not niced: it is
-/// restarted, not the nodes that it starves.
+/// A node that takes half of the CPUs it may run on, or more, without a real-time priority and not niced: it
+/// is restarted, not the nodes that it starves.
 void LivenessRing::accuse_culprit(const std::vector<CpuUser>& users) {
-  const auto cpus = static_cast<double>(std::max(sysconf(_SC_NPROCESSORS_ONLN), 1L));
-  if (users.empty() || users.front().processes != 1 || users.front().cpus < cpus / 2) return;
+  if (users.empty() || users.front().processes != 1) return;
   const pid_t pid = users.front().largest;
+  if (users.front().cpus < static_cast<double>(usable_cpus(pid)) / 2) return;
   for (const NodeEntry& entry : node_.deployment().nodes) {
     if (!may_be_culprit(entry)) continue;
     const auto instance = find_instance(node_.var(), entry.name);
@@ -538,7 +559,7 @@ void LivenessRing::accuse_culprit(const std::vector<CpuUser>& users) {
 }
 
 void LivenessRing::carry_out(const RingMonitor::ReadMembership&) {
-  // Somebody claims another generation: the file tells, and at most each second (each_second), since a
+  // A node claims another generation. The file decides, read at most each second (each_second), since a
   // claim is cheap.
 }
 
@@ -598,7 +619,7 @@ void LivenessRing::review_versions() {
   act();
 }
 
-/// Looks at the probation of the version that a node runs, if there is one.
+/// Checks the probation of the version that a node runs, if there is one.
 void LivenessRing::review_version(const std::string& subject) {
   Peer& peer = peers_[subject];
   struct stat status {};

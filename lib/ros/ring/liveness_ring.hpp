@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <deque>
@@ -10,6 +12,7 @@
 #include <srfs_msgs/msg/liveness_report.hpp>
 #include <srfs_msgs/srv/check_alive.hpp>
 
+#include "base/background.hpp"
 #include "base/cpu_users.hpp"
 #include "base/fd.hpp"
 #include "ros/node.hpp"
@@ -21,12 +24,12 @@
 namespace srfs::ros {
 
 /// A node's half of the liveness ring: carries out what its RingMonitor decides. Asks over DDS, waits for
-/// exits on pidfds, looks at locks, pages and /proc, publishes /liveness, raises the ring's events. The
-/// restarts run on the worker "ring". On the work thread.
+/// exits on pidfds, reads locks, pages and /proc, publishes /liveness, raises the ring's events. The restarts
+/// run on the worker "ring". On the work thread.
 class LivenessRing : private CheckAliveService::RingMember {
  public:
   struct Hooks {
-    /// Restarts the accused node or says why not. On the worker "ring"; may block for 2.5 s.
+    /// Restarts the accused node or reports why not. On the worker "ring"; may block for 2.5 s.
     std::function<RestartOutcome(const Accusation&)> restart;
     /// A node that was restarted so is in its desired state. On the work thread; may be empty.
     std::function<void(const std::string& subject, std::uint32_t incarnation, MonotonicTime at)> recovered;
@@ -58,6 +61,7 @@ class LivenessRing : private CheckAliveService::RingMember {
     pid_t pid = 0;
     std::optional<ProcessCpu> cpu;
     pid_t cpu_pid = 0;                          ///< whose it is
+    std::optional<CpuLoan> loan;                ///< while it is in doubt; the same process'
     std::string versions_stamp;                 ///< of the node's folder of versions, when it was read
     std::optional<update::VersionTable> table;  ///< what it said; nullopt: there is none
     MonotonicTime next_commit;                  ///< it may take the disk some seconds

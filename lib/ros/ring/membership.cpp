@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/membership.hpp"
 
 #include <algorithm>
@@ -51,7 +53,7 @@ std::string to_text(const Membership& membership) {
 }
 
 Result<Membership, std::string> membership_from_text(std::string_view text) {
-  if (!text.starts_with(head)) return Err(std::string("no membership of a ring"));
+  if (!text.starts_with(head)) return Err(std::string("not a ring membership"));
   const auto sum_begin = text.rfind(checksum_key);
   if (sum_begin == std::string_view::npos || text.back() != '\n') return Err(std::string("cut off"));
   const auto sum = number(text.substr(sum_begin + checksum_key.size(), 8), 16);
@@ -76,9 +78,9 @@ Membership cleaned(Membership membership, const Deployment& deployment, std::vec
   Membership clean{membership.generation, {}};
   for (std::string& member : membership.members) {
     if (deployment.find(member) == nullptr) {
-      problems.push_back(fmt::format("'{}' is no node of the deployment: left out", member.substr(0, 32)));
+      problems.push_back(fmt::format("'{}' is not a node of the deployment: ignored", member.substr(0, 32)));
     } else if (clean.position_of(member)) {
-      problems.push_back(fmt::format("'{}' stands twice: its first place counts", member));
+      problems.push_back(fmt::format("'{}' appears twice: the first place counts", member));
     } else {
       clean.members.push_back(std::move(member));
     }
@@ -109,11 +111,10 @@ MembershipReading read_membership(const VarPaths& var, const Deployment& deploym
   std::error_code ec;
   if (!std::filesystem::exists(file, ec) && !ec) return fall_back({});
   const auto text = read_file(file, longest_file);
-  if (!text) return fall_back({text.error().message + "; the deployment's ring is used"});
+  if (!text) return fall_back({text.error().message + "; using the deployment's ring"});
   auto membership = membership_from_text(*text);
   if (!membership)
-    return fall_back(
-        {fmt::format("{}: {}; the deployment's ring is used", file.string(), membership.error())});
+    return fall_back({fmt::format("{}: {}; using the deployment's ring", file.string(), membership.error())});
   MembershipReading reading;
   reading.membership = cleaned(std::move(*membership), deployment, reading.problems);
   reading.membership = with_added_nodes(std::move(reading.membership), deployment);

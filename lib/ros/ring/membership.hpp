@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -13,8 +15,8 @@
 
 namespace srfs::ros {
 
-/// Who belongs to the liveness ring, in its order: each checks the next, the last one the first. An empty
-/// list or a single member: nobody is checked.
+/// The members of the liveness ring, in its order: each checks the next, the last one the first. An empty
+/// list or a single member: no node is checked.
 struct Membership {
   std::uint32_t generation = 1;
   std::vector<std::string> members;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/node_record.hpp"
 
 #include <cstdio>
@@ -15,29 +17,62 @@
 namespace srfs::ros {
 namespace {
 
-std::filesystem::path deaths_file(const VarPaths& var, const std::string& node) {
-  return var.memory() / (node + ".deaths");
+std::string deaths_file(const std::string& node) {
+  return node + ".deaths";
 }
 
 std::filesystem::path hold_file(const VarPaths& var, const std::string& node) {
   return var.state(node) / "hold";
 }
 
-std::filesystem::path stand_in_file(const VarPaths& var, const std::string& node) {
-  return var.memory() / (node + ".stand_in");
+std::string stand_in_file(const std::string& node) {
+  return node + ".stand_in";
+}
+
+std::filesystem::path desired_file(const VarPaths& var, const std::string& node) {
+  return var.state(node) / "desired_state";
+}
+
+// Of the command path, in var.memory().
+constexpr const char* hold_suffix = ".hold";
+constexpr const char* desired_suffix = ".desired_state";
+
+struct Order {
+  MonotonicTime until;
+  std::string text;
+};
+
+std::optional<Order> order_in_memory(const VarPaths& var, const std::string& name, MonotonicTime now) {
+  std::istringstream in(read_from_memory(var, name, 1024));
+  std::int64_t until_ns = 0;
+  Order order;
+  if (!(in >> until_ns) || !std::getline(in >> std::ws, order.text)) return std::nullopt;
+  order.until = MonotonicTime(nanoseconds(until_ns));
+  return now < order.until ? std::optional(order) : std::nullopt;
+}
+
+Result<void, std::string> keep_in_memory(const VarPaths& var, const std::string& name, const Order& order) {
+  const std::string text = order.text.empty() ? "-" : order.text;
+  if (replace_in_memory(var, name, fmt::format("{} {}\n", order.until.ns(), text))) return {};
+  return Err("cannot write below " + var.memory().string());
+}
+
+Result<void, std::string> remove_from_memory(const VarPaths& var, const std::string& name) {
+  std::error_code ec;
+  std::filesystem::remove(var.memory() / name, ec);
+  if (ec) return Err(fmt::format("{}: cannot remove: {}", (var.memory() / name).string(), ec.message()));
+  return {};
 }
 
 }  // namespace
 
 DeathHistory read_deaths(const VarPaths& var, const std::string& node) {
   constexpr std::size_t largest = 32768;
-  const auto text = read_file(deaths_file(var, node), largest);
-  if (!text) return {};
-  return decode_history(*text).value_or(DeathHistory{});
+  return decode_history(read_from_memory(var, deaths_file(node), largest)).value_or(DeathHistory{});
 }
 
 bool write_deaths(const VarPaths& var, const std::string& node, const DeathHistory& history) {
-  return replace_in_memory(deaths_file(var, node), encode(history));
+  return replace_in_memory(var, deaths_file(node), encode(history));
 }
 
 std::optional<StartingProcess> find_starting(const VarPaths& var, const std::string& node) {
@@ -57,17 +92,17 @@ std::optional<StartingProcess> find_starting(const VarPaths& var, const std::str
 bool write_stand_in(const VarPaths& var, const std::string& node, const std::string& by,
                     MonotonicTime until) {
   const auto ticks = process_start_ticks(getpid());
-  return ticks && replace_in_memory(stand_in_file(var, node),
+  return ticks && replace_in_memory(var, stand_in_file(node),
                                     fmt::format("{} {} {} {}\n", getpid(), *ticks, until.ns(), by));
 }
 
 void end_stand_in(const VarPaths& var, const std::string& node) {
   std::error_code ec;
-  std::filesystem::remove(stand_in_file(var, node), ec);
+  std::filesystem::remove(var.memory() / stand_in_file(node), ec);
 }
 
 std::optional<StandIn> read_stand_in(const VarPaths& var, const std::string& node) {
-  std::istringstream in(read_file(stand_in_file(var, node), 256).value_or(""));
+  std::istringstream in(read_from_memory(var, stand_in_file(node), 256));
   StandIn stand_in;
   std::int64_t until_ns = 0;
   if (!(in >> stand_in.pid >> stand_in.start_ticks >> until_ns >> stand_in.by)) return std::nullopt;
@@ -82,7 +117,18 @@ std::optional<Process> find_overrun(const StandIn& stand_in, MonotonicTime now) 
   return process;
 }
 
-std::optional<std::string> held_because(const VarPaths& var, const std::string& node) {
+std::optional<MonotonicTime> end_of_order(const Deployment& deployment, const std::string& node,
+                                          MonotonicTime now) {
+  if (!deployment.on_command_path(node)) return std::nullopt;
+  return now + deployment.ring.command_path_limit;
+}
+
+std::optional<std::string> held_because(const VarPaths& var, const Deployment& deployment,
+                                        const std::string& node, MonotonicTime now) {
+  if (deployment.on_command_path(node)) {
+    const auto order = order_in_memory(var, node + hold_suffix, now);
+    return order ? std::optional(order->text) : std::nullopt;
+  }
   const auto text = read_file(hold_file(var, node), 1024);
   if (text) return text->substr(0, text->find('\n'));
   std::error_code ec;
@@ -90,17 +136,43 @@ std::optional<std::string> held_because(const VarPaths& var, const std::string& 
   return std::nullopt;
 }
 
-Result<void, std::string> hold(const VarPaths& var, const std::string& node, const std::string& reason) {
+Result<void, std::string> hold(const VarPaths& var, const Deployment& deployment, const std::string& node,
+                               const std::string& reason, MonotonicTime now) {
   const std::string line = reason.substr(0, reason.find('\n')).substr(0, 200);
+  if (const auto end = end_of_order(deployment, node, now))
+    return keep_in_memory(var, node + hold_suffix, {*end, line});
   if (const auto written = write_file_atomically(hold_file(var, node), line + "\n"); !written)
     return Err(written.error().message);
   return {};
 }
 
-Result<void, std::string> set_desired_state(const VarPaths& var, const std::string& node, State state) {
-  const auto written =
-      write_file_atomically(var.state(node) / "desired_state", std::string(label(state)) + "\n");
-  if (!written) return Err(written.error().message);
+DesiredState desired_state(const VarPaths& var, const Deployment& deployment, const std::string& node,
+                           MonotonicTime now) {
+  DesiredState desired;
+  std::string text;
+  if (deployment.on_command_path(node)) {
+    if (auto order = order_in_memory(var, node + desired_suffix, now)) {
+      text = std::move(order->text);
+      desired.until = order->until;
+    }
+  } else {
+    text = read_file(desired_file(var, node), 64).value_or("");
+  }
+  const auto state = primary_state(text.substr(0, text.find('\n')));
+  if (!state || *state == State::finalized || *state == State::active) return {};
+  desired.state = *state;
+  return desired;
+}
+
+Result<void, std::string> set_desired_state(const VarPaths& var, const Deployment& deployment,
+                                            const std::string& node, State state, MonotonicTime now) {
+  const std::string text(label(state));
+  if (const auto end = end_of_order(deployment, node, now)) {
+    if (state == State::active) return remove_from_memory(var, node + desired_suffix);
+    return keep_in_memory(var, node + desired_suffix, {*end, text});
+  }
+  if (const auto written = write_file_atomically(desired_file(var, node), text + "\n"); !written)
+    return Err(written.error().message);
   return {};
 }
 
@@ -115,6 +187,7 @@ Result<void, std::string> release(const VarPaths& var, const std::string& node, 
   if (const auto removed = remove_durably(hold_file(var, node));
       !removed && std::filesystem::exists(hold_file(var, node)))
     return Err(removed.error().message);
+  if (const auto removed = remove_from_memory(var, node + hold_suffix); !removed) return removed;
   DeathHistory history = read_deaths(var, node);
   history.deaths.clear();
   history.total = 0;

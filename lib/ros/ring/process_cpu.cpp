@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/process_cpu.hpp"
 
 #include <algorithm>
@@ -8,6 +10,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include "base/background.hpp"
 #include "base/file.hpp"
 
 namespace srfs::ros {
@@ -40,11 +43,12 @@ std::optional<ProcessCpu> ProcessCpu::open(pid_t pid) {
   return ProcessCpu(pid, std::move(*first));
 }
 
-std::optional<ThreadCpu> ProcessCpu::read_thread(Thread& thread, MonotonicTime now) {
-  const auto cpu = thread.files.read();
+std::optional<ThreadCpu> ProcessCpu::read_thread(const ThreadCpuFiles& files, CpuWait& wait,
+                                                 MonotonicTime now) {
+  const auto cpu = files.read();
   if (!cpu) return std::nullopt;
-  const bool runnable = thread.wait.equals_last(*cpu) && thread.files.state() == 'R';
-  thread.wait.on_reading(*cpu, runnable, now);
+  const bool runnable = wait.equals_last(*cpu) && files.state() == 'R';
+  wait.on_reading(*cpu, runnable, now);
   return cpu;
 }
 
@@ -56,7 +60,7 @@ std::optional<ThreadCpu> ProcessCpu::skip(Thread& thread, MonotonicTime now) {
 
 std::optional<CpuTotals> ProcessCpu::read(bool doubt, MonotonicTime now) {
   CpuTotals totals;
-  const auto cpu = read_thread(first_, now);
+  const auto cpu = read_thread(first_.files, first_.wait, now);
   if (!cpu) return std::nullopt;
   totals.ran = cpu->ran;
   totals.waited = first_.wait.total();
@@ -65,8 +69,8 @@ std::optional<CpuTotals> ProcessCpu::read(bool doubt, MonotonicTime now) {
   return totals;
 }
 
-/// What the thread of the middleware that waited most since the call before has waited since then. What they
-/// waited before somebody asked excuses nothing.
+/// The longest wait of a thread of the middleware since the call before. What the threads waited before the
+/// doubt began excuses nothing.
 nanoseconds ProcessCpu::read_middleware(MonotonicTime now) {
   if (now - found_ >= between_searches) find_threads(now);
   const bool goes_on = now - std::exchange(doubted_, now) <= longest_gap;
@@ -75,11 +79,18 @@ nanoseconds ProcessCpu::read_middleware(MonotonicTime now) {
     Thread& thread = entry->second;
     const nanoseconds before = thread.wait.total();
     const bool lives =
-        !thread.of_middleware || (goes_on ? read_thread(thread, now) : skip(thread, now)).has_value();
+        !thread.of_middleware ||
+        (goes_on ? read_thread(thread.files, thread.wait, now) : skip(thread, now)).has_value();
     if (thread.of_middleware) most = std::max(most, thread.wait.total() - before);
     entry = lives ? std::next(entry) : others_.erase(entry);
   }
   return most;
+}
+
+bool ProcessCpu::is_runnable() const {
+  return first_.files.state() == 'R' || std::any_of(others_.begin(), others_.end(), [](const auto& entry) {
+           return entry.second.of_middleware && entry.second.files.state() == 'R';
+         });
 }
 
 std::size_t ProcessCpu::count_busy_threads(MonotonicTime now) {
@@ -87,9 +98,9 @@ std::size_t ProcessCpu::count_busy_threads(MonotonicTime now) {
   const auto before = std::exchange(counted_at_, now);
   std::size_t busy = 0;
   const auto count = [&](pid_t tid, Thread& thread) {
-    const auto cpu = read_thread(thread, now);
+    const auto cpu = read_thread(thread.files, thread.counted_wait, now);
     if (!cpu) return false;
-    busy += before && computes(tid, thread, *cpu, now - *before) ? 1 : 0;
+    busy += computes(tid, thread, *cpu, before ? now - *before : nanoseconds(0)) ? 1 : 0;
     return true;
   };
   count(pid_, first_);
@@ -98,23 +109,23 @@ std::size_t ProcessCpu::count_busy_threads(MonotonicTime now) {
   return busy;
 }
 
-/// It was runnable all the time, ran, and never gave its CPU back of its own will: whoever only waited for a
-/// CPU to do a little does that at once.
+/// It was runnable all the time, ran, and never gave its CPU back of its own will: a thread that only waited
+/// for a CPU to do a little does that at once.
 bool ProcessCpu::computes(pid_t tid, Thread& thread, const ThreadCpu& cpu, nanoseconds elapsed) const {
   constexpr double all_the_time = 0.5;  // a wait that goes on shows late: the kernel adds it when it ends
-  const Counted counted{cpu, thread.wait.total()};
+  const Counted counted{cpu, thread.counted_wait.total()};
   const auto then = std::exchange(thread.counted, counted);
-  if (!then) return false;
-  const nanoseconds ran = cpu.ran - then->cpu.ran;
-  const auto wanted = static_cast<double>((ran + counted.waited - then->waited).count());
+  const nanoseconds ran = then ? cpu.ran - then->cpu.ran : nanoseconds(0);
+  const auto wanted = then ? static_cast<double>((ran + counted.waited - then->waited).count()) : 0;
   const bool runnable = wanted >= all_the_time * static_cast<double>(elapsed.count());
-  if (!runnable || ran == nanoseconds(0)) {
+  const bool is_new = !then && thread.files.state() == 'R';
+  if (!is_new && (!runnable || ran == nanoseconds(0) || is_behind_others(tid))) {
     thread.yields.reset();
     return false;
   }
   const auto yields = count_yields(tid);
   const auto yields_before = std::exchange(thread.yields, yields);
-  return yields && yields == yields_before;
+  return then && yields && yields == yields_before;
 }
 
 /// How often the thread gave its CPU back of its own will.

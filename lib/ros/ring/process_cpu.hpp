@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -21,11 +23,12 @@ class ProcessCpu {
   /// @param doubt  read the threads of the middleware, too: some 10 us more
   /// @return totals since the first call; nullopt: the process has ended
   [[nodiscard]] std::optional<CpuTotals> read(bool doubt, MonotonicTime now);
-  /// How many of its threads used a CPU or waited for one all the time since the call before. To be called
-  /// each second or so; some 50 us. Blocks as /proc does.
+  /// How many of its threads used a CPU or waited for one all the time since the call before, without those
+  /// that have put themselves behind others. To be called each second or so; some 50 us. Blocks as /proc
+  /// does.
   [[nodiscard]] std::size_t count_busy_threads(MonotonicTime now);
-  /// Its work thread runs now, or waits for a CPU.
-  [[nodiscard]] bool is_runnable() const { return first_.files.state() == 'R'; }
+  /// Its work thread, or one of the middleware that a read() in doubt has found, runs now or waits for a CPU.
+  [[nodiscard]] bool is_runnable() const;
 
  private:
   struct Counted {
@@ -36,11 +39,13 @@ class ProcessCpu {
     ThreadCpuFiles files;
     CpuWait wait;
     bool of_middleware = true;
-    std::optional<Counted> counted{};       ///< at the last count_busy_threads()
-    std::optional<std::uint64_t> yields{};  ///< then, where it was runnable all the time
+    // Of count_busy_threads() alone: a doubt begins and ends, and leaves out what was waited before it.
+    CpuWait counted_wait{};
+    std::optional<Counted> counted{};       ///< at the last one
+    std::optional<std::uint64_t> yields{};  ///< then, unless it was idle
   };
   ProcessCpu(pid_t pid, ThreadCpuFiles first) : pid_(pid), first_{std::move(first), {}, false} {}
-  static std::optional<ThreadCpu> read_thread(Thread& thread, MonotonicTime now);
+  static std::optional<ThreadCpu> read_thread(const ThreadCpuFiles& files, CpuWait& wait, MonotonicTime now);
   static std::optional<ThreadCpu> skip(Thread& thread, MonotonicTime now);
   nanoseconds read_middleware(MonotonicTime now);
   void find_threads(MonotonicTime now);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -14,7 +16,7 @@ namespace srfs::ros {
 /// What is remembered of one node's deaths in this boot. Counted is the time it lived: while it waits for its
 /// next start this clock stands still, so that a long wait does not make its deaths look rare.
 struct DeathHistory {
-  bool down = false;      ///< its last death is counted, and nobody has tried to start it since
+  bool down = false;      ///< its last death is counted, and no start was attempted since
   MonotonicTime started;  ///< the last attempt to start it; the epoch: not known, so since boot
   nanoseconds lived{0};   ///< up to its last death
   std::uint32_t total = 0;
@@ -25,7 +27,7 @@ struct DeathHistory {
 
 /// The node is dead: counted once between two starts. @param now not before the start
 void count_death(DeathHistory& history, const RingSettings& settings, MonotonicTime now);
-/// Somebody tries to start it now; whether it comes up shows later.
+/// A start is attempted now; whether the node comes up shows later.
 void count_start(DeathHistory& history, MonotonicTime now);
 
 /// A process of a version on probation.
@@ -33,7 +35,7 @@ struct VersionTrial {
   std::uint32_t version = 0;
   nanoseconds probation{0};
   nanoseconds lived{0};
-  bool to_confirm = false;  ///< ends well only by the operator's word
+  bool to_confirm = false;  ///< ends well only if the operator confirms it
 
   friend bool operator==(const VersionTrial&, const VersionTrial&) = default;
 };

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/restarter.hpp"
 
 #include <array>
@@ -14,9 +16,11 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include "base/background.hpp"
 #include "base/cpu_users.hpp"
 #include "base/file.hpp"
 #include "base/log.hpp"
+#include "base/private_file.hpp"
 #include "ros/crash_report.hpp"
 #include "ros/node_versions.hpp"
 #include "ros/ring/heartbeat_page.hpp"
@@ -32,8 +36,9 @@ constexpr std::size_t most_waiting_records = 32;
 constexpr milliseconds longest_flush{2000};
 constexpr milliseconds longest_wait_for_incarnation{3000};
 constexpr milliseconds longest_wait_for_turn{50};
+constexpr int most_favoured = -20;  ///< niceness
 
-/// Its work thread or another one hangs: a backtrace tells where.
+/// It hangs or computes without end: a backtrace shows where.
 bool is_hang(FaultClass fault) {
   switch (fault) {
     case FaultClass::silent:
@@ -41,6 +46,7 @@ bool is_hang(FaultClass fault) {
     case FaultClass::not_working:
     case FaultClass::worker_frozen:
     case FaultClass::start_overdue:
+    case FaultClass::cpu_hog:
       return true;
     default:
       return false;
@@ -58,9 +64,9 @@ bool is_of_the_version(FaultClass fault) {
   return fault == FaultClass::not_confirmed || fault == FaultClass::limit_violation;
 }
 
-/// `srfs up` is on its way through the list and has not come to everybody.
+/// `srfs up` is on its way through the list and has not reached every node.
 bool is_being_started(const VarPaths& var) {
-  const Fd lock(open(var.starting_lock().c_str(), O_RDONLY | O_CLOEXEC));
+  const Fd lock(open(var.starting_lock().c_str(), O_RDONLY | O_NOFOLLOW | O_CLOEXEC));
   return lock && flock(lock.get(), LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
 }
 
@@ -102,7 +108,7 @@ std::string what_happened(const FaultRecord& record) {
 
 }  // namespace
 
-/// One accusation on its way.
+/// One accusation in progress.
 struct Restarter::Case {
   explicit Case(const Accusation& a) : accusation(a) {}
 
@@ -249,7 +255,7 @@ class Restarter::Recorder {
         change_versions(var_, node, [&](update::VersionStore& store) -> Result<void, std::string> {
           const auto table = store.read().table;
           const update::Version* trial = table.on_trial();
-          if (trial == nullptr || trial->number != *job.commit) return {};  // somebody else was quicker
+          if (trial == nullptr || trial->number != *job.commit) return {};  // another process was quicker
           return store.commit(*job.commit);
         });
     if (!done) log::error("versions of {}: {}", node, done.error());
@@ -311,25 +317,34 @@ RestartOutcome Restarter::decide_and_act(Case& c) {
   if (!lock) return {What::cannot_start, 0, {}, lock.error().text};
   std::error_code ec;
   if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
-  // The way back from a version that the operator cannot reach must not hang on what he can no longer lift.
-  const auto why_held = held_because(var_, c.node->name);
+  // The way back from a version that the operator cannot reach must not depend on an order that can no longer
+  // be lifted.
+  const auto why_held =
+      held_because(var_, deployment_now_ ? deployment_now_() : deployment_, c.node->name, monotonic_now());
   if (why_held && c.accusation.fault != FaultClass::not_confirmed) return {What::held, 0, {}, *why_held};
   if (c.accusation.fault == FaultClass::absent && is_being_started(var_))
     return {What::under_way, 0, {}, "srfs up is starting the suite"};
   if (auto outcome = look_again(c)) return *outcome;
   c.begun = monotonic_now();
   if (auto outcome = ask_policy(c)) return *outcome;
-  if (auto outcome = wait_for_pressure(c)) return *outcome;
-  if (c.accusation.fault == FaultClass::deaf && c.process &&
-      !take_turn("last_deaf_kill", deployment_.ring.deaf_interval, false))
-    return {
+  // Checked first: one that may not be killed yet must not use up the turn of another's start.
+  const bool deaf = c.accusation.fault == FaultClass::deaf && c.process;
+  const auto may_kill_deaf = [&](Turn what) {
+    return !deaf || turn("last_deaf_kill", deployment_.ring.deaf_interval, false, what);
+  };
+  const auto too_early = [&] {
+    return RestartOutcome{
         What::communication, c.process->pid(), {}, "another node was restarted for that a short time ago"};
+  };
+  if (!may_kill_deaf(Turn::look)) return too_early();
+  if (auto outcome = wait_for_pressure(c)) return *outcome;
+  if (!may_kill_deaf(Turn::take)) return too_early();
   if (auto outcome = kill_old(c)) return *outcome;
   return start_new(c, *lock);
 }
 
-/// Somebody else has the node. One that stands in for it for longer than it may is ended, which frees the
-/// lock for the next attempt.
+/// Another process has the node. A stand-in that overruns its time is ended, which frees the lock for the
+/// next attempt.
 std::string Restarter::wait_for_stand_in(const Case& c) const {
   const auto stand_in = read_stand_in(var_, c.node->name);
   if (!stand_in) return "somebody else restarts it";
@@ -385,7 +400,7 @@ std::optional<RestartOutcome> Restarter::look_again(Case& c) const {
   return std::nullopt;
 }
 
-/// Nobody holds the instance lock. Somebody may be on the way to it: a second one is started only when the
+/// No process holds the instance lock. One may be on the way to it: a second one is started only when the
 /// first had its time, and then in its place.
 std::optional<RestartOutcome> Restarter::look_for_starting(Case& c) const {
   auto starting = find_starting(var_, c.node->name);
@@ -440,12 +455,15 @@ std::optional<RestartOutcome> Restarter::kill_old(Case& c) const {
     c.log_end = remember_log_end(var_, c.node->name);
     return std::nullopt;
   }
-  // The instance lock ends with its holder; of one that never held it its end is the proof.
+  // The instance lock ends with its holder; for a process that never held it, its end is the proof.
   const auto is_gone = [&] {
     const auto holder = find_instance(var_, c.node->name);
     return holder ? holder->pid != c.process->pid() : c.running || c.process->wait_for_exit(nanoseconds(0));
   };
   c.acted = true;
+  // Its threads end sooner when they need not wait for a CPU.
+  CpuLoan last(c.process->pid(), most_favoured);
+  last.lend();
   // A stopped process must not run again, not even into its handler: a payload would write to the bus.
   const bool stopped = c.kernel_state == 'T' || c.kernel_state == 't';
   const bool hang = is_hang(c.accusation.fault);
@@ -479,7 +497,7 @@ std::optional<RestartOutcome> Restarter::kill_old(Case& c) const {
 }
 
 RestartOutcome Restarter::start_new(Case& c, const RestartLock& lock) const {
-  // Who stops the suite waits a second for this lock; killing may have taken longer.
+  // The stop of the suite waits a second for this lock; killing may have taken longer.
   std::error_code ec;
   if (std::filesystem::exists(var_.stopping_flag(), ec)) return {What::stopping, 0, {}, ""};
   DeathHistory history = read_deaths(var_, c.node->name);
@@ -511,11 +529,11 @@ void Restarter::ask_for_last_good(Case& c, const VersionTrial& trial, DeathHisto
     c.fallback = VersionFallback{trial.version, active, why};  // else confirmed just now
 }
 
-/// Whoever takes the CPUs from all others is the pressure: its end does not wait.
+/// A node that takes the CPUs from all others is the pressure: ending it does not wait.
 std::optional<RestartOutcome> Restarter::wait_for_pressure(const Case& c) const {
   if (c.accusation.fault == FaultClass::cpu_hog) return std::nullopt;
   const auto pressure = pressure_();
-  if (!pressure || *pressure < pressure_limit || take_turn("last_start", between_starts, true))
+  if (!pressure || *pressure < busy_cpu_pressure || turn("last_start", between_starts, true, Turn::take))
     return std::nullopt;
   return RestartOutcome{
       What::under_way,
@@ -525,16 +543,15 @@ std::optional<RestartOutcome> Restarter::wait_for_pressure(const Case& c) const 
 }
 
 /// One turn in the whole suite per interval. For kills for a communication fault: when the network stack
-/// fails, all look deaf to each other.
+/// fails, all nodes seem deaf to each other.
 /// @param without_memory  the answer where there is no place to remember the last turn
-bool Restarter::take_turn(const char* name, nanoseconds interval, bool without_memory) const {
-  std::error_code ec;
-  std::filesystem::create_directories(var_.memory(), ec);
-  const Fd file(open((var_.memory() / name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
-  if (!file) return without_memory;
+bool Restarter::turn(const char* name, nanoseconds interval, bool without_memory, Turn what) const {
+  const auto opened = open_private(var_.memory() / name, O_RDWR | O_CREAT, var_.owner());
+  if (!opened) return without_memory;
+  const Fd& file = *opened;
   const MonotonicTime give_up = monotonic_now() + longest_wait_for_turn;
   while (flock(file.get(), LOCK_EX | LOCK_NB) != 0) {
-    if (monotonic_now() >= give_up) return false;  // somebody is deciding just now
+    if (monotonic_now() >= give_up) return false;  // another process is deciding just now
     poll(nullptr, 0, 1);
   }
   const MonotonicTime now = monotonic_now();
@@ -542,7 +559,7 @@ bool Restarter::take_turn(const char* name, nanoseconds interval, bool without_m
   const bool stamped =
       pread(file.get(), &last_ns, sizeof last_ns, 0) == sizeof last_ns && last_ns <= now.ns();
   bool mine = !stamped || nanoseconds(now.ns() - last_ns) >= interval;
-  if (mine) {
+  if (mine && what == Turn::take) {
     const std::int64_t now_ns = now.ns();
     mine = pwrite(file.get(), &now_ns, sizeof now_ns, 0) == sizeof now_ns;
   }

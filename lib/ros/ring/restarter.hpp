@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <filesystem>
@@ -17,10 +19,10 @@
 
 namespace srfs::ros {
 
-/// Puts a node that an observer accuses back on its feet, exactly once however many observers accuse it
-/// (DESIGN section 8): under the node's restart lock the evidence is read again, the old process is killed,
-/// its instance lock proves that it is gone, and the active version is started, no child of this process: the
-/// last good one when it died in the probation of another.
+/// Restarts a node that an observer accuses, exactly once however many observers accuse it (DESIGN section
+/// 8): under the node's restart lock the evidence is read again, the old process is killed, its instance lock
+/// proves that it is gone, and the active version is started, no child of this process: the last good one
+/// when it died in the probation of another.
 /// Needs no DDS, waits for no disk; the ledger and the report are written afterwards by a thread of its own.
 /// One thread at a time, of which on_recovered() may be another.
 class Restarter {
@@ -28,10 +30,9 @@ class Restarter {
   static constexpr milliseconds abort_patience{150};  ///< for the backtrace of a hung process
   static constexpr milliseconds term_patience{50};
   static constexpr milliseconds kill_patience{500};  ///< after SIGKILL; then it is unkillable
-  /// On a machine under pressure one node of the suite is started in such a time: a start costs up to 0.2 s
-  /// of a CPU, and restarts must not feed an overload.
+  /// On a machine under pressure (busy_cpu_pressure) one node of the suite is started in such a time: a start
+  /// costs up to 0.2 s of a CPU, and restarts must not feed an overload.
   static constexpr milliseconds between_starts{500};
-  static constexpr double pressure_limit = 0.6;
 
   /// @param observer  name of the node that this process is, or of the tool
   Restarter(const Deployment& deployment, VarPaths var, std::string observer,
@@ -40,8 +41,8 @@ class Restarter {
   Restarter(const Restarter&) = delete;
   Restarter& operator=(const Restarter&) = delete;
 
-  /// Blocks for 2.5 s at most, mostly some 10 ms. Call it again while the node stays down: a refusal is no
-  /// promise that somebody will come.
+  /// Blocks for 2.5 s at most, mostly some 10 ms. Call it again while the node stays down: a refusal does not
+  /// promise that another process will restart it.
   RestartOutcome restart(const Accusation& accusation);
   /// A node this process restarted is in its desired state again: the ledger's last figure. Never blocks.
   void on_recovered(const std::string& subject, std::uint32_t incarnation, MonotonicTime active);
@@ -82,7 +83,8 @@ class Restarter {
   [[nodiscard]] std::optional<RestartOutcome> kill_old(Case& c) const;
   [[nodiscard]] RestartOutcome start_new(Case& c, const RestartLock& lock) const;
   [[nodiscard]] std::optional<RestartOutcome> wait_for_pressure(const Case& c) const;
-  [[nodiscard]] bool take_turn(const char* name, nanoseconds interval, bool without_memory) const;
+  enum class Turn { look, take };
+  [[nodiscard]] bool turn(const char* name, nanoseconds interval, bool without_memory, Turn what) const;
   void record(const Case& c, const RestartOutcome& outcome);
 
   const Deployment& deployment_;  ///< of the start; the ring's settings and the file never change

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/ring_monitor.hpp"
 
 #include <algorithm>
@@ -8,10 +10,10 @@
 namespace srfs::ros {
 namespace {
 
-/// What lies behind a silent node is asked later than it is watched: most silent nodes are back by then, and
-/// two processes that just start have better things to do than to discover a third.
+/// The nodes behind a silent one are watched at once and asked later: most silent nodes are back by then, and
+/// two processes that just start should not spend time on discovering a third.
 constexpr milliseconds settling{1000};
-/// A node that nobody raised before this observer came is given to whoever starts the suite for so long.
+/// A node not started before this observer came is left to the starter of the suite for so long.
 constexpr milliseconds longest_start_grace{1000};
 constexpr milliseconds retry_wait{1000};
 constexpr milliseconds held_wait{5000};
@@ -119,7 +121,7 @@ void RingMonitor::on_period(MonotonicTime now, nanoseconds late, nanoseconds wai
   if (exiting_) return;
   const bool on_time = late <= tolerance();
   if (on_time) {
-    conclude_round(now);
+    conclude_round(now, waited);
   } else {
     held_up_.push_back({now, late});
     if (held_up_.size() > most_held_up) held_up_.pop_front();
@@ -163,7 +165,12 @@ void RingMonitor::void_round(MonotonicTime now) {
   self_failures_ = 0;
   for (Subject& s : subjects_) {
     if (s.nonce != 0) report(s, LivenessVerdict::void_, now);
+    // What the kernel reports of a process is true however late this node asks.
+    const int large = s.large_in_row;
+    const int busy = s.busy_in_row;
     clear_evidence(s);
+    s.large_in_row = large;
+    s.busy_in_row = busy;
   }
 }
 
@@ -171,16 +178,17 @@ void RingMonitor::void_round(MonotonicTime now) {
 /// counted before stands, for the subject's own want of a CPU is known.
 void RingMonitor::skip_round(MonotonicTime now) {
   ++counters_.void_rounds;
-  last_asked_ = now;  // who asked waits in the socket
+  last_asked_ = now;  // requests to this node wait in the socket
   not_asked_ = false;
   self_nonce_ = 0;
   self_failures_ = 0;
   for (Subject& s : subjects_) s.suspected = 0;
 }
 
-void RingMonitor::conclude_round(MonotonicTime now) {
+/// @param waited  for a CPU since the round before
+void RingMonitor::conclude_round(MonotonicTime now, nanoseconds waited) {
   if (self_nonce_ != 0) {
-    // The check of ourselves is still out: what we did not hear, we may have missed ourselves.
+    // The check of this node itself is still out: it may have missed the answers itself.
     ++counters_.failed_self_checks;
     self_nonce_ = 0;
     for (Subject& s : subjects_) {
@@ -189,7 +197,9 @@ void RingMonitor::conclude_round(MonotonicTime now) {
       s.suspected = 0;
       report(s, LivenessVerdict::void_, now, "the observer did not hear itself");
     }
-    if (++self_failures_ >= 2 * patience_.misses) {
+    // A node that waited for a CPU between two timely timers may have had no time to hear itself.
+    if (waited <= tolerance()) ++self_failures_;
+    if (self_failures_ >= 2 * patience_.misses) {
       exiting_ = true;
       actions_.emplace_back(ExitSelf{});
       return;
@@ -278,7 +288,7 @@ void RingMonitor::judge_silence(Subject& s, MonotonicTime now) {
     judge_stale_page(s, page->last_turn, now);
     return;
   }
-  // It runs and cannot be heard. Whom we never heard, discovery may not have shown us yet.
+  // It runs and cannot be heard. A node never heard may not have been discovered yet.
   const nanoseconds known_for = able_since(s, s.first_seen, now, &CpuTotals::any_waited);
   if (!s.heard && known_for < patience_.start_deadline) return;
   // A restart is the last remedy for a link that DDS mostly repairs itself, within its announcement period.
@@ -301,17 +311,19 @@ void RingMonitor::judge_stale_page(Subject& s, MonotonicTime last_turn, Monotoni
   const bool could_answer =
       able_since(s, first, now, any) >= missed && able_since(s, last_turn, now, any) >= 2 * patience_.period;
   // A turn that has used so much CPU time does not end, however little of it the node gets.
-  const bool loops = s.cpu.since(last_turn).ran >= 2 * patience_.period;
+  const CpuTotals had = s.cpu.since(last_turn);
+  const bool loops = had.ran >= 2 * patience_.period;
   if (!could_answer && !loops) {
     excuse(s, now);
     return;
   }
   accuse(s, FaultClass::silent, now,
-         fmt::format("no turn of its work thread for {} ms", in_ms(now - last_turn).count()));
+         fmt::format("no turn of its work thread for {} ms, in which it ran {} and waited {} for a CPU",
+                     in_ms(now - last_turn).count(), in_ms(had.ran).count(), in_ms(had.any_waited).count()));
 }
 
 /// Time since then in which the subject could have run: not that in which it waited for a CPU, nor that
-/// before this node was itself held up (whoever was stopped with it needs a moment, too).
+/// before this node was itself held up (a subject stopped with it needs a moment, too).
 nanoseconds RingMonitor::able_since(const Subject& s, MonotonicTime since, MonotonicTime now,
                                     nanoseconds CpuTotals::*waited) const {
   const MonotonicTime from = std::max(since, last_void_);
@@ -365,7 +377,7 @@ void RingMonitor::on_answer(std::string_view subject, const CheckAnswer& answer,
     wrong = fmt::format("says state {}, desired {}", static_cast<int>(answer.state),
                         static_cast<int>(answer.desired));
   if (!wrong.empty()) {
-    // A right answer may still come: whoever forges one does not silence the node.
+    // A right answer may still come: a forged one must not silence the node.
     ++counters_.wrong_answers;
     s->wrong = std::move(wrong);
     return;
@@ -428,7 +440,7 @@ void RingMonitor::judge_fields(Subject& s, const CheckAnswer& answer, MonotonicT
   if (!s.first_evidence) s.first_evidence = now;
   if (s.not_checking_in_row >= patience_.misses) {
     accuse(s, FaultClass::not_checking, now,
-           fmt::format("checked nobody for {} ms", answer.own_last_check_age.count()));
+           fmt::format("checked no node for {} ms", answer.own_last_check_age.count()));
   } else if (s.frozen_in_row >= patience_.misses) {
     accuse(s, FaultClass::worker_frozen, now,
            fmt::format("worker '{}' busy for {} ms", answer.worker, answer.worker_busy.count()));
@@ -516,7 +528,7 @@ bool RingMonitor::observe(Subject& s, MonotonicTime now) {
     return true;
   }
   const bool never_seen = s.pid == 0;
-  // Somebody has started it, and it loads.
+  // It was started, and it loads.
   if (!reading.starting) {
     s.starting_since.reset();
   } else if (now - s.starting_since.value_or(now) < patience_.start_deadline) {
@@ -531,7 +543,7 @@ bool RingMonitor::observe(Subject& s, MonotonicTime now) {
   return false;
 }
 
-/// @return it was missed often enough
+/// @return whether it was missed often enough
 bool RingMonitor::count_absence(Subject& s, MonotonicTime now) {
   if (!patience_.absence_counts_misses) return true;
   const MonotonicTime since = std::max({s.first_seen, begun_, last_void_});
@@ -556,7 +568,8 @@ void RingMonitor::note_recovery(Subject& s, const NodeReading& reading, Monotoni
 }
 
 void RingMonitor::adopt(Subject& s, pid_t pid, std::uint32_t incarnation, MonotonicTime now) {
-  // A process that came after the last one needs time before it is asked; one that was there before us not.
+  // A process that came after the last one needs time before it is asked; one that was there before this node
+  // does not.
   const bool restarted = s.pid != 0 || s.lost;
   clear_evidence(s);
   s.pid = pid;
@@ -604,7 +617,7 @@ void RingMonitor::clear_evidence(Subject& s) {
   s.first_evidence.reset();
 }
 
-/// Whoever it was is not judged any more.
+/// The process so far is not judged any more.
 void RingMonitor::expect_another(Subject& s) {
   s.pid = 0;
   s.incarnation = 0;
@@ -655,7 +668,7 @@ void RingMonitor::on_outcome(std::string_view subject, const RestartOutcome& out
       expect_another(*s);
       break;
     case What::under_way:
-      // Whoever restarts it may die of the same fault.
+      // Its restarter may die of the same fault.
       s->not_before = now + std::min<nanoseconds>(retry_wait, patience_.start_deadline);
       s->expected_until = s->not_before;
       expect_another(*s);
@@ -693,13 +706,13 @@ void RingMonitor::report(const Subject& s, LivenessVerdict verdict, MonotonicTim
   actions_.emplace_back(std::move(report));
 }
 
-// ---- Whom to watch
+// ---- Which nodes to watch
 
 bool RingMonitor::is_troubled(const Subject& s, MonotonicTime now) const {
   if (s.lost || s.accused) return true;
-  // Who gets a CPU now and then watches nobody well.
+  // A node that gets a CPU only now and then watches badly.
   if (s.last_excused && now - *s.last_excused < RingPatience::starved) return true;
-  // Whom we have not heard yet, we may not have discovered yet.
+  // A node not heard yet may not have been discovered yet.
   const bool known = s.heard || now - std::max(s.first_seen, last_void_) >= patience_.start_deadline;
   return s.misses > 0 && known;
 }

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <sys/types.h>
@@ -36,11 +38,11 @@ struct RingPatience {
 
 /// What can be seen of a node without asking it.
 struct NodeReading {
-  pid_t pid = 0;                  ///< who holds its instance lock; 0: nobody
+  pid_t pid = 0;                  ///< the holder of its instance lock; 0: none
   std::uint32_t incarnation = 0;  ///< of that process; 0: not written yet
   std::optional<HeartbeatPage::Reading> page;
   bool real_time = false;  ///< the deployment gives it a real-time priority
-  bool starting = false;   ///< nobody holds the lock, and a process is on the way to it
+  bool starting = false;   ///< the lock is free, and a process is on the way to it
 };
 
 /// A node's answer to a check, as it came.
@@ -68,10 +70,10 @@ struct Footprint {
   std::size_t busy_threads_cap = 0;  ///< as many as CPUs take them from all others
 };
 
-/// What an observer says of a subject on /liveness. The numbers are on the wire.
+/// What an observer reports of a subject on /liveness. The numbers are on the wire.
 enum class LivenessVerdict : std::uint8_t {
-  alive = 1,      ///< answered, and rightly
-  miss = 2,       ///< a check went unanswered, and the observer's hands were clean
+  alive = 1,      ///< answered correctly
+  miss = 2,       ///< a check went unanswered, and the observer was not at fault
   void_ = 3,      ///< a check that proves nothing
   accused = 4,    ///< a restart is asked for
   outcome = 5,    ///< what became of it
@@ -79,9 +81,9 @@ enum class LivenessVerdict : std::uint8_t {
   starved = 7,    ///< it cannot answer for want of a CPU: no fault of its own
 };
 
-/// One member's half of the liveness ring (DESIGN section 8): whom to ask when, and what an answer, silence
-/// or an exit means. Pure: no clock, no DDS, no file; time comes in as an argument, what can be seen of a
-/// node through the function given, decisions go out as actions. Deterministic and bounded: at most one
+/// One member's half of the liveness ring (DESIGN section 8): which node to ask when, and what an answer,
+/// silence or an exit means. Pure: no clock, no DDS, no file. Time comes in as an argument, what can be seen
+/// of a node through the function given; decisions go out as actions. Deterministic and bounded: at most one
 /// request, one process and one accusation a member.
 class RingMonitor {
  public:
@@ -126,28 +128,28 @@ class RingMonitor {
     MonotonicTime at;
     nanoseconds took;  ///< since the first evidence
   };
-  /// The subject cannot answer because it gets no CPU. First without a report, for who wants to measure what
-  /// takes the CPUs meanwhile; then each RingPatience::starved with one.
+  /// The subject cannot answer because it gets no CPU. First without a report, so that the caller can measure
+  /// what takes the CPUs meanwhile; then each RingPatience::starved with one.
   struct Starved {
     std::string_view subject;
     bool report = false;
     nanoseconds silent_for{0};  ///< since the first check that it did not answer
     nanoseconds waited{0};      ///< of these, runnable without a CPU
   };
-  /// Somebody knows another generation of the membership.
+  /// Another node knows another generation of the membership.
   struct ReadMembership {};
-  /// This node cannot hear itself: it judges nobody and is to be restarted.
+  /// This node cannot hear itself: it judges no node and is to be restarted.
   struct ExitSelf {};
   using Action = std::variant<Ask, AskSelf, Follow, Unwatch, Accuse, Report, Recovered, Starved,
                               ReadMembership, ExitSelf>;
   using Look = std::function<NodeReading(std::string_view subject)>;
-  /// What the process of a subject has had of the CPU; nullopt: the kernel does not tell.
+  /// What the process of a subject has had of the CPU; nullopt: the kernel does not report it.
   /// @param doubt  its answers are missing: any_waited is asked for, too
   using LookAtCpu = std::function<std::optional<CpuTotals>(std::string_view subject, pid_t pid, bool doubt)>;
 
   /// Requests and answers that changed nothing.
   struct Counters {
-    std::uint64_t stale_answers = 0;  ///< unknown or old nonce, or of somebody not asked
+    std::uint64_t stale_answers = 0;  ///< unknown or old nonce, or from a node not asked
     std::uint64_t wrong_answers = 0;  ///< another incarnation, or an impossible state
     std::uint64_t void_rounds = 0;    ///< this node's own timer was late
     std::uint64_t late_answers = 0;   ///< right, and late for want of a CPU
@@ -156,7 +158,7 @@ class RingMonitor {
   };
 
   /// @param look, cpu asked only from within calls of this object; without @p cpu all times are the clock's
-  /// @param seed makes nonces that nobody can foresee
+  /// @param seed makes unpredictable nonces
   RingMonitor(std::string self, RingPatience patience, Membership membership, Look look, std::uint64_t seed,
               MonotonicTime now, LookAtCpu cpu = {});
 
@@ -174,8 +176,8 @@ class RingMonitor {
   /// Some observer checked this node. @param generation of its membership
   void on_asked(std::string_view observer, std::uint32_t generation, MonotonicTime now);
   void on_footprint(std::string_view subject, pid_t pid, const Footprint& footprint, MonotonicTime now);
-  /// The process runs a version on probation and was started @p lived ago, looked at each second: then it has
-  /// to be in its desired state by the start deadline, whatever it says about why it is not.
+  /// The process runs a version on probation and was started @p lived ago; called each second. It has to be
+  /// in its desired state by the start deadline, whatever reason it gives for not being there.
   void on_trial(std::string_view subject, pid_t pid, nanoseconds lived, MonotonicTime now);
   /// The process runs a version on probation that has failed, however well the process does.
   void on_bad_version(std::string_view subject, pid_t pid, FaultClass fault, std::string detail,
@@ -187,9 +189,9 @@ class RingMonitor {
   /// What is to be done, in order; nullopt: nothing more. To be emptied after each call above.
   [[nodiscard]] std::optional<Action> next_action();
 
-  /// Time since this node last checked somebody; zero when there is nobody to check.
+  /// Time since this node last checked another one; zero when there is none to check.
   [[nodiscard]] nanoseconds last_check_age(MonotonicTime now) const;
-  /// How long this node was held up (stopped, starved) since then, as its late timers tell: ages of its own
+  /// How long this node was held up (stopped, starved) since then, as its late timers show: ages of its own
   /// work do not count this time. Remembers the last 64 times.
   [[nodiscard]] nanoseconds held_up_since(MonotonicTime since) const;
   [[nodiscard]] const Membership& membership() const { return membership_; }
@@ -248,7 +250,7 @@ class RingMonitor {
     // The accusation.
     std::optional<MonotonicTime> accused;  ///< when; until its outcome
     MonotonicTime not_before;              ///< accuse again
-    MonotonicTime expected_until;          ///< somebody is starting it
+    MonotonicTime expected_until;          ///< it is being started
     struct Recovery {
       FaultClass fault = FaultClass::none;
       MonotonicTime since;
@@ -265,7 +267,7 @@ class RingMonitor {
   [[nodiscard]] std::uint64_t next_nonce();
   void void_round(MonotonicTime now);
   void skip_round(MonotonicTime now);
-  void conclude_round(MonotonicTime now);
+  void conclude_round(MonotonicTime now, nanoseconds waited);
   void ask(MonotonicTime now, bool doubt);
   void count_miss(Subject& s, MonotonicTime now);
   void judge_silence(Subject& s, MonotonicTime now);
@@ -278,7 +280,7 @@ class RingMonitor {
                                                                 MonotonicTime now);
   void note_cpu(Subject& s, MonotonicTime now);
   void judge_fields(Subject& s, const CheckAnswer& answer, MonotonicTime now);
-  /// Reads who runs; accuses when nobody does. @return whether the process judged so far still runs
+  /// Reads which process runs; accuses when none does. @return whether the process judged so far still runs
   bool observe(Subject& s, MonotonicTime now);
   void note_recovery(Subject& s, const NodeReading& reading, MonotonicTime now);
   void adopt(Subject& s, pid_t pid, std::uint32_t incarnation, MonotonicTime now);

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include "nodes/can_switcher/bus_meter.hpp"

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/image_acquisition/frame_check.hpp"
 
 #include <gtest/gtest.h>
@@ -25,7 +27,7 @@ TEST(FrameCheck, TakesFramesThatDiffer) {
 TEST(FrameCheck, FindsAFrameThatCameTwice) {
   FrameCheck check;
   EXPECT_FALSE(check.judge(frame(1, 1), begun));
-  EXPECT_EQ(check.judge(frame(1, 2), begun), "frame 1 came twice");
+  EXPECT_EQ(check.judge(frame(1, 2), begun), "frame 1 received twice");
   EXPECT_EQ(check.judge(frame(2, 2), begun), "frame 2 has the pixels of frame 1");
   EXPECT_FALSE(check.judge(frame(3, 3), begun));
 }
@@ -51,7 +53,7 @@ TEST(FrameCheck, RefusesFramesOfAnotherSizeFromBeforeAndWithoutPixels) {
   EXPECT_EQ(check.judge(frame(2, 2, 6), begun), "a frame of 6 x 2 pixels after 4 x 2");
   hw::CameraFrame old = frame(3, 3);
   old.begin = begun - milliseconds(50);
-  EXPECT_EQ(check.judge(old, begun), "a frame from before its exposure");
+  EXPECT_EQ(check.judge(old, begun), "a frame older than its exposure");
   EXPECT_TRUE(check.judge(hw::CameraFrame{}, begun));
   check.forget();
   EXPECT_FALSE(check.judge(frame(1, 1, 8), begun)) << "another camera";

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/image_processing/task_order.hpp"
 
 #include <gmock/gmock.h>
@@ -28,7 +30,7 @@ TEST(TaskOrder, RefusesWhatThereIsNotAndSaysWhatThereIs) {
   const auto method = check_request(request("comets"));
   ASSERT_FALSE(method);
   EXPECT_EQ(method.error().failure_code, mission::failure::unknown_method);
-  EXPECT_THAT(method.error().reason, HasSubstr("there are star_centroid"));
+  EXPECT_THAT(method.error().reason, HasSubstr("available: star_centroid"));
 
   for (const char* parameters : {"size=3", "threshold=abc", "threshold=1e9", "threshold", ",threshold=8"}) {
     const auto refused = check_request(request("streak", parameters));

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <array>
@@ -36,6 +38,16 @@ struct Fixture {
     }
   }
 };
+
+TEST(TimeDiscipline, TelemetryTellsAnErrorThatIsNotKnownFromAVeryLargeOne) {
+  Fixture f;
+  EXPECT_TRUE(std::isnan(telemetered_error_us(f.time.error_at(start)))) << "the time is not valid";
+  f.run(10);
+  EXPECT_LT(telemetered_error_us(f.time.error_at(f.edge(9))), 1e6F);
+  EXPECT_FLOAT_EQ(telemetered_error_us(microseconds(15)), 15);
+  EXPECT_FLOAT_EQ(telemetered_error_us(largest_error), 1e9F);
+  EXPECT_FLOAT_EQ(telemetered_error_us(10 * largest_error), 1e9F);
+}
 
 TEST(TimeDiscipline, StepsOnceToTheFirstTimeItIsTold) {
   Fixture f;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <gtest/gtest.h>
@@ -30,6 +32,7 @@ class RouterWithParts : public testing::Test {
   FileService files_{outbox_, mission::apid::ttc};
   ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
   ImagingDesk imaging_{outbox_};
+  ConnectionTester connections_{outbox_, codes_.for_connections()};
   TelecommandRouter router_{{.dictionary = dictionary_,
                              .codes = codes_,
                              .housekeeping = housekeeping_,
@@ -46,7 +49,8 @@ class RouterWithParts : public testing::Test {
                              .hazards = hazards_,
                              .key_sets = key_sets_,
                              .transmitter = transmitter_,
-                             .imaging = imaging_},
+                             .imaging = imaging_,
+                             .connections = connections_},
                             "ttc"};
 };
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/acceptance_journal.hpp"
 
 #include <map>
@@ -181,6 +183,31 @@ TEST(AcceptanceJournal, RecognisesARepeatByCounterByNumberAndByPacket) {
   EXPECT_EQ(journal.counters().repeats, 3U);
 }
 
+TEST(AcceptanceJournal, OnAnOpenChannelAPacketIsARepeatWithinASecondOfTheLastOne) {
+  SimulatedMedium medium(1);
+  Process process(medium, "boot");
+  AcceptanceJournal& journal = process.journal();
+  UplinkedPacket open = uplinked(1, 0);
+  open.spi.reset();
+  const std::uint64_t id = process.accept(open);
+
+  for (int ms = 900; ms <= 9000; ms += 900) {
+    const AcceptedTelecommand* known = journal.find_repeated_packet(open, at(ms));
+    ASSERT_NE(known, nullptr) << ms;
+    EXPECT_EQ(known->origin.id, id);
+  }
+  EXPECT_EQ(journal.find_repeated_packet(open, at(10'000)), nullptr) << "sent again a second later";
+  UplinkedPacket other_channel = open;
+  other_channel.vc = 1;
+  EXPECT_EQ(journal.find_repeated_packet(other_channel, at(9001)), nullptr);
+  EXPECT_EQ(journal.find_repeated_packet(uplinked(1, 5), at(9001)), nullptr) << "with a key";
+
+  UplinkedPacket released = uplinked(2, 0);
+  released.spi.reset();
+  journal.accept(released, origin_of(released), "payload_eps", at(10'000), link_of(1), at(0), 7);
+  EXPECT_EQ(journal.find_repeated_packet(released, at(1)), nullptr) << "the schedule released it";
+}
+
 TEST(AcceptanceJournal, TellsAgainHowFarATelecommandGotAndNothingBeforeItWasSaid) {
   SimulatedMedium medium(1);
   Process process(medium, "boot");
@@ -198,7 +225,35 @@ TEST(AcceptanceJournal, TellsAgainHowFarATelecommandGotAndNothingBeforeItWasSaid
 
   process.stage(id, Stage::completion);
   AcceptanceJournal::tell_again(*process.find(id), 0, outbox);
+  EXPECT_EQ(subtypes(outbox), (std::vector<int>{1, 3})) << "the end waits for the disk";
+  journal.on_end_said(id);
+  AcceptanceJournal::tell_again(*process.find(id), 0, outbox);
   EXPECT_EQ(subtypes(outbox), (std::vector<int>{1, 3, 7}));
+}
+
+TEST(AcceptanceJournal, AnswersATelecommandThatIsRepeatedFasterOnceASecondAndStoresNoneOfThat) {
+  SimulatedMedium medium(1);
+  Process process(medium, "boot");
+  ReportOutbox outbox;
+  AcceptanceJournal& journal = process.journal();
+  const std::uint64_t id = process.accept(uplinked(1, 1));
+  const std::uint64_t other = process.accept(uplinked(2, 2));
+  ASSERT_TRUE(process.write(true));
+
+  std::size_t answers = 0;
+  for (int ms = 0; ms < 3000; ms += 2) {
+    journal.answer_repeat(*journal.find_repeated_frame(uplinked(1, 1)), at(ms), outbox);
+    for (const Report& report : outbox.take()) {
+      ++answers;
+      EXPECT_TRUE(report.again);
+    }
+  }
+  EXPECT_EQ(answers, 3U);
+  EXPECT_EQ(journal.counters().unanswered, 1497U);
+  EXPECT_FALSE(journal.wants_write()) << "nothing of it is recorded";
+  journal.answer_repeat(*process.find(other), at(2999), outbox);
+  EXPECT_EQ(outbox.take().size(), 1U) << "each telecommand has its own second";
+  EXPECT_FALSE(process.find(id)->end);
 }
 
 TEST(AcceptanceJournal, AfterARestartOnlyWhatWasNotToldIsToldAgain) {
@@ -222,6 +277,78 @@ TEST(AcceptanceJournal, AfterARestartOnlyWhatWasNotToldIsToldAgain) {
   EXPECT_EQ(subtypes(outbox), std::vector<int>{7}) << "its acceptance was told";
 }
 
+RefusedTelecommand refused_of(const UplinkedPacket& packet, std::uint16_t code) {
+  return {.origin = origin_of(packet),
+          .end = {.stage = Stage::acceptance, .success = false, .failure_code = code, .data = {9}}};
+}
+
+TEST(AcceptanceJournal, ARefusalIsToldByTheNextProcessUnlessItWasTold) {
+  SimulatedMedium medium(1);
+  {
+    Process first(medium, "boot");
+    ASSERT_TRUE(first.write(true));
+    AcceptanceJournal& journal = first.journal();
+    const RefusedTelecommand told = refused_of(uplinked(1, 1), 6);
+    const RefusedTelecommand untold = refused_of(uplinked(2, 2), 7);
+    journal.on_refusal_said(journal.refuse(told.origin, told.end, link_of(1)));
+    EXPECT_EQ(journal.said(), journal.serial());
+    journal.on_told(journal.said());
+    EXPECT_TRUE(journal.refused().empty());
+    journal.refuse(untold.origin, untold.end, link_of(2));
+    EXPECT_EQ(journal.said(), journal.serial() - 1) << "it waits for the disk";
+    ASSERT_TRUE(first.write(true));
+  }
+  for (int i = 0; i < 2; ++i) {  // from changes, then from the snapshot that the second process wrote
+    Process next(medium, "boot");
+    EXPECT_EQ(next.journal().link(), link_of(2));
+    EXPECT_EQ(next.journal().open(), 0U);
+    ReportOutbox outbox;
+    next.journal().tell_refused_again(outbox);
+    const auto reports = outbox.take();
+    ASSERT_EQ(reports.size(), 1U);
+    EXPECT_EQ(reports[0].subtype, 2);
+    EXPECT_EQ(reports[0].apid, 17);
+    const Octets packet = uplinked(2, 2).packet;
+    EXPECT_EQ(reports[0].data, (Octets{packet[0], packet[1], packet[2], packet[3], 0, 7, 9}));
+    EXPECT_FALSE(reports[0].again) << "it may not be in the packet store";
+    ASSERT_TRUE(next.write(true));
+  }
+}
+
+TEST(AcceptanceJournal, KeepsTheNewestRefusalsAndCountsTheOthers) {
+  SimulatedMedium medium(1);
+  Process process(medium, "boot");
+  constexpr unsigned more = 3;
+  for (unsigned i = 0; i < AcceptanceJournal::max_refused + more; ++i) {
+    const RefusedTelecommand r = refused_of(uplinked(static_cast<std::uint16_t>(i), i + 1), 6);
+    process.journal().refuse(r.origin, r.end, link_of(i + 1));
+  }
+  EXPECT_EQ(process.journal().refused().size(), AcceptanceJournal::max_refused);
+  EXPECT_EQ(process.journal().refused().front().serial, more + 1);
+  EXPECT_EQ(process.journal().counters().forgotten, more);
+  ASSERT_TRUE(process.write(true));
+  EXPECT_EQ(Process(medium, "boot").journal().refused().size(), AcceptanceJournal::max_refused);
+}
+
+TEST(AcceptanceJournal, WhatWaitsForTheDiskIsNotCountedAsTold) {
+  SimulatedMedium medium(1);
+  Process process(medium, "boot");
+  AcceptanceJournal& journal = process.journal();
+  const UplinkedPacket packet = uplinked(1, 1);
+  const std::uint64_t id = journal.accept(packet, origin_of(packet), "payload_eps", at(1), link_of(1), at(0));
+  EXPECT_EQ(journal.said(), 0U);
+  process.stage(id, Stage::acceptance);
+  EXPECT_EQ(journal.said(), journal.serial());
+  process.stage(id, Stage::completion);
+  EXPECT_LT(journal.said(), journal.serial());
+  journal.on_end_said(id);
+  EXPECT_EQ(journal.said(), journal.serial());
+
+  const std::uint64_t unasked = process.accept(uplinked(2, 2));
+  journal.on_stage({.id = unasked, .stage = Stage::completion, .data = {}, .silent = true});
+  EXPECT_EQ(journal.said(), journal.serial()) << "nobody wanted to know";
+}
+
 TEST(AcceptanceJournal, WhatWasRefusedAfterAllDoesNotComeBack) {
   SimulatedMedium medium(1);
   {
@@ -234,7 +361,10 @@ TEST(AcceptanceJournal, WhatWasRefusedAfterAllDoesNotComeBack) {
     first.stage(id, Stage::acceptance, false, 11);
     first.write(true);
   }
-  EXPECT_EQ(Process(medium, "boot").journal().open(), 0U);
+  Process second(medium, "boot");
+  EXPECT_EQ(second.journal().open(), 0U);
+  ASSERT_EQ(second.journal().refused().size(), 1U) << "its 1,2 may not have left";
+  EXPECT_EQ(second.journal().refused()[0].end.failure_code, 11);
 }
 
 TEST(AcceptanceJournal, RefusesBeyondItsBoundAndForgetsTheOldestEndedFirst) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The schedule and the journal it stands in, against a model that knows no disk, wherever the power is lost.
 #include <map>
 #include <random>

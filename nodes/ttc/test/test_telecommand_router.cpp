@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/telecommand_router.hpp"
 
 #include <algorithm>
@@ -92,6 +94,45 @@ TEST_F(Router, AnswersAPing) {
   EXPECT_EQ(reports_[0].data, (Octets{0x18, 0x01, 0xC0, 77}));
 }
 
+TEST_F(Router, EveryApplicationProcessCanBeAskedWhetherItIsAlive) {
+  for (const mission::ApplicationProcess& process : dictionary_.apids()) {
+    if (process.node == "ttc") continue;
+    EXPECT_EQ(send(process.apid, 17, 1, {}), (Names{"1,1", "1,3"})) << process.node;
+    EXPECT_EQ(connections_.take_question(), process.node);
+    connections_.on_answer(true);
+    EXPECT_EQ(taken(), (Names{"17,2", "1,7"}));
+    for (const Report& report : reports_) EXPECT_EQ(report.apid, process.apid);
+  }
+  EXPECT_EQ(send(mission::apid::payload_eps, 17, 1, {}), (Names{"1,1", "1,3"}));
+  (void)connections_.take_question();
+  connections_.on_answer(false);
+  EXPECT_EQ(taken(), Names{"1,8"});
+  EXPECT_EQ(failure(), code(codes_.node_unavailable));
+}
+
+TEST_F(Router, TestsTheConnectionToAnApplicationProcess) {
+  const auto to = [](std::uint16_t apid) {
+    return Octets{static_cast<std::uint8_t>(apid >> 8), static_cast<std::uint8_t>(apid)};
+  };
+  EXPECT_EQ(send(1, 17, 3, to(1)), (Names{"1,1", "1,3", "17,4", "1,7"}));
+  EXPECT_EQ(reports_[2].data, to(1));
+  EXPECT_EQ(send(1, 17, 3, to(0x123)), (Names{"1,1", "1,4"}));
+  EXPECT_EQ(failure(), code(codes_.unknown_identifier, to(0x123)));
+
+  EXPECT_EQ(send(1, 17, 3, to(mission::apid::maintenance)), (Names{"1,1", "1,3"}));
+  EXPECT_EQ(connections_.take_question(), "maintenance");
+  EXPECT_FALSE(connections_.take_question()) << "one at a time";
+  for (std::size_t i = 1; i < ConnectionTester::capacity; ++i)
+    EXPECT_EQ(send(1, 17, 3, to(mission::apid::timing)), (Names{"1,1", "1,3"}));
+  EXPECT_EQ(send(1, 17, 3, to(mission::apid::timing)), (Names{"1,1", "1,4"}));
+  EXPECT_EQ(failure(), code(codes_.busy));
+  connections_.on_answer(true);
+  EXPECT_EQ(taken(), (Names{"17,4", "1,7"}));
+  EXPECT_EQ(reports_[0].apid, 1);
+  EXPECT_EQ(reports_[0].data, to(mission::apid::maintenance));
+  EXPECT_EQ(connections_.take_question(), "timing");
+}
+
 TEST_F(Router, SendsOnlyTheSuccessReportsThatWereAskedFor) {
   EXPECT_EQ(send("ttc.ping", {}, 0), (Names{"17,2"}));
   EXPECT_EQ(send("ttc.ping", {}, wire::ack::acceptance | wire::ack::completion),
@@ -99,7 +140,7 @@ TEST_F(Router, SendsOnlyTheSuccessReportsThatWereAskedFor) {
 }
 
 TEST_F(Router, RefusesWhatTheDictionaryDoesNotHave) {
-  EXPECT_EQ(send(0x123, 17, 1, {}), Names{"1,2"});
+  EXPECT_EQ(send(0x123, 17, 1, {}), Names{"1,10"}) << "it cannot be routed";
   EXPECT_EQ(failure(), code(codes_.unknown_apid));
   EXPECT_EQ(reports_.back().apid, 1) << "nobody else can answer";
 
@@ -164,10 +205,21 @@ TEST_F(Router, RefusesDamagedPacketsWithTheRequestIdAsItCame) {
   EXPECT_EQ(failure(), code(codes_.bad_length));
 }
 
-TEST_F(Router, AnswersAPacketThatFoundNoRoomWithQueueFull) {
-  router_.on_packet_without_room(Octets{0x18, 0x01, 0xC0, 0x05});
-  EXPECT_EQ(taken(), Names{"1,2"});
+TEST_F(Router, WithoutRoomWhatIsRightIsQueueFullAndTheRestHasItsOwnReason) {
+  const auto judged_without_room = [this](std::uint16_t apid) {
+    wire::TcPacket ping;
+    ping.apid = apid;
+    ping.service = 17;
+    ping.subtype = 1;
+    const JudgedTelecommand judged = router_.judge(wire::make_tc_packet(ping), now_, false);
+    EXPECT_EQ(judged.command, nullptr);
+    router_.carry_out(judged, true, now_);
+    return taken();
+  };
+  EXPECT_EQ(judged_without_room(mission::apid::ttc), Names{"1,2"});
   EXPECT_EQ(failure(), code(codes_.queue_full));
+  EXPECT_EQ(judged_without_room(0x123), Names{"1,10"});
+  EXPECT_EQ(failure(), code(codes_.unknown_apid));
 }
 
 TEST_F(Router, ForwardsACommandOfAnotherNodeAndReportsItsStages) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/uplink_chain.hpp"
 
 #include <array>
@@ -202,6 +204,47 @@ TEST_F(Uplink, RefusesAnythingNotAuthenticOnASecuredChannel) {
   EXPECT_FALSE(chain_.counter(1));
 }
 
+TEST_F(Uplink, ACounterOfMoreThan64BitsIsRefusedForThatReason) {
+  // Made by Python's ctypes on libcrypto: SPI 1, IV 2^64 + 9, the ping of the vectors.
+  Octets field = *from_hex(
+      "c000010000000100000000000000098c7ab47754befc332a30be26cf2d9b"
+      "b4f1a156d8a2c2114900a18f0280");
+  const auto push_field = [&] {
+    const wire::TcFrame frame{
+        .type = wire::TcFrameType::bd, .spacecraft_id = spacecraft, .vc = 0, .sequence = 0, .data = field};
+    return push(wire::encode_cltu(wire::encode_tc_frame(frame), false));
+  };
+  EXPECT_EQ(push_field(), 0U);
+  EXPECT_EQ(chain_.counters().counter_out_of_range, 1U);
+  EXPECT_EQ(chain_.counters().not_authentic, 0U);
+  const auto findings = chain_.take_findings();
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].kind, SecurityFinding::Kind::counter_out_of_range);
+  EXPECT_FALSE(chain_.counter(1));
+
+  field.back() ^= 1;
+  EXPECT_EQ(push_field(), 0U);
+  EXPECT_EQ(chain_.counters().not_authentic, 1U) << "the MAC is looked at first";
+  EXPECT_EQ(chain_.counters().counter_out_of_range, 1U);
+}
+
+TEST_F(Uplink, CountersThatWereLostGoOnBehindAFloorOfTheTime) {
+  const UtcTime now(seconds(1'795'000'000));
+  const std::uint64_t floor = lost_counter_floor(now);
+  EXPECT_EQ(floor, 1'794'999'940'000U) << "milliseconds, a minute ago";
+  EXPECT_EQ(lost_counter_floor(UtcTime{}), 0U);
+  push(secured(5));
+  const std::uint64_t before = chain_.state().generation;
+  chain_.raise_counters(floor);
+  EXPECT_TRUE(chain_.has_data_after(before)) << "it goes to the disk at once";
+  EXPECT_EQ(chain_.counter(1), floor);
+  EXPECT_EQ(push(secured(6)), 0U) << "a recording";
+  EXPECT_EQ(push(secured(floor)), 0U);
+  EXPECT_EQ(push(secured(floor + 1)), 1U);
+  chain_.raise_counters(floor);
+  EXPECT_EQ(chain_.counter(1), floor + 1) << "never back";
+}
+
 TEST_F(Uplink, AFrameThatFarmDiscardsDoesNotAdvanceTheCounter) {
   EXPECT_EQ(push(secured(7, wire::TcFrameType::ad, 3)), 0U) << "V(R) is 0";
 
@@ -258,8 +301,63 @@ TEST_F(Uplink, CarriesOnlySoManyForeignCountersAlong) {
   EXPECT_EQ(chain.counter(1), 12U);
 }
 
+TEST_F(Uplink, TheControlWordAcknowledgesOnlyWhatIsStored) {
+  const auto report_value = [this] {
+    const std::uint32_t word = chain_.next_clcw();
+    (void)chain_.next_clcw();  // of the other channel
+    return word & 0xFF;
+  };
+  const auto packets = chain_.push(secured(1, wire::TcFrameType::ad, 0), MonotonicTime{});
+  ASSERT_EQ(packets.size(), 1U);
+  const LinkState first = chain_.state();
+  EXPECT_EQ(packets[0].link, first);
+  push(secured(2, wire::TcFrameType::ad, 1));
+  EXPECT_EQ(chain_.farm(0).vr, 2);
+  EXPECT_EQ(report_value(), 0U);
+  EXPECT_FALSE(chain_.has_data_after(chain_.state().generation));
+
+  EXPECT_TRUE(chain_.on_stored(first));
+  EXPECT_EQ(report_value(), 1U);
+  EXPECT_EQ(chain_.stored_state(), first);
+  EXPECT_FALSE(chain_.on_stored(first)) << "nothing new";
+  EXPECT_TRUE(chain_.on_stored(chain_.state()));
+  EXPECT_EQ(report_value(), 2U);
+}
+
+TEST_F(Uplink, ControlCommandsAndFlagsShowAtOnceUnlessDataWaitsBeforeThem) {
+  const wire::TcUplinkChannel channel{.spacecraft_id = spacecraft, .vc = 0, .randomize = false};
+  const auto set_vr = [&](std::uint8_t vr) {
+    push(wire::make_control_cltu(channel, {.kind = wire::ControlCommand::Kind::set_vr, .vr = vr}));
+  };
+  const auto report_value = [this] {
+    const std::uint32_t word = chain_.next_clcw();
+    (void)chain_.next_clcw();
+    return word & 0xFF;
+  };
+  const std::uint64_t before = chain_.state().generation;
+  set_vr(7);
+  EXPECT_EQ(report_value(), 7U);
+  EXPECT_GT(chain_.state().generation, before);
+  EXPECT_FALSE(chain_.has_data_after(before)) << "nothing that must be on disk";
+
+  push(secured(1, wire::TcFrameType::ad, 7));
+  EXPECT_TRUE(chain_.has_data_after(before));
+  set_vr(20);
+  EXPECT_EQ(report_value(), 7U) << "the frame is not stored yet";
+  chain_.on_stored(chain_.state());
+  EXPECT_EQ(report_value(), 20U);
+
+  push(secured(2, wire::TcFrameType::ad, 20));
+  chain_.set_buffer_available(false);
+  push(secured(3, wire::TcFrameType::ad, 21));
+  const std::uint32_t word = chain_.next_clcw();
+  EXPECT_EQ(word & 0xFF, 20U);
+  EXPECT_EQ(word & 0x1800, 0x1800U) << "wait and retransmit at once";
+}
+
 TEST_F(Uplink, TheControlWordAlternatesOverTheChannels) {
   push(secured(1, wire::TcFrameType::ad, 0));
+  chain_.on_stored(chain_.state());
 
   EXPECT_EQ(chain_.next_clcw(), 0x01000001U);
   EXPECT_EQ(chain_.next_clcw(), 0x01040000U);
@@ -323,6 +421,49 @@ TEST(PersistenceGate, HoldsATelecommandUntilItsRecordIsOnDisk) {
   const auto passed = gate.take_passed();
   ASSERT_EQ(passed.size(), 1U);
   EXPECT_TRUE(passed[0].durable);
+}
+
+HeldReport end_of(std::uint64_t id) {
+  HeldReport held;
+  held.report.ends = id;
+  return held;
+}
+
+TEST(PersistenceGate, HoldsTheReportOfAnEndUntilItsRecordIsOnDisk) {
+  PersistenceGate gate(milliseconds(1000));
+  gate.hold(end_of(1), 1, MonotonicTime{});
+  ASSERT_TRUE(gate.wants_write(1));
+  gate.on_write_begun(1);
+  gate.hold(end_of(2), 2, MonotonicTime{});
+  EXPECT_TRUE(gate.take_released().empty());
+
+  gate.on_write_done(true, MonotonicTime{});
+  const auto released = gate.take_released();
+  ASSERT_EQ(released.size(), 1U);
+  EXPECT_EQ(released[0].report.ends, 1U);
+  gate.hold(end_of(3), 1, MonotonicTime{});
+  EXPECT_TRUE(gate.take_released().empty()) << "in their order";
+
+  EXPECT_EQ(gate.next_due(), MonotonicTime(milliseconds(1000)));
+  gate.on_time(MonotonicTime(milliseconds(1000)));
+  EXPECT_EQ(gate.take_released().size(), 2U) << "a hanging disk does not keep the ground waiting";
+}
+
+TEST(PersistenceGate, AFailedWriteReleasesTheReportsThatWaitedForIt) {
+  PersistenceGate gate(milliseconds(1000));
+  gate.hold(end_of(1), 1, MonotonicTime{});
+  gate.on_write_begun(1);
+  gate.on_write_done(false, MonotonicTime{});
+  EXPECT_EQ(gate.take_released().size(), 1U);
+}
+
+TEST(PersistenceGate, BeyondItsBoundTheOldestReportLeavesUnsure) {
+  PersistenceGate gate(milliseconds(1000));
+  for (std::uint64_t id = 0; id <= PersistenceGate::held_capacity; ++id)
+    gate.hold(end_of(id), 1, MonotonicTime{});
+  const auto released = gate.take_released();
+  ASSERT_EQ(released.size(), 1U);
+  EXPECT_EQ(released[0].report.ends, 0U);
 }
 
 TEST(PersistenceGate, AFailingOrHangingDiskLetsTelecommandsPassAsNotDurable) {

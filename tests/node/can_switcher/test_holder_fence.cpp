@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // HolderFence against real processes.
 
 #include <sys/epoll.h>
@@ -14,6 +16,7 @@
 #include "nodes/can_switcher/holder_fence.hpp"
 #include "nodes/can_switcher/holder_record.hpp"
 #include "tests/signal_child.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs {
 namespace {
@@ -156,9 +159,8 @@ TEST(HolderIdentity, ASuccessorIsInnocentEvenBeforeItHasSaidItsNumber) {
 
 class HolderRecordTest : public testing::Test {
  protected:
-  void TearDown() override { std::filesystem::remove(file_); }
-  std::filesystem::path file_ =
-      std::filesystem::temp_directory_path() / ("srfs-holder-" + std::to_string(getpid()));
+  const testing_support::TemporaryFolder temporary_;
+  const std::filesystem::path file_ = temporary_.path() / "holder";
 };
 
 TEST_F(HolderRecordTest, OutlivesTheProcessThatWasKilled) {

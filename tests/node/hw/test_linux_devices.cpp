@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // What can be said about the drivers of the board on a machine that lacks the devices: they say clearly that
 // they are gone, they do not block, and they end quickly.
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <numeric>
 
@@ -139,7 +141,7 @@ TEST(SerialLine, OutlivesARestartOfTheOtherEnd) {
 
 TEST(SerialLine, IsNoOrdinaryFile) {
   const auto port = open_serial("serial:/dev/null", 115200, "/").value();
-  EXPECT_THAT(port->reason(), ::testing::HasSubstr("no serial line"));
+  EXPECT_THAT(port->reason(), ::testing::HasSubstr("not a serial line"));
 }
 
 }  // namespace

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The simulated camera at its socket, and the back-end of the flight software at the other end.
 
 #include <gmock/gmock.h>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <atomic>
 #include <functional>
@@ -418,6 +420,8 @@ TEST(CanHub, RefusesASecondHubAtTheSameSocketAndReplacesADeadOne) {
   const auto socket = folder.path() / "hub.sock";
   auto first = sim::CanHub::create(socket, sim::BusArbiter());
   ASSERT_TRUE(first);
+  EXPECT_EQ(std::filesystem::status(socket).permissions(),
+            std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
   EXPECT_FALSE(sim::CanHub::create(socket, sim::BusArbiter()));
   first->reset();
   EXPECT_FALSE(std::filesystem::exists(socket));

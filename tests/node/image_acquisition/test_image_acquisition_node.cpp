@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // ImageAcquisitionNode over real DDS, with a camera that does what the test says.
 
 #include <algorithm>

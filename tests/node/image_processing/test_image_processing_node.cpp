@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // ImageProcessingNode with stored frames on disk and a client of its action over real DDS.
 
 #include <algorithm>

@@ -1,9 +1,14 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The other process of the action and service tests: `action_peer ROLE DOMAIN NAME`.
 //   server  serves the action NAME. order < 0 is rejected; order 0 runs, with feedback, until it is canceled;
 //           order > 0 sends that many feedbacks and succeeds. Results are kept for 2 s.
 //   client  sends order 3 to the action NAME; exit code 0 when it succeeds with the sequence 0, 1, 1
 //   waiter  sends order 0 to the action NAME and waits
 //   mute    serves the service NAME and never answers
+//   node    is the node "victim" of the suite "t" in VAR = NAME: publishes /test/victim
+//   huge    publishes samples of 64 MiB on the topic NAME, whose type is TaskFlags
+//   flood   publishes on the topic NAME without a pause
 
 #include <csignal>
 #include <cstdlib>
@@ -16,6 +21,8 @@
 
 #include "ros/action_client.hpp"
 #include "ros/action_server.hpp"
+#include "ros/instance.hpp"
+#include "ros/publisher.hpp"
 
 namespace {
 
@@ -95,12 +102,51 @@ int stay_mute(Executor& executor, Participant& participant, const std::string& n
   return 0;
 }
 
+/// Holds its lock and its participant until it is killed, as every node does.
+int be_a_node(int domain, const std::string& var_folder) {
+  const VarPaths var{var_folder};
+  auto lock = InstanceLock::take(var, "victim");
+  if (!lock) return 3;
+  lock->publish(1, "probe");
+  Executor executor;
+  ParticipantOptions options{domain, {"127.0.0.1"}, &executor, SuiteIdentity{"t", "victim", 1}};
+  options.lease = lease_beside_the_ring;
+  const auto participant = Participant::create(options);
+  if (!participant) return 2;
+  const Publisher<srfs_msgs::msg::TaskFlags> publisher(**participant, {"/test/victim", {}});
+  executor.spin();
+  return 0;
+}
+
+/// A sample as large as its sender likes, under the name of another type.
+struct Huge {
+  static constexpr const char* dds_type_name = srfs_msgs::msg::TaskFlags::dds_type_name;
+  std::vector<std::uint8_t> octets;
+  template <class Self, class V>
+  static void visit(Self& s, V& v) {
+    v.sequence(s.octets, 0, 0);
+  }
+};
+
+template <class M>
+int publish_for_ever(Executor& executor, Participant& participant, const std::string& name, const M& message,
+                     milliseconds pause) {
+  WriterEndpoint writer(participant, topic_dds_name(name), srfs::ros::dds::TypeSupport(new TypeSupport<M>),
+                        {.depth = 1});
+  while (true) {
+    if (writer.matched_count() > 0) writer.write(&message);
+    if (writer.matched_count() == 0 || pause > milliseconds(0))
+      executor.spin_once(std::max(pause, milliseconds(1)));
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);  // never outlive the test
   if (argc != 4) return 2;
   const std::string_view role = argv[1];
+  if (role == "node") return be_a_node(std::atoi(argv[2]), argv[3]);
   const auto participant = Participant::create({std::atoi(argv[2]), {"127.0.0.1"}});
   if (!participant) return 2;
   Executor executor;
@@ -108,5 +154,12 @@ int main(int argc, char** argv) {
   if (role == "client") return send_goal(executor, **participant, argv[3], 3);
   if (role == "waiter") return send_goal(executor, **participant, argv[3], 0);
   if (role == "mute") return stay_mute(executor, **participant, argv[3]);
+  if (role == "huge") {
+    const Huge message{std::vector<std::uint8_t>(64U << 20, 1)};
+    return publish_for_ever(executor, **participant, argv[3], message, milliseconds(100));
+  }
+  if (role == "flood") {
+    return publish_for_ever(executor, **participant, argv[3], srfs_msgs::msg::TaskFlags{}, milliseconds(0));
+  }
   return 2;
 }

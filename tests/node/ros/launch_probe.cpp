@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A process as the launcher starts it: holds its instance lock and waits. SIGUSR1: starts the node that
 // VAR/run/start_next names, as the ring will. SIGTERM: ends.
 

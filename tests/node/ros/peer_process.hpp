@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -30,6 +32,7 @@ class PeerProcess {
   PeerProcess(const PeerProcess&) = delete;
   PeerProcess& operator=(const PeerProcess&) = delete;
 
+  void signal(int number) const { signal_child(pid_, number); }
   /// kill -9; returns when the process is gone.
   void kill_now() {
     if (pid_ <= 0) return;

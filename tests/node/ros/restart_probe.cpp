@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A process as the ring's restarter finds it: instance lock, incarnation, heartbeat page, crash handler, one
 // thread that turns. VAR/run/NAME.behaviour, read at the start, and signals make it misbehave:
 //   "exit N"   ends before it takes its lock        SIGUSR1  hangs: no turns, deaf to SIGTERM

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A node of a ring that does nothing else but give its worker a job now and then (test_liveness_ring.cpp).
 // SIGUSR1: its work thread loops for ever; SIGUSR2, to one thread: that one never comes back;
 // SIGHUP: it takes 950 MiB.

@@ -1,7 +1,12 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Actions over real DDS: server and client on two participants of this process, or in a process that is
 // killed.
 
+#include <algorithm>
 #include <filesystem>
+#include <map>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -101,6 +106,50 @@ class ActionTest : public testing::Test {
   std::unique_ptr<ActionServer<Fibonacci>> server_;
   std::unique_ptr<ActionClient<Fibonacci>> client_;
 };
+
+TEST_F(ActionTest, TenThousandGoalsOfAnOutsiderAreAllAcceptedOrRejected) {
+  constexpr std::size_t goals = 10'000;
+  ParticipantOptions options{
+      testing_support::own_domain(), {"127.0.0.1"}, &executor_, SuiteIdentity{"suite", "node", 1}};
+  const auto node = Participant::create(options).value();
+  ActionHandlers<Fibonacci> handlers;
+  handlers.accepted = [this](FibonacciGoal goal) { running_.push_back(goal); };
+  ActionServer<Fibonacci> server(executor_, *node, action_, std::move(handlers), {.limits = {.active = 8}});
+
+  using SendGoal = Fibonacci::SendGoal;
+  std::map<std::int64_t, bool> answers;
+  const auto reader = TypedReader<SendGoal::Response>::create(
+      executor_, *there_, reply_dds_name(action_ + "/_action/send_goal"), {.depth = 2 * goals},
+      Priority::normal, [&](const SendGoal::Response& r, const MessageInfo& info) {
+        answers[static_cast<std::int64_t>(info.related.sequence_number().to64long())] = r.accepted;
+      });
+  WriterEndpoint writer(*there_, request_dds_name(action_ + "/_action/send_goal"),
+                        dds::TypeSupport(new TypeSupport<SendGoal::Request>), {});
+  ASSERT_TRUE(wait([&] { return writer.matched_count() == 1 && reader->matched_count() == 1; }));
+  const auto send = [&](std::size_t i) {
+    SendGoal::Request request;
+    request.goal_id.uuid = {static_cast<std::uint8_t>(i), static_cast<std::uint8_t>(i >> 8), 1};
+    WriteParams params;
+    params.related_sample_identity().writer_guid(reader->guid());
+    EXPECT_TRUE(writer.write(&request, &params));
+  };
+  // What a client sends before the server has matched it is for nobody; it has when it answers.
+  std::size_t sent = 0;
+  ASSERT_TRUE(wait([&] {
+    if (answers.empty()) send(sent++);
+    return !answers.empty();
+  }));
+  const auto expected = sent + goals - static_cast<std::size_t>(answers.begin()->first - 1);
+  std::thread sender([&] {
+    for (std::size_t i = 0; i < goals; ++i) send(sent + i);
+  });
+  EXPECT_TRUE(wait([&] { return answers.size() == expected; })) << answers.size() << " of " << expected;
+  sender.join();
+  reader->close();
+  EXPECT_EQ(std::count_if(answers.begin(), answers.end(), [](const auto& a) { return a.second; }), 8);
+  EXPECT_EQ(running_.size(), 8U);
+  running_.clear();
+}
 
 TEST_F(ActionTest, WorkOnAWorkerThreadSendsFeedbackAndAResult) {
   Worker worker(executor_, "fibonacci", 4, milliseconds(3000));

@@ -1,10 +1,21 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The graph publisher over real DDS: when it publishes and what.
 
 #include <gtest/gtest.h>
 
+#include <csignal>
+
+#include <unistd.h>
+
+#include "base/file.hpp"
+#include "ros/departures.hpp"
 #include "ros/graph_publisher.hpp"
 #include "ros/publisher.hpp"
+#include "ros/ring/process_cpu.hpp"
 #include "tests/dds_domain.hpp"
+#include "tests/node/ros/peer_process.hpp"
+#include "tests/temporary_folder.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -78,6 +89,77 @@ TEST_F(GraphPublisherTest, WhoComesLateGetsTheLatest) {
   ASSERT_FALSE(late.empty());
   EXPECT_EQ(late[0], got_.back());
   reader->close();
+}
+
+/// How long this process can have run since then: the time without what its threads waited for a CPU, and
+/// without what the host of a virtual machine took. A kernel that tells neither: all of the time.
+class RunningTime {
+ public:
+  RunningTime() { excused_ = excused(began_); }
+  /// To be called at least twice a second.
+  nanoseconds passed() {
+    const MonotonicTime now = monotonic_now();
+    return now - began_ - (excused(now) - excused_);
+  }
+
+ private:
+  nanoseconds excused(MonotonicTime now) {
+    const auto cpu = cpu_ ? cpu_->read(true, now) : std::nullopt;
+    const auto machine = read_file("/proc/stat", 1U << 20);
+    if (machine) stolen_.on_reading(*machine);
+    return (cpu ? cpu->any_waited : nanoseconds(0)) + stolen_.total();
+  }
+  std::optional<ProcessCpu> cpu_ = ProcessCpu::open(getpid());
+  StolenTime stolen_;
+  const MonotonicTime began_ = monotonic_now();
+  nanoseconds excused_{0};
+};
+
+/// A node of the suite that is killed, another one that watches, and a ROS 2 tool that belongs to nobody.
+class DeparturesTest : public testing::Test {
+ protected:
+  DeparturesTest() {
+    var_.make_run_folder();
+    victim_ = std::make_unique<testing_support::PeerProcess>("node", var_.root.string());
+  }
+  bool wait(const std::function<bool()>& condition, nanoseconds longest = seconds(20)) {
+    return executor_.spin_until(condition, monotonic_now() + longest);
+  }
+  std::unique_ptr<Participant> node() {
+    ParticipantOptions options{
+        testing_support::own_domain(), {"127.0.0.1"}, &executor_, SuiteIdentity{"t", "watcher", 1}};
+    options.lease = lease_beside_the_ring;
+    return Participant::create(options).value();
+  }
+  const testing_support::TemporaryFolder folder_;
+  const VarPaths var_{folder_.path()};
+  Executor executor_;
+  std::unique_ptr<testing_support::PeerProcess> victim_;
+};
+
+TEST_F(DeparturesTest, AKilledNodeLeavesEverybodysGraphAtOnceAndAStoppedOneStays) {
+  const auto watcher = node();
+  Departures departures(executor_, *watcher, var_, [](const std::string& name) { return name == "victim"; });
+  const auto tool = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
+  const Subscription<srfs_msgs::msg::TaskFlags> heard(executor_, *tool, {"/test/victim", {}},
+                                                      [](const auto&, const MessageInfo&) {});
+  ASSERT_TRUE(wait([&] { return heard.publisher_count() == 1 && departures.watched() == 1; }));
+
+  victim_->signal(SIGSTOP);
+  EXPECT_FALSE(wait([&] { return heard.publisher_count() == 0; }, seconds(1)));
+  EXPECT_EQ(departures.announced(), 0U);
+
+  victim_->kill_now();
+  RunningTime since_its_end;
+  nanoseconds took{0};
+  ASSERT_TRUE(wait([&] {
+    took = since_its_end.passed();
+    return heard.publisher_count() == 0;
+  }));
+  RecordProperty("microseconds", static_cast<int>(took / std::chrono::microseconds(1)));
+  EXPECT_LE(took, seconds(1)) << "without a goodbye it stays for its lease, 20 s";
+  EXPECT_EQ(departures.announced(), 1U);
+  ASSERT_TRUE(wait([&] { return watcher->known_participants().members().empty(); }));
 }
 
 }  // namespace

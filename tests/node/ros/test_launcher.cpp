@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // A node runs the same whoever started it.
 
 #include <csignal>
@@ -43,6 +45,13 @@ std::string stat_field(const std::string& stat, int number) {
   return field;
 }
 
+/// sched_runtime of sched_getattr(2), in ns.
+std::string turn_of(pid_t pid) {
+  std::array<std::uint64_t, 6> attributes{};
+  EXPECT_EQ(syscall(SYS_sched_getattr, pid, attributes.data(), sizeof attributes, 0), 0);
+  return std::to_string(attributes[3]);
+}
+
 Setting setting_of(pid_t pid) {
   const std::filesystem::path proc = "/proc/" + std::to_string(pid);
   Setting s;
@@ -63,6 +72,7 @@ Setting setting_of(pid_t pid) {
   s["nice of its session"] = session.empty() ? "" : session.substr(session.find("nice"));
   s["rt priority"] = stat_field(stat, 40);
   s["policy"] = stat_field(stat, 41);
+  s["turn"] = turn_of(pid);
   s["leads its session"] = stat_field(stat, 6) == std::to_string(pid) ? "yes" : "no";
   s["terminal"] = stat_field(stat, 7);
   s["io priority"] = std::to_string(syscall(SYS_ioprio_get, 1, pid));

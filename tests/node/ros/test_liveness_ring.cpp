@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Real processes in a ring: whoever dies or hangs comes back, and nobody else is touched.
 
 #include <array>

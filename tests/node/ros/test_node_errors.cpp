@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // What becomes of a node whose callbacks fail, throw or take too long.
 
 #include <set>

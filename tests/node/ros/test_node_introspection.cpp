@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // What a node tells of itself, and the parameters that outlive it.
 
 #include <rcl_interfaces/srv/describe_parameters.hpp>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Real processes die, hang and are stopped; the restarter raises them, exactly once.
 
 #include <atomic>
@@ -467,7 +469,7 @@ TEST_F(Restarting, LeavesASuiteThatIsBeingStoppedAlone) {
 }
 
 TEST_F(Restarting, LeavesANodeThatTheOperatorHoldsUntilItIsReleased) {
-  ASSERT_TRUE(hold(var_, "one", "by hand"));
+  ASSERT_TRUE(hold(var_, plan_, "one", "by hand", monotonic_now()));
   Restarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(absent());
   EXPECT_EQ(outcome.what, What::held);
@@ -521,6 +523,21 @@ TEST_F(Restarting, OnAMachineUnderPressureStartsOneNodeInATime) {
     EXPECT_THAT(spaced.reason, testing::HasSubstr("90 %"));
   }
   EXPECT_TRUE(wait_until([&] { return restarter.restart(waiting).what != What::under_way; }));
+  running("other", other.incarnation);
+}
+
+TEST_F(Restarting, ADeafNodeThatMayNotBeKilledYetLeavesTheTurnToOthers) {
+  const auto one = start("one");
+  const auto other = start("other");
+  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  double pressure = 0.2;
+  restarter.set_pressure_source([&pressure] { return pressure; });
+  EXPECT_EQ(restarter.restart(accuse(one, FaultClass::deaf, "one")).what, What::restarted);
+  const auto again = running("one", one.incarnation);
+  pressure = 0.9;
+  EXPECT_EQ(restarter.restart(accuse(again, FaultClass::deaf, "one")).what, What::communication);
+  end(other.pid, SIGKILL);
+  EXPECT_EQ(restarter.restart(accuse(other, FaultClass::exited, "other")).what, What::restarted);
   running("other", other.incarnation);
 }
 
@@ -606,7 +623,10 @@ TEST_F(Restarting, RecordsARefusalThatRepeatsOnce) {
 }
 
 TEST_F(Restarting, SaysWhatIsWrongWithAProgramThatCannotRun) {
-  const auto program = (folder_ / "program").string();
+  // It finds its libraries from where it lies, as an installed one does.
+  std::filesystem::create_directory_symlink(SRFS_BINARY_DIR "/lib", folder_ / "lib");
+  std::filesystem::create_directory(folder_ / "bin");
+  const auto program = (folder_ / "bin" / "program").string();
   const auto outcome_of = [&] {
     EXPECT_TRUE(release(var_, "one", milliseconds(1000)));
     Restarter restarter(plan_, var_, "observer", "/nowhere");
@@ -835,7 +855,7 @@ TEST_F(Restarting, AVersionThatNobodyConfirmedInTimeIsRolledBackThoughItLivesAnd
   const auto old = start();
   ASSERT_TRUE(
       wait_until([&] { return monotonic_now() - last_started(var_, "one")->since > milliseconds(1); }));
-  ASSERT_TRUE(hold(var_, "one", "by the operator"));
+  ASSERT_TRUE(hold(var_, plan_, "one", "by the operator", monotonic_now()));
   Restarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::held);
   const auto outcome = restarter.restart(accuse(old, FaultClass::not_confirmed));

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The ROS 2 layer over real DDS: two participants on loopback in this process.
 
 #include <filesystem>
@@ -7,6 +9,8 @@
 
 #include <lifecycle_msgs/srv/change_state.hpp>
 #include <lifecycle_msgs/srv/get_state.hpp>
+#include <rcl_interfaces/msg/parameter_type.hpp>
+#include <rcl_interfaces/srv/describe_parameters.hpp>
 #include <rcl_interfaces/srv/get_parameters.hpp>
 #include <rcl_interfaces/srv/list_parameters.hpp>
 #include <rcl_interfaces/srv/set_parameters.hpp>
@@ -274,6 +278,31 @@ TEST_F(NodeTest, IsDrivenThroughItsStatesOverTheWireAndRemembersTheDesiredOne) {
   EXPECT_TRUE(change("deactivate"));
   EXPECT_THAT(node_->calls, testing::ElementsAre("configure", "activate", "deactivate"));
   EXPECT_EQ(read_file(folder_ / "state/probe/desired_state").value(), "inactive\n");
+}
+
+TEST_F(NodeTest, ANameOrValueOf200000CharactersDoesNotComeBack) {
+  const std::string text(200'000, 'x');
+  rcl_interfaces::msg::Parameter long_name;
+  long_name.name = text;
+  long_name.value.type = rcl_interfaces::msg::ParameterType::PARAMETER_BOOL;
+  rcl_interfaces::msg::Parameter long_value;
+  long_value.name = "period_ms";
+  long_value.value.type = rcl_interfaces::msg::ParameterType::PARAMETER_STRING;
+  long_value.value.string_value = text;
+  for (const auto& parameter : {long_name, long_value}) {
+    rcl_interfaces::srv::SetParameters_Request set;
+    set.parameters = {parameter};
+    const auto results = call<rcl_interfaces::srv::SetParameters>("/probe/set_parameters", set).results;
+    EXPECT_FALSE(results.at(0).successful);
+    EXPECT_LE(results.at(0).reason.size(), longest_refusal);
+  }
+  rcl_interfaces::srv::DescribeParameters_Request describe;
+  describe.names = {text};
+  const auto described =
+      call<rcl_interfaces::srv::DescribeParameters>("/probe/describe_parameters", describe).descriptors;
+  EXPECT_LE(described.at(0).name.size(), longest_refusal);
+  EXPECT_FALSE(change(text));
+  EXPECT_LE(node_->last_transition().label.size(), longest_refusal);
 }
 
 TEST_F(NodeTest, AFailingConfigureLeavesItUnconfigured) {

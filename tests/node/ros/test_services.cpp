@@ -1,4 +1,10 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Services and clients over real DDS: retries, vanishing peers, races.
+
+#include <algorithm>
+#include <map>
+#include <thread>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -142,6 +148,94 @@ class BareClient {
   std::shared_ptr<TypedReader<CheckAlive::Response>> reader_;
   WriterEndpoint writer_;
 };
+
+/// A node of a suite, and an outsider whose requests nobody repeats, as those of ROS 2.
+class OutsidersRequests : public ServicesTest {
+ protected:
+  static constexpr std::size_t burst = 10'000;
+
+  OutsidersRequests() {
+    ParticipantOptions options{
+        testing_support::own_domain(), {"127.0.0.1"}, &executor_, SuiteIdentity{"suite", "node", 1}};
+    node_ = Participant::create(options).value();
+  }
+  /// Writes a burst of requests as fast as they go, with ROS 2's depth of 10.
+  /// @return the nonces of the replies, by the number of their request
+  std::map<std::int64_t, std::uint64_t> replies_to_a_burst() {
+    std::map<std::int64_t, std::uint64_t> replies;
+    const auto reader = TypedReader<CheckAlive::Response>::create(
+        executor_, *there_, reply_dds_name(name_), {.depth = 2 * burst}, Priority::normal,
+        [&](const CheckAlive::Response& r, const MessageInfo& info) {
+          const auto number = static_cast<std::int64_t>(info.related.sequence_number().to64long());
+          EXPECT_TRUE(replies.emplace(number, r.nonce).second) << "answered twice: " << number;
+        });
+    WriterEndpoint writer(*there_, request_dds_name(name_),
+                          dds::TypeSupport(new TypeSupport<CheckAlive::Request>), {});
+    EXPECT_TRUE(wait([&] { return writer.matched_count() == 1 && reader->matched_count() == 1; }));
+    const auto send = [&] {
+      const auto request = nonce(1);
+      WriteParams params;
+      params.related_sample_identity().writer_guid(reader->guid());
+      EXPECT_TRUE(writer.write(&request, &params));
+    };
+    // What a client sends before the service has matched it is for nobody; it has when it answers.
+    std::int64_t sent = 0;
+    EXPECT_TRUE(wait([&] {
+      if (replies.empty()) {
+        send();
+        ++sent;
+      }
+      return !replies.empty();
+    }));
+    const std::int64_t first = replies.empty() ? 0 : replies.begin()->first;
+    std::thread sender([&] {
+      for (std::size_t i = 0; i < burst; ++i) send();
+    });
+    const auto expected = static_cast<std::size_t>(sent - first + 1) + burst;
+    // The first reply may be a refusal, while earlier requests wait to be answered.
+    const auto since_first = [&] {
+      return static_cast<std::size_t>(std::distance(replies.lower_bound(first), replies.end()));
+    };
+    EXPECT_TRUE(wait([&] { return since_first() == expected; })) << since_first() << " of " << expected;
+    sender.join();
+    reader->close();
+    return replies;
+  }
+  std::unique_ptr<Participant> node_;
+};
+
+TEST_F(OutsidersRequests, AreAllAnsweredOrRefusedHoweverManyComeAtOnce) {
+  Service<CheckAlive> service(executor_, *node_, name_, Qos{}, Priority::normal,
+                              [this](const CheckAlive::Request& q, CheckAlive::Response& r) {
+                                ++executed_;
+                                r.nonce = q.nonce + 1;
+                              });
+  const auto replies = replies_to_a_burst();
+  const auto answered =
+      std::count_if(replies.begin(), replies.end(), [](const auto& reply) { return reply.second == 2; });
+  EXPECT_EQ(answered, executed_) << "the others got the empty response";
+  EXPECT_GE(executed_, 1000);
+  RecordProperty("executed", executed_);
+}
+
+TEST_F(OutsidersRequests, ThatFindTooManyWaitingAreRefused) {
+  Service<CheckAlive> service(
+      executor_, *node_, name_, Qos{}, Priority::normal, defer_replies,
+      [this](const CheckAlive::Request&, Ticket ticket) { tickets_.push_back(ticket); });
+  const Timer answers = executor_.add_timer(monotonic_now(), milliseconds(20), [&] {
+    for (const Ticket ticket : std::exchange(tickets_, {})) {
+      CheckAlive::Response response;
+      response.nonce = 7;
+      ++executed_;
+      EXPECT_TRUE(service.reply(ticket, response));
+    }
+  });
+  const auto replies = replies_to_a_burst();
+  const auto answered =
+      std::count_if(replies.begin(), replies.end(), [](const auto& reply) { return reply.second == 7; });
+  EXPECT_EQ(answered, executed_);
+  EXPECT_GT(service.counters().refused, 0U);
+}
 
 TEST_F(ServicesTest, ARequestRepeatedAfterItsAnswerWasLostIsAnsweredAgainAndNotExecuted) {
   const auto service = counting_service();

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The work-thread transport between two processes, the peer with the receive threads of Fast DDS or ours.
 
 #include <csignal>

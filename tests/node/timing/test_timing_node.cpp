@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // TimingNode over real DDS, without a receiver: time by order, and across a restart.
 
 #include <gtest/gtest.h>

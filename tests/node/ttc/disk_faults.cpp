@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The system calls of a program under test, between it and the C library: a disk that fails when told to.
 
 #include "tests/node/ttc/disk_faults.hpp"

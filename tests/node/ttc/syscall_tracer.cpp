@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Starts a program and ends it with SIGKILL at a chosen system call, by ptrace. Used by
 // test_ttc_crash_points.cpp, which speaks to it in lines:
 //   in  "trace N"  hold every thread, then count their system-call stops (entry and exit) from the moment a

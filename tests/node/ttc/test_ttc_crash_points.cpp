@@ -1,9 +1,12 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The ttc_node program, killed at every system call between a telecommand's octets and its completion report.
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <random>
 #include <set>
@@ -25,6 +28,7 @@
 #include "tests/dds_domain.hpp"
 #include "tests/signal_child.hpp"
 #include "tests/temporary_folder.hpp"
+#include "wire/farm1.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace srfs {
@@ -194,6 +198,9 @@ class TtcCrashPoints : public testing::Test {
     for (auto& received : downlink_->push(OctetView(octets.data(), static_cast<std::size_t>(n)))) {
       if (received.packet.service == 1) reports_.insert({received.packet.source, received.packet.subtype});
     }
+    for (const std::uint32_t word : downlink_->take_control_words()) {
+      if (const auto clcw = wire::decode_clcw(word)) acknowledged_ = clcw->report_value;
+    }
   }
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + patience);
@@ -220,15 +227,18 @@ class TtcCrashPoints : public testing::Test {
     return make_packet(mission::apid::payload_thermal, 8, 1, data.take());
   }
   /// One transmission; each has a counter of its own.
-  void send(const Octets& packet) {
+  void send(const Octets& packet) { send(packet, wire::TcFrameType::bd, 0); }
+  void send(const Octets& packet, wire::TcFrameType type, std::uint8_t sequence) {
     const wire::SdlsSeal seal{key_, 1, ++counter_};
     const Octets cltu =
-        wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = 0}, wire::TcFrameType::bd, 0, &seal, packet)
-            .value();
+        wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = 0}, type, sequence, &seal, packet).value();
     ASSERT_EQ(write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
   }
+  /// With whatever failure code.
   [[nodiscard]] bool reported(const Octets& packet, std::uint8_t subtype) const {
-    return reports_.contains({Octets(packet.begin(), packet.begin() + 4), subtype});
+    return std::any_of(reports_.begin(), reports_.end(), [&](const auto& report) {
+      return report.second == subtype && std::equal(packet.begin(), packet.begin() + 4, report.first.begin());
+    });
   }
   /// ttc takes telecommands; what it says again after a restart has been said before.
   void await_answer() {
@@ -249,14 +259,23 @@ class TtcCrashPoints : public testing::Test {
     ttc_->order("end");
     ASSERT_TRUE(wait([&] { return ttc_->said("gone").has_value(); }));
   }
-  /// System-call stops from the octets to the completion report; nullopt: tracing is not permitted.
-  std::optional<std::uint64_t> count_stops() {
-    if (!trace(0)) return std::nullopt;
-    const Octets packet = setpoint(next_setpoint());
-    send(packet);
-    EXPECT_TRUE(wait([&] { return reported(packet, 7); }));
+  /// Whether ttc's threads may be held here. Leaves no ttc.
+  bool can_trace() {
+    start_ttc();
+    await_answer();
+    const bool permitted = trace(0);
+    if (permitted) end_ttc();
+    return permitted;
+  }
+  /// System-call stops of ttc from the octets that @p send_all sends until @p done. Leaves no ttc.
+  std::uint64_t count_stops(const std::function<void()>& send_all, const std::function<bool()>& done) {
+    EXPECT_TRUE(trace(0));
+    send_all();
+    EXPECT_TRUE(wait(done));
     end_ttc();
-    return std::stoull(ttc_->said("calls").value());
+    const std::uint64_t counted = std::stoull(ttc_->said("calls").value());
+    EXPECT_GT(counted, 20U);
+    return counted;
   }
   /// ttc and the node know each other, and a telecommand goes its way.
   void await_execution() {
@@ -269,6 +288,24 @@ class TtcCrashPoints : public testing::Test {
     return reported(packet, 4) || reported(packet, 7) || reported(packet, 8);
   }
   void kill_at(std::uint64_t stop);
+  /// Arms a hazardous telecommand: ttc's own, and not done again after a restart.
+  Octets arm() {
+    mission::TtcArm command;
+    command.of_apid = mission::apid::payload_eps;
+    command.of_service = 8;
+    command.of_subtype = 1;
+    command.digest = sequence_;
+    OctetWriter data;
+    data.u16(command.function_id);
+    data.bytes(command.encoded());
+    return make_packet(mission::apid::ttc, 8, 1, data.take());
+  }
+  /// There is no load 9.
+  Octets make_refused() { return make_packet(mission::apid::payload_eps, 8, 1, {0, 1, 9, 1}); }
+  void kill_at_with_sequenced_frames(std::uint64_t stop);
+  /// Stops of system calls to kill at, in a random order.
+  [[nodiscard]] static std::vector<std::uint64_t> choose_stops(std::uint64_t counted);
+  void judge(const std::vector<std::uint64_t>& stops, const std::function<void(std::uint64_t)>& kill);
 
   ros::Executor executor_;
   std::unique_ptr<ros::Participant> here_;
@@ -285,7 +322,9 @@ class TtcCrashPoints : public testing::Test {
   std::unique_ptr<TracedTtc> ttc_;
   std::set<std::pair<Octets, std::uint8_t>> reports_;
   std::vector<std::string> killed_;  ///< stop, number of the system call, entry or exit
-  int completed_ = 0;
+  std::size_t tested_ = 0;
+  std::size_t completed_ = 0;
+  std::uint8_t acknowledged_ = 0;  ///< V(R) of the newest control word
   std::uint16_t sequence_ = 0;
   std::uint64_t counter_ = 0;
   float setpoint_k_ = 250;
@@ -313,36 +352,45 @@ void TtcCrashPoints::kill_at(std::uint64_t stop) {
   EXPECT_FALSE(reported(packet, 8));
   // Very late it may not begin any more; then it must not have begun.
   EXPECT_EQ(node_->executed[kelvin], reported(packet, 7) ? 1 : 0);
-  completed_ += reported(packet, 7) ? 1 : 0;
+  completed_ += reported(packet, 7) ? 1U : 0U;
 
   send(packet);
   await_execution();
   EXPECT_LE(node_->executed[kelvin], 1) << "sent again after its end";
 }
 
-/// A sample, spread over all; SRFS_CRASH_STOPS=all: each of them.
-TEST_F(TtcCrashPoints, ATelecommandIsExecutedOnceAndItsEndToldWhereverTtcIsKilled) {
+/// A telecommand that is refused and one of ttc's own. ttc is up when it begins and when it returns.
+void TtcCrashPoints::kill_at_with_sequenced_frames(std::uint64_t stop) {
+  const std::uint8_t first = acknowledged_;
+  const Octets refused = make_refused();
+  const Octets armed = arm();
+  ASSERT_TRUE(trace(stop));
+  send(refused, wire::TcFrameType::ad, first);
+  send(armed, wire::TcFrameType::ad, static_cast<std::uint8_t>(first + 1));
+  ASSERT_TRUE(wait([&] { return ttc_->said("gone") || (reported(refused, 2) && reported(armed, 7)); }));
+  if (!ttc_->said("gone")) end_ttc();
+  if (const auto killed = ttc_->said("killed")) killed_.push_back(*killed);
+  const auto before = static_cast<std::uint8_t>(acknowledged_ - first);
   start_ttc();
   await_answer();
-  if (!trace(0)) {
-    std::fputs("SKIPPED: ptrace is not permitted here, ttc is not killed at its system calls\n", stderr);
-    GTEST_SKIP() << "ptrace is not permitted here";
-  }
-  end_ttc();
-  start_ttc();
-  await_answer();
-  await_execution();
-  const auto counted = count_stops();
-  ASSERT_TRUE(counted);
-  ASSERT_GT(*counted, 20U);
-  start_ttc();
-  await_answer();
-  await_execution();
+  const auto after = static_cast<std::uint8_t>(acknowledged_ - first);
 
+  EXPECT_GE(after, before) << "what was acknowledged is not asked for again";
+  EXPECT_LE(after, 2);
+  // The ground never sends again what was acknowledged: it waits for the decision.
+  EXPECT_EQ(reported(refused, 2), after >= 1) << "V(R) +" << int{before} << ", then +" << int{after};
+  EXPECT_EQ(reported(armed, 1), after >= 2);
+  if (after < 2) return;
+  ASSERT_TRUE(wait([&] { return ended(armed); })) << "its end was never told";
+  await_answer();
+  EXPECT_NE(reported(armed, 7), reported(armed, 8)) << "one end";
+}
+
+std::vector<std::uint64_t> TtcCrashPoints::choose_stops(std::uint64_t counted) {
   const char* wanted = std::getenv("SRFS_CRASH_STOPS");
   const bool all = wanted != nullptr && std::string(wanted) == "all";
   // No two runs have the same number: some more, and some of them end before their stop.
-  const std::uint64_t last = *counted + *counted / 4;
+  const std::uint64_t last = counted + counted / 4;
   const std::uint64_t points = all ? last : sample_stops;
   std::mt19937 chance(sample_seed);
   std::vector<std::uint64_t> stops;
@@ -353,21 +401,63 @@ TEST_F(TtcCrashPoints, ATelecommandIsExecutedOnceAndItsEndToldWhereverTtcIsKille
   }
   // A sample that its time cuts short is spread all the same.
   if (!all) std::shuffle(stops.begin(), stops.end(), chance);
+  return stops;
+}
 
+/// A sample, spread over all; SRFS_CRASH_STOPS=all: each of them.
+void TtcCrashPoints::judge(const std::vector<std::uint64_t>& stops,
+                           const std::function<void(std::uint64_t)>& kill) {
   const MonotonicTime begun = monotonic_now();
   std::size_t tested = 0;
   for (const std::uint64_t stop : stops) {
-    if (!all && tested >= sample_least && monotonic_now() - begun > sample_time) break;
+    const bool sample = stops.size() == sample_stops;
+    if (sample && tested >= sample_least && monotonic_now() - begun > sample_time) break;
     SCOPED_TRACE("stop " + std::to_string(stop));
-    kill_at(stop);
+    kill(stop);
     if (HasFatalFailure()) return;
     ++tested;
   }
-  std::printf("%zu stops tested, %llu counted, killed at (stop, system call):\n", tested,
-              static_cast<unsigned long long>(*counted));
+  std::printf("%zu stops tested, killed at (stop, system call):\n", tested);
   for (const std::string& killed : killed_) std::printf("  %s\n", killed.c_str());
   EXPECT_GE(2 * killed_.size(), tested) << "the others ended before their stop";
-  EXPECT_GE(2 * static_cast<std::size_t>(completed_), tested);
+  tested_ = tested;
+}
+
+TEST_F(TtcCrashPoints, ATelecommandIsExecutedOnceAndItsEndToldWhereverTtcIsKilled) {
+  if (!can_trace()) {
+    std::fputs("SKIPPED: ptrace is not permitted here, ttc is not killed at its system calls\n", stderr);
+    GTEST_SKIP() << "ptrace is not permitted here";
+  }
+  start_ttc();
+  await_answer();
+  await_execution();
+  const Octets packet = setpoint(next_setpoint());
+  const std::uint64_t counted = count_stops([&] { send(packet); }, [&] { return reported(packet, 7); });
+  start_ttc();
+  await_answer();
+  await_execution();
+  judge(choose_stops(counted), [this](std::uint64_t stop) { kill_at(stop); });
+  EXPECT_GE(2 * completed_, tested_);
+}
+
+TEST_F(TtcCrashPoints, WhatCop1AcknowledgedIsDecidedAndToldWithOneEndWhereverTtcIsKilled) {
+  if (!can_trace()) {
+    std::fputs("SKIPPED: ptrace is not permitted here, ttc is not killed at its system calls\n", stderr);
+    GTEST_SKIP() << "ptrace is not permitted here";
+  }
+  start_ttc();
+  await_answer();
+  const Octets refused = make_refused();
+  const Octets armed = arm();
+  const std::uint64_t counted = count_stops(
+      [&] {
+        send(refused, wire::TcFrameType::ad, acknowledged_);
+        send(armed, wire::TcFrameType::ad, static_cast<std::uint8_t>(acknowledged_ + 1));
+      },
+      [&] { return reported(refused, 2) && reported(armed, 7); });
+  start_ttc();
+  await_answer();
+  judge(choose_stops(counted), [this](std::uint64_t stop) { kill_at_with_sequenced_frames(stop); });
 }
 
 }  // namespace

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // TtcNode between a pty, as the RS422 line, and the other nodes' topics over real DDS.
 
 #include <array>
@@ -54,6 +56,7 @@ class TtcNodeTest : public testing::Test {
     }
     node_.reset();
     ticks_.reset();
+    std::filesystem::remove_all(ros::VarPaths{folder_}.memory());
   }
 
   void open_line() {
@@ -80,8 +83,8 @@ class TtcNodeTest : public testing::Test {
         ros::NodeContext{"ttc", *deployment_, ros::VarPaths{folder_}, 1, executor_, *here_});
     node_ = std::make_unique<TtcNode>(*context_);
   }
-  void activate() {
-    make_node(open_channel);
+  void activate(const std::string& channels = open_channel) {
+    make_node(channels);
     ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
     downlink_ = std::make_unique<ground::Downlink>(deployment_->link);
     line_watch_ = executor_.add_fd(line_.get(), EPOLLIN, [this](std::uint32_t) { read_line(); });
@@ -116,6 +119,17 @@ class TtcNodeTest : public testing::Test {
     const Octets cltu =
         wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = open_vc}, type, 0, nullptr, packet).value();
     EXPECT_EQ(::write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
+  }
+  /// The newest sample of ttc's own counters that fits.
+  std::optional<mission::TtcHousekeeping> counters(
+      const std::function<bool(const mission::TtcHousekeeping&)>& fits) {
+    std::optional<mission::TtcHousekeeping> found;
+    comes(3, 25, [&](const wire::TmPacket& p) {
+      if (p.source.size() < 2 || p.source[0] != 0 || p.source[1] != mission::structure::ttc) return false;
+      found = mission::TtcHousekeeping::decode(OctetView(p.source).subspan(2));
+      return found && fits(*found);
+    });
+    return found;
   }
   [[nodiscard]] std::ptrdiff_t count(std::uint8_t service, std::uint8_t subtype) const {
     return std::count_if(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
@@ -297,6 +311,45 @@ TEST_F(TtcNodeTest, AfterAKillPublishesAgainUnderTheSameIdAndTellsTheEndToTheOne
   EXPECT_TRUE(ids.empty()) << "it has ended";
 }
 
+TEST_F(TtcNodeTest, TheFrameCountersGoOnAfterAKill) {
+  activate();
+  ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  end_without_a_word();
+  // The same receiver: it misses what was lost only.
+  make_node(open_channel);
+  ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
+  line_watch_ = executor_.add_fd(line_.get(), EPOLLIN, [this](std::uint32_t) { read_line(); });
+  ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  EXPECT_LE(downlink_->counters().lost_frames, 1U) << "that which the kill cut, if any";
+  EXPECT_GE(downlink_->counters().frames, 4U);
+}
+
+TEST_F(TtcNodeTest, TheFrameCountersGoOnWhenTheMemoryOfTheSuiteIsGone) {
+  const auto next_process = [this](bool orderly) {
+    if (orderly) {
+      node_->go_to(ros::State::unconfigured);
+      executor_.spin_until([] { return false; },
+                           monotonic_now() + milliseconds(100));  // the last frames come
+    }
+    end_without_a_word();
+    std::filesystem::remove_all(ros::VarPaths{folder_}.memory());
+    make_node(open_channel);
+    ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
+    line_watch_ = executor_.add_fd(line_.get(), EPOLLIN, [this](std::uint32_t) { read_line(); });
+    ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  };
+  activate();
+  ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  next_process(true);  // srfs down, srfs up
+  EXPECT_EQ(downlink_->counters().lost_frames, 0U);
+  next_process(false);  // a reset of the computer
+  const auto lost = downlink_->counters().lost_frames;
+  EXPECT_LE(lost, FrameCountReserve::frames_ahead);
+  EXPECT_GT(lost, 0U) << "no counter is used twice";
+  next_process(true);
+  EXPECT_EQ(downlink_->counters().lost_frames, lost);
+}
+
 TEST_F(TtcNodeTest, ARetransmittedFrameIsReportedAgainAndNotExecutedAgain) {
   activate();
   wire::TcPacket ping;
@@ -320,6 +373,240 @@ TEST_F(TtcNodeTest, ARetransmittedFrameIsReportedAgainAndNotExecutedAgain) {
   write_frame(wire::TcFrameType::ad, packet);
   EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
   EXPECT_EQ(count(17, 2), 1) << "of the newer one: the frame is known over a restart too";
+}
+
+TEST_F(TtcNodeTest, ATelecommandThatIsRepeatedAtTheRateOfTheLineIsAnsweredOnceASecondAndNotStoredAgain) {
+  activate();
+  wire::TcPacket ping;
+  ping.apid = mission::apid::ttc;
+  ping.ack_flags = wire::ack::all;
+  ping.service = 17;
+  ping.subtype = 1;
+  const Octets packet = wire::make_tc_packet(ping);
+  const Octets request(packet.begin(), packet.begin() + 4);
+  write_frame(wire::TcFrameType::ad, packet);
+  ASSERT_TRUE(verified(7, request));
+  packets_.clear();
+
+  constexpr unsigned repeats = 400;
+  const MonotonicTime begun = monotonic_now();
+  for (unsigned sent = 0; sent < repeats;) {
+    for (int i = 0; i < 20; ++i, ++sent) write_frame(wire::TcFrameType::ad, packet);
+    executor_.spin_until([] { return false; }, monotonic_now() + milliseconds(5));
+  }
+  ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  const auto answers = std::count_if(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+    return p.service == 1 && p.subtype == 7 && p.source == request;
+  });
+  EXPECT_GE(answers, 1);
+  EXPECT_LE(answers, (monotonic_now() - begun) / seconds(1) + 1);
+  const auto told = counters([](const auto& h) { return h.store_records[2] >= 6; });
+  ASSERT_TRUE(told);
+  EXPECT_EQ(told->store_records[2], 6U) << "of the two that were executed";
+  EXPECT_EQ(told->tc_repeats, repeats);
+  EXPECT_EQ(told->tc_repeats_unanswered, repeats - static_cast<unsigned>(answers));
+}
+
+TEST_F(TtcNodeTest, AFloodOfControlCommandsIsNotSyncedOneByOne) {
+  activate();
+  const auto before = counters([](const auto&) { return true; });
+  ASSERT_TRUE(before);
+  packets_.clear();
+  constexpr unsigned frames = 600;
+  const MonotonicTime begun = monotonic_now();
+  const wire::TcUplinkChannel channel{.spacecraft_id = 0xAB, .vc = open_vc, .randomize = false};
+  for (unsigned sent = 0; sent < frames;) {
+    for (int i = 0; i < 20; ++i, ++sent) {
+      const Octets cltu = wire::make_control_cltu(channel, {.kind = wire::ControlCommand::Kind::set_vr,
+                                                            .vr = static_cast<std::uint8_t>(1 + sent % 200)});
+      EXPECT_EQ(::write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
+    }
+    executor_.spin_until([] { return false; }, monotonic_now() + milliseconds(5));
+  }
+  const auto after = counters([](const auto& h) { return h.control_commands == frames; });
+  ASSERT_TRUE(after);
+  const auto lasted_s = static_cast<std::uint32_t>((monotonic_now() - begun) / seconds(1));
+  EXPECT_LE(after->journal_syncs - before->journal_syncs, lasted_s + 2) << "once a second";
+}
+
+TEST_F(TtcNodeTest, WhatFindsTooManyWaitingForTheDiskIsRefusedWithItsReasonAndRecorded) {
+  activate();
+  const Octets first = send(mission::apid::ttc, 17, 1);
+  ASSERT_TRUE(verified(7, first));
+  packets_.clear();
+  // All in one reading: nothing is on disk before the last has come.
+  std::vector<Octets> requests;
+  for (std::size_t i = 0; i < PersistenceGate::capacity + 20; ++i)
+    requests.push_back(send(mission::apid::ttc, 17, 1));
+  const Octets nowhere = send(0x123, 17, 1);
+  EXPECT_TRUE(fails(10, nowhere, mission::failure::unknown_apid));
+  EXPECT_TRUE(fails(2, requests.back(), mission::failure::queue_full));
+  EXPECT_TRUE(verified(1, requests.front()));
+
+  end_without_a_word();
+  JournalFile file(folder_ / "state" / "ttc" / "telecommands");
+  JournalLog log(file);
+  AcceptanceJournal journal("boot", seconds(60));
+  for (const JournalRecord& record : log.load().records) EXPECT_TRUE(journal.apply(record));
+  const auto recorded = [&](const Octets& request) {
+    return std::any_of(journal.refused().begin(), journal.refused().end(), [&](const RefusedTelecommand& r) {
+      OctetWriter id;
+      id.u16(r.origin.request.packet_identification);
+      id.u16(r.origin.request.packet_sequence_control);
+      return id.take() == request;
+    });
+  };
+  EXPECT_TRUE(recorded(requests.back()));
+  EXPECT_TRUE(recorded(nowhere));
+}
+
+TEST_F(TtcNodeTest, AFirstStartSaysSoAndWhenItIsKilledTheNextOneMissesNothing) {
+  activate();
+  EXPECT_TRUE(event_comes(mission::event::ttc_first_start, 1));
+  end_without_a_word();
+  activate();
+  ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
+  for (const wire::TmPacket& p : packets_) {
+    if (p.service != 5 || p.source.size() < 2) continue;
+    const int event = p.source[0] << 8 | p.source[1];
+    EXPECT_NE(event, mission::event::ttc_journal_damaged);
+    EXPECT_NE(event, mission::event::ttc_counters_lost);
+    EXPECT_NE(event, mission::event::ttc_first_start);
+  }
+}
+
+/// On a secured channel, with counters as the test likes them.
+class TtcCountersTest : public TtcNodeTest {
+ protected:
+  void SetUp() override {
+    TtcNodeTest::SetUp();
+    std::filesystem::create_directories(folder_ / "keys");
+    ASSERT_TRUE(write_file_atomically(folder_ / "keys" / "a.key", std::string(64, '7') + "\n"));
+    ASSERT_EQ(::chmod((folder_ / "keys" / "a.key").c_str(), 0600), 0);
+  }
+  Octets ping_with(std::uint64_t counter) {
+    static const auto key = wire::SdlsKey::from_hex(std::string(64, '7')).value();
+    wire::TcPacket ping;
+    ping.apid = mission::apid::ttc;
+    ping.sequence_count = ++sequence_;
+    ping.ack_flags = wire::ack::all;
+    ping.service = 17;
+    ping.subtype = 1;
+    const Octets packet = wire::make_tc_packet(ping);
+    const wire::SdlsSeal seal{key, 1, counter};
+    const Octets cltu =
+        wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = 0}, wire::TcFrameType::bd, 0, &seal, packet)
+            .value();
+    EXPECT_EQ(::write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
+    return Octets(packet.begin(), packet.begin() + 4);
+  }
+  [[nodiscard]] bool lost_with(std::uint64_t least) const {
+    return std::any_of(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+      OctetReader in(p.source);
+      if (p.service != 5 || in.u16() != mission::event::ttc_counters_lost) return false;
+      const auto event = mission::TtcCountersLostEvent::decode(in);
+      return event && event->floor >= least && (least > 0 || event->floor == 0);
+    });
+  }
+  [[nodiscard]] bool beacon_has(std::uint64_t least) const {
+    return std::any_of(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+      if (p.service != 3 || p.subtype != 25 || p.source.size() < 2 || p.source[0] != 0 ||
+          p.source[1] != mission::Beacon::structure_id)
+        return false;
+      const auto beacon = mission::Beacon::decode(OctetView(p.source).subspan(2));
+      return beacon && beacon->sdls_counter[0] >= least;
+    });
+  }
+  [[nodiscard]] bool has_event(std::uint16_t id) const {
+    return std::any_of(packets_.begin(), packets_.end(), [&](const wire::TmPacket& p) {
+      return p.service == 5 && p.source.size() >= 2 && (p.source[0] << 8 | p.source[1]) == id;
+    });
+  }
+  [[nodiscard]] bool floor_is_stored() const {
+    return !std::filesystem::exists(folder_ / "state" / "ttc" / "counters_lost");
+  }
+
+  const std::string secured_ = "{ vc: 0, security: sdls, spi: 1, key_file: keys/a.key }";
+  const UtcTime today_{seconds(1'795'000'000)};
+  const std::uint64_t floor_ = lost_counter_floor(today_);
+};
+
+TEST_F(TtcCountersTest, CountersThatAreLostAreSaidAndGoOnBehindAFloorFromTheValidTime) {
+  activate(secured_);
+  ASSERT_TRUE(verified(7, ping_with(1000)));
+  end_without_a_word();
+  for (const char* file : {"telecommands.0", "telecommands.1", "link_state"})
+    std::filesystem::remove(folder_ / "state" / "ttc" / file);
+
+  activate(secured_);
+  EXPECT_TRUE(wait([&] { return lost_with(0); }));
+  EXPECT_TRUE(verified(7, ping_with(1001))) << "nobody is locked out while the time is not valid";
+  end_without_a_word();
+  activate(secured_);
+  EXPECT_TRUE(wait([&] { return lost_with(0); })) << "still";
+  EXPECT_TRUE(wait_at(today_, [&] { return lost_with(floor_); }));
+  const Octets recorded = ping_with(5000);
+  EXPECT_TRUE(event_comes(mission::event::ttc_frame_replayed, 3));
+  EXPECT_FALSE(has_come(1, recorded));
+  EXPECT_TRUE(verified(7, ping_with(floor_ + 3'600'000)));
+  EXPECT_TRUE(wait([&] { return floor_is_stored(); }));
+
+  end_without_a_word();
+  activate(secured_);
+  (void)ping_with(5001);
+  EXPECT_TRUE(event_comes(mission::event::ttc_frame_replayed, 3));
+  EXPECT_FALSE(lost_with(0)) << "it is over";
+}
+
+TEST_F(TtcCountersTest, WhenNothingButTheKeysIsLeftTheFirstValidTimeBringsTheFloorToo) {
+  activate(secured_);
+  ASSERT_TRUE(verified(7, ping_with(floor_ - 86'400'000)));
+  end_without_a_word();
+  for (const char* left : {"state", "store"}) std::filesystem::remove_all(folder_ / left);
+
+  activate(secured_);
+  EXPECT_TRUE(event_comes(mission::event::ttc_first_start, 1));
+  end_without_a_word();
+  activate(secured_);  // the floor is still to come
+  EXPECT_TRUE(verified(7, ping_with(floor_ - 86'300'000)))
+      << "nobody is locked out while the time is not valid";
+  EXPECT_TRUE(wait_at(today_, [&] { return beacon_has(floor_); }));
+  const Octets recorded = ping_with(floor_ - 86'200'000);
+  EXPECT_TRUE(event_comes(mission::event::ttc_frame_replayed, 3));
+  EXPECT_FALSE(has_come(1, recorded));
+  EXPECT_TRUE(verified(7, ping_with(floor_ + 60'000)));
+  EXPECT_TRUE(wait([&] { return floor_is_stored(); }));
+  EXPECT_FALSE(has_event(mission::event::ttc_counters_lost));
+  end_without_a_word();
+  activate(secured_);
+  (void)ping_with(floor_ - 86'100'000);
+  EXPECT_TRUE(event_comes(mission::event::ttc_frame_replayed, 3));
+}
+
+TEST_F(TtcCountersTest, AtAFirstStartAGroundStationThatCountsFromOneIsNotLockedOutByTheValidTime) {
+  activate(secured_);
+  ASSERT_TRUE(verified(7, ping_with(1)));
+  EXPECT_FALSE(floor_is_stored());
+  EXPECT_TRUE(wait_at(today_, [&] { return floor_is_stored(); })) << "nothing waits for it any more";
+  EXPECT_TRUE(verified(7, ping_with(2)));
+  (void)ping_with(2);
+  EXPECT_TRUE(event_comes(mission::event::ttc_frame_replayed, 3));
+}
+
+TEST_F(TtcNodeTest, AnyApplicationProcessTellsWhetherItIsThere) {
+  using GetState = lifecycle_msgs::srv::GetState;
+  activate();
+  EXPECT_TRUE(fails(8, send(mission::apid::payload_eps, 17, 1), mission::failure::node_unavailable));
+  ros::Service<GetState> service(
+      executor_, *there_, "/payload_eps/get_state", ros::Qos{}, ros::Priority::normal,
+      [](const GetState::Request&, GetState::Response& response) { response.current_state.id = 3; });
+  const Octets alive = send(mission::apid::payload_eps, 17, 1);
+  EXPECT_TRUE(comes(17, 2, [](const wire::TmPacket& p) { return p.apid == mission::apid::payload_eps; }));
+  EXPECT_TRUE(verified(7, alive));
+  const Octets tested = send("ttc.test_connection", {"tested_apid=17"});
+  EXPECT_TRUE(comes(17, 4, [](const wire::TmPacket& p) { return p.source == Octets({0, 17}); }));
+  EXPECT_TRUE(verified(7, tested));
+  EXPECT_TRUE(fails(10, send(0x123, 17, 1), mission::failure::unknown_apid));
 }
 
 TEST_F(TtcNodeTest, AScheduledTelecommandIsReleasedAtItsTimeAlsoAfterAKill) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Real processes, confined for real, each way twice: with namespaces and on the floor. What only root can
 // have is skipped for others.
 
@@ -138,7 +140,7 @@ TEST_P(SandboxTest, WithoutARequiredLayerNothingIsRun) {
   confinement_.required = set_of({Layer::processes, Layer::limits});
   const auto ended = try_run([] { return 0; });
   ASSERT_FALSE(ended);
-  EXPECT_EQ(ended.error().message, "required and not to be had: processes");
+  EXPECT_EQ(ended.error().message, "required but not available: processes");
 }
 
 TEST_P(SandboxTest, AnEndlessLoopEndsWithTheTimeOrTheCpu) {

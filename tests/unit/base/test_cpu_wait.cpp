@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "base/cpu_wait.hpp"
 
 #include <atomic>
@@ -121,6 +123,35 @@ TEST(StolenTime, IsThatOfTheCpuThatLostMost) {
   EXPECT_EQ(stolen.on_reading("cpu  9 9 9 9 9 9 9 39 0 0\ncpu0 1 1 1 1 1 1 1 99"), milliseconds(60)) << "cut";
   EXPECT_EQ(stolen.on_reading("cpu0 1 1 1\n"), milliseconds(60)) << "a kernel that does not tell";
   EXPECT_EQ(stolen.on_reading(""), milliseconds(60));
+}
+
+TEST(StolenTime, KnowsCpusByTheirNumberWhenAnotherGoesOffline) {
+  StolenTime stolen;
+  (void)stolen.on_reading(
+      "cpu0 1 1 1 1 1 1 1 10 0 0\ncpu1 1 1 1 1 1 1 1 20 0 0\ncpu2 1 1 1 1 1 1 1 900 0 0\n");
+  EXPECT_EQ(stolen.on_reading("cpu0 1 1 1 1 1 1 1 10 0 0\ncpu2 1 1 1 1 1 1 1 900 0 0\n"), nanoseconds(0));
+  EXPECT_EQ(
+      stolen.on_reading("cpu0 1 1 1 1 1 1 1 10 0 0\ncpu1 1 1 1 1 1 1 1 20 0 0\ncpu2 1 1 1 1 1 1 1 901 0 0\n"),
+      milliseconds(10))
+      << "it is back";
+  EXPECT_EQ(stolen.on_reading("cpu99999999 1 1 1 1 1 1 1 10 0 0\n"), milliseconds(10)) << "no such CPU";
+}
+
+TEST(Schedstat, OfAKernelThatWritesZerosIsNotCounted) {
+  EXPECT_TRUE(is_counted({milliseconds(8), milliseconds(2), 12}));
+  EXPECT_FALSE(is_counted({}));
+}
+
+/// In a process of its own: the kernel is asked once.
+TEST(ThreadCpuFilesDeathTest, TheKernelIsKnownToCountAlsoWhenAThreadAsksThatHasJustBegun) {
+  if (access("/proc/self/schedstat", R_OK) != 0) GTEST_SKIP() << "this kernel has no schedstat";
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto ask_from_a_new_thread = [] {
+    bool counts = false;
+    std::thread([&] { counts = ThreadCpuFiles::open_own().has_value(); }).join();
+    _exit(counts ? 0 : 1);
+  };
+  EXPECT_EXIT(ask_from_a_new_thread(), testing::ExitedWithCode(0), "");
 }
 
 TEST(ThreadCpuFiles, TellARunningThreadFromOneThatHasEnded) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // What is written when too much is said, and when nobody reads it.
 
 #include <cstdlib>
@@ -248,7 +250,8 @@ TEST_F(LogLines, LostOnesAreCountedAndToldWhenStderrTakesThemAgain) {
 
   pipe_.drain();
   info("somebody reads again");
-  EXPECT_THAT(pipe_.drain(), testing::AllOf(HasSubstr("1 lines lost"), HasSubstr("somebody reads again")));
+  EXPECT_THAT(pipe_.drain(),
+              testing::AllOf(HasSubstr("1 log lines lost"), HasSubstr("somebody reads again")));
   alarm(0);
 }
 

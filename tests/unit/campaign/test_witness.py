@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The judge of the fencing campaign: every violation it is there for is made up here, and must be found."""
 
 import pathlib

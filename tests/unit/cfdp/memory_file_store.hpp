@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -27,7 +29,7 @@ class MemoryFileStore final : public FileStore {
   Octets checkpoint;
   std::optional<FileFault> write_fault;
   std::optional<FileFault> commit_fault;
-  std::optional<FileFault> reserve_fault;
+  std::optional<FileFault> room_fault;
   std::optional<FileFault> sync_fault;
   std::optional<FileFault> checkpoint_fault;
   std::optional<std::size_t> calls_until_kill;  ///< of changing calls
@@ -70,8 +72,8 @@ class MemoryFileStore final : public FileStore {
   FileResult<void> create_temporary(TransactionId id) override {
     return change([&] { temporaries_[id] = {}; });
   }
-  FileResult<void> reserve(TransactionId, std::uint64_t) override {
-    if (reserve_fault) return Err(*reserve_fault);
+  FileResult<void> check_room(std::uint64_t) override {
+    if (room_fault) return Err(*room_fault);
     return {};
   }
   FileResult<void> write_temporary(TransactionId id, std::uint64_t offset, OctetView data) override {

@@ -1,3 +1,7 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include <set>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -188,6 +192,111 @@ TEST_F(CfdpTransfer, RefusesMoreTransactionsThanItHasRoomFor) {
   EXPECT_EQ(files(satellite).files.size(), 3U);  // the third had to wait for its turn
 }
 
+/// What a ground without good will sends: the first PDUs of files that never come.
+void announce(Entity& entity, std::uint64_t first, std::uint64_t files, std::uint64_t octets,
+              MonotonicTime now) {
+  for (std::uint64_t i = first; i < first + files; ++i) {
+    const CfdpHeader header{.source_entity = ground, .sequence_number = i, .destination_entity = satellite};
+    entity.on_pdu(
+        wire::encode_cfdp_pdu(header, wire::CfdpMetadata{.file_size = octets,
+                                                         .source_file = "a",
+                                                         .destination_file = "b" + std::to_string(i),
+                                                         .options = {}}),
+        now);
+  }
+}
+
+TEST_F(CfdpTransfer, AnnouncedFilesLeaveRoomToSend) {
+  link_.start();
+  announce(entity(satellite), 500, 100, 1000, link_.now);
+  EXPECT_THAT(entity(satellite).transactions(), SizeIs(settings(satellite).receiving_max));
+  EXPECT_EQ(entity(satellite).counts().no_room, 100 - settings(satellite).receiving_max);
+  files(satellite).add("a", random_file(3000, 1));
+  for (std::size_t i = settings(satellite).receiving_max; i < settings(satellite).transactions_max; ++i)
+    EXPECT_TRUE(entity(satellite).put("a", "down" + std::to_string(i)));
+  EXPECT_EQ(entity(satellite).put("a", "one more").error(), PutError::no_room);
+  (void)run(seconds(60));
+  EXPECT_NE(files(ground).content("down8"), nullptr);
+}
+
+TEST_F(CfdpTransfer, ANewFileTakesThePlaceOfTheOneThatWasAwaitedInVainForLongest) {
+  link_.start();
+  const auto id_of = [](std::uint64_t sequence) {
+    return TransactionId{.source = ground, .sequence = sequence};
+  };
+  announce(entity(satellite), 500, 8, 1000, link_.now);
+  const CfdpHeader begun{.source_entity = ground, .sequence_number = 500, .destination_entity = satellite};
+  const Octets data(1);
+  entity(satellite).on_pdu(wire::encode_cfdp_pdu(begun, wire::CfdpFileData{.offset = 0, .data = data}),
+                           link_.now);
+  ASSERT_TRUE(entity(satellite).suspend(id_of(501)));
+  link_.run_for(seconds(10));
+  announce(entity(satellite), 502, 1, 1000, link_.now);  // heard again
+  announce(entity(satellite), 600, 1, 1000, link_.now);
+  EXPECT_EQ(entity(satellite).counts().no_room, 1U) << "nothing rests yet";
+
+  link_.run_for(seconds(70));
+  files(ground).add("a", random_file(3000, 1));
+  const auto id = entity(ground).put("a", "b").value();
+  link_.run_for(seconds(20));
+  EXPECT_EQ(entity(satellite).outcome_of(id), Outcome{});
+  ASSERT_TRUE(entity(ground).put("a", "c"));
+  link_.run_for(seconds(20));
+  EXPECT_NE(files(satellite).content("c"), nullptr) << "in the same place";
+  const Counters& counts = entity(satellite).counts();
+  EXPECT_EQ(counts.displaced, 1U);
+  EXPECT_EQ(counts.no_room, 1U);
+  const auto faults = link_.events_of(satellite, EventKind::fault);
+  ASSERT_FALSE(faults.empty());
+  EXPECT_EQ(faults.back().id, id_of(503));
+  EXPECT_EQ(faults.back().handler, FaultHandler::abandon);
+  EXPECT_TRUE(entity(satellite).outcome_of(id_of(503))->incomplete);
+
+  // What has data or rests by request keeps its place for ever.
+  announce(entity(satellite), 700, 100, 1000, link_.now);
+  std::set<std::uint64_t> left;
+  for (const Report& report : entity(satellite).transactions()) left.insert(report.id.sequence);
+  EXPECT_EQ(left, (std::set<std::uint64_t>{500, 501, 700, 701, 702, 703, 704, 705}));
+  EXPECT_EQ(counts.no_room, 1U + 94U);
+}
+
+TEST_F(CfdpTransfer, AFileThatAnnouncesMoreThanTheQuotaIsRefusedAtOnce) {
+  settings(satellite).receiving_octets_max = 2000;
+  link_.start();
+  announce(entity(satellite), 500, 1, 2001, link_.now);
+  EXPECT_THAT(faults(satellite), ElementsAre(CfdpCondition::filestore_rejection));
+  EXPECT_EQ(files(satellite).temporaries(), 0U);
+}
+
+TEST_F(CfdpTransfer, FilesThatComeShareAQuotaOfWhatIsThere) {
+  settings(satellite).receiving_octets_max = 10'000;
+  const auto first = put(random_file(9000, 1), "first");
+  link_.run_for(milliseconds(350));
+  const auto half = entity(satellite).transactions().front().progress_octets;
+  ASSERT_TRUE(half > 2000 && half < 8000) << half;
+  // Announced, and it takes nothing: the first one arrives.
+  announce(entity(satellite), 500, 1, 9000, link_.now);
+  ASSERT_TRUE(entity(satellite).transactions().size() == 2);
+  (void)run(seconds(20));
+  EXPECT_EQ(entity(satellite).outcome_of(first), Outcome{});
+  // Its octets count no longer, those of the next do.
+  const CfdpHeader header{.source_entity = ground, .sequence_number = 500, .destination_entity = satellite};
+  const Octets data(900);
+  for (std::uint64_t i = 0; i < 9; ++i)
+    entity(satellite).on_pdu(
+        wire::encode_cfdp_pdu(header, wire::CfdpFileData{.offset = i * 900, .data = data}), link_.now);
+  announce(entity(satellite), 501, 1, 9000, link_.now);
+  const CfdpHeader other{.source_entity = ground, .sequence_number = 501, .destination_entity = satellite};
+  for (std::uint64_t i = 0; i < 3; ++i)
+    entity(satellite).on_pdu(
+        wire::encode_cfdp_pdu(other, wire::CfdpFileData{.offset = i * 900, .data = data}), link_.now);
+  const auto said = link_.events_of(satellite, EventKind::fault);
+  ASSERT_THAT(said, SizeIs(1));
+  EXPECT_EQ(said[0].id.sequence, 501U);
+  EXPECT_EQ(said[0].file_fault, FileFault::no_space);
+  EXPECT_EQ(files(satellite).temporaries(), 1U);
+}
+
 // ---- suspension and cancellation ----------------------------------------------------------------------
 
 TEST_F(CfdpTransfer, RestsWhenSuspendedAlsoOverARestartAndGoesOnWhenResumed) {
@@ -267,13 +376,29 @@ TEST_F(CfdpTransfer, SuspendsAtTheAckLimitAndGoesOnWhenThePeerIsHeard) {
   EXPECT_EQ(count("1 eof"), static_cast<std::ptrdiff_t>(settings(ground).ack_limit));
   EXPECT_THAT(faults(ground), ElementsAre(CfdpCondition::positive_ack_limit));
   EXPECT_EQ(rest_of(ground), Rest::by_fault);
-  EXPECT_EQ(rest_of(satellite), Rest::by_fault);  // its Finished had no answer either
 
   cut = false;
-  ASSERT_TRUE(entity(satellite).resume(id, link_.now));
+  ASSERT_TRUE(entity(ground).resume(id, link_.now));  // and the satellite knows how it ended
   ASSERT_TRUE(run());
   EXPECT_EQ(entity(ground).outcome_of(id), Outcome{});
   EXPECT_EQ(entity(satellite).outcome_of(id), Outcome{});
+}
+
+TEST_F(CfdpTransfer, AFinishedThatNobodyAcknowledgesIsAbandonedAtItsLimitHoweverOftenThePeerIsHeard) {
+  passes_ = [](std::uint64_t, const std::string& kind) { return kind != "ack finished"; };
+  const auto id = put(random_file(3000, 3));
+  for (int contact = 0; contact < 10; ++contact) {
+    (void)run(seconds(600));
+    (void)entity(satellite).resume(id, link_.now);  // as at every contact
+  }
+  EXPECT_EQ(count("2 finished"), static_cast<std::ptrdiff_t>(settings(satellite).ack_limit));
+  const auto said = link_.events_of(satellite, EventKind::fault);
+  ASSERT_THAT(said, SizeIs(1));
+  EXPECT_EQ(said[0].outcome.condition, CfdpCondition::positive_ack_limit);
+  EXPECT_EQ(said[0].handler, FaultHandler::abandon);
+  EXPECT_EQ(entity(satellite).outcome_of(id), Outcome{});
+  EXPECT_EQ(*files(satellite).content("b"), random_file(3000, 3));
+  EXPECT_TRUE(entity(satellite).transactions().empty());
 }
 
 TEST_F(CfdpTransfer, TheFaultHandlerDecidesWhatALimitDoes) {
@@ -360,7 +485,7 @@ TEST_F(CfdpTransfer, IsRefusedByTheReceiversDiskWithTheReason) {
   const std::vector<Case> cases = {
       {"../etc/passwd", [](auto&) {}, FileFault::bad_name},
       {"/etc/passwd", [](auto&) {}, FileFault::bad_name},
-      {"b", [](auto& f) { f.reserve_fault = FileFault::no_space; }, FileFault::no_space},
+      {"b", [](auto& f) { f.room_fault = FileFault::no_space; }, FileFault::no_space},
       {"b", [](auto& f) { f.write_fault = FileFault::no_space; }, FileFault::no_space},
       {"b", [](auto& f) { f.commit_fault = FileFault::denied; }, FileFault::denied},
   };

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -76,7 +78,7 @@ TEST_F(PosixFiles, ATemporaryFileGetsItsNameWithExactlyItsOctets) {
   fs::create_directory(root_ / "sub");
   write(root_ / "sub" / "b", "old content");
   ASSERT_TRUE(store_->create_temporary(id_));
-  ASSERT_TRUE(store_->reserve(id_, 100));
+  ASSERT_TRUE(store_->check_room(100));
   ASSERT_TRUE(store_->write_temporary(id_, 3, view("def")));
   ASSERT_TRUE(store_->write_temporary(id_, 0, view("abc")));
   ASSERT_TRUE(store_->sync_temporary(id_));
@@ -117,12 +119,40 @@ TEST_F(PosixFiles, ADiskThatTakesNoMoreIsNoSpace) {
   const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
   const rlimit small{.rlim_cur = 4096, .rlim_max = before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
-  const auto reserved = store_->reserve(id_, 100'000);
   const auto written = store_->write_temporary(id_, 4096, view("x"));
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
   std::signal(SIGXFSZ, old_handler);
-  EXPECT_EQ(reserved.error(), FileFault::no_space);
   EXPECT_EQ(written.error(), FileFault::no_space);
+}
+
+TEST_F(PosixFiles, WhatIsReceivedLeavesTheFloorOfTheDiskFree) {
+  constexpr std::uint64_t more_than_any_disk = std::uint64_t{1} << 60;
+  const auto full = PosixFileStore::open(root_, folder_ / "checkpoint", more_than_any_disk).value();
+  EXPECT_EQ(full->check_room(1).error(), FileFault::no_space);
+  ASSERT_TRUE(full->create_temporary(id_));
+  EXPECT_EQ(full->write_temporary(id_, 0, view("x")).error(), FileFault::no_space);
+  EXPECT_TRUE(full->save_checkpoint(view("goes on")));
+  EXPECT_EQ(store_->check_room(more_than_any_disk).error(), FileFault::no_space);
+}
+
+TEST_F(PosixFiles, AnAnnouncedFileTakesNoRoomBeforeItsOctetsCome) {
+  const Settings settings{.own_entity = 2, .peer_entity = 1};
+  Entity entity(settings, *store_, 1);
+  for (std::uint64_t i = 1; i <= 16; ++i) {
+    const CfdpHeader of_one{.source_entity = 1, .sequence_number = i, .destination_entity = 2};
+    const wire::CfdpMetadata metadata{
+        .file_size = 200U << 20, .source_file = "a", .destination_file = "b", .options = {}};
+    entity.on_pdu(wire::encode_cfdp_pdu(of_one, metadata), MonotonicTime(seconds(1)));
+  }
+  EXPECT_EQ(entity.transactions().size(), settings.receiving_max);
+  EXPECT_EQ(entity.counts().no_room, 16 - settings.receiving_max);
+  std::uintmax_t blocks = 0;
+  for (const auto& entry : fs::directory_iterator(root_ / ".cfdp")) {
+    struct stat s {};
+    ASSERT_EQ(stat(entry.path().c_str(), &s), 0);
+    blocks += static_cast<std::uintmax_t>(s.st_blocks);
+  }
+  EXPECT_EQ(blocks, 0U);
 }
 
 TEST_F(PosixFiles, CheckpointsAreReplacedAndReadBack) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "cfdp/postbox.hpp"
 
 #include <gmock/gmock.h>
@@ -21,7 +23,8 @@ class PostboxTest : public testing::Test {
     std::vector<News> news;
   };
   void open(End& end, std::uint64_t own) {
-    const Settings settings{.own_entity = own, .peer_entity = own == ground ? satellite : ground};
+    Settings settings{.own_entity = own, .peer_entity = own == ground ? satellite : ground};
+    settings.safe_names = own == ground;
     auto opened = Postbox::open(end.folder / "files", end.folder / "checkpoint", settings, 1, now_);
     ASSERT_TRUE(opened) << opened.error().message;
     end.box = std::move(*opened);
@@ -73,6 +76,19 @@ class PostboxTest : public testing::Test {
   End below_;
   End above_;
 };
+
+TEST_F(PostboxTest, WhatComesIsCalledInTheSafeAlphabetWhereThatIsAskedFor) {
+  const std::string rude = "-a\x1b[2J b";
+  put(above_, rude, random_file(50, 1));
+  put(below_, "two words", random_file(60, 2));
+  above_.box->scan();
+  below_.box->scan();
+  carry();
+  EXPECT_THAT(finished(below_), testing::Contains("%2Da%1B%5B2J%20b"));
+  EXPECT_EQ(content(below_.folder / "files/%2Da%1B%5B2J%20b"), random_file(50, 1));
+  EXPECT_FALSE(std::filesystem::exists(below_.folder / "files" / rude));
+  EXPECT_EQ(content(above_.folder / "files/two words"), random_file(60, 2)) << "an operator names it";
+}
 
 TEST_F(PostboxTest, WhatLiesInTheOutboxArrivesInOrderAndLeavesIt) {
   put(above_, "2_cutout", random_file(5000, 2));
@@ -157,6 +173,44 @@ TEST_F(PostboxTest, WhatRestsSinceNobodyAnsweredGoesOnAtContact) {
     carry();
   }
   EXPECT_THAT(finished(below_), testing::ElementsAre("a"));
+}
+
+TEST_F(PostboxTest, ContactsDoNotWakeAFinishedThatTheGroundNeverAcknowledges) {
+  put(below_, "a", random_file(100, 1));
+  below_.box->scan();
+  while (const auto pdu = below_.box->next_pdu(1000, now_)) above_.box->on_pdu(*pdu, now_);
+  std::size_t pdus = 0;
+  for (int i = 0; i < 1000; ++i) {  // a ground that uplinks all the time, and whose files are gone
+    above_.box->on_contact(now_);
+    while (above_.box->next_pdu(1000, now_)) ++pdus;
+    for (News& news : above_.box->take_news()) above_.news.push_back(std::move(news));
+    now_ += seconds(6);
+  }
+  EXPECT_EQ(pdus, 1 + Settings{}.ack_limit);  // ACK of EOF, Finished
+  EXPECT_THAT(finished(above_), testing::ElementsAre("a"));
+}
+
+TEST_F(PostboxTest, FilesThatAreAnnouncedAndNeverComeDoNotBlockOthersThoughContactsAndRestartsWakeThem) {
+  for (std::uint64_t i = 0; i < Settings{}.receiving_max; ++i) {
+    const CfdpHeader announced{
+        .source_entity = ground, .sequence_number = 500 + i, .destination_entity = satellite};
+    above_.box->on_pdu(wire::encode_cfdp_pdu(announced, wire::CfdpMetadata{.file_size = 1000,
+                                                                           .source_file = "a",
+                                                                           .destination_file = "b",
+                                                                           .options = {}}),
+                       now_);
+  }
+  now_ += Settings{}.inactivity_interval;
+  above_.box->entity().advance(now_);
+  above_.box.reset();
+  open(above_, satellite);
+  now_ += seconds(1);
+  above_.box->on_contact(now_);  // as ttc does with each packet that comes up, before it is looked at
+  put(below_, "new", random_file(3000, 1));
+  below_.box->scan();
+  carry();
+  EXPECT_THAT(finished(above_), testing::Contains("new"));
+  EXPECT_EQ(above_.box->entity().counts().displaced, 1U);
 }
 
 TEST_F(PostboxTest, AnyFileCanBeSentUnderANumberThatOutlivesARestartAndStaysWhereItIs) {

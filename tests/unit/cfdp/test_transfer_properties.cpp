@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Files over a bad link between ends that die: whatever happens, the file arrives whole, soon, and without
 // much waste.
 #include <gtest/gtest.h>

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The judgement of Fig. 13, and the deployment it flies."""
 
 import pathlib
@@ -58,7 +60,7 @@ class DeploymentTest(unittest.TestCase):
             lines = fig13.varied("sim", pathlib.Path(folder)).read_text().splitlines()
         scheduling = {line.split()[2]: lines[i + 2].strip() for i, line in enumerate(lines) if line.startswith("  - name:")}
         self.assertIn("policy: fifo, priority: 30", scheduling["timing"])
-        self.assertRegex(scheduling["image_processing"], r"policy: other, priority: 0, nice: 10, cpus: \[\d+\]")
+        self.assertRegex(scheduling["image_processing"], r"policy: other, priority: 0, background: true, cpus: \[\d+\]")
         self.assertIn("policy: other", scheduling["maintenance"])
 
 

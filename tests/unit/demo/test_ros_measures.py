@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The judgement of the measures of lib/ros: pure, against made-up figures."""
 
 import pathlib
@@ -26,7 +28,8 @@ def cycles(**changes):
 
 def ring(**changes):
     return {"nodes": 9, "period_ms": 100, "ring_cpu_percent": 4.5, "raw_cpu_percent": 3.0, "ratio": 1.5, "cpu_percent_together": {"ring": 6.0, "raw": 4.5},
-            "raw_requests": {"asked": 1000, "answered": 1000}, "heard": {"checks_answered_per_s": 90.0}, "nobody_died": True, **changes}
+            "raw_requests": {"asked": 1000, "answered": 1000}, "heard": {"checks_answered_per_s": 90.0}, "nobody_died": True,
+            "evidence": {"percent_together": 0.1}, **changes}
 
 
 def missed(name, result):
@@ -61,6 +64,9 @@ class JudgementTest(unittest.TestCase):
     def test_a_ring_of_one_and_a_half_raw_requests_is_met_and_a_dearer_one_missed(self):
         self.assertEqual(missed("ring", ring()), [])
         self.assertEqual(missed("ring", ring(ratio=1.51)), ["checks of 9 nodes, one each 100 ms: CPU, % of one"])
+
+    def test_evidence_that_costs_a_hundredth_of_a_core_is_missed(self):
+        self.assertEqual(missed("ring", ring(evidence={"percent_together": 1.0})), ["evidence of who had a CPU, % of one"])
 
     def test_a_ring_or_a_peer_that_did_not_check_is_no_measure(self):
         for idle in ({"heard": {"checks_answered_per_s": 40.0}}, {"raw_requests": {"asked": 1000, "answered": 500}}):

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """What counts as the paper's Fig. 14, on timelines made by hand: the right shapes pass, every wrong one is refused."""
 
 import pathlib

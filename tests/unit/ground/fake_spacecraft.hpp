@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -112,6 +114,7 @@ class FakeSpacecraft {
   std::optional<std::uint64_t> last_ad_counter;
   wire::FarmState farm;
   int lose_ad_frames = 0;  ///< on their way up
+  bool reports = true;     ///< what telecommands order
 
  private:
   Octets send_packet(std::uint8_t vc, const Octets& packet) {

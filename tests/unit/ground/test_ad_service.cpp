@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The AD service of the ground against the uplink chain of ttc: real frames, real security, a line that
 // loses, delays and doubles.
 #include <deque>
@@ -126,6 +128,7 @@ class AdLink {
   void take(const std::vector<UplinkedPacket>& packets) {
     for (const auto& packet : packets)
       received.push_back(static_cast<std::uint64_t>(packet.packet[0]) << 8 | packet.packet[1]);
+    chain_.on_stored(chain_.state());
   }
 
   std::mt19937 random_;

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mission/structures.hpp>
@@ -51,6 +53,14 @@ TEST_F(CommandingTest, NamesTheArgumentThatTheSpacecraftRefused) {
   EXPECT_EQ(rejected->stage, Stage::rejected);
   EXPECT_EQ(rejected->failure_name, "bad_argument");
   EXPECT_EQ(rejected->failure_text, "an argument is out of its range: argument 1 'load'");
+  EXPECT_EQ(commanding.outstanding(), 0U);
+}
+
+TEST_F(CommandingTest, ATelecommandThatCannotBeRoutedIsRejected) {
+  const auto rejected = commanding.on_packet(report(10, "0001"), start);
+  ASSERT_TRUE(rejected);
+  EXPECT_EQ(rejected->stage, Stage::rejected);
+  EXPECT_EQ(rejected->failure_name, "unknown_apid");
   EXPECT_EQ(commanding.outstanding(), 0U);
 }
 
@@ -117,8 +127,8 @@ TEST_F(CommandingTest, FollowsAScheduledTelecommandWithoutHoldingAnybodyUp) {
 
 TEST_F(CommandingTest, SaysWhichActivityWasRefusedAndWhy) {
   EXPECT_EQ(commanding.on_packet(report(2, "003c02000601"), start)->failure_text,
-            "the request of an activity is not one that could be accepted: activity 2: an argument is out of "
-            "its range: argument 1");
+            "the request of an activity would not be accepted: activity 2: an argument is out of its range: "
+            "argument 1");
 }
 
 TEST_F(CommandingTest, KeepsABoundedNumber) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <fstream>
 
 #include <gmock/gmock.h>
@@ -71,16 +73,71 @@ TEST(Uplink, StartsAboveEveryOldCounterWhenItsStateWasLost) {
   EXPECT_EQ(spacecraft.receive(second->make(switch_load())->cltu).size(), 1U);
 }
 
+TEST(Uplink, UsesNoCounterAgainWhenAnOlderCopyOfItsStateIsPutBack) {
+  const VarFolder var;
+  const auto state = var.path() / "ground";
+  FakeSpacecraft spacecraft(secured_link());
+  const auto send = [&](UtcTime at, int telecommands) {
+    auto uplink = Uplink::open(secured_link(), var.path(), state, at);
+    EXPECT_EQ(uplink->warning(), "");
+    for (int i = 0; i < telecommands; ++i)
+      EXPECT_EQ(spacecraft.receive(uplink->make(switch_load())->cltu).size(), 1U)
+          << "a counter was used again";
+  };
+  send(now, 3);
+  std::filesystem::copy(state, var.path() / "backup", std::filesystem::copy_options::recursive);
+  send(now + seconds(60), 500);
+
+  std::filesystem::remove_all(state);
+  std::filesystem::copy(var.path() / "backup", state, std::filesystem::copy_options::recursive);
+  const std::uint64_t used = *spacecraft.last_counter;
+  auto restored = Uplink::open(secured_link(), var.path(), state, now + seconds(120));
+  const auto told = restored->on_spacecraft_counter(1, used);
+
+  ASSERT_TRUE(told) << "it has not sent this counter";
+  EXPECT_THAT(*told, HasSubstr("an older copy, or another ground station commands"));
+  EXPECT_FALSE(restored->on_spacecraft_counter(1, used)) << "once";
+  const auto next = restored->make(switch_load());
+  EXPECT_GT(next->security_counter, used);
+  EXPECT_EQ(spacecraft.receive(next->cltu).size(), 1U);
+  EXPECT_FALSE(restored->on_spacecraft_counter(1, *next->security_counter)) << "its own";
+}
+
+TEST(Uplink, OfTheSameStateIsNotTakenForAnotherGround) {
+  const VarFolder var;
+  std::uint64_t used = 0;
+  for (int run = 0; run < 3; ++run) {
+    auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", now + seconds(run));
+    if (run > 0) {
+      EXPECT_FALSE(uplink->on_spacecraft_counter(1, used)) << "of the run before";
+    }
+    used = *uplink->make(switch_load())->security_counter;
+    EXPECT_FALSE(uplink->on_spacecraft_counter(1, used));
+    ASSERT_TRUE(uplink->make_file_cltu(Octets(20)));
+    EXPECT_FALSE(uplink->on_spacecraft_counter(1, ++used)) << "of a file";
+  }
+}
+
+TEST(Uplink, SaysThatTheClockIsBehindItsCounters) {
+  const VarFolder var;
+  const auto first = Uplink::open(secured_link(), var.path(), var.path() / "ground", now)
+                         ->make(switch_load())
+                         ->security_counter;
+  auto behind = Uplink::open(secured_link(), var.path(), var.path() / "ground", now - seconds(3600));
+  EXPECT_THAT(behind->warning(), HasSubstr("3600 s ahead of this computer's clock"));
+  EXPECT_GT(behind->make(switch_load())->security_counter, first);
+}
+
 TEST(Uplink, FollowsTheCounterOfTheBeaconUpwardsOnly) {
   const VarFolder var;
   auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
   const std::uint64_t base = *uplink->make(switch_load())->security_counter;
 
-  uplink->on_spacecraft_counter(1, base + 1000);
+  EXPECT_TRUE(uplink->on_spacecraft_counter(1, base + 1000));
   EXPECT_EQ(uplink->make(switch_load())->security_counter, base + 1001);
-  uplink->on_spacecraft_counter(1, 5);
+  EXPECT_FALSE(uplink->on_spacecraft_counter(1, 5));
   EXPECT_EQ(uplink->make(switch_load())->security_counter, base + 1002);
-  uplink->on_spacecraft_counter(2, base + 9000);
+  EXPECT_FALSE(uplink->on_spacecraft_counter(2, base + 9000));
   EXPECT_EQ(uplink->make(switch_load())->security_counter, base + 1003);
 }
 
@@ -115,7 +172,7 @@ TEST(Uplink, SwitchesItsKeysAndCountsEachOfThemOverRuns) {
     for (int i = 0; i < 3; ++i) of_a = *uplink->make(switch_load())->security_counter;
     EXPECT_EQ(uplink->select(ros::AssociationSet::b).value(), true);
     EXPECT_EQ(uplink->select(ros::AssociationSet::b).value(), false) << "already";
-    uplink->on_spacecraft_counter(3, of_a + 1000);
+    EXPECT_TRUE(uplink->on_spacecraft_counter(3, of_a + 1000));
     const auto telecommand = uplink->make(switch_load());
     EXPECT_EQ(spi_of(*telecommand), 3);
     of_b = *telecommand->security_counter;
@@ -145,7 +202,8 @@ TEST(Uplink, TakesOverTheOneCounterOfAnOlderFileForEveryAssociation) {
   std::filesystem::create_directories(var.path() / "ground");
   std::ofstream(var.path() / "ground/uplink.json")
       << R"({"next_security_counter": 4711, "next_sequence_counts": 5})";
-  auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
+  // Of a clock that was never set; else the clock's milliseconds are higher.
+  auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", UtcTime(seconds(3)));
   ASSERT_TRUE(uplink) << uplink.error();
   EXPECT_EQ(uplink->make(switch_load())->security_counter, 4711U);
 }
@@ -156,7 +214,7 @@ TEST(Uplink, SaysWhatIsWrongWithItsFiles) {
   std::ofstream(var.path() / "ground/uplink.json") << "{ \"next_sec";
   const auto damaged = Uplink::open(secured_link(), var.path(), var.path() / "ground", now);
   ASSERT_FALSE(damaged);
-  EXPECT_THAT(damaged.error(), HasSubstr("uplink.json: not a state of the ground tool"));
+  EXPECT_THAT(damaged.error(), HasSubstr("uplink.json: not a state file of the ground tool"));
 
   std::filesystem::remove_all(var.path() / "ground");
   std::ofstream(var.path() / "keys/tc_uplink.key") << "secret";

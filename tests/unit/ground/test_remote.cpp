@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ground/remote.hpp"
 
 #include <gmock/gmock.h>
@@ -145,7 +147,7 @@ TEST(RemoteFiles, AnswersAreLines) {
   copy.file = "b";
   EXPECT_EQ(answer_lines(received(23, 23, copy.encoded())),
             "4294967351           up   suspended         950 of ? octets  b\n");
-  EXPECT_EQ(answer_lines(received(23, 23, mission::FileCopyStatus{}.encoded())), "no copy is under way\n");
+  EXPECT_EQ(answer_lines(received(23, 23, mission::FileCopyStatus{}.encoded())), "no copy is in progress\n");
   EXPECT_EQ(answer_lines(received(20, 2, *from_hex("00010065012c"))), "timing.late_tick_ms = 300 ms\n");
 }
 

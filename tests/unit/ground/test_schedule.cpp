@@ -1,7 +1,10 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "ground/telemetry.hpp"
+#include "ground/time_tag.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -20,6 +23,23 @@ const std::string activity =
 TelemetryReport report_of(std::uint8_t subtype, const std::string& source) {
   return decode_telemetry(dictionary(),
                           {0, {.apid = 1, .service = 11, .subtype = subtype, .source = *from_hex(source)}});
+}
+
+TEST(TimeTags, SayHowLongFromNowInTheUnitsThatPeopleWrite) {
+  for (const auto& [text, after] : {std::pair("+5", seconds(5)),
+                                    {"+30s", seconds(30)},
+                                    {"+2000ms", seconds(2)},
+                                    {"+10m", seconds(600)},
+                                    {"+10min", seconds(600)},
+                                    {"+1.5h", seconds(5400)}}) {
+    const auto tag = parse_time_tag(text);
+    ASSERT_TRUE(tag) << text;
+    EXPECT_FALSE(tag->absolute) << text;
+    EXPECT_EQ(tag->after, after) << text;
+  }
+  EXPECT_TRUE(parse_time_tag("2026-11-22T10:00:00Z")->absolute);
+  for (const char* text : {"", "+", "10m", "+m", "+-5s", "+10x", "+200h", "tomorrow"})
+    EXPECT_FALSE(parse_time_tag(text)) << text;
 }
 
 TEST(ScheduleReports, NameTheCommandOfAnActivity) {

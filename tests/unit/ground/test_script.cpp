@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include "ground/script.hpp"
@@ -49,7 +51,7 @@ TEST(Script, NamesTheLineItCannotRead) {
                                        "tc a --timeout 0",
                                        "tc a --timeout x",
                                        "wait",
-                                       "wait 5h",
+                                       "wait 5d",
                                        "wait -1",
                                        "wait nan",
                                        "wait 1e30",

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The station and the program over a real pseudo terminal.
 #include <array>
 #include <cstdio>
@@ -26,7 +28,9 @@
 namespace srfs::ground {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// A pseudo terminal whose operator's end stands at VAR/rs422.
 class Pty {
@@ -133,6 +137,12 @@ class Board {
   std::unique_ptr<cfdp::Postbox> files_;
 };
 
+/// Of a function (8,1).
+unsigned in_function(const wire::TcPacket& packet) {
+  OctetReader in(packet.application);
+  return in.u16();
+}
+
 /// Answers every telecommand until the program under test has ended.
 void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& over,
            Board* board = nullptr) {
@@ -155,14 +165,29 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
         board->answer(packet, spacecraft, put);
         continue;
       }
-      if (packet.service == 8 && packet.application.at(2) == 3) {
+      if (packet.service == 8 && packet.application.size() > 2 && packet.application.at(2) == 3) {
         put(spacecraft.verify(packet, 2, *from_hex("0017")));
         continue;
       }
       put(spacecraft.verify(packet, 1));
       put(spacecraft.verify(packet, 3));
       if (packet.service == 17) put(spacecraft.send(1, 17, 2, {}));
-      if (packet.service == 15) {
+      if (packet.service == 15 && packet.subtype == 12 && spacecraft.reports) {
+        for (std::uint16_t store = 1; store <= 3; ++store)
+          put(spacecraft.send(1, 15, 13, mission::PacketStoreSummary{.stores = 1, .store = store}.encoded()));
+      }
+      if (packet.apid == mission::apid::maintenance &&
+          in_function(packet) == mission::PackageReport::function_id && spacecraft.reports) {
+        OctetWriter status;
+        status.u16(mission::structure::update_status);
+        mission::UpdateStatusHousekeeping{.build_ms = UINT32_MAX}.encode(status);
+        put(spacecraft.verify(packet, 7));
+        put(spacecraft.send(mission::apid::maintenance, 3, 25, status.take()));
+        continue;
+      }
+      if (packet.service == 11 && packet.subtype == 26)
+        put(spacecraft.send(1, 11, 27, *from_hex("00010101")));
+      if (packet.service == 15 && packet.subtype == 9) {
         OctetWriter event;
         event.u16(mission::event::ttc_retrieval_done);
         mission::TtcRetrievalDoneEvent{mission::store::housekeeping, 1, 40}.encode(event);
@@ -195,9 +220,22 @@ class GroundProgram : public ::testing::Test {
   Run run(const std::string& arguments, const std::string& input = "", Board* board = nullptr) {
     const auto file = var_.path() / "input";
     std::ofstream(file) << input;
+    return run_with(file, arguments, board);
+  }
+  /// The same, with a terminal as standard input.
+  Run run_at_terminal(const std::string& arguments, const std::string& typed) {
+    const Fd terminal(posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC));
+    grantpt(terminal.get());
+    unlockpt(terminal.get());
+    const std::string name = ptsname(terminal.get());
+    const Fd kept(open(name.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC));
+    EXPECT_EQ(write(terminal.get(), typed.data(), typed.size()), static_cast<ssize_t>(typed.size()));
+    return run_with(name, arguments, nullptr);
+  }
+  Run run_with(const std::filesystem::path& input, const std::string& arguments, Board* board) {
     const std::string command = std::string(SRFS_BINARY_DIR) + "/bin/srfs-ground --port " +
                                 (var_.path() / "rs422").string() + " " + arguments + " 2>&1 < " +
-                                file.string();
+                                input.string();
     std::atomic<bool> over = false;
     std::thread answering([&] { serve(pty_, spacecraft_, over, board); });
     Run result;
@@ -262,10 +300,121 @@ TEST_F(GroundProgram, ListsTheScheduleAndChangesIt) {
     EXPECT_EQ(run(std::string("schedule ") + action).exit_code, 2) << action;
 }
 
+TEST_F(GroundProgram, ShowsTheReportThatATelecommandOrders) {
+  const Run summary = run("tc storage.summary");
+  EXPECT_EQ(summary.exit_code, 0) << summary.output;
+  EXPECT_THAT(summary.output, HasSubstr("storage.summary completed"));
+  for (const char* store : {"housekeeping", "events", "verification"})
+    EXPECT_THAT(summary.output, ContainsRegex(std::string("store +") + store)) << "every one of them";
+  EXPECT_THAT(summary.output, ContainsRegex("open_start +unknown")) << "not a date of 1957";
+
+  const Run status = run("tc package.report");
+  EXPECT_EQ(status.exit_code, 0) << status.output;
+  EXPECT_THAT(status.output, ContainsRegex("build_ms +unknown\n"))
+      << "also when it comes after the completion";
+
+  const Run json = run("--json tc package.report");
+  EXPECT_EQ(json.exit_code, 0) << json.output;
+  std::optional<nlohmann::json> told;
+  std::istringstream lines(json.output);
+  for (std::string line; std::getline(lines, line);) {
+    auto one = nlohmann::json::parse(line);
+    if (one.value("structure", "") == "update_status") told = one;
+  }
+  ASSERT_TRUE(told) << json.output;
+  EXPECT_TRUE((*told)["fields"]["build_ms"].is_null());
+
+  EXPECT_THAT(run("tc ttc.ping").output, HasSubstr("are-you-alive report"));
+}
+
+TEST_F(GroundProgram, SaysThatAnOrderedReportDidNotCome) {
+  spacecraft_.reports = false;
+  const Run summary = run("tc storage.summary");
+  EXPECT_EQ(summary.exit_code, 1) << summary.output;
+  EXPECT_THAT(summary.output,
+              HasSubstr("completed, but no packet of structure packet_store_summary received within 5 s"));
+  EXPECT_EQ(run("tc storage.summary --no-report").exit_code, 0);
+  const Run faults = run("tc ring.report_faults");
+  EXPECT_EQ(faults.exit_code, 0) << faults.output;
+  EXPECT_THAT(faults.output, HasSubstr("nothing to report, or lost on the link"));
+}
+
+TEST_F(GroundProgram, ShowsOrderedReportsInAScriptAndMissesThem) {
+  const auto script = var_.path() / "script";
+  std::ofstream(script) << "tc package.report\n";
+  const Run shown = run("script " + script.string());
+  EXPECT_EQ(shown.exit_code, 0) << shown.output;
+  EXPECT_THAT(shown.output, HasSubstr("update_status (count"));
+  spacecraft_.reports = false;
+  const Run missed = run("script " + script.string());
+  EXPECT_EQ(missed.exit_code, 1) << missed.output;
+  EXPECT_THAT(missed.output, HasSubstr("NOT as expected"));
+}
+
 TEST_F(GroundProgram, EndsWithOneWhenTheSpacecraftRefuses) {
   const Run tc = run("tc eps.switch_load load=3 state=on --wait");
   EXPECT_EQ(tc.exit_code, 1);
   EXPECT_THAT(tc.output, HasSubstr("rejected: code 23 busy"));
+}
+
+TEST_F(GroundProgram, ChecksWhatItIsToSendBeforeItOpensThePort) {
+  std::filesystem::remove(var_.path() / "rs422");
+  std::ofstream(var_.path() / "file") << "content";
+  const std::string file = (var_.path() / "file").string();
+  const std::vector<std::pair<std::string, std::string>> wrong{
+      {"tc eps.switch_load load=7 state=on", "out of range 0..3"},
+      {"tc eps.switch_lode", "no telecommand is called"},
+      {"arm eps.power_cycle_peripheral off_ms=x", "not a whole number"},
+      {"retrieve --from yesterday --to 2026-11-21T08:00:00Z", "not a UTC time"},
+      {"retrieve --store attic --from 2026-11-21T08:00:00Z --to 2026-11-21T08:00:00Z", "no packet store"},
+      {"param set timing.late_tick_ms", "expected NODE.PARAMETER=VALUE"},
+      {"param set timing.late_tick_ms=0", "out of range"},
+      {"param restore ttc 0", "out of range"},
+      {"remote ls " + std::string(101, 'x'), "at most 100"},
+      {"schedule delete 17 99999", "out of range"},
+      {"put " + file + " a/b", "a name on board contains no '/'"},
+      {"bridge --tm nonsense", "expected [HOST:]PORT"}};
+  for (const auto& [arguments, message] : wrong) {
+    const Run refused = run(arguments);
+    EXPECT_EQ(refused.exit_code, 2) << arguments << ": " << refused.output;
+    EXPECT_THAT(refused.output, HasSubstr(message)) << arguments;
+    EXPECT_THAT(refused.output, Not(HasSubstr("rs422"))) << arguments;
+  }
+}
+
+TEST_F(GroundProgram, AsksAtATerminalBeforeAHazardousTelecommandAndSaysWhatBecameOfIt) {
+  for (const char* answer : {"y\n", "yes\n", "YES\n"}) {
+    const Run sent = run_at_terminal("tc eps.power_cycle_peripheral --wait", answer);
+    EXPECT_EQ(sent.exit_code, 0) << answer << sent.output;
+    EXPECT_THAT(sent.output, HasSubstr("is hazardous. Arm it and send it?"));
+    EXPECT_THAT(sent.output, HasSubstr("ttc.arm completed"));
+    EXPECT_THAT(sent.output, HasSubstr("eps.power_cycle_peripheral completed"));
+  }
+  spacecraft_.last_counter.reset();
+  for (const char* answer : {"n\n", "\n", "yesterday\n"}) {
+    const Run refused = run_at_terminal("tc eps.power_cycle_peripheral --wait", answer);
+    EXPECT_EQ(refused.exit_code, 1) << answer << refused.output;
+    EXPECT_THAT(refused.output, HasSubstr("nothing was sent: the answer was not yes"));
+  }
+  EXPECT_FALSE(spacecraft_.last_counter);
+}
+
+TEST_F(GroundProgram, TellsOfTheAdServiceOnlyWhenItIsUsedOrAskedFor) {
+  const Run tc = run("tc eps.switch_load load=1 state=on --wait");
+  EXPECT_EQ(tc.exit_code, 0) << tc.output;
+  EXPECT_THAT(tc.output, Not(HasSubstr("AD service")));
+  EXPECT_THAT(run("clcw").output, HasSubstr("AD service off: FOP-1"));
+  EXPECT_THAT(run("--ad --t1 0.2 --transmissions 200 tc eps.switch_load load=1 state=on --wait").output,
+              HasSubstr("AD service on: FOP-1"));
+}
+
+TEST_F(GroundProgram, ListsRangesWithAllTheirDigits) {
+  const Run list = run("list image.capture");
+  EXPECT_EQ(list.exit_code, 0) << list.output;
+  EXPECT_THAT(list.output, HasSubstr(", 1 to 4294967295\n"));
+  EXPECT_THAT(list.output, HasSubstr(", 0 to 60 dB [0]"));
+  EXPECT_THAT(run("list").output, Not(ContainsRegex("[0-9]e[+-][0-9]")));
+  EXPECT_THAT(run("param list").output, Not(ContainsRegex("[0-9]e[+-][0-9]")));
 }
 
 TEST_F(GroundProgram, RefusesAnArgumentOutOfRangeBeforeSending) {
@@ -548,7 +697,8 @@ TEST_F(PackageInstallation, AsksForTheOutcomeThatWasLostOnTheWay) {
 }
 
 TEST_F(PackageInstallation, IsRefusedBeforeAnythingGoesUpWhenItWasNotSignedForThisSpacecraft) {
-  std::ofstream(var_.path() / "keys/package.pub") << std::string(64, '1') << "\n";
+  std::ofstream(var_.path() / "keys/package.pub")
+      << "b7d3e0912c4fa85d6e7710f3c98a24be51d06f3a8c27e94b10fd5a6c83e2974f\n";
   const Run refused = install();
   EXPECT_EQ(refused.exit_code, 2) << refused.output;
   EXPECT_THAT(refused.output, HasSubstr("refused: signed with another key"));

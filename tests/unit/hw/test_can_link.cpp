@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The messages of rtnetlink, octet by octet as a little-endian kernel reads them.
 
 #include <bit>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "hw/open.hpp"
 
 #include <gmock/gmock.h>
@@ -45,7 +47,7 @@ TEST(OpenDevice, NamesTheUnknownSchemeAndWhatWasExpected) {
 TEST(OpenDevice, RefusesWhatCanNeverWork) {
   EXPECT_THAT(open_can("sim:", var).error().message, HasSubstr("nothing after 'sim:'"));
   EXPECT_THAT(open_can("socketcan:a_name_too_long_for_linux", var).error().message,
-              HasSubstr("no interface name"));
+              HasSubstr("not an interface name"));
   EXPECT_THAT(open_can("sim:x?loss=1", var).error().message, HasSubstr("not an option"));
   EXPECT_THAT(open_serial("serial:tty", 9601, var).error().message, HasSubstr("9601 baud"));
   EXPECT_THAT(open_gpio("gpiochip:/dev/gpiochip0?12=1", var).error().message, HasSubstr("line 0-11"));

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/method.hpp"
 
 #include <algorithm>
@@ -28,7 +30,7 @@ TEST(MethodParameters, AreTheStandardOnesUnlessGiven) {
 }
 
 TEST(MethodParameters, AreRefusedWithTheReason) {
-  EXPECT_THAT(refusal_of({"sise=7"}), HasSubstr("no parameter 'sise': there are threshold, size"));
+  EXPECT_THAT(refusal_of({"sise=7"}), HasSubstr("no parameter 'sise'; available: threshold, size"));
   EXPECT_THAT(refusal_of({"size"}), HasSubstr("size=NUMBER"));
   EXPECT_THAT(refusal_of({"size=7x"}), HasSubstr("'7x' is not a number"));
   EXPECT_THAT(refusal_of({"size="}), HasSubstr("not a number"));
@@ -42,7 +44,7 @@ TEST(Methods, AreFoundByNameOrTheOnesThereAreAreNamed) {
   const auto unknown = find_method("stars");
   ASSERT_FALSE(unknown);
   EXPECT_THAT(unknown.error().reason,
-              HasSubstr("no method 'stars': there are star_centroid, streak, tracklet"));
+              HasSubstr("no method 'stars'; available: star_centroid, streak, tracklet"));
 }
 
 /// What a camera, a broken file or a joker may give.

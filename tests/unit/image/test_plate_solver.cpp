@@ -1,9 +1,12 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/plate_solver.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <Eigen/Dense>
 
@@ -147,6 +150,22 @@ TEST(PlateSolver, SaysNothingOfAFieldOutsideItsBounds) {
   const auto stars = view.stars(random);
   EXPECT_TRUE(solver().solve(stars, view.width, view.height, {}));
   EXPECT_FALSE(solver().solve(stars, view.width, view.height, {12, 20}));
+}
+
+TEST(PlateSolver, NamesTheBoundOfTheFieldThatMadeItRefuse) {
+  SkyRandom random(4);
+  const View view{83, 0, 45, 10};
+  const auto stars = view.stars(random);
+  const PlateOptions widest{1, 60};
+  const auto why = [&](const std::vector<Star>& seen, const PlateOptions& options) {
+    return solver().why_unsolved(seen, view.width, view.height, options, widest);
+  };
+  EXPECT_THAT(why(stars, {12, 20}), testing::HasSubstr("below min_field=12"));
+  EXPECT_THAT(why(stars, {12, 20}), testing::ContainsRegex("fit a field of (9\\.9|10\\.0)"));
+  EXPECT_THAT(why(stars, {4, 8}), testing::HasSubstr("above max_field=8"));
+  EXPECT_THAT(
+      why(view.anywhere(random, 40), {4, 20}),
+      testing::HasSubstr("40 stars, no attitude with a field of 4 to 20 degrees (min_field, max_field)"));
 }
 
 TEST(PlateSolver, SaysNothingOfTooFewStarsOrStarsInOnePlace) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "image/star_list.hpp"
 
 #include <gmock/gmock.h>
@@ -35,7 +37,7 @@ TEST(StarList, HasRoomForWhatIsTooLargeToBeTrue) {
 TEST(StarList, SaysWhatIsWrongWithAFile) {
   Octets list = encode_star_list({{0, 1, 2, 3, 4}});
   EXPECT_THAT(decode_star_list({}).error().reason, HasSubstr("not a list of stars"));
-  EXPECT_THAT(decode_star_list(OctetView(list).first(20)).error().reason, HasSubstr("cut"));
+  EXPECT_THAT(decode_star_list(OctetView(list).first(20)).error().reason, HasSubstr("truncated"));
   list.back() ^= 1;
   EXPECT_THAT(decode_star_list(list).error().reason, HasSubstr("damaged"));
   list[8] = 2;

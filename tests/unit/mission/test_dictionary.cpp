@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
@@ -435,6 +437,145 @@ TEST(Reports, AreFoundByServiceAndSubtype) {
   EXPECT_EQ(attributes->max_size(), FileAttributes::max_size);
   EXPECT_EQ(dictionary().report(23, 5), nullptr);
   EXPECT_EQ(dictionary().report(3, 25), nullptr);
+}
+
+TEST(Reports, ThatAreSentOnRequestOnlyAreOrderedByATelecommand) {
+  const auto ordered = [](const Structure& structure) {
+    return std::any_of(dictionary().commands().begin(), dictionary().commands().end(),
+                       [&](const auto& c) { return c.reports && c.reports->structure == structure.name; });
+  };
+  int found = 0;
+  for (const Structure& structure : dictionary().structures()) {
+    const bool on_request = structure.kind == StructureKind::report ||
+                            structure.description.find("sent on request") != std::string::npos;
+    if (!on_request) continue;
+    ++found;
+    EXPECT_TRUE(ordered(structure)) << structure.name;
+  }
+  EXPECT_GE(found, 9);
+}
+
+TEST(Reports, OfATelecommandAreNamedByTheirPacket) {
+  const auto& faults = dictionary().command("ring.report_faults")->reports;
+  ASSERT_TRUE(faults);
+  EXPECT_EQ(std::pair(faults->service, faults->subtype), housekeeping_report);
+  EXPECT_EQ(faults->structure, "ring_fault");
+  EXPECT_TRUE(faults->several && faults->may_be_none);
+  const auto& status = dictionary().command("storage.status")->reports;
+  ASSERT_TRUE(status);
+  EXPECT_EQ(status->service, PacketStoreStatus::service);
+  EXPECT_EQ(status->subtype, PacketStoreStatus::subtype);
+  EXPECT_EQ(dictionary().command("housekeeping.one_shot")->reports->argument, "structure");
+  EXPECT_EQ(dictionary().command("ttc.ping")->reports->service, 17);
+  EXPECT_FALSE(dictionary().command("eps.switch_load")->reports);
+}
+
+TEST_F(DictionaryFile, ATelecommandOrdersReportsThatThereAre) {
+  const std::string head =
+      "apids:\n  - { name: a, apid: 1, node: a }\nenums:\n  mission_mode: { labels: { safe: 0 } }\n"
+      "structures:\n  - { name: sent, id: 1, node: a, interval_ms: 100, fields: [] }\n"
+      "  - { name: part, kind: group, fields: [] }\n"
+      "commands:\n  - { name: c, node: a, function: 1, repeat: idempotent, reports: ";
+  EXPECT_EQ(fault(head + "{ structure: sent } }\n"), "accepted");
+  EXPECT_EQ(fault(head + "{ service: [17, 2], several: true } }\n"), "accepted");
+  EXPECT_THAT(fault(head + "{ structure: part } }\n"), HasSubstr("a structure that is sent"));
+  EXPECT_THAT(fault(head + "{ structure: other } }\n"), HasSubstr("a structure that is sent"));
+  EXPECT_THAT(fault(head + "{ argument: x } }\n"), HasSubstr("names a structure"));
+  EXPECT_THAT(fault(head + "{ service: [17] } }\n"), HasSubstr("[service, subtype]"));
+  EXPECT_THAT(fault(head + "{ structure: sent, often: true } }\n"), HasSubstr("often"));
+}
+
+TEST(BoundsText, HasAllDigitsOfWholeNumbers) {
+  EXPECT_EQ(to_text(Bounds{1, 4294967295}), "1 to 4294967295");
+  EXPECT_EQ(to_text(Bounds{-273.15, 0.1}), "-273.15 to 0.1");
+  EXPECT_EQ(to_text(Bounds{std::nullopt, 3}), "at most 3");
+  EXPECT_EQ(to_text(Bounds{0.5, std::nullopt}), "at least 0.5");
+}
+
+// ---- values that are not known
+
+/// Octets of the fields with every value 0, but @p raw in all elements of one of them.
+Octets octets_with(const std::vector<Field>& fields, std::size_t index, std::uint64_t raw) {
+  OctetWriter out;
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    const Field& field = fields[i];
+    if (field.type == FieldType::time) {
+      out.bytes(wire::encode_cuc(TaiTime(seconds(i == index ? raw : 1))));
+    } else if (field.type == FieldType::text) {
+      out.u8(0);
+    } else {
+      for (std::size_t n = 0; n < field.count; ++n)
+        out.put(i == index ? raw : 0, field.max_size() / field.count);
+    }
+  }
+  return out.take();
+}
+
+TEST(NotKnown, EveryFieldWithSuchAValueSaysSoAndIsJudgedByNoLimits) {
+  std::vector<std::pair<std::string, std::vector<Field>>> all;
+  for (const Structure& s : dictionary().structures()) all.emplace_back(s.name, s.fields);
+  for (const Event& e : dictionary().events()) all.emplace_back(e.name, e.fields);
+  int tried = 0;
+  for (const auto& [owner, fields] : all) {
+    for (std::size_t index = 0; index < fields.size(); ++index) {
+      const Field& field = fields[index];
+      if (!field.unknown) continue;
+      ++tried;
+      const auto raw = static_cast<std::uint64_t>(*field.unknown);
+      const auto unknown = dictionary().decode(fields, octets_with(fields, index, raw));
+      const auto known = dictionary().decode(fields, octets_with(fields, index, raw == 0 ? 1 : raw - 1));
+      ASSERT_TRUE(unknown && known) << owner;
+      int elements = 0;
+      for (std::size_t i = 0; i < unknown->size(); ++i) {
+        const DecodedField& told = (*unknown)[i];
+        const std::string name = told.name.substr(0, told.name.find_first_of("[."));
+        if (name != field.name) continue;
+        ++elements;
+        EXPECT_FALSE(told.known) << owner << "." << told.name;
+        EXPECT_EQ(told.text, "unknown") << owner << "." << told.name;
+        EXPECT_EQ(told.limit, LimitState::none) << owner << "." << told.name;
+        EXPECT_TRUE((*known)[i].known) << owner << "." << told.name;
+        EXPECT_NE((*known)[i].text, "unknown") << owner << "." << told.name;
+      }
+      EXPECT_EQ(elements, static_cast<int>(field.count)) << owner << "." << field.name;
+    }
+  }
+  EXPECT_GE(tried, 25);
+}
+
+TEST(NotKnown, IsAValueOfTheDictionaryNotAWordInADescription) {
+  for (const Structure& s : dictionary().structures()) {
+    for (const Field& field : s.fields) {
+      for (const char* sentinel :
+           {"0: not known", "0: unknown", "4294967295", "18446744073709551615", "1970:"})
+        EXPECT_EQ(field.description.find(sentinel), std::string::npos) << s.name << "." << field.name;
+    }
+  }
+}
+
+TEST(NotKnown, IsSaidInTheTextOfAnEvent) {
+  UpdateInstalledEvent event;
+  event.node = "payload_eps";
+  event.version = 3;
+  event.outage_ms = UINT32_MAX;
+  EXPECT_THAT(dictionary().render(*dictionary().event("update.installed"), event.encoded()),
+              HasSubstr("after an outage of unknown ms"));
+}
+
+TEST_F(DictionaryFile, OnlyAnIntegerOrATimeHasAValueForNotKnown) {
+  const auto with = [&](const std::string& field) {
+    return fault(
+        "apids:\n  - { name: a, apid: 1, node: a }\nenums:\n  e: { labels: { one: 1 } }\nstructures:\n"
+        "  - { name: s, id: 1, node: a, interval_ms: 100, fields: [{ name: f, " +
+        field + " }] }\n");
+  };
+  for (const char* fine : {"type: u8, unknown: 255", "type: i16, unknown: -32768", "type: time, unknown: 0",
+                           "type: u64, unknown: 18446744073709551615"})
+    EXPECT_EQ(with(fine), "accepted") << fine;
+  for (const char* bad :
+       {"type: u8, unknown: 256", "type: u32, unknown: -1", "type: f32, unknown: 0", "type: bool, unknown: 1",
+        "type: time, unknown: 1", "type: u8, enum: e, unknown: 1", "type: u64, unknown: -1"})
+    EXPECT_THAT(with(bad), HasSubstr("unknown")) << bad;
 }
 
 // ---- fragments of added nodes

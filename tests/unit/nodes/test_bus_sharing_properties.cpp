@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The whole of the bus sharing as a model: the switcher's rotation, three payloads with their CAN handles,
 // the topics and the bus between them, and everything that can go wrong with processes. All decisions are
 // those of the flight code.

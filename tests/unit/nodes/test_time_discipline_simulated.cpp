@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // The timing node's logic on the simulated receiver: what the discipline has to reach, and what must not
 // disturb it.
 #include <gtest/gtest.h>

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // Octets of the types an action puts on the wire, against layouts written out by hand (ROS2_WIRE: plain CDR,
 // little-endian, alignment from the body).
 

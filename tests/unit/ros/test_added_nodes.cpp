@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/added_nodes.hpp"
 
 #include <cstdlib>
@@ -151,7 +153,7 @@ TEST_F(AddedNodesTest, ThatDoNotFitAreLeftOutAndTheOthersStay) {
   const auto reading = with_added(deployment(), {1, {taken, same_name, bad_key, other_device, fine}});
 
   EXPECT_THAT(reading.problems,
-              ElementsAre(HasSubstr("flag 1 is that of c"), HasSubstr("a node of this name"),
+              ElementsAre(HasSubstr("flag 1 belongs to c"), HasSubstr("a node with this name"),
                           HasSubstr("colour"), HasSubstr("device 'can'")));
   EXPECT_THAT(reading.deployment.nodes, SizeIs(4));
   EXPECT_NE(reading.deployment.find("fifth"), nullptr);
@@ -179,7 +181,7 @@ TEST_F(AddedNodesTest, AreAddedOnceWithTheLowestFreeFlag) {
   EXPECT_EQ(list().revision, 1U);
   AddedNode other = extra_;
   other.ring_after = "c";
-  EXPECT_THAT(refusal(other), HasSubstr("in another way"));
+  EXPECT_THAT(refusal(other), HasSubstr("with different settings"));
 }
 
 TEST_F(AddedNodesTest, AreRefusedWithTheReasonAndNothingChanges) {
@@ -192,7 +194,7 @@ TEST_F(AddedNodesTest, AreRefusedWithTheReasonAndNothingChanges) {
   };
   EXPECT_THAT(changed([](AddedNode& n) { n.name = "Extra"; }), HasSubstr("name of 1-32 characters"));
   EXPECT_THAT(changed([](AddedNode& n) { n.name = "../extra"; }), HasSubstr("name of 1-32 characters"));
-  EXPECT_THAT(changed([](AddedNode& n) { n.name = "a"; }), HasSubstr("a node of this name"));
+  EXPECT_THAT(changed([](AddedNode& n) { n.name = "a"; }), HasSubstr("a node with this name"));
   EXPECT_THAT(changed([](AddedNode& n) { n.ring_after = "nobody"; }), HasSubstr("no node 'nobody'"));
   EXPECT_THAT(changed([](AddedNode& n) { n.description = "{name: other}"; }), HasSubstr("name"));
   EXPECT_THAT(changed([](AddedNode& n) { n.description = "[]"; }), HasSubstr("mapping"));
@@ -206,7 +208,7 @@ TEST_F(AddedNodesTest, AreRefusedWithTheReasonAndNothingChanges) {
   EXPECT_THAT(changed([](AddedNode& n) { n.dictionary = "apids: [{ name: extra, apid: 17, node: extra }]"; }),
               HasSubstr("APID 17 stands twice"));
   EXPECT_THAT(changed([](AddedNode& n) { n.dictionary = "apids: [{ name: other, apid: 99, node: other }]"; }),
-              HasSubstr("is about other, not about extra"));
+              HasSubstr("describes other, not extra"));
   EXPECT_THAT(changed([](AddedNode& n) { n.dictionary = std::string("apids: \xFF"); }),
               testing::Not(IsEmpty()));
   EXPECT_EQ(list(), AddedNodes{});
@@ -227,7 +229,7 @@ TEST_F(AddedNodesTest, HaveABoundAndAFlagEach) {
     if (i < AddedNodes::nodes_max) {
       EXPECT_TRUE(add(node)) << i;
     } else {
-      EXPECT_THAT(refusal(node), HasSubstr("8 nodes were added already"));
+      EXPECT_THAT(refusal(node), HasSubstr("8 nodes are added already"));
     }
   }
   ASSERT_TRUE(remove_node(var_, "n3"));
@@ -239,7 +241,7 @@ TEST_F(AddedNodesTest, HaveABoundAndAFlagEach) {
 TEST_F(AddedNodesTest, AreRemovedWithTheirVersionsAndOthersCannotBe) {
   store_program("extra");
   ASSERT_TRUE(add(extra_));
-  EXPECT_THAT(remove_node(var_, "a").error(), HasSubstr("no node that was added"));
+  EXPECT_THAT(remove_node(var_, "a").error(), HasSubstr("not an added node"));
   ASSERT_TRUE(remove_node(var_, "extra"));
   EXPECT_EQ(list(), (AddedNodes{2, {}}));
   EXPECT_FALSE(std::filesystem::exists(versions_folder(var_, "extra")));

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <filesystem>
 
 #include <gmock/gmock.h>
@@ -10,6 +12,8 @@
 
 namespace srfs::ros {
 namespace {
+
+using testing::HasSubstr;
 
 class DeploymentTest : public testing::Test {
  protected:
@@ -28,6 +32,58 @@ class DeploymentTest : public testing::Test {
 
 const std::string node = "nodes:\n  - {name: timing, executable: timing_node}\n";
 
+TEST_F(DeploymentTest, ALineOfHardwareIsATtyThatIsNoPseudoTerminal) {
+  EXPECT_TRUE(is_hardware_line("serial:/dev/ttyS3", folder_)) << "also one that is not there";
+  EXPECT_TRUE(is_hardware_line("serial:/dev/../dev/ttyUSB0", folder_));
+  EXPECT_FALSE(is_hardware_line("serial:/dev/pts/3", folder_));
+  EXPECT_FALSE(is_hardware_line("serial:run/rs422_obc", folder_));
+  EXPECT_FALSE(is_hardware_line("sim:run/can_hub.sock", folder_));
+  std::filesystem::create_symlink("/dev/null", folder_ / "line");
+  EXPECT_TRUE(is_hardware_line("serial:line", folder_)) << "a link into /dev";
+}
+
+TEST_F(DeploymentTest, ChannelsWithoutSecurityAreUnsafeOnALineOfHardware) {
+  const auto unsafe = [&](const std::string& line, const std::string& security) {
+    const std::string text = "deployment: d\ndevices: {rs422: '" + line +
+                             "'}\nlink:\n  tc_channels: [{vc: 1, " + security + "}]\n" + node;
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", text));
+    return unsafe_link(Deployment::load(folder_ / "d.yaml"), folder_);
+  };
+  const std::string secured = "security: sdls, spi: 1, key_file: k";
+  EXPECT_THAT(
+      unsafe("serial:/dev/ttyS3", "security: none"),
+      HasSubstr(
+          "d.yaml: 'link.tc_channels': TC virtual channel 1 has no security, and serial:/dev/ttyS3 is"));
+  EXPECT_EQ(unsafe("serial:/dev/ttyS3", secured), "");
+  EXPECT_EQ(unsafe("serial:run/rs422_obc", "security: none"), "") << "hw_sim's line";
+}
+
+TEST_F(DeploymentTest, AKeyThatEverybodyMayKnowIsUnsafeOnALineOfHardwareUntilTheFirstStart) {
+  const auto unsafe = [&](const std::string& line) {
+    const std::string text =
+        "deployment: d\ndevices: {rs422: '" + line +
+        "'}\nlink:\n  tc_channels:\n    - {vc: 0, security: sdls, spi: 1, key_file: good}\n"
+        "    - {vc: 0, security: sdls, spi: 5, set: contingency, key_file: bad}\n" +
+        node;
+    EXPECT_TRUE(write_file_atomically(folder_ / "d.yaml", text));
+    return unsafe_link(Deployment::load(folder_ / "d.yaml"), folder_);
+  };
+  const std::string line = "serial:/dev/ttyS3";
+  const std::string good = "b1946ac92492d2347c6235b4d2611184aaaa3d91e0f5c68729d410be7f33c25e\n";
+  ASSERT_TRUE(write_file_atomically(folder_ / "good", good));
+  EXPECT_EQ(unsafe(line), "") << "a key that is not there is no known one";
+  ASSERT_TRUE(write_file_atomically(folder_ / "bad", "no key\n"));
+  EXPECT_EQ(unsafe(line), "");
+  ASSERT_TRUE(write_file_atomically(folder_ / "bad", std::string(64, '0') + "\n"));
+  EXPECT_THAT(unsafe(line),
+              HasSubstr("d.yaml: 'link.tc_channels': everybody may know the key bad of TC virtual "
+                        "channel 0 (it is zero), and serial:/dev/ttyS3 is"));
+  EXPECT_EQ(unsafe("serial:run/rs422_obc"), "") << "hw_sim's line";
+  std::filesystem::create_directories(folder_ / "state" / "ttc");
+  ASSERT_TRUE(write_file_atomically(folder_ / "state" / "ttc" / "mode", "safe\n"));
+  EXPECT_EQ(unsafe(line), "") << "a spacecraft that ran is not lost by one file";
+}
+
 TEST_F(DeploymentTest, EveryFileInLaunchConfigIsValid) {
   int files = 0;
   for (const auto& file : std::filesystem::directory_iterator(SRFS_SOURCE_DIR "/launch_config")) {
@@ -36,6 +92,15 @@ TEST_F(DeploymentTest, EveryFileInLaunchConfigIsValid) {
     ++files;
   }
   EXPECT_GT(files, 0);
+}
+
+TEST_F(DeploymentTest, ANodeThatGivesWayHasNoRealTimePriority) {
+  const auto with = [](const std::string& scheduling) {
+    return "deployment: x\nnodes:\n  - {name: n, executable: e, scheduling: {" + scheduling + "}}\n";
+  };
+  EXPECT_EQ(error_of(with("background: true")), "no error");
+  EXPECT_EQ(error_of(with("policy: fifo, priority: 20, background: true")),
+            "d.yaml:3: 'nodes[0].scheduling.background': expected false with policy fifo, found 'true'");
 }
 
 TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
@@ -47,18 +112,18 @@ TEST_F(DeploymentTest, ErrorsNameFileLineKeyAndWhatWasExpected) {
       "link:\n  tc_channels:\n    - {vc: 0, security: sdls, spi: 1, key_file: a.key}\n";
   EXPECT_EQ(error_of("deployment: x\n" + node + channels +
                      "    - {vc: 0, security: sdls, spi: 1, key_file: b.key}\n"),
-            "d.yaml:7: 'link.tc_channels[1].spi': expected a number that no other entry has, found '1'");
+            "d.yaml:7: 'link.tc_channels[1].spi': expected a number not used by another entry, found '1'");
   EXPECT_EQ(
       error_of("deployment: x\n" + node + channels +
                "    - {vc: 1, security: sdls, spi: 2, key_file: a.key}\n"),
-      "d.yaml:7: 'link.tc_channels[1].key_file': expected a key that no other entry has, found 'a.key'");
+      "d.yaml:7: 'link.tc_channels[1].key_file': expected a key not used by another entry, found 'a.key'");
   EXPECT_EQ(error_of("deployment: x\n" + node + "link: {tm: {frame_length: 1115}}\n"),
             "d.yaml:4: 'link.tm.frame_length': expected 223 x interleave with reed_solomon, found '1115'");
   EXPECT_EQ(error_of("deployment: x\nnodes:\n  - {name: Timing, executable: t}\n"),
             "d.yaml:3: 'nodes[0].name': expected 1-32 characters of a-z, 0-9 and _, found 'Timing'");
   EXPECT_NE(error_of("deployment: x\n" + node +
                      "slots: [{payload: ghost, allotted_ms: 1, overrun_ms: 1, reset_ms: 1}]\n")
-                .find("'ghost' is none"),
+                .find("'ghost' is not one"),
             std::string::npos);
 }
 
@@ -74,8 +139,8 @@ TEST_F(DeploymentTest, TheRingIsTheStartOrderUnlessTheFileSaysOtherwiseAndOffWit
   EXPECT_EQ(ring.misses, 3);
   EXPECT_EQ(ring.members, std::vector<std::string>{"timing"});
   const std::string begin = "deployment: x\n" + node;
-  EXPECT_NE(error_of(begin + "ring: {members: [ghost]}\n").find("'ghost' is none"), std::string::npos);
-  EXPECT_NE(error_of(begin + "ring: {members: [timing, timing]}\n").find("'timing' stands twice"),
+  EXPECT_NE(error_of(begin + "ring: {members: [ghost]}\n").find("'ghost' is not one"), std::string::npos);
+  EXPECT_NE(error_of(begin + "ring: {members: [timing, timing]}\n").find("'timing' appears twice"),
             std::string::npos);
   EXPECT_NE(
       error_of(begin + "ring: {first_wait_ms: 100, longest_wait_ms: 50}\n").find("at least first_wait_ms"),
@@ -93,7 +158,7 @@ TEST_F(DeploymentTest, VersionsOfTtcAndMaintenanceHaveToBeConfirmedUnlessTheFile
   EXPECT_THAT(load("ring: {members: [timing, ttc]}\n"), testing::ElementsAre("ttc"));
   EXPECT_THAT(load("ring: {confirmed: [timing]}\n"), testing::ElementsAre("timing"));
   EXPECT_THAT(load("ring: {confirmed: []}\n"), testing::IsEmpty());
-  EXPECT_NE(error_of(begin + "ring: {confirmed: [ghost]}\n").find("'ghost' is none"), std::string::npos);
+  EXPECT_NE(error_of(begin + "ring: {confirmed: [ghost]}\n").find("'ghost' is not one"), std::string::npos);
 }
 
 TEST_F(DeploymentTest, FlightNeedsEveryNodeUnlessTheFileSaysOtherwise) {

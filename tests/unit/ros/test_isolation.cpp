@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include "ros/isolation.hpp"
@@ -55,6 +57,19 @@ TEST(KnownParticipants, ThoseOfTheSameDeploymentAreOursAllOthersForeign) {
   EXPECT_TRUE(known.is_foreign(prefix(9))) << "never discovered";
   EXPECT_EQ(known.describe(prefix(3)), "'/' at 10.0.0.7 (010f00000000000000000003)");
   EXPECT_EQ(known.describe(prefix(9)), "unknown (010f00000000000000000009)");
+}
+
+TEST(KnownParticipants, MembersAreTheOtherNodesThatAreHere) {
+  KnownParticipants known(timing);
+  known.discovered(prefix(1), participant_user_data(timing), "/", "this process");
+  known.discovered(prefix(2), participant_user_data(SuiteIdentity{"sim", "ttc", 3}), "/", "127.0.0.1");
+  known.discovered(prefix(3), participant_user_data(SuiteIdentity{"other", "ttc", 3}), "/", "127.0.0.1");
+  known.discovered(prefix(4), participant_user_data(std::nullopt), "/", "127.0.0.1");
+  ASSERT_EQ(known.members().size(), 1U);
+  EXPECT_EQ(known.members()[0].prefix, prefix(2));
+  EXPECT_EQ(known.members()[0].identity, (SuiteIdentity{"sim", "ttc", 3}));
+  known.gone(prefix(2));
+  EXPECT_TRUE(known.members().empty());
 }
 
 TEST(KnownParticipants, WhoHasGoneIsStillKnownBecauseItsSamplesMayWait) {

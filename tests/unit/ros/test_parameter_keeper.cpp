@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <csignal>
 #include <memory>
@@ -155,7 +157,7 @@ TEST_F(Keeping, OneAtATime) {
   ASSERT_EQ(node->set("a", std::int64_t{4}), "");
   ASSERT_TRUE(node->submit({}));
   ASSERT_TRUE(node->keeper().to_write());
-  EXPECT_EQ(node->submit({}).error(), "another save is under way");
+  EXPECT_EQ(node->submit({}).error(), "another save is in progress");
   EXPECT_TRUE(node->submit({.operation = Operation::report}));
 }
 

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -63,6 +65,31 @@ TEST(ParameterSet, SaysWhyAChangeIsRefused) {
   EXPECT_EQ(set.set_atomically({{"a", std::int64_t{7}}})[0], "seven is taken");
 }
 
+TEST(ParameterSet, ARefusalIsShortHoweverLongTheValueOrTheName) {
+  ParameterSet set;
+  set.declare("mode", {std::string("safe"), std::nullopt, "", false, {"safe", "nominal"}});
+  set.declare("label", {std::string("x"), std::nullopt, ""});
+  set.declare("inputs", {std::vector<std::int64_t>{}, std::nullopt, ""});
+  set.set_check([](const std::string& name, const ParameterValue& value) -> Result<void, std::string> {
+    if (name != "label") return {};
+    return Err("not this one: " + std::get<std::string>(value));
+  });
+  const std::string text(200'000, 'x');
+  const auto refusal = [&](const std::string& name, const ParameterValue& value) {
+    const std::string why = set.set_atomically({{name, value}}).at(0);
+    EXPECT_FALSE(why.empty());
+    EXPECT_LE(why.size(), longest_refusal);
+    return why;
+  };
+  EXPECT_EQ(refusal(text, true), "parameter '" + std::string(61, 'x') + "...' has not been declared");
+  EXPECT_EQ(refusal("mode", text), "parameter 'mode': a text of 200000 octets is longer than 4096");
+  EXPECT_EQ(refusal("mode", std::string(4096, 'x')),
+            "parameter 'mode': '" + std::string(61, 'x') + "...' is not one of safe, nominal");
+  EXPECT_EQ(refusal("label", std::string(4096, 'x')).substr(0, 18), "not this one: xxxx");
+  EXPECT_EQ(refusal("inputs", std::vector<std::int64_t>(200'000)),
+            "parameter 'inputs': 200000 items are more than 1024");
+}
+
 TEST(ParameterSet, AStepAllowsItsMultiplesAndTheHighest) {
   ParameterSet set;
   set.declare("i", {std::int64_t{10}, ParameterRange{10, 25, 4}, ""});
@@ -70,7 +97,7 @@ TEST(ParameterSet, AStepAllowsItsMultiplesAndTheHighest) {
   set.declare("list", {std::vector<std::int64_t>{}, ParameterRange{0, 8, 2}, ""});
   for (const std::int64_t fine : {10, 14, 18, 22, 25}) EXPECT_EQ(set.set_atomically({{"i", fine}})[0], "");
   EXPECT_EQ(set.set_atomically({{"i", std::int64_t{24}}})[0],
-            "parameter 'i': 24 is not 10 and a multiple of 4");
+            "parameter 'i': 24 is not 10 plus a multiple of 4");
   for (const double fine : {0.1, 0.3, 0.7, 1.0}) EXPECT_EQ(set.set_atomically({{"d", fine}})[0], "");
   EXPECT_NE(set.set_atomically({{"d", 0.35}})[0], "");
   EXPECT_NE(set.set_atomically({{"d", std::nan("")}})[0], "");

@@ -1,7 +1,10 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "ros/request_book.hpp"
+#include "ros/service.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -131,6 +134,39 @@ TEST(RequestBook, AClientHasTimeToAppear) {
   EXPECT_THAT(book.drop_vanished(nobody, at(RequestBook::longest_to_match - milliseconds(1))),
               testing::IsEmpty());
   EXPECT_EQ(book.drop_vanished(nobody, at(RequestBook::longest_to_match)).size(), 1U);
+}
+
+SampleIdentity request_of(const GUID_t& client, std::int64_t number) {
+  SampleIdentity request;
+  request.writer_guid(client);
+  request.sequence_number(sequence_number(number));
+  return request;
+}
+
+TEST(RefusalQueue, NamesEveryLostRequestOfEveryClientOnceInOrder) {
+  GUID_t a;
+  a.entityId.value[0] = 1;
+  GUID_t b;
+  b.entityId.value[0] = 2;
+  RefusalQueue queue;
+  EXPECT_EQ(queue.add(a, 5, 4), 0U);
+  EXPECT_TRUE(queue.empty());
+  EXPECT_EQ(queue.add(a, 5, 6), 0U);
+  EXPECT_EQ(queue.add(a, 7, 7), 0U);
+  EXPECT_EQ(queue.add(b, 1, 1), 0U);
+  EXPECT_EQ(queue.take(), request_of(a, 5));
+  EXPECT_EQ(queue.take(), request_of(a, 6));
+  EXPECT_EQ(queue.take(), request_of(a, 7));
+  EXPECT_EQ(queue.take(), request_of(b, 1));
+  EXPECT_EQ(queue.take(), std::nullopt);
+}
+
+TEST(RefusalQueue, IsBoundedAndSaysWhatFoundNoRoom) {
+  RefusalQueue queue;
+  EXPECT_EQ(queue.add({}, 1, 1'000'000'000'000), 1'000'000'000'000U - 16'384U);
+  EXPECT_EQ(queue.take(), request_of({}, 1'000'000'000'000 - 16'383)) << "the newest are kept";
+  for (std::int64_t i = 1; i < 64; ++i) EXPECT_EQ(queue.add({}, 10 * i, 10 * i), 0U);
+  EXPECT_EQ(queue.add({}, 5000, 5009), 10U);
 }
 
 }  // namespace

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,6 +20,11 @@ TEST(BusyMachine, TheAdviceNamesTheUsersAndWhatToDo) {
           "the last 10 s",
           "the largest users of the CPUs (100 %: one CPU): cc1plus (8 processes) 170 %, ttc_node 10 %",
           HasSubstr("close some of these programs, or wait and try again")));
+}
+
+TEST(BusyMachine, ProgramsThatWaitAlthoughCpusAreFreeMakeItBusy) {
+  EXPECT_THAT(advice_on({64, 3.0, 0.93, {}}).front(), HasSubstr("the machine is busy"))
+      << "a quota, or pinned CPUs";
 }
 
 TEST(BusyMachine, AnIdleMachineIsNotToBlame) {

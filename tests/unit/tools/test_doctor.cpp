@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -19,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-const std::string key = std::string(64, 'a') + "\n";
+const std::string key = "b1946ac92492d2347c6235b4d2611184aaaa3d91e0f5c68729d410be7f33c25e\n";
 
 const std::string board = R"(deployment: board
 devices:
@@ -147,6 +149,7 @@ class DoctorTest : public testing::Test {
         "/dev/mmcblk0p1 / ext4 rw,relatime 0 0\ntmpfs /dev/shm tmpfs rw,nosuid,nodev 0 0\n"
         "cgroup2 /sys/fs/cgroup cgroup2 rw,nosuid 0 0\n");
     fs::create_directories(machine_.at("/dev/shm"));
+    fs::create_directories(machine_.at("/tmp"));
     fs::create_directories(machine_.at("/var/lib/srfs"));
   }
   void put_devices() {
@@ -251,6 +254,8 @@ TEST_F(DoctorTest, AKernelThatIsTooOldOrNotRealTimeIsNamedWithThePackageThatBrin
 TEST_F(DoctorTest, AKernelThatDoesNotTellWhoWaitsForACpuIsNamedWithTheConsequence) {
   EXPECT_EQ(finding("kernel.schedstat").verdict, Verdict::ok);
   EXPECT_EQ(finding("kernel.pressure").verdict, Verdict::ok);
+  put("/proc/self/schedstat", "0 0 0\n");
+  EXPECT_EQ(finding("kernel.schedstat").verdict, Verdict::warn) << "the file is there, the count is not";
   put("/proc/self/schedstat", "");
   remove("/proc/pressure");
   EXPECT_EQ(finding("kernel.schedstat").verdict, Verdict::warn);
@@ -286,7 +291,7 @@ TEST_F(DoctorTest, WhoMayNotGiveANodeItsPriorityIsToldWhichLimitGivesIt) {
   const Finding priority = finding("limit.rtprio");
   EXPECT_EQ(priority.verdict, Verdict::fail);
   EXPECT_EQ(priority.found, "0 of user sat");
-  EXPECT_THAT(priority.expected, HasSubstr("60, asked by timing"));
+  EXPECT_THAT(priority.expected, HasSubstr("60, needed by timing"));
   EXPECT_EQ(priority.command, "echo 'sat - rtprio 60' >> /etc/security/limits.d/60-srfs.conf");
   EXPECT_EQ(finding("limit.memlock").verdict, Verdict::fail);
   EXPECT_EQ(finding("limit.nice").verdict, Verdict::ok) << "no node asks for less than 0";
@@ -330,7 +335,7 @@ TEST_F(DoctorTest, ADeviceThatIsMissingOrNoDeviceFails) {
   EXPECT_EQ(finding("device.gps_pulse").verdict, Verdict::fail);
   EXPECT_THAT(finding("device.gps_pulse").found, HasSubstr("ENOENT"));
   files_["/dev/video0"].mode = S_IFREG | 0660;
-  EXPECT_THAT(finding("device.camera").found, HasSubstr("no character device"));
+  EXPECT_THAT(finding("device.camera").found, HasSubstr("not a character device"));
   remove("/sys/bus/gpio");
   EXPECT_EQ(finding("device.gpio").verdict, Verdict::unknown) << "there, but nobody says what it is";
   std::string yaml = board;
@@ -437,6 +442,53 @@ TEST_F(DoctorTest, WhatAKilledSuiteLeftInMemoryIsToldFromASuiteThatRuns) {
       << "its process might be the one that is not seen";
 }
 
+TEST_F(DoctorTest, AFolderInMemoryOrOfLocksThatSomebodyElseMadeIsNotThisSuites) {
+  const std::string own = ros::VarPaths{"/var/lib/srfs"}.memory();
+  for (const auto& [check, folder] : {std::pair<std::string, std::string>("memory.suites", own),
+                                      {"network.domains", "/tmp/srfs_domains_0"}}) {
+    fs::create_directories(machine_.at(folder));
+    files_[folder] = {S_IFDIR | 0700, 0, 0};
+    EXPECT_LT(finding(check).verdict, Verdict::fail) << check;
+    files_[folder] = {S_IFDIR | 0700, 1000, 1000};
+    EXPECT_EQ(finding(check).verdict, Verdict::fail) << check;
+    EXPECT_EQ(finding(check).found, folder + ": belongs to user sat");
+    EXPECT_EQ(finding(check).command, "rm -r " + folder);
+    files_[folder] = {S_IFDIR | 0777, 0, 0};
+    EXPECT_EQ(finding(check).found, folder + ": others may write to it");
+    files_.erase(folder);
+    remove(folder);
+    fs::create_directories(machine_.at("/root_s"));
+    fs::create_directory_symlink(machine_.at("/root_s"), machine_.at(folder));
+    EXPECT_EQ(finding(check).found, folder + ": is a symbolic link");
+    remove(folder);
+  }
+}
+
+TEST_F(DoctorTest, ALineOfHardwareNeedsSecurityAndKeysThatNobodyKnows) {
+  const fs::path path = "/var/lib/srfs/keys/up.key";
+  EXPECT_EQ(finding("key.up.key").verdict, Verdict::ok);
+  for (const std::string& known :
+       {std::string(64, '0'),
+        std::string("000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f")}) {
+    put(path, known + "\n");
+    EXPECT_EQ(finding("key.up.key").verdict, Verdict::fail);
+    EXPECT_THAT(finding("key.up.key").found, HasSubstr("publicly known"));
+    EXPECT_THAT(finding("key.up.key").command, HasSubstr("openssl rand"));
+  }
+  put("/var/lib/srfs/keys/package.pub", "d75a980182b10ab7d54bfed3c964073a0ee172f3daa62325af021a68f707511a\n");
+  EXPECT_EQ(finding("key.package.pub").verdict, Verdict::fail);
+
+  std::string open = board;
+  const std::string secured = "{vc: 0, security: sdls, spi: 1, key_file: keys/up.key}";
+  open.replace(open.find(secured), secured.size(), "{vc: 1, security: none}");
+  EXPECT_EQ(finding("link.security", open).verdict, Verdict::fail);
+  EXPECT_THAT(finding("link.security", open).found, HasSubstr("TC virtual channel 1 has no security"));
+  const std::string line = "serial:/dev/ttyS3";
+  open.replace(open.find(line), line.size(), "serial:run/rs422_obc");
+  EXPECT_EQ(finding("link.security", open).verdict, Verdict::note) << "hw_sim's line";
+  EXPECT_EQ(finding("key.package.pub", open).verdict, Verdict::fail) << "also in a simulation";
+}
+
 TEST_F(DoctorTest, ADiskThatIsSmallReadOnlyOrForgetsIsNamed) {
   room_.free_octets = 1U << 30;
   EXPECT_EQ(finding("disk.room").verdict, Verdict::warn);
@@ -496,7 +548,7 @@ TEST_F(DoctorTest, AKeyIsThereIsOneAndNobodyElseMayReadIt) {
   EXPECT_EQ(finding("key.up.key").command, "chmod 600 /var/lib/srfs/keys/up.key");
   files_[path].mode = S_IFREG | 0600;
   put(path, "not a key\n");
-  EXPECT_THAT(finding("key.up.key").found, HasSubstr("is no key"));
+  EXPECT_THAT(finding("key.up.key").found, HasSubstr("is not a key"));
   remove(path);
   files_.erase(path);
   EXPECT_THAT(finding("key.up.key").command, HasSubstr("umask 077; openssl rand -hex 32"));

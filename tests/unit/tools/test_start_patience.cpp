@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include "tools/srfs/start_patience.hpp"
@@ -11,17 +13,23 @@ constexpr seconds deadline{15};
 
 class StartPatienceTest : public testing::Test {
  protected:
-  /// The awaited nodes look like this for a time, in which `cpu` of each grows by @p share of it.
-  void pass(nanoseconds time, State state, double share = 0, pid_t pid = 7) {
+  /// The awaited nodes look like this for a time, in which `cpu` of each grows by @p share of it, and
+  /// `waited` by @p waiting.
+  void pass(nanoseconds time, State state, double share = 0, pid_t pid = 7, double waiting = 0) {
     constexpr milliseconds step{100};
+    const auto of_step = [&](double part) {
+      return nanoseconds(static_cast<std::int64_t>(part * static_cast<double>(nanoseconds(step).count())));
+    };
     for (nanoseconds passed{0}; passed < time; passed += step) {
       now_ += step;
-      cpu_ += nanoseconds(static_cast<std::int64_t>(share * static_cast<double>(nanoseconds(step).count())));
-      patience_.on_readings({{"ttc", pid, state, cpu_}}, now_);
+      cpu_ += of_step(share);
+      waited_ += of_step(waiting);
+      patience_.on_readings({{"ttc", pid, state, cpu_, waited_}}, now_);
     }
   }
   MonotonicTime now_{seconds(100)};
   nanoseconds cpu_{0};
+  nanoseconds waited_{0};
   StartPatience patience_{deadline, now_};
 };
 
@@ -60,6 +68,21 @@ TEST_F(StartPatienceTest, ANodeThatWorksAndDoesNotAnswerMakesNoProgress) {
   EXPECT_TRUE(patience_.is_over());
 }
 
+TEST_F(StartPatienceTest, TimeThatAnActiveNodeWaitsForACpuIsNotHeldAgainstIt) {
+  pass(3 * deadline, State::active, 1, 7, 0.9);
+  EXPECT_FALSE(patience_.is_over());
+  pass(deadline, State::active, 0.1);
+  EXPECT_TRUE(patience_.is_over()) << "it has CPUs now, and does not answer";
+}
+
+TEST(PatienceWithGone, IsThatOfTheRestarterWhichSpacesStartsUnderPressure) {
+  EXPECT_EQ(patience_with_gone(false, 0.9, deadline), nanoseconds(0)) << "nobody starts it again";
+  EXPECT_EQ(patience_with_gone(true, 0.1, deadline), seconds(4));
+  EXPECT_EQ(patience_with_gone(true, std::nullopt, deadline), seconds(4));
+  EXPECT_EQ(patience_with_gone(true, 0.9, deadline), deadline);
+  EXPECT_EQ(patience_with_gone(true, 0.9, seconds(1)), seconds(4));
+}
+
 TEST_F(StartPatienceTest, ANodeThatDoesNotRunMakesNoProgress) {
   pass(deadline, State::unknown, 0, 0);
   EXPECT_TRUE(patience_.is_over());
@@ -79,7 +102,7 @@ TEST_F(StartPatienceTest, AProcessThatReplacesAnotherBeginsAnewTwice) {
 TEST_F(StartPatienceTest, OneNodeWithProgressIsEnough) {
   for (int i = 1; i <= 100; ++i) {
     patience_.on_readings(
-        {{"ttc", 7, State::unconfigured, {}}, {"timing", 8, State::unknown, milliseconds(i)}},
+        {{"ttc", 7, State::unconfigured, {}, {}}, {"timing", 8, State::unknown, milliseconds(i), {}}},
         now_ + i * seconds(1));
   }
   EXPECT_FALSE(patience_.is_over());

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <csignal>
 
@@ -60,6 +62,18 @@ TEST(BuildPlanTest, CompilesEachSourceWithTheOptionsAndLinksAllObjects) {
 TEST(BuildPlanTest, ThePrecompiledHeaderComesFirstInEverySource) {
   const BuildPlan plan = plan_build(installation, {"main.cpp"}, {}, "/w", "/h/node.hpp");
   EXPECT_TRUE(has(plan.compile[0].words, "/h/node.hpp"));
+}
+
+TEST(BuildPlanTest, FortifyIsTakenBackWhereNothingIsOptimised) {
+  const auto takes_it_back = [](const std::vector<std::string>& options) {
+    return has(plan_build(installation, {"a.cpp"}, options, "/w", std::nullopt).compile[0].words,
+               "-U_FORTIFY_SOURCE");
+  };
+  EXPECT_FALSE(takes_it_back({"-O2"}));
+  EXPECT_FALSE(takes_it_back({"-O0", "-Os", "-g"}));
+  EXPECT_TRUE(takes_it_back({"-O2", "-O0"}));
+  EXPECT_TRUE(takes_it_back({"-g"}));
+  EXPECT_TRUE(takes_it_back({}));
 }
 
 TEST(MakeRuleTest, ListsTheFiles) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/package.hpp"
 
 #include <filesystem>
@@ -357,7 +359,7 @@ TEST_F(CompressedPackageTest, ThatIsABombIsRefusedWithoutItsMemory) {
   const auto verified = verify(package());
   ASSERT_FALSE(verified);
   EXPECT_EQ(verified.error().refusal, PackageRefusal::bad_stream);
-  EXPECT_EQ(verified.error().detail, "it gives more than the files' octets");
+  EXPECT_EQ(verified.error().detail, "it expands to more octets than the files have");
 
   // One that says how much it is: above the limit for all files, before anything is expanded.
   manifest["files"] = Json::array();
@@ -465,6 +467,33 @@ TEST(MadePackage, IsRefusedForWhatTheSpacecraftWouldRefuse) {
   EXPECT_EQ(refusal(bad, contents), PackageRefusal::bad_manifest);
   EXPECT_EQ(refusal(good, {}), PackageRefusal::wrong_size);
   EXPECT_EQ(refusal(good, {Octets(PackageLimits::file_octets + 1)}), PackageRefusal::too_large);
+}
+
+TEST_F(PackageTest, WithAKeyTwiceInOneObjectIsRefusedAndNamesIt) {
+  manifest["kind"] = "new";
+  manifest["deployment"] = {{"name", "a"}, {"parameters", {{"rate", 1}}}};
+  manifest["slot"] = {{"allotted_ms", 5}, {"overrun_ms", 1}, {"reset_ms", 1}, {"after", "payload_eps"}};
+  const std::string good = manifest.dump();
+  ASSERT_TRUE(decode_manifest(good)) << "the same key in two objects is fine";
+  const auto doubled = [&](const std::string& first, const std::string& second) {
+    std::string text = good;
+    const auto at = text.find(first);
+    EXPECT_NE(at, std::string::npos) << first;
+    return text.insert(at, second + ",");
+  };
+  const std::vector<std::tuple<std::string, std::string, std::string>> cases{
+      {R"("node":)", R"("node":"ttc")", "node"},    {R"("counter":)", R"("counter":7)", "counter"},
+      {R"("path":)", R"("path":"../x")", "path"},   {R"("rate":)", R"("rate":2)", "rate"},
+      {R"("after":)", R"("after":"ttc")", "after"}, {R"("kind":)", R"("k\u0069nd":"replace")", "kind"}};
+  for (const auto& [first, second, key_told] : cases) {
+    const auto refused = decode_manifest(doubled(first, second));
+    ASSERT_FALSE(refused) << second;
+    EXPECT_EQ(refused.error().refusal, PackageRefusal::bad_manifest);
+    EXPECT_EQ(refused.error().detail, key_told + " appears twice");
+  }
+  const auto rude = decode_manifest("{\"\x1b\":1,\"\x1b\":2}");
+  EXPECT_FALSE(rude);
+  EXPECT_EQ(decode_manifest(R"({"\u001b[2J":1,"\u001b[2J":2})").error().detail, "?[2J appears twice");
 }
 
 TEST_F(PackageTest, OfDeepNestingIsRefusedWithoutHarm) {

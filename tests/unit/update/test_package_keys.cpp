@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "update/package_keys.hpp"
 
 #include <filesystem>
@@ -41,7 +43,7 @@ TEST_F(PackageKeysTest, NeverTakeTheirPlaceFromWhatIsThere) {
   ASSERT_TRUE(save_new_seed(seed_file, SigningSeed{1}));
   const auto again = save_new_seed(seed_file, SigningSeed{2});
   ASSERT_FALSE(again);
-  EXPECT_THAT(again.error().message, HasSubstr("is there already"));
+  EXPECT_THAT(again.error().message, HasSubstr("exists already"));
   EXPECT_EQ(load_seed(seed_file), SigningSeed{1});
   std::filesystem::create_symlink(folder.path() / "elsewhere", public_file);
   EXPECT_FALSE(save_new_public_key(public_file, PublicKey{1}));

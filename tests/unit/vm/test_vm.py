@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """tools/vm/vm.py without a virtual machine: the cache of the kernel, and what is said of a guest that does not end well."""
 
 import argparse

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <optional>
@@ -66,13 +68,17 @@ TEST(CltuDecoder, ACltuCutAnywhereDoesNotTakeTheNextOneWithIt) {
   const Octets first = encode_cltu(frame_of(40, 1), false);
   const Octets second_frame = frame_of(25, 2);
   for (const bool correct : {false, true}) {
-    for (std::size_t length = 1; length < first.size() - 8; ++length) {
-      CltuDecoder decoder({.correct_single_bits = correct});
-      auto frames = decoder.push(cut(first, length) + encode_cltu(second_frame, false), start);
-      for (Octets& late : decoder.on_idle(start + seconds(1))) frames.push_back(std::move(late));
-      // The last blocks of the first frame may be whole with only fill missing.
-      ASSERT_FALSE(frames.empty()) << length;
-      ASSERT_EQ(frames.back(), second_frame) << length;
+    for (const bool wrong_bit : {false, correct}) {
+      Octets second = encode_cltu(second_frame, false);
+      second[1] ^= wrong_bit ? 0x10 : 0;
+      for (std::size_t length = 1; length < first.size() - 8; ++length) {
+        CltuDecoder decoder({.correct_single_bits = correct});
+        auto frames = decoder.push(cut(first, length) + second, start);
+        for (Octets& late : decoder.on_idle(start + seconds(1))) frames.push_back(std::move(late));
+        // The last blocks of the first frame may be whole with only fill missing.
+        ASSERT_FALSE(frames.empty()) << length;
+        ASSERT_EQ(frames.back(), second_frame) << length;
+      }
     }
   }
 }
@@ -128,6 +134,60 @@ TEST(CltuDecoder, RejectsOneWrongBitOrCorrectsItAsConfigured) {
     EXPECT_EQ(frames[0], frame);
     EXPECT_EQ(correcting.counters().corrected_bits, filler ? 0U : 1U);
   }
+}
+
+TEST(CltuDecoder, OneWrongBitOfTheStartSequenceIsToleratedWhereBlocksAreCorrected) {
+  const Octets frame = frame_of(20);
+  const Octets good = encode_cltu(frame, false);
+  for (unsigned bit = 0; bit < 16; ++bit) {
+    Octets line = good;
+    line[bit / 8] ^= static_cast<std::uint8_t>(0x80U >> bit % 8);
+    for (const std::size_t piece : {std::size_t{1}, line.size()}) {
+      CltuDecoder correcting({.correct_single_bits = true});
+      std::vector<Octets> frames;
+      for (OctetView rest(line); !rest.empty(); rest = rest.subspan(std::min(piece, rest.size()))) {
+        for (Octets& found : correcting.push(rest.first(std::min(piece, rest.size())), start))
+          frames.push_back(std::move(found));
+      }
+      ASSERT_EQ(frames.size(), 1U) << bit;
+      EXPECT_EQ(frames[0], frame);
+      EXPECT_EQ(correcting.counters().corrected_bits, 1U);
+      EXPECT_EQ(correcting.counters().noise_octets, 0U);
+    }
+    CltuDecoder detecting({.correct_single_bits = false});
+    EXPECT_TRUE(detecting.push(line, start).empty()) << bit;
+    for (unsigned other = bit + 1; other < 16; ++other) {
+      Octets twice = line;
+      twice[other / 8] ^= static_cast<std::uint8_t>(0x80U >> other % 8);
+      CltuDecoder correcting({.correct_single_bits = true});
+      EXPECT_TRUE(correcting.push(twice, start).empty()) << bit << ' ' << other;
+    }
+  }
+}
+
+TEST(CltuDecoder, CltusWithAWrongBitInEachBlockAndStartComeThroughNoiseAndOneAfterTheOther) {
+  std::mt19937 random(11);
+  CltuDecoder decoder({.correct_single_bits = true});
+  std::vector<Octets> sent;
+  std::vector<Octets> received;
+  const auto push = [&](const Octets& octets) {
+    for (Octets& found : decoder.push(octets, start)) received.push_back(std::move(found));
+  };
+  for (int i = 0; i < 2000; ++i) {
+    Octets noise(random() % 3 == 0 ? random() % 40 : 0);
+    for (std::uint8_t& octet : noise) octet = static_cast<std::uint8_t>(random());
+    push(noise);
+    sent.push_back(frame_of(1 + random() % 60, static_cast<std::uint8_t>(i)));
+    Octets line = encode_cltu(sent.back(), false);
+    line[random() % 2] ^= static_cast<std::uint8_t>(1U << random() % 8);
+    for (std::size_t block = 2; block + 8 <= line.size() - 8; block += 8) {
+      const std::size_t bit = random() % 63;  // the filler bit is no bit of the code
+      line[block + bit / 8] ^= static_cast<std::uint8_t>(0x80U >> bit % 8);
+    }
+    push(line);
+  }
+  for (Octets& late : decoder.on_idle(start + seconds(1))) received.push_back(std::move(late));
+  EXPECT_EQ(received, sent);
 }
 
 TEST(CltuDecoder, TwoWrongBitsInABlockAreNeverCorrected) {

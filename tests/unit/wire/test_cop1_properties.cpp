@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 // FOP-1 against FARM-1 over a line that loses, delays and doubles frames in both directions. A line is a
 // line: what it carries does not overtake.
 #include <algorithm>

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """The XTCE file against the flight code's encoders: values and octets, for every packet and telecommand of the dictionary."""
 
 import json
@@ -158,7 +160,7 @@ class XtceTest(unittest.TestCase):
             self.assertEqual(compared, concrete if name == "flying" else concrete - reports)
             structures = [s for s in dictionary.structures if s["kind"] in ("housekeeping", "report")]
             self.assertEqual(len(concrete - reports), len(structures) + len(dictionary.events) + len(dictionary.parameters))
-            self.assertEqual(len(reports), 13)
+            self.assertEqual(len(reports), 14)
             for process in dictionary.apids:
                 self.assertTrue(any(s.get("name") == process["name"] and f"APID {process['apid']}:" in s.get("shortDescription")
                                     for s in self.database[name].root), f"{root}/{process['name']}")
@@ -287,11 +289,11 @@ class XtceTest(unittest.TestCase):
 
 
 class YamcsConfigurationTest(unittest.TestCase):
-    """The folder docs/yamcs agrees with the deployment it is for and with the files ./run xtce writes."""
+    """The folder docs/how-to/yamcs agrees with the deployment it is for and with the files ./run xtce writes."""
 
     @classmethod
     def setUpClass(cls):
-        folder = ROOT / "docs/yamcs/etc"
+        folder = ROOT / "docs/how-to/yamcs/etc"
         cls.instance = yaml.safe_load((folder / "yamcs.srfs.yaml").read_text())
         cls.server = yaml.safe_load((folder / "yamcs.yaml").read_text())
         cls.processor = yaml.safe_load((folder / "processor.yaml").read_text())

@@ -1,3 +1,5 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """A small interpreter of XTCE 1.2 that knows nothing but the file: decodes packets by its containers, encodes its commands.
 
 Only what the file at hand uses is here; anything else is an error, not ignored.

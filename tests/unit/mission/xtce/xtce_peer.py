@@ -1,4 +1,6 @@
 #!/usr/bin/python3
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
 """Writes the C++ source of the peer: a program that makes packets of every structure, event and telecommand of a dictionary
 with the encoders of the flight code, and says what stands in them.
 

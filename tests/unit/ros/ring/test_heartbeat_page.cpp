@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include <fstream>
 
 #include <gtest/gtest.h>
@@ -49,11 +51,27 @@ TEST_F(HeartbeatPageTest, KeepsTheLastWordsOfAProcessUntilItsSuccessorBegins) {
 }
 
 TEST_F(HeartbeatPageTest, AFileThatIsNoPageIsNotReadAndIsReplaced) {
-  std::filesystem::create_directories(var_.memory());
+  ASSERT_TRUE(HeartbeatPage::create(var_, "adcs", 1));  // makes the folder
   std::ofstream(var_.memory() / "eps.heartbeat") << "short";
   EXPECT_FALSE(HeartbeatPage::read(var_, "eps"));
   EXPECT_TRUE(HeartbeatPage::create(var_, "eps", 1));
   EXPECT_TRUE(HeartbeatPage::read(var_, "eps"));
+}
+
+TEST_F(HeartbeatPageTest, IsNotMadeInAFolderThatSomebodyElseMadeFirstNorReadFromThere) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root";
+  const pid_t child = fork();
+  if (child == 0) {
+    if (setgid(65534) != 0 || setuid(65534) != 0) _exit(1);
+    _exit(HeartbeatPage::create(var_, "eps", 1) ? 0 : 1);  // the other user's suite has the name
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  ASSERT_EQ(status, 0);
+  EXPECT_FALSE(HeartbeatPage::read(var_, "eps"));
+  const auto page = HeartbeatPage::create(var_, "eps", 2);
+  ASSERT_FALSE(page);
+  EXPECT_EQ(page.error(), var_.memory().string() + ": belongs to user 65534, so it is not used");
 }
 
 TEST_F(HeartbeatPageTest, TwoDeploymentsDoNotShareAPageAndTwoNamesOfOneFolderDo) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/membership.hpp"
 
 #include <cstdlib>
@@ -80,14 +82,14 @@ TEST_F(RingMembership, LeavesStrangersOut) {
   put(to_text({3, {"a", "nobody", "c"}}));
   const auto reading = read();
   EXPECT_EQ(reading.membership, (Membership{3, {"a", "c"}}));
-  EXPECT_THAT(reading.problems, ElementsAre(HasSubstr("'nobody' is no node of the deployment")));
+  EXPECT_THAT(reading.problems, ElementsAre(HasSubstr("'nobody' is not a node of the deployment")));
 }
 
 TEST_F(RingMembership, CountsTheFirstPlaceOfADuplicate) {
   put(to_text({3, {"b", "a", "b", "c"}}));
   const auto reading = read();
   EXPECT_EQ(reading.membership, (Membership{3, {"b", "a", "c"}}));
-  EXPECT_THAT(reading.problems, ElementsAre(HasSubstr("'b' stands twice")));
+  EXPECT_THAT(reading.problems, ElementsAre(HasSubstr("'b' appears twice")));
 }
 
 TEST_F(RingMembership, MayHaveOneMemberOrNone) {

@@ -1,3 +1,5 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
 #include "ros/ring/ring_monitor.hpp"
 
 #include <algorithm>
@@ -479,6 +481,20 @@ TEST_F(RingMonitorTest, AccusesWhoWantsAllCpusTwoSecondsLong) {
   EXPECT_THAT(accused(), ElementsAre("b: taking the CPUs"));
 }
 
+TEST_F(RingMonitorTest, AccusesWhoWantsAllCpusAlsoWhenItGetsHardlyOneItself) {
+  round();
+  Footprint footprint;
+  footprint.busy_threads_cap = 2;
+  footprint.busy_threads = 8;
+  monitor_->on_footprint("b", 101, footprint, now_);
+  drain();
+  round(seconds(1));  // late, and not for want of a CPU
+  EXPECT_EQ(monitor_->counters().void_rounds, 1U);
+  monitor_->on_footprint("b", 101, footprint, now_);
+  drain();
+  EXPECT_THAT(accused(), ElementsAre("b: taking the CPUs"));
+}
+
 TEST_F(RingMonitorTest, AccusesNobodyWhoLeavesACpuOrGivesWayToAllOthers) {
   round();
   Footprint footprint;
@@ -520,6 +536,16 @@ TEST_F(RingMonitorTest, ExitsWhenItHasNotHeardItselfForTwiceTheMisses) {
   rounds(5);
   EXPECT_EQ(exits_, 1);
   EXPECT_THAT(accusations_, IsEmpty());
+}
+
+TEST_F(RingMonitorTest, ANodeThatWaitedForACpuBetweenItsRoundsDoesNotTakeItselfForDeaf) {
+  rounds(3);
+  hang("b");
+  hears_itself_ = false;
+  for (int i = 0; i < 100; ++i) round(nanoseconds(0), milliseconds(80));
+  EXPECT_EQ(exits_, 0) << "its timer came in time, and it had no time for more";
+  for (int i = 0; i < 20; ++i) round();
+  EXPECT_EQ(exits_, 1) << "with a CPU it is deaf";
 }
 
 TEST_F(RingMonitorTest, DoesNotExitForSelfChecksThatFailNowAndThen) {
@@ -568,12 +594,12 @@ TEST_F(RingMonitorTest, JudgesNobodyWhenItWasItselfStoppedBetweenTimerAndAnswer)
 TEST_F(RingMonitorTest, KillsNobodyWhenAllWereStoppedAndGoOn) {
   rounds(3);
   for (int i = 0; i < 100; ++i) {
-    // Stopped in the middle of a round, for anything from one period to a minute; the downstream goes on
-    // later.
+    // Stopped in the middle of a round, for anything from one period to a minute, and then for an hour (a
+    // virtual machine that was paused); the downstream goes on later.
     others_["b"].answers = false;
     others_["b"].turns = false;
     round();
-    round(milliseconds(60) + milliseconds(600) * i);
+    round(i == 99 ? nanoseconds(std::chrono::hours(1)) : milliseconds(60) + milliseconds(600) * i);
     round();
     others_["b"].answers = true;
     others_["b"].turns = true;

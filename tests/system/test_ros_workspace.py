@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""msgs/srfs_msgs as a package of a ROS 2 workspace: it names what its interfaces use, and Debian's rosidl generators build it.
+
+Debian has the generators and not ROS 2's own interface packages: those are made here of msgs/interfaces, each installed into a folder of its own, and a
+package finds only those that its package.xml names, as with colcon.
+"""
+
+import re
+import shutil
+import tempfile
+import unittest
+import xml.etree.ElementTree
+from pathlib import Path
+
+from rosidl_adapter.parser import parse_action_file, parse_message_file, parse_service_file
+from support import ROOT, run
+
+OURS = ROOT / "msgs/srfs_msgs"
+STANDARD = ROOT / "msgs/interfaces"
+NO_INTERFACES = {"ament_cmake", "rosidl_default_generators", "rosidl_default_runtime"}
+
+PACKAGE_XML = """<package format="3">
+  <name>{name}</name>
+  <version>0.0.0</version>
+  <description>Made for a test.</description>
+  <maintainer email="maintainers@srfs.invalid">SRFS maintainers</maintainer>
+  <license>Apache-2.0</license>
+  <buildtool_depend>ament_cmake</buildtool_depend>
+  <buildtool_depend>rosidl_default_generators</buildtool_depend>
+  {depends}
+  <member_of_group>rosidl_interface_packages</member_of_group>
+</package>
+"""
+CMAKE = """cmake_minimum_required(VERSION 3.8)
+project({name})
+find_package(ament_cmake REQUIRED)
+foreach(package {depends})
+  find_package(${{package}} REQUIRED)
+endforeach()
+find_package(rosidl_default_generators REQUIRED)
+file(GLOB interfaces RELATIVE ${{CMAKE_CURRENT_SOURCE_DIR}} msg/*.msg srv/*.srv action/*.action)
+rosidl_generate_interfaces(${{PROJECT_NAME}} ${{interfaces}} DEPENDENCIES {depends})
+ament_package()
+"""
+# Debian has no rosidl_default_generators, which is but a list of generators.
+GENERATORS = "".join(f"find_package({name} REQUIRED)\n" for name in ("ament_cmake", "rosidl_cmake", "rosidl_generator_c", "rosidl_generator_cpp"))
+
+USER_CMAKE = """cmake_minimum_required(VERSION 3.8)
+project(user CXX)
+set(CMAKE_CXX_STANDARD 17)
+find_package(srfs_msgs REQUIRED)
+add_library(user STATIC user.cpp)
+target_link_libraries(user PRIVATE srfs_msgs::srfs_msgs__rosidl_generator_cpp)
+"""
+
+
+def messages_of(package):
+    """What the package's files define, parsed by rosidl's own parser."""
+    name = package.name
+    for file in sorted(package.glob("msg/*.msg")):
+        yield parse_message_file(name, str(file))
+    for file in sorted(package.glob("srv/*.srv")):
+        service = parse_service_file(name, str(file))
+        yield from (service.request, service.response)
+    for file in sorted(package.glob("action/*.action")):
+        action = parse_action_file(name, str(file))
+        yield from (action.goal, action.result, action.feedback)
+
+
+def packages_used_by(package):
+    used = {field.type.pkg_name for message in messages_of(package) for field in message.fields} - {None, package.name}
+    if list(package.glob("action/*.action")):
+        used.add("action_msgs")  # of the services and topics of an action
+    return used
+
+
+def depends_of(package):
+    tree = xml.etree.ElementTree.parse(package / "package.xml")
+    return {element.text for tag in ("depend", "build_depend") for element in tree.iter(tag)} - NO_INTERFACES
+
+
+class InterfacePackageTest(unittest.TestCase):
+    def test_both_files_name_the_packages_that_the_interfaces_use(self):
+        used = packages_used_by(OURS)
+        self.assertLessEqual({"builtin_interfaces", "rcl_interfaces", "action_msgs"}, used)
+        cmake = (OURS / "CMakeLists.txt").read_text()
+        found = set(re.findall(r"find_package\((\w+)", cmake)) - NO_INTERFACES
+        (dependencies,) = re.findall(r"rosidl_generate_interfaces\([^)]* DEPENDENCIES ([^)]*)\)", cmake)
+        self.assertEqual(found, used)
+        self.assertEqual(set(dependencies.split()), used)
+        self.assertEqual(depends_of(OURS), used)
+
+
+class WorkspaceTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = Path(folder.name)
+        for name, text in (("rosidl_default_generators", GENERATORS), ("rosidl_default_runtime", "")):
+            config = cls.folder / "install/ros" / "share" / name / "cmake" / f"{name}Config.cmake"
+            config.parent.mkdir(parents=True)
+            config.write_text(text)
+
+    def prefixes_of(self, package):
+        """Folders of what the package names, and of what that names."""
+        found = set()
+        waiting = depends_of(package)
+        while waiting:
+            name = waiting.pop()
+            if name not in found:
+                found.add(name)
+                waiting |= depends_of(self.build_standard(name))
+        return [self.folder / "install" / name for name in ("ros", *sorted(found))]
+
+    def build_standard(self, name):
+        """The package's folder; built and installed once."""
+        package = self.folder / "src" / name
+        if not package.exists():
+            shutil.copytree(STANDARD / name, package)
+            depends = sorted(packages_used_by(package))
+            (package / "package.xml").write_text(PACKAGE_XML.format(name=name, depends="".join(f"<depend>{d}</depend>" for d in depends)))
+            (package / "CMakeLists.txt").write_text(CMAKE.format(name=name, depends=" ".join(depends)))
+            self.build(package)
+        return package
+
+    def build(self, package):
+        build = self.folder / "build" / package.name
+        prefixes = ";".join(map(str, self.prefixes_of(package)))
+        run("cmake", "-S", package, "-B", build, "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DPython3_EXECUTABLE=/usr/bin/python3",
+            f"-DCMAKE_INSTALL_PREFIX={self.folder / 'install' / package.name}", "-DBUILD_TESTING=OFF")  # fmt: skip
+        run("cmake", "--build", build)
+        run("cmake", "--install", build)
+
+    def test_debians_generators_build_it_and_a_program_can_use_every_interface(self):
+        package = self.folder / "src" / OURS.name
+        shutil.copytree(OURS, package)
+        self.build(package)
+        installed = self.folder / "install/srfs_msgs"
+        headers = sorted(p.relative_to(installed / "include/srfs_msgs") for p in installed.glob("include/srfs_msgs/srfs_msgs/*/*.hpp"))
+        interfaces = [p for p in OURS.rglob("*") if p.suffix in (".msg", ".srv", ".action")]
+        self.assertEqual(len(headers), len(interfaces))
+
+        user = self.folder / "user"
+        user.mkdir()
+        (user / "user.cpp").write_text(
+            "".join(f"#include <{header}>\n" for header in headers)
+            + "srfs_msgs::action::CaptureImage::Impl::SendGoalService::Request goal;\n"
+            + "rcl_interfaces::msg::Parameter first(const srfs_msgs::srv::SaveParameters::Request& r) { return r.values.front(); }\n"
+        )
+        (user / "CMakeLists.txt").write_text(USER_CMAKE)
+        prefixes = ";".join(map(str, [installed, *self.prefixes_of(package)]))
+        run("cmake", "-S", user, "-B", self.folder / "build/user", "-G", "Ninja", f"-DCMAKE_PREFIX_PATH={prefixes}", "-DPython3_EXECUTABLE=/usr/bin/python3")
+        run("cmake", "--build", self.folder / "build/user")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,32 @@
+# SPDX-FileCopyrightText: 2026 SRFS contributors
+# SPDX-License-Identifier: Apache-2.0
+"""The deployments that campaigns fly."""
+
+import pathlib
+import sys
+import tempfile
+import unittest
+
+import yaml
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+sys.path[:0] = [str(ROOT / "tests/campaign"), str(ROOT / "tools/demo")]
+
+import faults  # noqa: E402
+
+
+class Deployment(unittest.TestCase):
+    def test_with_real_time_rights_no_node_keeps_a_niceness_or_gives_way(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            for name in ("sim", "fencing"):
+                base = ROOT / "launch_config" / f"{name}.yaml"
+                self.assertIn("background: true", base.read_text())
+                wrappers = faults.Wrappers(folder / "bin", folder, folder / "none.so")
+                file = wrappers.deployment(base, folder / "deployment.yaml", realtime=True)
+                for node in yaml.safe_load(file.read_text())["nodes"]:
+                    self.assertEqual(node["scheduling"], {"policy": "fifo", "priority": faults.NODE_PRIORITY, "cpus": []}, f"{name}: {node['name']}")
+
+
+if __name__ == "__main__":
+    unittest.main()
