@@ -8,6 +8,7 @@
 #include <charconv>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -183,6 +184,8 @@ namespace {
 constexpr int highest_domain = 101;
 constexpr unsigned first_dds_port = 7400;  // OMG DDSI-RTPS 9.6.1.1
 constexpr unsigned dds_ports_of_a_domain = 250;
+constexpr int share_attempts = 20;
+constexpr milliseconds share_pause{5};
 
 std::filesystem::path domain_file(int domain) {
   return fmt::format("/tmp/srfs_domains_{}/{}", geteuid(), domain);
@@ -256,19 +259,30 @@ Result<DomainLock, std::string> DomainLock::allocate(std::optional<int> wanted, 
 }
 
 Result<DomainLock, std::string> DomainLock::share(int domain, const std::string& suite) {
-  // A domain that has no holder any more is taken, not shared.
-  if (auto free = lock_domain(domain, LOCK_EX)) {
-    DomainLock lock(domain, std::move(*free));
-    lock.sign(suite);
-    lock.downgrade();
-    return lock;
+  std::string problem;
+  // A holder that has it alone is signing it, or another suite is about to fly in it: asked a few times.
+  for (int attempt = 0; attempt < share_attempts; ++attempt) {
+    if (attempt > 0) std::this_thread::sleep_for(share_pause);
+    auto fd = lock_domain(domain, LOCK_SH);
+    if (fd) {
+      DomainLock lock(domain, std::move(*fd));
+      const std::string other = lock.signature();
+      if (other == suite) return lock;
+      problem = fmt::format("DDS domain {} is in use by another suite, {}", domain, other);
+      lock.fd_.reset();
+    } else {
+      problem = fmt::format("cannot share DDS domain {}: {}", domain, fd.error().text);
+      if (!fd.error().held) break;
+    }
+    // A domain that has no holder any more is taken, not shared.
+    if (auto free = lock_domain(domain, LOCK_EX)) {
+      DomainLock lock(domain, std::move(*free));
+      lock.sign(suite);
+      lock.downgrade();
+      return lock;
+    }
   }
-  auto fd = lock_domain(domain, LOCK_SH);
-  if (!fd) return Err(fmt::format("cannot share DDS domain {}: {}", domain, fd.error().text));
-  DomainLock lock(domain, std::move(*fd));
-  if (const std::string other = lock.signature(); other != suite)
-    return Err(fmt::format("DDS domain {} is in use by another suite, {}", domain, other));
-  return lock;
+  return Err(problem);
 }
 
 void DomainLock::sign(const std::string& suite) {

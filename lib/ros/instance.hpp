@@ -114,7 +114,8 @@ class DomainLock {
                                                                 int first = first_domain,
                                                                 const std::string& suite = "");
   /// Holds a domain together with others of the same suite. Fails if another suite holds the domain: it may
-  /// have taken it after all nodes of this one had been killed.
+  /// have taken it after all nodes of this one had been killed. Any number of the suite's processes may call
+  /// it at once. Blocks for at most 0.1 s, while somebody has the domain alone or another suite has it.
   [[nodiscard]] static Result<DomainLock, std::string> share(int domain, const std::string& suite);
   DomainLock(DomainLock&&) = default;
   DomainLock& operator=(DomainLock&&) = default;

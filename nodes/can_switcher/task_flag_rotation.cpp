@@ -45,6 +45,7 @@ void TaskFlagRotation::inherit(const InheritedGrant& granted, MonotonicTime now)
   holder_process_ = granted.process;
   recalled_ = false;
   starved_end_.reset();
+  starved_since_.reset();
   phase_ = granted.process ? Phase::recalling : Phase::fencing;
 }
 
@@ -114,6 +115,7 @@ Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle) {
   assert(!current_ || grant.id > current_->id);
   current_ = grant;
   starved_end_.reset();
+  starved_since_.reset();
   holder_process_.reset();
   phase_ = Phase::granted;
   slot_left_unused_ = false;
@@ -249,17 +251,20 @@ bool TaskFlagRotation::waits_to_hear(MonotonicTime now, MonotonicTime last_heard
 }
 
 bool TaskFlagRotation::waits_for_starved_holder(MonotonicTime now, const HolderCpu& holder) {
-  if (now - current_->lease_end > held_up_limit)
+  if (phase_ != Phase::recalling && now - current_->lease_end > held_up_limit)
     return false;  // this process was held up itself: it asks first
   const bool first_look = !starved_end_;
   const MonotonicTime end = starved_end_.value_or(current_->lease_end);
-  if (now - end >= starved_patience) return false;
+  if (now - starved_since_.value_or(end) >= starved_patience) return false;
   const nanoseconds lease = end - current_->granted;
   // A wait that goes on shows at the second look only.
   const bool may_wait = first_look && holder.runnable && holder.ran < lease / 2;
   const nanoseconds able = now - current_->granted - holder.waited;
   if (able + starved_look >= lease && !may_wait) return false;
-  if (first_look) ++counters_.starved_holders;
+  if (!starved_since_) {
+    starved_since_ = end;
+    ++counters_.starved_holders;
+  }
   starved_end_ = end;
   current_->lease_end = now + starved_look;
   return true;
@@ -272,7 +277,9 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
     // This process was deaf, stopped or starved, and so may the holder have been: it is asked before it is
     // killed.
     const bool long_ago = now - current_->lease_end > held_up_recall_time;
+    const auto starved_since = starved_since_;
     inherit({current_->payload, process}, now);
+    starved_since_ = starved_since;  // a recall does not renew the patience
     recalled_ = true;
     current_->lease_end = now + (long_ago ? recall_time_ : std::min(recall_time_, held_up_recall_time));
     ++counters_.late_deadlines;

@@ -234,8 +234,9 @@ class TaskFlagRotation {
   static constexpr nanoseconds deaf_patience = seconds(2);
   static constexpr nanoseconds deaf_look = milliseconds(20);
   /// A holder that waited for a CPU instead of releasing is killed only after it could run for the length of
-  /// its lease, or after the patience. Its lease is over all the same: its handle refuses to write.
-  static constexpr nanoseconds starved_patience = seconds(2);
+  /// its lease, or after the patience, in which the ring finds who takes the CPUs. Its lease is over all the
+  /// same: its handle refuses to write.
+  static constexpr nanoseconds starved_patience = seconds(10);
   static constexpr nanoseconds starved_look = milliseconds(25);
 
  private:
@@ -256,6 +257,7 @@ class TaskFlagRotation {
     phase_ = Phase::free;
     deaf_since_.reset();
     starved_end_.reset();
+    starved_since_.reset();
   }
 
   std::vector<Slot> slots_;
@@ -279,7 +281,8 @@ class TaskFlagRotation {
   nanoseconds recall_time_ = seconds(3);
   std::optional<MonotonicTime> deaf_since_;   ///< the end of this lease came, and nothing is heard
   std::optional<MonotonicTime> starved_end_;  ///< the lease ended then, and its holder had no CPU to release
-  bool recalled_ = false;                     ///< a Recall was given out: its time runs
+  std::optional<MonotonicTime> starved_since_;  ///< the first such end since the grant, recalls included
+  bool recalled_ = false;                       ///< a Recall was given out: its time runs
   MissionCycle last_cycle_ = 0;
   Counters counters_;
 };

@@ -215,20 +215,59 @@ TEST_F(TaskFlagRotationTest, LooksOnceMoreAtAHolderThatMayJustHaveBegunToWait) {
   EXPECT_TRUE(std::holds_alternative<Fence>(rotation.on_deadline(now, now, runnable))) << "it did not wait";
 }
 
-TEST_F(TaskFlagRotationTest, FencesAHolderThatStarvesForTwoSeconds) {
+TEST_F(TaskFlagRotationTest, FencesAHolderThatStarvesForLongerThanThePatience) {
   const Grant grant = must_grant();
   take(grant);
   now = grant.granted + milliseconds(80);
   (void)rotation.on_deadline(now);
   now = grant.lease_end;
   Decision decision = Nothing{};
-  while (std::holds_alternative<Nothing>(decision) && now < grant.lease_end + seconds(10)) {
+  while (std::holds_alternative<Nothing>(decision) && now < grant.lease_end + seconds(20)) {
     decision = rotation.on_deadline(now, now, HolderCpu{now - grant.granted, nanoseconds(0), true});
     if (std::holds_alternative<Nothing>(decision)) now = *rotation.next_deadline();
   }
   EXPECT_TRUE(std::holds_alternative<Fence>(decision));
   EXPECT_GE(now, grant.lease_end + TaskFlagRotation::starved_patience);
   EXPECT_LE(now, grant.lease_end + TaskFlagRotation::starved_patience + TaskFlagRotation::starved_look);
+}
+
+TEST_F(TaskFlagRotationTest, WaitsForAStarvedHolderThatItRecalledEvenIfItLooksLate) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.granted + milliseconds(80);
+  (void)rotation.on_deadline(now);
+  now = grant.lease_end + TaskFlagRotation::held_up_limit + milliseconds(1);
+  Decision decision = rotation.on_deadline(now, now, HolderCpu{now - grant.granted, nanoseconds(0), true});
+  ASSERT_TRUE(std::holds_alternative<Recall>(decision)) << "this process was late: it asks first";
+  const MonotonicTime recalled = now;
+  bool late = false;
+  while (std::holds_alternative<Nothing>(decision) || std::holds_alternative<Recall>(decision)) {
+    ASSERT_LE(now, grant.lease_end + seconds(20));
+    now = *rotation.next_deadline() + (late ? TaskFlagRotation::held_up_limit * 2 : nanoseconds(0));
+    late = !late;
+    decision = rotation.on_deadline(now, now, HolderCpu{now - recalled, nanoseconds(0), true});
+  }
+  EXPECT_TRUE(std::holds_alternative<Fence>(decision));
+  EXPECT_GE(now, recalled + TaskFlagRotation::starved_patience);
+}
+
+TEST_F(TaskFlagRotationTest, ARecallDoesNotRenewThePatienceWithAStarvedHolder) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.granted + milliseconds(80);
+  (void)rotation.on_deadline(now);
+  now = grant.lease_end;
+  MonotonicTime counted_from = grant.granted;
+  Decision decision = Nothing{};
+  for (int looks = 0; !std::holds_alternative<Fence>(decision); ++looks) {
+    ASSERT_LE(now, grant.lease_end + TaskFlagRotation::starved_patience + seconds(1));
+    if (looks == 100) now += TaskFlagRotation::held_up_limit * 2;
+    decision = rotation.on_deadline(now, now, HolderCpu{now - counted_from, nanoseconds(0), true});
+    if (std::holds_alternative<Recall>(decision)) counted_from = now;
+    if (!std::holds_alternative<Fence>(decision)) now = *rotation.next_deadline();
+  }
+  EXPECT_EQ(rotation.counters().late_deadlines, 1U);
+  EXPECT_EQ(rotation.counters().starved_holders, 1U);
 }
 
 TEST_F(TaskFlagRotationTest, FencesAPayloadThatSpokeBeforeButNeverTakesItsFlag) {

@@ -1,9 +1,13 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
+#include <barrier>
 #include <filesystem>
+#include <mutex>
 #include <sstream>
+#include <thread>
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
@@ -12,6 +16,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "base/fd.hpp"
 #include "ros/instance.hpp"
 #include "ros/launcher.hpp"
 #include "tests/temporary_folder.hpp"
@@ -21,6 +26,8 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::IsEmpty;
+using testing::SizeIs;
 
 mode_t mode_of(const std::filesystem::path& path) {
   struct stat status {};
@@ -115,6 +122,41 @@ TEST(DdsDomains, ADomainThatAnotherSuiteTookAfterAllNodesHadBeenKilledIsNotShare
   theirs->downgrade();
   EXPECT_TRUE(DomainLock::share(domain, "/theirs"));
   EXPECT_THAT(DomainLock::share(domain, "/ours").error(), HasSubstr("in use by another suite, /theirs"));
+}
+
+/// As killed nodes leave it.
+void leave_lock_file(int domain, const std::string& suite) {
+  const std::string file = "/tmp/srfs_domains_" + std::to_string(geteuid()) + "/" + std::to_string(domain);
+  const Fd fd(open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));
+  ASSERT_TRUE(fd);
+  ASSERT_EQ(write(fd.get(), suite.data(), suite.size()), static_cast<ssize_t>(suite.size()));
+}
+
+TEST(DdsDomains, NodesThatStartAtOnceAfterAllHadBeenKilledShareTheirDomain) {
+  const int domain = DomainLock::allocate(std::nullopt, 60, "/ours").value().domain();
+  for (int round = 0; round < 50; ++round) {
+    leave_lock_file(domain, round % 2 == 0 ? "/theirs" : "/ours");
+    std::barrier together(4);
+    std::mutex kept;
+    std::vector<DomainLock> locks;
+    std::vector<std::string> problems;
+    const auto start = [&] {
+      together.arrive_and_wait();
+      auto lock = DomainLock::share(domain, "/ours");
+      const std::scoped_lock held(kept);
+      if (lock)
+        locks.push_back(std::move(*lock));
+      else
+        problems.push_back(lock.error());
+    };
+    {
+      std::vector<std::jthread> threads;
+      for (int i = 0; i < 4; ++i) threads.emplace_back(start);
+    }
+    EXPECT_THAT(problems, IsEmpty());
+    EXPECT_THAT(locks, SizeIs(4));
+    EXPECT_FALSE(DomainLock::allocate(domain));
+  }
 }
 
 }  // namespace
