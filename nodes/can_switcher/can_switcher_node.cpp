@@ -372,22 +372,23 @@ void CanSwitcherNode::give(const Grant& grant, MonotonicTime received) {
   watch_holder();
 }
 
-/// Opens the accounting of the holder's process, which lives as long as the process, and records its present
-/// values.
+/// Opens the accounting of the holder's process, which lives as long as the process, and records its values
+/// as of the grant or of the first recall. A recall that is repeated goes on with them.
 void CanSwitcherNode::watch_holder() {
   const auto holder = rotation_->holder();
   if (!holder || holder->process == 0) return;
   if (holders_.size() <= holder->slot) holders_.resize(holder->slot + 1);
   HolderWatch& watch = holders_[holder->slot];
   if (watch.process != holder->process) {
-    watch.process = holder->process;
-    watch.cpu.reset();
+    watch = HolderWatch{.process = holder->process};
     const auto instance = ros::find_instance(var(), rotation_->slots()[holder->slot].payload);
     if (instance && instance->incarnation == holder->process)
       watch.cpu = ros::ProcessCpu::open(instance->pid);
   }
   if (!watch.cpu) return;
-  if (const auto totals = watch.cpu->read(true, monotonic_now())) watch.at_grant = *totals;
+  const auto totals = watch.cpu->read(true, monotonic_now());
+  const bool is_repeated = std::exchange(watch.grant, rotation_->current()->id) == rotation_->current()->id;
+  if (totals && !is_repeated) watch.at_grant = *totals;
 }
 
 std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {

@@ -104,8 +104,9 @@ class CanSwitcherNode : public ros::LifecycleNode {
   /// The work thread of the process that holds the bus, as of its grant.
   struct HolderWatch {
     std::uint32_t process = 0;  ///< its incarnation; 0: not known
-    std::optional<ros::ProcessCpu> cpu;
-    CpuTotals at_grant;
+    std::optional<ros::ProcessCpu> cpu{};
+    GrantId grant{};  ///< or recall
+    CpuTotals at_grant{};
   };
   std::vector<HolderWatch> holders_;  ///< by slot
   bool plan_waits_ = false;           ///< for the end of a slot whose place changes

@@ -260,7 +260,8 @@ bool TaskFlagRotation::waits_for_starved_holder(MonotonicTime now, const HolderC
   // A wait that goes on shows at the second look only.
   const bool may_wait = first_look && holder.runnable && holder.ran < lease / 2;
   const nanoseconds able = now - current_->granted - holder.waited;
-  if (able + starved_look >= lease && !may_wait) return false;
+  const nanoseconds enough = holder.waited > lease / 4 ? lease * starved_leases : lease - starved_look;
+  if (able >= enough && !may_wait) return false;
   if (!starved_since_) {
     starved_since_ = end;
     ++counters_.starved_holders;

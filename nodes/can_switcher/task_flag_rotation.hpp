@@ -233,10 +233,12 @@ class TaskFlagRotation {
   static constexpr nanoseconds deaf_limit = milliseconds(30);
   static constexpr nanoseconds deaf_patience = seconds(2);
   static constexpr nanoseconds deaf_look = milliseconds(20);
-  /// A holder that waited for a CPU instead of releasing is killed only after it could run for the length of
-  /// its lease, or after the patience, in which the ring finds who takes the CPUs. Its lease is over all the
-  /// same: its handle refuses to write.
+  /// A holder that waited for a CPU instead of releasing is killed only after it could run for so many
+  /// lengths of its lease, or after the patience, in which the ring finds who takes the CPUs. One length
+  /// would be too little: the end of a wait shows a look later, and it may sleep for a lock whose owner has
+  /// no CPU. Its lease is over all the same: its handle refuses to write.
   static constexpr nanoseconds starved_patience = seconds(10);
+  static constexpr int starved_leases = 4;
   static constexpr nanoseconds starved_look = milliseconds(25);
 
  private:

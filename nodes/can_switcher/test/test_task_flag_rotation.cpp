@@ -167,7 +167,7 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
   EXPECT_EQ(rotation.slot_counters(0).fences, 1U);
 }
 
-TEST_F(TaskFlagRotationTest, GivesAHolderWithoutACpuTheLengthOfItsLeaseToRun) {
+TEST_F(TaskFlagRotationTest, GivesAHolderWithoutACpuSomeLengthsOfItsLeaseToRun) {
   const Grant grant = must_grant();
   take(grant);
   now = grant.granted + milliseconds(80);
@@ -179,13 +179,31 @@ TEST_F(TaskFlagRotationTest, GivesAHolderWithoutACpuTheLengthOfItsLeaseToRun) {
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "nobody else has the bus meanwhile";
   for (int looks = 0; looks < 10; ++looks) {
     now = *rotation.next_deadline();
-    ASSERT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(
-        now, now, HolderCpu{now - grant.granted - milliseconds(30), milliseconds(5), true})));
+    ASSERT_TRUE(std::holds_alternative<Nothing>(
+        rotation.on_deadline(now, now, HolderCpu{(now - grant.granted) / 2, milliseconds(5), true})));
   }
   EXPECT_EQ(rotation.counters().starved_holders, 1U);
   EXPECT_EQ(release(grant), ReportVerdict::applied);
   EXPECT_EQ(must_grant().payload, "eps");
   EXPECT_EQ(rotation.slot_counters(0).fences, 0U);
+}
+
+TEST_F(TaskFlagRotationTest, FencesAHolderThatCouldRunAgainAndDidNotRelease) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.granted + milliseconds(80);
+  (void)rotation.on_deadline(now);
+  now = grant.lease_end;
+  Decision decision = Nothing{};
+  while (std::holds_alternative<Nothing>(decision)) {
+    ASSERT_LE(now, grant.lease_end + seconds(20));
+    decision = rotation.on_deadline(now, now, HolderCpu{milliseconds(90), milliseconds(5), false});
+    if (std::holds_alternative<Nothing>(decision)) now = *rotation.next_deadline();
+  }
+  EXPECT_TRUE(std::holds_alternative<Fence>(decision));
+  const nanoseconds lease = grant.lease_end - grant.granted;
+  EXPECT_LE(now, grant.granted + milliseconds(90) + lease * TaskFlagRotation::starved_leases +
+                     TaskFlagRotation::starved_look);
 }
 
 TEST_F(TaskFlagRotationTest, FencesAtOnceAHolderThatSleepsLoopsOrIsStopped) {
