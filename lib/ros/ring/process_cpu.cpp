@@ -19,6 +19,7 @@ namespace {
 constexpr std::size_t most_threads = 64;  ///< of a node, which has about ten
 constexpr seconds between_searches{1};
 constexpr milliseconds longest_gap{500};  ///< between two readings in doubt
+constexpr milliseconds computing{10};     ///< of CPU time without a pause; the work of a turn takes some 1 ms
 constexpr std::size_t longest_name = 64;
 constexpr std::size_t longest_status = 8192;
 
@@ -109,23 +110,29 @@ std::size_t ProcessCpu::count_busy_threads(MonotonicTime now) {
   return busy;
 }
 
-/// It was runnable all the time, ran, and never gave its CPU back of its own will: a thread that only waited
-/// for a CPU to do a little does that at once.
+/// It is runnable all the time, and has run for a while without giving its CPU back of its own will: a thread
+/// that only waited for a CPU to do a little does that at once. Without a CPU since the call before, it is
+/// what it was then.
 bool ProcessCpu::computes(pid_t tid, Thread& thread, const ThreadCpu& cpu, nanoseconds elapsed) const {
   constexpr double all_the_time = 0.5;  // a wait that goes on shows late: the kernel adds it when it ends
   const Counted counted{cpu, thread.counted_wait.total()};
   const auto then = std::exchange(thread.counted, counted);
   const nanoseconds ran = then ? cpu.ran - then->cpu.ran : nanoseconds(0);
   const auto wanted = then ? static_cast<double>((ran + counted.waited - then->waited).count()) : 0;
-  const bool runnable = wanted >= all_the_time * static_cast<double>(elapsed.count());
   const bool is_new = !then && thread.files.state() == 'R';
-  if (!is_new && (!runnable || ran == nanoseconds(0) || is_behind_others(tid))) {
-    thread.yields.reset();
+  const bool runnable = wanted >= all_the_time * static_cast<double>(elapsed.count());
+  if (!is_new && (!runnable || is_behind_others(tid))) {
+    thread.stint.reset();
     return false;
   }
-  const auto yields = count_yields(tid);
-  const auto yields_before = std::exchange(thread.yields, yields);
-  return then && yields && yields == yields_before;
+  if (is_new || ran > nanoseconds(0)) {
+    const auto yields = count_yields(tid);
+    if (!yields)
+      thread.stint.reset();
+    else if (!thread.stint || thread.stint->yields != *yields)
+      thread.stint = Stint{*yields, cpu.ran};
+  }
+  return thread.stint && cpu.ran - thread.stint->begin >= computing;
 }
 
 /// How often the thread gave its CPU back of its own will.

@@ -23,9 +23,9 @@ class ProcessCpu {
   /// @param doubt  read the threads of the middleware, too: some 10 us more
   /// @return totals since the first call; nullopt: the process has ended
   [[nodiscard]] std::optional<CpuTotals> read(bool doubt, MonotonicTime now);
-  /// How many of its threads used a CPU or waited for one all the time since the call before, without those
-  /// that have put themselves behind others. To be called each second or so; some 50 us. Blocks as /proc
-  /// does.
+  /// How many of its threads compute: used a CPU or waited for one all the time since the call before, and
+  /// ran for 10 ms or more without a pause; without those that have put themselves behind others. To be
+  /// called each second or so; some 50 us. Blocks as /proc does.
   [[nodiscard]] std::size_t count_busy_threads(MonotonicTime now);
   /// Its work thread, or one of the middleware that a read() in doubt has found, runs now or waits for a CPU.
   [[nodiscard]] bool is_runnable() const;
@@ -35,14 +35,19 @@ class ProcessCpu {
     ThreadCpu cpu;
     nanoseconds waited;
   };
+  /// Since the thread last gave its CPU back of its own will, as far as it was seen.
+  struct Stint {
+    std::uint64_t yields;
+    nanoseconds begin;  ///< CPU time of the thread then
+  };
   struct Thread {
     ThreadCpuFiles files;
     CpuWait wait;
     bool of_middleware = true;
     // Of count_busy_threads() alone: a doubt begins and ends, and leaves out what was waited before it.
     CpuWait counted_wait{};
-    std::optional<Counted> counted{};       ///< at the last one
-    std::optional<std::uint64_t> yields{};  ///< then, unless it was idle
+    std::optional<Counted> counted{};  ///< at the last one
+    std::optional<Stint> stint{};      ///< unless it was idle
   };
   ProcessCpu(pid_t pid, ThreadCpuFiles first) : pid_(pid), first_{std::move(first), {}, false} {}
   static std::optional<ThreadCpu> read_thread(const ThreadCpuFiles& files, CpuWait& wait, MonotonicTime now);
