@@ -43,7 +43,6 @@ class OverloadCampaignTest(CampaignTest):
                                        timeout_s=400)  # fmt: skip
         table = {row["class"]: row for row in summary["table"]}
         self.assertEqual({name: row["recovered"] for name, row in table.items()}, {"stop": 1, "loop": 1, "hog": 1, "soak": 1, "overload": 1})
-        self.assertIn("taking the CPUs", table["hog"]["found_as"])
         self.assertGreater(summary["telecommands"]["executed"], 0)
 
 
