@@ -4,22 +4,23 @@
 
 namespace srfs::testing_support {
 
-/// Built with AddressSanitizer or ThreadSanitizer: several times slower, and with terabytes of shadow memory.
+/// Whether this is a build with AddressSanitizer or ThreadSanitizer: several times slower, and with terabytes
+/// of shadow memory.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr bool sanitized = true;
 #else
 constexpr bool sanitized = false;
 #endif
 
-/// Built for the board and run by QEMU's user-mode emulation (./run arm64): an order of magnitude slower;
-/// what it does not emulate is skipped.
+/// Whether this is a build for the board that runs in QEMU's user-mode emulation (./run arm64): an order of
+/// magnitude slower. Tests skip what QEMU does not emulate.
 #ifdef SRFS_EMULATED
 constexpr bool emulated = true;
 #else
 constexpr bool emulated = false;
 #endif
 
-/// Tests of many random cases take fewer.
+/// Tests with many random cases run fewer of them.
 constexpr bool slow = sanitized || emulated;
 
 }  // namespace srfs::testing_support

@@ -12,7 +12,8 @@
 
 namespace srfs::hw {
 
-// What every back-end must do: asked of the simulated bus (tests/node/hw) and of Linux' own (tests/vm).
+// Requirements for every CAN back-end, checked with the simulated bus (tests/node/hw) and with Linux' virtual
+// bus (tests/vm).
 
 inline CanFrame frame(std::uint32_t id, std::uint8_t fill = 0) {
   CanFrame f{.id = id, .size = 8};

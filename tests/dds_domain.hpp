@@ -6,8 +6,8 @@
 
 namespace srfs::testing_support {
 
-/// A DDS domain of this test process alone, so that tests run in parallel on one machine. Upper half, away
-/// from suites.
+/// A DDS domain that only this test process uses, so that tests can run in parallel on one computer. It is in
+/// the upper half, away from suites.
 inline int own_domain() {
   static const auto lock = ros::DomainLock::allocate(std::nullopt, 60);
   return lock.value().domain();

@@ -12,8 +12,8 @@ namespace srfs::testing_support {
   return {.id = frame.id, .size = frame.size, .data = frame.data};
 }
 
-/// Moves all frames that are due between a handle and a channel, as a payload node does. @p on_frame sees
-/// each frame of the peer and the echo of each own one.
+/// Like a payload node, moves all frames that are due between a handle and a channel. Calls @p on_frame for
+/// each frame of the peer and for the echo of each sent frame.
 template <class OnFrame>
 void move_frames(hw::CanBus& bus, wire::IsoTpChannel& channel, OnFrame on_frame) {
   while (const auto frame = bus.receive()) {

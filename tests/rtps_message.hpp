@@ -11,16 +11,16 @@
 
 namespace srfs::testing_support {
 
-/// An RTPS message of submessages as Fast DDS writes them (RTPS 2.2, 9.4).
+/// An RTPS message with submessages as written by Fast DDS (RTPS 2.2, 9.4).
 class RtpsMessage {
  public:
   struct Fragment {
     std::uint32_t sample_octets;
     std::int64_t sequence = 1;
-    std::uint32_t number = 1;  ///< of the first one
+    std::uint32_t number = 1;  ///< of the first fragment
     std::uint16_t count = 1;
-    std::uint16_t octets = 100;                      ///< of each
-    std::optional<std::size_t> held = std::nullopt;  ///< in the submessage; none: what it says
+    std::uint16_t octets = 100;                      ///< of each fragment
+    std::optional<std::size_t> held = std::nullopt;  ///< in the submessage; none: as declared
     std::uint8_t flags = 0;
   };
 
@@ -30,7 +30,7 @@ class RtpsMessage {
     octets_.insert(octets_.end(), sender.begin(), sender.end());
   }
   RtpsMessage& timestamp() { return submessage(0x09, 0, Octets(8)); }
-  /// The only submessage beside PAD that may be empty without being the last one.
+  /// Apart from PAD, the only submessage that may be empty without being the last.
   RtpsMessage& no_timestamp() { return submessage(0x09, 0x02, {}); }
   RtpsMessage& source(const ros::GuidPrefix& prefix) {
     Octets body(8);
@@ -54,7 +54,7 @@ class RtpsMessage {
     body.resize(body.size() + f.held.value_or(end - begin));
     return submessage(0x16, f.flags, body);
   }
-  /// @param length in its header; none: that of the body
+  /// @param length length in the header; none: the length of the body
   RtpsMessage& submessage(std::uint8_t kind, std::uint8_t flags, const Octets& body,
                           std::optional<std::uint16_t> length = std::nullopt) {
     octets_.push_back(kind);
@@ -63,11 +63,11 @@ class RtpsMessage {
     octets_.insert(octets_.end(), body.begin(), body.end());
     return *this;
   }
-  /// What DATA and DATA_FRAG begin with.
+  /// The first fields of DATA and DATA_FRAG.
   [[nodiscard]] Octets ids(std::uint16_t to_inline_qos, const ros::Gid& writer, std::int64_t sequence) const {
     Octets body(2);
     number(body, to_inline_qos, 2);
-    body.resize(8);  // of any reader
+    body.resize(8);  // addresses any reader
     body.insert(body.end(), writer.end() - 4, writer.end());
     number(body, static_cast<std::uint64_t>(sequence) >> 32, 4);
     number(body, static_cast<std::uint64_t>(sequence), 4);

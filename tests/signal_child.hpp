@@ -7,8 +7,8 @@
 
 namespace srfs::testing_support {
 
-/// Signals one process that the test started. A failed fork or a process that never came up is -1, and
-/// kill(-1) would reach everything on the machine: nobody is signalled then.
+/// Signals one process that the test started. After a failed fork or start the pid is -1. kill(-1) would
+/// signal every process on the computer, so the function then does nothing.
 inline void signal_child(pid_t pid, int number) {
   if (pid > 0) kill(pid, number);
 }

@@ -19,8 +19,8 @@
 
 namespace srfs::testing_support {
 
-/// A folder of its own, removed at the end. What a killed test left is removed by the next program that makes
-/// one: the owner holds a lock on the folder, which ends with its process.
+/// A unique folder, removed by the destructor. The owner holds a lock on the folder, which ends with its
+/// process. The next program that creates a temporary folder removes the folders of killed tests.
 /// (tests/system/support.py does the same for the system tests.)
 class TemporaryFolder {
  public:
@@ -38,8 +38,8 @@ class TemporaryFolder {
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
-  /// Removes the folders of owners that are no more. One made within the last minute is left alone: its owner
-  /// may be about to lock it.
+  /// Removes folders whose owner has ended. Keeps folders younger than one minute: the owner may be about to
+  /// lock the folder.
   static void remove_abandoned(const std::filesystem::path& parent = std::filesystem::temp_directory_path(),
                                std::time_t youngest_s = 60) {
     std::error_code error;
@@ -48,7 +48,7 @@ class TemporaryFolder {
       const Fd owner = lock(entry.path());
       struct stat folder {};
       if (!owner || ::fstat(owner.get(), &folder) != 0 || folder.st_uid != ::geteuid()) continue;
-      // std::time() is up to a clock tick behind what the kernel writes to files.
+      // std::time() is up to one clock tick behind the kernel's file times.
       const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
       if (now - folder.st_mtime >= youngest_s) remove(entry.path());
     }
@@ -57,7 +57,7 @@ class TemporaryFolder {
   static constexpr const char* prefix = "srfs_test_";
 
  private:
-  /// The folder, locked; nothing when somebody else has it.
+  /// Locks the folder. @return empty if another process holds the lock
   static Fd lock(const std::filesystem::path& folder) {
     Fd fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
     return fd && ::flock(fd.get(), LOCK_EX | LOCK_NB) == 0 ? std::move(fd) : Fd();

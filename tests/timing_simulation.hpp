@@ -18,8 +18,8 @@
 
 namespace srfs::testing_support {
 
-/// The timing node's logic on the simulated receiver, in simulated time: what true time is, what the mission
-/// takes it for, and how even the ticks are.
+/// The timing node's logic with the simulated receiver, in simulated time. Compares mission time with true
+/// time and measures the regularity of the ticks.
 class TimingSimulation {
  public:
   struct Sample {
@@ -41,7 +41,7 @@ class TimingSimulation {
         ticks_(tick_period, 0, start_ + milliseconds(1)) {}
 
   static UtcTime default_start() { return UtcTime(seconds(1'795'247'990) + milliseconds(400)); }
-  /// What the mission remembers from long ago.
+  /// The mission time stored long ago.
   static UtcTime stored() { return UtcTime(seconds(1'780'000'000)); }
 
   sim::GpsReceiver& receiver() { return receiver_; }
@@ -49,9 +49,9 @@ class TimingSimulation {
   [[nodiscard]] const wire::GnssTimeStream& stream() const { return stream_; }
   [[nodiscard]] const std::vector<Sample>& samples() const { return samples_; }
   [[nodiscard]] const Sample& last() const { return samples_.back(); }
-  /// Largest distance of a tick's interval from the period, as a part of it.
+  /// Largest deviation of a tick interval from the period, as a fraction of the period.
   [[nodiscard]] double worst_interval() const { return worst_interval_; }
-  /// Largest distance of the mission's rate from one, seen from tick to tick, while the time was valid.
+  /// Largest deviation of the mission time's rate from one, from tick to tick, while the time was valid.
   [[nodiscard]] double worst_rate() const { return worst_rate_; }
 
   void run(std::int64_t for_seconds) {

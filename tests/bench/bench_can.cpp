@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Measures the CAN path, one subject a call, and prints one JSON object. `./run bench can` calls it.
+// Measures the CAN path, one subject per call, and prints one JSON object. `./run bench can` calls this
+// program.
 
 #include <cstdio>
 #include <exception>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Writes the frames of ./run bench image with their truth: NAME.fits and NAME.json each, of sequences
-// NAME_0.fits to NAME_7.fits and NAME.json. Every frame has another optics, sky and detector, so that nothing
-// can be tuned to one of them.
+// Writes the frames for ./run bench image with their truth: NAME.fits and NAME.json for a frame, NAME_0.fits
+// to NAME_7.fits and NAME.json for a sequence. Every frame has different optics, sky and detector, so that no
+// method can be tuned to one of them.
 
 #include <algorithm>
 #include <cmath>
@@ -59,7 +59,7 @@ SkyScene random_scene(const Options& o, SkyRandom& random) {
   return s;
 }
 
-/// Numbers grow as the inverse of the flux, as of real stars at moderate galactic latitudes.
+/// Star counts grow with the inverse of the flux, as for real stars at moderate galactic latitudes.
 std::vector<SkyStar> random_stars(const SkyScene& scene, SkyRandom& random, double per_megapixel) {
   std::vector<SkyStar> stars;
   const int n = static_cast<int>(per_megapixel * scene.width * scene.height / 1e6);
@@ -133,7 +133,7 @@ void write(const Options& o, int number, const SkyScene& scene, const std::vecto
 
 constexpr int frames_of_sequence = 8;
 
-/// How a frame of a sequence lies on the sky: sky = shift + turned pixel, around the frame's middle.
+/// Position of a sequence's frame on the sky: sky = shift + rotated pixel, around the centre of the frame.
 struct Pointing {
   double shift_x;
   double shift_y;
@@ -148,10 +148,10 @@ SkyStar seen(const Options& o, const Pointing& p, const SkyStar& s) {
   return {c * x + d * y + o.width / 2.0, c * y - d * x + o.height / 2.0, s.flux_e};
 }
 
-/// An object that moves evenly over the sky; in each frame it leaves a trail.
+/// An object that moves evenly over the sky and leaves a trail in each frame.
 struct SkyMover {
-  double x, y;    ///< in the middle of frame 0
-  double vx, vy;  ///< px a frame
+  double x, y;    ///< at the middle of the exposure of frame 0
+  double vx, vy;  ///< px per frame
   double trail_px;
   double snr;  ///< in each frame
 };
@@ -181,7 +181,7 @@ std::vector<SkyMover> random_movers(const Options& o, SkyRandom& random) {
   return movers;
 }
 
-/// A mover's light in frame @p k.
+/// A mover's trail in frame @p k.
 SkyStreak trail_of(const Options& o, const SkyScene& scene, const Pointing& p, const SkyMover& m, int k) {
   const double speed = std::hypot(m.vx, m.vy);
   const double hx = m.vx / speed * m.trail_px / 2;
@@ -191,7 +191,7 @@ SkyStreak trail_of(const Options& o, const SkyScene& scene, const Pointing& p, c
   const SkyStar a = seen(o, p, {x - hx, y - hy, 0});
   const SkyStar b = seen(o, p, {x + hx, y + hy, 0});
   SkyStreak streak{a.x, a.y, b.x, b.y, 1};
-  // As bright as in the middle of the frame, wherever it is.
+  // The trail is as bright everywhere as at the centre of the frame.
   SkyStreak there = streak;
   const double dx = scene.width / 2.0 - (a.x + b.x) / 2;
   const double dy = scene.height / 2.0 - (a.y + b.y) / 2;
@@ -203,7 +203,7 @@ SkyStreak trail_of(const Options& o, const SkyScene& scene, const Pointing& p, c
 void make_sequence(const Options& o, SkyRandom& random, int number) {
   SkyScene scene = random_scene(o, random);
   scene.pattern_seed = scene.seed;
-  SkyScene wide = scene;  // the sky around the first frame, for where the pointing drifts to
+  SkyScene wide = scene;  // includes the sky around the first frame, for the pointing drift
   const double margin = 150;
   const double density = std::exp(random.uniform(std::log(150.0), std::log(1500.0)));
   wide.width += static_cast<int>(2 * margin), wide.height += static_cast<int>(2 * margin);
@@ -245,7 +245,7 @@ void make_sequence(const Options& o, SkyRandom& random, int number) {
 
 // --- real sky ---
 
-/// The catalogue's stars and fainter ones by chance, as a camera that looks anywhere sees them.
+/// A field at a random pointing, with the catalogue's stars and random fainter ones.
 void make_plate(const Options& o, SkyRandom& random, int number) {
   using Eigen::Vector3d;
   SkyScene scene = random_scene(o, random);
@@ -254,7 +254,7 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
   const double ra_deg = random.uniform(0, 360);
   const double dec_deg = std::asin(random.uniform(-1, 1)) * 180 / std::numbers::pi;
   const double roll_deg = random.uniform(0, 360);
-  const double faintest = random.uniform(8, 9.5);  // of SNR 6
+  const double faintest = random.uniform(8, 9.5);  // magnitude at SNR 6
   const double focal_px = o.width / 2.0 / std::tan(field_deg * std::numbers::pi / 360);
   const double roll = roll_deg * std::numbers::pi / 180;
   const Vector3d middle = image::direction_of(ra_deg, dec_deg);
@@ -274,7 +274,7 @@ void make_plate(const Options& o, SkyRandom& random, int number) {
     if (x > -5 && y > -5 && x < o.width + 4 && y < o.height + 4)
       stars.push_back({x, y, flux(x, y, s.magnitude)});
   }
-  // Three times as many a magnitude.
+  // Star counts triple with each magnitude.
   const double known = static_cast<double>(stars.size());
   const int fainter = static_cast<int>(known * (std::pow(3.0, faintest + 0.5 - 8.5) - 1));
   for (int i = 0; i < fainter; ++i) {

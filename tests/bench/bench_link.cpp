@@ -1,8 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Measures the codecs and the packet store of the ground link, one subject a call, and prints one JSON
-// object.
-// `./run bench link` calls it.
+// Measures the codecs and the packet store of the ground link, one subject per call, and prints one JSON
+// object. `./run bench link` calls this program.
 
 #include <cstdio>
 #include <exception>

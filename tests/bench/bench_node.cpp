@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The node that the benchmarks start, stop and weigh: all that every lifecycle node has (lifecycle and
-// parameter services, log, events, the graph) and, with beat_period_ms, one topic that links it with its
-// like.
+// The node that the benchmarks start, stop and measure. It has the parts of every lifecycle node (lifecycle
+// and parameter services, log, events, the graph) and, with beat_period_ms, one topic that links it with the
+// other benchmark nodes.
 
 #include <algorithm>
 #include <map>

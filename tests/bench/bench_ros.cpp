@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Measures lib/ros, one subject a call, and prints one JSON object. Everything is measured beside its peer:
-// Fast DDS used directly with the same transport and QoS (raw_dds.hpp), and bare UDP sockets where that makes
-// sense, alternately in the same run. `./run bench ros` (tools/demo/bench.py) calls it and judges the values.
+// Measures lib/ros, one subject per call, and prints one JSON object. Each run alternates between our code
+// and its peers: Fast DDS used directly with the same transport and QoS (raw_dds.hpp), and bare UDP sockets
+// where that makes sense. `./run bench ros` (tools/demo/bench.py) calls this program and judges the values.
 
 #include <cstdio>
 #include <exception>

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Measures the time discipline on the simulated receiver, in simulated time; prints one JSON object.
-// `./run bench time` calls it.
+// Measures the time discipline with the simulated receiver, in simulated time. Prints one JSON object.
+// `./run bench time` calls this program.
 
 #include <cstdio>
 
@@ -34,7 +34,7 @@ sim::GpsSettings settings_of(const Case& c, std::uint64_t seed) {
   return settings;
 }
 
-/// The worst of all seeds.
+/// The worst result of all seeds.
 Json measure(const Case& c, std::uint64_t seeds) {
   double rms_60_ns = 0;
   double rms_ns = 0;
@@ -45,7 +45,7 @@ Json measure(const Case& c, std::uint64_t seeds) {
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
     TimingSimulation s(settings_of(c, seed));
     s.receiver().disturb(c.disturbance);
-    // The loss meets another phase of the orbit with each seed.
+    // Each seed places the loss at a different phase of the orbit.
     const auto before = 1200 + static_cast<std::int64_t>(seed % 8) * 700;
     s.run(before);
     locked = locked && s.samples()[60].state == SyncState::locked;

@@ -1,9 +1,10 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A subscriber of the flying suite's mission topics, received as a node receives them (lib/ros, one work
-// thread, SCHED_FIFO where it is asked for): when each sample was published, which is the source time stamp
-// that DDS gives it as ROS 2 has it, and when its callback would begin, both on the system's clock of this
-// one computer. Writes CSV at the end, nothing to disk before. `./run experiment fig13` runs and judges it.
+// Subscribes to the mission topics of the running suite and receives them like a node (lib/ros, one work
+// thread, SCHED_FIFO on request). For each sample it records two times on this computer's system clock: the
+// publication, which is the source time stamp that DDS gives as in ROS 2, and the moment at which the
+// callback would begin. Writes CSV at the end and nothing to disk before. `./run experiment fig13` runs and
+// evaluates it.
 
 #include <cstdio>
 #include <exception>
@@ -31,8 +32,8 @@ struct Record {
   UtcTime received;
 };
 
-/// What was received, up to a bound; later samples are counted. Its memory is touched before the first
-/// record.
+/// The received samples, up to a bound; later samples are only counted. The memory is touched before the
+/// first record.
 class Records {
  public:
   void start() { recording_ = true; }
@@ -61,7 +62,7 @@ class Records {
   std::vector<Record> rows_ = std::vector<Record>(most_records);
 };
 
-/// A subscription that notes when, instead of calling back.
+/// A subscription that records the time instead of running a callback.
 template <class M>
 class StampedReader final : public ros::ReaderEndpoint {
  public:
@@ -100,7 +101,7 @@ struct Options {
   std::string out;
 };
 
-/// How far the system's clock is ahead of the monotonic one: a step of it spoils the latencies.
+/// Offset of the system clock from the monotonic clock. A step of the system clock spoils the latencies.
 nanoseconds clock_offset() {
   return system_utc_now().since_epoch() - monotonic_now().since_epoch();
 }
@@ -194,7 +195,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     if (options.fifo_priority > 0) {
-      // Before the participant: its threads get what this one has.
+      // Before the participant is created, because its threads inherit this thread's scheduling.
       if (const std::string why = set_fifo(options.fifo_priority); !why.empty())
         throw std::runtime_error(why);
     }

@@ -20,7 +20,7 @@ namespace {
 
 using sensor_msgs::msg::Image;
 
-// As /image/raw is used: the processing works on one image while the next one comes.
+// Like /image/raw: the processing works on one image while the next one arrives.
 constexpr ros::Qos image_qos{.depth = 2};
 const ros::Topic<Image> image_topic{"/bench/image", image_qos, ros::Priority::bulk};
 const ros::Topic<Probe> report_topic{"/bench/image_report", {.depth = 16}, ros::Priority::time};
@@ -37,7 +37,7 @@ Image image_of(int octets) {
   return image;
 }
 
-/// The time of sending travels in the header: CLOCK_MONOTONIC, not ROS time; nobody else reads it.
+/// Stores the time of sending in the header: CLOCK_MONOTONIC, not ROS time. Only this benchmark reads it.
 void stamp(Image& image) {
   const std::int64_t now = monotonic_now().ns();
   image.header.stamp.sec = static_cast<std::int32_t>(now / 1'000'000'000);
@@ -49,7 +49,7 @@ std::int64_t age_ns(const Image& image) {
          (std::int64_t{image.header.stamp.sec} * 1'000'000'000 + image.header.stamp.nanosec);
 }
 
-/// Tells the sender how long each image took.
+/// Reports the latency of each image to the sender.
 [[noreturn]] void receiving_process(int domain) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   ros::Executor executor;
@@ -131,7 +131,7 @@ Json measure_images(const ImageOptions& options) {
       raw_images_out.write(image);
       wait_until(next += half_period);
     }
-    wait_until(monotonic_now() + seconds(1));  // the last ones
+    wait_until(monotonic_now() + seconds(1));  // for the last images
   }
   testing_support::signal_child(receiver, SIGKILL);
   waitpid(receiver, nullptr, 0);

@@ -33,7 +33,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Apart from the computer and the peripherals of the simulator.
+// Different from the addresses of the computer and of the simulator's peripherals.
 constexpr std::uint8_t sender_address = 0x21;
 constexpr std::uint8_t receiver_address = 0x22;
 constexpr double bit_rate = 500e3;
@@ -56,7 +56,7 @@ struct Bits {
   std::uint64_t stuffed = 0;
 
   void add(const hw::CanFrame& frame) {
-    // Start of frame to intermission of an extended data frame without stuff bits.
+    // Bits from start of frame to intermission, for an extended data frame without stuff bits.
     const unsigned bare = 67U + 8U * frame.size;
     const unsigned real = wire::can_bits_on_wire(
         {.id = frame.id, .extended = true, .remote = false, .size = frame.size, .data = frame.view()});
@@ -102,7 +102,7 @@ std::unique_ptr<hw::CanBus> open_bus(const fs::path& var, std::uint8_t own, std:
   return std::move(*bus);
 }
 
-/// Sleeps until a frame or the channel's own next step, at most @p longest.
+/// Sleeps until a frame arrives or the channel's next step is due, at most @p longest.
 void await(const hw::CanBus& bus, const wire::IsoTpChannel& channel, int other_fd, nanoseconds longest) {
   nanoseconds pause = longest;
   if (const auto due = channel.next_deadline()) pause = std::min(pause, *due - monotonic_now());
@@ -136,11 +136,11 @@ nanoseconds busy_of(const fs::path& var) {
   return microseconds(Json::parse(*reply).at("can").at("busy_us").get<std::int64_t>());
 }
 
-/// What the sender saw: its own frames by their echo, the flow control of the peer as it came.
+/// The sender's results: its frames as echoed, and the peer's flow control as received.
 struct Sent {
   std::vector<double> message_ms;  ///< send() to the echo of the last frame
   int failed = 0;
-  Bits bits;  ///< of the messages that succeeded
+  Bits bits;  ///< of the successful messages
   std::map<std::string, int> errors;
   nanoseconds time{0};
   nanoseconds processor{0};
@@ -205,7 +205,7 @@ Json receive_isotp(const fs::path& var, const IsoTpOptions& options) {
     }
     if (channel.take_receive_error()) ++failed;
     signalfd_siginfo info{};
-    // The last frame may still be on its way to us.
+    // The last frame may still be in flight.
     if (!end && ::read(signals.get(), &info, sizeof info) == static_cast<ssize_t>(sizeof info))
       end = monotonic_now() + milliseconds(200);
   }

@@ -26,7 +26,7 @@
 namespace srfs::bench {
 namespace {
 
-/// Request and reply as large as the topic's message, ours and the peer's alike.
+/// Request and reply with the size of the topic's message, for our code and the peer alike.
 struct Echo {
   using Request = Probe;
   using Response = Probe;
@@ -91,7 +91,7 @@ sockaddr_in loopback(int port) {
   _exit(0);
 }
 
-/// What one way of sending has measured, microseconds.
+/// Measurements of one transport, in microseconds.
 struct Samples {
   std::vector<double> there;
   std::vector<double> back;
@@ -100,7 +100,7 @@ struct Samples {
     there.push_back(static_cast<double>(echo.there_ns) / 1e3);
     back.push_back(static_cast<double>(arrived.ns() - echo.sent_ns) / 1e3);
   }
-  /// Both ways, in the order of measuring.
+  /// Both directions, in the order of measurement.
   [[nodiscard]] std::vector<double> one_way() const {
     std::vector<double> all;
     for (std::size_t i = 0; i < there.size(); ++i) all.insert(all.end(), {there[i], back[i]});
@@ -149,7 +149,7 @@ class Ours {
   }
 
  private:
-  /// As a node waits: until there is something to do. @return whether it ended within a second
+  /// Waits like a node until input arrives. @return whether the wait ended within a second
   template <class Waiting>
   bool spin_while(Waiting waiting) {
     const MonotonicTime give_up = monotonic_now() + seconds(1);
@@ -170,7 +170,7 @@ class Ours {
   MonotonicTime arrived_;
 };
 
-/// The same on raw Fast DDS: listeners take the samples, this thread only waits for them.
+/// The same on raw Fast DDS: listeners take the samples, and this thread only waits for them.
 class Raw {
  public:
   explicit Raw(int domain)
@@ -212,7 +212,7 @@ class Raw {
   RawClient client_;
 };
 
-/// The floor: one datagram there and one back.
+/// The lower bound: one datagram in each direction.
 class Udp {
  public:
   Udp() : ours_(open_socket()), peer_(open_socket()) {}
@@ -260,7 +260,7 @@ void run_rounds(const LatencyOptions& options, Ours& ours, Raw& raw, Udp& udp, R
   constexpr int warm_up = 50;
   for (int round = -warm_up; round < options.rounds; ++round) {
     if (round == 0) results = {};
-    std::rotate(ways.begin(), ways.begin() + 1, ways.end());  // nobody always follows the same one
+    std::rotate(ways.begin(), ways.begin() + 1, ways.end());  // no transport always follows the same one
     for (const auto& way : ways) {
       if (options.pause > milliseconds(0)) std::this_thread::sleep_for(options.pause);
       ++n;

@@ -26,7 +26,7 @@ using wire::rs_codeword_octets;
 using wire::rs_data_octets;
 using wire::rs_parity_octets;
 
-constexpr std::size_t words = 64;  // a round: some ten microseconds at least
+constexpr std::size_t words = 64;  // per round: at least about ten microseconds
 constexpr std::uint16_t spacecraft = 0xAB;
 
 void require(bool right, const std::string& what) {
@@ -39,7 +39,7 @@ Octets noise(std::mt19937_64& random, std::size_t octets) {
   return data;
 }
 
-/// Microseconds a piece.
+/// Microseconds per item.
 template <typename Work>
 double time_of(std::size_t pieces, const Work& work) {
   const MonotonicTime begin = monotonic_now();
@@ -55,7 +55,7 @@ struct Pair {
 Json to_json(const Pair& pair) {
   return {{"ours_us", summary(pair.ours)},
           {"libfec_us", summary(pair.peer)},
-          // how many times as fast: the peer's time over ours
+          // speed-up: the peer's time divided by ours
           {"ratio", ratio(pair.peer, pair.ours)}};
 }
 
@@ -121,7 +121,7 @@ Pair measure_decoding(const CodecOptions& options, std::mt19937_64& random, unsi
   return pair;
 }
 
-/// A frame with noise in it to its CADU and back.
+/// Encodes a frame of random data into its CADU and decodes it.
 Json measure_cadu(const CodecOptions& options, std::mt19937_64& random, unsigned interleave) {
   const wire::CaduFormat format{.frame_octets = rs_data_octets * interleave, .interleave = interleave};
   std::vector<double> encode;
@@ -147,7 +147,7 @@ Json measure_cadu(const CodecOptions& options, std::mt19937_64& random, unsigned
           {"cadu_to_frame_us", summary(decode)}};
 }
 
-/// A packet of 100 octets to its secured CLTU and back.
+/// Encodes a packet of 100 octets into its secured CLTU and decodes it.
 Json measure_cltu(const CodecOptions& options, std::mt19937_64& random) {
   constexpr std::size_t packet_octets = 100;
   constexpr std::uint16_t spi = 1;

@@ -118,8 +118,8 @@ Json measure_store(const StoreOptions& options) {
 
   std::uint64_t lost = 0;
   for (int round = 0; round < options.rounds; ++round) {
-    // A bit somewhere in the middle, and the end of the last record torn off: one record each, and what
-    // earlier rounds took.
+    // Flip one bit before the last segment and tear off the end of the last record. Each costs one record, in
+    // addition to the losses of earlier rounds.
     const fs::path& victim = segments[static_cast<std::size_t>(random() % (segments.size() - 1))];
     flip_bit(victim, static_cast<std::size_t>(random() % fs::file_size(victim)));
     fs::resize_file(segments.back(), fs::file_size(segments.back()) - 7);
@@ -153,7 +153,7 @@ Json fill_store(const FillOptions& options) {
   PacketStore store({.folder = options.folder});
   require(store.open().has_value(), "cannot open the store");
   PacketMaker maker;
-  // A structure that nobody knows: the ground shows its octets.
+  // An unknown structure, which the ground shows as octets.
   const Report report{.apid = apid,
                       .service = service,
                       .subtype = subtype,

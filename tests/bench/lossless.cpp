@@ -20,7 +20,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Clock = std::chrono::steady_clock;
 
-/// A small camera of 12 bits (full well 11000 e, read noise 3.3 e) with 1000 stars a megapixel.
+/// A frame of a small 12-bit camera (full well 11000 e, read noise 3.3 e) with 1000 stars per megapixel.
 image::Frame night_frame(int width, int height, double background_e, std::uint64_t seed) {
   hw_sim::SkyScene scene;
   scene.width = width;
@@ -52,7 +52,7 @@ image::Frame night_frame(int width, int height, double background_e, std::uint64
   return frame;
 }
 
-/// What came out and how long it took.
+/// The compressed result and the time needed.
 struct Packed {
   std::size_t octets = 0;
   double ms = std::numeric_limits<double>::infinity();
@@ -65,7 +65,7 @@ double ms_of(const F& work) {
   return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
 }
 
-/// A FITS file in memory, Rice tiles of one row, cfitsio's usual.
+/// Writes a FITS file in memory, with Rice tiles of one row, cfitsio's default.
 std::size_t pack_by_cfitsio(const std::vector<std::uint16_t>& pixels, int width, int height) {
   int status = 0;
   fitsfile* file = nullptr;
@@ -73,7 +73,7 @@ std::size_t pack_by_cfitsio(const std::vector<std::uint16_t>& pixels, int width,
   fits_create_file(&file, "mem://", &status);
   fits_set_compression_type(file, RICE_1, &status);
   fits_create_img(file, USHORT_IMG, 2, size, &status);
-  std::vector<std::uint16_t> copy = pixels;  // it takes no const
+  std::vector<std::uint16_t> copy = pixels;  // cfitsio takes no const data
   fits_write_img(file, TUSHORT, 1, static_cast<LONGLONG>(copy.size()), copy.data(), &status);
   fits_flush_file(file, &status);
   LONGLONG header = 0;

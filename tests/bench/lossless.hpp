@@ -8,9 +8,10 @@
 
 namespace srfs::bench {
 
-/// Frames of a 12-bit camera at night without loss: strips of lib/image beside cfitsio's Rice tiles,
-/// alternately in this process. Sizes beside 12 bits a pixel; times are of one frame, the best of all.
-/// @param frames  of each sky
+/// Lossless compression of night frames of a 12-bit camera: strips of lib/image compared with cfitsio's Rice
+/// tiles, alternately in this process. Sizes are relative to 12 bits per pixel; times are the best of all,
+/// per frame.
+/// @param frames  number of frames for each sky
 [[nodiscard]] nlohmann::ordered_json measure_lossless(int width, int height, int frames, std::uint64_t seed);
 
 }  // namespace srfs::bench

@@ -9,15 +9,15 @@
 
 #include "ros/topics.hpp"
 
-/// Messages of the benchmarks only. Plain structs with visit(), as the generator writes them.
+/// Messages for the benchmarks only: plain structs with visit(), like generated ones.
 namespace srfs::bench {
 
-/// 64 octets on the wire (encapsulation 4). Times are CLOCK_MONOTONIC, which all processes of a machine
-/// share, so one message tells its own way.
+/// 64 octets on the wire (encapsulation 4). Times are CLOCK_MONOTONIC, which all processes of a computer
+/// share, so a message carries all that is needed for its one-way latency.
 struct Probe {
   static constexpr const char* dds_type_name = "srfs_bench::msg::dds_::Probe_";
-  std::int64_t sent_ns = 0;   ///< read just before it was published
-  std::int64_t there_ns = 0;  ///< in an echo: how long the probe it answers was under way
+  std::int64_t sent_ns = 0;   ///< read just before publishing
+  std::int64_t there_ns = 0;  ///< in an echo: one-way latency of the answered probe
   std::uint32_t number = 0;
   std::array<std::uint8_t, 40> padding{};
   template <class Self, class V>
@@ -39,7 +39,7 @@ struct Heard {
   }
 };
 
-/// What a node of the restart cycles tells ten times a second: that it is there, and whom it hears.
+/// Report of a node in the restart cycles, ten times a second: the node itself and the nodes that it hears.
 struct Beat {
   static constexpr const char* dds_type_name = "srfs_bench::msg::dds_::Beat_";
   Heard source;

@@ -49,7 +49,7 @@ Json measure_start(const fs::path& bin, int rounds, int others) {
 }
 
 Json measure_idle(const fs::path& bin, int nodes, seconds duration) {
-  // Two domains: nine of each kind know nine, not eighteen.
+  // Two domains, so that nine nodes of each kind discover nine participants, not eighteen.
   const Suite ours(bin, nodes, 0);
   const Suite peers(bin, nodes, 0);
   const std::vector<Child> our_nodes = start_nodes(ours, 0, nodes);
@@ -58,7 +58,7 @@ Json measure_idle(const fs::path& bin, int nodes, seconds duration) {
   for (int i = 0; i < nodes; ++i)
     raw_nodes.push_back(peers.start_raw(i, endpoints.writers, endpoints.readers));
   for (int i = 0; i < nodes; ++i) RawStateClient(peers.domain(), Suite::name(i)).ask();
-  std::this_thread::sleep_for(seconds(5));  // the clients' leases and the first announcements are over
+  std::this_thread::sleep_for(seconds(5));  // lets the clients' leases and first announcements end
   const auto before = cpu_times_of(our_nodes);
   const auto raw_before = cpu_times_of(raw_nodes);
   const MonotonicTime begun = monotonic_now();
@@ -97,7 +97,7 @@ Json measure_idle(const fs::path& bin, int nodes, seconds duration) {
 
 namespace {
 
-/// Least squares over (cycle, value), as growth in 1000 cycles.
+/// Growth in 1000 cycles, from a least-squares fit over (cycle, value).
 double growth_in_1000(const std::vector<std::pair<int, double>>& points) {
   double n = 0, x = 0, y = 0, xx = 0, xy = 0;
   for (const auto& [cycle, value] : points) {
@@ -111,8 +111,8 @@ double growth_in_1000(const std::vector<std::pair<int, double>>& points) {
   return divisor == 0 ? 0 : 1000 * (n * xy - x * y) / divisor;
 }
 
-/// One node that is killed and started again beside survivors; all are linked with each other by one topic,
-/// and tell there whom they hear.
+/// Kills and restarts one node while other nodes survive. All nodes share one topic and report on it which
+/// nodes they hear.
 class Cycles {
  public:
   Cycles(const fs::path& bin, int survivors)
@@ -181,7 +181,7 @@ class Cycles {
  private:
   using Weights = std::vector<std::vector<std::pair<int, double>>>;
 
-  /// A process that comes now is answered by one that has seen all the kills.
+  /// A survivor that has seen all kills must still answer a new process.
   void ask_survivor(int i) {
     const MonotonicTime begun = monotonic_now();
     StateClient client(suite_.domain(), Suite::name(i));
@@ -202,7 +202,7 @@ class Cycles {
     }
     return 0;
   }
-  /// The victim's new incarnation hears every survivor and every survivor hears it.
+  /// Waits until the victim's new incarnation hears every survivor and every survivor hears it.
   bool wait_until_linked(std::uint32_t before) {
     return executor_.spin_until(
         [&] {
@@ -217,15 +217,15 @@ class Cycles {
         },
         monotonic_now() + longest_wait);
   }
-  /// Nobody is matched with the dead any more: each node has the publishers of all nodes, itself among them,
-  /// and their subscribers and this process.
+  /// Whether no endpoint is still matched with a dead process: each node counts the publishers of all nodes,
+  /// including its own, and their subscribers plus that of this process.
   bool counts_are_right() {
     const std::size_t all = survivors_.size() + 1;
     return std::all_of(last_.begin(), last_.end(), [&](const auto& entry) {
       return entry.second.publishers == all && entry.second.subscribers == all + 1;
     });
   }
-  /// The suite's folder, and what a middleware could leave behind elsewhere.
+  /// Files in the suite's folder, and files that a middleware could leave elsewhere.
   [[nodiscard]] std::vector<std::string> files() const {
     std::vector<std::string> all = files_below(suite_.folder(), true);
     for (const char* shared : {"/dev/shm", "/tmp"}) {
@@ -246,7 +246,7 @@ class Cycles {
       private_kb_[i].emplace_back(cycle, memory.private_dirty_kb);
     }
   }
-  /// Of every survivor, after the first quarter, in which pools grow to their size.
+  /// Growth of each survivor, without the first quarter, in which pools reach their size.
   static Json growth(const Weights& weights) {
     Json out = Json::array();
     for (auto points : weights) {

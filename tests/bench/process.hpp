@@ -16,13 +16,13 @@ namespace srfs::bench {
 
 using Json = nlohmann::ordered_json;
 
-/// p50, p90, p99, max and the number of values; null where there are none.
+/// p50, p90, p99, max and the number of values; null without values.
 [[nodiscard]] Json summary(std::vector<double> values);
-/// ours over the peer's for each of the quantiles, and the spread of the same ratio over ten parts of the
-/// run, in order (min, median, max): how far the machine alone moves it.
+/// Ratio of our value to the peer's for each quantile, and the spread (min, median, max) of the same ratio
+/// over ten consecutive parts of the run. The spread shows the influence of the machine alone.
 [[nodiscard]] Json ratio(const std::vector<double>& ours, const std::vector<double>& peer);
 
-/// A program that was started here; killed at the end if it still runs. Output goes to @p log.
+/// A child program. The destructor kills it if it still runs. Its output goes to @p log.
 class Child {
  public:
   /// @throws std::runtime_error when it cannot be started
@@ -33,7 +33,7 @@ class Child {
 
   [[nodiscard]] pid_t pid() const { return pid_; }
   [[nodiscard]] MonotonicTime started() const { return started_; }
-  /// Sends the signal and waits for the end; after @p patience it is killed.
+  /// Sends the signal and waits for the child's end; kills it after @p patience.
   void end(int signal, milliseconds patience = seconds(5));
 
  private:
@@ -41,22 +41,23 @@ class Child {
   MonotonicTime started_;
 };
 
-/// Memory of a process, kB: what is its own and its share of what others map too.
+/// Memory of a process in kB: private memory, and its share of memory that other processes map too.
 struct Memory {
   double pss_kb = 0;
   double private_dirty_kb = 0;
 };
 [[nodiscard]] Memory memory_of(pid_t pid);
-/// Time on a CPU of all threads since the start, as the scheduler counts it.
+/// CPU time of all threads since the start, as counted by the scheduler.
 [[nodiscard]] nanoseconds cpu_time_of(pid_t pid);
 [[nodiscard]] std::size_t descriptors_of(pid_t pid);
 [[nodiscard]] std::size_t threads_of(pid_t pid);
-/// Paths below @p folder; its own entries only where @p deep is false.
+/// Paths below @p folder; only the direct entries if @p deep is false.
 [[nodiscard]] std::vector<std::string> files_below(const std::filesystem::path& folder, bool deep);
 
-/// This process and all threads it makes from now on, as the launcher does it for a node. @return why not
+/// Sets SCHED_FIFO for this process and all its new threads, like the launcher for a node.
+/// @return the reason for failure; empty: done
 [[nodiscard]] std::string set_fifo(int priority);
-/// All threads on one CPU, as a deployment pins a time-critical node.
+/// Pins all threads to one CPU, as a deployment does for a time-critical node.
 void pin(int cpu);
 
 }  // namespace srfs::bench

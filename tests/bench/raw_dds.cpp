@@ -92,7 +92,7 @@ int run_raw_node(int domain, const std::string& name, int writers, int readers,
   sigemptyset(&ends);
   sigaddset(&ends, SIGTERM);
   sigprocmask(SIG_BLOCK, &ends, nullptr);
-  mallopt(M_ARENA_MAX, 1);  // as run_node does
+  mallopt(M_ARENA_MAX, 1);  // like run_node
   const auto participant = raw_participant(domain);
   const RawService service(*participant, "bench_raw/" + name);
   std::vector<std::unique_ptr<RawWriter<Probe>>> out;

@@ -16,15 +16,14 @@
 #include "ros/type_support.hpp"
 #include "tests/bench/messages.hpp"
 
-/// The peer of every measure: Fast DDS used directly, with the same transport, QoS and serialisation as
-/// lib/ros, and Fast DDS' own receive threads and listener callbacks: the least that a user of Fast DDS can
-/// do.
+/// The peer of every measure: Fast DDS used directly, with the transport, QoS and serialisation of lib/ros
+/// but with Fast DDS' receive threads and listener callbacks. This is the minimum for any user of Fast DDS.
 namespace srfs::bench {
 
 using eprosima::fastrtps::rtps::SampleIdentity;
 using eprosima::fastrtps::rtps::WriteParams;
 
-/// A participant as lib/ros makes it, but read by Fast DDS' threads.
+/// A participant as created by lib/ros, but read by Fast DDS' threads.
 [[nodiscard]] inline std::unique_ptr<ros::Participant> raw_participant(int domain) {
   return ros::Participant::create({.domain = domain}).value();
 }
@@ -33,7 +32,7 @@ template <class M>
 class RawReader final : public ros::dds::DataReaderListener {
  public:
   using Callback = std::function<void(const M&, const ros::dds::SampleInfo&)>;
-  /// @param callback on Fast DDS' receive thread
+  /// @param callback runs on Fast DDS' receive thread
   RawReader(ros::Participant& participant, const std::string& topic, ros::Qos qos, Callback callback)
       : participant_(participant), callback_(std::move(callback)) {
     reader_ = participant.create_reader(topic, ros::dds::TypeSupport(new ros::TypeSupport<M>), qos, this);
@@ -83,7 +82,7 @@ class RawWriter final : public ros::dds::DataWriterListener {
   ros::dds::DataWriter* writer_ = nullptr;
 };
 
-/// Answers each request with its own content, addressed as rmw_fastrtps does: {reader of the client's
+/// Answers each request with the request's content. The address follows rmw_fastrtps: {reader of the client's
 /// replies, sequence number of the request}.
 class RawService {
  public:
@@ -99,7 +98,7 @@ class RawClient {
  public:
   RawClient(ros::Participant& participant, const std::string& name);
   [[nodiscard]] bool is_ready() const { return requests_.is_matched() && replies_.is_matched(); }
-  /// Blocks until the reply came. @return when, on the receive thread; nullopt after @p longest
+  /// Blocks until the reply arrives. @return its arrival time on the receive thread; nullopt after @p longest
   std::optional<MonotonicTime> call(std::uint32_t number, nanoseconds longest);
 
  private:
@@ -111,11 +110,11 @@ class RawClient {
   RawWriter<Probe> requests_;
 };
 
-/// What the ring asks and answers, with nothing behind it: the same messages and QoS.
+/// The ring's requests and answers, with the same messages and QoS but without the ring's logic.
 class RawChecks {
  public:
   RawChecks(ros::Participant& participant, const std::string& name, const std::vector<std::string>& asked);
-  /// Asks everybody once.
+  /// Sends one request to each peer.
   void ask();
   [[nodiscard]] std::uint64_t asked() const { return asked_count_; }
   [[nodiscard]] std::uint64_t answered() const { return answered_; }
@@ -136,8 +135,8 @@ class RawChecks {
 
 constexpr milliseconds check_period{100};
 
-/// What stands for a node: a participant with as many endpoints, and one service. Asks @p asked each
-/// check_period. Runs until SIGTERM, and prints then how often it asked and was answered.
+/// Stands in for a node: a participant with as many endpoints, and one service. Queries @p asked every
+/// check_period. Runs until SIGTERM and then prints the numbers of requests and answers.
 int run_raw_node(int domain, const std::string& name, int writers, int readers,
                  const std::vector<std::string>& asked);
 

@@ -22,8 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// As `srfs up` and `srfs down` do it: who is not started yet is not missing, and who is ended is not
-/// restarted.
+/// Signals the start and the end like `srfs up` and `srfs down`: the ring neither misses nodes that are not
+/// yet started nor restarts nodes that were ended.
 class UpAndDown {
  public:
   explicit UpAndDown(const Suite& suite) : suite_(suite) {
@@ -39,7 +39,7 @@ class UpAndDown {
   Fd lock_;
 };
 
-/// Nodes with the ring, all up.
+/// Running nodes with the ring.
 struct RingNodes {
   RingNodes(const fs::path& bin, int count)
       : suite(bin, count, 0, Suite::Ring::on), up_and_down(suite), nodes(start_nodes(suite, 0, count)) {
@@ -67,7 +67,7 @@ struct RawNodes {
         throw std::runtime_error("a raw peer did not come up");
     }
   }
-  /// What they asked and what was answered, until now; they end.
+  /// Ends the nodes. @return the numbers of their requests and answers
   Json end() {
     for (Child& node : nodes) node.end(SIGTERM);
     std::ifstream log(suite.folder() / "bench.log");
@@ -91,7 +91,7 @@ struct RawNodes {
   std::vector<Child> nodes;
 };
 
-/// What the ring says of itself for a while.
+/// Collects the ring's reports about itself for @p time.
 Json listen_to_the_ring(int domain, seconds time) {
   ros::Executor executor;
   const auto participant = ros::Participant::create({.domain = domain, .executor = &executor}).value();
@@ -131,8 +131,8 @@ double cost_us(F&& read) {
   return ms(own_time() - begin) * 1000 / calls;
 }
 
-/// What the kernel's evidence costs of who had a CPU (decision 0022), while nobody is in doubt: each node
-/// reads itself and the next one in each round, and the next one's threads and /proc/stat each second.
+/// Cost of the kernel's evidence about CPU use (decision 0022) while no node is in doubt. Each node reads its
+/// own data and the next node's in each round, and the next node's threads and /proc/stat each second.
 Json measure_evidence(pid_t pid, int nodes) {
   auto process = ros::ProcessCpu::open(pid);
   if (!process) throw std::runtime_error("this kernel does not tell who waits for a CPU");
@@ -167,10 +167,10 @@ Json measure_ring(const fs::path& bin, int nodes, seconds duration) {
   const Suite idle_suite(bin, nodes, 0);
   const std::vector<Child> without_ring = start_nodes(idle_suite, 0, nodes);
   const Endpoints endpoints = endpoints_of(idle_suite.domain(), Suite::name(0));
-  // As the ring does it while nobody is in doubt.
+  // Like the ring while no node is in doubt.
   RawNodes raw(bin, nodes, endpoints, RawNodes::Asks::the_next);
   const RawNodes raw_idle(bin, nodes, endpoints, RawNodes::Asks::nobody);
-  std::this_thread::sleep_for(seconds(5));  // the clients' leases and the first announcements are over
+  std::this_thread::sleep_for(seconds(5));  // lets the clients' leases and first announcements end
 
   const std::vector<std::pair<const char*, const std::vector<Child>*>> kinds{{"ring", &with_ring.nodes},
                                                                              {"no_ring", &without_ring},

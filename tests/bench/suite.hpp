@@ -21,13 +21,13 @@
 #include "tests/signal_child.hpp"
 #include "tests/temporary_folder.hpp"
 
-/// Nodes of lib/ros and their raw peers, as the measures start and ask them.
+/// Starts and queries nodes of lib/ros and their raw peers for the measures.
 namespace srfs::bench {
 
 using lifecycle_msgs::srv::GetState;
 
 constexpr milliseconds patience_for_an_answer{
-    100};  // then the request is repeated, as clients of the suite do
+    100};  // then the request is repeated, as by the suite's clients
 constexpr seconds longest_wait{20};
 
 [[nodiscard]] inline double ms(nanoseconds t) {
@@ -40,7 +40,7 @@ class Suite {
   enum class Ring : bool { off, on };
   /// @param beat_period_ms 0: idle nodes
   Suite(std::filesystem::path bin, int most_nodes, int beat_period_ms, Ring ring = Ring::off);
-  /// Also ends what a ring started.
+  /// Also ends processes that a ring has started.
   ~Suite();
   Suite(const Suite&) = delete;
   Suite& operator=(const Suite&) = delete;
@@ -53,7 +53,7 @@ class Suite {
                   "--domain", std::to_string(domain())},
                  folder() / "bench.log");
   }
-  /// @param asked  whom it asks every 100 ms
+  /// @param asked  nodes to query every 100 ms
   [[nodiscard]] Child start_raw(int i, int writers, int readers, const std::vector<int>& asked = {}) const;
   [[nodiscard]] ros::VarPaths var() const { return {folder()}; }
 
@@ -65,14 +65,14 @@ class Suite {
   ros::DomainLock domain_;
 };
 
-/// Asks one node for its state, from a participant of its own.
+/// Asks one node for its state, from a separate participant.
 class StateClient {
  public:
   StateClient(int domain, const std::string& node)
       : participant_(ros::Participant::create({.domain = domain, .executor = &executor_}).value()),
         client_(executor_, *participant_, "/" + node + "/get_state", {}, ros::Priority::normal) {}
 
-  /// Asks until an answer comes. @return when; nullopt after longest_wait
+  /// Asks until an answer arrives. @return time of the answer; nullopt after longest_wait
   std::optional<MonotonicTime> ask() {
     const MonotonicTime give_up = monotonic_now() + longest_wait;
     bool answered = false;
@@ -129,13 +129,13 @@ struct Endpoints {
   int writers = 0;
   int readers = 0;
 };
-/// How many endpoints a node has, from what it tells the ROS graph, plus the writer it tells it with.
+/// The number of a node's endpoints: those it announces to the ROS graph, plus the announcing writer.
 [[nodiscard]] Endpoints endpoints_of(int domain, const std::string& node);
 
-/// Nodes @p first and on, up and answering.
+/// Starts @p count nodes from number @p first on and waits until all answer.
 [[nodiscard]] std::vector<Child> start_nodes(const Suite& suite, int first, int count);
 
-/// CPU time of each, so far.
+/// CPU time of each process so far.
 [[nodiscard]] std::vector<nanoseconds> cpu_times_of(const std::vector<Child>& processes);
 
 /// Smallest, median, largest.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""./run campaign: long runs of the real processes under faults; verdict, figures and drawing; exit code 0 only if every invariant held."""
+"""./run campaign: long runs of the real processes under faults, with a verdict, figures and a plot. Exit code 0 only if every invariant held."""
 
 import argparse
 import json
@@ -101,7 +101,7 @@ def run_fencing(options, out, seed, signals, say):
 
 
 def run_trials(campaign, jobs, say):
-    """Carries out the jobs, each of which returns a trial. One that finds the suite restless is a failure; three in a row end the campaign."""
+    """Runs the jobs, each of which returns a trial. A job that finds the suite not steady is a failure; three in a row end the campaign."""
     unsteady = 0  # in a row
     for number, job in enumerate(jobs, start=1):
         try:
@@ -151,7 +151,7 @@ def run_faults(options, out, seed, signals, say):
 
 
 def run_overload(options, out, seed, signals, say):
-    """Faults of --class and a culprit in --nodes, an overload that ends, the demo; all beside programs that take the CPUs."""
+    """Runs the faults of --class and a CPU hog in --nodes, an overload that ends, and the demo, all beside programs that take the CPUs."""
     wrappers = faults.Wrappers(out / "bin", options.bin.absolute(), options.bin.absolute().parent / "lib" / "libsrfs_fault_injector.so")
     deployment = wrappers.deployment(mission.find_deployment(options.deployment or "sim"), out / "deployment.yaml", options.misses)
     names = {fault.name for fault in options.classes}
@@ -178,7 +178,7 @@ def run_overload(options, out, seed, signals, say):
 
 def run_updates(options, out, seed, signals, say):
     text = mission.find_deployment("fig16").read_text().replace("  members: [payload_adcs, payload_thermal, payload_eps]\n", "")
-    (out / "deployment.yaml").write_text(text)  # the ring has everybody, so that maintenance comes back
+    (out / "deployment.yaml").write_text(text)  # the ring includes all nodes, so that it restarts maintenance
     shutil.rmtree(out / "var", ignore_errors=True)
     say(f"{options.updates} updates, seed {seed}")
     with mission.Mission(options.var or out / "var", options.deployment or out / "deployment.yaml", mission.installed(options.bin), say) as flight:

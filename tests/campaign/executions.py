@@ -1,17 +1,17 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulated peripherals executed of telecommands: the campaigns' independent record."""
+"""The telecommands that the simulated peripherals executed: an independent record for the campaigns."""
 
 import json
 import socket
 
-NAMES = {"payload_adcs": "adcs", "payload_eps": "eps", "payload_thermal": "thermal"}  # of a payload's peripheral in hw_sim
+NAMES = {"payload_adcs": "adcs", "payload_eps": "eps", "payload_thermal": "thermal"}  # names of the payloads' peripherals in hw_sim
 
 
 class Executions:
     def __init__(self, run_dir):
         self.of = {payload: [] for payload in NAMES}  # ids in order
-        self.unseen = 0  # hw_sim had forgotten them when it was asked
+        self.unseen = 0  # hw_sim had dropped them before the query
         self._counts = dict.fromkeys(NAMES, 0)
         self._socket = run_dir / "sim_control.sock"
 
@@ -19,7 +19,7 @@ class Executions:
         return sum(map(len, self.of.values()))
 
     def ask(self):
-        """What was executed since the last time. Asked on the control socket itself: often, and without a process each time."""
+        """Adds the executions since the last call. Uses the control socket directly, because frequent calls must not start processes."""
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
             control.settimeout(5)
             control.connect(str(self._socket))

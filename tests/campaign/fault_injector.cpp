@@ -1,9 +1,8 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into the nodes by the fault campaign (LD_PRELOAD): makes a process that carries no test code of
-// its own fail in the ways a process fails. A real-time signal, queued to one thread, says which; its handler
-// runs on that thread between any two instructions. Commands are in tests/campaign/faults.py, which must
-// agree.
+// The fault campaign preloads this library into the nodes (LD_PRELOAD). It injects process faults into
+// programs that contain no test code. A real-time signal queued to one thread selects the fault; its handler
+// runs on that thread between any two instructions. The commands must match tests/campaign/faults.py.
 
 #include <arpa/inet.h>
 #include <dlfcn.h>
@@ -34,21 +33,21 @@
 namespace {
 
 enum Command : std::uint32_t {
-  healthy = 0,      // whatever can be ended ends
+  healthy = 0,      // ends every fault that can be ended
   do_abort = 1,     // SIGABRT
   do_segfault = 2,  // a store to address 8
-  loop = 3,         // the thread never comes back, and burns a CPU
-  deadlock = 4,     // the thread never comes back, and waits
-  late = 5,         // every turn of the work thread comes so many ms later
-  deaf = 6,         // nothing is received from the network any more
-  stale_nonce = 7,  // answers of check_alive name another question
+  loop = 3,         // the thread never returns and uses a whole CPU
+  deadlock = 4,     // the thread never returns and waits
+  late = 5,         // delays every turn of the work thread by so many ms
+  deaf = 6,         // drops all input from the network
+  stale_nonce = 7,  // answers to check_alive carry a wrong nonce
   wrong_incarnation = 8,
   wrong_state = 9,
-  grow = 10,             // so many MiB a second
-  use_descriptors = 11,  // until there are no more
-  clock_step = 12,       // CLOCK_REALTIME is so many minutes (signed) away
-  idle = 13,             // input stays where it is but for liveness checks; the node's own timers do nothing
-  hog = 14,              // eight threads that burn the CPUs
+  grow = 10,             // allocates so many MiB per second
+  use_descriptors = 11,  // opens descriptors until none are left
+  clock_step = 12,       // shifts CLOCK_REALTIME by so many minutes (signed)
+  idle = 13,             // handles liveness checks only; other input waits, the node's timers do nothing
+  hog = 14,              // starts eight threads that load the CPUs
 };
 
 constexpr int signal_number_offset = 7;  // SIGRTMIN + 7
@@ -119,7 +118,7 @@ void on_command(int, siginfo_t* info, void*) {
       break;
     case grow: {
       growth_mib_s = argument;
-      pthread_t thread;  // not async-signal-safe; the process is to be ruined anyway
+      pthread_t thread;  // not async-signal-safe, but this fault ruins the process anyway
       pthread_create(&thread, nullptr, grow_without_end, nullptr);
       break;
     }
@@ -142,7 +141,7 @@ void on_command(int, siginfo_t* info, void*) {
   }
 }
 
-/// Whoever calls a function calls another in its place from now on. Not while it runs.
+/// Redirects all calls of @p function to @p by. Must not run while @p function runs.
 void replace(void* function, const void* by) {
 #if defined(__x86_64__)
   std::array<std::uint8_t, 12> jump{0x48, 0xB8, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xE0};  // mov rax, by; jmp rax
@@ -156,14 +155,15 @@ void replace(void* function, const void* by) {
   const std::uintptr_t first = address / page * page;
   if (mprotect(reinterpret_cast<void*>(first), address + jump.size() - first,
                PROT_READ | PROT_WRITE | PROT_EXEC) != 0)
-    std::abort();  // a campaign that cannot do what it says is to fail
+    std::abort();  // a campaign that cannot inject its faults must fail
   std::memcpy(function, jump.data(), jump.size());
   auto* code = static_cast<char*>(function);
   __builtin___clear_cache(code, code + jump.size());
 }
 
-/// Input waits from now on, counted as in any node that does not get to it. On the work thread, outside of
-/// the executor's own function. The library calls that directly, so a preloaded symbol alone does nothing.
+/// Leaves all input waiting from now on, counted as in any node that falls behind. Runs on the work thread,
+/// outside the executor function that it replaces. The library calls that function directly, so preloading
+/// the symbol alone has no effect.
 void stop_taking_input() {
   constexpr const char* name = "_ZN4srfs3ros8Executor14run_one_sourceEv";
   void* const flight = dlsym(RTLD_NEXT, name);
@@ -178,8 +178,8 @@ std::function<void()> unless_idle(std::function<void()> callback) {
   };
 }
 
-/// What SRFS_FAULT_AT_START asks of this process: "NODE:exit" ends it, "NODE:hang:MS" stops its work thread
-/// so many ms after its start.
+/// Applies SRFS_FAULT_AT_START to this process: "NODE:exit" ends it, "NODE:hang:MS" stops its work thread
+/// MS milliseconds after its start.
 void fail_at_start() {
   const char* wanted = std::getenv("SRFS_FAULT_AT_START");
   if (wanted == nullptr) return;
@@ -200,7 +200,7 @@ void fail_at_start() {
   event.sigev_notify = SIGEV_THREAD_ID;
   event.sigev_signo = SIGRTMIN + signal_number_offset;
   event.sigev_value.sival_ptr = reinterpret_cast<void*>(static_cast<std::uintptr_t>(deadlock));
-  event._sigev_un._tid = getpid();  // the work thread is the first
+  event._sigev_un._tid = getpid();  // the work thread is the first thread
   timer_t timer{};
   const int ms = std::atoi(fault.data() + 5);
   const itimerspec once{{}, {ms / 1000, ms % 1000 * 1'000'000L}};
@@ -221,8 +221,8 @@ bool is_network(int fd) {
   return getsockname(fd, reinterpret_cast<sockaddr*>(&address), &length) == 0 && address.ss_family == AF_INET;
 }
 
-// The request of check_alive as it is on the wire (CDR, little-endian): nonce u64 | length of the observer's
-// name and NUL u32 | name.
+// The check_alive request on the wire (CDR, little-endian): nonce u64 | length of the observer's name with
+// NUL u32 | name.
 constexpr std::array<std::string_view, 9> observers{
     "timing", "can_switcher",      "payload_adcs",     "payload_eps", "payload_thermal",
     "ttc",    "image_acquisition", "image_processing", "maintenance"};
@@ -244,7 +244,7 @@ void look_for_question(const std::uint8_t* data, std::size_t size) {
   }
 }
 
-/// @return the datagram to send in its place, or nothing
+/// Writes the falsified datagram to @p copy. @return its size; 0: send the original
 std::size_t falsified(const msghdr& message, std::uint8_t* copy, std::size_t room) {
   std::size_t size = 0;
   for (std::size_t i = 0; i < message.msg_iovlen; ++i) {
@@ -274,7 +274,7 @@ std::size_t falsified(const msghdr& message, std::uint8_t* copy, std::size_t roo
 
 namespace srfs::ros {
 
-/// In place of the flight code's, in an idle node: only the liveness checks' input is handled.
+/// Replaces the flight code's function in an idle node: handles only the input of liveness checks.
 bool Executor::run_one_source() {
   auto& queue = ready_[static_cast<std::size_t>(Priority::liveness)];
   while (!queue.empty()) {

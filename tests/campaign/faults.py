@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The fault campaign: every class of failure in every node of a running mission, under telecommands, and what the ring makes of it.
+"""The fault campaign: injects every class of failure into every node of a running mission under telecommands, and judges how the ring recovers.
 
-Nothing here restarts a node: the suite does. The processes carry no test code; what a signal cannot do to them from outside is done by
-fault_injector.cpp, preloaded through a wrapper beside each program.
+The campaign restarts no node itself; the suite does. The processes carry no test code. Faults that a signal cannot cause are injected by
+fault_injector.cpp, which a wrapper script preloads into each program.
 """
 
 import collections
@@ -34,12 +34,12 @@ from lateness import Lateness, describe_lateness  # tools/demo
 
 NODES = ("timing", "can_switcher", "payload_adcs", "payload_eps", "payload_thermal", "ttc", "image_acquisition", "image_processing", "maintenance")
 PAYLOADS = tuple(witness.ADDRESS)
-KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # of what `srfs record` prints, beside liveness
+KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # message types of `srfs record` that are kept, besides liveness
 STEADY_DEADLINE_S = 60
-OBSERVE_S = 0.5  # after the recovery: who dies of it now is a false restart
+OBSERVE_S = 0.5  # after the recovery; any other node with a new process by then is a false restart
 SETTLE_S = 60
 ACTIVE = 3  # lifecycle_msgs/State
-SUBSETS = 2 ** len(NODES) - 2  # of nine nodes, but nobody and all
+SUBSETS = 2 ** len(NODES) - 2  # of the nine nodes, without the empty and the full set
 
 # Commands of fault_injector.cpp.
 ABORT, SEGFAULT, LOOP, DEADLOCK, LATE, DEAF, STALE_NONCE, WRONG_INCARNATION, WRONG_STATE, GROW, DESCRIPTORS, CLOCK_STEP, IDLE, HOG = range(1, 15)
@@ -50,11 +50,11 @@ HEALTHY = 0
 class FaultClass:
     name: str
     what: str
-    expected: str  # "restart": a new process is Active again; "none": nobody is restarted; "mended": Active again after the cause is gone
-    p50_s: float | None = None  # goals: fault to Active again
+    expected: str  # "restart": a new process is Active again; "none": no node is restarted; "mended": Active again after the cause is gone
+    p50_s: float | None = None  # goals for the time from the fault to Active again
     max_s: float | None = None
-    bound_s: float = 30  # later is a failure of the campaign whatever the goal
-    found_as: tuple = ()  # what the ring may call it; empty: anything
+    bound_s: float = 30  # a later recovery fails the campaign, whatever the goal
+    found_as: tuple = ()  # faults that the ring may report; empty: any
 
 
 EXIT, HANG = (0.3, 0.8), (0.7, 1.2)
@@ -72,7 +72,7 @@ CLASSES = (
     FaultClass("wrong_incarnation", "its answers name another incarnation", "restart"),
     FaultClass("wrong_state", "its answers name a state that there is not", "restart"),
     FaultClass("worker", "a worker thread that does not come back", "restart", bound_s=12, found_as=("worker frozen",)),
-    # A payload that has the bus is fenced by the switcher first.
+    # The switcher may fence a payload that holds the bus first.
     FaultClass("idle", "answers in Active; its input stays where it is, its timers do nothing", "restart", bound_s=12, found_as=("not working", "exited")),
     FaultClass("memory", "grows by 64 MiB a second", "restart"),
     FaultClass("descriptors", "uses all file descriptors", "restart"),
@@ -80,21 +80,23 @@ CLASSES = (
     FaultClass("crash_loop", "killed; its successors end at once, until the cause is gone", "mended", bound_s=120),
     FaultClass("no_binary", "killed; its program is missing, until it is put back", "mended", bound_s=120),
     FaultClass("bad_binary", "killed; its program is damaged, until it is put back", "mended", bound_s=120),
-    # SIGSEGV in the probation of a version: another program is Active again, the last good one.
+    # SIGSEGV in the probation of a version: the last good version becomes Active.
     FaultClass("bad_version", "a new version crashes in its probation; the last good one comes back", "restart", 1.0, 1.0),
     FaultClass("clock_forward", "its clock of the day goes three hours ahead and back", "none"),
     FaultClass("clock_back", "its clock of the day goes three hours back and ahead", "none"),
 )
-HOG_CLASS = FaultClass("hog", "eight threads that burn the CPUs", "restart", 5.0, 5.0, bound_s=60, found_as=("taking the CPUs", "exited", "absent"))  # a payload that has the bus is fenced first
-# The worker thread that is frozen: one that has work again each second. A restarter has an empty job then.
+# The switcher may fence a payload that holds the bus first. A process whose threads keep its own work thread from the CPU is silent, too.
+HOG_CLASS = FaultClass("hog", "eight threads that burn the CPUs", "restart", 5.0, 5.0, bound_s=60,
+                       found_as=("taking the CPUs", "silent", "exited", "absent"))  # fmt: skip
+# The worker thread to freeze: one that gets work every second. A restarter gets an empty job.
 WORKERS = {"ttc": "ttc_store", **dict.fromkeys(PAYLOADS, "store"), **dict.fromkeys(("timing", "can_switcher", *NODES[6:]), "ring")}
 WITHOUT_DUE_WORK = NODES[6:]
 KINDS = {"subset": "several nodes killed at once", "everybody": "all nine killed at once", "soak": "nothing but load",
          "overload": "more load than CPUs for a while", "suite_stopped": "the whole suite stopped for 0.05 to 3 s and continued", "steady": "between two faults"}  # fmt: skip
-WINDOW_S = 1.5  # of the ring's death history
+WINDOW_S = 1.5  # length of the ring's death history
 NODE_PRIORITY, DEVICE_PRIORITY = 40, 50  # SCHED_FIFO
 LOAD = ("stress-ng", "--cpu", "4", "--io", "2", "--quiet")
-START_FAULT_S = 4  # how long the cause of a fault at start stays
+START_FAULT_S = 4  # how long the cause of a fault at start persists
 
 TELECOMMANDS = {
     "payload_adcs": ("adcs.set_target_quaternion x=0 y=0 z=0 w=1", "adcs.set_mode mode=point"),
@@ -104,8 +106,8 @@ TELECOMMANDS = {
 COMMAND_PERIOD_S = 0.25
 MOST_UNDER_WAY = 3
 FORGET_S = 20
-DELIVERY_NS = 500_000_000  # from a topic to the campaign, on a busy machine
-GROUND_PATIENCE_S = 40  # a ttc that cannot start for some seconds tells the ends when it can
+DELIVERY_NS = 500_000_000  # allowance for delivery from a topic to the campaign, on a busy machine
+GROUND_PATIENCE_S = 40  # a ttc that cannot start for some seconds reports the outcomes once it runs
 
 
 class _SigInfo(ctypes.Structure):
@@ -114,7 +116,7 @@ class _SigInfo(ctypes.Structure):
 
 
 def queue_to_thread(pid, tid, command, argument=0):
-    """One command to the injector in one thread of a process."""
+    """Sends one command to the injector in one thread of a process."""
     info = _SigInfo(number=signal.SIGRTMIN + 7, code=-1, pid=os.getpid(), uid=os.getuid(), value=command | (argument & 0xFFFFFFFF) << 32)
     number = {"x86_64": 297, "aarch64": 240}[platform.machine()]  # rt_tgsigqueueinfo
     if ctypes.CDLL(None, use_errno=True).syscall(number, pid, tid, info.number, ctypes.byref(info)) != 0:
@@ -122,7 +124,7 @@ def queue_to_thread(pid, tid, command, argument=0):
 
 
 def threads(pid):
-    """{name: tid} of a process' threads, but the first."""
+    """{name: tid} of a process's threads, except the first."""
     found = {}
     for task in pathlib.Path(f"/proc/{pid}/task").iterdir():
         with contextlib.suppress(OSError):
@@ -132,7 +134,7 @@ def threads(pid):
 
 
 class Wrappers:
-    """Programs of the nodes as the campaign wants them: a wrapper that preloads the injector, and can be damaged and mended."""
+    """Wrapper scripts in place of the nodes' programs: each preloads the injector, and can be damaged, removed and restored."""
 
     def __init__(self, folder, bin_dir, injector):
         self.folder = folder
@@ -164,18 +166,18 @@ class Wrappers:
         new.rename(self.path(node))
 
     def deployment(self, base, changed, misses=3, realtime=False, tick_ms=None):
-        """A copy of a deployment whose nodes are started through the wrappers. Slots are as long whatever the ticks: a holder that needs
-        more than one blocks the switch for another."""
+        """Copies a deployment so that its nodes start through the wrappers. The tick period does not change the length of the slots: a holder
+        that needs more than one tick blocks the switch to the next holder."""
         text = base.read_text()
         for node in NODES:
             text = text.replace(f"executable: {node}_node\n", f"executable: {self.path(node)}\n")
-        # A node dies here more often than any node should: patience is for deaths that follow upon each other.
+        # Nodes die more often here than in flight. With a short window, the ring's patience is spent only on deaths in quick succession.
         text = text.replace("ring:", f"ring:\n  window_ms: {round(WINDOW_S * 1000)}", 1)
         text = re.sub(r"^  misses: \d+", f"  misses: {misses}", text, count=1, flags=re.MULTILINE)
         if tick_ms:
             text = re.sub(r"tick_period_ms: \d+", f"tick_period_ms: {tick_ms}", text)
         if realtime:
-            # Niceness and background are for normal threads; the deployment refuses them beside fifo.
+            # Niceness and background apply to normal threads only; the deployment refuses them together with fifo.
             text = re.sub(r"scheduling: \{ policy: other, priority: 0((?:, nice: -?\d+|, background: true)*),",
                           f"scheduling: {{ policy: fifo, priority: {NODE_PRIORITY},", text)  # fmt: skip
         changed.write_text(text)
@@ -184,16 +186,16 @@ class Wrappers:
 
 @dataclasses.dataclass
 class Trial:
-    """One fault and what became of it; times in ns of CLOCK_MONOTONIC, None: not seen."""
+    """One fault and its outcome; times in ns of CLOCK_MONOTONIC, None: not seen."""
 
     kind: str
     victims: tuple
     expected: str
-    begin: int = 0  # the fault; of "mended": when its cause was gone
+    begin: int = 0  # time of the fault; for "mended": when its cause was gone
     accused: int | None = None  # the first accusation of a victim
     process: int | None = None  # all victims have a new process
     active: int | None = None  # all victims are Active again
-    found_as: str = ""  # by the first accusation
+    found_as: str = ""  # fault named by the first accusation
     false_restarts: tuple = ()
     slots_lost: int = 0
     telemetry_gap_s: float = 0.0
@@ -211,7 +213,7 @@ class Trial:
 class FaultCampaign:
     def __init__(self, flight, wrappers, signals, seed, say, classes=CLASSES, fresh_s=0.4):
         self.classes = classes
-        self.fresh_ns = int(fresh_s * 1e9)  # so old may an answer be of which a node is called steady
+        self.fresh_ns = int(fresh_s * 1e9)  # maximum age of the last answer of a steady node
         self.flight = flight
         self.wrappers = wrappers
         self.signals = signals
@@ -228,11 +230,12 @@ class FaultCampaign:
         self._telemetry = collections.defaultdict(list)  # application -> times of packets on the ground
         self._ends = {}
         self._under_way = {payload: {} for payload in PAYLOADS}
-        self._enough = threading.Event()  # no more telecommands
+        self._enough = threading.Event()  # set: send no more telecommands
         self._quit = threading.Event()
         self._threads = []
         self.usage = []
-        self._ticks = 0  # heard in all
+        self.overloads = []  # [(begin, end)] that this campaign made, in ns of CLOCK_MONOTONIC
+        self._ticks = 0  # total received
         self.soak_ticks = 0
 
     # --- watching ---------------------------------------------------------------------------------------------------
@@ -285,7 +288,7 @@ class FaultCampaign:
         return {node: seen[-1][1] for node, seen in self._processes.items() if seen}
 
     def _is_steady(self):
-        """Everybody has a process, and its last check was answered a moment ago in Active."""
+        """Whether every node has a process that answered a check in Active within the last fresh_ns."""
         now = time.monotonic_ns()
         with self._lock:
             alive = dict(self._alive)
@@ -298,7 +301,7 @@ class FaultCampaign:
             raise mission.MissionError("interrupted", code=130)
 
     def _wait_until_forgotten(self, victims):
-        """Steady, and the deaths of these nodes are out of the ring's window."""
+        """Waits until the suite is steady and the deaths of these nodes have left the ring's window."""
         last = max((self._processes[node][-1][0] for node in victims if len(self._processes[node]) > 1), default=0)
         time.sleep(max(0, min(WINDOW_S + 0.5, last / 1e9 + WINDOW_S + 0.2 - time.monotonic())))
         self.wait_until_steady()
@@ -330,7 +333,7 @@ class FaultCampaign:
             self.executions.ask()
 
     def _settle(self):
-        with contextlib.suppress(mission.MissionError):  # the judge says what is missing
+        with contextlib.suppress(mission.MissionError):  # the verdict reports what is missing
             mission.wait_until(lambda: self.signals.asked or all(self._ends.copy().values()), SETTLE_S, "every telecommand ended", period_s=0.2)
 
     # --- faults -----------------------------------------------------------------------------------------------------
@@ -343,7 +346,7 @@ class FaultCampaign:
             os.close(handle)
 
     def _inject(self, kind, node, pid):
-        """@return what ends the fault, to be called; None where nothing does"""
+        """@return a callable that ends the fault; None if there is none"""
         signals = {"exit": signal.SIGTERM, "kill": signal.SIGKILL, "stop": signal.SIGSTOP}
         commands = {"abort": ABORT, "segfault": SEGFAULT, "bad_version": SEGFAULT, "loop": LOOP, "deadlock": DEADLOCK, "deaf": DEAF, "stale_nonce": STALE_NONCE,
                     "wrong_incarnation": WRONG_INCARNATION, "wrong_state": WRONG_STATE, "descriptors": DESCRIPTORS, "idle": IDLE, "hog": HOG}  # fmt: skip
@@ -392,7 +395,7 @@ class FaultCampaign:
         if fault.expected == "mended":
             self._break_start(fault.name, node)
             self._signal(before[node], signal.SIGKILL)
-            time.sleep(START_FAULT_S)  # what it does to the others in the meantime is seen below
+            time.sleep(START_FAULT_S)  # effects on the other nodes in this time are checked below
             self.wrappers.mend(node)
             trial.begin = time.monotonic_ns()
             self._watch(trial, fault, before, old)
@@ -412,7 +415,7 @@ class FaultCampaign:
         return trial
 
     def _put_on_probation(self, node):
-        """The number of a version with the same program, which the node runs when this returns."""
+        """Puts a version with the same program on probation and waits until the node runs it. Returns the version's number."""
         old = self._incarnations()[node]
         added = json.loads(self.flight.srfs("versions", "add", node, str(self.wrappers.path(node))).stdout)
         used = json.loads(self.flight.srfs("versions", "use", node, str(added["version"]), "--probation", "600").stdout)
@@ -429,7 +432,7 @@ class FaultCampaign:
         return added["version"]
 
     def _judge_rollback(self, node, version):
-        """What is wrong with the versions of a node whose probation failed; empty: nothing."""
+        """Checks that the node was rolled back after its failed probation. Returns the problem; empty: none."""
         def failed():
             found = json.loads(self.flight.srfs("versions", "--node", node).stdout)[0]
             return found["running"] == found["active"] == found["last_good"] == 0 and any(
@@ -442,8 +445,8 @@ class FaultCampaign:
         return ""
 
     def _watch(self, trial, fault, before, old):
-        """Until all victims have a process of a later incarnation that is Active, and for a while after that.
-        before, old: pids and incarnations from before the fault; what the ring restarts at once is new too."""
+        """Waits until all victims have an Active process of a later incarnation, and for OBSERVE_S after that.
+        before, old: pids and incarnations from before the fault, so that a process which the ring starts at once counts as new too."""
         deadline = time.monotonic() + fault.bound_s
         while time.monotonic() < deadline and not self.signals.asked:
             if trial.process is None:
@@ -462,7 +465,7 @@ class FaultCampaign:
         trial.false_restarts = self._changed(before, trial.victims)
 
     def failed(self, why):
-        """The suite did not come to rest before the next fault: a failure of the campaign in its own right."""
+        """Records that the suite did not become steady before the next fault: a failure of the campaign in its own right."""
         self.trials.append(Trial("steady", (), "none", begin=time.monotonic_ns(), note=why))
         return self.trials[-1]
 
@@ -494,14 +497,14 @@ class FaultCampaign:
         self.trials.append(trial)
 
     def subset(self, victims):
-        """All victims at once, by SIGKILL."""
+        """Kills all victims at once with SIGKILL."""
         self._wait_until_forgotten(victims)
         kind = FaultClass("subset" if len(victims) < len(NODES) else "everybody", "", "restart", bound_s=60)
         trial = Trial(kind.name, tuple(victims), "restart")
         before, old = self._pids(), self._incarnations()
         handles = [os.pidfd_open(before[node]) for node in victims]
         trial.begin = time.monotonic_ns()
-        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped first, or one could start another before it dies itself
+        for number in (signal.SIGSTOP, signal.SIGKILL):  # stopped first; otherwise one could start another before it dies itself
             for handle in handles:
                 with contextlib.suppress(ProcessLookupError):
                     signal.pidfd_send_signal(handle, number)
@@ -513,7 +516,7 @@ class FaultCampaign:
         return trial
 
     def stop_everybody(self, seconds):
-        """The whole suite stopped and continued at once: nobody may die of it."""
+        """Stops the whole suite for so many seconds and continues it: no node may be restarted."""
         self.wait_until_steady()
         trial = Trial("suite_stopped", NODES, "none")
         before = self._pids()
@@ -530,7 +533,7 @@ class FaultCampaign:
         return trial
 
     def soak(self, seconds, tick_ms):
-        """Nothing but load for so long: false restarts, ticks, and the slopes of memory and descriptors."""
+        """Runs for so many seconds without faults but with load. Measures false restarts, ticks, and the slopes of memory and descriptors."""
         self.wait_until_steady()
         trial = Trial("soak", NODES, "none", begin=time.monotonic_ns())
         before, ticks = self._pids(), self._ticks
@@ -551,7 +554,7 @@ class FaultCampaign:
 
 @contextlib.contextmanager
 def stress(command):
-    """Load beside the mission, ended with the block."""
+    """Runs a load beside the mission until the end of the block."""
     if not shutil.which(command[0]):
         raise mission.MissionError(f"{command[0]} is not installed: apt-get install {command[0]}", code=2)
     with tempfile.TemporaryDirectory() as folder, subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL) as load:
@@ -566,7 +569,7 @@ def stress(command):
 
 
 def make_realtime(pid):
-    """SCHED_FIFO for every thread of a process and those to come."""
+    """Sets SCHED_FIFO for every thread of a process; later threads inherit it."""
     try:
         for task in os.listdir(f"/proc/{pid}/task"):
             os.sched_setscheduler(int(task), os.SCHED_FIFO, os.sched_param(DEVICE_PRIORITY))
@@ -575,12 +578,12 @@ def make_realtime(pid):
 
 
 def tick_ms(deployment):
-    """The period of a deployment file's ticks."""
+    """The tick period of a deployment file."""
     return int(re.search(r"tick_period_ms: (\d+)", deployment.read_text()).group(1))
 
 
 def slope_per_hour(points):
-    """[(s, value)] -> straight line through the later three quarters: the first is for caches and queues to fill."""
+    """[(s, value)] -> slope of a straight line through the last three quarters. In the first quarter, caches and queues fill."""
     later = points[len(points) // 4 :]
     if len(later) < 2:
         return 0.0
@@ -588,7 +591,7 @@ def slope_per_hour(points):
 
 
 def usage(pid):
-    """(anonymous memory in KiB, open descriptors) of a process; None: it is gone."""
+    """(anonymous memory in KiB, open descriptors) of a process; None: it has ended."""
     with contextlib.suppress(OSError, StopIteration):
         lines = pathlib.Path(f"/proc/{pid}/status").read_text().splitlines()
         return int(next(line for line in lines if line.startswith("RssAnon:")).split()[1]), len(os.listdir(f"/proc/{pid}/fd"))
@@ -596,11 +599,11 @@ def usage(pid):
 
 
 def slots_lost(messages, begin, end, victims):
-    """Slots that a fault took from others than its victims, in a time that begins with it:
+    """Counts the slots that a fault took from other nodes than its victims, in a period that begins with the fault:
 
     - grants to others that did not end in a release,
-    - ticks without a grant, told by the time between two grants, unless a victim had the bus or gives the grants. The beat may move by half a
-      period when timing comes back; from 1.6 periods on a slot is missing.
+    - ticks without a grant, inferred from the time between two grants, unless a victim holds the bus or issues the grants. The beat may shift
+      by half a period when timing restarts; a gap of 1.6 periods or more means a missing slot.
     """
     flags = sorted((m for m in messages if m["type"] == "flags" and m["holder"] and m["published_ns"] <= end), key=lambda m: m["published_ns"])
     released = {(m["switcher"], m["grant"]) for m in messages if m["type"] == "bus" and m["status"] == "released"}
@@ -613,7 +616,7 @@ def slots_lost(messages, begin, end, victims):
     if "can_switcher" in victims or len(gaps) < 3:
         return lost
     usual = statistics.median(gaps)
-    # The grant before the fault begins the first gap, the end of the record ends the last; what was granted a moment ago may be on its way here.
+    # The first gap begins with the last grant before the fault, the last gap ends with the record. Recent grants may still be in transit.
     seen = [*before[-1:], *inside]
     ends = [m["published_ns"] for m in seen[1:]] + [end - DELIVERY_NS]
     return lost + sum(max(0, math.ceil((to - m["published_ns"]) / usual - 0.6) - 1) for m, to in zip(seen, ends) if m["holder"] not in victims)
@@ -635,8 +638,8 @@ def figures(values):
 
 
 def sort_telecommands(stages, trials):
-    """(stages of telecommands whose end the ground must hear, how many accepted ones have none after a death of ttc, ones that were never
-    accepted). The journal of ttc outlives its process: an end that is lost with it is a failure like any other."""
+    """Returns (stages of telecommands whose final stage the ground must receive, number of accepted ones that have none after a death of ttc,
+    number that ttc never accepted). The journal of ttc outlives its process: an outcome lost with the process is a failure like any other."""
     by_line = collections.defaultdict(list)
     for m in stages:
         by_line[m["line"]].append(m)
@@ -646,7 +649,7 @@ def sort_telecommands(stages, trials):
         names = {m["stage"] for m in lines}
         first, last = lines[0], lines[-1]
         if last["stage"] == "timed_out" and "accepted" not in names:
-            unheard += 1  # a BD frame that nobody took
+            unheard += 1  # a BD frame sent while no ttc was running
             continue
         with_ttc += last["stage"] == "timed_out" and any(first["at_ns"] < back and last["at_ns"] > death for death, back in deaths)
         kept += lines
@@ -654,7 +657,7 @@ def sort_telecommands(stages, trials):
 
 
 def kinds_of(campaign):
-    """The kinds of faults of a campaign, in the order of their lists; trials come in a random one."""
+    """The kinds of faults of a campaign, in the order of CLASSES and KINDS; the trials themselves are in random order."""
     seen = {*(trial.kind for trial in campaign.trials), *getattr(campaign, "not_applicable", ())}
     return [name for name in (*(fault.name for fault in campaign.classes), *KINDS) if name in seen]
 
@@ -671,19 +674,19 @@ def summarize(campaign):
         table.append({
             "class": name, "what": fault.what if fault else KINDS.get(name, ""), "trials": len(trials), "recovered": sum(t.ok for t in trials),
             "expected": trials[0].expected if trials else "", "not_applicable": campaign.not_applicable.get(name, {}),
-            # Of "mended" the time counts from the end of the cause, long after it was seen.
+            # For "mended", the time counts from the end of the cause, long after the detection.
             "detected": figures([t.seconds("accused") for t in trials if t.expected != "mended"]), "restarted": figures([t.seconds("process") for t in trials]),
             "active": active, "goal": goal, "goal_met": met,
             "false_restarts": sum(len(t.false_restarts) for t in trials), "slots_lost": sum(t.slots_lost for t in trials),
             "telemetry_gap_s": max((t.telemetry_gap_s for t in trials), default=0),
             "found_as": dict(collections.Counter(t.found_as for t in trials if t.found_as)),
         })  # fmt: skip
-    soak = len(campaign.usage) > 0  # a busy machine for long: some answers come too late
+    soak = len(campaign.usage) > 0  # a long time on a busy machine: some answers come too late
     telecommands = witness.telecommands_of(campaign.messages)
     others, with_ttc, unheard = sort_telecommands([m for m in campaign.messages if m["type"] == "tc_stage"], campaign.trials)
     checks = [
         *witness.executed_once(telecommands, campaign.executions.of, soak, campaign.machine["late_at"]),
-        witness.told_to_the_ground(others, soak, campaign.machine["late_at"]),
+        witness.told_to_the_ground(others, soak, campaign.machine["late_at"], campaign.overloads),
         witness.check([f"{t.kind} {','.join(t.victims)}: {t.note or 'false restarts: ' + ', '.join(t.false_restarts)}" for t in campaign.trials if not t.ok],
                       "every victim recovers, and nobody else is restarted", len(campaign.trials)),
         witness.check([f"{campaign.executions.unseen} executions"] if campaign.executions.unseen else [], "every execution was seen"),
@@ -766,7 +769,7 @@ def write(folder, campaign):
 
 
 def draw(folder, campaign):
-    """Fault to Active again, a line a class."""
+    """Plots the time from fault to Active again, one line per class."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The fencing campaign: the real processes, stopped and killed at random points of their slots, while telecommands come all the time.
+"""The fencing campaign: stops and kills the real processes at random points of their slots, under a steady stream of telecommands.
 
-What is judged afterwards is in witness.py.
+witness.py judges the recording afterwards.
 """
 
 import contextlib
@@ -23,18 +23,18 @@ from lateness import Lateness, describe_lateness  # tools/demo
 
 PAYLOADS = tuple(witness.ADDRESS)
 SWITCHER = "can_switcher"
-KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # of what `srfs record` prints
+KEPT = {"flags", "bus", "telecommand", "report", "peripheral_reset"}  # message types of `srfs record` that are kept
 
-# What is sent from the ground; by_id, but for the last one, which is at_most_once.
+# Telecommands from the ground, by payload: all are by_id, except the last, which is at_most_once.
 TELECOMMANDS = {
     "payload_adcs": ("adcs.set_target_quaternion x=0 y=0 z=0 w=1", "adcs.set_mode mode=point", "adcs.reset_peripheral"),
     "payload_eps": ("eps.set_charge_limit limit=0.9", "eps.switch_load load=2 state=on", "eps.reset_peripheral"),
     "payload_thermal": ("thermal.set_setpoint heater=0 setpoint_k=291", "thermal.set_setpoint heater=1 setpoint_k=289", "thermal.reset_peripheral"),
 }
-MOST_UNDER_WAY = 3  # telecommands of one payload
-FORGET_S = 20  # one without a final stage makes room after so long
+MOST_UNDER_WAY = 3  # telecommands per payload
+FORGET_S = 20  # after this time, a telecommand without a final stage no longer counts as under way
 
-# (class, share). A stopped process goes on after a random time, unless it was killed for it.
+# (class, share). A stopped process continues after a random time, unless it was killed for being stopped.
 FAULTS = (
     ("stop the holder", 10),
     ("stop a waiting payload", 4),
@@ -47,8 +47,8 @@ FAULTS = (
 STOP_S = ((0.0002, 0.005), (0.005, 0.03), (0.03, 0.08), (0.08, 0.4))  # from an instant to several leases
 FAULT_PERIOD_S = (0.1, 0.9)
 UP_DEADLINE_S = 10
-SETTLE_S = 90  # telecommands under way may take so long to end after the last fault
-BOUND_S = 15  # of each recovery; what it really takes is in the summary
+SETTLE_S = 90  # time for the telecommands under way to end after the last fault
+BOUND_S = 15  # limit of each recovery; the summary lists the measured times
 
 
 class Campaign:
@@ -59,12 +59,12 @@ class Campaign:
         self.random = random.Random(seed)
         self.say = say
         self.faults = []
-        self.messages = []  # of KEPT
+        self.messages = []  # those of KEPT
         self.executions = executions.Executions(flight.run_dir)
         self._grants = set()
         self._holder = None  # (payload, time of the flag)
         self._flag = threading.Condition()
-        self._stopped = []  # heap of (time to go on, n, pidfd)
+        self._stopped = []  # heap of (time to continue, n, pidfd)
         self._n = 0
         self._quit = threading.Event()
         self._restarts = 0
@@ -94,7 +94,7 @@ class Campaign:
     # --- processes --------------------------------------------------------------------------------------------------
 
     def _open(self, node):
-        """A descriptor of the process that is this node now, which no later process can be mistaken for; None: it does not run."""
+        """A descriptor of the node's current process, which never refers to a later process; None: the node does not run."""
         pid = self.flight.node_pid(node)
         if pid is None:
             return None
@@ -108,7 +108,7 @@ class Campaign:
         return handle
 
     def _stop(self, node, seconds):
-        """@return whether it runs, and is stopped now"""
+        """Stops the node for so many seconds. @return False if it does not run"""
         handle = self._open(node)
         if handle is None:
             return False
@@ -136,7 +136,7 @@ class Campaign:
         return True
 
     def _start_what_is_missing(self):
-        """The deployment has no ring: what is measured is the switcher's work alone. Ends with the campaign."""
+        """Starts missing nodes until the campaign ends. The deployment has no ring, so only the switcher's work is measured."""
         nodes = (SWITCHER, *PAYLOADS)
         while not self._quit.wait(0.02):
             if all(self.flight.node_pid(node) for node in nodes):
@@ -147,14 +147,14 @@ class Campaign:
     # --- faults -----------------------------------------------------------------------------------------------------
 
     def _wait_for_holder(self):
-        """The holder of the next flag, at a random point of its slot; None: no flag came."""
+        """Waits for the next flag and then for a random point of that slot. Returns the holder; None: no flag came."""
         with self._flag:
             self._holder = None
         deadline = time.monotonic() + 3
         while not self._holder:
             if time.monotonic() > deadline:
                 return None
-            self._go_on()  # without a switcher that runs there is no flag
+            self._go_on()  # there is no flag while the switcher is stopped
             with self._flag:
                 self._flag.wait_for(lambda: self._holder, timeout=0.005)
         holder = self._holder
@@ -162,7 +162,7 @@ class Campaign:
         return holder
 
     def _sleep(self, seconds):
-        """As time.sleep; whose time has come goes on meanwhile."""
+        """Like time.sleep(), but meanwhile continues stopped processes when their time has come."""
         end = time.monotonic() + seconds
         while True:
             self._go_on()
@@ -253,7 +253,7 @@ class Campaign:
             self._sleep(self.random.uniform(*FAULT_PERIOD_S))
 
     def _settle(self):
-        """Waits until everybody is up, every victim had a slot, and every accepted telecommand has its end."""
+        """Waits until the switcher and all payloads run, every payload has used a slot, and every telecommand has its end."""
         self.say("no more faults; waiting for what is under way")
 
         def done():
@@ -263,7 +263,7 @@ class Campaign:
             return self.signals.asked or (up and used == set(PAYLOADS) and all(self._ends.copy().values()))
 
         settled = len(self.messages)
-        with contextlib.suppress(mission.MissionError):  # the judge says what is missing
+        with contextlib.suppress(mission.MissionError):  # the verdict reports what is missing
             mission.wait_until(done, SETTLE_S, "everything ended", period_s=0.5)
 
     # --- files ------------------------------------------------------------------------------------------------------
@@ -279,7 +279,7 @@ class Campaign:
         return verdict, found
 
     def write(self, folder, found):
-        """What the verdict is made of, to be looked at, and judged again."""
+        """Writes the input of the verdict, for inspection and for judging it again."""
         (folder / "can.log").write_text("\n".join(self.lines) + "\n")
         (folder / "executed.json").write_text(json.dumps(self.executions.of) + "\n")
         (folder / "late.json").write_text(json.dumps(self.machine["late_at"]) + "\n")
@@ -295,7 +295,7 @@ class Campaign:
 
 
 def draw(folder, found):
-    """Distribution of the recovery gaps, a line a class of fault."""
+    """Plots the distribution of the recovery gaps, one line per class of fault."""
     import matplotlib
 
     matplotlib.use("Agg")

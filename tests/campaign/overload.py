@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The overload campaign: the mission beside programs that take the CPUs. Who waits for a CPU is not dead, who is dead is found all the same."""
+"""The overload campaign: the mission beside programs that take the CPUs. A node that waits for a CPU is not restarted; a dead one is still found."""
 
 import contextlib
 import dataclasses
@@ -15,12 +15,12 @@ import faults
 import mission  # tools/demo
 import witness
 
-LOAD = "--cpu 16"  # of stress-ng
+LOAD = "--cpu 16"  # options of stress-ng
 HEAVY_LOAD = "--cpu 48 --io 4 --vm 2"
 FLOOD = "--cpu 60"
 FOUND_WITHIN_S = 5.0
 BACK_WITHIN_S = 3.0
-FRESH_S = 5.0  # an answer beside the load
+FRESH_S = 5.0  # maximum age of an answer under load
 INJECTED = ("kill", "segfault", "stop", "loop", "deadlock", "worker")
 CLASSES = (*(dataclasses.replace(fault, p50_s=FOUND_WITHIN_S, max_s=FOUND_WITHIN_S, bound_s=60) for fault in faults.CLASSES if fault.name in INJECTED),
            faults.HOG_CLASS)  # fmt: skip
@@ -29,8 +29,8 @@ DEMO_DEADLINE_S = 900
 
 @contextlib.contextmanager
 def busy(load):
-    """stress-ng beside the mission, ended with the block. A session for each of its workers: where the kernel shares out CPU time among
-    sessions (autogroup, as Debian's does), one of all of them is one competitor only, and no load."""
+    """Runs stress-ng beside the mission until the end of the block. Each worker has its own session: a kernel that shares CPU time among
+    sessions (autogroup, as in Debian) would treat all workers of one session as a single competitor, which is no load."""
     words = load.split()
     with contextlib.ExitStack() as stack:
         for what, count in zip(words[::2], map(int, words[1::2])):
@@ -48,11 +48,11 @@ def _end_session(process):
 
 
 class Overload(faults.FaultCampaign):
-    """Faults beside LOAD, one of ours that takes the CPUs, and an overload that ends."""
+    """Faults beside LOAD, one of the suite's own processes that takes the CPUs, and an overload that ends."""
 
     def __init__(self, flight, wrappers, signals, seed, say):
         super().__init__(flight, wrappers, signals, seed, say, CLASSES, FRESH_S)
-        self.starved = []  # (node, what the ring said)
+        self.starved = []  # (node, detail reported by the ring)
         self.back_s = None
 
     def _on_record(self, message):
@@ -61,13 +61,15 @@ class Overload(faults.FaultCampaign):
         super()._on_record(message)
 
     def flood(self, seconds):
-        """An overload of so long, then none: nobody is restarted, and all is as before a moment after its end."""
+        """Runs an overload for so many seconds. No node is restarted, and soon after its end all nodes work as before."""
         self.wait_until_steady()
         trial = faults.Trial("overload", faults.NODES, "none")
         before = self._pids()
+        begin = time.monotonic_ns()
         with busy(FLOOD):
             self._pause(seconds)
         trial.begin = time.monotonic_ns()
+        self.overloads.append((begin, trial.begin))
         self.fresh_ns = 400_000_000
         mission.wait_until(lambda: self.signals.asked or (self._is_steady() and self._answers_since(trial.begin)), faults.STEADY_DEADLINE_S,
                            "all nodes Active and answering after the overload", period_s=0.02)  # fmt: skip
@@ -78,19 +80,19 @@ class Overload(faults.FaultCampaign):
         return trial
 
     def _answers_since(self, begin):
-        """Every node was checked, each payload released a slot and completed a telecommand since then."""
+        """Whether, since `begin`, every node answered a check and each payload released a slot and completed a telecommand."""
         with self._lock:
             checked = all(alive[2] > begin for alive in self._alive.values())
         used = {m["payload"] for m in self.messages[-200:] if m["type"] == "bus" and m["status"] == "released" and m["said_ns"] > begin}
         return checked and used >= set(faults.PAYLOADS) and self._commanded_since(begin) >= set(faults.PAYLOADS)
 
     def _commanded_since(self, begin):
-        """Payloads of which a telecommand was completed since then."""
+        """Payloads that have completed a telecommand since `begin`."""
         payload_of = {line.split()[0]: payload for payload, lines in faults.TELECOMMANDS.items() for line in lines}
         return {payload_of.get(m["command"]) for m in self.messages[-400:] if m["type"] == "tc_stage" and m["stage"] == "completed" and m["at_ns"] > begin}
 
     def calm(self, seconds):
-        """Nothing but LOAD, which is there already: who is restarted now was not ill."""
+        """Runs for so many seconds with LOAD only, which the caller has started. Any restart in this time is false."""
         self.wait_until_steady()
         trial = faults.Trial("soak", faults.NODES, "none", begin=time.monotonic_ns())
         before = self._pids()
@@ -105,9 +107,9 @@ class Overload(faults.FaultCampaign):
 
 
 def fly_sim(options, out, seconds, say):
-    """./run sim for so long beside LOAD: what it said of nodes that ended or were restarted, and how it ended."""
+    """Runs ./run sim for so many seconds beside LOAD. Returns its messages about nodes that ended or were restarted, and how it ended."""
     with busy(LOAD):
-        time.sleep(2)  # it is there before the suite
+        time.sleep(2)  # the load starts before the suite
         command = [sys.executable, "-B", str(mission.ROOT / "tools" / "demo" / "sim.py"), "--bin", str(options.bin), "--var", str(out / "sim")]
         with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
             try:
@@ -122,12 +124,12 @@ def fly_sim(options, out, seconds, say):
 
 
 def fly_demos(options, out, load, count, say):
-    """[(ok, seconds, failures)] of runs of the demo beside a load."""
+    """Runs the demo `count` times beside a load. Returns ok, seconds, failures and load of each run."""
     runs = []
     for number in range(1, count + 1):
         begin = time.monotonic()
         with busy(load):
-            time.sleep(2)  # it is there before the suite
+            time.sleep(2)  # the load starts before the suite
             command = [sys.executable, "-B", str(mission.ROOT / "tools" / "demo" / "demo.py"), "--bin", str(options.bin), "--var", str(out / "demo"), "--json"]
             try:
                 done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=DEMO_DEADLINE_S)
@@ -141,7 +143,7 @@ def fly_demos(options, out, load, count, say):
 
 
 def summarize(campaign, demos, sim=None):
-    """As faults.summarize(), with what this campaign asks for besides."""
+    """Like faults.summarize(), with this campaign's additional goals and checks."""
     summary = faults.summarize(campaign)
     took = [t.seconds("active") for t in campaign.trials if t.expected == "restart" and t.active]
     summary["goals"] = [{"what": f"found and Active again within {FOUND_WITHIN_S:.0f} s: {sum(s <= FOUND_WITHIN_S for s in took)} of {len(took)}",

@@ -1,9 +1,12 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Campaign `updates`: packages of sources one after the other, a third of them bad in different ways, processes killed at random meanwhile.
+"""The `updates` campaign: installs packages of sources one after the other, a third of them bad in different ways, and kills processes at random.
 
-Invariants: when an update is over, exactly one process of the node works, in the version that the table says; a bad one never stays; what is good and
-was not killed in its probation runs; nothing is left of any.
+Invariants after each update:
+- exactly one process of the node works, in the version that the table lists,
+- a bad version never stays,
+- a good version that was not killed in its probation runs,
+- the update leaves nothing behind.
 """
 
 import collections
@@ -38,7 +41,7 @@ FORKS = "#include <unistd.h>\n" + BEGIN + "  while (true) fork();\n"
 EATS = "#include <cstdlib>\n#include <cstring>\n" + BEGIN + "  for (std::size_t i = 0; i < 100000; ++i) std::memset(std::malloc(1 << 20), 1, 1 << 20);\n"
 TEMPLATES = "template <int N> struct A { A<N + 1> more; };\nA<0> endless;\n"
 
-# Way to be bad -> (what becomes of the source, where it ends)
+# Kind of bad package -> (change of the source, step in which the update must fail)
 WAYS = {
     "no C++": (lambda text: text + "\nthis is no C++;\n", "build"),
     "endless templates": (lambda text: text + TEMPLATES, "build"),
@@ -113,7 +116,7 @@ class Updates:
         package.write_bytes(octets)
         return package
 
-    # --- what is ------------------------------------------------------------------------------------------------------
+    # --- state ------------------------------------------------------------------------------------------------------
 
     def table(self):
         return json.loads(self.flight.srfs("versions", "--node", NODE).stdout)[0]
@@ -122,7 +125,7 @@ class Updates:
         return next(n for n in self.flight.status() if n["name"] == NODE)
 
     def processes(self):
-        """Of the node."""
+        """The pids of the node's processes."""
         found = []
         for entry in pathlib.Path("/proc").iterdir():
             words = mission.command_line(entry.name) if entry.name.isdigit() else []
@@ -131,13 +134,13 @@ class Updates:
         return found
 
     def is_steady(self):
-        """One process of the node works in the table's version, and no update is under way."""
+        """Whether all nodes are active and one process of the updated node runs the table's active version."""
         nodes = {n["name"]: n["state"] for n in self.flight.status()}
         table = self.table()
         return all(state == "active" for state in nodes.values()) and table["running"] == table["active"] and len(self.processes()) == 1
 
     def left(self):
-        """What an update may leave behind, as numbers that must not grow."""
+        """Counts what an update may leave behind. None of these numbers may grow."""
         with contextlib.suppress(OSError, TypeError):
             descriptors = len(os.listdir(f"/proc/{self.flight.node_pid('maintenance')}/fd"))
         lanes = [p for p in pathlib.Path("/proc").iterdir() if p.name.isdigit() and mission.command_line(p.name)[:1] == [self.flight.program("srfs-lane")]]
@@ -152,7 +155,7 @@ class Updates:
     # --- one update ---------------------------------------------------------------------------------------------------
 
     def kill_later(self):
-        """Kills one of the processes at a random instant of the update, or none."""
+        """In half of the updates, kills one of the processes at a random instant."""
         if self.random.random() < 0.5:
             return None, None
         victim = self.random.choice(KILLED)
@@ -227,7 +230,7 @@ class Updates:
         self.trials.append({"way": way or "good", "kill": kill, "took_s": round(took, 2), "refused": outcome.get("name") if refused else None,
                             "step": status.get("step"), "failed_in": status.get("failed_in"), "reason": status.get("reason"), "starts": status.get("starts"),
                             "build_ms": known(status.get("build_ms")), "outage_ms": known(status.get("outage_ms")), "active": after["active"], "problems": problems, "left": left})  # fmt: skip
-        if way is None and after["active"] == status.get("version"):  # the next one has it to go back to
+        if way is None and after["active"] == status.get("version"):  # the next update can roll back to it
             self.flight.srfs("versions", "confirm", NODE, str(after["active"]))
         return self.trials[-1]
 
@@ -235,7 +238,7 @@ class Updates:
         ground = self.flight.ground()
         ways = list(WAYS)
         for number in range(1, self.count + 1):
-            if number % 8 == 1 and number > 1:  # a session must not grow without bound
+            if number % 8 == 1 and number > 1:  # a session's records must not grow without bound
                 self.flight.hang_up(ground)
                 ground = self.flight.ground()
             way = ways[(number // 3 - 1) % len(ways)] if number % 3 == 0 else None

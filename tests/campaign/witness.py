@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Judges what was recorded while processes were stopped and killed: the bus' own record against the grants, the peripherals' own list of
-executed telecommands against the reports. Pure: knows nothing of the code that flies; docs/reference/icd_can.md is its source.
+"""Judges a recording made while processes were stopped and killed: the record of the bus against the grants, and the peripherals' list of
+executed telecommands against the reports. Pure functions, independent of the flight code; docs/reference/icd_can.md is their source.
 
 All times are CLOCK_MONOTONIC in ns.
 """
@@ -20,19 +20,20 @@ FRAME = re.compile(r"^\((\d+)\.(\d{6})\) \S+ 18DA([0-9A-F]{2})([0-9A-F]{2})#([0-
 COMPUTER = "01"
 
 ACCEPTED, STARTED, COMPLETED = 1, 3, 7  # stages of srfs_msgs/TelecommandReport
-INTERRUPTED, EXPIRED = 36, 20  # failure codes: "outcome unknown", never begun
-UNANSWERED = {30, 31, 35}  # silence, garbage, slot over, three times in a row (a reset: once): outcome unknown, too
-ANSWERED_OF = 1000  # of so many telecommands one may go unanswered in a soak
-REFUSALS = {10, 11, 22}  # by the node, before it accepts: no room, no storage, not active
+INTERRUPTED, EXPIRED = 36, 20  # failure codes: outcome unknown; never begun
+UNANSWERED = {30, 31, 35}  # silence, garbage, slot over, three times in a row (a reset: once): also of unknown outcome
+ANSWERED_OF = 1000  # in a soak, one of so many telecommands may go unanswered
+NOT_TAKEN = 21  # its node did not accept it before it expired
+REFUSALS = {10, 11, 22}  # by the node, before acceptance: no room, no storage, not active
 FIRST_PERIPHERAL_ACTION = 16  # functions from here on reset or power-cycle the peripheral: at most once
 
-MOST_SHOWN = 5  # of each violation
+MOST_SHOWN = 5  # per check
 
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    at: int  # its end on the bus
-    payload: str  # whom the computer spoke to: its process sent it
+    at: int  # end of the frame on the bus
+    payload: str  # payload addressed by the computer; its process sent the frame
     data: str
 
     @property
@@ -54,7 +55,7 @@ class Grant:
 
 
 def computer_frames(lines):
-    """The frames that processes of the computer sent, in the order of the bus."""
+    """The frames sent by the computer's processes, in their order on the bus."""
     frames = []
     for line in lines:
         match = FRAME.match(line.rstrip())
@@ -64,8 +65,8 @@ def computer_frames(lines):
 
 
 def grants_of(messages):
-    """The grants in order of their publication. One whose flag the observer did not hear (its sender was killed while it was telling
-    one after the other) is known from the TAKEN of its holder, which comes before the first frame."""
+    """The grants in order of publication. The observer may miss a flag whose sender was killed while it sent to one receiver after the
+    other; such a grant is taken from its holder's TAKEN message, which precedes the first frame."""
     grants = {}
     taken = {}
     for m in messages:
@@ -91,7 +92,7 @@ def at(ns):
 
 
 def frames_in_their_slots(frames, grants):
-    """Every frame belongs to the holder of the newest grant: none comes after a newer one was published."""
+    """Every frame belongs to the holder of the newest grant; none follows the publication of a newer grant."""
     starts = [grant.published for grant in grants]
     wrong = []
     for frame in frames:
@@ -103,8 +104,8 @@ def frames_in_their_slots(frames, grants):
 
 
 def no_interleaving(frames, grants):
-    """Between two frames of one payload in the same grant there is none of another: without the flags, a payload that comes back after
-    another one spoke must have been granted anew in between."""
+    """No frame of another payload lies between two frames of one payload in the same grant: a payload that sends again after another one
+    sent must have received a new grant in between."""
     wrong = []
     last_of = {}
     starts_of = collections.defaultdict(list)
@@ -133,8 +134,8 @@ def grants_rise(grants):
 
 
 def one_holder(messages, grants):
-    """Nobody is granted before the holder gave the bus back. An end that the observer did not hear says nothing here (its sender was
-    stopped or killed after it had told the switcher, or was just started); the frames do."""
+    """No grant comes before the holder gave the bus back or its lease ended. An end that the observer missed proves nothing here: its sender
+    was stopped or killed after its report to the switcher, or had just started. The checks of the frames cover that case."""
     ended = {}
     for m in messages:
         if m["type"] == "bus" and m["status"] in ("released", "failed"):
@@ -158,7 +159,7 @@ class Telecommand:
     success: bool = False
     failure: int | None = None
     heard: int = 0  # when it was published
-    failed: int = 0  # and reported as failed
+    failed: int = 0  # when it was reported as failed
 
     @property
     def at_most_once(self):
@@ -166,7 +167,7 @@ class Telecommand:
 
 
 def telecommands_of(messages):
-    """{id: Telecommand} of everything published to payloads, with what was reported."""
+    """{id: Telecommand} of everything published to payloads, with the reports on it."""
     found = {}
     for m in messages:
         if m["type"] == "telecommand" and m["target"] in ADDRESS:
@@ -189,9 +190,10 @@ def was_late(late, begin, end):
 
 
 def executed_once(telecommands, executed, soak=False, late=()):
-    """executed: {payload: [low 32 bits of ids, in order]} as the peripherals tell it. soak: hours on a busy machine, where an answer may come
-    too late three times in a row; elsewhere all have to be answered. late: [(begin, end)] in which the machine was late, and the simulated
-    peripherals with it (tools/demo/lateness.py): what was under way then may go unanswered."""
+    """executed: {payload: [low 32 bits of ids, in order]} as the peripherals report it.
+    soak: hours on a busy machine, where an answer may come too late three times in a row; otherwise every telecommand must be answered.
+    late: [(begin, end)] of periods in which the machine, and with it the simulated peripherals, was late (tools/demo/lateness.py);
+    telecommands under way in such a period may go unanswered."""
     counts = {payload: collections.Counter(ids) for payload, ids in executed.items()}
     repeated, missing, false_reports, unanswered = [], [], [], []
     accepted = excused = 0
@@ -207,7 +209,7 @@ def executed_once(telecommands, executed, soak=False, late=()):
             false_reports.append(f"{name} is reported as completed and was not executed")
         if t.failure == EXPIRED and times > 0:
             false_reports.append(f"{name} is reported as expired and was executed")
-        # A process that was just started may report before the observer hears it; what the ground was told is judged apart.
+        # The observer may miss reports of a process that has just started; told_to_the_ground() judges what the ground received.
         if t.accepted and not t.success and t.failure not in UNANSWERED | {INTERRUPTED} and not (t.failure is None and times == 1) and not (t.failure == EXPIRED and times == 0):
             missing.append(f"{name}: {'failure code ' + str(t.failure) if t.failure is not None else 'no end was reported'}, executed {times} times")
         if t.accepted and t.failure in UNANSWERED:
@@ -225,25 +227,29 @@ def executed_once(telecommands, executed, soak=False, late=()):
     ]
 
 
-def told_to_the_ground(stages, soak=False, late=()):
-    """Every telecommand that went up has its end on the ground, and one that was accepted fails only in ways that say what happened.
-    In a soak, how many are left unanswered is judged by executed_once(). late: as there."""
+def told_to_the_ground(stages, soak=False, late=(), overloads=()):
+    """Every telecommand sent has its end on the ground, and an accepted one fails only with a code that states what happened.
+    In a soak, executed_once() judges how many remain unanswered. late: as in executed_once(). overloads: [(begin, end)] of overloads made
+    by the campaign, in which a telecommand may expire before its node gets a CPU to accept it."""
     first, last, wrong = {}, {}, []
     for m in stages:
         first.setdefault(m["line"], m)
         last[m["line"]] = m
     for m in last.values():
-        unanswered_is_said = soak or m["command"].endswith(".reset_peripheral") or was_late(late, first[m["line"]]["at_ns"], m["at_ns"])
+        begin, end = first[m["line"]]["at_ns"], m["at_ns"]
+        unanswered_is_said = soak or m["command"].endswith(".reset_peripheral") or was_late(late, begin, end)
         if not m["final"]:
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, and no end")
-        elif not m["success"] and m["code"] not in REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if unanswered_is_said else set()):
+        elif not m["success"] and m["code"] not in (
+            REFUSALS | {INTERRUPTED, EXPIRED} | (UNANSWERED if unanswered_is_said else set()) | ({NOT_TAKEN} if was_late(overloads, begin, end) else set())
+        ):
             wrong.append(f"{m['command']} (line {m['line']}): {m['stage']}, code {m['code']}")
     return check(wrong, "the ground is told the end of every telecommand", len(last))
 
 
 def at_most_once(telecommands, frames, orders):
-    """Resets carry no id: there may not be more of them on the bus than were ordered, by telecommand or by the switcher. Their ends are
-    judged where the ground hears them: an observer may not know a process yet that was just started and reports."""
+    """Resets carry no id, so the bus must not carry more of them than telecommands and the switcher ordered. Their ends are judged from the
+    ground's record, because the observer may miss reports of a process that has just started."""
     wrong = []
     by_payload = collections.Counter(frame.payload for frame in frames if frame.is_reset)
     for payload, seen in by_payload.items():
@@ -259,17 +265,17 @@ def at_most_once(telecommands, frames, orders):
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    kind: str  # what was done to whom, the class it counts for
+    kind: str  # class of the fault: the action and its target
     victim: str
     begin: int
-    end: int  # a stopped process goes on then; of a kill: begin
+    end: int  # when a stopped process continues; for a kill: begin
 
 
 @dataclasses.dataclass(frozen=True)
 class Recovery:
     fault: Fault
     bus_gap: int | None  # from the fault to the end of the first slot granted and used after it
-    victim_gap: int | None  # from its end to the victim's next used slot; None for the switcher: the bus is what it does
+    victim_gap: int | None  # from the fault's end to the victim's next used slot; None for the switcher, which has no slot
 
 
 def used_slots(messages, grants):
@@ -294,7 +300,7 @@ def recoveries(faults, slots):
 
 
 def bounded_gaps(found, bound_ns):
-    """bound_ns: of the bus, beyond the time for which the victim was stopped; and of the victim."""
+    """bound_ns: limit of the bus gap, in addition to the time for which the victim was stopped, and limit of the victim's gap."""
     wrong = []
     for r in found:
         stopped = r.fault.end - r.fault.begin
@@ -318,7 +324,7 @@ def distribution(values):
 
 def judge(lines, messages, executed, faults, bound_ns, late=()):
     grants = grants_of(messages)
-    begin = grants[0].published if grants else 0  # the bus was in use before somebody listened to the flags
+    begin = grants[0].published if grants else 0  # the bus was in use before the observer received flags
     frames = [frame for frame in computer_frames(lines) if frame.at >= begin]
     telecommands = telecommands_of(messages)
     found = recoveries(faults, used_slots(messages, grants))
@@ -360,7 +366,7 @@ def judge(lines, messages, executed, faults, bound_ns, late=()):
 
 
 def late_frames(frames, grants):
-    """Frames whose end is past the lease they were sent under. The handle does not write any more then: what waited for the bus."""
+    """Frames that end after the lease they were sent under. The handle no longer writes by then, so these frames waited for the bus."""
     starts = [grant.published for grant in grants]
     for frame in frames:
         running = bisect.bisect_right(starts, frame.at) - 1

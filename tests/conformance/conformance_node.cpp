@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The node under test: the layer with a parameter of every type, one input and one client, nothing else.
+// The node under test: only the ROS layer with a parameter of every type, one input and one client.
 
 #include "ros/run_node.hpp"
 
@@ -31,7 +31,7 @@ class ConformanceNode : public LifecycleNode {
     set_failure_reason("told to fail");
     return CallbackReturn::failure;
   }
-  /// Asks the peer for its state and logs what it heard.
+  /// Asks the peer for its state and logs the answer.
   CallbackReturn on_activate() override {
     peer_->call({}, std::chrono::seconds(5), 1, [](const auto& answer) {
       if (answer) {

@@ -22,7 +22,7 @@ namespace srfs::conformance {
 int test_domain() {
   static const ros::DomainLock lock = [] {
     auto allocated = ros::DomainLock::allocate(std::nullopt, 60).value();
-    allocated.downgrade();  // the node shares it
+    allocated.downgrade();  // the node shares the domain
     return allocated;
   }();
   return lock.domain();

@@ -15,20 +15,20 @@
 
 namespace srfs::conformance {
 
-/// The DDS domain of this test program alone.
+/// The DDS domain that only this test program uses.
 [[nodiscard]] int test_domain();
 
-/// A running conformance_node, in a folder of its own; ended when dropped.
+/// A running conformance_node in a separate folder; the destructor ends it.
 class NodeProcess {
  public:
-  /// Starts it in state unconfigured. @param dds the deployment's `dds` section without the domain
+  /// Starts the node in state unconfigured. @param dds the deployment's `dds` section without the domain
   NodeProcess(std::string name, const std::string& dds);
   ~NodeProcess();
   NodeProcess(const NodeProcess&) = delete;
   NodeProcess& operator=(const NodeProcess&) = delete;
 
   [[nodiscard]] const std::string& name() const { return name_; }
-  /// USER_DATA its participant must have.
+  /// The USER_DATA that the node's participant must have.
   [[nodiscard]] Octets user_data() const;
 
  private:
@@ -37,9 +37,9 @@ class NodeProcess {
   pid_t pid_ = -1;
 };
 
-/// One node and one ROS 2 peer for all tests of a suite. (Not a peer for each test: Fast DDS 2.9 gives every
-/// participant that a process makes the next participant id, and the 33rd is beyond the ports that are
-/// announced to.)
+/// One node and one ROS 2 peer for all tests of a suite. (One peer per test is not possible: Fast DDS 2.9
+/// gives each participant of a process the next participant id, and announcements do not reach the port of
+/// the 33rd.)
 class ConformanceTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -51,7 +51,7 @@ class ConformanceTest : public testing::Test {
     shared_peer_.reset();
   }
 
-  /// The participant of the node, once it is discovered.
+  /// Waits until the node's participant is discovered. @return the participant
   [[nodiscard]] SeenParticipant participant() { return find(*node_); }
   [[nodiscard]] SeenParticipant find(const NodeProcess& node);
 

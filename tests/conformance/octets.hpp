@@ -12,9 +12,9 @@ namespace srfs::conformance {
 
 using Octets = std::vector<std::uint8_t>;
 
-/// Writes a payload as ROS 2 puts it on the wire, from the rules alone (OMG DDSI-RTPS 2.3, 10; CORBA CDR):
-/// encapsulation 00 01 00 00, little endian, a primitive at a multiple of its size counted from behind the
-/// encapsulation, strings with their NUL counted, the whole padded to 4 octets.
+/// Writes a payload as ROS 2 sends it, based only on the specification (OMG DDSI-RTPS 2.3, 10; CORBA CDR):
+/// encapsulation 00 01 00 00; little endian; each primitive aligned to its size, counted from the end of the
+/// encapsulation; string lengths include NUL; the payload is padded to 4 octets.
 class Cdr {
  public:
   Cdr& u8(std::uint8_t v) { return put(&v, 1); }
@@ -54,7 +54,7 @@ class Cdr {
   Octets body_;
 };
 
-/// Reads such a payload; throws when it ends early. For messages whose content is not known beforehand.
+/// Reads such a payload; throws if it ends early. For messages with unknown content.
 class CdrView {
  public:
   explicit CdrView(Octets payload) : payload_(std::move(payload)) {
@@ -75,7 +75,7 @@ class CdrView {
     if (octets.empty() || octets.back() != 0) throw std::runtime_error("string without end");
     return {octets.begin(), octets.end() - 1};
   }
-  /// Only the padding to 4 octets is left.
+  /// Whether only the padding to 4 octets is left.
   [[nodiscard]] bool at_end() const {
     return payload_.size() % 4 == 0 && payload_.size() - static_cast<std::size_t>(at_) < 4;
   }

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::chrono::seconds patience{15};
 
-/// A type of which only the name is known.
+/// A type with a known name but unknown content.
 class PayloadType : public dds::TopicDataType {
  public:
   explicit PayloadType(const std::string& name) {

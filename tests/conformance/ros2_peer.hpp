@@ -27,14 +27,14 @@ namespace srfs::conformance {
 namespace dds = eprosima::fastdds::dds;
 namespace rtps = eprosima::fastrtps::rtps;
 
-/// What discovery told of a participant.
+/// A participant as announced by discovery.
 struct SeenParticipant {
   rtps::GUID_t guid;
   std::string name;
   Octets user_data;
 };
 
-/// What discovery told of an endpoint.
+/// An endpoint as announced by discovery.
 struct SeenEndpoint {
   rtps::GUID_t guid;
   bool is_reader = false;
@@ -46,16 +46,17 @@ struct SeenEndpoint {
   bool infinite_liveliness_lease = false;
   bool infinite_deadline = false;
   bool shared_ownership = false;
-  double lifespan_s = 0;  ///< 0: infinite, or a reader
+  double lifespan_s = 0;  ///< 0: infinite, or the endpoint is a reader
   bool keyed = false;
   bool with_type_description = false;  ///< TypeObject, TypeIdentifier or TypeInformation
 };
 
-/// 16 octets: GUID prefix, entity id.
+/// The GUID as 16 octets: prefix, entity id.
 [[nodiscard]] Octets gid_of(const rtps::GUID_t& guid);
 
-/// A participant as rmw_fastrtps makes it with ROS_LOCALHOST_ONLY=1 (participant.cpp of
-/// rmw_fastrtps_shared_cpp in Humble), less the shared memory transport. Remembers all that discovery tells.
+/// A participant as rmw_fastrtps creates it with ROS_LOCALHOST_ONLY=1 (participant.cpp of
+/// rmw_fastrtps_shared_cpp in Humble), but without the shared memory transport. Stores everything that
+/// discovery announces.
 class Ros2Peer : public dds::DomainParticipantListener {
  public:
   explicit Ros2Peer(int domain);
@@ -64,7 +65,7 @@ class Ros2Peer : public dds::DomainParticipantListener {
   Ros2Peer& operator=(const Ros2Peer&) = delete;
 
   [[nodiscard]] std::vector<SeenParticipant> participants() const;
-  /// Of one participant.
+  /// The endpoints of one participant.
   [[nodiscard]] std::vector<SeenEndpoint> endpoints_of(const rtps::GUID_t& participant) const;
   [[nodiscard]] dds::DomainParticipant& participant() { return *participant_; }
   [[nodiscard]] dds::Topic* topic(const std::string& name, const std::string& type);
@@ -85,12 +86,12 @@ class Ros2Peer : public dds::DomainParticipantListener {
 };
 
 struct ReceivedSample {
-  Octets payload;  ///< with encapsulation
+  Octets payload;  ///< including the encapsulation header
   rtps::SampleIdentity identity;
   rtps::SampleIdentity related;  ///< PID 0x800f
 };
 
-/// A reader of payloads.
+/// A reader of serialised payloads.
 class RawReader : public dds::DataReaderListener {
  public:
   RawReader(Ros2Peer& peer, const std::string& topic, const std::string& type, bool transient_local = false);
@@ -98,11 +99,11 @@ class RawReader : public dds::DataReaderListener {
   RawReader(const RawReader&) = delete;
   RawReader& operator=(const RawReader&) = delete;
 
-  /// Waits for a sample that @p wanted accepts, also one that came before; takes it and all before it.
+  /// Waits for a sample that @p wanted accepts; earlier arrivals count. Takes it and all samples before it.
   /// @return nullopt after 15 s
   [[nodiscard]] std::optional<ReceivedSample> next(const std::function<bool(const ReceivedSample&)>& wanted =
                                                        [](const ReceivedSample&) { return true; });
-  /// Provokes samples until one is here: this side's match does not say that the writer has matched too.
+  /// Provokes samples until one arrives. A match on this side does not mean that the writer has matched too.
   /// @return false after 15 s
   [[nodiscard]] bool heard(const std::function<void()>& provoke);
   [[nodiscard]] int matched() const;
@@ -120,7 +121,7 @@ class RawReader : public dds::DataReaderListener {
   dds::DataReader* reader_ = nullptr;
 };
 
-/// A writer of payloads.
+/// A writer of serialised payloads.
 class RawWriter : public dds::DataWriterListener {
  public:
   RawWriter(Ros2Peer& peer, const std::string& topic, const std::string& type);
@@ -128,7 +129,7 @@ class RawWriter : public dds::DataWriterListener {
   RawWriter(const RawWriter&) = delete;
   RawWriter& operator=(const RawWriter&) = delete;
 
-  /// @param related goes into PID 0x800f, as far as it is known. @return the sample's identity
+  /// @param related goes into PID 0x800f if it is known. @return the sample's identity
   rtps::SampleIdentity write(Octets payload, const rtps::SampleIdentity& related = {});
   [[nodiscard]] int matched() const;
   [[nodiscard]] rtps::GUID_t guid() const { return writer_->guid(); }
@@ -142,24 +143,24 @@ class RawWriter : public dds::DataWriterListener {
   dds::DataWriter* writer_ = nullptr;
 };
 
-/// A service client as rmw_fastrtps makes it.
+/// A service client as rmw_fastrtps creates it.
 class RawClient {
  public:
   /// @param service "/probe/get_state"; @param type "lifecycle_msgs::srv::dds_::GetState"
   RawClient(Ros2Peer& peer, const std::string& service, const std::string& type);
 
-  /// Both halves are matched, as rmw_service_server_is_available wants it.
+  /// Whether both halves are matched, the condition of rmw_service_server_is_available.
   [[nodiscard]] bool ready() const { return replies.matched() == 1 && requests.matched() == 1; }
   /// Sends with the GUID of the reply reader in PID 0x800f. @return the request's sequence number
   std::uint64_t send(const Octets& request);
-  /// Waits until ready, sends, waits for the reply to this request. Empty after 15 s.
+  /// Waits until ready, sends the request and waits for its reply. @return empty after 15 s
   Octets call(const Octets& request);
 
   RawReader replies;
   RawWriter requests;
 };
 
-/// Waits for a condition that other threads make true. @return false after 15 s
+/// Waits for a condition that other threads fulfil. @return false after 15 s
 [[nodiscard]] bool wait_for(const std::function<bool()>& condition);
 
 }  // namespace srfs::conformance

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The action protocol as a ROS 2 peer speaks it (rcl_action), on raw Fast DDS with octets
-// written by hand. The server and the client under test are processes of their own (action_peer).
+// The action protocol of a ROS 2 peer (rcl_action), on raw Fast DDS with hand-written octets. The server and
+// the client under test are separate processes (action_peer).
 
 #include <algorithm>
 #include <set>
@@ -67,7 +67,7 @@ std::vector<GoalStatus> statuses(const Octets& payload) {
   return all;
 }
 
-/// One server process and one peer for all tests; every test has goal ids of its own.
+/// One server process and one peer for all tests; every test uses different goal ids.
 class ActionServerConformance : public testing::Test {
  protected:
   static constexpr const char* name = "/conformance/fibonacci";
@@ -256,8 +256,7 @@ struct RawService {
   RawService(Ros2Peer& peer, const std::string& name, const std::string& type)
       : requests(peer, "rq" + name + "Request", type + "_Request_"),
         replies(peer, "rr" + name + "Reply", type + "_Response_") {}
-  /// Names the request as a ROS 2 server does, when the client's reader is known, which rmw_fastrtps waits
-  /// for too.
+  /// Names the request like a ROS 2 server, once the client's reader is known, like rmw_fastrtps.
   void answer(const ReceivedSample& request, const Octets& response) {
     ASSERT_TRUE(wait_for([&] { return replies.matched() > 0; }));
     rtps::SampleIdentity to = request.identity;
@@ -268,7 +267,7 @@ struct RawService {
   RawWriter replies;
 };
 
-/// The only transient-local writer of an action: reliable, depth 1.
+/// The status writer, the only transient-local writer of an action: reliable, depth 1.
 class StatusWriter {
  public:
   StatusWriter(Ros2Peer& peer, const std::string& topic) : peer_(peer) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A node of ours as the client of a service that ROS 2 serves.
+// One of our nodes as the client of a service that ROS 2 serves.
 
 #include "tests/conformance/node_process.hpp"
 
@@ -9,7 +9,7 @@ namespace {
 
 constexpr const char* get_state = "lifecycle_msgs::srv::dds_::GetState";
 
-/// The server at /ros2_peer/get_state. The node asks once each time it is activated, and logs the answer.
+/// The server at /ros2_peer/get_state. The node sends one request at each activation and logs the answer.
 class ClientOfRos2 : public ConformanceTest {
  protected:
   void SetUp() override {
@@ -74,7 +74,7 @@ TEST_F(ClientOfRos2, RepliesToOthersAreNotTaken) {
   ++another;
   reply(request_.related.writer_guid(), another, "not_this_request");
   reply(request_.related.writer_guid(), request_.identity.sequence_number(), "ours");
-  // The node's log is in order: the first line about the peer is the one that counts.
+  // The node's log is in order, so the first line about the peer counts.
   const auto line = log_.next([](const ReceivedSample& s) {
     const std::string text(s.payload.begin(), s.payload.end());
     return text.find("'not_ours'") != std::string::npos ||

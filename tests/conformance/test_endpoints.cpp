@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Names, types and QoS of the endpoints every node has, as endpoint discovery tells them.
+// Names, types and QoS of the endpoints of every node, as announced by endpoint discovery.
 
 #include "tests/conformance/node_process.hpp"
 
@@ -49,7 +49,7 @@ std::vector<Expected> standard_endpoints() {
 
 class Endpoints : public ConformanceTest {
  protected:
-  /// The node's endpoint, once discovered.
+  /// Waits until the node's endpoint is discovered.
   std::optional<SeenEndpoint> find_endpoint(const Expected& wanted) {
     const SeenParticipant seen = participant();
     std::optional<SeenEndpoint> found;
@@ -109,7 +109,7 @@ TEST_F(Endpoints, EveryNameIsOneThatRos2CanTranslateBack) {
 }
 
 TEST_F(Endpoints, EveryRequestReaderHasItsReplyWriter) {
-  // rmw_service_server_is_available counts both.
+  // rmw_service_server_is_available counts both endpoints.
   ASSERT_TRUE(find_endpoint(standard_endpoints().back()));
   ASSERT_TRUE(wait_for([&] {
     int servers = 0;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// ros_discovery_info and the participant's USER_DATA: what `ros2 node list` and `ros2 node info` live on.
+// ros_discovery_info and the participant's USER_DATA, the sources of `ros2 node list` and `ros2 node info`.
 
 #include <algorithm>
 #include <set>
@@ -12,14 +12,14 @@ namespace {
 
 constexpr const char* graph_type = "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_";
 
-/// A ParticipantEntitiesInfo with one node, read by hand.
+/// A ParticipantEntitiesInfo with one node, decoded by the test.
 struct GraphOfANode {
   Octets participant;
   std::string node_namespace;
   std::string name;
   std::set<Octets> readers;
   std::set<Octets> writers;
-  bool whole = false;  ///< nothing missing, nothing left over
+  bool whole = false;  ///< complete, without extra octets
 };
 
 GraphOfANode read_graph(const Octets& payload, std::size_t gid_octets) {
@@ -42,14 +42,14 @@ Octets padded(Octets gid, std::size_t size) {
 
 class Graph : public ConformanceTest {
  protected:
-  /// Compares the latest graph message of a node with what endpoint discovery says.
+  /// Compares the latest graph message of a node with the endpoints found by discovery.
   void expect_graph_equals_discovery(const NodeProcess& node, std::size_t gid_octets) {
     const SeenParticipant seen = find(node);
     RawReader reader(peer_, "ros_discovery_info", graph_type, true);
     GraphOfANode graph;
     std::set<Octets> readers;
     std::set<Octets> writers;
-    // Discovery brings the endpoints one by one; the graph message is whole from the start.
+    // Discovery announces the endpoints one by one; the graph message is complete from the start.
     ASSERT_TRUE(wait_for([&] {
       if (graph.name.empty()) {
         const auto sample = reader.next([&](const ReceivedSample& s) {

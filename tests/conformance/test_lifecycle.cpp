@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The lifecycle services and ~/transition_event, octet by octet: `ros2 lifecycle`.
+// The lifecycle services and ~/transition_event, octet by octet, as used by `ros2 lifecycle`.
 
 #include <chrono>
 
@@ -59,7 +59,7 @@ class Lifecycle : public ConformanceTest {
     Cdr cdr;
     return hex(put(cdr, state).payload());
   }
-  /// Back to unconfigured, whatever the test left.
+  /// Returns the node to unconfigured from any state.
   void TearDown() override {
     (void)change(0, "deactivate");
     (void)change(0, "cleanup");
@@ -152,7 +152,7 @@ TEST_F(Lifecycle, TheTransitionGraphIsWhole) {
   EXPECT_EQ(hex(graph.call(empty_request)), hex(transitions(rows)));
 }
 
-/// ~/transition_event from a moment on.
+/// Receives ~/transition_event from a chosen moment on.
 class TransitionEvents : public Lifecycle {
  protected:
   void SetUp() override {
@@ -164,7 +164,7 @@ class TransitionEvents : public Lifecycle {
                  std::chrono::system_clock::now().time_since_epoch())
                  .count();
   }
-  /// The next event of this test is this row, stamped in nanoseconds of the system's clock.
+  /// Expects @p row as the next event of this test, with a stamp in nanoseconds of the system clock.
   void expect_event(const Row& row) {
     std::uint64_t timestamp = 0;
     const auto event = events_.next([&](const ReceivedSample& s) {

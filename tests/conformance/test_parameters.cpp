@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The parameter services and /parameter_events, octet by octet: `ros2 param`.
+// The parameter services and /parameter_events, octet by octet, as used by `ros2 param`.
 
 #include "tests/conformance/node_process.hpp"
 
@@ -89,7 +89,7 @@ TEST_F(Parameters, ValuesOfEveryTypeAreGot) {
 }
 
 TEST_F(Parameters, AnUnknownNameIsAnsweredAsNotSetInItsPlace) {
-  // GetParameters.srv: as many values as names. rclcpp does so since it stopped answering with an empty list.
+  // GetParameters.srv: as many values as names. Early versions of rclcpp answered with an empty list.
   EXPECT_EQ(values({"nothing", "camera.lens.focus"}), expected_values({Value{}, integer(-3)}));
   EXPECT_EQ(values({}), expected_values({}));
 }

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Which reply belongs to which request (ROS 2's rule on Fast DDS), with more than one client and with
-// requests that are not what they should be.
+// Assignment of replies to requests (ROS 2's rule on Fast DDS), with several clients and with malformed
+// requests.
 
 #include <map>
 
@@ -37,8 +37,8 @@ TEST_F(Services, ARequestWithoutAReadersGuidIsAnsweredToItsWriter) {
 }
 
 TEST_F(Services, ConcurrentClientsGetTheirOwnAnswers) {
-  // Two clients in one participant and one in another, all requests on their way at once. The name of an
-  // unknown parameter comes back in the answer.
+  // Two clients in one participant and one in another, with all requests in flight at once. The answer
+  // repeats the name of an unknown parameter.
   constexpr int calls = 20;
   Ros2Peer other(test_domain());
   std::vector<std::unique_ptr<RawClient>> clients;
@@ -68,7 +68,7 @@ TEST_F(Services, ConcurrentClientsGetTheirOwnAnswers) {
 }
 
 TEST_F(Services, TheFirstReplyToAFreshClientIsNotLost) {
-  // The server may have matched the request's writer and not yet the reply's reader: it waits for it.
+  // The server may have matched the request's writer but not yet the reply's reader; it must wait for it.
   for (int i = 0; i < 10; ++i) {
     Ros2Peer fresh(test_domain());
     RawClient client(fresh, "/probe/get_state", get_state);
@@ -95,10 +95,10 @@ TEST_F(Services, MalformedRequestsAreNotAnsweredAndTheNextGoodOneIs) {
   RawClient client(peer_, "/probe/describe_parameters", describe);
   ASSERT_TRUE(wait_for([&] { return client.ready(); }));
   const std::vector<Octets> malformed{
-      {0, 1, 0, 0},                                              // nothing where a sequence should be
-      {0, 1, 0, 0, 0xff, 0xff, 0xff, 0x7f},                      // two thousand million names
+      {0, 1, 0, 0},                                              // no data where a sequence should be
+      {0, 1, 0, 0, 0xff, 0xff, 0xff, 0x7f},                      // two billion names
       {0, 1, 0, 0, 1, 0, 0, 0, 0xff, 0xff, 0xff, 0x7f},          // a name longer than the sample
-      {0, 1, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 'a', 'b', 'c', 'd'},  // a name without its end
+      {0, 1, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 'a', 'b', 'c', 'd'},  // a name without NUL
       {0, 9, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 'a', 0, 0, 0},        // no such encapsulation
   };
   for (const Octets& request : malformed) client.send(request);

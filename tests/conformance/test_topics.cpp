@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// /rosout, and what happens when a workstation publishes on a topic of the flight software.
+// /rosout, and a workstation that publishes on a topic of the flight software.
 
 #include "tests/conformance/node_process.hpp"
 
@@ -18,7 +18,7 @@ class Topics : public ConformanceTest {
   }
 };
 
-/// rcl_interfaces/msg/Log without its stamp, read by hand.
+/// rcl_interfaces/msg/Log without its stamp, decoded by the test.
 struct LogLine {
   std::uint8_t level = 0;
   std::string name;
@@ -65,7 +65,7 @@ TEST_F(Topics, AWorkstationThatPublishesOnAFlightTopicIsReported) {
   RawReader events(peer_, "rt/event", "srfs_msgs::msg::dds_::Event_");
   RawWriter flags(peer_, "rt/can/task_flags", "srfs_msgs::msg::dds_::TaskFlags_");
   ASSERT_TRUE(wait_for([&] { return events.matched() == 1 && flags.matched() == 1; }));
-  // `ros2 topic pub /can/task_flags srfs_msgs/msg/TaskFlags`: everything zero, and well-formed.
+  // `ros2 topic pub /can/task_flags srfs_msgs/msg/TaskFlags`: all fields zero, but well-formed.
   flags.write(Cdr().u64(0).u32(0).u32(0).u32(0).str("").u64(0).u64(0).u32(0).u64(0).payload());
   std::string text;
   const auto event = events.next([&](const ReceivedSample& s) {

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// ttc's journal of telecommands as a damaged disk may give it back. Input: an octet that chooses; then either
-// the octets of both segments (length u16 of the first), or records (kind u8, length u16, payload) as a sound
-// disk with a wrong author would give them. Checked: bounds, and that the journal works on whatever came.
+// ttc's journal of telecommands as read from a damaged disk. Input: one octet that selects the form; then
+// either the octets of both segments (length u16 of the first), or records (kind u8, length u16, payload) as
+// a sound disk with a wrong author would return them. Checks bounds, and that the journal works after any
+// input.
 
 #include <array>
 #include <cstdlib>
@@ -35,7 +36,7 @@ AcceptanceJournal make_journal() {
   return AcceptanceJournal("0f3a", seconds(60));
 }
 
-/// What the journal holds, as the next process finds it.
+/// The contents of the journal as the next process finds them.
 Octets written(AcceptanceJournal& journal, JournalLog& log) {
   JournalBatch batch = journal.take_batch(true);
   require(batch.snapshot.has_value());
@@ -68,7 +69,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
   const MonotonicTime now(seconds(100));
   journal.begin({}, 1, now);
 
-  // What came from the disk is told and ended as anything else.
+  // Telecommands from the disk are reported and ended like all others.
   ReportOutbox outbox;
   std::size_t open = 0;
   std::vector<std::uint64_t> ids;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The list of added nodes as it comes from the disk, and what a package says of a node: its description, its
-// slot and its dictionary fragment. Whatever it is: refused or used, and the deployment stays sound.
+// The list of added nodes as read from the disk, and a package's data about a node: description, slot and
+// dictionary fragment. Any input is either refused or used, and the deployment stays valid.
 #include <cstdlib>
 
 #include <fmt/format.h>
@@ -45,7 +45,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size < 1) return 0;
   const std::string text(reinterpret_cast<const char*>(data) + 1, size - 1);
   switch (data[0] % 4) {
-    case 0: {  // with the right checksum, which random octets never have
+    case 0: {  // with the correct checksum, which random octets never have
       std::string whole = "# Nodes that were added to the suite. Written by SRFS.\n" + text;
       whole += fmt::format("# crc32c {:08x}\n",
                            crc32c({reinterpret_cast<const std::uint8_t*>(whole.data()), whole.size()}));

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The downlink as it comes from the line: synchroniser, Reed-Solomon, frame, packets.
+// The downlink as received from the line: synchroniser, Reed-Solomon, frame, packets.
 #include <cstdlib>
 
 #include "wire/cadu.hpp"
 #include "wire/tm_frame.hpp"
 
-/// The first octet chooses the settings and the size of the pieces; then the line.
+/// The first octet selects the settings and the size of the pieces; the octets of the line follow.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace srfs;
   using namespace srfs::wire;
@@ -30,7 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     line = line.subspan(part.size());
   }
 
-  // Whatever came before: of two good CADUs at least the second is found, once both are in.
+  // After any input, at least the second of two good CADUs must be found once both have arrived.
   TmFrameBuilder builder({.spacecraft_id = 0xAB, .frame_octets = format.frame_octets});
   std::size_t found_good = 0;
   for (int i = 0; i < 2; ++i) {

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// What the simulated camera sends: never more than the frame it announced, a frame or a reason.
+// Messages from the simulated camera. The result is a frame or a reason, and never more than the announced
+// frame.
 #include <algorithm>
 #include <cstdlib>
 
@@ -12,7 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   constexpr int height = 4;
   sim::FrameAssembler assembler(width, height, 12);
   assembler.expect(1);
-  // Messages with a length of one octet before each.
+  // Input: messages, each after a length of one octet.
   for (std::size_t at = 0; at < size;) {
     const std::size_t length = std::min<std::size_t>(data[at], size - at - 1);
     const srfs::OctetView message(data + at + 1, length);

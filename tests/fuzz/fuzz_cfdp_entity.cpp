@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A hostile peer and a damaged disk at a CFDP entity. Input: octets of a checkpoint with a right CRC, then
-// records of what happens (octet), length (u16) and a PDU. Checked: bounds, and silence within the limits.
+// A CFDP entity with a hostile peer and a damaged disk. Input: octets of a checkpoint with a correct CRC,
+// then records of an event (octet), length (u16) and a PDU. Checks bounds, and silence within the limits.
 
 #include <cstdlib>
 
@@ -64,7 +64,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
     require(files.temporaries() <= settings.transactions_max);
   }
 
-  // Nobody answers any more: within the limits nothing is due.
+  // Without answers from the peer, nothing is due after the limits.
   for (int i = 0; i < 5000; ++i) {
     const auto due = entity.next_due(now);
     if (!due) return 0;

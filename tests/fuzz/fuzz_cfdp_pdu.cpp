@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// CFDP PDUs from the line: whatever is accepted is packed again and read as the same.
+// CFDP PDUs from the line: an accepted PDU stays the same when it is encoded and decoded again.
 #include <cstdlib>
 
 #include "wire/cfdp_pdu.hpp"
@@ -10,8 +10,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace srfs::wire;
   const auto pdu = decode_cfdp_pdu({data, size});
   if (!pdu) return 0;
-  // Not the same octets always: ignored flags, filestore responses and the length of a fault location are not
-  // kept.
+  // The octets may differ: the decoder drops ignored flags, filestore responses and the length of a fault
+  // location.
   const auto* finished = std::get_if<CfdpFinished>(&pdu->body);
   const auto* eof = std::get_if<CfdpEof>(&pdu->body);
   const auto location = finished != nullptr ? finished->fault_location

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The uplink as it comes from the line: CLTU decoder, transfer frame, segment or control command, security.
+// The uplink as received from the line: CLTU decoder, transfer frame, segment or control command, security.
 #include <cstdlib>
 
 #include "wire/cltu.hpp"
@@ -26,7 +26,7 @@ void use(const Octets& octets, FarmState& farm) {
 
 }  // namespace
 
-/// The first octet chooses the settings and the size of the pieces; then the line.
+/// The first octet selects the settings and the size of the pieces; the octets of the line follow.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   CltuDecoder decoder({.randomized = (data[0] & 1) != 0, .correct_single_bits = (data[0] & 2) != 0});
@@ -42,7 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const Octets& frame : decoder.on_idle(now + seconds(1))) use(frame, farm);
   if (decoder.in_cltu()) std::abort();
 
-  // Whatever came before: the next good CLTU decodes.
+  // After any input, the next good CLTU must decode.
   const Octets good = encode_tc_frame({.spacecraft_id = 0xAB, .vc = 1, .data = {0xC0, 1, 2, 3}});
   Octets line = encode_cltu(good, (data[0] & 1) != 0);
   if ((data[0] & 2) != 0) line[0] ^= static_cast<std::uint8_t>(1U << (data[0] >> 2) % 8);

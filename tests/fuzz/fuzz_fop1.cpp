@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// FOP-1 under any order of events: control words from the line, requests, directives, time.
+// FOP-1 under arbitrary sequences of events: control words from the line, requests, directives, time.
 #include <cstdlib>
 
 #include "wire/fop1.hpp"
@@ -11,7 +11,7 @@ using namespace srfs;
 using namespace srfs::wire;
 using Kind = FopSignal::Kind;
 
-/// Requests that were made and have not ended.
+/// Counts the requests that have not ended.
 class Balance {
  public:
   void requested() { ++open_; }
@@ -25,7 +25,7 @@ class Balance {
     if (fop.outstanding() > 255) std::abort();
     const bool works = fop.state() == FopState::active || fop.state() == FopState::retransmit_without_wait ||
                        fop.state() == FopState::retransmit_with_wait;
-    // Nothing hangs: what is under way is watched by the timer.
+    // Nothing hangs: the timer watches all frames in flight.
     if (works && fop.outstanding() > 0 && !fop.deadline()) std::abort();
   }
   static constexpr std::uint64_t ad_tag = 1;
@@ -90,7 +90,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         clcw ? fop.on_clcw(*clcw, now) : fop.on_invalid_clcw(now);
         break;
       }
-      default: {  // a plausible one
+      default: {  // a plausible control word
         const std::uint8_t flags = in.u8();
         fop.on_clcw({.wait = (flags & 1) != 0,
                      .retransmit = (flags & 2) != 0,
@@ -107,7 +107,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     balance.check(fop);
   }
 
-  // Whatever came before: terminated and started anew it works.
+  // After any sequence, FOP-1 must work once it is terminated and started again.
   fop.terminate(2, now);
   fop.initiate_with_set_vr(2, 7, now);
   fop.on_bc_accepted(now);

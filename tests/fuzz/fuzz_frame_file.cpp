@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Image files from outside: a frame with the pixels it announces, or a reason.
+// Image files from outside. The result is a frame with the announced number of pixels, or a reason.
 #include <cstdlib>
 
 #include "image/frame_file.hpp"

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Strips of a frame as they come from the link: the frame, or a reason; the same with sums that fit, so that
-// what is behind them is reached.
+// Strips of a frame as received from the link. The result is the frame or a reason. Also tests strips with
+// correct checksums, to reach the code behind the checks.
 #include <cmath>
 #include <cstdlib>
 
@@ -32,7 +32,7 @@ void set_u32(Octets& octets, std::size_t at, std::uint32_t v) {
   for (std::size_t i = 0; i < 4; ++i) octets[at + i] = static_cast<std::uint8_t>(v >> (24 - 8 * i));
 }
 
-/// One strip whose sums fit, whatever its fields and samples are.
+/// One strip with correct checksums for arbitrary fields and samples.
 Octets with_sums(OctetView content) {
   Octets strip(content.begin(), content.end());
   const std::size_t samples = strip.size() - srfs::image::strip_overhead_octets;

@@ -14,7 +14,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   (void)parse_nmea(std::string_view(reinterpret_cast<const char*>(data), size));
   (void)parse_nav_timeutc(input);
 
-  // However the octets are cut into reads, the same times come out.
+  // Any division of the octets into reads gives the same times.
   GnssTimeStream stream;
   const auto at_once = stream.push(input);
   GnssTimeStream octet_by_octet;
@@ -31,7 +31,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       std::abort();
   }
 
-  // Whatever came before: once a frame that was announced is over, the next sentence is read.
+  // After any input, once an announced frame has ended, the next sentence must be read.
   (void)stream.push(Octets(ubx_payload_octets_max + ubx_overhead_octets, '\n'));
   const std::string_view good = "$GPZDA,080000,21,11,2026,00,00*45\r\n";
   if (stream.push(OctetView(reinterpret_cast<const std::uint8_t*>(good.data()), good.size())).empty())

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// What the ground tool takes from others: datagrams of the bridge, and scripts.
+// External input of the ground tool: datagrams of the bridge, and scripts.
 #include <cstdlib>
 
 #include "ground/bridge.hpp"
 #include "ground/script.hpp"
 #include "wire/cltu.hpp"
 
-/// The first octet chooses; then the datagram or the text.
+/// The first octet selects the target; the datagram or the text follows.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace srfs;
   using namespace srfs::ground;
@@ -16,7 +16,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (data[0] % 2 == 0) {
     const auto line = uplink_octets(rest, (data[0] & 2) != 0);
     if (!line) return 0;
-    // What goes up begins as a CLTU and is no longer than one.
+    // Uplinked octets begin like a CLTU and are no longer than one.
     if (line->size() < 4 || (*line)[0] != 0xEB || (*line)[1] != 0x90 || line->size() > 1186) std::abort();
     return 0;
   }

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Frames of a hostile or broken peer at an ISO-TP channel. Input: records of 10 octets: what (send, confirm,
-// pop, settings of time), frame size, eight data octets. Checked: bounded queue, and idle again within the
-// time-outs.
+// Frames from a hostile or broken peer to an ISO-TP channel. Input: records of 10 octets, each with the
+// action (send, confirm, pop, time settings), frame size and eight data octets. Checks that the queue is
+// bounded and that the channel is idle again within the time-outs.
 
 #include <algorithm>
 #include <cstdint>

@@ -1,7 +1,8 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The file of SDLS counters and FARM-1 states: a copy with a right checksum and anything under it, and the
-// file's octets as they are. Checked: what is read is written as the same, and the uplink works on it.
+// The file of SDLS counters and FARM-1 states: a copy with a correct checksum over arbitrary content, and the
+// raw octets of the file. Checks that the file stays the same when it is read and written again, and that the
+// uplink works with the result.
 
 #include <cstdlib>
 
@@ -35,7 +36,7 @@ void use(const LinkState& stored) {
   require(uplink.state().channels.size() <= max_link_channels);
   (void)uplink.next_clcw();
 
-  // Never a lock-out: a BD frame with a higher counter always passes.
+  // No lock-out: a BD frame with a higher counter always passes.
   const std::uint64_t last = uplink.counter(1).value_or(0);
   if (last == UINT64_MAX) return;
   const wire::SdlsKey sender = key(1);

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A package of sources as it comes from the line; one whose manifest is signed, whatever stands in it; a
-// stream of compressed files; and one whose hash is signed.
+// A package of sources as received from the line; a package with an arbitrary but signed manifest; a stream
+// of compressed files; and a package with a signed hash.
 #include <algorithm>
 #include <cstdlib>
 
@@ -26,14 +26,15 @@ void check(OctetView package) {
     const std::string& path = manifest.files[i].path;
     if (verified->contents[i].size() != manifest.files[i].octets) std::abort();
     if (path.starts_with('/') || path.find("..") != std::string::npos) {
-      // Two dots inside a part are no way out; a part that begins with one is refused.
+      // Two dots inside a path component do not leave the folder; a component that begins with a dot is
+      // refused.
       if (path.starts_with('.') || path.starts_with('/') || path.find("/.") != std::string::npos)
         std::abort();
     }
   }
 }
 
-/// A manifest, a zero, what stands for the files.
+/// Input: a manifest, a zero octet, and the octets of the files.
 void check_manifest(OctetView rest) {
   const auto end = std::find(rest.begin(), rest.end(), 0);
   const std::string manifest(rest.begin(), end);
@@ -44,7 +45,7 @@ void check_manifest(OctetView rest) {
   check(seal_package(2, manifest, files, seed));
 }
 
-/// Two octets: how much is expected of the stream behind them.
+/// Input: two octets with the expected size, then the stream.
 void check_stream(OctetView rest) {
   if (rest.size() < 2) return;
   const std::size_t octets = static_cast<std::size_t>(rest[0]) << 8U | rest[1];

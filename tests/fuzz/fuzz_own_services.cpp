@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Arguments of the services 20 and 23: whatever the dictionary lets pass becomes orders and calls within
+// Arguments of services 20 and 23. All arguments that the dictionary accepts become orders and calls within
 // their bounds, and every request ends.
 #include <cstdlib>
 
@@ -17,7 +17,7 @@ void require(bool condition) {
   if (!condition) std::abort();
 }
 
-/// First octet: which command. Rest: its arguments.
+/// The first octet selects the command; the rest are its arguments.
 void serve(const mission::Dictionary& dictionary, OctetView input) {
   static const std::vector<const mission::Command*> commands = [&] {
     std::vector<const mission::Command*> found;
@@ -55,7 +55,7 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
       }
     }
   }
-  // Start and end of the one request were told.
+  // The end of the request was reported exactly once.
   require(outbox.counters().completed + outbox.counters().failed == 1);
 }
 

@@ -1,8 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Recovery and reading of a packet store whose segments hold anything. Input: pieces (what u8, length u16,
-// octets): a record of these octets, the octets as they are, or the next segment. Checked: nothing but an
-// incomplete tail is cut, what is stored afterwards is found, and a second recovery finds what the first did.
+// Recovery and reading of a packet store with arbitrary segments. Input: pieces (kind u8, length u16,
+// octets), each a record of these octets, the raw octets, or the start of the next segment. Checks that
+// recovery cuts only an incomplete tail, that later records are found, and that a second recovery gives the
+// same result.
 
 #include <unistd.h>
 
@@ -20,7 +21,7 @@ void require(bool condition) {
   if (!condition) std::abort();
 }
 
-/// In memory where there is such a place: each input is several synced files.
+/// A folder in memory if possible, because each input needs several synced files.
 class Folder {
  public:
   Folder() {
@@ -48,7 +49,7 @@ std::size_t all_packets(PacketStore& store) {
     if (read.finished) return found;
     cursor = read.next;
   }
-  std::abort();  // it never ends
+  std::abort();  // the reading does not end
 }
 
 }  // namespace

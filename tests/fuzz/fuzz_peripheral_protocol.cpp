@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Messages of a hostile or broken peripheral. What is accepted must be exactly what encode() would have
-// written. The input is tried as it is, and with its CRC put right, so that the bodies are reached.
+// Messages from a hostile or broken peripheral. An accepted message must equal the output of encode(). Tests
+// the input unchanged, and with a corrected CRC to reach the decoding of the bodies.
 
 #include <algorithm>
 #include <cstdint>

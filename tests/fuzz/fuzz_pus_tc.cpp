@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Telecommand packets: whatever is accepted is packed again into the same octets.
+// Telecommand packets: an accepted packet is encoded again into the same octets.
 #include <cstdlib>
 
 #include "wire/pus.hpp"

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Payloads of any peer at the decoders of everything our nodes subscribe to or serve, the types of actions
-// included. Input: one octet that picks the type, then the payload with its encapsulation header. Checked: a
-// payload that is understood is understood the same once it is encoded again, and what is kept of it is no
-// larger than its octets allow.
+// Feeds payloads from an arbitrary peer to the decoders of all types that our nodes subscribe to or serve,
+// including the types of actions. Input: one octet that selects the type, then the payload with its
+// encapsulation header. Checks that a decoded payload decodes to the same value after it is encoded again,
+// and that the memory it uses is limited by its number of octets.
 
 #include <array>
 #include <cstdlib>
@@ -49,7 +49,7 @@ Octets encoded(const M& message) {
   return out;
 }
 
-// Octets are compared, not values: a NaN is not equal to itself.
+// Compare octets, not values, because a NaN is not equal to itself.
 template <class M>
 void decode(OctetView payload) {
   M message;
@@ -65,7 +65,7 @@ void decode(OctetView payload) {
 using Fibonacci = example_interfaces::action::Fibonacci;
 using Decode = void (*)(OctetView);
 
-// New types go to the end: the corpus names them by number.
+// Add new types at the end, because the corpus refers to types by number.
 constexpr std::array<Decode, 29> decoders{
     decode<Fibonacci::SendGoal::Request>,
     decode<Fibonacci::SendGoal::Response>,

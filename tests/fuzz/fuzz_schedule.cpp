@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The schedule as it comes from the disk, and the arguments of service 11 as they come from the line.
+// The schedule as read from the disk, and the arguments of service 11 as received from the line.
 #include <cstdlib>
 
 #include <mission/structures.hpp>
@@ -22,7 +22,7 @@ void check(const TimeSchedule& schedule) {
   if (schedule.groups().size() > TimeSchedule::max_groups) std::abort();
 }
 
-/// A schedule that was read is written and read as the same one.
+/// Checks that a decoded schedule stays the same when it is written and read again.
 void read_state(OctetView octets) {
   OctetReader in(octets);
   const auto schedule = TimeSchedule::read(in);
@@ -45,8 +45,8 @@ void read_changes(OctetView octets) {
   }
 }
 
-/// Requests, one after the other: subtype, length, arguments. What the dictionary lets through is carried
-/// out.
+/// Input: successive requests, each with subtype, length and arguments. Carries out the requests that the
+/// dictionary accepts.
 void execute(const mission::Dictionary& dictionary, OctetView octets) {
   AcceptanceJournal journal("boot", seconds(60));
   ReportOutbox outbox;
@@ -91,7 +91,7 @@ void execute(const mission::Dictionary& dictionary, OctetView octets) {
 
 }  // namespace
 
-/// The first octet chooses.
+/// The first octet selects the target.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const mission::Dictionary dictionary =
       mission::Dictionary::load(mission::Dictionary::default_folder());

@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Lists of stars as they come from the link: the stars, or a reason; what was read is written the same.
+// Lists of stars as received from the link. The result is the stars or a reason; a decoded list stays the
+// same when it is written again.
 #include <cstdlib>
 
 #include "base/crc32c.hpp"

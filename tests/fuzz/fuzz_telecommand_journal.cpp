@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The journal of a node that executes telecommands, with a right checksum and anything under it, and then
-// what may happen to it. Input: length u16 and octets of the file without checksum; then steps, an octet
+// The journal of a node that executes telecommands, with a correct checksum over arbitrary content, followed
+// by arbitrary operations. Input: length u16 and octets of the file without checksum; then steps of one octet
 // each.
 
 #include <cstdlib>
@@ -26,7 +26,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
   content.u16(check);
   TelecommandJournal journal("0f3a");
   (void)journal.restore(content.view());
-  // As it comes from the disk, its checksum wrong mostly.
+  // The file as it comes from the disk, mostly with a wrong checksum.
   (void)TelecommandJournal("0f3a").restore({input, size});
 
   MonotonicTime now(seconds(5));
@@ -72,7 +72,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
     (void)journal.take_reports();
   }
 
-  // What it would write, the next process reads.
+  // The next process must be able to read what this one writes.
   const Octets written = journal.encode();
   TelecommandJournal again("0f3a");
   require(again.restore(written).has_value());

@@ -1,11 +1,11 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Reassembly of packets from frames whose counters and pointers say anything.
+// Reassembly of packets from frames with arbitrary counters and pointers.
 #include <cstdlib>
 
 #include "wire/tm_frame.hpp"
 
-/// The input is cut into frames: counter step, two octets of first header pointer, length, data field.
+/// Cuts the input into frames: counter step, two octets of first header pointer, length, data field.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace srfs;
   using namespace srfs::wire;
@@ -15,7 +15,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   OctetReader in(OctetView(data, size));
   std::uint8_t count = 0;
   while (in.remaining() > 0) {
-    // Mostly the next frame, sometimes a gap.
+    // Mostly the next frame, but sometimes a gap.
     const std::uint8_t step = in.u8();
     count = static_cast<std::uint8_t>(count + (step < 224 ? 1 : step));
     TmFrame frame{.vc_count = count, .first_header = static_cast<std::uint16_t>(in.u16() & 0x7FF)};

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Stands in for libFuzzer where there is none: runs every file of the corpus folders as it is, then a fixed
-// number of mutations of them. The same seed gives the same inputs, so a failure can be repeated.
+// Stands in for libFuzzer where it is not available. Runs every file of the corpus folders unchanged, then a
+// fixed number of mutations. The same seed gives the same inputs, so failures are repeatable.
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -27,7 +27,7 @@ std::vector<Input> read_folder(const std::filesystem::path& folder) {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.is_regular_file()) files.push_back(entry.path());
   }
-  std::sort(files.begin(), files.end());  // the order of a folder is not the same everywhere
+  std::sort(files.begin(), files.end());  // the order of a folder differs between file systems
   std::vector<Input> inputs;
   for (const auto& path : files) {
     std::ifstream file(path, std::ios::binary);
@@ -83,7 +83,7 @@ class Mutator {
 };
 
 void run(const Input& input) {
-  // A copy of exact size, so that AddressSanitizer sees an access one octet behind the end.
+  // A copy of exact size, so that AddressSanitizer detects an access one octet past the end.
   const Input exact(input.begin(), input.end());
   LLVMFuzzerTestOneInput(exact.data(), exact.size());
 }

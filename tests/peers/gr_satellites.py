@@ -33,7 +33,7 @@ except ImportError as missing:
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
 import cltu  # noqa: E402
 
-# Debian 12's gr-satellites 4.4 looks for these where GNU Radio had them before 3.10.
+# Debian 12's gr-satellites 4.4 expects these where GNU Radio had them before 3.10.
 blocks.byte_t, blocks.float_t = gr.types.byte_t, gr.types.float_t
 blocks.tagged_stream_to_pdu, blocks.pdu_to_tagged_stream = pdu.tagged_stream_to_pdu, pdu.pdu_to_tagged_stream
 
@@ -63,7 +63,7 @@ def damage(stream, starts, interleave, errors, seed):
 
 
 class Frames(gr.basic_block):
-    """Keeps what the deframer publishes."""
+    """Collects the frames that the deframer publishes."""
 
     def __init__(self):
         gr.basic_block.__init__(self, "frames", None, None)
@@ -76,15 +76,15 @@ class Frames(gr.basic_block):
 
 
 def deframed(stream, interleave, expected):
-    """The distinct frames; waits until there are as many as expected, or no other came for QUIET_S."""
-    gr.logging().set_default_level(gr.log_levels.err)  # its blocks tell of every frame
+    """Returns the distinct frames. Waits until there are as many as expected, or no new one came for QUIET_S."""
+    gr.logging().set_default_level(gr.log_levels.err)  # its blocks log every frame
     soft_bits = numpy.unpackbits(numpy.frombuffer(bytes(stream), numpy.uint8)).astype(numpy.float32) * 2 - 1
     flow = gr.top_block()
     deframer = ccsds_rs_deframer(
         frame_size=DATA_OCTETS * interleave, rs_basis="dual", rs_interleaving=interleave, scrambler="CCSDS", syncword_threshold=0
     )
     frames = Frames()
-    # Again and again: a flow graph that ends forgets the messages that are still on their way.
+    # The source repeats the stream: a flow graph that ends drops the messages still in transit.
     flow.connect(blocks.vector_source_f(soft_bits.tolist(), True), deframer)
     flow.msg_connect((deframer, "out"), (frames, "in"))
     flow.start()

@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// One goal to /image/capture of a running suite: `capture_client VAR TASK [--frames N] [--exposure-us N]
-// [--interval-ms N]
-// [--gain-db N] [--start-in-ms N] [--cancel-after FRAMES]`. Prints the result as one JSON object; exit code 0
-// whatever it is, 1 without one.
+// Sends one goal to /image/capture of a running suite:
+//   capture_client VAR TASK [--frames N] [--exposure-us N] [--interval-ms N] [--gain-db N]
+//                  [--start-in-ms N] [--cancel-after FRAMES]
+// Prints the result as one JSON object. Exit code 0 for any result, 1 without a result.
 
 #include <cstdlib>
 #include <iostream>

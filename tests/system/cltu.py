@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""CLTUs with and without faults, written apart from the flight code (CCSDS 231.0-B section 3 and 6, 232.0-B section 4)."""
+"""CLTUs with and without faults, independent of the flight code (CCSDS 231.0-B sections 3 and 6, 232.0-B section 4)."""
 
 START_SEQUENCE = bytes.fromhex("eb90")
 TAIL_SEQUENCE = bytes.fromhex("c5c5c5c5c5c5c579")
@@ -33,7 +33,7 @@ def cltu(frame):
 
 
 def frame(body, scid=0xAB, vc=0, length=None):
-    """A BD frame around a body, with a good checksum. length: what the header says instead of the truth."""
+    """A BD frame around a body, with a correct checksum. length: the frame length in the header, if not the true one."""
     total = 5 + len(body) + 2
     said = (total if length is None else length) - 1
     header = bytes([0x20 | scid >> 8, scid & 0xFF, vc << 2 | said >> 8, said & 0xFF, 0])

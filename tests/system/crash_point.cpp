@@ -1,9 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into ttc by test_once.py: ends the process with SIGKILL at the n-th system call after a
-// telecommand came, of the kinds by which it takes octets, writes its journal, speaks to other nodes and to
-// the line. What is armed stands in a mapped file, so that only one process ends. For tools
-// (test_added_node.py) those calls alone count that change something on the disk, from the start.
+// test_once.py preloads this library into ttc. It ends the process with SIGKILL at the n-th system call after
+// the arrival of a telecommand. Only the calls that read octets, write the journal, or send to other nodes or
+// the line count. The armed crash point is in a mapped file, so that only one process ends. For tools
+// (test_added_node.py) only calls that change the disk count, from the start of the process.
 
 #include <atomic>
 #include <cstdint>
@@ -23,8 +23,8 @@ namespace {
 
 struct CrashPoint {
   std::atomic<std::uint64_t>
-      calls;  ///< 0: not armed. N: the process ends before its N-th call, and nobody is armed any more
-  std::atomic<std::uint64_t> begun;  ///< a telecommand came since it was armed: calls count
+      calls;  ///< 0: not armed. N: the process ends before its N-th call, and the point is disarmed
+  std::atomic<std::uint64_t> begun;  ///< a telecommand has arrived since arming: calls count
   std::atomic<std::uint64_t> changes_only;
 };
 
@@ -41,7 +41,7 @@ CrashPoint* crash_point() {
   return mapped;
 }
 
-/// Of the process that loaded this, not of what it forks on its way to start another.
+/// The pid of the process that loaded this library, not of a child that it forks to start another program.
 const pid_t own_pid = getpid();
 
 enum class Call { reads, speaks, writes, changes };
@@ -58,7 +58,7 @@ void count(Call call) {
   if (before == 1) kill(getpid(), SIGKILL);
 }
 
-/// The start sequence of a CLTU in what was read.
+/// Looks for the start sequence of a CLTU in the octets that were read.
 void look_for_a_telecommand(const void* data, ssize_t octets) {
   CrashPoint* point = crash_point();
   if (point == nullptr || point->calls == 0 || octets < 2) return;

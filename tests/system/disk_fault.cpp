@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into ttc by test_remote_files.py: the disk under the folder of files is full or read-only. What
-// the thread ttc_files asks to change fails with the error that stands in a mapped file (0: none).
+// test_remote_files.py preloads this library into ttc to simulate a full or read-only disk below the folder
+// of files. Each change by the thread ttc_files fails with the error number in a mapped file (0: no fault).
 
 #include <atomic>
 #include <cerrno>
@@ -32,9 +32,9 @@ std::atomic<std::uint32_t>* error_in_force() {
   return mapped;
 }
 
-/// @return whether the call is to fail; errno says how
+/// @return whether the call must fail; then errno holds the error
 bool fails() {
-  static thread_local bool asking = false;  // open() above comes here too
+  static thread_local bool asking = false;  // the open() above calls this function too
   if (asking) return false;
   asking = true;
   const auto* error = error_in_force();

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A node that does what its parameters say: for tests of what happens to a node from outside.
+// A node whose parameters select its faults, for tests of the suite's reaction to a faulty node.
 
 #include <chrono>
 #include <cmath>
@@ -30,7 +30,7 @@ class FaultyNode : public ros::LifecycleNode {
 
  protected:
   ros::CallbackReturn on_configure() override {
-    // The very thing that no node should do.
+    // Blocks the work thread, which no real node may do.
     std::this_thread::sleep_for(milliseconds(get_parameter<std::int64_t>("configure_ms")));
     work_ = create_timer(
         milliseconds(20), [this] { work(); }, "work");
@@ -54,7 +54,7 @@ class FaultyNode : public ros::LifecycleNode {
     if (fault == "high_event") raise(mission::TimingWatchdogWithheldEvent{});
     if (fault == "slow") std::this_thread::sleep_for(milliseconds(30));
     if (!is_active() || (fault != "throw" && fault != "raise")) return;
-    // Once: the node that comes up again shall work.
+    // Inject the fault only once, so that the restarted node works.
     (void)parameters().set_atomically({{"fault", std::string("none")}});
     if (fault == "throw") throw std::runtime_error("the fault that was asked for");
     raise_error("the fault that was asked for");

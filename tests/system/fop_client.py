@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The sending end of COP-1's AD service, written from CCSDS 232.1-B-2 section 5 alone, without the project's code: the states
+"""The sending end of COP-1's AD service, written from CCSDS 232.1-B-2 section 5 alone, without the project's code. States:
 S1 (active), S2 (retransmit without wait), S3 (retransmit with wait), S5 (initialising with BC frame), S6 (initial). It drives an
-OpenStation and is as plain as the standard allows: one wait queue, one sent queue, timeout type 0.
+OpenStation and is as simple as the standard allows: one wait queue, one sent queue, timeout type 0.
 """
 
 import time
@@ -50,7 +50,7 @@ def frame(kind, data, sequence=0, scid=0xAB, vc=UNSECURED_VC):
 class FopClient:
     """AD service over an OpenStation.
 
-    lose(n) says whether the n-th AD transmission (from 0, repeated ones too) gets lost on its way up.
+    lose(n) decides whether the n-th AD transmission (from 0, including retransmissions) is lost on its way up.
     """
 
     def __init__(self, station, lose=lambda transmission: False):
@@ -59,7 +59,7 @@ class FopClient:
         self._state = "S6"
         self._vs = 0
         self._nnr = 0
-        self._sent = []  # (N(S), data), the oldest first
+        self._sent = []  # (N(S), data), oldest first
         self._wait = []
         self._timer = None
         self._count = 1  # Transmission_Count
@@ -93,14 +93,14 @@ class FopClient:
 
     def send(self, apid, service, subtype, data=b""):
         """Queues a telecommand; returns its request id."""
-        self.packets += 1  # counted apart from what the station itself sends
+        self.packets += 1  # counted apart from the telecommands that the station itself sends
         packet = tc_packet(apid, service, subtype, data, 0x1000 + self.packets)
         self._wait.append(SEGMENT_HEADER + packet)
         self._look_for_frame()
         return packet[:4]
 
     def finish(self, deadline_s):
-        """Until every frame is acknowledged."""
+        """Waits until every frame is acknowledged."""
         self._run(lambda: not self._sent and not self._wait, deadline_s, "frames are not acknowledged")
 
     def wait_for_clcw(self, matches, deadline_s):

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What hardens an ELF program or library, read from the file itself (readelf): of x86-64 and arm64, whatever this machine is.
+"""Checks the hardening of ELF programs and libraries from the file itself (readelf): x86-64 and arm64, on any machine.
 
-hardening.py FOLDER...: checks all ELF files right in the folders, one line a fault; exit code 1 when there is any.
+hardening.py FOLDER...: checks all ELF files directly in the folders and prints one line per fault. Exit code 1 if there is any.
 """
 
 import dataclasses
@@ -13,7 +13,7 @@ from pathlib import Path
 
 X86_64 = "Advanced Micro Devices X86-64"
 AARCH64 = "AArch64"
-# How a function begins that an indirect branch may go to (IBT, BTI).
+# First octets of a function that an indirect branch may enter (IBT, BTI).
 LANDING_PADS = {
     X86_64: (bytes.fromhex("f30f1efa"),),  # endbr64
     AARCH64: tuple(word.to_bytes(4, "little") for word in (0xD503233F, 0xD503245F, 0xD50324DF)),  # paciasp, bti c, bti jc
@@ -30,9 +30,9 @@ class Elf:
     bind_now: bool
     runpath: list | None  # its elements
     properties: str
-    undefined: set  # names of symbols that others provide
-    without_pad: list  # functions for others that do not begin with a landing pad
-    functions: int  # functions for others
+    undefined: set  # names of symbols that other files provide
+    without_pad: list  # exported functions that do not begin with a landing pad
+    functions: int  # number of exported functions
 
 
 def is_elf(path):
@@ -81,7 +81,7 @@ def has_stack_protector(elf):
 
 
 def faults(elf, absolute_runpath=False):
-    """What is missing, as words. absolute_runpath: it lies elsewhere than its libraries, as what is compiled on board."""
+    """Lists the missing hardening. absolute_runpath: the file lies elsewhere than its libraries, as programs compiled on board do."""
     found = []
     if not elf.shared and not elf.pie:
         found.append("not position independent")

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A ground station of its own for TC virtual channel 1, without the project's code: telecommand packets to octets of the line,
-octets of the line to telemetry packets, housekeeping structures read by the dictionary's YAML.
+"""An independent ground station for TC virtual channel 1, without the project's code: encodes telecommand packets to octets of the line,
+decodes octets of the line to telemetry packets, and reads housekeeping structures by the dictionary's YAML.
 
 Sources: CCSDS 133.0-B (packet), 232.0-B and 231.0-B (TC, in cltu.py), 132.0-B and 131.0-B (TM), ECSS-E-ST-70-41C 7.4 (PUS-C).
 """
@@ -19,7 +19,7 @@ import yaml
 MISSION = pathlib.Path(__file__).resolve().parents[2] / "msgs" / "mission"
 ASM = bytes.fromhex("1acffc1d")
 FRAME_OCTETS = 223  # times the interleave
-CODED_OCTETS = 255  # frame and the parity of RS(255,223), times the interleave; a clean line needs no correction
+CODED_OCTETS = 255  # frame and parity of RS(255,223), times the interleave; a clean line needs no correction
 UNSECURED_VC = 1
 SEGMENT_HEADER = b"\xc0"
 
@@ -57,7 +57,7 @@ class Report:
 
 
 class Structure:
-    """A housekeeping structure of the dictionary, as far as it has fields of fixed length."""
+    """A housekeeping structure of the dictionary; decodes fields of fixed length only."""
 
     SIZES = {"u8": ("B", 1), "u16": ("H", 2), "u32": ("I", 4), "u64": ("Q", 8), "i8": ("b", 1), "i16": ("h", 2), "i32": ("i", 4),
              "i64": ("q", 8), "f32": ("f", 4), "f64": ("d", 8), "bool": ("?", 1)}  # fmt: skip
@@ -95,11 +95,11 @@ class OpenStation:
         tty.setraw(self._line)
         self._noise = pseudo_noise(self._coded_octets)
         self._received = b""
-        self._unfinished = {}  # virtual channel -> octets of a packet that goes on in the next frame
+        self._unfinished = {}  # virtual channel -> octets of a packet that continues in the next frame
         self._counts = {}  # virtual channel -> count of its last frame
         self._sequence = 0
         self.reports = []
-        self.control_words = []  # of every frame
+        self.control_words = []  # one per frame
         self.frames = 0
 
     def close(self):
@@ -140,7 +140,7 @@ class OpenStation:
         while (at := self._received.find(ASM)) >= 0 and len(self._received) >= at + len(ASM) + self._coded_octets:
             coded = self._received[at + len(ASM) : at + len(ASM) + self._coded_octets]
             frame = bytes(a ^ b for a, b in zip(coded, self._noise))[:self._frame_octets]
-            if cltu.crc(frame) != b"\0\0":  # the marker within other octets, or a damaged frame
+            if cltu.crc(frame) != b"\0\0":  # the marker occurred within other octets, or the frame is damaged
                 self._received = self._received[at + 1 :]
                 continue
             self._received = self._received[at + len(ASM) + self._coded_octets :]
@@ -155,10 +155,10 @@ class OpenStation:
         if self._counts.get(channel, frame[3] - 1) + 1 & 0xFF != frame[3]:  # a frame of this channel was lost
             self._unfinished.pop(channel, None)
         self._counts[channel] = frame[3]
-        if first_header == 0x7FE:  # only idle data
+        if first_header == 0x7FE:  # idle data only
             return
-        data = frame[6:-6]  # behind it: control word and checksum
-        if channel not in self._unfinished:  # a station that starts in the middle of a packet
+        data = frame[6:-6]  # control word and checksum follow
+        if channel not in self._unfinished:  # the station started in the middle of a packet
             if first_header == 0x7FF:
                 return
             data = data[first_header:]

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs one class of system tests: run_test.py MODULE.CLASS. Each runs once; a failure counts.
+"""Runs one class of system tests: run_test.py MODULE.CLASS. Each test runs once; a failure counts.
 
-The suite flies in real time here. A witness that only sleeps (tools/demo/lateness.py) says what the machine was like meanwhile.
+The suite runs in real time here. A witness process that only sleeps (tools/demo/lateness.py) reports how late the machine was meanwhile.
 """
 
 import sys
@@ -13,7 +13,7 @@ from lateness import Lateness, describe_lateness
 
 
 class TellingResult(unittest.TextTestResult):
-    """Says at once what went wrong: the logs that a test prints at its end are long, and what reads them may keep only the beginning."""
+    """Prints each failure at once: the logs that a test prints at its end are long, and a reader may keep only the beginning."""
 
     def addError(self, test, err):
         super().addError(test, err)
@@ -34,7 +34,7 @@ class TellingResult(unittest.TextTestResult):
 
 
 def run(name):
-    """(passed, what the witness saw) of one run of the class."""
+    """Runs the class once. Returns (passed, report of the witness)."""
     suite = unittest.defaultTestLoader.loadTestsFromName(name)
     with Lateness() as witness:
         result = unittest.TextTestRunner(verbosity=2, resultclass=TellingResult).run(suite)

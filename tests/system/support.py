@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the system tests share: the programs under test, a VAR folder of their own, conditions with deadlines."""
+"""Shared by the system tests: the programs under test, a VAR folder for each test, conditions with deadlines."""
 
 import contextlib
 import fcntl
@@ -27,21 +27,22 @@ from mission import wait_until  # noqa: E402, F401
 
 PAYLOADS = ("payload_adcs", "payload_eps", "payload_thermal")
 NODES = ("timing", "can_switcher", *PAYLOADS, "ttc", "image_acquisition", "image_processing", "maintenance")
-JUDGED = tuple(name for name in NODES if not name.startswith("image_"))  # those run behind all others, and starve first
-DEADLINE_S = 90  # for a condition; waits end with it, and the machine may be busy
+JUDGED = tuple(name for name in NODES if not name.startswith("image_"))  # the image nodes have the lowest priority, and starve first
+DEADLINE_S = 90  # for a condition; a wait ends when the condition holds, and the machine may be busy
 FOLDER_PREFIX = "srfs_system_test_"
-PREFIXES = (FOLDER_PREFIX, "srfs_test_")  # the other: of unit and node tests, tests/temporary_folder.hpp
+PREFIXES = (FOLDER_PREFIX, "srfs_test_")  # the second: unit and node tests, tests/temporary_folder.hpp
 
 
 def run(*command, **options):
-    """Standard output of a program that ends well; what it said when it does not."""
+    """Runs a program that must succeed and returns its standard output. On failure the assertion shows its output."""
     done = subprocess.run([str(c) for c in command], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=200, **options)
     assert done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
     return done.stdout
 
 
 def _lock(folder, wait=False):
-    """A descriptor of the folder with its lock, None when somebody else has it. Whoever looks for abandoned folders has it for a moment."""
+    """Locks the folder. Returns the descriptor that holds the lock; None if another process holds it. remove_abandoned_folders() holds the
+    lock of each folder for a moment."""
     try:
         fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
     except OSError:
@@ -55,8 +56,8 @@ def _lock(folder, wait=False):
 
 
 def end_flight(var):
-    """Ends what a test left running: it would open the lines of the next flight, for the kernel gives the numbers of terminals again.
-    Returns {pid: program} of it."""
+    """Ends the processes that a test left running. They would open the lines of the next flight, because the kernel reuses the numbers of
+    terminals. Returns their {pid: program}."""
     ended = {}
     for _ in range(5):
         left = mission.processes_of(var)
@@ -64,14 +65,14 @@ def end_flight(var):
             break
         ended.update(left)
         with contextlib.suppress(OSError):
-            (var / "run" / "stopping").touch()  # nobody may restart what is ended now
+            (var / "run" / "stopping").touch()  # no node may restart the processes ended now
         mission.end_processes(left)
-    shutil.rmtree(mission.memory_folder(var), ignore_errors=True)  # what was shared by processes that were killed
+    shutil.rmtree(mission.memory_folder(var), ignore_errors=True)  # shared memory of killed processes
     return ended
 
 
 def remove_abandoned_folders(parent=None, youngest_s=60):
-    """Removes what killed tests left, of system, node and unit tests: a living owner holds its lock."""
+    """Removes the folders that killed system, node and unit tests left behind. A living owner holds the lock of its folder."""
     parent = pathlib.Path(parent or tempfile.gettempdir())
     for folder in (found for prefix in PREFIXES for found in parent.glob(f"{prefix}*")):
         fd = _lock(folder)
@@ -87,14 +88,14 @@ def remove_abandoned_folders(parent=None, youngest_s=60):
 
 
 def temporary_folder():
-    """(path, descriptor that locks it) of a folder that goes with this process at the latest."""
+    """Makes a folder. Returns (path, descriptor that locks it); the lock ends with this process at the latest."""
     remove_abandoned_folders()
     folder = pathlib.Path(tempfile.mkdtemp(prefix=FOLDER_PREFIX))
     return folder, _lock(folder, wait=True)
 
 
 def _parents():
-    """{pid: pid of its parent} of all processes."""
+    """{pid: parent's pid} of all processes."""
     found = {}
     for entry in filter(lambda e: e.name.isdigit(), pathlib.Path("/proc").iterdir()):
         with contextlib.suppress(OSError):
@@ -117,8 +118,8 @@ def _take_normal_share(pid):
 
 @contextlib.contextmanager
 def hurried_lane(var):
-    """The build lane takes only the CPU time that all others leave, on a busy machine none. Meanwhile what it runs for this VAR folder gets
-    a normal share, where that is allowed."""
+    """Gives the build lane of this VAR folder a normal share of CPU time, if permitted. By default it gets only the time that all others
+    leave; on a busy machine that is none."""
     ended = threading.Event()
 
     def run():
@@ -140,7 +141,7 @@ def hurried_lane(var):
 
 
 class SystemTest(unittest.TestCase):
-    """Each test has its own VAR; what is still there of its processes at the end is ended, by pid, and fails the test."""
+    """Each test has its own VAR. A process that is still running at the end of a test is ended, by pid, and fails the test."""
 
     def setUp(self):
         self.folder, lock = temporary_folder()
@@ -158,7 +159,7 @@ class SystemTest(unittest.TestCase):
         self.assertEqual(left, {}, "processes left behind")
 
     def _has_failed(self):
-        # Not _outcome.success: during a clean-up that tells about the clean-up.
+        # Not _outcome.success: during a clean-up it describes the clean-up.
         result = self._outcome.result
         return any(self in (test, getattr(test, "test_case", None)) for test, _ in result.failures + result.errors)
 
@@ -169,17 +170,17 @@ class SystemTest(unittest.TestCase):
 
     @contextlib.contextmanager
     def flight(self, deployment="sim"):
-        """A running simulation; that it ends without leaving anything behind is part of every test."""
+        """A running simulation. Every test also checks that it ends without leaving anything behind."""
         with mission.Mission(self.var, deployment, BIN, print) as flight:
             yield flight
 
     def ground_run(self, *words):
-        """One run of srfs-ground on the flight's line, beside no session."""
+        """Runs srfs-ground once on the flight's line. No session may be open."""
         command = [str(BIN / "srfs-ground"), "--port", str(self.var / "rs422"), *words]
         return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
 
     def deployment(self, *replacements, base="sim"):
-        """A copy of a deployment with some text replaced."""
+        """Copies a deployment with some text replaced."""
         text = (ROOT / "launch_config" / f"{base}.yaml").read_text()
         for old, new in replacements:
             self.assertIn(old, text)
@@ -208,8 +209,8 @@ class ToolTest(SystemTest):
 
 
 def restarts(flight, nodes=JUDGED):
-    """Name: how often it was restarted. Two of these are compared, the first from when the suite is at work: while nine nodes start on
-    a busy machine, one may get no CPU time for the length of its lease of the bus, and be fenced for it."""
+    """{name: number of restarts}. Tests compare two of these, and take the first when the suite is at work: while nine nodes start on a busy
+    machine, one of them may get no CPU time during its lease of the bus and be fenced."""
     return {node["name"]: node["restarts"] for node in flight.status() if node["name"] in nodes}
 
 

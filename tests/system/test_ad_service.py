@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The AD service of COP-1 against the running suite: with a sending end that shares no code with it, and with srfs-ground."""
+"""The AD service of COP-1 against the running suite, with a sending end that shares no code with the suite, and with srfs-ground."""
 
 import struct
 import unittest
@@ -35,7 +35,7 @@ class OpenAdServiceTest(SystemTest):
         for request in requests:
             done = station.wait_for(lambda r, q=request: r.service == 1 and r.subtype == 7 and r.data[:4] == q, DEADLINE_S)
             self.assertIsNotNone(done, f"{request.hex()} was not executed")
-        station.wait_for(lambda r: (r.apid, r.service) == (TTC, 3), DEADLINE_S, len(station.reports))  # what is late has come
+        station.wait_for(lambda r: (r.apid, r.service) == (TTC, 3), DEADLINE_S, len(station.reports))  # late reports have arrived by then
         for request in requests:
             for subtype in (1, 7):
                 self.assertEqual(len(self.reports(station, request, subtype)), 1, f"1,{subtype} of {request.hex()}")
@@ -45,7 +45,7 @@ class OpenAdServiceTest(SystemTest):
     def fly_with_losses(self, deployment, interleave):
         with self.flight(deployment) as flight:
             station = self.station(flight, interleave)
-            # The first, one in the middle of a window, a repeated one, several in a row.
+            # Lose the first, one in the middle of a window, a retransmitted one, and several in a row.
             fop = FopClient(station, lose=lambda n: n in (0, 4, 9, 10, 11, 12, 20, 30) and n < 40)
             fop.set_vr(250)  # N(S) wraps
             self.assertEqual(fop.clcw.nr, 250)
@@ -92,7 +92,7 @@ class OpenAdServiceTest(SystemTest):
 
 
 class GroundAdServiceTest(SystemTest):
-    """srfs-ground by the AD service, secured, over a line that flips bits."""
+    """srfs-ground with the secured AD service over a line that flips bits."""
 
     def test_telecommands_over_a_bad_line_are_executed_once_and_in_order(self):
         deployment = self.deployment(("{ initial_mode: nominal }", "{ initial_mode: nominal, housekeeping_period_ms: 200 }"))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A node is added to the flying suite and removed again: the impact payload of examples/payload_impact."""
+"""A node is added to the running suite and removed again: the impact payload of examples/payload_impact."""
 
 import json
 import mmap
@@ -26,7 +26,7 @@ class AddedPayloadTest(SystemTest):
         return [m["holder"] for m in recorder.select(lambda m: m["type"] == "flags" and m["holder"], since)]
 
     def assert_no_turn_was_lost(self, holders):
-        """Without the added payload's turns the others follow each other as ever."""
+        """Without the added payload's turns, the other payloads follow each other in the usual order."""
         others = [holder for holder in holders if holder != ADDED]
         first = PAYLOADS.index(others[0])
         self.assertEqual(others, [PAYLOADS[(first + i) % 3] for i in range(len(others))])
@@ -57,7 +57,7 @@ class AddedPayloadTest(SystemTest):
             after_thermal = [b for a, b in zip(holders, holders[1:]) if a == "payload_thermal"]
             self.assertEqual(after_thermal[-3:], [ADDED] * 3)
 
-            # Who is upstream checks it, and raises it.
+            # Its upstream node checks and restarts it.
             watched = recorder.wait_for(
                 lambda m: m["type"] == "liveness" and m["subject"] == ADDED and m["verdict"] == "alive" and m["observer"] == "payload_thermal", DEADLINE_S)
             self.assertIsNotNone(watched)
@@ -69,7 +69,7 @@ class AddedPayloadTest(SystemTest):
             self.assertEqual(self.wait_for_fault(flight)["observer"], "payload_thermal")
             wait_for_slots(recorder, ADDED, "released", 5, recorder.position())
 
-            # Its telemetry is told apart on the ground, and its telecommands reach its peripheral, once.
+            # The ground decodes its telemetry, and its telecommands reach its peripheral once.
             ground = flight.ground()
             packet = ground.housekeeping("payload_impact", DEADLINE_S)
             self.assertIsNotNone(packet, "no telemetry of the added payload")
@@ -82,13 +82,13 @@ class AddedPayloadTest(SystemTest):
             self.assertFalse(refused.get("success"), "it is hazardous and not armed")
             self.assertIsNotNone(ground.housekeeping("added_nodes", 60, matches=lambda fields: ADDED in json.dumps(fields["names"])))
 
-            # The others did not notice.
+            # The other nodes are unaffected.
             self.assert_no_turn_was_lost(self.holders(recorder))
             for payload in PAYLOADS:
                 self.assertEqual(slots(recorder, payload, "failed"), [])
             self.assertEqual({node: flight.node_pid(node) for node in NODES}, pids)
 
-            # And away with it.
+            # Remove it.
             result = flight.srfs("node", "remove", ADDED)
             self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
             self.assertIsNone(flight.node_pid(ADDED))
@@ -114,7 +114,7 @@ nodes:
 
 
 class KilledToolTest(ToolTest):
-    """The tool is killed at each of its changes of the disk: the suite is the old one or the new one, whole, and goes on."""
+    """The tool is killed at each of its changes to the disk. The suite is then completely the old or the new one, and continues."""
 
     def setUp(self):
         super().setUp()
@@ -131,7 +131,7 @@ class KilledToolTest(ToolTest):
         self.addCleanup(lambda: self.srfs("down"))
 
     def killed_at(self, call, *arguments):
-        """Runs the tool; True when it was killed at its call-th change."""
+        """Runs the tool. Returns True if it was killed at its call-th change."""
         self.point.write_bytes(struct.pack("=QQQ", call, 1, 1))
         environment = {**os.environ, "LD_PRELOAD": f"{BIN.parent}/lib/libsrfs_crash_point.so", "SRFS_CRASH_POINT": str(self.point)}
         command = [str(BIN / "srfs"), *arguments, "--deployment", str(self.file), "--var", str(self.var)]
@@ -148,7 +148,7 @@ class KilledToolTest(ToolTest):
         return mission.lock_owner(self.var / "run" / "extra.lock")
 
     def wait_until_whole(self):
-        """An added node runs, by the ring if need be; any other has no process."""
+        """Waits until an added node runs, restarted by the ring if need be, or a removed one has no process. Returns whether it is added."""
         added = self.is_added()
         wait_until(lambda: (self.pid() is not None) == added, DEADLINE_S, f"extra {'runs' if added else 'is gone'}")
         return added

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Octets on the RS422 line that are no good telecommand: counted, and the next good one works."""
+"""Bad telecommands on the RS422 line: each is counted, and the next good telecommand works."""
 
 import os
 import random
@@ -10,12 +10,12 @@ import unittest
 import cltu
 from support import DEADLINE_S, SystemTest
 
-# What a secured body looks like to the receiver: segment header, SPI 1, a counter far ahead, and no valid MAC.
+# A forged secured body: segment header, SPI 1, a counter far ahead, and no valid MAC.
 FORGED = bytes([0xC0, 0x00, 0x01]) + (1 << 60).to_bytes(12, "big") + bytes(30)
 
 
 def bad_inputs():
-    """[(name, octets, counter of ttc that tells)]"""
+    """[(name, octets, counter of ttc that counts it)]"""
     good = cltu.cltu(cltu.frame(FORGED))
     damaged_crc = bytearray(cltu.frame(FORGED))
     damaged_crc[-1] ^= 0x01
@@ -86,7 +86,7 @@ class BadInputTest(SystemTest):
                     self.assertIn(named, outcome["message"])
             self.assertEqual(ground.stats()["telecommands_sent"], 0)
 
-            # And a list of added nodes that no tool wrote: the suite flies on, and the ground is told.
+            # A list of added nodes that no tool wrote: the suite continues, and the ground gets an event.
             before = {node["name"]: node["pid"] for node in flight.up_report["nodes"]}
             since = ground.position()
             (flight.var / "state" / "suite").mkdir(exist_ok=True)

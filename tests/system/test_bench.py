@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The benchmarks in a short form: conditions only, no times."""
+"""Short runs of the benchmarks: checks conditions, not times."""
 
 import argparse
 import json
@@ -27,7 +27,7 @@ class RestartCyclesTest(unittest.TestCase):
 
 class IsoTpThroughputTest(unittest.TestCase):
     def test_every_message_arrives_and_the_bus_carries_no_more_than_the_ideal(self):
-        # Eight frames behind each flow control, and time-outs that a busy machine does not reach.
+        # Eight frames after each flow control, and time-outs that a busy machine does not reach.
         run = subprocess.run([BIN / "bench_can", "isotp", "--messages", "3", "--block-size", "8", "--timeout-ms", "20000"],
                              capture_output=True, text=True, timeout=120)
         self.assertEqual(run.returncode, 0, run.stderr)
@@ -38,7 +38,7 @@ class IsoTpThroughputTest(unittest.TestCase):
         self.assertGreater(found["payload_octets_per_s"], 0)
         self.assertLessEqual(found["ratio"], 1)
         self.assertAlmostEqual(found["ratio"], found["bus_busy_share"], places=3, msg="what the bus itself counted")
-        # 585 consecutive frames of 128 + 3 bits and more: no faster than without any stuff bit.
+        # 585 consecutive frames of at least 128 + 3 bits: the rate stays below the limit without stuff bits.
         self.assertLess(found["ideal_octets_per_s"], 4095 * 500e3 / (586 * 131))
         self.assertTrue(0 < found["stuff_share"] < 0.19, found["stuff_share"])
 

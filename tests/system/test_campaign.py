@@ -11,7 +11,7 @@ from support import BIN, PYTHON, ROOT, SystemTest
 
 class CampaignTest(SystemTest):
     def run_campaign(self, *arguments, timeout_s=220):
-        """The summary of a campaign in which every check held."""
+        """Runs a campaign in which every check must hold. Returns its summary and output folder."""
         out = self.folder / "out"
         run = subprocess.run([PYTHON, "-B", str(ROOT / "tests" / "campaign" / "campaign.py"), *arguments, "--json",
                               "--out", str(out), "--var", str(self.var), "--bin", str(BIN)],
@@ -27,7 +27,7 @@ class CampaignTest(SystemTest):
 class FaultCampaignTest(CampaignTest):
     def test_classes_of_failure_are_healed_by_the_ring_and_nobody_else_is_restarted(self):
         summary, out = self.run_campaign("faults", "--class", "kill,stop,abort,stale_nonce,no_binary,bad_version", "--nodes", "payload_eps,ttc", "--subsets", "2",
-                                         "--misses", "5")  # other work may share the CPUs
+                                         "--misses", "5")  # other programs may share the CPUs
         table = {row["class"]: row for row in summary["table"]}
         self.assertEqual({name: row["trials"] for name, row in table.items()},
                          {"kill": 2, "stop": 2, "abort": 2, "stale_nonce": 2, "no_binary": 2, "bad_version": 2, "subset": 2})  # fmt: skip

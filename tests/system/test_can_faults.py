@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of the CAN bus and of who shares it: bus-off, a flood, a peripheral that babbles, a holder that does not give the bus back, a
-switcher that did not listen. The rotation goes on."""
+"""Faults of the CAN bus and its users: bus-off, a flood, a peripheral that babbles, a holder that does not give the bus back, a switcher
+that misses the end of a slot. The rotation continues."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ HEALTHY = ("payload_adcs", "payload_thermal")
 
 class CanFaultTest(SystemTest):
     def wait_for_all(self, recorder, status, count):
-        """Every payload ends so many slots in this way from now on."""
+        """Waits until every payload has ended `count` more slots with this status."""
         since = recorder.position()
         for payload in PAYLOADS:
             wait_for_slots(recorder, payload, status, count, since)
@@ -26,13 +26,13 @@ class CanFaultTest(SystemTest):
         return event
 
     def bus(self, ground, matches):
-        """The fields of a packet about the bus that match."""
+        """The fields of the next can_bus packet that matches."""
         packet = ground.housekeeping("can_bus", DEADLINE_S, matches=matches)
         self.assertIsNotNone(packet, "no such can_bus packet; the last: %s" % ground.fresh("can_bus"))
         return packet["fields"]
 
     def wait_for_rotation(self, flight, recorder):
-        """Waits until every payload has used the bus, and remembers who runs then."""
+        """Waits until every payload has used the bus, and notes the restart counts at that time."""
         self.wait_for_all(recorder, "released", 2)
         self.restarts = restarts(flight)
 
@@ -54,7 +54,7 @@ class BusOffTest(CanFaultTest):
             self.wait_for_rotation(flight, recorder)
             since = recorder.position()
             flight.control({"can": fault})
-            # Longer than a tick: at least one payload is granted a bus that it cannot write to.
+            # Longer than a tick: at least one payload gets a grant for a bus that it cannot write to.
             wait_until(lambda: self.off_the_bus(recorder, since), DEADLINE_S, "a slot failed because of the bus-off")
             self.wait_for_all(recorder, "released", 3)
 
@@ -71,7 +71,7 @@ class BusOffTest(CanFaultTest):
         with self.flight(deployment) as flight:
             recorder = flight.recorder()
             self.wait_for_rotation(flight, recorder)
-            # Its slots last long enough to hit one after its request has left, and end long before its lease does.
+            # The EPS's slots then last long enough to hit one after its request was sent, and end long before the lease.
             flight.control({"peripheral": "eps", "fault": "silent"})
             since = recorder.position()
 
@@ -164,7 +164,7 @@ class BabblingPeripheralTest(CanFaultTest):
             self.assert_nobody_was_restarted(flight)
 
     def frames_of_eps(self, flight):
-        """What the EPS sent in two seconds, by the bus' own record."""
+        """The frames that the EPS sent in two seconds, from the record of the bus."""
         begin = can_frames.last_time(flight.can_log()[-100:])
         lines = flight.can_log(until_ns=begin + 2_000_000_000, deadline_s=DEADLINE_S)
         return [line for line in lines if "18DA0112#" in line and can_frames.last_time([line]) > begin]
@@ -206,7 +206,7 @@ class FenceTest(CanFaultTest):
         return len([line for line in log if self.MARKER in line])
 
     def fence(self, flight, ground):
-        """Stops the EPS' payload until the switcher has killed it."""
+        """Stops the EPS's payload and waits until the switcher has killed it."""
         pid = flight.node_pid("payload_eps")
         os.kill(pid, signal.SIGSTOP)
         event = self.wait_for_event(ground, "can_switcher.holder_fenced")
@@ -256,7 +256,7 @@ class UnwatchedSlotTest(CanFaultTest):
             recorder, ground = flight.recorder(), flight.ground()
             self.wait_for_rotation(flight, recorder)
             before = {payload: flight.node_pid(payload) for payload in PAYLOADS}
-            flight.control({"peripheral": "eps", "fault": "silent"})  # its slots last as long as they may
+            flight.control({"peripheral": "eps", "fault": "silent"})  # its slots last for their full allotted time
             since = recorder.position()
 
             def unconfigured_in_the_middle_of_a_slot():

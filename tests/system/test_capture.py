@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames of the simulated sky: taken at the commanded time, stored, and what becomes of them when the camera misbehaves."""
+"""Frames of the simulated sky: taken at the commanded time and stored, also when the camera misbehaves."""
 
 import json
 import math

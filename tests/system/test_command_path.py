@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Orders to the nodes that telecommands pass through and the watchdog needs: they end by themselves."""
+"""Orders that stop a node on the command path or the watchdog's feeder end by themselves."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ class CommandPathTest(SystemTest):
         return next(n["state"] for n in flight.status() if n["name"] == node)
 
     def says(self, flight, *words):
-        """What `srfs` says to people."""
+        """Runs `srfs`, which must succeed. Returns its text output."""
         command = [BIN / "srfs", *words, "--deployment", flight.deployment, "--var", flight.var]
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=DEADLINE_S)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A deployment file that cannot be used: the message names the file, the key and what was expected; exit code 2."""
+"""An invalid deployment file: the message names the file, the key and the expected value; exit code 2."""
 
 import re
 import subprocess

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The Debian package: what is in it, what it depends on, and that its units are sound. Installing it: tools/package/install_test."""
+"""The Debian package: its content, its dependencies and its units. tools/package/install_test installs it."""
 
 import os
 import re
@@ -23,7 +23,7 @@ class DebianPackageTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="srfs_test_")
         cls.addClassCleanup(folder.cleanup)
         cls.folder = Path(folder.name)
-        # Quick to pack; how well it is compressed is of no interest here.
+        # Fast packing; the compression ratio does not matter here.
         run("cpack", "--config", BUILD / "CPackConfig.cmake", "-G", "DEB", "-B", cls.folder, "-D", f"CPACK_OUTPUT_FILE_PREFIX={cls.folder}",
             "-D", "CPACK_DEBIAN_COMPRESSION_TYPE=gzip", cwd=cls.folder)  # fmt: skip
         (cls.package,) = cls.folder.glob("*.deb")
@@ -97,7 +97,7 @@ class DebianPackageTest(unittest.TestCase):
     def test_the_units_are_sound(self):
         units = self.folder / "units"
         shutil.copytree(self.root / "usr/lib/systemd/system", units)
-        for unit in units.iterdir():  # verified where the package is not installed
+        for unit in units.iterdir():  # the package is not installed, so verify with the unpacked paths
             unit.write_text(unit.read_text().replace("=/opt/srfs/bin/", f"={self.root}/opt/srfs/bin/"))
         done = subprocess.run(["systemd-analyze", "verify", "--man=no", *map(str, units.iterdir())], capture_output=True, text=True,
                               env={**os.environ, "SYSTEMD_UNIT_PATH": f"{units}:"}, timeout=60)  # fmt: skip
@@ -109,7 +109,7 @@ class DebianPackageTest(unittest.TestCase):
         script = (self.root / "usr/bin/srfs").read_text().replace("/opt/srfs", f"{self.root}/opt/srfs")
         script = script.replace("/etc/srfs", f"{self.root}/etc/srfs").replace("/var/lib/srfs", str(self.folder / "var"))
         told = subprocess.run(["sh", "-c", script, "srfs", "status", "--json"], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
-        self.assertIn('"maintenance"', told.stdout, told.stderr)  # none of them runs, and it says so with its exit code
+        self.assertIn('"maintenance"', told.stdout, told.stderr)  # no node runs, hence an exit code other than 0
 
 
 if __name__ == "__main__":

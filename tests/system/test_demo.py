@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's script from end to end, as a newcomer runs it."""
+"""The demo script from end to end, as a new user runs it."""
 
 import json
 import signal

@@ -77,7 +77,7 @@ class DetectProgramTest(unittest.TestCase):
                 self.assertLess(abs((solution["roll_deg"] - truth["roll_deg"] + 180) % 360 - 180), 0.1)
                 self.assertAlmostEqual(solution["scale_arcsec_px"] / truth["scale_arcsec_px"], 1, places=2)
 
-        # Stars by chance are no sky.
+        # A random star field has no solution.
         run = detect("--method", "plate_solve", "--json", self.frames[0])
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertIsNone(json.loads(run.stdout)["solution"])

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`srfs doctor` says what this machine lacks; a node gets of it what the deployment asks for."""
+"""`srfs doctor` reports what this machine lacks; a node gets what the deployment requests and the machine provides."""
 
 import collections
 import json
@@ -24,7 +24,7 @@ class DoctorTest(SystemTest):
         return result
 
     def lines(self, result):
-        """(verdict, check) of each line but the last, which sums up."""
+        """([(verdict, check) of each line], summary line)."""
         *lines, summary = result.stdout.splitlines()
         matches = [LINE.match(line) for line in lines]
         self.assertNotIn(None, matches, result.stdout)

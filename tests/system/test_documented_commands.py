@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Every command line of README.md, the tutorials and the how-to pages is run as it stands there, against one flight, or stands in the table below with the reason why not.
+"""Runs every command line of README.md, the tutorials and the how-to pages as written, against one flight. The table below lists the exceptions
+with their reasons.
 
-What cannot be literal is replaced: times, NODE, FILE. Names, ./run and tests: tests/unit/docs.
+Placeholders are replaced: times, NODE, FILE. tests/unit/docs checks names, ./run and tests.
 """
 
 import dataclasses
@@ -19,7 +20,7 @@ from support import BIN, ROOT, SystemTest
 
 DOCUMENTS = ("README.md", *(str(p.relative_to(ROOT)) for folder in ("tutorial", "how-to") for p in sorted((ROOT / "docs" / folder).glob("*.md"))))
 PROGRAMS = r"(?:sudo )?(?:build-release/bin/\S+|\$ground|srfs|python3) "
-FILE = re.compile(r"^(?:Create|Save this as) `(\S+)`:\n\n```\w*\n(.*?)^```", re.M | re.S)  # a document's own
+FILE = re.compile(r"^(?:Create|Save this as) `(\S+)`:\n\n```\w*\n(.*?)^```", re.M | re.S)  # files that a document tells the reader to create
 LINE_LIMIT_S = 40
 
 
@@ -29,15 +30,15 @@ def utc(seconds_from_now):
 
 @dataclasses.dataclass
 class Rule:
-    """How a line is run that cannot run as it stands."""
+    """How to run a line that cannot run as written."""
 
     pattern: str
-    skipped: str = ""  # why
-    replaced: tuple = ()  # (pattern, text or function of nothing)
+    skipped: str = ""  # reason
+    replaced: tuple = ()  # (pattern, text or function without arguments)
     codes: tuple = (0,)
     interrupted_s: float = 0  # Ctrl-C after this
-    says: str = ""  # a pattern of the output
-    then: str = ""  # what puts things right again
+    says: str = ""  # pattern that the output must match
+    then: str = ""  # command that restores the state
 
 
 NOW = ((r"2026-\S+Z --to 2026-\S+Z", lambda: f"{utc(-20)} --to {utc(0)}"),)
@@ -55,11 +56,11 @@ RULES = (
     Rule(r"schedule disable", then="build-release/bin/srfs-ground schedule enable"),
     Rule(r"task=6 start=", replaced=((r"2026-\S+Z", lambda: utc(3600)), (r" --wait", ""))),
     Rule(r"task=7 .*--at", replaced=((r"2026-\S+Z", lambda: utc(90000)),), says="scheduled"),
-    # The frame whole takes half a minute down the line: where it waits for that.
+    # A whole frame takes half a minute on the line, so the test reads it from the outbox.
     Rule(r"srfs-product var/ground/files/strip", replaced=((r"var/ground/files", "var/files/outbox"),)),
     Rule(r"param restore payload_eps 3", replaced=((r"3$", "1"),)),
     Rule(r"srfs restart", skipped="tests/system/test_watchdog.py"),
-    Rule(r"node.send_report", replaced=((r"NODE", "payload_eps"),), codes=(1,), says="no_report"),  # nobody died
+    Rule(r"node.send_report", replaced=((r"NODE", "payload_eps"),), codes=(1,), says="no_report"),  # no node died
     Rule(r"ring.hold", replaced=((r"NODE", "payload_thermal"),), then="build-release/bin/srfs ring release payload_thermal"),
     Rule(r"node.set_log_level", replaced=((r"NODE", "payload_eps"),)),
     Rule(r"versions add payload_eps FILE", replaced=((r"FILE", str(BIN / "payload_eps_node")),)),
@@ -69,7 +70,7 @@ RULES = (
 
 
 def command_lines():
-    """[(where, line)] without their comments: of fenced and of indented blocks."""
+    """[(where, line)] of fenced and indented blocks, without comments."""
     found = []
     for document in DOCUMENTS:
         fenced = False
@@ -85,7 +86,7 @@ def command_lines():
 class DocumentedCommandsTest(SystemTest):
     def setUp(self):
         super().setUp()
-        # The tree as a user has it, with the flight's folder in it; sources copied, for a package takes no links.
+        # The tree as a user has it, with the flight's folder in it. Sources are copied, because a package takes no links.
         self.tree = self.folder / "tree"
         (self.tree / "build-release").mkdir(parents=True)
         (self.tree / "build-release/bin").symlink_to(BIN)

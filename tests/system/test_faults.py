@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of a peripheral, of a node's state and of the watchdog's feeder: a defined reaction, the others fly on."""
+"""Faults of a peripheral, of a node's state and of the watchdog's feeder: each causes a defined reaction, and the other nodes continue."""
 
 import os
 import signal
@@ -26,7 +26,7 @@ class PeripheralFaultTest(SystemTest):
                     wait_for_slots(recorder, "payload_eps", "failed", 2, since)
                     since = recorder.position()
                     for payload in HEALTHY:
-                        # in a row: a busy machine may cost a slot now and then, the fault of another none
+                        # In a row: a busy machine may cost a slot now and then, but a fault elsewhere must not.
                         wait_until(lambda p=payload, s=since: self.has_row(recorder, p, 6, s), DEADLINE_S, f"6 good slots of {payload} in a row")
 
                     since = recorder.position()
@@ -35,7 +35,7 @@ class PeripheralFaultTest(SystemTest):
             self.assertEqual(restarts(flight), before)
 
     def has_row(self, recorder, payload, length, since):
-        """Whether so many slots of a payload ended well one after the other."""
+        """Whether `length` slots of a payload in a row ended well."""
         row = 0
         for slot in recorder.select(lambda m: m["type"] == "bus" and m["payload"] == payload and m["status"] in ("released", "failed"), since):
             row = row + 1 if slot["status"] == "released" else 0

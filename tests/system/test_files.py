@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Files over the link by CFDP: up and down, over a bad line, between ends that are killed."""
+"""Files over the link by CFDP: up and down, over a bad line, and while both ends are killed."""
 
 import hashlib
 import os
@@ -10,7 +10,7 @@ import unittest
 
 from support import DEADLINE_S, SystemTest, wait_until
 
-TRANSFER_S = 180  # far above the time of the files here: a machine under load
+TRANSFER_S = 180  # far above the transfer time of these files, for a machine under load
 
 
 def content(octets, seed):
@@ -30,7 +30,7 @@ class FilesTest(SystemTest):
         return news
 
     def put_down(self, flight, name, octets):
-        """As a node of the suite does it: whole, by renaming."""
+        """Puts a file into the outbox as a node of the suite does: writes it completely, then renames it."""
         outbox = flight.var / "files" / "outbox"
         wait_until(outbox.exists, DEADLINE_S, "the folder of files")
         part = outbox / f".{name}"
@@ -62,7 +62,7 @@ class FilesTest(SystemTest):
     def test_a_suspended_file_rests_until_it_is_resumed(self):
         with self.flight() as flight:
             ground = flight.ground()
-            # Nothing arrives before it is suspended: a cut line.
+            # Cut the line, so that nothing arrives before the transfer is suspended.
             flight.control({"rs422": {"cut": True}})
             self.put_up(ground, "rests.bin", content(30_000, 3))
             begun = ground.wait_for(lambda m: m["type"] == "file" and m["name"] == "rests.bin", DEADLINE_S)
@@ -72,7 +72,7 @@ class FilesTest(SystemTest):
             suspended = ground.wait_for(lambda m: m["type"] == "file" and m["event"] == "suspended", DEADLINE_S, since)
             self.assertIsNotNone(suspended)
             flight.control({"rs422": {"cut": False}})
-            # A telecommand goes up and comes back; the file does not.
+            # A telecommand goes up and is answered; the file does not go up.
             self.assertEqual(ground.command("ping", DEADLINE_S)["stage"], "completed")
             self.assertFalse((flight.var / "files/rests.bin").exists())
             ground.send(f"resume {begun['id']}")
@@ -80,14 +80,14 @@ class FilesTest(SystemTest):
             self.assertEqual((flight.var / "files/rests.bin").read_bytes(), content(30_000, 3))
 
     def test_files_cross_a_bad_line_between_ends_that_are_killed(self):
-        octets = 1_000_000  # some 11 s of the line: the ends die in the middle of it
+        octets = 1_000_000  # about 11 s on the line, so that the ends die in the middle of it
         with self.flight() as flight:
             ground = flight.ground()
             flight.control({"rs422": {"flip_probability": 1e-4}})
             self.put_down(flight, "down.bin", content(octets, 4))
             self.put_up(ground, "up.bin", content(octets, 5))
             for death in range(1, 5):
-                # Each time something of both has crossed since the last one.
+                # Before each death, both files make progress.
                 since = ground.position()
                 for direction in ("up", "down"):
                     ground.wait_for(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""An installed SRFS as others build against it: moved elsewhere, and with this tree's paths nowhere in it."""
+"""Other projects build against an installed SRFS that was moved elsewhere and contains no path of this tree."""
 
 import shutil
 import tempfile

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The GPS receiver lost, lying, disturbed and unplugged: what the suite makes of it."""
+"""The suite's reaction to a GPS receiver that is lost, reports wrong data, is disturbed or unplugged."""
 
 import unittest
 

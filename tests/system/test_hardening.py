@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Everything that flies is hardened: what is installed, what is built, what is compiled on board. Of the package: test_debian_package.py."""
+"""All flight software is hardened: installed, built, and compiled on board. For the Debian package, see test_debian_package.py."""
 
 import subprocess
 import tempfile
@@ -12,9 +12,9 @@ from support import BIN, ROOT, run
 from test_lane import LaneTest
 
 BUILD = Path(BIN).parent
-BIG = 200_000  # octets of a stripped file in which something has a buffer on the stack
+BIG = 200_000  # octets; a stripped file of this size has a buffer on the stack somewhere
 
-# Uses what the compiler guards: a buffer on the stack and a copy of unknown length into it.
+# Contains what the compiler guards: a buffer on the stack and a copy of unknown length into it.
 GUARDED = """#include <cstdio>
 #include <cstring>
 int main(int argc, char** argv) {
@@ -26,7 +26,7 @@ int main(int argc, char** argv) {
 
 
 def built_with(folder, *options):
-    """A program of GUARDED."""
+    """Compiles GUARDED with these options. Returns what hardening.read() finds in the program."""
     source, program = folder / "guarded.cpp", folder / "guarded"
     source.write_text(GUARDED)
     run("g++", "-O2", *options, source, "-o", program)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Imaging tasks with the real processes: from the telecommand to files on the ground, cancelled, at a commanded time, and with a node killed."""
+"""Imaging tasks with the real processes: from the telecommand to files on the ground, cancelled, at a commanded time, and with a killed node."""
 
 import datetime
 import itertools
@@ -13,7 +13,7 @@ import unittest
 
 from support import BIN, DEADLINE_S, SystemTest, wait_until
 
-TASK_S = 120  # of a small task, on a machine under load
+TASK_S = 120  # for a small task, on a machine under load
 ABORTED, IMAGING_LOST = 39, 121
 CAPTURED, PROCESSING, QUARTER_PROCESSED = 100, 101, 125
 CAPTURE = "exposure_us=100000 interval_ms=300"
@@ -25,7 +25,7 @@ class ImagingTest(SystemTest):
         self.numbers = itertools.count(1)
 
     def send(self, ground, command, at=None, **arguments):
-        """Sends image.COMMAND; @return its line and the number of its task."""
+        """Sends image.COMMAND. @return its line and its task number"""
         task = arguments.pop("task", None) or next(self.numbers)
         words = " ".join(f"{name}={value}" for name, value in arguments.items())
         settings = CAPTURE if command == "capture" else ""
@@ -33,13 +33,13 @@ class ImagingTest(SystemTest):
         return ground.send(f"tc image.{command} task={task} {settings} {words} {tag}"), task
 
     def wait_for_step(self, ground, line, step):
-        """Progress of at least that step, while the telecommand is under way."""
+        """Waits for progress of at least that step, while the telecommand is under way."""
         came = ground.wait_for(lambda m: m["type"] == "tc_stage" and m["line"] == line and (m["final"] or m.get("step", 0) >= step), TASK_S)
         self.assertIsNotNone(came, f"line {line}: no step {step}")
         self.assertFalse(came["final"], came)
 
     def assert_completes(self, ground, line):
-        """The telecommand itself, not the request that schedules it."""
+        """Waits for the completion of the telecommand itself, not of the request that schedules it."""
         outcome = ground.wait_for(lambda m: m.get("line") == line and (m["type"] == "error" or m.get("final") and not m.get("insertion")), TASK_S)
         self.assertEqual(outcome and outcome.get("stage"), "completed", outcome)
 
@@ -52,7 +52,7 @@ class ImagingTest(SystemTest):
         return sorted((flight.var / "images/frames" / f"{task:010}").glob("*.fits"))
 
     def on_the_ground(self, flight, task, name):
-        """The file's path, once it has come whole."""
+        """Waits until the whole file has arrived. Returns its path."""
         def found():
             return [f for f in (flight.var / "ground/files").glob(f"image_*_{task:010}_{name}") if not f.name.startswith(".")]  # fmt: skip
         wait_until(found, TASK_S, f"{name} of task {task} on the ground")
@@ -80,7 +80,7 @@ class ImagingTaskTest(ImagingTest):
             self.assertLessEqual(octets, 65536)
             wait_until(lambda: all(f.with_suffix(".sent").exists() for f in self.frames(flight, task)), TASK_S, "the frames are marked as sent")
 
-            # The same frames by another method, and one of them whole.
+            # Process the same frames by another method, and send one whole frame.
             self.assert_completes(ground, self.send(ground, "process", task=task, method="star_centroid")[0])
             self.assert_completes(ground, self.send(ground, "send_frame", task=task, frame=2)[0])
             strips = lambda: list((flight.var / "ground/files").glob(f"strip_*_{task:010}_0002_*"))  # noqa: E731
@@ -128,7 +128,7 @@ class KilledImagingTest(ImagingTest):
             ground = flight.ground()
             lost, _ = self.send(ground, "capture", frames=24, method="streak")
             self.wait_for_step(ground, lost, QUARTER_PROCESSED)
-            # Captured while the other one is processed.
+            # The second task captures while the first is processed.
             other, _ = self.send(ground, "capture", frames=10, method="streak")
             pid = flight.node_pid("image_processing")
             os.kill(pid, signal.SIGKILL)
@@ -148,7 +148,7 @@ class KilledImagingTest(ImagingTest):
             self.assert_fails(ground, lost, IMAGING_LOST)
             wait_until(lambda: flight.node_pid("image_acquisition") not in (None, pid), DEADLINE_S, "the ring has started it again")
             self.assert_completes(ground, self.send(ground, "capture", frames=1, method="streak")[0])
-            # What was stored before is not lost.
+            # Frames stored before are not lost.
             self.assert_completes(ground, self.send(ground, "process", task=task, method="streak")[0])
 
 

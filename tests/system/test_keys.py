@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The keys of the uplink: switched by telecommand, remembered by both ends, never a lock-out."""
+"""The uplink keys: switched by telecommand, remembered by both ends, never a lock-out."""
 
 import os
 import signal
@@ -11,13 +11,13 @@ from support import DEADLINE_S, SystemTest, wait_until
 
 class KeysTest(SystemTest):
     def kill_ttc(self, flight):
-        """The ring starts it again."""
+        """Kills ttc and waits until the ring has restarted it."""
         pid = flight.node_pid("ttc")
         os.kill(pid, signal.SIGKILL)
         wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, "the ring has started ttc again")
 
     def configure_anew(self, flight, meanwhile):
-        """Takes ttc down to Unconfigured, where nothing of it is open, and up again."""
+        """Takes ttc down to Unconfigured, where it has nothing open, and up again."""
         for transition in ("deactivate", "cleanup", None, "configure", "activate"):
             if transition is None:
                 meanwhile()
@@ -46,11 +46,11 @@ class KeysTest(SystemTest):
             self.kill_ttc(flight)
             wait_until(lambda: self.ping(ground), DEADLINE_S, "b is remembered on board")
 
-            # Both copies lost: ttc is on a again, the tool on b.
+            # Both copies are lost: ttc uses a again, the tool uses b.
             self.configure_anew(flight, self.spoil_the_selection)
             event = ground.wait_for(lambda m: m.get("event") == "ttc.keys_selected" and "damaged" in m["text"], DEADLINE_S)
             self.assertIsNotNone(event)
-            # The beacon tells which keys are taken; the tool follows it.
+            # The beacon names the selected keys; the tool follows it.
             self.assertIsNotNone(ground.wait_for(lambda m: m["type"] == "keys" and m["keys"] == "a", 2 * DEADLINE_S))
             self.assertTrue(self.ping(ground))
             ground.end()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""srfs-lane as maintenance calls it, on sources and programs that mean well and that do not. All of it bounded to seconds."""
+"""srfs-lane as maintenance calls it, on benign and on malicious sources and programs. Every run is limited to seconds."""
 
 import hashlib
 import json
@@ -15,7 +15,7 @@ import unittest
 from support import BIN, ROOT, temporary_folder, wait_until
 
 LANE = BIN / "srfs-lane"
-USER = 64044  # not that of other tests
+USER = 64044  # no other test uses it
 ROOT_USER = os.geteuid() == 0
 
 FORKS = """#include <unistd.h>
@@ -72,7 +72,7 @@ def lane_processes():
     found = []
     for entry in pathlib.Path("/proc").glob("[0-9]*"):
         try:
-            # A zombie waits for whoever inherited it.
+            # A zombie only waits for the process that inherited it.
             if entry.stat().st_uid == USER and (entry / "stat").read_text().rsplit(")", 1)[1].split()[0] != "Z":
                 found.append(int(entry.name))
         except OSError:
@@ -127,7 +127,7 @@ class LaneTest(unittest.TestCase):
         return (self.folder / "log").read_text()
 
     def built(self, text):
-        """The program of a source, without the precompiled header: it needs none."""
+        """Builds a source without the precompiled header, which it does not need. Returns the program's path."""
         code, report = self.build(self.sources(main=text), "--no-precompiled-header")
         self.assertEqual((code, report["outcome"]), (0, "built"), self.log())
         return self.folder / "probe"
@@ -194,7 +194,7 @@ class BuildTest(LaneTest):
         code, report = self.build(self.sources(main='#include "main.cpp"\n'), "--no-precompiled-header", "--seconds", "20")
         self.assertEqual((code, report["outcome"]), (1, "compiler_failed"))
         self.assertIn("nested depth", self.log())
-        # 2^40 of them, never deep
+        # 2^40 inclusions, but never nested deeply
         text = "#if __INCLUDE_LEVEL__ < 40\n" + 2 * '#include "main.cpp"\n' + "#endif\n"
         code, report = self.build(self.sources(main=text), "--no-precompiled-header", "--seconds", "3")
         self.assertEqual((code, report["outcome"]), (3, "time_limit"), self.log())

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A line of hardware is not opened without security, nor with keys that everybody may know. hw_sim's line is."""
+"""A hardware line is not opened without security or with published keys; hw_sim's line is."""
 
 import secrets
 import unittest
 
 from support import ToolTest
 
-LINE = "/dev/srfs_no_such_line"  # below /dev, so no pseudo-terminal of hw_sim; that it is absent is seen later
+LINE = "/dev/srfs_no_such_line"  # below /dev, so not a pseudo-terminal of hw_sim; its absence shows only later
 PUBLISHED = {
     "it is zero": "00" * 32,
     "its octets form a sequence, as in published test vectors": bytes(range(32)).hex(),
@@ -54,7 +54,7 @@ nodes:
                 self.assertRegex(self.srfs("doctor").stdout, r"FAIL.*key\.up\.key")
 
     def start_ttc(self):
-        """@return (whether it came up, what it says of itself)"""
+        """@return (whether ttc started, its log)"""
         try:
             up = self.srfs("up", "--deadline", "5")
             self.assertIn(up.returncode, (0, 1), up.stdout + up.stderr)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What an engineer does with one node from outside: `srfs lifecycle`, `stats`, `param`, `status`; what becomes of a node that fails."""
+"""An engineer's tools for a single node: `srfs lifecycle`, `stats`, `param`, `status`; and the handling of a node that fails."""
 
 import json
 import unittest
@@ -22,7 +22,7 @@ class NodeToolsTest(ToolTest):
         self.var.mkdir()
         result = self.srfs("up")
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
-        self.addCleanup(lambda: self.srfs("down"))  # before the check that nothing is left
+        self.addCleanup(lambda: self.srfs("down"))  # runs before the check that nothing is left
 
     def status(self):
         return json.loads(self.srfs("status", "--json").stdout)[0]
@@ -32,7 +32,7 @@ class NodeToolsTest(ToolTest):
         self.assertEqual(self.srfs("up").returncode, 0)
 
     def starts_as(self, text):
-        """From now on the node is started by a script with this text."""
+        """Makes the deployment start the node through a script with this text."""
         script = self.folder / "start.sh"
         script.write_text(f"#!/bin/sh\n{text}\n")
         script.chmod(0o755)

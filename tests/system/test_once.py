@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""ttc killed while telecommands run: what it accepted is executed once, and its end is told; a telecommand sent again is not executed again."""
+"""ttc killed while telecommands run: each accepted one is executed once and its end reported; a repeated telecommand is not executed again."""
 
 import collections
 import mmap
@@ -16,14 +16,14 @@ from support import BIN, DEADLINE_S, JUDGED, SystemTest, restarts, wait_for_slot
 
 PERIPHERALS = {"eps": "eps.switch_load load=2 state={}", "adcs": "adcs.set_mode mode={}", "thermal": "thermal.set_setpoint heater=0 setpoint_k={}"}
 ARGUMENTS = {"eps": ("on", "off"), "adcs": ("point", "idle"), "thermal": ("291", "289")}
-PATIENCE_S = 90  # of the ground: the ring waits longer from death to death
-WINDOW_MS = 1000  # of the ring's patience with deaths, the shortest there is
-UNDER_WAY = 3  # telecommands of one payload
-ACCEPTED_TURNS = 3  # in which ttc is killed only after it accepted something
+PATIENCE_S = 90  # of the ground: the ring waits longer after each death
+WINDOW_MS = 1000  # the shortest window in which the ring counts deaths
+UNDER_WAY = 3  # telecommands per payload
+ACCEPTED_TURNS = 3  # turns in which ttc is killed only after it accepted a telecommand
 
 
 class OnceTest(SystemTest):
-    """Telecommands with an id, which their peripherals list when they execute them."""
+    """Telecommands with an id; the peripherals list the ids that they executed."""
 
     def stages(self, ground, line):
         return ground.select(lambda m: m["type"] == "tc_stage" and m["line"] == line)
@@ -46,14 +46,15 @@ class OnceTest(SystemTest):
         wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, "the ring has started ttc again")
 
     def wait_for_the_end(self, ground, lines):
-        """Of those that were accepted; a frame that came to a dead ttc nobody took. What a restarted ttc says again stands before its first answer."""
+        """Waits for the end of each accepted telecommand; a frame that arrived while ttc was dead is lost. A restarted ttc repeats its reports
+        before it sends its first answer."""
         wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
         for line in lines:
             if "accepted" in self.names(ground, line):
                 self.assertIsNotNone(ground.outcome(line, PATIENCE_S + DEADLINE_S), f"line {line}: {self.names(ground, line)}")
 
     def judge(self, flight, ground, recorder, lines):
-        """Every accepted one has its end on the ground; every one is executed at most once, every completed one exactly once."""
+        """Every accepted telecommand has its end on the ground. Each is executed at most once, and exactly once if completed."""
         self.wait_for_the_end(ground, lines)
         accepted = [line for line in lines if "accepted" in self.names(ground, line)]
         for line in accepted:
@@ -84,7 +85,7 @@ class KilledTtcTest(OnceTest):
             lines = []
             for turn in range(2 * ACCEPTED_TURNS):
                 after_acceptance = turn % 2 == 1
-                if after_acceptance:  # what comes while it starts nobody takes
+                if after_acceptance:  # telecommands that arrive while it starts are lost
                     wait_until(lambda: ground.command("ping --timeout 1").get("stage") == "completed", DEADLINE_S, "ttc works")
                 since = ground.position()
                 for _ in range(UNDER_WAY):
@@ -119,7 +120,7 @@ class CrashPointTest(OnceTest):
         wrapper = self.folder / "ttc_node"
         wrapper.write_text(f'#!/bin/sh\nexport LD_PRELOAD={BIN.parent}/lib/libsrfs_crash_point.so SRFS_CRASH_POINT={self.point}\nexec {BIN}/ttc_node "$@"\n')
         wrapper.chmod(0o755)
-        # It dies here more often than any node should: patience is for deaths that follow upon each other.
+        # ttc dies more often here than in flight. With a short window, the ring's patience is spent only on deaths in quick succession.
         return self.deployment(("executable: ttc_node\n", f"executable: {wrapper}\n"), ("ring:", f"ring:\n  window_ms: {WINDOW_MS}"))
 
     def test_killed_at_each_system_call_of_a_telecommand_it_is_executed_once(self):
@@ -132,7 +133,7 @@ class CrashPointTest(OnceTest):
                     pid = flight.node_pid("ttc")
                     point[:] = struct.pack("=QQ", call, 0)
                     lines.append(self.send(ground, call))
-                    # Its other work goes on, so the call comes in any case.
+                    # ttc's other work continues, so it reaches the call in any case.
                     wait_until(lambda: flight.node_pid("ttc") not in (None, pid), DEADLINE_S, f"ttc ended before call {call} and is back")
                     killed += 1
                     back = recorder.position()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The deployment sim_open, commanded over TC virtual channel 1 without security by a station that shares no code with the suite."""
+"""The deployment sim_open, commanded without security over TC virtual channel 1 by a station that shares no code with the suite."""
 
 import random
 import struct
@@ -22,7 +22,7 @@ def code(number, parameter=b""):
     return struct.pack(">H", number) + parameter
 
 
-# Telecommands whose frames are good and whose packets are refused on board: (name, telecommand, failure code and parameter).
+# Telecommands in good frames whose packets are refused on board: (name, telecommand, failure code and parameter).
 REFUSED = [
     ("a load that does not exist", switch_load(9, 1), code(6, b"\1")),
     ("a switch state that does not exist", switch_load(2, 7), code(6, b"\2")),
@@ -64,7 +64,7 @@ class OpenChannelTest(SystemTest):
         return station
 
     def completes(self, station, *telecommand):
-        """Sends it and expects acceptance and completion."""
+        """Sends a telecommand and expects its acceptance and completion. Returns the position of the reports before it."""
         since = len(station.reports)
         request = station.send(*telecommand)
         for subtype in (1, 7):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Packet stores as the ground sets them (PUS 15): open retrieval over a restart, disabled and bounded stores, their reports."""
+"""Packet stores controlled by the ground (PUS 15): open retrieval over a restart, disabled and bounded stores, their reports."""
 
 import os
 import signal
@@ -57,7 +57,7 @@ class OpenRetrievalTest(SystemTest):
             self.assertLessEqual(summary["oldest"], summary["newest"])
 
     def summary_of_events(self, ground):
-        """None while the store is empty."""
+        """The summary of the store of events; None while the store is empty."""
         since = ground.position()
         self.completed(ground, "storage.summary store=events")
         summary = self.report(ground, "packet_store_summary", "events", since)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""`srfs-ground package` as a team calls it: packages made, shown, verified and refused; and put up to the running suite."""
+"""`srfs-ground package` as a payload team calls it: makes, shows, verifies and refuses packages, and uploads them to the running suite."""
 
 import json
 import os
@@ -210,7 +210,7 @@ class PackageProgramTest(unittest.TestCase):
 
 
 class PackageInstallTest(SystemTest):
-    """A package of a stranger: it goes up whole, over a cut line too, and the spacecraft refuses it."""
+    """A package signed with a foreign key: it goes up whole, even over an interrupted line, and the spacecraft refuses it."""
 
     def install(self, flight, *more):
         command = [BIN / "srfs-ground", "--port", flight.var / "rs422", "--deployment", flight.deployment, "--json", "package", "install", self.package,
@@ -225,7 +225,7 @@ class PackageInstallTest(SystemTest):
             run = package(*arguments)
             self.assertEqual(run.returncode, 0, run.stderr)
         with self.flight() as flight:
-            # The test pair of the simulation is a pair.
+            # The simulation's test key files match: a package signed with the one verifies with the other.
             own = package("make", "--manifest", EXAMPLE, "--key", flight.var / "ground/package_test.seed", "-o", self.folder / "own.pkg")
             self.assertEqual(own.returncode, 0, own.stderr)
             own = package("verify", self.folder / "own.pkg", "--public", flight.var / "keys/package.pub")

@@ -94,7 +94,7 @@ class KeptParametersTest(ParameterTools):
         return lines
 
     def kill(self, flight, *nodes):
-        """SIGKILL, and somebody else is there again."""
+        """Kills the nodes with SIGKILL and waits until new processes work."""
         pids = {node: flight.node_pid(node) for node in nodes}
         for pid in pids.values():
             os.kill(pid, signal.SIGKILL)
@@ -102,7 +102,7 @@ class KeptParametersTest(ParameterTools):
         wait_until(lambda: all(node["state"] == "active" for node in flight.status()), 2 * DEADLINE_S, "all work again")
 
     def value(self, flight, full_name):
-        """None while the node does not answer."""
+        """The parameter's value; None while the node does not answer."""
         node, name = full_name.split(".", 1)
         answer = flight.srfs("param", "get", node, name)
         return json.loads(answer.stdout)["value"] if answer.returncode == 0 else None
@@ -135,7 +135,7 @@ class KeptParametersTest(ParameterTools):
             self.do(flight, "restore", "payload_eps", "1")
             self.assertEqual(self.value(flight, "payload_eps.answer_timeout_ms"), 31)
 
-            # An octet of the disk goes wrong.
+            # An octet on the disk changes.
             file = flight.var / "state" / "payload_eps" / "parameters.yaml"
             file.write_text(file.read_text().replace("value: 31", "value: 91"))
             ground = flight.ground()
@@ -158,7 +158,7 @@ class KeptParametersTest(ParameterTools):
             self.kill(flight, "timing")
             self.wait_for_value(flight, "timing.late_tick_ms", 50)
 
-            # Without deaths the ground hears of it.
+            # Without deaths, the ground receives an event.
             outcome = ground.command("tc parameters.set parameter=timing.late_tick_ms value=78", 2 * DEADLINE_S)
             self.assertEqual(outcome["stage"], "completed")
             said = ground.wait_for(lambda m: m["type"] == "event" and m["event"] == "parameter.reverted", DEADLINE_S, since)

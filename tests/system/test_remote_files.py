@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of files on board by telecommand (PUS 23): listing, checksum, copies to and from the ground, bad names, a disk that fails."""
+"""Telecommands for the file folder on board (PUS 23): listing, checksum, copies to and from the ground, bad names, a disk that fails."""
 
 import errno
 import hashlib
@@ -15,8 +15,8 @@ import unittest
 
 from support import BIN, DEADLINE_S, SystemTest, wait_until
 
-TRANSFER_S = 180  # far above the time of the files here: a machine under load
-LARGE = 1_000_000  # some 11 s of the line
+TRANSFER_S = 180  # far above the transfer time of these files, for a machine under load
+LARGE = 1_000_000  # about 11 s on the line
 
 
 def content(octets, seed):
@@ -25,13 +25,13 @@ def content(octets, seed):
 
 class RemoteFilesTest(SystemTest):
     def tool(self, flight, *arguments, json_lines=False):
-        """One run of srfs-ground; the session must not hold the port."""
+        """Runs srfs-ground once; no session may hold the port."""
         command = [str(BIN / "srfs-ground"), "--port", str(flight.var / "rs422"), "--deployment", str(flight.deployment),
                    *(["--json"] if json_lines else []), *arguments]  # fmt: skip
         return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=TRANSFER_S)
 
     def done(self, flight, *arguments):
-        """Its lines."""
+        """Runs srfs-ground, which must succeed. Returns the lines of its output."""
         run = self.tool(flight, *arguments)
         self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
         return run.stdout.splitlines()
@@ -47,14 +47,14 @@ class RemoteFilesTest(SystemTest):
         self.assertEqual((outcome.get("stage"), outcome.get("name")), (stage, name), outcome)
 
     def copies(self, ground):
-        """The copies under way, as the spacecraft tells them: {operation: fields}."""
+        """The copies under way, as reported by the spacecraft: {operation: fields}."""
         since = ground.position()
         self.complete(ground, "file.report_copies")
         told = ground.select(lambda m: m.get("structure") == "file_copy_status", since)
         return {m["fields"]["operation"]: m["fields"] for m in told if m["fields"]["operations"]}
 
     def write(self, flight, name, octets):
-        """Whole under its name, so that nobody sees a part of it."""
+        """Writes a file and renames it at the end, so that no reader sees a part of it."""
         path = flight.var / "files" / name
         wait_until((flight.var / "files/outbox").exists, DEADLINE_S, "the folder of files")
         path.parent.mkdir(exist_ok=True)
@@ -101,7 +101,7 @@ class RemoteFilesTest(SystemTest):
                 for command in (f"file.delete repository={folder} file={name}", f"file.report repository={folder} file={name}",
                                 f"file.make_folder repository={folder} folder={name}", f"file.remove_folder repository={folder} folder={name}",
                                 f"file.copy operation=1 source_repository={folder} source_file={name}"):  # fmt: skip
-                    # What is no name at all is a missing folder at best.
+                    # An invalid name is refused as such, or as a missing folder.
                     outcome = ground.command(f"tc {command}", DEADLINE_S)
                     self.assertIn(outcome.get("name"), ("bad_file_name", "file_not_found"), f"{command}: {outcome}")
                 self.refuse(ground, f"file.list repository={folder}", "file_not_found" if folder.startswith("a") else "bad_file_name")
@@ -149,7 +149,7 @@ class RemoteFilesTest(SystemTest):
     def test_copies_of_both_directions_are_cancelled(self):
         with self.flight() as flight:
             ground = flight.ground()
-            # Neither ends before it is suspended, however long that takes here.
+            # Large enough that neither copy ends before it is suspended, even on a slow machine.
             self.write(flight, "down", content(3 * LARGE, 2))
             (self.folder / "up").write_bytes(content(3 * LARGE, 3))
             self.complete(ground, "file.copy operation=9 source_file=down")
@@ -198,7 +198,7 @@ class RemoteFilesTest(SystemTest):
                     self.assertIn("old", [m["fields"]["object_name"] for m in ground.select(lambda m: m.get("structure") == "repository_summary", since)])
                     self.complete(ground, "file.report file=old")
                     self.assertEqual(ground.command("ping", DEADLINE_S)["stage"], "completed")
-                # A file that comes up is refused, not lost silently.
+                # An upload is refused, not lost silently.
                 (self.folder / "up").write_bytes(b"up")
                 ground.send(f"put {self.folder / 'up'}")
                 ended = ground.wait_for(lambda m: m["type"] == "file" and m["event"] == "finished", TRANSFER_S)

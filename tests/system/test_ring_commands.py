@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the ground asks of the ring: hold, release, release Inactive, the fault ledger, log levels (nodes/maintenance)."""
+"""Telecommands for the ring: hold, release, release Inactive, the fault ledger, log levels (nodes/maintenance)."""
 
 import json
 import os
@@ -19,7 +19,7 @@ class RingCommandsTest(SystemTest):
         self.assertEqual(outcome.get("stage"), "completed", outcome)
 
     def refuse(self, ground, line):
-        """Text of the failure."""
+        """Sends a telecommand that must fail. Returns the text of the failure."""
         outcome = ground.command(f"tc {line}", DEADLINE_S)
         self.assertNotEqual(outcome.get("stage"), "completed", outcome)
         return str(outcome)

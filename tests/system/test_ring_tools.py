@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What an operator does about a node that keeps dying: `srfs faults`, `srfs ring`."""
+"""An operator's tools for a node that keeps dying: `srfs faults`, `srfs ring`."""
 
 import json
 import os
@@ -55,7 +55,7 @@ class RingToolsTest(ToolTest):
         ledger.write_text(
             ledger_line()
             + ledger_line(kind="active", seq=2, active_us=120500)
-            + ledger_line(seq=3, cause="never")[:-9]  # torn, and the next line with it
+            + ledger_line(seq=3, cause="never")[:-9]  # torn, so that the next line is unreadable too
             + ledger_line(seq=4, cause="nor this")
             + ledger_line(seq=5, subject="second", utc="2026-11-21T09:00:00Z", outcome=5, outcome_text="quarantined", new=0))
         result = self.srfs("faults")

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""msgs/srfs_msgs as a package of a ROS 2 workspace: it names what its interfaces use, and Debian's rosidl generators build it.
+"""msgs/srfs_msgs as a package of a ROS 2 workspace: it names the packages that its interfaces use, and Debian's rosidl generators build it.
 
-Debian has the generators and not ROS 2's own interface packages: those are made here of msgs/interfaces, each installed into a folder of its own, and a
-package finds only those that its package.xml names, as with colcon.
+Debian has the generators but not ROS 2's own interface packages. This test makes these from msgs/interfaces and installs each into its own
+folder. As with colcon, a package finds only those that its package.xml names.
 """
 
 import re
@@ -43,7 +43,7 @@ file(GLOB interfaces RELATIVE ${{CMAKE_CURRENT_SOURCE_DIR}} msg/*.msg srv/*.srv 
 rosidl_generate_interfaces(${{PROJECT_NAME}} ${{interfaces}} DEPENDENCIES {depends})
 ament_package()
 """
-# Debian has no rosidl_default_generators, which is but a list of generators.
+# Debian has no rosidl_default_generators, which is only a list of generators.
 GENERATORS = "".join(f"find_package({name} REQUIRED)\n" for name in ("ament_cmake", "rosidl_cmake", "rosidl_generator_c", "rosidl_generator_cpp"))
 
 USER_CMAKE = """cmake_minimum_required(VERSION 3.8)
@@ -56,7 +56,7 @@ target_link_libraries(user PRIVATE srfs_msgs::srfs_msgs__rosidl_generator_cpp)
 
 
 def messages_of(package):
-    """What the package's files define, parsed by rosidl's own parser."""
+    """The messages that the package's files define, parsed by rosidl's own parser."""
     name = package.name
     for file in sorted(package.glob("msg/*.msg")):
         yield parse_message_file(name, str(file))
@@ -71,7 +71,7 @@ def messages_of(package):
 def packages_used_by(package):
     used = {field.type.pkg_name for message in messages_of(package) for field in message.fields} - {None, package.name}
     if list(package.glob("action/*.action")):
-        used.add("action_msgs")  # of the services and topics of an action
+        used.add("action_msgs")  # used by the services and topics of an action
     return used
 
 
@@ -104,7 +104,7 @@ class WorkspaceTest(unittest.TestCase):
             config.write_text(text)
 
     def prefixes_of(self, package):
-        """Folders of what the package names, and of what that names."""
+        """Install folders of the packages that this package names, directly and indirectly."""
         found = set()
         waiting = depends_of(package)
         while waiting:
@@ -115,7 +115,7 @@ class WorkspaceTest(unittest.TestCase):
         return [self.folder / "install" / name for name in ("ros", *sorted(found))]
 
     def build_standard(self, name):
-        """The package's folder; built and installed once."""
+        """Builds and installs the standard package once. Returns its folder."""
         package = self.folder / "src" / name
         if not package.exists():
             shutil.copytree(STANDARD / name, package)

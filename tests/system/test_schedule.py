@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Time-tagged telecommands with the real processes: released at their time, executed once whatever becomes of ttc, listed, moved and deleted."""
+"""Time-tagged telecommands with the real processes: released at their time, executed once even if ttc dies, listed, moved and deleted."""
 
 import os
 import random
@@ -11,8 +11,8 @@ import unittest
 from support import DEADLINE_S, wait_for_slots, wait_until
 from test_once import ARGUMENTS, PERIPHERALS, OnceTest
 
-PATIENCE_S = 120  # from the release on: the ring waits longer from death to death
-LATE_MAX_MS = 600000  # what is due while ttc is dead is released when it is back, however long that takes here
+PATIENCE_S = 120  # from the release on: the ring waits longer after each death
+LATE_MAX_MS = 600000  # a telecommand due while ttc is dead is released when ttc is back, however long that takes here
 KILLS = int(os.environ.get("SRFS_SCHEDULE_KILLS", "5"))
 
 
@@ -21,14 +21,14 @@ class ScheduleTest(OnceTest):
         return self.deployment(("parameters: { initial_mode: nominal }", f"parameters: {{ initial_mode: nominal, schedule_late_max_ms: {LATE_MAX_MS} }}"))
 
     def own_stages(self, ground, line):
-        """Of the telecommand, without those of the request that schedules it."""
+        """Stages of the telecommand itself, without those of the request that schedules it."""
         return [m for m in self.stages(ground, line) if not m.get("insertion")]
 
     def own(self, ground, line):
         return [m["stage"] for m in self.own_stages(ground, line)]
 
     def wait_for_stage(self, ground, line, stage, deadline_s):
-        """The telecommand's own; a failure of its insertion ends it too."""
+        """Waits for a stage of the telecommand itself; a failed insertion ends the wait too."""
         wait_until(lambda: stage in self.own(ground, line) or any(m["final"] and not m["success"] for m in self.stages(ground, line)),
                    deadline_s, f"line {line} is {stage}: {self.stages(ground, line)}")  # fmt: skip
         self.assertIn(stage, self.own(ground, line), self.stages(ground, line))
@@ -72,7 +72,7 @@ class TimeTaggedTest(ScheduleTest):
             self.assertEqual(sorted(apid for _, apid, _ in listed), [16, 17, 18])
             self.assertEqual(listed, sorted(listed))
 
-            # One is deleted, one is moved; one that comes later is due first.
+            # One is deleted and one is moved. One that is scheduled later is due first.
             self.done(ground, f"schedule.delete request_apid=16 request_sequence={listed[0][2]}")
             sequence = {apid: count for _, apid, count in listed}
             self.done(ground, f"schedule.shift request_apid=18 request_sequence={sequence[18]} offset_s=3600")
@@ -100,7 +100,7 @@ class KilledAroundTheReleaseTest(ScheduleTest):
             for line in lines:
                 self.wait_for_stage(ground, line, "scheduled", DEADLINE_S)
             for _ in range(KILLS):
-                # Before, at and after a release, and while the schedule is read again.
+                # Kills before, at and after a release, and while ttc reads the schedule again.
                 threading.Event().wait(chance.uniform(0, 3))
                 self.kill_ttc(flight)
             for line in lines:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What must not rot is compared with its digests and mended from a good copy (lib/update, nodes/maintenance)."""
+"""Scrubbing compares protected files with their digests and repairs them from a good copy (lib/update, nodes/maintenance)."""
 
 import os
 import shutil
@@ -11,7 +11,7 @@ from support import BIN, DEADLINE_S, SystemTest, wait_until
 
 class ScrubbingTest(SystemTest):
     def rot(self, path):
-        """One octet is another, as no writer would leave it. (Who runs a program cannot be written to: a new file.)"""
+        """Changes one octet of a file but not its times. (A running program cannot be written to, hence a new file.)"""
         was = path.stat()
         octets = bytearray(path.read_bytes())
         octets[len(octets) // 2] ^= 0x10
@@ -33,7 +33,7 @@ class ScrubbingTest(SystemTest):
         return status["fields"]
 
     def scrub(self, ground):
-        """A whole round. @return where the ground's messages stood before it"""
+        """Runs a whole round. @return the position of the ground's messages before it"""
         before = self.status(ground)
         self.assertFalse(before["running"])
         since = ground.position()

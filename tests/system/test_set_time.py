@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The time set by telecommand while there is no GPS."""
+"""Setting the time by telecommand without GPS."""
 
 import datetime
 import os
@@ -10,7 +10,7 @@ import unittest
 from support import DEADLINE_S, SystemTest, wait_until
 
 HOUR = datetime.timedelta(hours=1)
-TOLERANCE_S = 60  # of the host's clock against the mission's on a machine under load: the steps here are an hour
+TOLERANCE_S = 60  # between the clocks of host and mission on a machine under load; the steps here are an hour
 
 
 def from_now(by=datetime.timedelta()):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""./run sim: start, live, stop; twice on one machine; after it was killed."""
+"""./run sim: start, operation and stop; two at a time on one machine; a start after it was killed."""
 
 import os
 import re
@@ -13,7 +13,7 @@ from support import BIN, DEADLINE_S, DEMO, PYTHON, SystemTest, mission, wait_unt
 
 
 class Sim:
-    """A running ./run sim and what it has said."""
+    """A running ./run sim and its output so far."""
 
     def __init__(self, var, *options, before=None):
         self.process = subprocess.Popen(
@@ -29,7 +29,7 @@ class Sim:
             self.said += line
 
     def says(self, pattern, deadline_s=DEADLINE_S):
-        """Waits for a regular expression in what it has said."""
+        """Waits for a regular expression in its output."""
         try:
             wait_until(lambda: re.search(pattern, self.said) or self.process.poll() is not None, deadline_s, f"'{pattern}'")
         except mission.MissionError as error:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Several who start and end the same suite at the same time: one start wins, an end is complete."""
+"""Several callers start and end the same suite at the same time: one start wins, an end is complete."""
 
 import collections
 import os
@@ -51,7 +51,7 @@ class StartsTest(SystemTest):
         pids = {node: mission.lock_owner(self.var / "run" / f"{node}.lock") for node in ("payload_eps", "ttc", "maintenance")}
         os.kill(int((self.var / "run" / "hw_sim.pid").read_text()), signal.SIGKILL)
         for pid in pids.values():
-            os.kill(pid, signal.SIGKILL)  # and the ring is at it while the suite is ended
+            os.kill(pid, signal.SIGKILL)  # the ring restarts nodes while the suite is being ended
         self.assertEqual(sim.ends(), 1)
         self.assertEqual(mission.processes_of(self.var), {})
         wait_until(lambda: not mission.memory_folder(self.var).exists(), DEADLINE_S, "nothing is left in memory")
@@ -123,7 +123,7 @@ class QuotaTest(SystemTest):
     def test_a_suite_with_a_fifth_of_a_cpu_comes_up_works_and_restarts_nobody(self):
         sim = Sim(self.var, before=lambda: (self.group / "cgroup.procs").write_text(str(os.getpid())))
         sim.says("Ctrl-C ends it", MOST_QUOTA_S)
-        self.assertEqual(ping(self.var), 0, sim.said)  # from outside of the group
+        self.assertEqual(ping(self.var), 0, sim.said)  # from outside the group
         self.assertEqual([line for line in sim.said.splitlines() if line.startswith("! ")], [])
         throttled = re.search(r"nr_throttled (\d+)", (self.group / "cpu.stat").read_text()).group(1)
         self.assertGreater(int(throttled), 0, "the quota was felt")

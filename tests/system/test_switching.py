@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The CAN rotation changed at run time, and without the ticks it lives on, seen on the nodes' own topics."""
+"""The CAN rotation when it is changed at run time and when its ticks are missing, observed on the nodes' own topics."""
 
 import os
 import signal
@@ -32,7 +32,7 @@ class SwitchingTest(SystemTest):
 
             changed = self.set_parameter(flight, "rotation_order", "[payload_thermal, payload_adcs]")
             self.assertEqual(changed.returncode, 0, changed.stdout + changed.stderr)
-            # The first flag may have been on its way before the change.
+            # The first flag may have been sent before the change.
             turns = [holder for holder, _ in holders(recorder, recorder.position(), 7)[1:]]
             self.assertEqual(len(turns), 6)
             self.assertNotIn("payload_eps", turns)
@@ -71,7 +71,7 @@ class SwitchingTest(SystemTest):
 
 
 class MissingTicksTest(SystemTest):
-    """Timing is held by the operator here, or the ring would have it back before the test has seen much."""
+    """The tests hold timing in the ring; otherwise the ring would restart it too early for the test."""
 
     def deployment_with_a_patient_watchdog(self):
         return self.deployment(("watchdog_timeout_s: 10", "watchdog_timeout_s: 120"), ("watchdog: { timeout_ms: 10000 }", "watchdog: { timeout_ms: 120000 }"))
@@ -122,7 +122,7 @@ class MissingTicksTest(SystemTest):
 
             self.assertEqual(flight.srfs("lifecycle", "timing", "deactivate").returncode, 0)
             stopped, since = time.monotonic_ns(), recorder.position()
-            for _ in range(15):  # each a period of the ring, as long as that of the tick
+            for _ in range(15):  # each lasts one period of the ring, which equals the tick period
                 asked = recorder.wait_for(lambda m: m["type"] == "liveness" and m["verdict"] == "alive" and m["subject"] == "can_switcher", DEADLINE_S, since)
                 self.assertIsNotNone(asked)
                 since = recorder.position()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Telecommands that wait while their payload is killed, or for too long; and what a payload node must leave alone when it starts again."""
+"""Telecommands that wait while their payload is killed, or for too long; and the state that a restarted payload node must not change."""
 
 import os
 import signal
@@ -18,7 +18,7 @@ def reports(recorder, number=None, since=0):
 
 
 class WaitingTelecommandsTest(SystemTest):
-    """The switcher is inactive while they arrive: nobody has a slot to execute anything in."""
+    """The switcher is inactive while the telecommands arrive, so no payload has a slot to execute them in."""
 
     def switcher(self, flight, transition):
         result = flight.srfs("lifecycle", "can_switcher", transition)
@@ -58,7 +58,7 @@ class WaitingTelecommandsTest(SystemTest):
             self.switcher(flight, "activate")
             for number, (line, _) in enumerate(sent):
                 outcome = ground.outcome(line, DEADLINE_S) or {}
-                # A reset is not repeated: if the simulated peripheral got no CPU in time, its outcome is unknown, and it is counted below.
+                # A reset is not repeated. If the simulated peripheral got no CPU in time, its outcome is unknown; the count below covers it.
                 unknown = number == 2 and outcome.get("name") == "peripheral_silent"
                 self.assertTrue(unknown or outcome.get("stage") == "completed", outcome)
 
@@ -73,7 +73,7 @@ class WaitingTelecommandsTest(SystemTest):
             self.switcher(flight, "deactivate")
             _, first = self.send(ground, recorder, "eps.switch_load load=2 state=on")
             _, slow = self.send(ground, recorder, "eps.reset_peripheral")  # its timeout is longer
-            # 10 s, the dictionary's default. ttc's clock is the payload's: it takes the command for lost no earlier than it expires.
+            # 10 s, the dictionary's default. ttc and the payload share a clock: ttc does not report the command as lost before it expires.
             expired_at = recorder.wait_for(lambda m: m["type"] == "tick" and m["at_ns"] > reports(recorder, first)[0]["at_ns"] + 10_500_000_000,
                                            DEADLINE_S + 15)  # fmt: skip
             self.assertIsNotNone(expired_at)
@@ -114,7 +114,7 @@ class SensorInputsTest(SystemTest):
             ground = flight.ground()
 
             def inputs(payload, levels, valid):
-                def matches(fields):  # a reading that a busy machine answers late is not valid; the next one is
+                def matches(fields):  # a reading answered late on a busy machine is not valid; a later one is
                     return (int(str(fields["sensor_levels"]), 0), int(str(fields["sensor_valid"]), 0)) == (levels, valid)
                 return ground.housekeeping(f"{payload}_counters", DEADLINE_S, matches=matches)
 

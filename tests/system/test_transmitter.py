@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The transmitter switched off by telecommand: silence for its time, whoever is killed, and then no more."""
+"""The transmitter switched off by telecommand: silence for the commanded time even if a node is killed, and no longer."""
 
 import os
 import signal
@@ -9,12 +9,12 @@ import unittest
 from support import DEADLINE_S, SystemTest, wait_until
 
 SILENCE_S = 12
-USUAL_GAP_S = 3  # between packets of a spacecraft that transmits, at most, with room for a busy machine
+USUAL_GAP_S = 3  # longest gap between packets while the spacecraft transmits, with margin for a busy machine
 
 
 class TransmitterTest(SystemTest):
     def silences(self, ground, since):
-        """Seconds without telemetry, where they are more than usual."""
+        """Gaps without telemetry, in s, that are longer than usual."""
         times = [m["arrived"] for m in ground.select(lambda m: m["type"] in ("housekeeping", "event"), since)]
         return [b - a for a, b in zip(times, times[1:]) if b - a > USUAL_GAP_S]
 
@@ -37,7 +37,7 @@ class TransmitterTest(SystemTest):
             self.assertEqual(on["fields"]["why"], "its time is over")
             self.assertGreater(max(self.silences(ground, since), default=0), SILENCE_S - 4, "it was silent")
 
-            # Blind: nothing comes down, but telecommands go up.
+            # Blind commanding: nothing comes down, but telecommands go up.
             off = "ttc.transmitter_off duration_s=86400"
             self.assertEqual(ground.command(f"arm {off}", DEADLINE_S).get("stage"), "completed")
             self.assertEqual(ground.command(f"tc {off}", DEADLINE_S).get("stage"), "completed")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Packages of sources, from the ground to a running program: built by the lane, tested, swapped; refused or rolled back when they are bad."""
+"""Packages of sources, from the ground to a running program: the lane builds, tests and swaps them; bad ones are refused or rolled back."""
 
 import json
 import os
@@ -14,7 +14,7 @@ BUILD_DEADLINE_S = 180  # a compiler on a loaded machine
 IDLE = ROOT / "examples" / "payload_idle" / "main.cpp"
 GOOD = IDLE.read_text()
 BEGIN = "int main(int argc, char** argv) {\n"
-# Healthy in the self-test, dead a moment after its activation.
+# Passes its self-test and dies shortly after its activation.
 DIES = GOOD.replace(BEGIN, """#include <cstdlib>
 #include <string_view>
 #include <thread>
@@ -27,7 +27,7 @@ NODE = "payload_thermal"
 
 
 class UpdateTest(SystemTest):
-    """The suite runs from an installation, which the lane builds against."""
+    """Runs the suite from an installation, against which the lane builds."""
 
     counter = 0
 
@@ -39,7 +39,7 @@ class UpdateTest(SystemTest):
         return mission.Mission(self.var, deployment, mission.installed(BIN), print)
 
     def package(self, text, key=None):
-        """A package that makes NODE of this source; its path."""
+        """Makes a package that replaces NODE by this source. Returns its path."""
         self.counter += 1
         sources = self.folder / f"sources_{self.counter}"
         sources.mkdir()
@@ -52,7 +52,7 @@ class UpdateTest(SystemTest):
         return out
 
     def put(self, flight, package):
-        """As CFDP leaves it; the way up has tests of its own."""
+        """Stores the package as CFDP leaves it; other tests cover the upload. Returns its name."""
         files = flight.var / "files"
         files.mkdir(exist_ok=True)
         (files / package.name).write_bytes(package.read_bytes())
@@ -109,7 +109,7 @@ class GoodPackageTest(UpdateTest):
             # The ring guards the new version.
             os.kill(flight.node_pid(NODE), signal.SIGKILL)
             wait_until(lambda: self.versions(flight)["running"] == 0 and self.active(flight), DEADLINE_S, "the last good version runs")
-            # The same package again is no old one; an older one is.
+            # The same package again does not count as old; an older one does.
             again, since = self.install(ground, flight, self.folder / "1.pkg", "activate=false")
             self.assertEqual(again["stage"], "completed")
             self.assertEqual(self.end(ground, since)["event"], "update.candidate")
@@ -140,7 +140,7 @@ class BadPackageTest(UpdateTest):
             self.assertEqual(outcome["stage"], "completed")
             end = self.end(ground, since)
             self.assertEqual((end["event"], end["fields"]["step"]), ("update.failed", "build"), end)
-            outcome, since = self.install(ground, flight, good)  # its counter is below the one that was used up
+            outcome, since = self.install(ground, flight, good)  # its counter is below the last one used
             self.assertEqual(outcome["name"], "package_refused")
 
             outcome, since = self.install(ground, flight, self.package(FAILS_ITS_TEST))
@@ -157,7 +157,7 @@ class BadPackageTest(UpdateTest):
 
 class NewNodeUpdateTest(UpdateTest):
     def joined(self, flight, added):
-        """The node of examples/ADDED comes up as sources and joins; a session that has its fragment."""
+        """Uploads the node of examples/ADDED as sources and waits until it joins. Returns a session that knows its dictionary fragment."""
         ground = flight.ground()
         package = self.folder / "new.pkg"
         made = subprocess.run([str(BIN / "srfs-ground"), "package", "make", "--manifest", str(ROOT / "examples" / added / "package.yaml"),
@@ -176,7 +176,7 @@ class NewNodeUpdateTest(UpdateTest):
 
 
 class NewNodeTest(NewNodeUpdateTest):
-    """The worked example: the impact payload comes up as sources."""
+    """The worked example: the impact payload is uploaded as sources."""
 
     def test_a_package_of_kind_new_joins_the_suite_and_a_telecommand_removes_it(self):
         added = "payload_impact"
@@ -214,7 +214,7 @@ class NewImageMethodTest(NewNodeUpdateTest):
 
 class KilledMaintenanceTest(UpdateTest):
     def test_an_update_goes_on_when_maintenance_is_killed_in_the_build_and_in_the_swap(self):
-        # Here the ring has everybody, so that maintenance comes back.
+        # Here the ring includes all nodes, so that it restarts maintenance.
         with self.flight(self.deployment(("  members: [payload_adcs, payload_thermal, payload_eps]\n", ""), base="fig16")) as flight:
             ground = flight.ground()
             outcome, since = self.install(ground, flight, self.package(GOOD))
@@ -226,7 +226,7 @@ class KilledMaintenanceTest(UpdateTest):
             self.assertIsNotNone(step("build"))
             os.kill(flight.node_pid("maintenance"), signal.SIGKILL)
             self.assertIsNotNone(step("swap"))
-            os.kill(flight.node_pid("maintenance"), signal.SIGKILL)  # in it, or a moment later
+            os.kill(flight.node_pid("maintenance"), signal.SIGKILL)  # during the swap or shortly after it
             wait_until(lambda: flight.node_pid("maintenance") and self.active(flight, "maintenance"), DEADLINE_S, "maintenance is back")
             wait_until(lambda: self.versions(flight)["running"] == 1 and self.active(flight), BUILD_DEADLINE_S, "version 1 runs")
             self.assertEqual(len(self.versions(flight)["versions"]), 1)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Versions of a node's program: stored, used, tried and rolled back, with and without a ring to watch over them."""
+"""Versions of a node's program: stored, used, put on probation and rolled back, with and without a ring that watches them."""
 
 import json
 import os
@@ -34,7 +34,7 @@ class VersionsTest(ToolTest):
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
 
     def add(self, script):
-        """The number of a version of `faulty`."""
+        """Adds a version of `faulty` that runs this script. Returns its number."""
         program = self.folder / "program"
         program.write_text(f"#!/bin/sh\n{script}\n")
         return self.json("versions", "add", "faulty", str(program), "--origin", "a test")["version"]
@@ -130,7 +130,7 @@ class WithoutRingTest(VersionsTest):
         for expected in (1, 1, 0):
             self.up()
             self.assertEqual(self.versions()["running"], expected)
-            self.up()  # of what runs: not counted
+            self.up()  # starts nothing new: not counted
             self.assertEqual(self.srfs("down").returncode, 0)
         self.assertEqual(self.state(1), "failed")
         self.assertIn("3 resets or starts of the suite in its probation", self.srfs("faults").stdout)
@@ -175,7 +175,7 @@ class WithRingTest(VersionsTest):
         self.assertEqual(self.use(1).returncode, 0)
         self.wait_for_version(1)
         os.kill(self.node()["pid"], signal.SIGSEGV)
-        self.wait_for_version(0)  # without the 60 s that a second death in a row waits for
+        self.wait_for_version(0)  # without the wait of 60 s after a second death in a row
         wait_until(lambda: self.state(1) == "failed", DEADLINE_S, "the verdict on disk")
         fault = self.fault()
         self.assertEqual((fault["failed_version"], fault["version"], fault["outcome_text"]), (1, 0, "restarted"))
@@ -214,7 +214,7 @@ class LimitsTest(VersionsTest):
             file.write("  - { name: maintenance, executable: maintenance_node }\n")
 
     def up_with(self, fault):
-        """The golden version does this, and maintenance has seen it."""
+        """Starts the suite with this fault in the golden version, and waits until maintenance has samples of it."""
         self.file.write_text(self.file.read_text().replace("configure_ms: 20", f"configure_ms: 20, fault: {fault}", 1))
         self.up()
         log = self.var / "log" / "maintenance.log"
@@ -275,7 +275,7 @@ class ConfirmedTest(VersionsTest):
         self.wait_for_version(1)
         pid = self.node()["pid"]
         self.assertEqual(self.srfs("versions", "confirm", "faulty", "1").returncode, 0)
-        end = time.monotonic() + 7  # beyond the probation
+        end = time.monotonic() + 7  # after the probation
         wait_until(lambda: time.monotonic() > end, DEADLINE_S, "the end of the probation")
         self.assertEqual((self.state(1), self.node()["pid"]), ("committed", pid))
 

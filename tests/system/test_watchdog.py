@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The hardware watchdog (simulated) behind everything else, and the boot record that tells of it."""
+"""The simulated hardware watchdog, the last line of defence, and the boot record that documents its resets."""
 
 import os
 import signal
@@ -40,7 +40,7 @@ class WatchdogTest(SystemTest):
                 with self.subTest(signal=number.name):
                     self.wait_until_armed(flight)
                     before = self.pids(flight)
-                    self.signal_all(before, signal.SIGSTOP)  # or the first to miss another would start it before it dies itself
+                    self.signal_all(before, signal.SIGSTOP)  # otherwise one node could start another before it dies itself
                     self.signal_all(before, number)
 
                     self.wait_until_all_are_new(flight, before)
@@ -72,7 +72,7 @@ class WatchdogTest(SystemTest):
             again = ground.fresh("timing", DEADLINE_S)
             self.assertEqual((again["boot_count"], again["boot_healthy"]), (1, True))
 
-        with self.flight(deployment) as flight:  # switched off and on again
+        with self.flight(deployment) as flight:  # a power cycle
             ground = flight.ground()
             second = ground.fresh("timing", DEADLINE_S)
             self.assertEqual((second["boot_count"], second["reset_cause"], second["unhealthy_boots"]), (2, "commanded", 0))

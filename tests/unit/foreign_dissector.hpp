@@ -16,8 +16,8 @@
 
 namespace srfs {
 
-/// What Wireshark's dissectors, which are not ours, read in messages: libpcap's classic format with link type
-/// 147 (user 0), which tshark is told to take for @p protocol ("cfdp", "ccsds").
+/// Decodes messages with Wireshark's independent dissectors. The messages are in libpcap's classic format
+/// with link type 147 (user 0), which an option makes tshark treat as @p protocol ("cfdp", "ccsds").
 class ForeignDissector {
  public:
   static bool is_installed() { return std::system("tshark --version > /dev/null 2>&1") == 0; }
@@ -38,7 +38,7 @@ class ForeignDissector {
     pcap_.u32(static_cast<std::uint32_t>(message.size()));
     pcap_.bytes(message);
   }
-  /// One line for each message: the fields that it has, joined by spaces.
+  /// One line for each message: its fields, joined by spaces.
   std::vector<std::string> dissected(const std::string& fields) {
     std::ofstream(path_, std::ios::binary)
         .write(reinterpret_cast<const char*>(pcap_.view().data()),

@@ -16,20 +16,20 @@ import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
 MODULES = ("vxcan", "can-raw", "can-isotp", "sch_tbf", "uhid", "hid-mcp2221", "pps_parport")
-PARALLEL_PORT = ["parport_pc", "io=0x378", "irq=7"]  # QEMU's, on which pps_parport has its pulses
+PARALLEL_PORT = ["parport_pc", "io=0x378", "irq=7"]  # QEMU's port, from which pps_parport gets its pulses
 # Two capture devices, of the single- and of the multi-planar API, each a webcam and nothing else.
 VIVID = ["vivid", "n_devs=2", "multiplanar=1,2", "node_types=0x1,0x1", "num_inputs=1,1", "input_types=0,0", "num_outputs=0,0"]
 CAN_DEADLINE_S = 1200
 
 
 def load_modules():
-    # echo=1: an own frame comes back when it leaves the interface, as with a real controller.
+    # echo=1: a sent frame comes back when it leaves the interface, as with a real controller.
     for words in (["vcan", "echo=1"], VIVID, PARALLEL_PORT, *([module] for module in MODULES)):
-        subprocess.run(["modprobe", *words], check=False)  # what is built in, or missing, shows in the tests
+        subprocess.run(["modprobe", *words], check=False)  # built-in or missing modules show in the tests
 
 
 def can_tests(program, full):
-    """(passed, failed) of the GoogleTest program."""
+    """Runs the GoogleTest program. Returns (passed, failed)."""
     with tempfile.TemporaryDirectory(prefix="srfs-vm-") as folder:
         report = pathlib.Path(folder, "report.json")
         repeat = ["--gtest_repeat=5", "--gtest_shuffle"] if full else []
@@ -43,7 +43,7 @@ def can_tests(program, full):
             told = json.loads(report.read_text())
         except (OSError, ValueError):
             return 0, 1
-    failed = max(told["failures"] + told.get("errors", 0), int(code != 0))  # with repetitions the report is that of the last
+    failed = max(told["failures"] + told.get("errors", 0), int(code != 0))  # with repetitions, the report covers only the last
     return told["tests"] - told.get("disabled", 0) - failed, failed
 
 

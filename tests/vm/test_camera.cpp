@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The V4L2 back-end on the kernel's own virtual video driver: one device of the single- and one of the
+// The V4L2 back-end on the kernel's virtual video driver: one device with the single-planar and one with the
 // multi-planar API.
 
 #include <algorithm>
@@ -25,14 +25,14 @@ using vm::VirtualCamera;
 constexpr microseconds exposure{5000};
 constexpr int width = 320;
 constexpr int height = 180;
-/// The driver has no control for the exposure.
+/// The driver has no exposure control, so the options set the exposure.
 constexpr const char* usual = "?width=320&height=180&exposure_us=5000";
 
 std::unique_ptr<Camera> make(const VirtualCamera& device, const std::string& options = usual) {
   return open_camera("v4l2:" + device.path().string() + options, "/").value();
 }
 
-/// A device as after loading the module, with the picture that the tests expect.
+/// A device in the state after loading the module, with the picture that the tests expect.
 class V4l2Test : public testing::TestWithParam<bool> {
  protected:
   void SetUp() override {
@@ -60,14 +60,14 @@ class V4l2Test : public testing::TestWithParam<bool> {
     const auto prepared = camera_->prepare({exposure, gain_db});
     ASSERT_TRUE(prepared) << prepared.error().reason;
   }
-  /// Why it could not be prepared; the camera is open before.
+  /// Why the open camera could not be prepared.
   std::string refusal_to_prepare(CameraFault::Kind kind, const CameraSettings& settings = {exposure, 0}) {
     const auto prepared = camera_->prepare(settings);
     if (prepared) return "it was prepared";
     EXPECT_EQ(prepared.error().kind, kind);
     return prepared.error().reason;
   }
-  /// The frame or fault of one exposure; nothing when none comes within patience.
+  /// The frame or fault of one exposure; nullopt when neither arrives within @p patience.
   Result<std::optional<CameraFrame>, CameraFault> frame(nanoseconds patience = vm::patience) {
     if (auto begun = camera_->begin(); !begun) return Err(begun.error());
     return camera_->take(patience);
@@ -113,7 +113,7 @@ TEST_P(V4l2Test, HasOneSizeOfTheDevicesForASizeThatItDoesNotOffer) {
 
 TEST_P(V4l2Test, SeesTheSamePictureInEveryFormat) {
   const auto offered = device_->formats();
-  std::map<std::string, image::Grid<std::uint16_t>> of_eight_bits;  // by the order of the colours
+  std::map<std::string, image::Grid<std::uint16_t>> of_eight_bits;  // by colour order
   std::size_t seen = 0;
   for (auto format = pixel_formats().rbegin(); format != pixel_formats().rend(); ++format) {
     if (!offered.contains(format->fourcc)) continue;
@@ -178,7 +178,7 @@ TEST_P(V4l2Test, GivesAnotherPictureWithEachExposureAndSaysWhenItBegan) {
 
 TEST_P(V4l2Test, GoesOnCountingWhenItStreamsAgain) {
   device_->choose("Horizontal Movement", "Move Right Fast");
-  FrameCheck check;  // takes a number that comes twice for a frame that came twice
+  FrameCheck check;  // treats a repeated number as a repeated frame
   open();
   std::uint32_t last = 0;
   for (int n = 0; n < 3; ++n) {
@@ -190,7 +190,7 @@ TEST_P(V4l2Test, GoesOnCountingWhenItStreamsAgain) {
     last = taken.sequence;
     camera_->abandon();
     EXPECT_FALSE(camera_->take(nanoseconds(0))) << "nothing is under way";
-    // The pattern begins at its first place again, which would be a picture that comes twice.
+    // The moving pattern restarts at its first position, so change it to avoid a repeated picture.
     device_->choose("Test Pattern", n % 2 == 0 ? "100% Colorbar" : "75% Colorbar");
     open();
   }
@@ -200,7 +200,7 @@ TEST_P(V4l2Test, LeavesOutFramesFromBeforeTheExposure) {
   open();
   prepare();
   static_cast<void>(good_frame());
-  ::usleep(300'000);  // all buffers fill meanwhile
+  ::usleep(300'000);  // lets all buffers fill
   const MonotonicTime begun = monotonic_now();
   EXPECT_GE(good_frame().begin, begun);
 }
@@ -292,7 +292,7 @@ TEST_P(V4l2Test, CallsAMarkedFrameUnsoundAndTakesTheNext) {
   open();
   prepare();
   std::optional<CameraFault> fault;
-  for (int n = 0; n < 20 && !fault; ++n) {  // the mark may be on a frame from before
+  for (int n = 0; n < 20 && !fault; ++n) {  // an earlier frame may carry the error flag
     ASSERT_TRUE(camera_->begin());
     device_->press("Inject V4L2_BUF_FLAG_ERROR");
     const auto taken = camera_->take(vm::patience);
@@ -316,7 +316,7 @@ TEST_P(V4l2Test, WaitsNoLongerThanItsPatienceForFramesThatDoNotCome) {
     ASSERT_TRUE(taken) << taken.error().reason;
     EXPECT_TRUE(n == 0 || !*taken);
     EXPECT_LT(monotonic_now() - asked, seconds(5));
-    const auto again = *taken ? camera_->begin() : Result<void, CameraFault>{};  // that was on its way
+    const auto again = *taken ? camera_->begin() : Result<void, CameraFault>{};  // was in transfer already
     ASSERT_TRUE(again);
   }
   device_->set("Percentage of Dropped Buffers", 50);
@@ -329,7 +329,7 @@ TEST_P(V4l2Test, IsAbsentWhenItIsUnpluggedAndBackWhenItIsPluggedIn) {
   static_cast<void>(good_frame());
   device_->press("Disconnect");
   auto taken = frame();
-  // A frame that was there already, then the end.
+  // A frame may already be there; after it the fault follows.
   for (int n = 0; n < 10 && taken; ++n) taken = frame();
   ASSERT_FALSE(taken);
   EXPECT_EQ(taken.error().kind, CameraFault::Kind::absent);
@@ -338,7 +338,7 @@ TEST_P(V4l2Test, IsAbsentWhenItIsUnpluggedAndBackWhenItIsPluggedIn) {
   EXPECT_THAT(opened.error().reason, HasSubstr("No such device"));
 
   const std::filesystem::path path = device_->path();
-  device_.reset();  // the driver comes back when its last user has gone
+  device_.reset();  // the driver returns when its last user has closed it
   camera_ = nullptr;
   device_.emplace(path);
   camera_ = make(*device_);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The GPIO back-end on a chip of the kernel's GPIO character device.
+// The GPIO back-end on a chip behind the kernel's GPIO character device.
 
 #include <optional>
 
@@ -16,11 +16,11 @@ namespace {
 
 using vm::VirtualGpio;
 
-/// The three power switches, and on the last line the input 8.
+/// The three power switches, and input 8 on the last line.
 constexpr const char* plan = "?0=0&1=1&2=2&8=3";
 
-/// Plugged in before the first test and there when they need them: `lasting` for all, `passing` for the one
-/// that unplugs it.
+/// Plugged in before the first test, so that the chips are ready in time: `lasting` for all tests, `passing`
+/// for the test that unplugs it.
 class Chips : public testing::Environment {
  public:
   void SetUp() override {
@@ -76,7 +76,7 @@ TEST_F(GpioChipOfTheKernel, ReadsInputsAsTheyAre) {
 
 TEST_F(GpioChipOfTheKernel, KeepsAPowerLineAsItStandsWhenItsOwnerIsReplaced) {
   VirtualGpio& chip = *chips().lasting;
-  ASSERT_TRUE(open(chip.device())->set_line(gpio_power_eps, true));  // and gone
+  ASSERT_TRUE(open(chip.device())->set_line(gpio_power_eps, true));  // the handle is closed again
   const std::size_t changes = chip.changes(gpio_power_eps);
 
   const auto successor = open(chip.device());
@@ -109,7 +109,7 @@ TEST_F(GpioChipOfTheKernel, SaysThatALineIsNotThere) {
 
 TEST_F(GpioChipOfTheKernel, OutlivesTheLossOfTheChip) {
   const testing_support::TemporaryFolder folder;
-  const std::filesystem::path link = folder.path() / "chip";  // as udev gives a chip its lasting name
+  const std::filesystem::path link = folder.path() / "chip";  // like a lasting chip name from udev
   std::filesystem::create_symlink(chips().passing->device(), link);
   const auto gpio = open(link);
   ASSERT_TRUE(gpio->set_line(gpio_power_thermal, true));
@@ -125,7 +125,7 @@ TEST_F(GpioChipOfTheKernel, OutlivesTheLossOfTheChip) {
   while (!gpio->set_line(gpio_power_thermal, true) && monotonic_now() < end) ::usleep(10'000);
   EXPECT_EQ(next.driven(gpio_power_thermal), true);
   EXPECT_EQ(gpio->counters().reopened, 1U);
-  chips().passing.emplace();  // for the next time
+  chips().passing.emplace();  // for the next repetition
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// lib/wire/isotp over SocketCAN with Linux' own ISO 15765-2 (can-isotp) and its tools as the peer.
+// lib/wire/isotp over SocketCAN. The peer is Linux' ISO 15765-2 implementation (can-isotp) with its tools.
 
 #include <linux/can/isotp.h>
 #include <sys/time.h>
@@ -41,14 +41,14 @@ Octets message_of(std::size_t size) {
   return message;
 }
 
-/// Time-outs are not what is tested here, and the machine may be busy.
+/// Long time-outs: these tests do not cover time-outs, and the machine may be busy.
 IsoTpSettings patient() {
   IsoTpSettings settings;
   settings.n_as = settings.n_bs = settings.n_cr = patience;
   return settings;
 }
 
-/// Our end: a channel on a SocketCAN handle, moved by serve().
+/// Our end: a channel on a SocketCAN handle, driven by serve().
 class OurEnd {
  public:
   explicit OurEnd(const VirtualCan& can, IsoTpSettings settings = patient())
@@ -88,11 +88,11 @@ class OurEnd {
 struct LinuxSettings {
   std::uint8_t block_size = 0;
   std::uint8_t separation_code = 0;
-  bool pads = true;             ///< and insists on our padding
-  std::uint8_t padding = 0xAA;  ///< its own
+  bool pads = true;             ///< pads its frames and requires padding in ours
+  std::uint8_t padding = 0xAA;  ///< padding octet of Linux
 };
 
-/// One socket of can-isotp: a message is one read or write. Its time-outs are the standard's 1000 ms.
+/// One can-isotp socket; each read or write carries a message. Its time-outs are the standard's 1000 ms.
 class LinuxEnd {
  public:
   explicit LinuxEnd(const VirtualCan& can, LinuxSettings settings = {}, std::uint8_t own = linux_peer,
@@ -121,7 +121,7 @@ class LinuxEnd {
     EXPECT_EQ(::bind(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
   }
 
-  /// 0, or the errno of the transfer's end.
+  /// @return 0, or the errno of the failed transfer
   int send(OctetView message) {
     return ::write(socket_.get(), message.data(), message.size()) < 0 ? errno : 0;
   }
@@ -141,7 +141,7 @@ class LinuxEnd {
 };
 
 constexpr std::array<std::size_t, 5> sizes{1, 7, 8, 100, 4095};
-/// With a separation time a long message takes seconds; these keep a test short.
+/// Whether a message is short enough for the test: with a separation time a long message takes seconds.
 bool is_short(std::size_t size, std::uint8_t separation_code) {
   return size <= 1000 || separation_code == 0;
 }
@@ -291,7 +291,7 @@ TEST(IsoTpAndCanUtils, IsotpdumpReadsEveryFrameOfATransfer) {
   OurEnd here(can);
   LinuxEnd there(can, {.block_size = 8});
   EXPECT_TRUE(here.send(message_of(100)));
-  const std::string last = "sn: E";  // 6 octets in the first frame, 7 in each of the fourteen behind it
+  const std::string last = "sn: E";  // 6 octets in the first frame, 7 in each of the next fourteen
   const std::string text =
       dump.output([&](const std::string& said) { return said.find(last) != std::string::npos; });
   EXPECT_THAT(text, HasSubstr("[FF] ln: 100"));
@@ -299,16 +299,17 @@ TEST(IsoTpAndCanUtils, IsotpdumpReadsEveryFrameOfATransfer) {
   EXPECT_THAT(text, HasSubstr("[CF] " + last));
 }
 
-// --- how fast
+// --- throughput
 
-/// Octets a second of messages of 4095 octets.
+/// Throughput in octets per second with messages of 4095 octets.
 double octets_per_second(const std::function<void()>& one, int count) {
   const MonotonicTime begin = monotonic_now();
   for (int i = 0; i < count; ++i) one();
   return 4095.0 * count / std::chrono::duration<double>(monotonic_now() - begin).count();
 }
 
-// Reported, not judged: two processes' time slices on an emulated processor say nothing about a board.
+// The test reports the throughput without a limit: scheduling on an emulated processor does not represent a
+// board.
 TEST(IsoTpAndLinux, ThroughputBesideLinuxsOwn) {
   const VirtualCan can;
   constexpr int count = 20;
@@ -335,14 +336,14 @@ TEST(IsoTpAndLinux, ThroughputBesideLinuxsOwn) {
   }
   double receiving = 0;
   {
-    // No bit rate holds Linux back here: a whole message at once is more than the socket's buffer takes while
+    // No bit rate slows Linux down here. A whole message sent at once would overflow the socket buffer while
     // this process waits for a processor.
     IsoTpSettings settings = patient();
     settings.block_size = 64;
     OurEnd here(can, settings);
     LinuxEnd there(can);
-    // Linux gives a transfer up (ECOMM) when our flow control is a second late, and on a busy machine this
-    // process may wait that long for a processor: it is sent again.
+    // Linux aborts a transfer (ECOMM) when our flow control is a second late. On a busy machine this process
+    // may wait that long for a processor, so the message is sent again.
     constexpr int attempts = 5;
     std::thread writing([&] {
       for (int i = 0; i < count; ++i)

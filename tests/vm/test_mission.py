@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A short mission on a virtual CAN interface: the whole suite and the simulated peripherals, candump as recorder, cangen as disturbance.
 
-Needs root and a kernel with CAN: run by ./run vm-test. The processor may be an emulated one, so nothing here is about how long things
-take; SRFS_PATIENCE stretches the deadlines. SRFS_VM_FULL=1: longer.
+Needs root and a kernel with CAN; ./run vm-test runs it. The processor may be emulated, so no test judges a duration. SRFS_PATIENCE
+stretches the deadlines. SRFS_VM_FULL=1: a longer mission.
 """
 
 import os
@@ -29,12 +29,12 @@ from rotation import Rotation  # noqa: E402
 
 FULL = os.environ.get("SRFS_VM_FULL") == "1"
 PATIENCE_S = DEADLINE_S * mission.PATIENCE
-SLOTS = 100 if FULL else 4  # of each payload, wherever the rotation is watched
-CLOCK_ERROR_NS = 2_000_000  # between the two clocks, should the host's be slewed meanwhile
+SLOTS = 100 if FULL else 4  # per payload, in each check of the rotation
+CLOCK_ERROR_NS = 2_000_000  # between the two clocks, in case the host's clock is slewed meanwhile
 LAST_CPU = pathlib.Path("/sys/devices/system/cpu/cpu1/online")
-MAY_UNPLUG = os.environ.get("SRFS_IN_GUEST") == "1" and LAST_CPU.exists()  # never one of a real machine
+MAY_UNPLUG = os.environ.get("SRFS_IN_GUEST") == "1" and LAST_CPU.exists()  # never a CPU of a real machine
 REAL_TIME_KERNEL = pathlib.Path("/sys/kernel/realtime").exists()
-PRIORITIES = {"timing": 50, "can_switcher": 48, **dict.fromkeys(PAYLOADS, 45), "ttc": 40}  # of launch_config/board_rk3568.yaml
+PRIORITIES = {"timing": 50, "can_switcher": 48, **dict.fromkeys(PAYLOADS, 45), "ttc": 40}  # as in launch_config/board_rk3568.yaml
 
 
 def ip(*words):
@@ -46,7 +46,7 @@ def start(command, output=subprocess.DEVNULL, errors=subprocess.DEVNULL):
 
 
 def kernel_pulse_device():
-    """/dev/ppsN of pps_parport on QEMU's parallel port (run_tests.py loads it); None where there is none."""
+    """/dev/ppsN of pps_parport on QEMU's parallel port (run_tests.py loads it); None if there is none."""
     for entry in pathlib.Path("/sys/class/pps").glob("pps*"):
         if (entry / "name").read_text().strip() == "pps_parport":
             return f"/dev/{entry.name}"
@@ -54,7 +54,7 @@ def kernel_pulse_device():
 
 
 class PulseWire:
-    """Leads the simulated receiver's pulses to the parallel port, whose interrupt the kernel stamps."""
+    """Passes the simulated receiver's pulses to the parallel port, whose interrupts the kernel timestamps."""
 
     def __init__(self, source):
         self.pulses = 0
@@ -88,7 +88,8 @@ class Flight:
         self.pulse_device = kernel_pulse_device()
 
     def write_deployments(self, nodes, simulator):
-        """vcan.yaml on our interface; the nodes with the kernel's pulses where it has them, with a board's priorities where it keeps them."""
+        """Writes vcan.yaml for this interface. The nodes use the kernel's pulses if it has a pulse device, and a board's priorities if it is a
+        real-time kernel."""
         deployment = yaml.safe_load((ROOT / "launch_config" / "vcan.yaml").read_text())
         deployment["devices"]["can"] = f"socketcan:{self.interface}"
         simulator.write_text(yaml.safe_dump(deployment, sort_keys=False))
@@ -105,7 +106,7 @@ class Flight:
         ip("set", self.interface, "up")
         deployment, simulated = self.folder / "vcan.yaml", self.folder / "simulated.yaml"
         self.write_deployments(deployment, simulated)
-        # Only frames of ISO-TP: the disturbance is counted by the interface. -D: the interface will go down.
+        # Records ISO-TP frames only; the interface counts the disturbance. -D: candump continues when the interface goes down.
         with open(self.folder / "candump.log", "wb") as log:
             self.candump = start(["candump", "-D", "-L", "-r", "4000000", f"{self.interface},18DA0000:1FFF0000"], log)
         self.programs.append(self.candump)
@@ -120,7 +121,7 @@ class Flight:
         self.recorder.on_message(self.rotation.on_message)
 
     def stop(self):
-        """What was left behind."""
+        """Ends everything. Returns what the mission left behind."""
         if self.pulse_wire:
             self.pulse_wire.close()
         left = self.mission.stop() if self.mission and self.mission.up_report else []
@@ -139,7 +140,7 @@ class Flight:
         return int(pathlib.Path("/sys/class/net", self.interface, "statistics", "tx_packets").read_text())
 
     def disturb(self):
-        """Foreign frames at about full load of a 500 kbit/s bus: any standard and extended identifier, any length, remote frames too."""
+        """Sends foreign frames at about the full load of a 500 kbit/s bus: any standard or extended identifier, any length, remote frames too."""
         kinds = (["-I", "r"], ["-e", "-I", "r"], ["-e", "-R", "-I", "r"])
         with open(self.folder / "cangen.log", "ab") as errors:
             generators = [start(["cangen", self.interface, "-i", "-g", "0.5", "-L", "r", "-D", "r", *kind], errors=errors) for kind in kinds]
@@ -150,7 +151,7 @@ class Flight:
         return (self.folder / "candump.log").read_text(errors="replace").splitlines()
 
     def wait_for_slots(self, count, why):
-        """Until each payload has used `count` more slots."""
+        """Waits until each payload has used `count` more slots."""
         before = {payload: self._used(payload) for payload in PAYLOADS}
         wait_until(lambda: all(self._used(p) - before[p] >= count for p in PAYLOADS), PATIENCE_S + 3 * count, f"{count} more slots of each payload, {why}")
 
@@ -186,7 +187,7 @@ def tearDownModule():
 
 
 class MissionOnVcan(unittest.TestCase):
-    """One flight; each test asks something of it and holds in any order."""
+    """One flight for all tests, which pass in any order."""
 
     def tearDown(self):
         self.assertEqual(flight.check_processes(), [], "no node may end or be restarted")
@@ -204,7 +205,7 @@ class MissionOnVcan(unittest.TestCase):
             for identifier in (0x98DA0100 | address, 0x98DA0001 | address << 8):
                 self.assertIn(f"{identifier:08x}", [words[1] for words in of_raw_sockets["rcvlist_eff"]])
         self.assertEqual(len(of_raw_sockets["rcvlist_all"]), 1, "can_switcher's, which measures the load")
-        # Two each of the four peripherals (to them, their echoes) and candump's.
+        # Two for each of the four peripherals (frames to it, and its echoes) and one for candump.
         self.assertEqual(len(of_raw_sockets["rcvlist_fil"]), 9)
 
     def test_the_rotation_goes_on_under_foreign_traffic(self):
@@ -277,9 +278,9 @@ class MissionOnVcan(unittest.TestCase):
         self.judge(frames, at_least=3)
 
     def judge(self, frames, at_least):
-        """The frames, as candump recorded them, against the slots as the topics told them."""
+        """Compares the frames recorded by candump with the slots reported on the topics."""
         to_monotonic = time.clock_gettime_ns(time.CLOCK_MONOTONIC) - time.clock_gettime_ns(time.CLOCK_REALTIME)
-        # A slot under way is no slot yet: wait for the ones that are to be judged.
+        # Slots under way are not recorded yet: wait for the ones to be judged.
         wait_until(lambda: flight.rotation.recorded_slots()[-1]["published"] > max(frames)[0] + to_monotonic, PATIENCE_S, "the next slot")
         good, wrong = can_frames.judge_slots([(at + to_monotonic, payload) for at, payload in frames], flight.rotation.recorded_slots(), CLOCK_ERROR_NS)
         self.assertEqual(wrong, [])
@@ -288,7 +289,7 @@ class MissionOnVcan(unittest.TestCase):
 
 
 def load_tests(loader, tests, pattern):
-    """In the order of a flight: what judges the whole comes last."""
+    """Runs the tests in the order of a flight; the one that judges the whole flight comes last."""
     story = ("telemetry_of_every_payload_arrives_at_the_ground", "the_kernel_hands_a_payload_only_the_frames_of_its_own_transfers",
              "timing_follows_pulses_that_the_kernel_stamped", "every_node_has_its_priority_and_its_memory_on_a_real_time_kernel",
              "the_rotation_goes_on_under_foreign_traffic", "a_telecommand_is_executed_in_the_payloads_slot",

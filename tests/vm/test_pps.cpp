@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The pulse back-end on a pulse-per-second device of the kernel's (RFC 2783).
+// The pulse back-end on a pulse-per-second device of the kernel (RFC 2783).
 
 #include <poll.h>
 
@@ -36,7 +36,7 @@ class PulsesOfTheKernel : public testing::Test {
     }
     return true;
   }
-  /// Gives pulses until one arrives: how the source says that it listens.
+  /// Sends pulses until one arrives, which shows that the source is listening.
   [[nodiscard]] std::optional<Pulse> first_pulse(PulseSource& source) {
     std::optional<Pulse> pulse;
     wait_until([&] {
@@ -67,9 +67,9 @@ TEST_F(PulsesOfTheKernel, AreReadOnceEachWithTheTimeOfTheirEdge) {
     const auto pulse = next_pulse(*source, static_cast<int>(vm::patience.count()));
     const MonotonicTime after = monotonic_now();
     ASSERT_TRUE(pulse);
-    // The interrupt may come a little later than the pulse. The kernel stamps the edge with the system clock,
-    // which is read a moment before or after the monotonic one: on a busy host the emulated processor may
-    // stand still there.
+    // The interrupt may be slightly later than the pulse. The kernel stamps the edge with the system clock,
+    // which is read just before or after the monotonic clock. On a busy host the emulated processor may stand
+    // still between the two readings.
     EXPECT_GE(pulse->edge, before - standstill);
     EXPECT_LE(pulse->edge, after + standstill);
     EXPECT_EQ(pulse->counter, last->counter + 1);
@@ -81,7 +81,7 @@ TEST_F(PulsesOfTheKernel, AreReadOnceEachWithTheTimeOfTheirEdge) {
 
 TEST_F(PulsesOfTheKernel, OfTheTimeBeforeSomebodyListenedAreNoNews) {
   pps_.pulse();
-  ::sleep(2);  // older than what may be placed on the monotonic clock
+  ::sleep(2);  // older than the limit for a pulse on the monotonic clock
   const auto source = open(VirtualPps::device());
   EXPECT_EQ(next_pulse(*source, 500), std::nullopt);
   EXPECT_TRUE(first_pulse(*source)) << source->reason();
@@ -89,7 +89,7 @@ TEST_F(PulsesOfTheKernel, OfTheTimeBeforeSomebodyListenedAreNoNews) {
 
 TEST_F(PulsesOfTheKernel, AreMissedWhileTheirDeviceIsAwayAndBackWithIt) {
   const testing_support::TemporaryFolder folder;
-  const std::filesystem::path link = folder.path() / "pulse";  // as udev gives a device its lasting name
+  const std::filesystem::path link = folder.path() / "pulse";  // like a lasting device name from udev
   std::filesystem::create_symlink(VirtualPps::device(), link);
   const auto source = open(link);
   ASSERT_TRUE(first_pulse(*source)) << source->reason();

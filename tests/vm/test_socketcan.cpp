@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The SocketCAN back-end on the kernel's own virtual CAN interfaces.
+// The SocketCAN back-end on the kernel's virtual CAN interfaces.
 
 #include <memory>
 #include <vector>
@@ -27,8 +27,8 @@ std::unique_ptr<CanBus> open(const std::string& interface, std::vector<CanFilter
   return open_can("socketcan:" + interface, "/", std::move(filters)).value();
 }
 
-/// Lets the bus work, as the owner's loop does, until @p condition holds. Looks again every 10 ms too: not
-/// every condition wakes the bus.
+/// Serves the bus like its owner's loop until @p condition holds. Also checks the condition every 10 ms,
+/// because not every condition wakes the bus.
 bool await(CanBus& bus, const std::function<bool()>& condition) {
   const MonotonicTime end = monotonic_now() + patience;
   while (monotonic_now() < end) {
@@ -101,7 +101,7 @@ TEST(SocketCanOnVcan, IsNotWokenByFramesOutsideItsFilters) {
                                      CAN_SFF_MASK | CAN_RTR_FLAG};
   for (const canid_t id : foreign) {
     ASSERT_TRUE(other.write(id, 3));
-    ASSERT_TRUE(witness.read());  // it has been on the bus
+    ASSERT_TRUE(witness.read());  // the frame has been on the bus
   }
   EXPECT_FALSE(readable(*computer));
   EXPECT_FALSE(readable(*peripheral));
@@ -140,10 +140,10 @@ TEST(SocketCanOnVcan, StampsAFrameWhenItCameNotWhenItIsRead) {
   OtherStation other(can.name());
   OtherStation witness(can.name());
   constexpr milliseconds unread(400);
-  constexpr milliseconds limit(900);  // a stamp older than a second is not believed
+  constexpr milliseconds limit(900);  // the back-end rejects time stamps older than a second
   constexpr milliseconds tolerance(100);
-  // Again when the machine was too busy to tell, and because the kernel begins to stamp a moment after the
-  // first socket that asks for it.
+  // Repeat when the machine is too busy for a clear result. The kernel also starts to stamp frames only a
+  // moment after the first socket requests it.
   for (int attempt = 0; attempt < 20; ++attempt) {
     const MonotonicTime before = monotonic_now();
     ASSERT_TRUE(other.write(to_computer));
@@ -164,7 +164,7 @@ TEST(SocketCanOnVcan, RefusesWhileTheTransmitQueueIsFullAndLosesNothingItTook) {
   VirtualCan can;
   const auto bus = open(can.name());
   OtherStation witness(can.name());
-  can.pace(1600, 10);  // 100 frames a second
+  can.pace(1600, 10);  // 100 frames per second
   std::uint64_t accepted = 0;
   std::optional<CanError> refusal;
   while (!refusal && accepted < 100'000) {
@@ -200,7 +200,7 @@ TEST(SocketCanOnVcan, CountsEveryFrameThatCameFasterThanItReads) {
   std::uint64_t received = 0;
   while (bus->receive()) ++received;
   ASSERT_LT(received, flood);
-  ASSERT_TRUE(other.write(to_computer));  // the count of the dropped ones comes with the next frame
+  ASSERT_TRUE(other.write(to_computer));  // the next frame carries the count of dropped frames
   ASSERT_TRUE(await_frame(*bus));
   EXPECT_EQ(bus->counters().receive_overruns + received, flood);
 }
@@ -209,7 +209,7 @@ TEST(SocketCanOnVcan, ComesBackWhenTheInterfaceGoesDownAndUp) {
   VirtualCan can;
   const auto bus = open(can.name());
   const int fd = bus->fd();
-  can.pace(16, 10);  // one frame a second: the next ones wait
+  can.pace(16, 10);  // one frame per second: further frames wait
   while (bus->send(frame(0x100))) {
   }
   const std::uint64_t sent = bus->counters().sent;
@@ -302,14 +302,14 @@ TEST(SocketCanOnVcan, WhatWaitedWhenTheControllerWentBusOffNeverLeavesInALaterSl
   const auto bus = open(can.name());
   const auto next_holder = open(can.name());
   {
-    // The report waits to be read, before all echoes.
+    // The bus-off report waits in the socket ahead of all echoes.
     OtherStation driver(can.name());
     OtherStation witness(can.name());
     ASSERT_TRUE(driver.report_error(CAN_ERR_BUSOFF));
     ASSERT_TRUE(driver.write(to_computer));
     ASSERT_EQ(witness.read()->can_id, to_computer);
   }
-  can.pace(16, 20);  // one frame a second
+  can.pace(16, 20);  // one frame per second
   std::uint64_t written = 0;
   while (bus->send(frame(0x18DA1101))) ++written;
   ASSERT_GT(written, 3U);
@@ -321,7 +321,7 @@ TEST(SocketCanOnVcan, WhatWaitedWhenTheControllerWentBusOffNeverLeavesInALaterSl
   EXPECT_EQ(bus->state(), CanBusState::bus_off) << "it waits before it tries again, as ever";
   EXPECT_TRUE(await_state(*bus, CanBusState::active));
 
-  // The controller is back. Whatever still waited would leave first.
+  // The controller is back. Any frame still waiting would leave first.
   OtherStation witness(can.name());
   EXPECT_TRUE(await(*next_holder, [&] { return next_holder->send(frame(0x18DA1201)).has_value(); }));
   const auto seen = witness.read();
@@ -329,14 +329,14 @@ TEST(SocketCanOnVcan, WhatWaitedWhenTheControllerWentBusOffNeverLeavesInALaterSl
   EXPECT_EQ(seen->can_id & CAN_EFF_MASK, 0x18DA1201U);
 }
 
-/// Two interfaces with a cable between them. The first has no carrier while the second is down, like a
-/// controller that is bus-off.
+/// Two interfaces joined by a cable. While the second is down the first has no carrier, like a bus-off
+/// controller.
 class SocketCanOnVxcan : public ::testing::Test {
  protected:
   SocketCanOnVxcan() {
     vm::shell(fmt::format("ip link add {} type vxcan peer name {} && ip link set {} up", near_, far_, near_));
     vm::set_up(far_, true);
-    // Until the kernel's link watch has run, what is sent is dropped without a word.
+    // Until its link watch has run, the kernel drops sent frames silently.
     for (const std::string& end : {near_, far_}) {
       vm::shell(fmt::format(
           "timeout 30 sh -c 'until grep -q up /sys/class/net/{}/operstate; do sleep 0.01; done'", end));
@@ -362,7 +362,7 @@ TEST_F(SocketCanOnVxcan, SendsNothingWhileBusOffAndGoesOnWithTheCarrierWhenNobod
   const auto bus = open(near_);
   OtherStation driver(far_);
   bool off = false;
-  // The carrier must go before the back-end looks for it, a second after the report: tried again on a busy
+  // The carrier must be gone when the back-end checks it, one second after the report. Repeat on a busy
   // machine.
   for (int attempt = 0; attempt < 10 && !off; ++attempt) {
     vm::set_up(far_, true);

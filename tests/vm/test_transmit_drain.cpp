@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// TransmitDrain and the way back after withdraw() on the kernel's own virtual CAN interfaces.
+// TransmitDrain and the recovery after withdraw(), on the kernel's virtual CAN interfaces.
 #include <memory>
 #include <thread>
 
@@ -66,13 +66,13 @@ TEST(TransmitDrainOnVcan, TakesBackWhatAProcessThatIsGoneLeftOnAJammedBus) {
   if (!can.echoes_when_sent()) GTEST_SKIP() << "vcan without echo=1";
   const auto switcher = open(can.name());
   const auto bystander = open(can.name());
-  can.pace(16, 20);  // one frame a second
+  can.pace(16, 20);  // one frame per second
   auto dead = open(can.name());
   std::uint64_t written = 0;
   const CanFrame f{.id = 0x18DA1101, .extended = true, .size = 8};
   while (dead->send(f)) ++written;
   ASSERT_GT(written, 3U);
-  dead.reset();  // as its process' end does it
+  dead.reset();  // like the end of its process
 
   TransmitDrain proof;
   EXPECT_EQ(drain(*switcher, proof), State::empty);
@@ -80,7 +80,7 @@ TEST(TransmitDrainOnVcan, TakesBackWhatAProcessThatIsGoneLeftOnAJammedBus) {
   EXPECT_EQ(switcher->state(), CanBusState::active) << "open again at once";
   EXPECT_EQ(switcher->counters().reopened, 1U);
 
-  // The others come back within moments, too.
+  // The other handles also recover within moments.
   const MonotonicTime begin = monotonic_now();
   while (bystander->counters().reopened == 0 && monotonic_now() < begin + vm::patience) {
     while (bystander->receive()) {
@@ -90,7 +90,7 @@ TEST(TransmitDrainOnVcan, TakesBackWhatAProcessThatIsGoneLeftOnAJammedBus) {
   }
   EXPECT_EQ(bystander->counters().reopened, 1U);
 
-  // Whatever still waited would leave first.
+  // Any frame still waiting would leave first.
   OtherStation witness(can.name());
   const CanFrame last{.id = 0x18DA1201, .extended = true, .size = 8};
   ASSERT_TRUE(switcher->send(last));

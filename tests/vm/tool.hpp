@@ -21,7 +21,7 @@
 
 namespace srfs::vm {
 
-/// A program of can-utils with its standard input and output in our hands; ended by the destructor.
+/// A can-utils program whose standard input and output the test controls. The destructor ends the program.
 class Tool {
  public:
   explicit Tool(std::vector<std::string> words) {
@@ -55,7 +55,7 @@ class Tool {
     EXPECT_EQ(::write(to_.get(), text.data(), text.size()), static_cast<ssize_t>(text.size()));
     to_ = Fd();
   }
-  /// Its output once @p enough says so, or all of it when it ended, or when patience is over.
+  /// Reads the output until @p enough accepts it, the program ends, or the patience is over.
   std::string output(const std::function<bool(const std::string&)>& enough) {
     const MonotonicTime end = monotonic_now() + patience;
     while (!enough(said_) && monotonic_now() < end) {
@@ -79,7 +79,7 @@ class Tool {
   std::string said_;
 };
 
-/// Waits until some socket listens to one extended identifier on an interface.
+/// Waits until a socket listens to the extended identifier @p id on an interface.
 inline bool await_listener(const std::string& interface, std::uint32_t id) {
   const std::string identifier = fmt::format("{:08x}", CAN_EFF_FLAG | id);
   const MonotonicTime end = monotonic_now() + patience;

@@ -20,12 +20,12 @@
 
 namespace srfs::vm {
 
-/// A capture device of the kernel's virtual video driver (Documentation/admin-guide/media/vivid.rst), by its
-/// controls: pictures of a test pattern, and every fault that the driver can play. The camera back-end has
-/// the same device open beside it.
+/// Controls a capture device of the kernel's virtual video driver
+/// (Documentation/admin-guide/media/vivid.rst): pictures of a test pattern, and every fault that the driver
+/// can simulate. The camera back-end has the same device open at the same time.
 class VirtualCamera {
  public:
-  /// The capture devices of the driver; none where the module is not loaded.
+  /// The capture devices of the driver; empty if the module is not loaded.
   static std::vector<std::filesystem::path> all() {
     std::vector<std::filesystem::path> found;
     for (int number = 0; number < 64; ++number) {
@@ -56,7 +56,7 @@ class VirtualCamera {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
   [[nodiscard]] bool is_multi_planar() const { return type_ == V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE; }
 
-  /// By the control's name; for a button the value does not matter.
+  /// Sets the control @p name; a button ignores the value.
   void set(const std::string& name, std::int32_t value) {
     ASSERT_TRUE(controls_.contains(name)) << "no control '" << name << "'";
     v4l2_control control{.id = controls_.at(name).id, .value = value};

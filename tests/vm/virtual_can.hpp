@@ -28,7 +28,7 @@ namespace srfs::vm {
 inline constexpr milliseconds patience{
     30'000};  // the guest's processor is emulated, and the host may be busy
 
-/// Runs a command line of iproute2; a failure fails the test.
+/// Runs an iproute2 command line; its failure fails the test.
 inline void shell(const std::string& command) {
   EXPECT_EQ(std::system(command.c_str()), 0) << command;
 }
@@ -49,7 +49,7 @@ inline void set_up(const std::string& interface, bool up) {
   ASSERT_EQ(::ioctl(socket.get(), SIOCSIFFLAGS, &request), 0) << interface;
 }
 
-/// A vcan interface, up, removed at the end. It may be deleted and made again meanwhile.
+/// A vcan interface that is up; the destructor removes it. A test may delete and create it in between.
 class VirtualCan {
  public:
   VirtualCan() : name_(unique_name()) { create(); }
@@ -69,12 +69,12 @@ class VirtualCan {
   }
   void up() { set_up(name_, true); }
   void down() { set_up(name_, false); }
-  /// From now on the interface sends so many octets a second (a frame counts 16), and queues @p frames.
+  /// Limits the interface to @p octets_per_second (a frame counts 16 octets) and to @p frames queued frames.
   void pace(unsigned octets_per_second, unsigned frames) {
     shell(fmt::format("tc qdisc replace dev {} root tbf rate {}bps burst 80 limit {}", name_,
                       octets_per_second, frames * sizeof(can_frame)));
   }
-  /// true: echoes come from the interface when the frame leaves it; false: from the socket layer at once.
+  /// true: the interface echoes a frame when it leaves; false: the socket layer echoes it at once.
   [[nodiscard]] bool echoes_when_sent() const {
     std::string flags;
     std::ifstream("/sys/class/net/" + name_ + "/flags") >> flags;
@@ -89,7 +89,7 @@ class VirtualCan {
   bool there_ = false;
 };
 
-/// The other stations on the bus: a raw socket that sees everything and may write anything.
+/// The other stations on the bus: a raw socket that receives every frame and may write any frame.
 class OtherStation {
  public:
   explicit OtherStation(const std::string& interface)
@@ -115,7 +115,7 @@ class OtherStation {
   bool write(const canfd_frame& frame) {
     return ::write(socket_.get(), &frame, sizeof frame) == static_cast<ssize_t>(sizeof frame);
   }
-  /// An error frame as a driver makes it (linux/can/error.h).
+  /// Writes an error frame like a driver (linux/can/error.h).
   bool report_error(canid_t classes, std::uint8_t controller = 0) {
     can_frame frame{};
     frame.can_id = CAN_ERR_FLAG | classes;
@@ -123,7 +123,7 @@ class OtherStation {
     frame.data[1] = controller;
     return write(frame);
   }
-  /// The next frame on the bus, waiting for it.
+  /// Waits for the next frame on the bus.
   std::optional<can_frame> read() {
     pollfd p{.fd = socket_.get(), .events = POLLIN, .revents = 0};
     canfd_frame frame{};

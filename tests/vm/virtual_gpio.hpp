@@ -26,10 +26,10 @@
 
 namespace srfs::vm {
 
-/// A GPIO chip of four lines with the kernel's own driver on top: plays, through uhid, the USB bridge MCP2221
-/// of Microchip (data sheet DS20005565, sections 3.1.11 and 3.1.12), for which Debian's kernel has the
-/// driver. Its gpio-sim and gpio-mockup are not built. Needs root and the modules uhid and hid-mcp2221.
-/// Unplugged by the destructor.
+/// A GPIO chip with four lines and a real kernel driver on top. It emulates, through uhid, Microchip's USB
+/// bridge MCP2221 (data sheet DS20005565, sections 3.1.11 and 3.1.12). Debian's kernel includes that driver,
+/// but neither gpio-sim nor gpio-mockup. Needs root and the modules uhid and hid-mcp2221. The destructor
+/// unplugs the device.
 class VirtualGpio {
  public:
   static constexpr std::size_t line_count = 4;
@@ -43,7 +43,7 @@ class VirtualGpio {
         uhid_(::open("/dev/uhid", O_RDWR | O_CLOEXEC)),
         stop_(::eventfd(0, EFD_CLOEXEC)) {
     EXPECT_TRUE(uhid_) << "/dev/uhid: " << errno_text(errno);
-    // 64 octets each way, of no stated use.
+    // Vendor-defined reports of 64 octets in each direction.
     constexpr std::array<std::uint8_t, 29> reports{0x06, 0x00, 0xFF, 0x09, 0x01, 0xA1, 0x01, 0x09, 0x02, 0x15,
                                                    0x00, 0x26, 0xFF, 0x00, 0x75, 0x08, 0x95, 0x40, 0x81, 0x02,
                                                    0x09, 0x03, 0x95, 0x40, 0x91, 0x02, 0xC0, 0x00, 0x00};
@@ -68,24 +68,24 @@ class VirtualGpio {
   VirtualGpio(const VirtualGpio&) = delete;
   VirtualGpio& operator=(const VirtualGpio&) = delete;
 
-  /// /dev/gpiochipN, once it is there: half a minute after the constructor, because the driver of Linux 6.1
-  /// asks its first questions before it takes answers.
+  /// Waits for /dev/gpiochipN. The device appears half a minute after the constructor, because the driver of
+  /// Linux 6.1 sends its first requests before it accepts answers.
   [[nodiscard]] const std::filesystem::path& device() {
     if (device_.empty()) device_ = find_device();
     EXPECT_FALSE(device_.empty()) << "no GPIO chip came of it: is the module hid-mcp2221 there?";
     return device_;
   }
-  /// What is driven: nothing while the line is an input.
+  /// The driven level; nullopt while the line is an input.
   [[nodiscard]] std::optional<bool> driven(std::size_t line) const {
     const std::lock_guard lock(mutex_);
     return pins_.at(line).output ? std::optional(pins_.at(line).value) : std::nullopt;
   }
-  /// How often a level or direction was set to something else.
+  /// Number of changes of level or direction.
   [[nodiscard]] std::size_t changes(std::size_t line) const {
     const std::lock_guard lock(mutex_);
     return pins_.at(line).changes;
   }
-  /// The level outside, for a line that is an input.
+  /// Sets the external level of an input line.
   void apply(std::size_t line, bool level) {
     const std::lock_guard lock(mutex_);
     pins_.at(line).value = level;
@@ -128,7 +128,7 @@ class VirtualGpio {
     constexpr std::uint8_t get_gpio = 0x51;
     constexpr std::uint8_t not_supported = 0x01;
     const std::lock_guard lock(mutex_);
-    Report reply = request;  // SET is answered by what was set
+    Report reply = request;  // the answer to SET repeats the settings
     reply[1] = 0;
     if (request[0] == set_gpio) {
       for (std::size_t n = 0; n < line_count; ++n) {
@@ -142,8 +142,8 @@ class VirtualGpio {
       }
     } else if (request[0] == get_gpio) {
       for (std::size_t n = 0; n < line_count; ++n) {
-        // Level, then direction. The driver of Debian's 6.1 takes the level from where the direction belongs,
-        // and asks for the direction only in the beginning.
+        // Level, then direction. The driver of Debian's 6.1 reads the level from the direction octet, and
+        // requests the direction only at the start.
         reply[2 + 2 * n] = reply[3 + 2 * n] = pins_[n].value ? 1 : 0;
       }
     } else {

@@ -16,9 +16,9 @@
 
 namespace srfs::vm {
 
-/// A pulse-per-second device of the kernel's: its driver pps_parport on a parallel port that QEMU plays. The
-/// port interrupts, as after each octet it sent, when the control register is written without the strobe.
-/// Needs root and the modules parport_pc and pps_parport; they stay loaded.
+/// A pulse-per-second device of the kernel: the driver pps_parport on a parallel port emulated by QEMU. The
+/// port raises an interrupt, as after each octet sent, when the control register is written without the
+/// strobe. Needs root and the modules parport_pc and pps_parport; both stay loaded.
 class VirtualPps {
  public:
   static bool kernel_has_it() { return ::access("/dev/port", W_OK) == 0 && !find().empty(); }
@@ -27,17 +27,17 @@ class VirtualPps {
     EXPECT_TRUE(port_) << "/dev/port: " << errno_text(errno);
   }
 
-  /// /dev/ppsN; empty while it is unplugged.
+  /// /dev/ppsN; empty while the device is unplugged.
   [[nodiscard]] static std::filesystem::path device() { return find(); }
 
   void pulse() { control(initialised | selected | interrupts); }
 
   void unplug() {
     shell("modprobe --remove pps_parport");
-    // The driver of Linux 6.1 does not survive an interrupt while it is loaded: none may be pending then.
+    // The driver of Linux 6.1 crashes on an interrupt while it is being loaded, so none may be pending then.
     for (int n = 0; n < 2; ++n) control(initialised | selected);
     std::uint8_t status = 0;
-    EXPECT_EQ(::pread(port_.get(), &status, 1, base + 1), 1) << errno_text(errno);  // takes the last one back
+    EXPECT_EQ(::pread(port_.get(), &status, 1, base + 1), 1) << errno_text(errno);  // clears the last one
   }
   void plug() { shell("modprobe pps_parport"); }
 

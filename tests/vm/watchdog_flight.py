@@ -42,7 +42,7 @@ def report(**fields):
 
 
 def prepare(driver, folder):
-    """A VAR whose boot record outlives the reset, and the deployment over the watchdog device."""
+    """Makes a VAR whose boot record outlives the reset, and the deployment that uses the watchdog device."""
     for words in (["vcan", "echo=1"], ["can-raw"], MODULES[driver]):
         subprocess.run(["modprobe", *words], check=True)
     for words in (["add", "vcan0", "type", "vcan"], ["set", "vcan0", "up"]):
@@ -55,7 +55,7 @@ def prepare(driver, folder):
     text = text.replace("sim:run/watchdog.sock", "dev:/dev/watchdog0")
     text, changed = re.subn(r"watchdog_timeout_s: \d+", f"watchdog_timeout_s: {TIMEOUT_S}", text)
     assert changed == 1
-    # Nobody but the watchdog is the subject here; its time-out need not be longer than a recovery of the ring then.
+    # Only the watchdog is under test. Without the ring, its time-out need not be longer than a recovery by the ring.
     text = re.sub(r"^ring:.*?(?=^\S)", "", text, flags=re.MULTILINE | re.DOTALL)
     deployment = folder / "vcan.yaml"
     deployment.write_text(text)
@@ -68,7 +68,7 @@ def show_logs(var):
 
 
 def boot_of(ground):
-    """Housekeeping of timing once the watchdog was fed."""
+    """Waits until the watchdog was fed. Returns the fields of timing's housekeeping; None if none came."""
     packet = ground.housekeeping("timing", PATIENCE_S, 0, lambda f: f["watchdog_feeds"] > 0)
     return packet and packet["fields"]
 
@@ -101,18 +101,18 @@ def main():
     if not first:
         return 0
     if driver == "softdog":
-        # It cannot tell after a reset whose doing that was, so timing notes what it sees coming.
+        # After a reset, softdog cannot report that it was the cause. So timing writes to the boot record when a reset is imminent.
         subprocess.run([BIN / "srfs", "lifecycle", "timing", "deactivate", "--deadline", str(PATIENCE_S * 1000),
                         "--deployment", deployment, "--var", var], check=True)  # fmt: skip
         records = (KEPT / "boot").glob
         mission.wait_until(lambda: any("withheld 1" in record.read_text() for record in records("record_?")), PATIENCE_S,
                            "the boot record says that nobody feeds")  # fmt: skip
-    # A payload that such a machine kept waiting in its slot may have been fenced; this deployment has no ring.
+    # On a slow machine a payload may have been fenced in its slot, and without a ring it is not restarted.
     pids = {node: pid for node in NODES if (pid := flight.node_pid(node))}
     for pid in pids.values():
         os.kill(pid, signal.SIGSTOP)
     report(stopped=list(pids), uptime_s=time.monotonic())
-    time.sleep(RESET_DEADLINE_S)  # the machine is reset in the middle of it
+    time.sleep(RESET_DEADLINE_S)  # the reset interrupts this
     report(survived_s=RESET_DEADLINE_S)
     return 1
 

@@ -74,7 +74,7 @@ TEST_F(TaskFlagRotationTest, TellsTheOverrunnerToResetItsPeripheralAndGoesOnAfte
   const Decision decision = rotation.on_deadline(now);
   ASSERT_TRUE(std::holds_alternative<OrderReset>(decision));
   EXPECT_EQ(std::get<OrderReset>(decision).payload, "adcs");
-  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));  // once
+  EXPECT_TRUE(std::holds_alternative<Nothing>(rotation.on_deadline(now)));  // only once
 
   EXPECT_EQ(report(BusReport::Kind::failed, grant), ReportVerdict::applied);
   EXPECT_EQ(must_grant().payload, "eps");
@@ -85,7 +85,7 @@ TEST_F(TaskFlagRotationTest, TellsTheOverrunnerToResetItsPeripheralAndGoesOnAfte
 TEST_F(TaskFlagRotationTest, AsksTheHolderFirstWhenItCameLateToTheEndOfTheLeaseItself) {
   const Grant grant = must_grant();
   take(grant);
-  now = grant.lease_end + seconds(3);  // the whole computer was stopped
+  now = grant.lease_end + seconds(3);  // the whole computer stood still
   const Decision decision = rotation.on_deadline(now);
   const auto* recall = std::get_if<Recall>(&decision);
   ASSERT_NE(recall, nullptr);
@@ -153,7 +153,7 @@ TEST_F(TaskFlagRotationTest, FencesAtTheEndOfTheLeaseAndGrantsOnlyAfterTheHolder
 
   now += milliseconds(30);
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
-  EXPECT_EQ(release(grant), ReportVerdict::old_grant);  // too late: it is being killed
+  EXPECT_EQ(release(grant), ReportVerdict::old_grant);  // too late: the kill has begun
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick()));
 
   rotation.on_fence_unproven();
@@ -173,7 +173,7 @@ TEST_F(TaskFlagRotationTest, GivesAHolderWithoutACpuSomeLengthsOfItsLeaseToRun) 
   now = grant.granted + milliseconds(80);
   EXPECT_TRUE(std::holds_alternative<OrderReset>(rotation.on_deadline(now)));
   now = grant.lease_end;
-  // It had 30 of 120 ms.
+  // The holder had a CPU for only 30 of 120 ms.
   EXPECT_TRUE(std::holds_alternative<Nothing>(
       rotation.on_deadline(now, now, HolderCpu{milliseconds(90), milliseconds(5), true})));
   EXPECT_TRUE(std::holds_alternative<Blocked>(tick())) << "nobody else has the bus meanwhile";
@@ -499,7 +499,7 @@ TEST_F(TaskFlagRotationTest, LeavesAPlaceOfNobodyFree) {
 TEST_F(TaskFlagRotationTest, TakesBackAGrantWhoseFlagWasNotPublishedAndAccusesNobody) {
   rotation.on_bus_status({BusReport::Kind::released, {}, "adcs", 5}, now);
   const Grant grant = must_grant();
-  now += milliseconds(500);  // stopped between the decision and its flag
+  now += milliseconds(500);  // the switcher stops between the decision and the flag
   rotation.withdraw(grant.id);
 
   EXPECT_EQ(rotation.next_deadline(), std::nullopt);
@@ -527,7 +527,7 @@ TEST_F(TaskFlagRotationTest, TellsItsSuccessorWhoMayWrite) {
   EXPECT_FALSE(rotation.holder());
 }
 
-/// A switcher that starts after one that was killed while "eps" (process 5) had the bus.
+/// A switcher whose predecessor was killed while "eps" (process 5) held the bus.
 struct Successor : ::testing::Test {
   TaskFlagRotation rotation{plan(), incarnation, boot, InheritedGrant{"eps", 5}};
   MonotonicTime now = boot;
@@ -628,7 +628,7 @@ TEST_F(TaskFlagRotationTest, AsksForAGrantThatItDidNotWatchUnderANewIdAndAccuses
   take(grant);
   EXPECT_TRUE(rotation.awaits_release());
   rotation.suspend();
-  now = grant.lease_end + seconds(5);  // nobody listened
+  now = grant.lease_end + seconds(5);  // no process received reports
   rotation.inherit({grant.payload, 5}, now);
   EXPECT_FALSE(rotation.awaits_release());
   EXPECT_EQ(rotation.next_deadline(), std::nullopt);

@@ -22,7 +22,7 @@ struct World {
   MonotonicTime now{seconds(10)};
   MissionCycle cycle = 500;
 
-  /// A tick that arrives at once. @param later  than the one before
+  /// A tick without delay. @param later time since the previous tick
   Verdict tick(nanoseconds later = period) { return late_tick(later, nanoseconds(0)).verdict; }
   TickFlywheel::Heard late_tick(nanoseconds later, nanoseconds late) {
     now += later;
@@ -148,7 +148,7 @@ TEST_F(TickFlywheelTest, BelievesATimelineThatStartsAgainAfterItsSecondTickAlsoB
   tick();
   (void)wait_for_substitute();
   (void)wait_for_substitute();
-  cycle = 0;  // timing lost its count
+  cycle = 0;  // the timing node lost its count
   EXPECT_EQ(tick(milliseconds(90)), Verdict::repeated);
   EXPECT_EQ(wait_for_substitute(), Substitute::beat) << "until it is believed";
   EXPECT_EQ(tick(milliseconds(90)), Verdict::beat);
@@ -204,8 +204,8 @@ TEST_F(TickFlywheelTest, OfWhatItSleptThroughItMakesOneTickAndKeepsThePhase) {
   EXPECT_EQ(flywheel.next_substitute(), last + seconds(3) + period);
 }
 
-/// Timing dies, hangs, comes late, comes back in another phase or with another count; ticks are repeated and
-/// forged. The beat does not care.
+/// The timing node dies, hangs, is late, or returns with another phase or count; ticks are repeated and
+/// forged. The beat stays regular.
 TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
     std::mt19937_64 random(seed);
@@ -213,7 +213,7 @@ TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
       return low + static_cast<std::int64_t>(random() % static_cast<std::uint64_t>(high - low + 1));
     };
     TickFlywheel flywheel;
-    MonotonicTime due{seconds(1)};  // of the next real tick
+    MonotonicTime due{seconds(1)};  // due time of the next real tick
     MonotonicTime arrives = due;
     MissionCycle cycle = 100;
     MissionCycle step = 1;
@@ -224,7 +224,7 @@ TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
     while (due < end) {
       const auto substitute = flywheel.next_substitute();
       if (substitute && *substitute < arrives) {
-        // A millisecond of lateness, as of a loaded machine.
+        // Up to a millisecond late, as on a loaded machine.
         const MonotonicTime at = std::min(*substitute + microseconds(between(0, 1000)), arrives);
         ASSERT_NE(flywheel.on_deadline(at), Substitute::not_due);
         beats.push_back(at);
@@ -236,7 +236,7 @@ TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
       const Verdict verdict = flywheel.on_tick(tick).verdict;
       if (verdict == Verdict::beat) beats.push_back(arrives);
       ASSERT_TRUE(verdict != Verdict::repeated || lost_count) << "seed " << seed;
-      lost_count = verdict == Verdict::repeated;  // believed when the next one goes on from there
+      lost_count = verdict == Verdict::repeated;  // accepted when the next tick continues the count
       if (random() % 10 == 0) {
         ASSERT_EQ(flywheel.on_tick(tick).verdict, Verdict::repeated);
       }
@@ -252,14 +252,14 @@ TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
           step = static_cast<MissionCycle>(between(1, 1000));
           arrives = due + microseconds(between(0, 1000));
           break;
-        case 1: {  // stopped: the same phase, and late
+        case 1: {  // stopped: the same phase, but late
           const std::int64_t missed = between(0, 20);
           due += period * missed;
           step = static_cast<MissionCycle>(missed) + 1;
           arrives = due + milliseconds(between(0, 90));
           break;
         }
-        case 2:  // its disk is gone: it begins to count anew
+        case 2:  // disk lost: the count starts anew
           due += milliseconds(between(1, 500));
           cycle = random() % 50;
           lost_count = true;
@@ -274,11 +274,11 @@ TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
     ASSERT_GT(beats.size(), 500U);
     for (std::size_t i = 1; i < beats.size(); ++i) {
       const nanoseconds apart = beats[i] - beats[i - 1];
-      // Lateness of a real tick, up to the grace where it still beats, comes on top and off.
+      // A real tick still beats when it is late by up to the grace; this widens both limits.
       ASSERT_GE(apart, period / 2 - grace - milliseconds(2)) << "seed " << seed << ", beat " << i;
       ASSERT_LE(apart, period * 3 / 2 + grace + milliseconds(2)) << "seed " << seed << ", beat " << i;
     }
-    // Phases move forwards by less than a period with each restart; nothing else is lost.
+    // Each restart shifts the phase forward by less than a period; no other time is lost.
     const double expected = static_cast<double>((beats.back() - beats.front()) / period);
     ASSERT_GT(static_cast<double>(beats.size()), 0.93 * expected) << "seed " << seed;
     ASSERT_LT(static_cast<double>(beats.size()), 1.07 * expected) << "seed " << seed;

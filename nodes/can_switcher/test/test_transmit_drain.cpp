@@ -87,7 +87,7 @@ TEST_F(TransmitDrainTest, WithoutThePermissionSaysSoOnceEachWaitAndGoesOnUntilAL
 
 TEST_F(TransmitDrainTest, WritesTheMarkerAgainWhenItWasLostWithABusOff) {
   EXPECT_EQ(step(), State::waiting);
-  bus.withdraw();  // as a bus-off does it; the drain asked for nothing
+  bus.withdraw();  // like a bus-off; not requested by the drain
   EXPECT_EQ(step(), State::waiting) << "a loss is no proof";
   EXPECT_EQ(bus.sent.size(), 2U);
   bus.confirm_oldest(now);

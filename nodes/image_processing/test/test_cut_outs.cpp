@@ -37,7 +37,7 @@ TEST(CutOuts, ShowTrackletsPieceByPieceAndStreaksWithTheirSurroundings) {
 
   image::Plane sky(640, 480, 300.0F);
   sky.at(70, 60) = 5000;
-  for (const int frame : {0, 1, 2}) cuts.take(frame, sky, 2);  // frame 3 is gone
+  for (const int frame : {0, 1, 2}) cuts.take(frame, sky, 2);  // frame 3 is missing
 
   const auto pictures = cuts.pictures();
   ASSERT_EQ(pictures.size(), 3U);

@@ -45,7 +45,7 @@ TEST(FindingsReport, KeepsTheMostSignificantInEveryBudgetAndSaysHowManyAreLeftOu
     ASSERT_LE(text->size(), budget);
     const Json json = Json::parse(*text);
     const std::size_t streaks = json["streaks"].size();
-    if (json["tracklets"].size() == 1) {  // before, its place goes to streaks
+    if (json["tracklets"].size() == 1) {  // a smaller report gives the tracklet's place to streaks
       EXPECT_GE(streaks, streaks_before);
       streaks_before = streaks;
     }

@@ -26,7 +26,7 @@ using testing::IsEmpty;
 
 class ImageTaskTest : public testing::Test {
  protected:
-  /// A sky with stars and, if wanted, a streak; stored as the given frame of task 17.
+  /// Stores a sky with stars, and optionally a streak, as the given frame of task 17.
   std::string store_frame(int number, bool with_streak) {
     hw_sim::SkyScene scene = image::small_scene(2.4, static_cast<std::uint64_t>(number));
     std::vector<hw_sim::SkyStreak> streaks;
@@ -218,7 +218,7 @@ TEST_F(ImageTaskTest, WhatWasDetectedOnceStaysMarked) {
 TEST_F(ImageTaskTest, ADetectionWaitsForTheProductsOfItsOwnRun) {
   const auto frame = store_frame(1, true);
   ImageTask cancelled = task({frame}, "streak");
-  static_cast<void>(cancelled.step(store_));  // the frame is marked, no product is made
+  static_cast<void>(cancelled.step(store_));  // marks the frame but makes no product
   run_ = 0xA2;
   ImageTask other = task({frame}, "thumbnail");
   run(other);

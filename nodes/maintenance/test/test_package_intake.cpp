@@ -114,7 +114,7 @@ TEST_F(PackageIntakeTest, an_old_counter_is_refused_but_the_last_package_itself_
   ASSERT_TRUE(journal.begin(first->update));
   EXPECT_TRUE(take_in("p"));
   auto m = manifest();
-  m.probation = seconds(7);  // another package under the same counter
+  m.probation = seconds(7);  // another package with the same counter
   put("q", m);
   const auto second = take_in("q");
   ASSERT_FALSE(second);

@@ -56,7 +56,7 @@ struct QueueReport : ::testing::Test {
   testing_support::TemporaryFolder folder;
   std::filesystem::path outbox = folder.path() / "files" / "outbox";
 
-  /// One of payload_eps, as it lies on board.
+  /// A crash report of payload_eps, as stored on board.
   CrashReport report(std::uint32_t incarnation, const std::string& content = "backtrace and log") const {
     const auto file = folder.path() / "reports" / (std::to_string(incarnation) + ".report");
     EXPECT_TRUE(write_file_atomically(file, content));

@@ -14,7 +14,7 @@ struct Monitor : ::testing::Test {
   BabbleMonitor::Settings settings;
   MonotonicTime now{seconds(100)};
 
-  /// Frames at this distance until a verdict, at most @p limit.
+  /// Sends frames at this distance until a verdict, at most @p limit frames.
   Verdict flood(nanoseconds distance, int limit = 100'000) {
     for (int i = 0; i < limit; ++i) {
       now += distance;
@@ -76,7 +76,7 @@ TEST_F(BabbleMonitorTest, BeginsAnewAfterAPeripheralBehavedForAWhileOrWasForgive
 }
 
 TEST_F(BabbleMonitorTest, BlamesTheFirstFloodOnNoPowerCycle) {
-  power_cycle();  // the node's start
+  power_cycle();  // power cycle at the node's start
   EXPECT_EQ(flood(microseconds(300)), Verdict::power_cycle);
   EXPECT_EQ(monitor.in_a_row(), 0U);
 }

@@ -92,7 +92,7 @@ TEST_F(PayloadCycleTest, TakesTheFlagWakesThePeripheralReleasesAndProcesses) {
   EXPECT_EQ(*find<Activity>(actions), Activity::occupying_can);
 
   actions = wake();
-  EXPECT_EQ(find<PublishStatus>(actions), nullptr);  // the last own frame is still on its way
+  EXPECT_EQ(find<PublishStatus>(actions), nullptr);  // its last frame is still in flight
   EXPECT_NE(find<AwaitQuiet>(actions), nullptr);
 
   actions = quiet();
@@ -413,10 +413,10 @@ TEST_F(PayloadCycleRecall, IsForgottenWithANewerGrant) {
 TEST_F(PayloadCycleTest, DoesNotRepeatAByIdCommandThatItsPeripheralForgotWithItsPower) {
   store(7);
   grant();
-  wake();  // sends the command; its answer never comes
+  wake();  // sends the command, which stays unanswered
   pass(milliseconds(10));
   cycle.on_peripheral_reset(flag.grant, "overrun", now);
-  const PayloadActions actions = pass(milliseconds(10));  // nor does that to the reset: the power is cut
+  const PayloadActions actions = pass(milliseconds(10));  // the reset stays unanswered too: the power is cut
   ASSERT_NE(find<SwitchPower>(actions), nullptr);
 
   const PayloadActions reported = written();
@@ -449,7 +449,7 @@ TEST(PayloadCycleStart, LearnsThatThePowerWasOffAlsoFromASwitchThatObeysOnlyLate
   PayloadCycle cycle(PayloadSettings{}, decode, std::move(journal));
   MonotonicTime now(seconds(20));
   cycle.activate(now);
-  cycle.on_power_switched(true, false, now);  // the line has another owner: not even its level is known
+  cycle.on_power_switched(true, false, now);  // another process owns the line, so its level is unknown
   ASSERT_TRUE(cycle.next_deadline());
   now = *cycle.next_deadline();
   ASSERT_NE(find<SwitchPower>(cycle.on_deadline(now)), nullptr);
@@ -622,7 +622,7 @@ TEST_F(PayloadCycleTest, ReportsAPowerSwitchThatDoesNotObey) {
   EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
 }
 
-/// What a flood of the peripheral outside of its slot leads to.
+/// The consequences when the peripheral floods the bus outside its slot.
 struct Flood : Cycle {
   void SetUp() override {
     Cycle::SetUp();
@@ -642,7 +642,7 @@ struct Flood : Cycle {
     EXPECT_TRUE(find<SwitchPower>(pass(milliseconds(200)))->on);
     cycle.on_power_switched(true, true, now);
   }
-  /// @return what came of the last one
+  /// @return the actions after the last flood
   PayloadActions flood_until_kept_off() {
     for (int i = 0; i < 3; ++i) {
       EXPECT_NE(find<SwitchPower>(flood()), nullptr);

@@ -13,9 +13,9 @@
 namespace srfs {
 namespace {
 
-/// Everything around one payload: a switcher that grants and orders resets, a peripheral that answers, lies
-/// or is silent, a bus whose echoes come late, a disk that is slow or fails, telecommands that repeat. It
-/// checks what must always hold.
+/// The environment of one payload: a switcher that grants and orders resets, a peripheral that answers,
+/// answers wrongly or is silent, a bus with late echoes, a slow or failing disk, and repeated telecommands.
+/// Checks the invariants.
 class World {
  public:
   explicit World(std::uint64_t seed)

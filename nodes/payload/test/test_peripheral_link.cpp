@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::uint8_t address = 0x11;
 
-/// A link and the peripheral's end of its channel, joined by a bus that loses nothing.
+/// A link and the peripheral's end of its channel, joined by a bus without loss.
 struct Link : ::testing::Test {
   PeripheralLink link{address};
   wire::IsoTpChannel peripheral{{.target = PeripheralLink::computer_address, .source = address},
@@ -89,7 +89,7 @@ TEST_F(PeripheralLinkTest, CallsAnAnswerThatBreaksOffSilence) {
   const Octets answer = wire::encode(wire::PeripheralResponse{
       request.sequence, wire::WakeUpResponse{wire::PeripheralStatus::ready, 1, Octets(65)}});
   ASSERT_TRUE(peripheral.send(answer, now).has_value());
-  link.on_frame(*peripheral.poll(now), now);  // the first frame, and nothing after it
+  link.on_frame(*peripheral.poll(now), now);  // the first frame only
   while (const auto frame = link.poll(now)) link.on_transmit_confirm(*frame, now);
   now += milliseconds(200);
   (void)link.poll(now);

@@ -26,7 +26,7 @@ TEST(SensorInputs, ReportsAtMostOneChangeAPeriodAndThenWhereItHasCome) {
   (void)inputs.on_reading({0, 0b1000}, start);
   MonotonicTime now = start;
   int reported = 0;
-  for (int i = 0; i < 1000; ++i) {  // it chatters: 20 times a period
+  for (int i = 0; i < 1000; ++i) {  // a chattering input: 20 changes per period
     now += SensorInputs::event_period / 20;
     reported +=
         inputs.on_reading({static_cast<std::uint8_t>(i % 2 == 0 ? 0b1000 : 0), 0b1000}, now).has_value() ? 1

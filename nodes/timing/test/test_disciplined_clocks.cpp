@@ -75,7 +75,7 @@ TEST(MissionClock, NeitherStepsNorGoesBackWhateverItIsToFollow) {
   }
 }
 
-/// A receiver's pulses over an oscillator that runs `drift_ppm` fast, with the kernel's clocks disciplined.
+/// A receiver's pulses, an oscillator that is `drift_ppm` fast, and the kernel's clocks under discipline.
 struct DisciplinedKernel {
   explicit DisciplinedKernel(double drift) : drift_ppm(drift) {}
 
@@ -109,7 +109,7 @@ TEST(SystemClockDiscipline, SlewsTheKernelsClockToThePulseAndItsRateToTrueSecond
 TEST(SystemClockDiscipline, TakesALargeDifferenceInWithoutAStepAndWithinTheKernelsLimit) {
   DisciplinedKernel board(-80);
   for (int i = 0; i < 60; ++i) board.second();
-  (void)board.kernel.step(milliseconds(100));  // somebody else's
+  (void)board.kernel.step(milliseconds(100));  // a step by another program
   for (int i = 0; i < 600; ++i) {
     board.second();
     ASSERT_LE(std::abs(board.kernel.frequency_ppm()), hw::KernelClock::frequency_limit_ppm);

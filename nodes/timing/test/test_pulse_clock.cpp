@@ -240,7 +240,7 @@ TEST(PulseClock, RefusesALargeJumpOfAValidTimeUntilAnOperatorSetsIt) {
   EXPECT_EQ(clock.refused_jump(), seconds(3600));
   EXPECT_EQ(clock.utc_at(e), UtcTime(seconds(gps_second + gps.n)));
 
-  // Three milliseconds off: the pulse knows better.
+  // The given time is three milliseconds off: the pulse determines the fraction of the second.
   clock.set_time(wrong + milliseconds(103), e + milliseconds(100), milliseconds(10));
   EXPECT_EQ(clock.utc_at(e), wrong);
 }
@@ -277,7 +277,7 @@ TEST(PulseClock, AMessageSoEarlyOrBesideAPulseHandledLateBelongsToNone) {
   const UtcTime second{seconds(gps_second)};
   pulse_at(clock, e);
   EXPECT_EQ(clock.on_time_of_day(second, e + milliseconds(5)), TimeOfDayVerdict::no_pulse);
-  clock.on_pulse(e + seconds(1), e + milliseconds(2010));  // the thread was held up
+  clock.on_pulse(e + seconds(1), e + milliseconds(2010));  // the thread was delayed
   clock.on_pulse(e + seconds(2), e + milliseconds(2010));
   EXPECT_EQ(clock.on_time_of_day(second, e + milliseconds(2040)), TimeOfDayVerdict::no_pulse);
   pulse_at(clock, e + seconds(3));

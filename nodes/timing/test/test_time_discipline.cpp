@@ -150,9 +150,9 @@ TEST(TimeDiscipline, APulseFindsTheSecondAgainAfterATimeSetInHoldover) {
   EXPECT_EQ(f.time.utc_at(f.edge(f.n) + seconds(30)), UtcTime(seconds(gps_second + f.n + 530)));
 }
 
-// ---------------------------------------------------------------- whatever comes in
+// ---------------------------------------------------------------- arbitrary input
 
-/// Anything that can happen to the timing node but an operator's jump.
+/// Every possible input of the timing node except an operator's time jump.
 TEST(TimeDisciplineProperty, NoInputMakesTheTimeStepOrGoBackNorATickLeaveItsBound) {
   for (unsigned seed = 1; seed <= 60; ++seed) {
     std::mt19937_64 random(seed);
@@ -168,11 +168,11 @@ TEST(TimeDisciplineProperty, NoInputMakesTheTimeStepOrGoBackNorATickLeaveItsBoun
     MonotonicTime asked = now;
     UtcTime shown = f.time.utc_at(asked);
     std::optional<Tick> previous;
-    nanoseconds train_phase{0};  // of a pulse train that may or may not be honest
+    nanoseconds train_phase{0};  // of a pulse train that may be right or wrong
     for (int i = 0; i < 4000; ++i) {
       now += nanoseconds(below(random() % 50 == 0 ? 5'000'000'000 : 50'000'000));
       switch (below(12)) {
-        case 0:  // an edge somewhere
+        case 0:  // an edge at any time
           f.time.on_pulse(now - nanoseconds(below(3'000'000'000)), now);
           break;
         case 1:
@@ -185,14 +185,14 @@ TEST(TimeDisciplineProperty, NoInputMakesTheTimeStepOrGoBackNorATickLeaveItsBoun
           f.time.on_pulse(MonotonicTime(since - since % seconds(1) + train_phase), now);
           break;
         }
-        case 5:  // a time of day near ours
+        case 5:  // a time of day near the mission's
           f.time.on_time_of_day(
               {.fix_valid = random() % 8 != 0,
                .utc = UtcTime(std::chrono::floor<seconds>(f.time.utc_at(now).since_epoch()) +
                               seconds(below(5) - 2))},
               now);
           break;
-        case 6:  // or any
+        case 6:  // any time of day
           f.time.on_time_of_day(
               {.fix_valid = true, .utc = UtcTime(nanoseconds(below(7'200'000'000'000'000'000)))}, now);
           break;

@@ -8,7 +8,7 @@
 
 namespace srfs {
 
-/// The router and all it works with, as ttc puts them together.
+/// The router and all its parts, connected as in ttc.
 class RouterWithParts : public testing::Test {
  protected:
   mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");

@@ -11,11 +11,11 @@
 
 namespace srfs::testing_support {
 
-/// The power is gone.
+/// Thrown when the simulated power is lost.
 struct PowerLoss {};
 
-/// Two segments on a medium that forgets: what was not synced is there after a power loss whole, cut at any
-/// octet, in some of its blocks, or not at all. The loss comes at a chosen call.
+/// Two segments on a medium that can lose unsynced data. After a power loss such data is complete, cut at any
+/// octet, present in some of its blocks, or missing. The loss occurs at a chosen call.
 class SimulatedMedium final : public JournalMedium {
  public:
   explicit SimulatedMedium(std::uint64_t seed) : random_(seed) {}
@@ -43,7 +43,7 @@ class SimulatedMedium final : public JournalMedium {
     durable_.at(segment).at(offset) ^= 0x10;
   }
 
-  std::uint64_t lose_at = UINT64_MAX;  ///< the call that is not finished
+  std::uint64_t lose_at = UINT64_MAX;  ///< the call that the power loss interrupts
   std::uint64_t calls = 0;
   bool failing = false;
 

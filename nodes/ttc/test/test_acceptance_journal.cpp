@@ -54,7 +54,7 @@ TelecommandOrigin origin_of(const UplinkedPacket& packet) {
           .source_id = 0};
 }
 
-/// A journal on a simulated medium, and processes that use it one after the other.
+/// One of several successive processes that use a journal on a simulated medium.
 class Process {
  public:
   Process(JournalMedium& medium, const std::string& boot, std::size_t fill_octets = 8192)
@@ -298,7 +298,7 @@ TEST(AcceptanceJournal, ARefusalIsToldByTheNextProcessUnlessItWasTold) {
     EXPECT_EQ(journal.said(), journal.serial() - 1) << "it waits for the disk";
     ASSERT_TRUE(first.write(true));
   }
-  for (int i = 0; i < 2; ++i) {  // from changes, then from the snapshot that the second process wrote
+  for (int i = 0; i < 2; ++i) {  // first from changes, then from the second process' snapshot
     Process next(medium, "boot");
     EXPECT_EQ(next.journal().link(), link_of(2));
     EXPECT_EQ(next.journal().open(), 0U);
@@ -423,13 +423,13 @@ TEST(AcceptanceJournal, OneDamagedPlaceCostsItsOwnRecordOnlyAndNeverACounter) {
   }
 }
 
-/// What a process did, told by the test itself.
+/// The test's own account of a process' actions.
 struct Model {
   std::map<std::uint64_t, UplinkedPacket> accepted;  ///< by id
-  std::set<std::uint64_t> durable;                   ///< 1,1 was said
+  std::set<std::uint64_t> durable;                   ///< report 1,1 was sent
   std::set<std::uint64_t> ended;
   std::set<std::uint64_t> ended_durably;
-  std::set<std::uint64_t> refused;  ///< must not come back once that is durable
+  std::set<std::uint64_t> refused;  ///< must not return once the refusal is durable
   std::set<std::uint64_t> refused_durably;
   std::uint64_t counter = 0;
   std::uint64_t durable_counter = 0;
@@ -515,13 +515,14 @@ TEST(AcceptanceJournalProperties, NothingAcceptedIsLostAndNothingComesTwiceWhere
   for (std::uint64_t lose_at = 0; lose_at < 240; lose_at += stride) {
     SCOPED_TRACE(testing::Message() << "power lost in call " << lose_at);
     SimulatedMedium medium(lose_at);
-    std::mt19937_64 random(lose_at / 8);  // several fates of the unsynced octets at each point
+    std::mt19937_64 random(lose_at / 8);  // several outcomes for the unsynced octets at each point
     Model model;
     medium.lose_at = lose_at;
     for (int boot = 0; boot < 3; ++boot) {
       Process process(medium, "boot " + std::to_string(boot), 4096);
       ASSERT_NO_FATAL_FAILURE(check(process, process.journal(), model));
-      // What the process before refused or had not made durable, and is there, is judged like all others now.
+      // A telecommand found here counts as durable, even if the previous process refused it or had not made
+      // it durable.
       for (const AcceptedTelecommand* t : process.journal().known()) {
         model.durable.insert(t->origin.id);
         model.refused.erase(t->origin.id);

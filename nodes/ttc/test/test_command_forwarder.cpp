@@ -29,7 +29,7 @@ class Forwarding : public testing::Test {
     command.expiry = at(ms + lifetime_ms);
     return forwarder_.submit(origin, command, at(ms)) ? next_id_++ : 0;
   }
-  /// One of an earlier process, that expires at 10 s.
+  /// Restores a telecommand of an earlier process, which expires at 10 s.
   std::uint64_t restore(const ForwardedProgress& progress, int ms, std::uint8_t repeat_class = 2) {
     const TelecommandOrigin origin{
         .request = {0x1811, 0xC000}, .apid = 17, .ack_flags = wire::ack::all, .source_id = 0, .id = next_id_};
@@ -65,12 +65,12 @@ class Forwarding : public testing::Test {
 
 TEST(TelecommandIds, NeverRepeatOverRestartsAndTheirLow32BitsDiffer) {
   const UtcTime utc(seconds(1'600'000'000));
-  std::uint64_t stored = 0xFFFF'FFFF - 500;  // the low half wraps on the way
+  std::uint64_t stored = 0xFFFF'FFFF - 500;  // the low half wraps during the test
   std::vector<std::uint64_t> ids;
   for (int start = 0; start < 40; ++start) {
     std::uint64_t next = first_telecommand_id(stored, 0, utc);
     for (int i = 0; i < 35; ++i) {
-      stored = next + reserved_telecommand_ids;  // what the copy of the link state holds
+      stored = next + reserved_telecommand_ids;  // the value in the stored link state
       ids.push_back(next++);
     }
   }
@@ -133,7 +133,7 @@ TEST_F(Forwarding, AsksTheNodeOfAnAcceptedCommandNowAndThenUntilItHasSaidTheEnd)
     EXPECT_EQ(asked[0].expiry, at(10'000));
     report(id, Stage::acceptance, ms);
   }
-  report(id, Stage::completion, 4100);  // the report of which the first copy was lost
+  report(id, Stage::completion, 4100);  // repeats the report whose first copy was lost
   EXPECT_EQ(subtypes(), (std::vector<int>{3, 7}));
   forwarder_.on_time(at(9000));
   EXPECT_TRUE(forwarder_.take_publications().empty());

@@ -30,7 +30,7 @@ class Downlink : public testing::Test {
     return wire::make_tm_packet(p);
   }
   static MonotonicTime at_us(std::int64_t us) { return MonotonicTime(microseconds(us)); }
-  /// The frame of the next CADU, as the ground sees it.
+  /// The frame of the next CADU, as decoded by the ground.
   std::optional<wire::TmFrame> next(MonotonicTime now) {
     const auto cadu = scheduler_.next(now, [] { return 0x01000005U; });
     if (!cadu) return std::nullopt;
@@ -86,7 +86,7 @@ TEST_F(Downlink, AnUrgentPacketLeavesAtOnceWithWhatStandsBeforeIt) {
 TEST_F(Downlink, WaitsForTheLineBeforeTheNextCadu) {
   for (std::uint16_t i = 0; i < 20; ++i)
     scheduler_.push(DownlinkChannel::live, packet(180, i), true, at_us(0));
-  // The backlog may be one CADU (259 octets, 2.81 ms): so two leave at once, then one each 2.81 ms.
+  // The backlog may be one CADU (259 octets, 2.81 ms). So two leave at once, then one every 2.81 ms.
   EXPECT_TRUE(next(at_us(0)));
   EXPECT_TRUE(next(at_us(0)));
   EXPECT_FALSE(next(at_us(0)));

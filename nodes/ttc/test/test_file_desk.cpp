@@ -20,7 +20,7 @@ using testing::SizeIs;
 
 constexpr MonotonicTime start(seconds(100));
 
-/// A desk over a real folder, with the postbox of the spacecraft.
+/// A desk with a real folder and the spacecraft's postbox.
 class FileDeskTest : public testing::Test {
  protected:
   void SetUp() override { open(); }
@@ -57,7 +57,7 @@ class FileDeskTest : public testing::Test {
       all.push_back(mission::FileCopyStatus::decode(data).value());
     return all;
   }
-  /// The first PDU of a file that the ground sends.
+  /// Delivers the first PDU of a file from the ground.
   void come_up(const std::string& name, std::uint64_t sequence) {
     const wire::CfdpHeader header{.source_entity = 1, .sequence_number = sequence, .destination_entity = 2};
     postbox_->on_pdu(wire::encode_cfdp_pdu(header, wire::CfdpMetadata{.file_size = 5000,

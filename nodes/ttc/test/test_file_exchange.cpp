@@ -22,7 +22,7 @@ Octets packet_with(const Octets& pdu, std::uint16_t apid = wire::cfdp_apid) {
 
 class FileExchangeTest : public testing::Test {
  protected:
-  /// Runs the turn that is due, whose worker says @p result.
+  /// Runs the turn that is due. Its worker returns @p result.
   std::vector<Octets> run(cfdp::PostboxTurnResult result, MonotonicTime now = start) {
     turn_ = exchange_.next_turn(room, now);
     EXPECT_TRUE(turn_);

@@ -16,7 +16,7 @@ constexpr MonotonicTime start(seconds(100));
 
 class FileServiceTest : public testing::Test {
  protected:
-  /// A telecommand as text. @return its number, the sequence count of its reports
+  /// Sends a telecommand given as text. @return its number, the sequence count of its reports
   std::uint16_t send(const std::string& name, const std::vector<std::string>& arguments,
                      MonotonicTime now = start, bool repeated = false) {
     const auto encoded = dictionary_.encode(name, arguments);
@@ -27,8 +27,8 @@ class FileServiceTest : public testing::Test {
     service_.submit(origin, *encoded->command, encoded->data, repeated, now);
     return number_;
   }
-  /// "3:1,7" for each report since the last call: number of its telecommand, service, subtype; a failure with
-  /// its code.
+  /// The reports since the last call, each as "3:1,7": number of the telecommand, service, subtype. A failure
+  /// also has its code.
   std::vector<std::string> reports() {
     std::vector<std::string> texts;
     for (const Report& report : outbox_.take()) {
@@ -91,7 +91,7 @@ TEST_F(FileServiceTest, EveryRequestOfTheDictionaryIsAnOrder) {
       {"file.resume_all", {}},
       {"file.abort_all", {}},
       {"file.report_copies", {}}};
-  std::size_t known = 1;  // file.stop_reports asks nothing of the disk
+  std::size_t known = 1;  // starts at 1: file.stop_reports needs no disk access
   for (const auto& [name, arguments] : all) {
     send(name, arguments);
     const auto order = service_.next_order(start);
@@ -153,7 +153,7 @@ TEST_F(FileServiceTest, ADiskThatHangsCostsEachRequestItsTimeAndNoMore) {
       << "the first may still be done; the other never began";
   EXPECT_FALSE(service_.next_order(*due)) << "the disk still has the first";
 
-  // What it says in the end is of nobody; the next one goes on.
+  // The late outcome belongs to no request; the next request continues.
   service_.on_outcome({}, *due);
   EXPECT_THAT(reports(), IsEmpty());
   send("file.list", {}, *due);

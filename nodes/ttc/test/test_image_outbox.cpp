@@ -31,7 +31,7 @@ class ImageOutboxTest : public testing::Test {
     std::sort(found.begin(), found.end());
     return found;
   }
-  /// As CFDP does when the ground has it.
+  /// Acts like CFDP when the ground has received the file.
   void send(const std::string& name) {
     std::filesystem::remove(folder_ / "files/outbox" / name);
     EXPECT_TRUE(outbox_.on_sent("outbox/" + name));

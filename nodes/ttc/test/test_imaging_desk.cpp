@@ -23,7 +23,7 @@ constexpr UtcTime morning(seconds(1'795'000'000));
 
 class ImagingDeskTest : public testing::Test {
  protected:
-  /// A telecommand as text. @return its id
+  /// Sends a telecommand given as text. @return its id
   std::uint64_t send(const std::string& name, const std::vector<std::string>& arguments) {
     const auto [origin, encoded] = telecommand(name, arguments);
     desk_.submit(origin, *encoded.command, arguments_of(encoded), false, now_);
@@ -45,9 +45,9 @@ class ImagingDeskTest : public testing::Test {
     return {origin, *encoded};
   }
   static Octets arguments_of(const mission::EncodedCommand& encoded) {
-    return {encoded.data.begin() + 2, encoded.data.end()};  // behind the function id
+    return {encoded.data.begin() + 2, encoded.data.end()};  // without the function id
   }
-  /// "3:1,5=100" for each report since the last call: its telecommand, service, subtype; step or code.
+  /// The reports since the last call, each as "3:1,5=100": telecommand, service, subtype, step or code.
   std::vector<std::string> reports() {
     std::vector<std::string> texts;
     for (const Report& report : outbox_.take()) {
@@ -60,7 +60,7 @@ class ImagingDeskTest : public testing::Test {
     }
     return texts;
   }
-  /// What is to be done now: "capture 1", with the id.
+  /// The orders that are due now, each with its id: "capture 1".
   std::vector<std::string> orders() {
     static const std::map<ImagingAction, std::string> names{
         {ImagingAction::capture, "capture"},    {ImagingAction::process, "process"},
@@ -367,7 +367,7 @@ TEST_F(ImagingDeskTest, CancellingWhatIsNotThereSaysSoUnlessItIsARepetition) {
   EXPECT_THAT(reports(), ElementsAre("3:1,3", "3:1,7")) << "it was being sent";
 }
 
-// ---- what goes wrong
+// ---- faults
 
 TEST_F(ImagingDeskTest, ARestartedNodeLosesItsTaskAndNoOther) {
   send("image.capture", {"task=1"});
@@ -444,7 +444,7 @@ TEST_F(ImagingDeskTest, ProductsThatCannotBeQueuedFailTheTask) {
   EXPECT_THAT(reports().back(), "1:1,8=95");
 }
 
-// ---- over a restart of ttc
+// ---- across a restart of ttc
 
 TEST_F(ImagingDeskTest, ACaptureThatMayHaveBegunIsNotTakenAgainAfterARestart) {
   for (const std::uint8_t step : std::vector<std::uint8_t>{1, 25, 50, 75}) {
@@ -499,10 +499,10 @@ TEST_F(ImagingDeskTest, StoredFramesAreProcessedAfterARestart) {
   }
 }
 
-// ---- any sequence of events
+// ---- random sequences of events
 
-/// Random telecommands and random answers, also wrong and late ones: every telecommand that is taken ends
-/// exactly once, each server has one goal at a time, and no capture is asked for twice.
+/// Random telecommands and random answers, including wrong and late ones. Every accepted telecommand ends
+/// exactly once, each server has one goal at a time, and no capture is ordered twice.
 TEST_F(ImagingDeskTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
   for (std::uint32_t seed = 0; seed < (testing_support::slow ? 60 : 300); ++seed) {
     SCOPED_TRACE(seed);
@@ -596,7 +596,7 @@ TEST_F(ImagingDeskTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
       note_ends();
       if (any(3) != 0) carry_out();
     }
-    // Then nothing happens any more but the time.
+    // From here on only time passes.
     for (int i = 0; i < 200 && desk.next_due({now, morning + (now - start), true}); ++i) {
       now = std::max(now, *desk.next_due({now, morning + (now - start), true})) + milliseconds(1);
       desk.on_time({now, morning + (now - start), true}, true);

@@ -19,7 +19,7 @@ JournalRecord change(std::uint8_t n) {
   return {.kind = 1, .payload = Octets(20, n)};
 }
 
-/// Payloads after the last snapshot, as their first octets.
+/// The first octet of each payload after the last snapshot.
 std::vector<int> changes(const JournalLog::Found& found) {
   std::vector<int> payloads;
   for (const JournalRecord& record : found.records) {

@@ -41,7 +41,7 @@ class PacketStoreOnDisk : public testing::Test {
             .boot_id = 3,
             .monotonic = MonotonicTime(seconds(second))};
   }
-  /// Records one packet a second, committed every ten.
+  /// Records one packet per second and commits after every ten.
   static void fill(PacketStore& store, int first, int last) {
     for (int s = first; s <= last; ++s) {
       store.append(at(s), packet(s));
@@ -155,9 +155,9 @@ TEST_F(PacketStoreOnDisk, SkipsAFlippedBitInTheMiddleAndLosesNothingElse) {
     ASSERT_TRUE(store.open());
     fill(store, 1, 120);
   }
-  flip(segments().front(), 16 + 10 * 74 + 40);  // in a packet
+  flip(segments().front(), 16 + 10 * 74 + 40);  // inside a packet
   flip(segments().front(),
-       16 + 20 * 74 + 2);  // in a length field: the record seems to run past the next ones
+       16 + 20 * 74 + 2);  // in a length field: the record seems to overlap the next ones
 
   PacketStore store(config());
   ASSERT_TRUE(store.open());
@@ -263,7 +263,7 @@ TEST_F(PacketStoreOnDisk, OneUnreadableSegmentCostsOnlyItself) {
   }
   const fs::path last = segments().back();
   fs::remove(last);
-  fs::create_directory(last);  // cannot be read, whoever asks
+  fs::create_directory(last);  // unreadable for every user
 
   PacketStore store(config());
   ASSERT_TRUE(store.open());
@@ -310,7 +310,7 @@ TEST_F(PacketStoreOnDisk, AFullDiskLosesTheNewestPacketsAndLeavesNoHalfRecord) {
   PacketStore store(config());
   ASSERT_TRUE(store.open());
   fill(store, 1, 20);
-  // A file size limit stands for the full disk: writes past it fail with EFBIG.
+  // A file size limit simulates a full disk: writes past it fail with EFBIG.
   rlimit old{};
   getrlimit(RLIMIT_FSIZE, &old);
   const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);

@@ -41,7 +41,7 @@ class ParameterServiceTest : public testing::Test {
     submit("parameters.set", data.take());
   }
   [[nodiscard]] std::uint16_t id(const std::string& name) const { return dictionary_.parameter(name)->id; }
-  /// As in test_file_service.cpp, a value with its octets.
+  /// Like the function in test_file_service.cpp, but a value also has its octets.
   std::vector<std::string> reports() {
     std::vector<std::string> texts;
     for (const Report& report : outbox_.take()) {

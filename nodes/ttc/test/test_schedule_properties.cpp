@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The schedule and the journal it stands in, against a model that knows no disk, wherever the power is lost.
+// Compares the schedule and its journal with a model without a disk, for power loss at any point.
 #include <map>
 #include <random>
 #include <set>
@@ -21,7 +21,7 @@ using testing_support::SimulatedMedium;
 constexpr seconds late_max{60};
 const TaiTime day = to_tai(UtcTime(seconds(1'795'000'000)));
 
-/// What the operator believes: no disk, no ids.
+/// The operator's view of the schedule: no disk, no ids.
 struct Model {
   struct Entry {
     TaiTime release;
@@ -57,7 +57,7 @@ Octets request_packet(std::uint16_t sequence) {
   return wire::make_tc_packet(packet);
 }
 
-/// One request of service 11, and what it does to the model.
+/// One request of service 11 and its effect on the model.
 struct Order {
   std::uint8_t subtype = 0;
   Octets arguments;
@@ -99,12 +99,12 @@ class Orders {
     const std::uint64_t count = 1 + number(3);
     out.u16(static_cast<std::uint16_t>(count));
     for (std::uint64_t i = 0; i < count; ++i) {
-      // Now and then one that is scheduled, or was.
+      // Sometimes reuse a sequence count that is or was scheduled.
       const bool old = number(20) == 0 && next_sequence_ > 1;
       const auto sequence = static_cast<std::uint16_t>(old ? number(next_sequence_) : next_sequence_++);
       const Model::Entry entry{now + seconds(static_cast<int>(number(130)) - 4),
                                static_cast<std::uint8_t>(number(3) == 0 ? number(4) : 0)};
-      if (old && !model.scheduled.contains(sequence)) {  // it would be another request under the same name
+      if (old && !model.scheduled.contains(sequence)) {  // would give two requests one sequence count
         return switching(true);
       }
       out.u8(entry.group);
@@ -124,7 +124,7 @@ class Orders {
               return true;
             }};
   }
-  /// One that is scheduled, if any is.
+  /// A scheduled sequence count, if there is one.
   std::uint16_t some(const Model& model) {
     if (model.scheduled.empty() || number(10) == 0)
       return static_cast<std::uint16_t>(number(next_sequence_ + 1U));
@@ -219,7 +219,7 @@ class Orders {
   std::uint16_t next_sequence_ = 0;
 };
 
-/// ttc as far as this is about: journal, schedule, and the disk.
+/// The part of ttc under test: journal, schedule and disk.
 class Process {
  public:
   Process(const mission::Dictionary& dictionary, JournalMedium& medium)
@@ -239,7 +239,7 @@ class Process {
       schedule_.on_written(batch.revision, ok);
     }
   }
-  /// Accepts a telecommand, which is on disk then.
+  /// Accepts a telecommand and stores it on disk.
   std::uint64_t accept(const Octets& packet, std::uint64_t activity = 0) {
     UplinkedPacket uplinked;
     uplinked.packet = packet;
@@ -272,7 +272,7 @@ class Process {
   std::uint32_t failed_ = 0;
 };
 
-/// A mission over many processes.
+/// A mission that spans many processes.
 class Mission {
  public:
   Mission(const mission::Dictionary& dictionary, std::uint64_t seed)
@@ -282,7 +282,7 @@ class Mission {
   std::uint64_t number(std::uint64_t below) { return orders_.number(below); }
   [[nodiscard]] std::size_t executed() const { return executions_.size(); }
 
-  /// A process until the power is lost, or for so many steps.
+  /// Runs a process until the power is lost, for at most @p steps steps.
   /// @return whether the power was lost
   bool run(int steps) {
     try {
@@ -296,7 +296,7 @@ class Mission {
   }
 
  private:
-  /// Every activity is where it was before or after what the process before was at.
+  /// Checks that each activity is in its state before or after the previous process' last step.
   void come_up(Process& process) {
     for (const AcceptedTelecommand* t : process.journal().known()) {
       if (t->activity != 0) note_execution(*t);
@@ -316,8 +316,8 @@ class Mission {
           << sequence << " is lost, or there twice";
     }
     releasing_.clear();
-    // A request that was accepted goes on, as after a kill. Of those before it at most the end was not
-    // written.
+    // An accepted request continues, as after a kill. Of earlier requests only the end may be missing on
+    // disk.
     process.schedule().on_time(now_, valid_);
     bool carried_out = false;
     std::vector<TelecommandOrigin> open;
@@ -364,7 +364,7 @@ class Mission {
     before_ = after_;
   }
 
-  /// Time goes on, steps back, or becomes invalid; then what is due is released.
+  /// Time advances, steps back, or becomes invalid; then due activities are released.
   void pass_time(Process& process) {
     const std::uint64_t what = orders_.number(12);
     if (what == 0) {
@@ -416,7 +416,7 @@ class Mission {
     before_ = after_;
   }
 
-  /// The packet is on disk under this telecommand id, so it is executed.
+  /// Notes that the packet is on disk under this telecommand id, which means that it is executed.
   void note_execution(const AcceptedTelecommand& t) {
     const auto sequence = static_cast<std::uint16_t>(t.origin.request.packet_sequence_control & 0x3FFF);
     const auto [entry, is_new] = executions_.emplace(sequence, t.origin.id);

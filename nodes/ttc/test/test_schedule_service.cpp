@@ -18,7 +18,7 @@ TaiTime at(int s) {
   return day + seconds(s);
 }
 
-/// Service 11 behind the router, as the ground commands it; the disk is as fast as it is told.
+/// Service 11 behind the router, as commanded by the ground. The test controls the speed of the disk.
 class Schedule : public RouterWithParts {
  protected:
   Schedule() { schedule_.on_time(day, true); }
@@ -36,7 +36,7 @@ class Schedule : public RouterWithParts {
     packet.application = encoded->data;
     return wire::make_tc_packet(packet);
   }
-  /// @return service,subtype of what it caused, in order
+  /// @return service,subtype of the reports it caused, in order
   std::vector<std::string> send(const Octets& packet, bool on_disk = true) {
     JudgedTelecommand judged = router_.judge(packet, MonotonicTime{});
     judged.origin.id = ++id_;
@@ -54,7 +54,7 @@ class Schedule : public RouterWithParts {
       names.push_back(std::to_string(report.service) + "," + std::to_string(report.subtype));
     return names;
   }
-  /// A request for @p release s, of one of the payloads. @return its packet
+  /// Inserts a request of one of the payloads for @p release s. @return its packet
   Octets insert(int release, int group = 0) {
     Octets request = packet_of("eps.switch_load", {"load=2", "state=on"});
     EXPECT_EQ(send("schedule.insert", {"group_id=" + std::to_string(group), "release=" + iso(release),
@@ -74,7 +74,7 @@ class Schedule : public RouterWithParts {
     for (const std::string& word : id_of(packet)) arguments.push_back(word);
     return send(name, arguments);
   }
-  /// Failure code and what follows it, of the last report.
+  /// Failure code and following data of the last report.
   [[nodiscard]] Octets failure() const {
     return reports_.empty() ? Octets{} : Octets(reports_.back().data.begin() + 4, reports_.back().data.end());
   }
@@ -83,7 +83,7 @@ class Schedule : public RouterWithParts {
     octets.insert(octets.end(), parameter.begin(), parameter.end());
     return octets;
   }
-  /// Releases what is due at @p s, as the node does. @return their packets
+  /// Like the node, releases the requests due at @p s. @return their packets
   std::vector<Octets> release(int s, bool valid = true) {
     schedule_.on_time(at(s), valid);
     schedule_.drop_overdue();
@@ -403,7 +403,7 @@ TEST_F(Schedule, ARequestThatWasCarriedOutBeforeAKillIsNotCarriedOutAgain) {
   EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
   EXPECT_EQ(schedule_.next_due_in(), seconds(110));
 
-  origin.id = shifted_by + 1;  // accepted, and not carried out before the kill
+  origin.id = shifted_by + 1;  // accepted, but not carried out before the kill
   router_.restore({.origin = origin, .packet = shift, .expiry = MonotonicTime(seconds(10)), .progress = {}},
                   {});
   schedule_.on_written(journal_.revision(), true);

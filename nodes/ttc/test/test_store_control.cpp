@@ -36,7 +36,7 @@ class StoreControlTest : public testing::Test {
     mission::StorageSetOpenStart group{.from = from, .store = store};
     control_.execute(origin(), group.subtype, mission::StorageSetOpenStart::encoded(group, {group}));
   }
-  /// Reports since the last call, as "service.subtype".
+  /// The reports since the last call, each as "service.subtype".
   std::vector<std::string> reports() {
     std::vector<std::string> out;
     for (const Report& report : outbox_.take()) {
@@ -265,7 +265,7 @@ TEST_F(StoreControlTest, AStoreThatLostItsEndIsFollowedFromWhereItEndedAtTheStar
   control_.on_left(500);
 
   StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
-  // Of 50 records 40 are left, and 15 came since.
+  // 40 of 50 records are left, and 15 new ones have arrived.
   again.on_status(events, {.records = 55, .next_sequence = 55, .recovered_sequence = 40});
   batch = again.next_batch(room);
   ASSERT_TRUE(batch);

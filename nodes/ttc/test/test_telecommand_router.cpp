@@ -26,8 +26,7 @@ class Router : public RouterWithParts {
     }
     for (const mission::Event& event : dictionary_.events()) events_.add_event(event.id);
   }
-  /// Sends a command as text, as the ground writes it. @return service.subtype of everything it caused, in
-  /// order
+  /// Sends a command in the ground's text form. @return service.subtype of everything it caused, in order
   std::vector<std::string> send(const std::string& name, const std::vector<std::string>& arguments = {},
                                 std::uint8_t ack = wire::ack::all, bool durable = true) {
     const auto encoded = dictionary_.encode(name, arguments);
@@ -73,7 +72,7 @@ class Router : public RouterWithParts {
       names.push_back(std::to_string(report.service) + "," + std::to_string(report.subtype));
     return names;
   }
-  /// Failure code and what follows it, of the last report.
+  /// Failure code and following data of the last report.
   [[nodiscard]] Octets failure() const {
     return reports_.empty() ? Octets{} : Octets(reports_.back().data.begin() + 4, reports_.back().data.end());
   }
@@ -269,7 +268,7 @@ TEST_F(Router, KeepsRoomForWhatWaitsForTheDisk) {
 }
 
 TEST_F(Router, ATelecommandBehindAModeChangeIsJudgedByTheModeToCome) {
-  // No command of the dictionary is refused in safe mode yet, so one is made so.
+  // The dictionary has no command that safe mode refuses yet, so the test makes one.
   const JudgedTelecommand change = judge(packet_of("ttc.set_mode", {"mode=safe"}));
   JudgedTelecommand behind = judge(packet_of("eps.switch_load", {"load=2", "state=on"}));
   mission::Command nominal_only = *behind.command;
@@ -433,7 +432,7 @@ TEST_F(Router, AParameterOutOfItsRangeOrThatNobodyHasIsRefusedBeforeAnybodyIsAsk
 class HazardousTelecommands : public Router {
  protected:
   static constexpr const char* hazard = "eps.power_cycle_peripheral";
-  /// As the ground does it (ground/arming.cpp).
+  /// Arms like the ground (ground/arming.cpp).
   Names arm(const std::string& name, const std::vector<std::string>& arguments = {}) {
     const auto meant = dictionary_.encode(name, arguments);
     return send("ttc.arm", {"of_apid=" + std::to_string(meant->command->apid),
@@ -441,7 +440,7 @@ class HazardousTelecommands : public Router {
                             "of_subtype=" + std::to_string(meant->command->subtype),
                             "digest=" + std::to_string(crc32c(meant->data))});
   }
-  /// Reasons of what is armed no more; nullopt: something was armed.
+  /// News of the hazards: nullopt for an arming, the reason for a disarming.
   std::vector<std::optional<mission::DisarmReason>> news() {
     std::vector<std::optional<mission::DisarmReason>> reasons;
     for (const HazardNews& news : hazards_.take_news()) reasons.push_back(news.reason);

@@ -193,7 +193,7 @@ TEST_F(Uplink, RefusesAnythingNotAuthenticOnASecuredChannel) {
   EXPECT_EQ(push(open_bd(ping(), spacecraft, 0)), 0U);
   EXPECT_EQ(chain_.counters().not_authentic, 1U);
 
-  // Altered behind BCH and FECF: only the MAC can notice.
+  // Altered before BCH and FECF are computed, so only the MAC can detect the change.
   const wire::SdlsSeal seal{.key = key_, .spi = 1, .counter = 5};
   Octets field = wire::sdls_apply(seal, 0, wire::segment_header_unsegmented, ping()).value();
   field[20] ^= 1;
@@ -205,7 +205,7 @@ TEST_F(Uplink, RefusesAnythingNotAuthenticOnASecuredChannel) {
 }
 
 TEST_F(Uplink, ACounterOfMoreThan64BitsIsRefusedForThatReason) {
-  // Made by Python's ctypes on libcrypto: SPI 1, IV 2^64 + 9, the ping of the vectors.
+  // Generated with Python's ctypes and libcrypto: SPI 1, IV 2^64 + 9, the ping of the vectors.
   Octets field = *from_hex(
       "c000010000000100000000000000098c7ab47754befc332a30be26cf2d9b"
       "b4f1a156d8a2c2114900a18f0280");
@@ -304,7 +304,7 @@ TEST_F(Uplink, CarriesOnlySoManyForeignCountersAlong) {
 TEST_F(Uplink, TheControlWordAcknowledgesOnlyWhatIsStored) {
   const auto report_value = [this] {
     const std::uint32_t word = chain_.next_clcw();
-    (void)chain_.next_clcw();  // of the other channel
+    (void)chain_.next_clcw();  // skips the CLCW of the other channel
     return word & 0xFF;
   };
   const auto packets = chain_.push(secured(1, wire::TcFrameType::ad, 0), MonotonicTime{});
@@ -386,7 +386,7 @@ TEST_F(Uplink, EveryGoodCltuComesThroughAHundredThousandRandomOctets) {
     for (std::uint8_t& octet : chunk) octet = static_cast<std::uint8_t>(random());
     noise += chunk.size();
     received += push(chunk, ++ms);
-    if (random() % 4 == 0) {  // now and then a start sequence that is none
+    if (random() % 4 == 0) {  // sometimes a false start sequence
       received += push({0xEB, 0x90, static_cast<std::uint8_t>(random())}, ms);
       noise += 3;
     }

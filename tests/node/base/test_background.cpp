@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Threads of real processes that put themselves behind others, and what a lender makes of them.
+// Threads of real processes that lower their priority, and the effect of a lender on them.
 
 #include "base/background.hpp"
 
@@ -24,7 +24,7 @@ namespace {
 
 constexpr uid_t nobody = 65534;
 
-/// A process that leads a session of its own and sleeps after what it was asked to do.
+/// A process that leads a new session, runs the given action and then sleeps.
 class Sleeper {
  public:
   template <class Action>
@@ -60,7 +60,7 @@ class Sleeper {
   bool ready_ = false;
 };
 
-constexpr rlim_t niceness_0 = 20;  ///< as RLIMIT_NICE has it
+constexpr rlim_t niceness_0 = 20;  ///< in the units of RLIMIT_NICE
 
 bool may_raise_limits() {
   rlimit limit{};
@@ -69,7 +69,7 @@ bool may_raise_limits() {
   return setrlimit(RLIMIT_NICE, &raised) == 0;
 }
 
-/// No privilege from here on.
+/// Drops all privileges for good.
 void become_nobody(rlim_t limit) {
   const rlimit niceness{limit, limit};
   if (setrlimit(RLIMIT_NICE, &niceness) != 0) _exit(1);

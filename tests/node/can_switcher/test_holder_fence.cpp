@@ -23,7 +23,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// A child that waits for its end; ended and reaped with the object.
+/// A child process that only waits. The destructor ends and reaps it.
 class Holder {
  public:
   Holder() : pid_(fork()) {
@@ -38,13 +38,13 @@ class Holder {
   Holder(const Holder&) = delete;
   Holder& operator=(const Holder&) = delete;
   [[nodiscard]] pid_t pid() const { return pid_; }
-  /// Signal that ended it.
+  /// Reaps the child. @return the signal that ended it
   int reap() {
     if (!reaped_) waitpid(pid_, &status_, 0);
     reaped_ = true;
     return WIFSIGNALED(status_) ? WTERMSIG(status_) : 0;
   }
-  /// As the instance lock tells it: nobody once the process has ended, reaped or not.
+  /// The owner of the instance lock; nullopt once the process has ended, reaped or not.
   [[nodiscard]] std::optional<pid_t> lock_owner() const {
     siginfo_t info{};
     const bool ended =
@@ -138,7 +138,7 @@ TEST_F(HolderFenceTest, SeesAHolderThatEndsByItselfAfterTheKillFailed) {
 TEST_F(HolderFenceTest, NeverKillsAStrangerThatGotTheNumber) {
   Holder stranger;
   int asked = 0;
-  // The holder ends between the two questions; its number now belongs to somebody else.
+  // The holder ends between the two look-ups, and its pid now belongs to another process.
   find_ = [&]() -> std::optional<pid_t> {
     return asked++ == 0 ? std::optional(stranger.pid()) : std::nullopt;
   };

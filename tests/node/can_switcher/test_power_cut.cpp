@@ -11,7 +11,7 @@
 namespace srfs {
 namespace {
 
-/// Lines that tell their test when their owner lets go of them.
+/// Lines that notify the test when their owner releases them.
 class WatchedLines : public hw::FakeGpioLines {
  public:
   explicit WatchedLines(WatchedLines*& owned) : owned_(owned) { owned_ = this; }
@@ -40,7 +40,7 @@ class PowerCutTest : public ::testing::Test {
                               done_.emplace_back(p.payload, problem);
                             }});
   }
-  /// The job of the worker and what follows it on the work thread.
+  /// Finishes the worker's job and its continuation on the work thread.
   void finish() { worker_.drain(); }
 
   ros::Executor executor_;

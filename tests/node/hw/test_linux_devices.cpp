@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// What can be said about the drivers of the board on a machine that lacks the devices: they say clearly that
-// they are gone, they do not block, and they end quickly.
+// The board's drivers on a computer without the devices: they report clearly that the devices are missing, do
+// not block, and end quickly.
 
 #include <cmath>
 
@@ -56,7 +56,7 @@ TEST(KernelClock, TellsTheSystemsTimeAndRate) {
   const UtcTime before = system_utc_now();
   const UtcTime told = clock->utc_at(monotonic_now());
   const UtcTime after = system_utc_now();
-  // What it holds between steps was read with this tolerance at worst.
+  // The clock keeps an offset between steps; this is the worst error of its measurement.
   EXPECT_GE(told, before - (after - before) - milliseconds(1));
   EXPECT_LE(told, after + (after - before) + milliseconds(1));
   EXPECT_LE(std::abs(clock->frequency_ppm()), KernelClock::frequency_limit_ppm);

@@ -15,7 +15,7 @@
 namespace srfs::hw {
 namespace {
 
-/// A device that fails to open as often as it is told.
+/// A device that fails to open a chosen number of times.
 struct Device : ::testing::Test {
   int failures = 0;
   std::vector<MonotonicTime> tries;
@@ -33,7 +33,7 @@ struct Device : ::testing::Test {
     ASSERT_TRUE(device->present());
     tries.clear();
   }
-  /// As the owner's loop does it: waits until there is something to do, and looks at the device.
+  /// Like the owner's loop, waits for an event of the device, then reads its state.
   bool wait_until_present() {
     const MonotonicTime end = monotonic_now() + seconds(20);
     while (monotonic_now() < end) {

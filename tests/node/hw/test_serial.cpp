@@ -102,7 +102,8 @@ TEST(SerialLine, WritesOnlyWhatFits) {
   const Octets much(1 << 20);
   const auto first = port->write(much);
   ASSERT_TRUE(first);
-  // The kernel moves what it took on to the other end in its own time: room may come back after a refusal.
+  // The kernel moves accepted octets to the other end at any time, so there may be room again after a
+  // refusal.
   std::size_t taken = *first;
   for (int refusals = 0; refusals < 100 && taken < much.size();) {
     const std::size_t more = port->write(much).value();

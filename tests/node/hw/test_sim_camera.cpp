@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The simulated camera at its socket, and the back-end of the flight software at the other end.
+// The simulated camera at one end of its socket, the flight software's back-end at the other.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

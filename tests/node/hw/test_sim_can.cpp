@@ -25,7 +25,7 @@
 namespace srfs::hw {
 namespace {
 
-/// The hub on its own thread, as in its own process.
+/// The hub on a separate thread, which stands in for its process.
 class RunningHub {
  public:
   explicit RunningHub(const std::filesystem::path& socket, sim::BusFaults faults = {})
@@ -49,7 +49,7 @@ class RunningHub {
     EXPECT_EQ(::write(stop_.get(), &one, sizeof one), 8);
     thread_.join();
   }
-  /// Runs @p change on the hub's thread and waits for its end.
+  /// Runs @p change on the hub's thread and waits until it has finished.
   void change(const std::function<void(sim::CanHub&)>& change) {
     std::promise<void> done;
     {
@@ -63,7 +63,7 @@ class RunningHub {
     EXPECT_EQ(::write(wake_.get(), &one, sizeof one), 8);
     done.get_future().wait();
   }
-  /// After stop() only.
+  /// Call only after stop().
   [[nodiscard]] const sim::CanHub& hub() const { return *hub_; }
   [[nodiscard]] nanoseconds span() const { return last_end_ - first_start_; }
 
@@ -164,7 +164,7 @@ bool await_state(CanBus& bus, CanBusState state) {
   });
 }
 
-/// The hub knows a station of this process by what it sent.
+/// Sends a frame, from which the hub learns that the station belongs to this process.
 void introduce(CanBus& bus) {
   ASSERT_TRUE(bus.send(frame(0x18DA1101)));
   ASSERT_TRUE(poll_until(bus.fd(), [&] { return bus.receive().has_value(); }));
@@ -175,14 +175,14 @@ TEST_F(SimCan, SeesBusOffAsSocketCanShowsItAndIsBackAfterTheRestartTime) {
   hub.change([](sim::CanHub& h) { h.set_automatic_restart(milliseconds(20)); });
   const auto a = connect();
   introduce(*a);
-  // Nothing leaves: what is sent now is lost with the bus-off.
+  // The delay keeps frames from leaving: frames sent now are lost with the bus-off.
   hub.change([](sim::CanHub& h) { h.set_faults({.extra_delay = seconds(10)}); });
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(a->send(frame(0x18DA1101)));
   hub.change([now = monotonic_now()](sim::CanHub& h) {
     h.on_readable(now);
     EXPECT_TRUE(h.force_bus_off(0x01, monotonic_now()));
   });
-  // The restart may come before we look: the counters tell.
+  // The restart may come before the state is read, so check the counters.
   EXPECT_TRUE(poll_until(a->fd(), [&] {
     (void)a->receive();
     return a->counters().bus_off == 1;
@@ -223,9 +223,9 @@ TEST_F(SimCan, GoesBusOffByBitErrorsAndHearsOfEach) {
   EXPECT_EQ(a->controller().transmit_errors, 248) << "as told with the last error before";
 }
 
-/// Handles of another process are the computer's: the hub tells them from its own by their pid.
+/// The hub recognises the computer's handles by their pid, which differs from its own.
 TEST_F(SimCan, EveryHandleOfTheComputerSharesItsControllerAndANewOneIsToldItsState) {
-  const pid_t child = ::fork();  // before there is a second thread
+  const pid_t child = ::fork();  // before a second thread exists
   if (child == 0) {
     const auto first = connect();
     if (!await_state(*first, CanBusState::bus_off)) ::_exit(1);
@@ -250,7 +250,7 @@ TEST_F(SimCan, TakesBackFramesThatDoNotGetTheBus) {
     h.set_babble(sim::Babble{.frame = {.id = 0, .extended = false, .size = 8}}, monotonic_now());
   });
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(a->send(frame(0x18DA1101)));
-  EXPECT_TRUE(poll_until(a->fd(), [&] {  // somebody else has the bus
+  EXPECT_TRUE(poll_until(a->fd(), [&] {  // another station occupies the bus
     const auto f = a->receive();
     return f && f->id == 0;
   }));
@@ -270,7 +270,7 @@ TEST_F(SimCan, SaysThatItWasTooSlowToHearEverything) {
   hub.change([](sim::CanHub& h) {
     h.set_babble(sim::Babble{.frame = {.id = 0, .extended = false, .size = 8}}, monotonic_now());
   });
-  // Not reading is what is tested: until the hub could not give it more.
+  // The listener does not read until the hub can deliver no more frames.
   const MonotonicTime limit = monotonic_now() + seconds(20);
   std::uint64_t lost = 0;
   while (lost == 0 && monotonic_now() < limit) {
@@ -311,7 +311,7 @@ TEST_F(SimCan, LosesItsQueuedFramesWhenItsProcessEnds) {
 
 TEST_F(SimCan, SaturatedCarriesMoreThan95PercentOfTheBitTime) {
   constexpr int most_tries =
-      40;  // a machine that keeps this process away for 10 ms leaves the bus without frames
+      40;  // a machine that stops this process for 10 ms leaves the bus without frames to send
   double share = 0;
   for (int i = 0; i < most_tries && share < 0.95; ++i) {
     RunningHub hub(folder_.path() / "hub.sock");
@@ -373,7 +373,7 @@ TEST_F(SimCan, CarriesTheLongestIsoTpMessageAndItsAnswer) {
   wire::IsoTpChannel channel({.target = 0x11, .source = 0x01}, settings);
   Octets message(4095);
   for (std::size_t i = 0; i < message.size(); ++i) message[i] = static_cast<std::uint8_t>(i * 31);
-  // The peripheral may not have connected yet: then nobody answers, and the message is sent again.
+  // Repeat the message: before the peripheral has connected, no station answers.
   EXPECT_TRUE(serve(
       *bus, channel,
       [&] {
@@ -396,14 +396,14 @@ TEST(CanHub, CarriesFramesFromTheTimesTheyWereWrittenHoweverLateItIsWoken) {
   hub->set_tap([&](const sim::BusDelivery& d) { carried.push_back(d); });
   const auto first = open_can("sim:hub.sock", folder.path()).value();
   const auto second = open_can("sim:hub.sock", folder.path()).value();
-  hub->on_readable(monotonic_now());  // takes the connections
+  hub->on_readable(monotonic_now());  // accepts the connections
 
   constexpr milliseconds late(200);
-  // Again when the machine was too busy to tell: the clocks are compared by reading one after the other.
+  // Repeat on a busy machine: the clocks are read one after the other, so a delay spoils the comparison.
   for (int attempt = 0; attempt < 20; ++attempt) {
     carried.clear();
     ASSERT_TRUE(second->send(frame(0x18DA0111)));
-    ASSERT_TRUE(first->send(frame(0x100)));  // of higher priority, but it came later
+    ASSERT_TRUE(first->send(frame(0x100)));  // higher priority, but later
     const MonotonicTime written = monotonic_now();
     std::this_thread::sleep_for(late);
     hub->on_readable(monotonic_now());

@@ -11,10 +11,10 @@
 
 namespace srfs::testing_support {
 
-/// What the next exposure of a scripted camera gives.
+/// The result of the next exposure of a scripted camera.
 enum class Shot : std::uint8_t { good, unsound, repeated, silent, unplugged };
 
-/// Shared by the test and the camera, which lives on a worker's thread.
+/// Shared by the test and the camera, which runs on a worker thread.
 class CameraScript {
  public:
   void plug_in(bool there) {
@@ -53,7 +53,7 @@ class CameraScript {
   std::vector<std::string> calls_;
 };
 
-/// A camera of 64 x 48 pixels that does what its script says.
+/// A camera of 64 x 48 pixels that follows its script.
 class ScriptedCamera : public hw::Camera {
  public:
   explicit ScriptedCamera(std::shared_ptr<CameraScript> script) : script_(std::move(script)) {}

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// ImageAcquisitionNode over real DDS, with a camera that does what the test says.
+// ImageAcquisitionNode over real DDS, with a camera that the test controls.
 
 #include <algorithm>
 
@@ -31,7 +31,7 @@ namespace failure = mission::failure;
 
 const UtcTime utc_at_start(seconds(1'795'248'000));
 
-/// The node in one participant, its client in another; one work thread.
+/// The node in one participant, its client in another; both on one work thread.
 class ImageAcquisitionNodeTest : public testing::Test {
  protected:
   static ros::Participant& participant(std::size_t side) {
@@ -186,7 +186,7 @@ TEST_F(ImageAcquisitionNodeTest, BeginsAtTheCommandedTimeAndSaysHowFarOff) {
   tick();
   const auto result = expect_end(sent, GoalState::succeeded);
   ASSERT_EQ(result.files.size(), 3U);
-  EXPECT_GE(result.start_error_us, 0);  // how late is the machine's matter: it may be busy
+  EXPECT_GE(result.start_error_us, 0);  // no upper limit, because the machine may be busy
   double latest_s = 0;
   for (std::size_t i = 0; i < 3; ++i) {
     const auto frame = image::read_frame(images() / result.files.at(i));
@@ -204,7 +204,7 @@ TEST_F(ImageAcquisitionNodeTest, RefusesWhatIsPastOutOfRangeOrUnderWay) {
   ASSERT_TRUE(wait([&] { return !script_->calls().empty(); }));
   Capture::Goal past = task(19);
   past.start = ros::to_message(utc_now() - seconds(2));
-  // The node has the time once its tick is there.
+  // The node knows the time after it has received a tick.
   executor_.spin_until([] { return false; }, monotonic_now() + milliseconds(200));
   const auto refused = capture(past, GoalState::aborted);
   EXPECT_EQ(refused.failure_code, failure::capture_time_past);

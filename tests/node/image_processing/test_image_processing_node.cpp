@@ -64,7 +64,8 @@ class ImageProcessingNodeTest : public testing::Test {
       return client_->is_ready() && detections_reader_->publisher_count() == 1 &&
              events_reader_->publisher_count() == 1;
     }));
-    // The reader's match is not yet the writer's: a first goal, refused, shows that events are heard.
+    // A match at the reader does not imply one at the writer. The event about a first, refused goal shows
+    // that events arrive.
     ASSERT_TRUE(wait([&] {
       if (!probe_ || probe_->is_over()) probe_ = client_->send_goal(goal({"frames/none.fits"}), {});
       return !events_.empty();
@@ -245,7 +246,7 @@ TEST_F(ImageProcessingNodeTest, AnswersLivenessWhileItComputes) {
   end_of(running, ros::GoalState::canceled);
 }
 
-/// A file whose reader waits until it is let go: a disk that does not answer.
+/// A file whose reader waits until let_go(), like on a disk that does not answer.
 class HangingFile {
  public:
   explicit HangingFile(std::filesystem::path path) : path_(std::move(path)) {
@@ -253,11 +254,11 @@ class HangingFile {
   }
   ~HangingFile() {
     const Fd writer = open();
-    std::filesystem::remove(path_);  // who comes later does not hang
+    std::filesystem::remove(path_);  // later readers do not hang
   }
   HangingFile(const HangingFile&) = delete;
   HangingFile& operator=(const HangingFile&) = delete;
-  /// Who reads it now.
+  /// Releases the current reader.
   void let_go() const { const Fd writer = open(); }
 
  private:
@@ -289,7 +290,7 @@ TEST_F(ImageProcessingNodeTest, ACleanupDoesNotWaitForTheStepThatRunsAndWhatCome
   ASSERT_TRUE(wait([&] { return later.accepted; }));
   EXPECT_FALSE(later.outcome) << "two steps at once would write over each other";
   ASSERT_TRUE(wait([&] {
-    mark.let_go();  // it may not have come there before
+    mark.let_go();  // the step may not have reached the file before
     return later.outcome.has_value();
   }));
   EXPECT_EQ(end_of(later, ros::GoalState::succeeded).failure_code, 0);

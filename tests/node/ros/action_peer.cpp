@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The other process of the action and service tests: `action_peer ROLE DOMAIN NAME`.
+// The peer process of the action and service tests: `action_peer ROLE DOMAIN NAME`.
 //   server  serves the action NAME. order < 0 is rejected; order 0 runs, with feedback, until it is canceled;
-//           order > 0 sends that many feedbacks and succeeds. Results are kept for 2 s.
+//           order > 0 sends that many feedback messages and succeeds. Results are kept for 2 s.
 //   client  sends order 3 to the action NAME; exit code 0 when it succeeds with the sequence 0, 1, 1
 //   waiter  sends order 0 to the action NAME and waits
 //   mute    serves the service NAME and never answers
-//   node    is the node "victim" of the suite "t" in VAR = NAME: publishes /test/victim
+//   node    acts as the node "victim" of the suite "t" in VAR = NAME: publishes /test/victim
 //   huge    publishes samples of 64 MiB on the topic NAME, whose type is TaskFlags
 //   flood   publishes on the topic NAME without a pause
 
@@ -34,7 +34,7 @@ using Goal = std::shared_ptr<ServerGoal<Fibonacci>>;
 
 constexpr milliseconds step{20};
 
-/// One more number of each goal at every step.
+/// Adds one number to each goal at every step.
 class FibonacciWork {
  public:
   explicit FibonacciWork(Executor& executor)
@@ -102,7 +102,7 @@ int stay_mute(Executor& executor, Participant& participant, const std::string& n
   return 0;
 }
 
-/// Holds its lock and its participant until it is killed, as every node does.
+/// Like every node, holds its lock and its participant until it is killed.
 int be_a_node(int domain, const std::string& var_folder) {
   const VarPaths var{var_folder};
   auto lock = InstanceLock::take(var, "victim");
@@ -118,7 +118,7 @@ int be_a_node(int domain, const std::string& var_folder) {
   return 0;
 }
 
-/// A sample as large as its sender likes, under the name of another type.
+/// A sample without a size limit, under the name of another type.
 struct Huge {
   static constexpr const char* dds_type_name = srfs_msgs::msg::TaskFlags::dds_type_name;
   std::vector<std::uint8_t> octets;

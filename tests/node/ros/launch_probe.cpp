@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A process as the launcher starts it: holds its instance lock and waits. SIGUSR1: starts the node that
-// VAR/run/start_next names, as the ring will. SIGTERM: ends.
+// A process for the launcher to start: holds its instance lock and waits. SIGUSR1: starts the node named in
+// VAR/run/start_next, like the ring. SIGTERM: ends.
 
 #include <csignal>
 
@@ -30,7 +30,7 @@ int main(int argc, char** argv) {
   auto lock = ros::InstanceLock::take(paths, name);
   if (!lock) return 3;
   const ros::Deployment plan = ros::Deployment::load(deployment);
-  lock->publish(1, "probe");  // from now on the test may signal, and look at what is open
+  lock->publish(1, "probe");  // from now on the test may send signals and read the open files
   while (true) {
     int signal = 0;
     sigwait(&set, &signal);

@@ -23,7 +23,7 @@
 
 namespace srfs::ros {
 
-/// A node whose callbacks do what a test says.
+/// A node whose callbacks the test defines.
 class ScriptedNode : public LifecycleNode {
  public:
   using Script = std::function<CallbackReturn()>;
@@ -38,7 +38,7 @@ class ScriptedNode : public LifecycleNode {
   Script configure, activate, deactivate, cleanup, shutdown, error;
   std::vector<std::string> calls;
 
-  // What a node has beside its state machine, open to the test.
+  // Makes the node's other functions accessible to tests.
   using LifecycleNode::create_one_shot;
   using LifecycleNode::create_subscription;
   using LifecycleNode::create_timer;
@@ -64,8 +64,8 @@ class ScriptedNode : public LifecycleNode {
 /// both, so callbacks never overlap.
 class ScriptedNodeTest : public testing::Test {
  protected:
-  /// One pair for all tests of the program: Fast DDS numbers the participants of a process without end, and
-  /// discovery reaches the first 32 numbers only.
+  /// One pair for all tests of the program: Fast DDS never reuses participant numbers in a process, and
+  /// discovery reaches only the first 32 numbers.
   static Participant* shared_participant(std::size_t side) {
     static const auto make = [] {
       return Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value().release();
@@ -81,7 +81,7 @@ class ScriptedNodeTest : public testing::Test {
     start_node();
   }
   void TearDown() override { node_.reset(); }
-  /// A fresh node, as after a restart of its process.
+  /// Creates a new node, as after a restart of its process.
   void start_node() {
     node_.reset();
     context_ = std::make_unique<NodeContext>(
@@ -96,15 +96,16 @@ class ScriptedNodeTest : public testing::Test {
   typename S::Response call(const std::string& name, const typename S::Request& request) {
     Client<S> client(executor_, *there_, name, Qos{}, Priority::normal);
     std::optional<typename S::Response> answer;
-    // The first request may go to the server of a node that was destroyed just before.
+    // The first request may go to the server of the node that was just destroyed.
     client.call(request, seconds(5), 3, [&](const Result<typename S::Response, CallError>& r) {
       if (r) answer = *r;
     });
     EXPECT_TRUE(wait([&] { return answer.has_value(); })) << name;
     return answer.value_or(typename S::Response{});
   }
-  /// What the node publishes from now on is heard. The reader's match is not yet the writer's; but discovery
-  /// tells of endpoints in order, so a node that answers a client made later knows the reader.
+  /// Waits until everything that the node publishes arrives. A match at the reader does not imply one at the
+  /// writer. But discovery announces endpoints in order, so a node that answers a later client knows the
+  /// reader.
   template <class S>
   bool is_heard(const S& subscription) {
     if (!wait([&] { return subscription.publisher_count() == 1; })) return false;

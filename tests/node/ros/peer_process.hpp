@@ -14,8 +14,8 @@
 
 namespace srfs::testing_support {
 
-/// A process of tests/node/ros/action_peer.cpp on this test's DDS domain; killed at the latest with this
-/// object.
+/// A process of tests/node/ros/action_peer.cpp on this test's DDS domain. The destructor kills it if it still
+/// runs.
 class PeerProcess {
  public:
   PeerProcess(const std::string& role, const std::string& name) {
@@ -33,14 +33,14 @@ class PeerProcess {
   PeerProcess& operator=(const PeerProcess&) = delete;
 
   void signal(int number) const { signal_child(pid_, number); }
-  /// kill -9; returns when the process is gone.
+  /// Sends SIGKILL and waits until the process has ended.
   void kill_now() {
     if (pid_ <= 0) return;
     signal_child(pid_, SIGKILL);
     waitpid(pid_, nullptr, 0);
     pid_ = 0;
   }
-  /// Waits for its end, at most 20 s. @return its exit code, -1 when it did not end by itself
+  /// Waits up to 20 s for the process to end. @return the exit code; -1 if it did not end by itself
   int wait_for_exit() {
     int status = 0;
     for (int i = 0; i < 2000 && waitpid(pid_, &status, WNOHANG) == 0; ++i) usleep(10'000);

@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A process as the ring's restarter finds it: instance lock, incarnation, heartbeat page, crash handler, one
-// thread that turns. VAR/run/NAME.behaviour, read at the start, and signals make it misbehave:
+// A process for tests of the ring's restarter: instance lock, incarnation, heartbeat page, crash handler, and
+// one thread that makes turns. VAR/run/NAME.behaviour, read at the start, and signals select its faults:
 //   "exit N"   ends before it takes its lock        SIGUSR1  hangs: no turns, deaf to SIGTERM
 //   "slow"     takes it when VAR/run/go exists       SIGUSR2  writes through a null pointer
-//   "stubborn" deaf to SIGTERM, turns on             SIGHUP   throws what nobody catches
+//   "stubborn" ignores SIGTERM and keeps turning     SIGHUP   throws an exception that is not caught
 
 #include <csignal>
 #include <cstdio>

@@ -1,8 +1,8 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A node of a ring that does nothing else but give its worker a job now and then (test_liveness_ring.cpp).
-// SIGUSR1: its work thread loops for ever; SIGUSR2, to one thread: that one never comes back;
-// SIGHUP: it takes 950 MiB.
+// A node of a ring that only gives its worker a job from time to time (test_liveness_ring.cpp).
+// SIGUSR1: the work thread loops for ever; SIGUSR2, sent to one thread: that thread never returns;
+// SIGHUP: the process allocates 950 MiB.
 
 #include <csignal>
 
@@ -26,7 +26,7 @@ class RingProbe : public srfs::ros::LifecycleNode {
 };
 
 [[noreturn]] void loop(int) {
-  // On the work thread: the kernel gives a process' signal to its first thread when that does not block it.
+  // Runs on the work thread: the kernel delivers a process' signal to the first thread unless it is blocked.
   while (true) {
     static volatile int turns = 0;
     turns = turns + 1;

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Actions over real DDS: server and client on two participants of this process, or in a process that is
-// killed.
+// Actions over real DDS: server and client use two participants of this process, or one of them runs in a
+// process that the test kills.
 
 #include <algorithm>
 #include <filesystem>
@@ -34,7 +34,7 @@ Fibonacci::Goal order(int n) {
 
 class ActionTest : public testing::Test {
  protected:
-  // Making a participant takes longer than a test: all share two.
+  // Creating a participant takes longer than a test, so all tests share two.
   static void SetUpTestSuite() {
     here_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     there_ = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
@@ -44,7 +44,7 @@ class ActionTest : public testing::Test {
     there_.reset();
   }
   void SetUp() override {
-    // A name of its own: what the test before closed may still be known to the other participant.
+    // Each test uses a new name: the other participant may still know the previous test's endpoints.
     static int tests = 0;
     action_ = "/test/fibonacci_" + std::to_string(++tests);
     client_ = std::make_unique<ActionClient<Fibonacci>>(executor_, *there_, action_);
@@ -52,13 +52,13 @@ class ActionTest : public testing::Test {
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
   }
-  /// A server that keeps its goals in running_ unless @p accepted says otherwise.
+  /// Starts a server. It keeps its goals in running_ unless @p handlers replace that.
   void serve(ActionHandlers<Fibonacci> handlers = {}, const ActionServerOptions& options = {}) {
     if (!handlers.accepted) handlers.accepted = [this](FibonacciGoal goal) { running_.push_back(goal); };
     server_ =
         std::make_unique<ActionServer<Fibonacci>>(executor_, *here_, action_, std::move(handlers), options);
   }
-  /// Feedback sent before the server knows the client's reader is nobody's.
+  /// Waits until feedback can arrive. Feedback is lost until the server knows the client's reader.
   void expect_feedback_will_be_heard() {
     ASSERT_TRUE(wait([&] { return server_->feedback_readers() == 1; }));
   }
@@ -133,7 +133,7 @@ TEST_F(ActionTest, TenThousandGoalsOfAnOutsiderAreAllAcceptedOrRejected) {
     params.related_sample_identity().writer_guid(reader->guid());
     EXPECT_TRUE(writer.write(&request, &params));
   };
-  // What a client sends before the server has matched it is for nobody; it has when it answers.
+  // Requests sent before the server has matched the client are lost. An answer proves the match.
   std::size_t sent = 0;
   ASSERT_TRUE(wait([&] {
     if (answers.empty()) send(sent++);
@@ -339,7 +339,7 @@ TEST_F(ActionTest, AServerThatEndsTellsItsClients) {
   ASSERT_TRUE(wait([&] { return server_->results_awaited() == 1; }));
   server_.reset();
   expect_end(sent, GoalState::aborted);
-  running_.at(0)->succeed();  // too late, and harmless
+  running_.at(0)->succeed();  // too late, but harmless
 }
 
 TEST_F(ActionTest, WithoutAServerAGoalFailsAtItsDeadline) {
@@ -425,7 +425,7 @@ TEST_F(ActionTest, FeedbackBeyondItsBoundDropsTheOldestAndTheEndStillArrives) {
   send_and_run(sent, 1);
   constexpr int many = static_cast<int>(GoalMailbox::most_feedback) + 9;
   for (int n = 0; n < many; ++n)
-    running_.at(0)->publish_feedback({{n}});  // the work thread is busy: it is us
+    running_.at(0)->publish_feedback({{n}});  // keeps the work thread busy, which is this thread
   running_.at(0)->succeed();
   expect_end(sent, GoalState::succeeded);
   EXPECT_EQ(server_->dropped_feedback(), 9U);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The graph publisher over real DDS: when it publishes and what.
+// The graph publisher over real DDS: time and content of its messages.
 
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ class GraphPublisherTest : public testing::Test {
             [this](const HumbleGraphMessage& m, const MessageInfo&) { got_.push_back(m); })) {}
   ~GraphPublisherTest() override { reader_->close(); }
 
-  /// The next message after those seen so far.
+  /// The next message after those already received.
   HumbleGraphMessage next() {
     EXPECT_TRUE(executor_.spin_until([&] { return got_.size() > seen_; }, monotonic_now() + seconds(20)));
     return got_.size() > seen_ ? got_[seen_++] : HumbleGraphMessage{};
@@ -51,7 +51,7 @@ class GraphPublisherTest : public testing::Test {
 
 TEST_F(GraphPublisherTest, WhatIsMadeInOneTurnIsToldOnce) {
   std::vector<std::unique_ptr<Publisher<srfs_msgs::msg::TaskFlags>>> publishers;
-  publishers.push_back(make(0));  // before the node: belongs to it too
+  publishers.push_back(make(0));  // created before the graph publisher, but part of the node
   const GraphPublisher graph(executor_, *here_, RosGraph::humble, "probe");
   for (int i = 1; i < 40; ++i) publishers.push_back(make(i));
 
@@ -91,12 +91,13 @@ TEST_F(GraphPublisherTest, WhoComesLateGetsTheLatest) {
   reader->close();
 }
 
-/// How long this process can have run since then: the time without what its threads waited for a CPU, and
-/// without what the host of a virtual machine took. A kernel that tells neither: all of the time.
+/// Upper limit of the time that this process ran: elapsed time minus the time that its threads waited for a
+/// CPU and the time that the host took from the virtual machine. All of the time if the kernel reports
+/// neither.
 class RunningTime {
  public:
   RunningTime() { excused_ = excused(began_); }
-  /// To be called at least twice a second.
+  /// Call this at least twice a second.
   nanoseconds passed() {
     const MonotonicTime now = monotonic_now();
     return now - began_ - (excused(now) - excused_);
@@ -115,7 +116,7 @@ class RunningTime {
   nanoseconds excused_{0};
 };
 
-/// A node of the suite that is killed, another one that watches, and a ROS 2 tool that belongs to nobody.
+/// A node of the suite that is killed, another node that watches, and a ROS 2 tool outside any suite.
 class DeparturesTest : public testing::Test {
  protected:
   DeparturesTest() {

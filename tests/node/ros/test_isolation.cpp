@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Who belongs to the suite, over real DDS.
+// Isolation of the suite from foreign participants, over real DDS.
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -31,7 +31,7 @@ using srfs_msgs::msg::TaskFlags;
 
 const Topic<TaskFlags> flags_topic{"/test/flags", {.depth = 4}, Priority::time};
 
-/// A message that may be as long as its sender likes.
+/// A message without a length limit.
 struct Blob {
   static constexpr const char* dds_type_name = "srfs_test::msg::dds_::Blob_";
   std::vector<std::uint8_t> octets;
@@ -41,7 +41,7 @@ struct Blob {
   }
 };
 
-/// @param depth as deep as a service is for its readers
+/// @param depth history depth; the default is a service's depth
 Topic<Blob> blob_topic(const std::string& name, std::int32_t depth = service_depth) {
   return {name, {.depth = depth}};
 }
@@ -52,7 +52,7 @@ GuidPrefix prefix_of(const Gid& gid) {
   return prefix;
 }
 
-/// Says what it likes to one port or another of this host.
+/// Sends arbitrary datagrams to ports of this host.
 class RawSocket {
  public:
   void send(OctetView datagram, std::uint16_t port) const {
@@ -63,7 +63,7 @@ class RawSocket {
     (void)sendto(fd_.get(), datagram.data(), datagram.size(), 0, reinterpret_cast<const sockaddr*>(&to),
                  sizeof to);
   }
-  /// To every port where discovery of this domain may listen.
+  /// Sends to every port on which this domain's discovery may listen.
   void send_to_discovery(OctetView datagram) const {
     for (int number = 0; number < 32; ++number)
       send(datagram,
@@ -74,7 +74,7 @@ class RawSocket {
   Fd fd_{socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)};
 };
 
-/// A process of the suite, another one, and a stranger, on one topic.
+/// Two processes of the suite and a stranger on one topic.
 class IsolationTest : public testing::Test {
  protected:
   bool wait(const std::function<bool()>& condition) {
@@ -88,7 +88,7 @@ class IsolationTest : public testing::Test {
                                 drop_foreign})
         .value();
   }
-  /// @return the cycles that the subscriber's callback got, in order of arrival
+  /// @return the cycles received by the subscriber's callback, in order of arrival
   std::vector<std::uint64_t> run(bool drop_foreign) {
     const auto stranger = Participant::create({testing_support::own_domain(), {"127.0.0.1"}}).value();
     const auto listener = member("listener", drop_foreign);
@@ -135,7 +135,7 @@ TEST_F(IsolationTest, WhereTheDeploymentSaysSoTheyAreDropped) {
   EXPECT_THAT(run(true), testing::ElementsAre(2));
 }
 
-/// A node that reads on its work thread, as all nodes do.
+/// A node that reads on its work thread, like every node.
 class NodeAmongStrangers : public IsolationTest {
  protected:
   using CheckAlive = srfs_msgs::srv::CheckAlive;
@@ -151,7 +151,7 @@ class NodeAmongStrangers : public IsolationTest {
         executor_, participant, "/test/alive", Qos{}, Priority::liveness,
         [](const CheckAlive::Request& q, CheckAlive::Response& r) { r.nonce = q.nonce; });
   }
-  /// @return whether a check of the node by @p from is answered, asked once
+  /// Checks the node once from @p from. @return whether the node answers
   bool is_answered(Participant& from, nanoseconds deadline) {
     Client<CheckAlive> client(executor_, from, "/test/alive", Qos{}, Priority::liveness);
     std::optional<bool> answered;
@@ -159,18 +159,18 @@ class NodeAmongStrangers : public IsolationTest {
     EXPECT_TRUE(wait([&] { return answered.has_value(); }));
     return answered.value_or(false);
   }
-  /// Octets that this process has now, beside what malloc() keeps for later.
+  /// Resident memory of this process, in octets, without free memory that malloc() keeps.
   static std::size_t resident_memory() {
     malloc_trim(0);
     return memory("VmRSS:");
   }
-  /// The most memory that this process ever had, octets.
+  /// Peak resident memory of this process, in octets.
   static std::size_t peak_memory() { return memory("VmHWM:"); }
   static std::size_t memory(const std::string& which) {
     const std::string status = read_file("/proc/self/status", 1U << 16).value();
     return std::stoul(status.substr(status.find(which) + which.size())) << 10;
   }
-  /// Where a participant hears user traffic.
+  /// The port on which a participant receives user traffic.
   static std::uint16_t user_port(Participant& participant) {
     auto* reader = participant.create_reader("rt/test/port", dds::TypeSupport(new TypeSupport<TaskFlags>),
                                              Qos{}, nullptr);
@@ -295,7 +295,7 @@ TEST_F(NodeAmongStrangers, FirstFragmentsThatClaimMuchTakeNoMoreThanTheRoomForTh
   }
   EXPECT_LT(peak_memory() - peak_before, 16U << 20);
 
-  // The suite has no such bound; who comes from outside waits for the room.
+  // Participants of the suite have no such bound; an outside sender waits for room.
   ASSERT_TRUE(ours.publish({std::vector<std::uint8_t>(800'000)}));
   EXPECT_TRUE(wait([&] { return got.size() == 1; }));
   ASSERT_TRUE(foreign.publish({std::vector<std::uint8_t>(900'000)}));
@@ -318,7 +318,7 @@ TEST_F(NodeAmongStrangers, MemoryForTheirSamplesIsGivenBack) {
   for (std::size_t i = 0; i < topics; ++i) {
     const std::string name = "/test/blob" + std::to_string(i);
     publishers.push_back(std::make_unique<Publisher<Blob>>(*stranger, blob_topic(name, 1)));
-    // What the writer takes for two samples on their way is there from now on.
+    // Make the writer allocate its memory for two samples in flight before the measurement.
     std::size_t heard = 0;
     auto listener = std::make_unique<Subscription<Blob>>(executor_, *elsewhere, blob_topic(name),
                                                          [&](const Blob&, const MessageInfo&) { ++heard; });
@@ -333,7 +333,7 @@ TEST_F(NodeAmongStrangers, MemoryForTheirSamplesIsGivenBack) {
       return publishers[i]->subscription_count() == 1 && subscriptions[i]->publisher_count() == 1;
     }));
   }
-  // A machine that is busy may keep the node from the socket for too long.
+  // On a busy machine the node may read its socket too late and lose samples.
   const auto lost = [&] {
     std::size_t sum = 0;
     for (const auto& subscription : subscriptions) sum += subscription->stats().lost;
@@ -342,10 +342,10 @@ TEST_F(NodeAmongStrangers, MemoryForTheirSamplesIsGivenBack) {
   const std::size_t before = resident_memory();
   std::size_t sent = 0;
   for (std::size_t i = 0; i < topics; ++i) {
-    pass(seconds(1));  // they have so many octets a second
+    pass(seconds(1));  // strangers have an octet budget per second
     for (std::size_t n = 0; n < samples; ++n, ++sent) {
       publishers[i]->publish(large);
-      here->receive_waiting();  // into the reader, and not yet taken
+      here->receive_waiting();  // moves the sample into the reader without taking it
     }
     ASSERT_TRUE(wait([&] { return got + lost() == sent; })) << got;
   }
@@ -368,7 +368,7 @@ TEST_F(NodeAmongStrangers, FragmentsOfDiscoveryThatClaimMuchTakeNoMemory) {
                                  [](const Blob&, const MessageInfo&) {});
   ASSERT_TRUE(wait([&] { return subscription.publisher_count() == 1 && large.publisher_count() == 1; }));
   const RawSocket socket;
-  Gid publications = to_gid(publisher.guid());  // the writer that tells of his publications
+  Gid publications = to_gid(publisher.guid());  // the stranger's publications writer
   std::copy_n(std::array<std::uint8_t, 4>{0, 0, 3, 0xc2}.begin(), 4, publications.begin() + 12);
   const std::size_t before = peak_memory();
   for (std::int64_t n = 1; n <= 2000; ++n) {
@@ -379,7 +379,7 @@ TEST_F(NodeAmongStrangers, FragmentsOfDiscoveryThatClaimMuchTakeNoMemory) {
     if (n % 50 == 0) pass(milliseconds(20));
   }
   EXPECT_LT(peak_memory() - before, 16U << 20);
-  // They came where it listens.
+  // The departure message below shows that the datagrams reached the discovery port.
   EXPECT_EQ(subscription.publisher_count(), 1U);
   socket.send_to_discovery(departure_message(prefix_of(publications)));
   EXPECT_TRUE(wait([&] { return subscription.publisher_count() == 0; }));
@@ -428,11 +428,11 @@ TEST_F(NodeAmongStrangers, SubmessagesThatDoNotHoldWhatTheySayAreDropped) {
   const std::uint16_t port = user_port(*here);
   const Gid writer = to_gid(lies.guid());
   const RtpsMessage empty(prefix_of(writer));
-  // Fast DDS 2.9 copies all of the sample from a datagram of 100 octets.
+  // Fast DDS 2.9 copies the whole sample size from a datagram of 100 octets.
   socket.send(RtpsMessage(empty).fragment(
                   writer, {.sample_octets = 1U << 20, .count = 17, .octets = 65000, .held = 40}),
               port);
-  // A size of no fragments: whole at once, with what is in that memory.
+  // With fragment size 0, Fast DDS treats the sample as complete, with whatever its memory contains.
   socket.send(RtpsMessage(empty).fragment(writer, {.sample_octets = 1U << 20, .octets = 0, .held = 40}),
               port);
   EXPECT_TRUE(wait([&] { return subscription.stats().malformed == 2; }));

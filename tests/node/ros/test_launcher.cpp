@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// A node runs the same whoever started it.
+// A node runs in the same environment, whichever process started it.
 
 #include <csignal>
 #include <cstdlib>
@@ -30,7 +30,7 @@
 namespace srfs::ros {
 namespace {
 
-/// What a process has from whoever started it, by name.
+/// Properties that a process inherits from its starter, by name.
 using Setting = std::map<std::string, std::string>;
 
 std::string text_of(const std::filesystem::path& path) {
@@ -78,7 +78,8 @@ Setting setting_of(pid_t pid) {
   s["io priority"] = std::to_string(syscall(SYS_ioprio_get, 1, pid));
   for (const auto& fd : std::filesystem::directory_iterator(proc / "fd"))
     s["fd " + fd.path().filename().string()] = std::filesystem::read_symlink(fd.path()).string();
-  // What the probe itself blocks shows or not, as it waits for it or not.
+  // Mask out the signals that the probe blocks itself: whether they show depends on whether it waits for
+  // them.
   constexpr unsigned long own = (1UL << (SIGUSR1 - 1)) | (1UL << (SIGTERM - 1));
   s["SigBlk"] = std::to_string(std::stoul(s["SigBlk"].substr(8), nullptr, 16) & ~own);
   return s;
@@ -110,7 +111,7 @@ class Launching : public testing::Test {
   [[nodiscard]] LaunchRequest request() const { return {plan_, var(), "/nowhere", "up"}; }
   [[nodiscard]] VarPaths var() const { return VarPaths{folder_ / "var"}; }
 
-  /// Waits for the probe to have said that it runs.
+  /// Waits until the probe has reported that it runs.
   [[nodiscard]] pid_t running(const std::string& node) const {
     const MonotonicTime deadline = monotonic_now() + seconds(20);
     while (monotonic_now() < deadline) {
@@ -135,7 +136,7 @@ class Launching : public testing::Test {
     end(node);
     return s;
   }
-  /// Starts @p node from a process that did @p odd to itself before.
+  /// Starts @p node from a process that has first applied @p odd to itself.
   Setting started_by(const std::function<void()>& odd, const std::string& node) {
     const pid_t child = fork();
     if (child == 0) {
@@ -176,7 +177,7 @@ void expect_same(const Setting& expected, const Setting& got, const std::string&
     EXPECT_TRUE(expected.contains(key)) << what << ": " << key << " is " << value;
 }
 
-/// CAP_SYS_RESOURCE: without it a hard limit, once lowered, cannot be raised again by anybody.
+/// Whether this process has CAP_SYS_RESOURCE; without it no process can raise a lowered hard limit again.
 bool may_raise_hard_limits() {
   const pid_t child = fork();
   if (child == 0) {
@@ -221,7 +222,7 @@ TEST_F(Launching, GivesTheSameSettingWhateverTheStarterDidToItself) {
     prctl(PR_SET_TIMERSLACK, 1'000'000'000, 0, 0, 0);
     prctl(PR_SET_THP_DISABLE, 1, 0, 0, 0);
     (void)open("/dev/zero", O_RDONLY);  // not close-on-exec
-    if (geteuid() != 0) return;         // the rest can be taken back with privileges only
+    if (geteuid() != 0) return;         // only a privileged process can undo the rest
     setpriority(PRIO_PROCESS, 0, 7);
     syscall(SYS_ioprio_set, 1, 0, (3 << 13) | 4);  // idle class
     const sched_param none{};
@@ -285,7 +286,7 @@ TEST_F(Launching, TakesTheTestToolsVariablesFromTheSuiteNotFromTheStarter) {
 TEST_F(Launching, RunsANodeAsTheUserTheDeploymentNames) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root";
   plan_.nodes[0].user = "nobody";
-  // Others' files in VAR: its folders belong to whom the nodes belong to.
+  // The folders in VAR belong to the nodes' user, so create them with access for that user.
   std::filesystem::create_directories(var().run());
   std::filesystem::permissions(folder_, std::filesystem::perms::all);
   std::filesystem::permissions(var().root, std::filesystem::perms::all);

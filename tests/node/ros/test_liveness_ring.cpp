@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Real processes in a ring: whoever dies or hangs comes back, and nobody else is touched.
+// Real processes in a ring: a process that dies or hangs is restarted, and no other process is touched.
 
 #include <array>
 #include <csignal>
@@ -83,7 +83,7 @@ class LivenessRingTest : public testing::Test {
     for (const auto& name : names) start(name);
     ASSERT_TRUE(wait([this] { return all_are_up(); }));
   }
-  /// By pidfd, and only while the process holds its lock.
+  /// Sends the signal through a pidfd, and only while the process holds its lock.
   void signal(const std::string& name, int number) const {
     const auto instance = find_instance(var_, name);
     if (!instance) return;
@@ -98,7 +98,7 @@ class LivenessRingTest : public testing::Test {
   [[nodiscard]] bool somebody_says(const std::string& text) const {
     return std::any_of(names.begin(), names.end(), [&](const auto& name) { return says(name, text); });
   }
-  /// A thread of a process, by its name, never comes back.
+  /// Hangs one thread of a process for good, selected by name.
   static void hang(pid_t pid, const std::string& thread) {
     for (const auto& task : std::filesystem::directory_iterator(fmt::format("/proc/{}/task", pid))) {
       if (read_file(task.path() / "comm").value_or("") != thread + "\n") continue;
@@ -123,7 +123,7 @@ class LivenessRingTest : public testing::Test {
     return std::all_of(names.begin(), names.end(), [this](const auto& name) { return is_up(name); });
   }
   [[nodiscard]] std::array<pid_t, 3> pids() const { return {pid_of("a"), pid_of("b"), pid_of("c")}; }
-  /// All have made that many turns from now on: several rounds of checks have passed.
+  /// Waits until all nodes have made @p turns more turns, which takes several rounds of checks.
   bool all_turn(std::uint64_t turns) {
     std::array<std::uint64_t, 3> begin{};
     for (std::size_t i = 0; i < names.size(); ++i) begin[i] = turns_of(names[i]);
@@ -196,7 +196,7 @@ TEST_F(LivenessRingTest, DoesNotMindBeingStoppedWhole) {
   const auto before = pids();
   for (int i = 0; i < 5; ++i) {
     for (const auto& name : names) signal(name, SIGSTOP);
-    usleep(300'000);  // longer than three misses; that it is no shorter is the kernel's promise
+    usleep(300'000);  // longer than three misses; the kernel guarantees the minimum
     for (const auto& name : names) signal(name, SIGCONT);
     ASSERT_TRUE(all_turn(20));
   }
@@ -216,12 +216,12 @@ TEST_F(LivenessRingTest, FollowsAMembershipThatIsReplaced) {
 }
 
 TEST_F(LivenessRingTest, SaysHowItEnded) {
-  ASSERT_TRUE(write_membership(var_, {1, {"b"}}));  // nobody raises it again
+  ASSERT_TRUE(write_membership(var_, {1, {"b"}}));  // no node restarts "a"
   start("a");
   ASSERT_TRUE(wait([this] { return is_up("a"); }));
   signal("a", SIGTERM);
   ASSERT_TRUE(wait([this] { return pid_of("a") == 0; }));
-  // The lock is free before the last word is said.
+  // The lock becomes free before the page records the end.
   ASSERT_TRUE(wait([this] {
     const auto page = HeartbeatPage::read(var_, "a");
     return page && page->end == EndKind::exit && page->end_value == 0;

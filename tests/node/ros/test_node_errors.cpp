@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// What becomes of a node whose callbacks fail, throw or take too long.
+// The fate of a node whose callbacks fail, throw or take too long.
 
 #include <set>
 #include <stdexcept>
@@ -43,7 +43,7 @@ class NodeErrors : public ScriptedNodeTest {
     });
     return found;
   }
-  /// Runs a callback of a timer that does @p what.
+  /// Runs @p what in a timer callback.
   void in_a_callback(std::function<void()> what) {
     bool ran = false;
     const auto timer = node_->create_one_shot(
@@ -193,8 +193,8 @@ TEST_F(NodeErrors, ATransitionPastItsDeadlineIsReportedAsLateNotAsFailed) {
   EXPECT_EQ(event->deadline_ms, 1U);
 }
 
-// Every request in every state, with every outcome of its callback and of on_error, against the rules of the
-// ROS 2 design, written down here a second time.
+// Every request in every state, with every outcome of its callback and of on_error. The tests compare them
+// with an independent copy of the rules of the ROS 2 design.
 class TransitionOutcomes : public ScriptedNodeTest {
  protected:
   enum class Does : std::uint8_t { succeed, fail, err, except };
@@ -213,7 +213,7 @@ class TransitionOutcomes : public ScriptedNodeTest {
     }
     throw std::runtime_error("scripted");
   }
-  /// Where @p request leads from @p from; nullopt when it is refused.
+  /// The state after @p request in state @p from; nullopt if the request is refused.
   static std::optional<State> expected(State from, const std::string& request, Does does, Does on_error) {
     const std::map<std::pair<State, std::string>, std::pair<State, State>> table{
         // from, request -> success, failure
@@ -228,7 +228,7 @@ class TransitionOutcomes : public ScriptedNodeTest {
     const auto row = table.find({from, request});
     if (row == table.end()) return std::nullopt;
     if (does == Does::succeed) return row->second.first;
-    // A missing device or key throws while configuring: that is no error.
+    // An exception while configuring, as for a missing device or key, is a failure and not an error.
     if (does == Does::fail || (does == Does::except && request == "configure")) return row->second.second;
     return on_error == Does::succeed ? State::unconfigured : State::finalized;
   }

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// What a node tells of itself, and the parameters that outlive it.
+// A node's information about itself, and the parameters that outlive the node.
 
 #include <rcl_interfaces/srv/describe_parameters.hpp>
 #include <rcl_interfaces/srv/list_parameters.hpp>

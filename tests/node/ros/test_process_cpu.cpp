@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// What is read of a real process: this one, and threads of it that compute, sleep and wait.
+// CPU readings of a real process: this one, with threads that compute, sleep and wait.
 
 #include "ros/ring/process_cpu.hpp"
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Real processes die, hang and are stopped; the restarter raises them, exactly once.
+// Real processes die, hang or are stopped; the restarter restarts each exactly once.
 
 #include <atomic>
 #include <csignal>
@@ -78,7 +78,7 @@ class Restarting : public testing::Test {
             one + " }\n  - { name: other, executable: " + other + " }\n"));
     plan_ = Deployment::load(folder_ / "d.yaml");
   }
-  /// A version of node "one": a script. @return its number
+  /// Adds a script as a version of node "one". @return the version number
   update::VersionNumber add_version(const std::string& script) {
     const auto file = folder_ / "script";
     std::ofstream(file, std::ios::trunc) << "#!/bin/sh\n" << script << "\n";
@@ -92,7 +92,7 @@ class Restarting : public testing::Test {
     EXPECT_NE(number, 0U);
     return number;
   }
-  /// The table alone is changed: what runs goes on.
+  /// Changes only the version table; running processes continue.
   void make_active(update::VersionNumber number, milliseconds probation = std::chrono::hours(1)) {
     const auto used = change_versions(
         var_, "one", [&](update::VersionStore& store) { return store.use(number, probation, ""); });
@@ -103,7 +103,7 @@ class Restarting : public testing::Test {
         change_versions(var_, "one", [&](update::VersionStore& store) { return store.commit(number); }));
   }
   [[nodiscard]] update::VersionTable table() const { return read_versions(var_, "one").table; }
-  /// What is on the disk, whatever tmpfs knows.
+  /// The table on disk, regardless of the copy in tmpfs.
   [[nodiscard]] update::VersionTable table_on_disk() const {
     update::PosixVersionFiles files(versions_folder(var_, "one"));
     return update::VersionStore(files, "one").read().table;
@@ -115,7 +115,7 @@ class Restarting : public testing::Test {
     ASSERT_TRUE(write_file_atomically(var_.run() / (node + ".behaviour"), how));
   }
 
-  /// The node's process once it says who it is.
+  /// Waits until the node's process has identified itself.
   RunningInstance running(const std::string& node = "one", std::uint32_t above = 0) const {
     RunningInstance instance{0, 0, ""};
     EXPECT_TRUE(wait_until([&] {
@@ -157,7 +157,7 @@ class Restarting : public testing::Test {
         [&] { return read_file(var_.log(node)).value_or("").find(line + "\n") != std::string::npos; });
   }
 
-  /// Asks until the answer is neither back-off nor quarantine.
+  /// Repeats the request until the outcome is neither back-off nor quarantine.
   static RestartOutcome insist(Restarter& restarter, const Accusation& accusation) {
     RestartOutcome outcome;
     EXPECT_TRUE(wait_until([&] {
@@ -166,13 +166,13 @@ class Restarting : public testing::Test {
     }));
     return outcome;
   }
-  /// The ledger once all of it is written.
+  /// The ledger after all records are written.
   std::vector<FaultRecord> ledger(Restarter& restarter) const {
     EXPECT_TRUE(restarter.flush(std::chrono::duration_cast<milliseconds>(seconds(patience))));
     return FaultLedger(var_).read().records;
   }
 
-  /// Processes of the probe in this test's folder, zombies left out.
+  /// Probe processes in this test's folder, without zombies.
   [[nodiscard]] std::set<pid_t> processes() const {
     std::set<pid_t> found;
     for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
@@ -249,7 +249,7 @@ TEST_F(Restarting, KillsAHungNodeOnlyAfterItSaidWhereItHangs) {
   EXPECT_THAT(*report, testing::HasSubstr("silent"));
   EXPECT_THAT(*report, testing::HasSubstr("incarnation 1 turns"));
   EXPECT_THAT(*report, testing::Not(testing::HasSubstr("incarnation 2 turns"))) << "the successor's log";
-  if (records[0].cause.find("ended with signal 6") == std::string::npos) return;  // too slow to speak: killed
+  if (records[0].cause.find("ended with signal 6") == std::string::npos) return;  // killed before its report
   EXPECT_THAT(*report, testing::HasSubstr("*** fatal signal 6 (SIGABRT) in thread restart_probe of pid " +
                                           std::to_string(old.pid)));
   EXPECT_THAT(*report, testing::HasSubstr("restart_probe("));
@@ -291,7 +291,7 @@ TEST_F(Restarting, GivesANodeThatCommunicationFailedTimeToEndInOrderAndKillsItWh
   ASSERT_EQ(restarter.restart(accuse(stubborn, FaultClass::too_large, "other")).what, What::restarted);
   const auto records = ledger(restarter);
   ASSERT_EQ(records.size(), 2U);
-  // A machine under load may not let it end within 50 ms.
+  // On a loaded machine the process may not end within 50 ms.
   EXPECT_THAT(records[0].cause, testing::AnyOf("SIGTERM by the observer, ended with exit code 0",
                                                testing::HasSubstr("SIGKILL")));
   EXPECT_EQ(records[1].cause, "SIGKILL by the observer");
@@ -306,7 +306,7 @@ TEST_F(Restarting, IsDeafToAnAccusationOfAnEarlierIncarnation) {
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::exited)).what, What::renewed);
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::renewed);
   EXPECT_EQ(restarter.restart(absent()).what, What::renewed);
-  // The number of the process is the same, and it is another process.
+  // Same pid, but a different process.
   EXPECT_EQ(restarter.restart(accuse({renewed.pid, old.incarnation, ""}, FaultClass::silent)).what,
             What::renewed);
   EXPECT_EQ(restarter.restart(accuse({renewed.pid, renewed.incarnation + 1, ""}, FaultClass::silent)).what,
@@ -320,7 +320,7 @@ TEST_F(Restarting, DoesNotTouchTheProcessThatGotTheNumberOfADeadOne) {
   if (stranger == 0) {
     while (true) pause();
   }
-  std::ofstream(var_.instance_lock("one")) << stranger << " 7 probe\n";  // what a dead node left behind
+  std::ofstream(var_.instance_lock("one")) << stranger << " 7 probe\n";  // left by a dead node
   Restarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(accuse({stranger, 7, ""}, FaultClass::silent));
   EXPECT_EQ(outcome.what, What::restarted) << outcome.reason;
@@ -362,7 +362,7 @@ TEST_F(Restarting, GoesOnFromWhateverARestarterThatWasKilledLeftBehind) {
   auto old = start();
   std::uint32_t random = 1;
   for (int round = 0; round < 25; ++round) {
-    signal_child(old.pid, SIGUSR1);  // hung: the kill takes its time, too
+    signal_child(old.pid, SIGUSR1);  // hangs, so the kill also takes time
     const pid_t other = fork();
     if (other == 0) {
       Restarter restarter(plan_, var_, "first", "/nowhere");
@@ -371,7 +371,7 @@ TEST_F(Restarting, GoesOnFromWhateverARestarterThatWasKilledLeftBehind) {
     }
     random = random * 1664525U + 1013904223U;
     const timespec pause{0, static_cast<long>((random >> 8) % 40'000'000)};
-    nanosleep(&pause, nullptr);  // the instant of its death is the input, not a wait
+    nanosleep(&pause, nullptr);  // sets the moment of the kill, which is the test input
     signal_child(other, SIGKILL);
     waitpid(other, nullptr, 0);
 
@@ -403,7 +403,7 @@ TEST_F(Restarting, LeavesANodeToWhoStandsInForItUntilTheLeaseEndsAndThenEndsTheS
     if (holder == 0) {
       const auto lock = RestartLock::take(var_, "one");
       if (lock) write_stand_in(var_, "one", "maintenance", monotonic_now() + lease);
-      while (true) pause();  // frozen, with the node in its hands
+      while (true) pause();  // frozen while it holds the node's restart lock
     }
     ASSERT_TRUE(wait_until([&] {
       const auto stand_in = read_stand_in(var_, "one");
@@ -442,7 +442,7 @@ TEST_F(Restarting, StartsNoSecondProcessWhileTheFirstIsOnTheWayToItsInstanceLock
 }
 
 TEST_F(Restarting, ReplacesAProcessThatHangsOnTheWayToItsInstanceLock) {
-  plan_.ring.start_deadline = milliseconds(1);  // over when the first call returns
+  plan_.ring.start_deadline = milliseconds(1);  // expired when the first call returns
   behave("one", "slow");
   Restarter restarter(plan_, var_, "observer", "/nowhere");
   const auto first = restarter.restart(absent());
@@ -518,7 +518,7 @@ TEST_F(Restarting, OnAMachineUnderPressureStartsOneNodeInATime) {
   EXPECT_EQ(restarter.restart(accuse(one, FaultClass::exited)).what, What::restarted);
   const MonotonicTime started = monotonic_now();
   const auto spaced = restarter.restart(waiting);
-  if (monotonic_now() - started < Restarter::between_starts / 2) {  // else the wait may be over
+  if (monotonic_now() - started < Restarter::between_starts / 2) {  // later the wait may have ended
     EXPECT_EQ(spaced.what, What::under_way);
     EXPECT_THAT(spaced.reason, testing::HasSubstr("90 %"));
   }
@@ -559,7 +559,7 @@ TEST_F(Restarting, WithoutPressureOrAKernelThatTellsItNoStartWaits) {
 TEST_F(Restarting, LooksTwiceAtANodeThatDiesAtOnceAndEndsInQuarantineWithASlowRetry) {
   behave("one", "exit 7");
   Restarter restarter(plan_, var_, "observer", "/nowhere");
-  // From before a start to after the next one at least the wait between them has passed.
+  // The time from before one start to after the next covers at least the wait between them.
   constexpr std::array<milliseconds, 7> waits{milliseconds(0),   milliseconds(0),   milliseconds(0),
                                               milliseconds(100), milliseconds(200), milliseconds(400),
                                               milliseconds(400)};
@@ -623,7 +623,7 @@ TEST_F(Restarting, RecordsARefusalThatRepeatsOnce) {
 }
 
 TEST_F(Restarting, SaysWhatIsWrongWithAProgramThatCannotRun) {
-  // It finds its libraries from where it lies, as an installed one does.
+  // Like an installed program, the copy finds its libraries relative to its own location.
   std::filesystem::create_directory_symlink(SRFS_BINARY_DIR "/lib", folder_ / "lib");
   std::filesystem::create_directory(folder_ / "bin");
   const auto program = (folder_ / "bin" / "program").string();
@@ -645,7 +645,7 @@ TEST_F(Restarting, SaysWhatIsWrongWithAProgramThatCannotRun) {
   std::filesystem::permissions(program, std::filesystem::perms::owner_all);
   EXPECT_THAT(outcome_of(), testing::HasSubstr("ENOEXEC"));
 
-  // A library that is not there is found out after exec.
+  // A missing library only shows after exec.
   std::string image = *read_file(probe, 256U << 20);
   const std::string library = "libsrfs_ros.so";
   const std::size_t at = image.find(library);
@@ -655,7 +655,7 @@ TEST_F(Restarting, SaysWhatIsWrongWithAProgramThatCannotRun) {
   EXPECT_THAT(outcome_of(), testing::HasSubstr("ended"));
   EXPECT_THAT(*read_file(var_.log("one")), testing::HasSubstr("libsrfs_rox.so"));
 
-  // Cut off in the middle: the kernel or the dynamic linker ends it.
+  // The kernel or the dynamic linker ends a truncated program.
   std::ofstream(program, std::ios::trunc) << image.substr(0, 3000);
   (void)outcome_of();
 
@@ -746,7 +746,7 @@ TEST_F(Restarting, StartsOnAFullDiskWithoutLogAndRecords) {
 }
 
 TEST_F(Restarting, NeedsNoMemoryFolder) {
-  // Without it: no history, no turn for deaf nodes, no heartbeat pages.
+  // Without the folder there is no history, no turn for deaf nodes, and no heartbeat page.
   std::filesystem::remove_all(var_.memory());
   std::ofstream(var_.memory()) << "a file where a folder should be";
   const auto old = start();
@@ -788,7 +788,7 @@ TEST_F(Restarting, KeepsTheFiveNewestReports) {
 const std::string good = "exec " + probe + R"( "$@")";
 
 TEST_F(Restarting, StartsTheActiveVersionAndTheLastGoodOneAfterADeathInItsProbation) {
-  plan_.ring.restarts = 2;  // the second death in a row waits for an hour
+  plan_.ring.restarts = 2;  // a second death in a row means a wait of one hour
   plan_.ring.first_wait = plan_.ring.longest_wait = std::chrono::hours(1);
   const auto first = start();
   make_active(add_version(good));
@@ -818,7 +818,7 @@ TEST_F(Restarting, StartsTheActiveVersionAndTheLastGoodOneAfterADeathInItsProbat
   EXPECT_EQ(records[1].reason, outcome.reason);
   EXPECT_EQ(table_on_disk().find(1)->state, update::VersionState::failed);
 
-  // The deaths of the failed version are not held against the one that came back.
+  // The restored version does not inherit the failed version's deaths.
   const auto third = running("one", second.incarnation);
   end(third.pid, SIGKILL);
   EXPECT_EQ(restarter.restart(accuse(third, FaultClass::exited)).what, What::restarted);
@@ -917,7 +917,7 @@ TEST_F(Restarting, AThirdStartOfTheSuiteInAProbationStartsTheLastGoodVersion) {
 
 TEST_F(Restarting, AStartOfTheSuiteThatCannotBeCountedStartsTheLastGoodVersion) {
   make_active(add_version(good));
-  for (const char* unfinished : {"table_a.new", "table_b.new"})  // nothing can be written, by root either
+  for (const char* unfinished : {"table_a.new", "table_b.new"})  // blocks writing, even for root
     std::filesystem::create_directory(versions_folder(var_, "one") / unfinished);
   count_suite_start({plan_, var_, "/nowhere", "up"}, *plan_.find("one"));
   (void)start();
@@ -929,7 +929,7 @@ TEST_F(Restarting, AStartOfTheSuiteThatCannotBeCountedStartsTheLastGoodVersion) 
 TEST_F(Restarting, CommitsTheVersionThatHasProvenItself) {
   make_active(add_version(good));
   Restarter restarter(plan_, var_, "observer", "/nowhere");
-  restarter.commit("one", 7);  // somebody was late
+  restarter.commit("one", 7);  // a late request for another version
   restarter.commit("one", 1);
   restarter.commit("one", 1);
   EXPECT_TRUE(ledger(restarter).empty());
@@ -1029,7 +1029,7 @@ TEST_F(Restarting, AFirstStartComparesTheHashAndSaysInTheLedgerWhatItStartedInst
   commit(number);
   std::filesystem::remove(program_of(number));
   std::string text = "#!/bin/sh\n" + good + "\n";
-  text.back() = ' ';  // it would run
+  text.back() = ' ';  // altered, but it would still run
   std::ofstream(program_of(number)) << text;
   std::filesystem::permissions(program_of(number), std::filesystem::perms(0555));
   (void)start();

@@ -29,7 +29,7 @@ using srfs_msgs::srv::CheckAlive;
 
 const Topic<TaskFlags> flags_topic{"/test/flags", {.depth = 4}, Priority::time};
 
-/// One work thread serves both sides, which is all the tests need: callbacks never overlap.
+/// One work thread serves both sides, so callbacks never overlap.
 class RosTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -110,7 +110,7 @@ TEST_F(RosTest, APublisherTellsItsPeerFromOneThatOnlyListens) {
   EXPECT_TRUE(wait([&] { return answers.is_heard_by_a_publisher_of(asked); }));
 }
 
-/// Claims the type of TaskFlags on the wire and sends what it likes.
+/// Claims the type of TaskFlags on the wire but has arbitrary content.
 struct ForeignFlags {
   static constexpr const char* dds_type_name = TaskFlags::dds_type_name;
   std::vector<std::uint8_t> junk;
@@ -387,7 +387,7 @@ TEST(Executor, WhatTheWorkThreadPostsItselfIsRunWithoutWaitingForAnotherWakeUp) 
     if (++chain < 100) executor.post(next);
   };
   const auto start = executor.add_timer(monotonic_now(), nanoseconds(0), next);
-  // Turns, not time: each may wait for a minute when it is not told of the post.
+  // Count turns, not time: a turn that misses the wake-up of a post waits for up to a minute.
   for (int turn = 0; turn < 110 && chain < 100; ++turn) executor.spin_once(seconds(60));
   EXPECT_EQ(chain, 100);
 }

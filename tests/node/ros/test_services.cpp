@@ -35,7 +35,7 @@ CheckAlive::Request nonce(std::uint64_t n) {
 
 class ServicesTest : public testing::Test {
  protected:
-  // Making a participant takes longer than a test: all share two.
+  // Creating a participant takes longer than a test, so all tests share two.
   static void SetUpTestSuite() {
     here_ = participant();
     there_ = participant();
@@ -45,14 +45,14 @@ class ServicesTest : public testing::Test {
     there_.reset();
   }
   void SetUp() override {
-    // A name of its own: what the test before closed may still be known to the other participant.
+    // Each test uses a new name: the other participant may still know the previous test's endpoints.
     static int tests = 0;
     name_ = "/test/check_alive_" + std::to_string(++tests);
   }
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
   }
-  /// Answers nonce + 1 and counts how often it was asked to.
+  /// Answers nonce + 1 and counts the requests.
   std::unique_ptr<Service<CheckAlive>> counting_service() {
     return std::make_unique<Service<CheckAlive>>(
         executor_, *here_, name_, Qos{}, Priority::normal,
@@ -61,7 +61,7 @@ class ServicesTest : public testing::Test {
           r.nonce = q.nonce + 1;
         });
   }
-  /// Keeps the tickets it is given.
+  /// Keeps the tickets of all requests.
   std::unique_ptr<Service<CheckAlive>> deferring_service() {
     return std::make_unique<Service<CheckAlive>>(
         executor_, *here_, name_, Qos{}, Priority::normal, defer_replies,
@@ -114,7 +114,7 @@ TEST_F(ServicesTest, ARequestRepeatedWhileItIsExecutedIsExecutedOnce) {
   EXPECT_EQ(service->pending(), 0U);
 }
 
-/// A client made of bare endpoints, to write requests as the test wants them.
+/// A client made of bare endpoints, so that a test can write arbitrary requests.
 class BareClient {
  public:
   BareClient(Executor& executor, Participant& participant, const std::string& name)
@@ -149,7 +149,7 @@ class BareClient {
   WriterEndpoint writer_;
 };
 
-/// A node of a suite, and an outsider whose requests nobody repeats, as those of ROS 2.
+/// A node of a suite, and an outsider that, like ROS 2, does not repeat its requests.
 class OutsidersRequests : public ServicesTest {
  protected:
   static constexpr std::size_t burst = 10'000;
@@ -159,7 +159,7 @@ class OutsidersRequests : public ServicesTest {
         testing_support::own_domain(), {"127.0.0.1"}, &executor_, SuiteIdentity{"suite", "node", 1}};
     node_ = Participant::create(options).value();
   }
-  /// Writes a burst of requests as fast as they go, with ROS 2's depth of 10.
+  /// Writes a burst of requests as fast as possible, with ROS 2's depth of 10.
   /// @return the nonces of the replies, by the number of their request
   std::map<std::int64_t, std::uint64_t> replies_to_a_burst() {
     std::map<std::int64_t, std::uint64_t> replies;
@@ -178,7 +178,7 @@ class OutsidersRequests : public ServicesTest {
       params.related_sample_identity().writer_guid(reader->guid());
       EXPECT_TRUE(writer.write(&request, &params));
     };
-    // What a client sends before the service has matched it is for nobody; it has when it answers.
+    // Requests sent before the service has matched the client are lost. A reply proves the match.
     std::int64_t sent = 0;
     EXPECT_TRUE(wait([&] {
       if (replies.empty()) {
@@ -192,7 +192,7 @@ class OutsidersRequests : public ServicesTest {
       for (std::size_t i = 0; i < burst; ++i) send();
     });
     const auto expected = static_cast<std::size_t>(sent - first + 1) + burst;
-    // The first reply may be a refusal, while earlier requests wait to be answered.
+    // The first reply may be a refusal while earlier requests still wait for an answer.
     const auto since_first = [&] {
       return static_cast<std::size_t>(std::distance(replies.lower_bound(first), replies.end()));
     };
@@ -214,7 +214,7 @@ TEST_F(OutsidersRequests, AreAllAnsweredOrRefusedHoweverManyComeAtOnce) {
   const auto answered =
       std::count_if(replies.begin(), replies.end(), [](const auto& reply) { return reply.second == 2; });
   EXPECT_EQ(answered, executed_) << "the others got the empty response";
-  EXPECT_GT(executed_, 0);  // how many is a matter of speed
+  EXPECT_GT(executed_, 0);  // the number depends on the machine's speed
   RecordProperty("executed", executed_);
 }
 
@@ -248,7 +248,7 @@ TEST_F(ServicesTest, ARequestRepeatedAfterItsAnswerWasLostIsAnsweredAgainAndNotE
   EXPECT_EQ(client.replies.at(1), std::make_pair(repeat, std::uint64_t{2}));
   EXPECT_EQ(executed_, 1);
 
-  client.write(1, std::nullopt);  // the same content, but not said to be a repeat: a new request, as in ROS 2
+  client.write(1, std::nullopt);  // same content but not marked as a repeat: a new request, as in ROS 2
   ASSERT_TRUE(wait([&] { return client.replies.size() == 3; }));
   EXPECT_EQ(executed_, 2);
 }
@@ -259,7 +259,7 @@ TEST_F(ServicesTest, AReplyIsNotLostWhenTheRequestIsFasterThanTheMatch) {
     const auto fresh = participant();
     BareClient client(executor_, *fresh, name_);
     ASSERT_TRUE(wait([&] { return client.request_is_matched(); }));
-    client.write(1, std::nullopt);  // whether or not the reply's way is matched yet
+    client.write(1, std::nullopt);  // whether or not the reply endpoints have matched
     ASSERT_TRUE(wait([&] { return client.replies.size() == 1; })) << "round " << round;
   }
   EXPECT_EQ(service->dropped_replies(), 0U);

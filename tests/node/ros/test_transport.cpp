@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The work-thread transport between two processes, the peer with the receive threads of Fast DDS or ours.
+// The work-thread transport between two processes. The peer uses Fast DDS' receive threads or our transport.
 
 #include <csignal>
 #include <thread>
@@ -33,7 +33,7 @@ using srfs_msgs::srv::CheckAlive;
 const Topic<TaskFlags> there_topic{"/test/there", {.depth = 64}, Priority::time};
 const Topic<TaskFlags> back_topic{"/test/back", {.depth = 64}, Priority::time};
 
-/// Sends back what comes, and answers a service.
+/// Echoes every message and answers a service.
 [[noreturn]] void echo(int domain, bool own_threads) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   Executor executor;
@@ -49,13 +49,14 @@ const Topic<TaskFlags> back_topic{"/test/back", {.depth = 64}, Priority::time};
   _exit(0);
 }
 
-/// The peer with Fast DDS' own receive threads (any other DDS program), then with our transport.
+/// Runs with a peer that uses Fast DDS' receive threads (like any other DDS program) and with one that uses
+/// our transport.
 class TransportTest : public testing::TestWithParam<bool> {
  protected:
   void SetUp() override {
     const std::string domain = std::to_string(domain_);
     peer_ = fork();
-    // Another program, not a copy of this one: the threads of Fast DDS do not come along into a copy.
+    // Execute a new program, because the threads of Fast DDS do not survive fork().
     if (peer_ == 0) {
       execl("/proc/self/exe", "echo", "--echo", domain.c_str(), GetParam() ? "own" : "work", nullptr);
       _exit(127);
@@ -128,7 +129,8 @@ TEST_P(TransportTest, ManyParticipantsOfOneMachineFindPortsOfTheirOwn) {
   EXPECT_EQ(*answer, 1U);
 }
 
-/// A DDS program that answers who comes, and says nothing by itself for longer than any test waits.
+/// A DDS program that answers new participants but announces nothing by itself for longer than any test
+/// waits.
 class QuietPeer {
  public:
   explicit QuietPeer(int domain) {
@@ -171,7 +173,7 @@ TEST(Discovery, HearsAnAnswerThatComesWhileTheParticipantIsStillBeingMade) {
   const QuietPeer peer(domain);
   ASSERT_TRUE(peer.is_ready());
   Executor executor;
-  for (int i = 0; i < 12; ++i) {  // one in three was lost without the gate
+  for (int i = 0; i < 12; ++i) {  // without the gate one in three was lost
     const auto participant = Participant::create({domain, {"127.0.0.1"}, &executor}).value();
     const Publisher<TaskFlags> there(*participant, there_topic);
     ASSERT_TRUE(

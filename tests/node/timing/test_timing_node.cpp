@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// TimingNode over real DDS, without a receiver: time by order, and across a restart.
+// TimingNode over real DDS, without a receiver: time set by command, and time across a restart.
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ using srfs_msgs::srv::SetTime;
 constexpr std::int64_t commanded_s = 1'795'248'000;
 constexpr std::int64_t second_ns = 1'000'000'000;
 
-/// timing in one participant, the listener in another; one work thread.
+/// The timing node in one participant, the listener in another; both on one work thread.
 class TimingNodeTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -74,13 +74,13 @@ class TimingNodeTest : public testing::Test {
     EXPECT_TRUE(wait([&] { return answer.has_value(); }));
     return answer.value_or(SetTime::Response{});
   }
-  /// The first tick that was due after this call.
+  /// The first tick that is due after this call.
   TimeTick next_tick() {
     const auto now = static_cast<std::uint64_t>(monotonic_now().ns());
     EXPECT_TRUE(wait([&] { return !received_.empty() && received_.back().monotonic_ns > now; }));
     return received_.empty() ? TimeTick{} : received_.back();
   }
-  /// UTC minus monotonic, which no tick changes while nothing is slewed.
+  /// UTC minus monotonic time, which is the same in all ticks unless the time is being slewed.
   static std::int64_t offset(const TimeTick& tick) {
     return ros::from_message(tick.utc).ns() - static_cast<std::int64_t>(tick.monotonic_ns);
   }

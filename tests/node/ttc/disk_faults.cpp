@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The system calls of a program under test, between it and the C library: a disk that fails when told to.
+// Wraps the C library's system calls for a program under test, to simulate disk faults on request.
 
 #include "tests/node/ttc/disk_faults.hpp"
 
@@ -20,7 +20,7 @@ namespace {
 using srfs::testing_support::DiskFault;
 
 std::atomic<DiskFault> present{DiskFault::none};
-std::array<char, 256> folder{};  // set while no fault is
+std::array<char, 256> folder{};  // changed only while no fault is present
 
 template <typename Function>
 Function* real(const char* name) {
@@ -31,7 +31,7 @@ bool is_below(const char* path) {
   return std::strncmp(path, folder.data(), std::strlen(folder.data())) == 0;
 }
 
-/// A regular file below the folder; its size.
+/// Whether the fault affects @p fd: a regular file below the folder. Sets @p size to the file's size.
 bool concerns(int fd, off_t& size) {
   if (present == DiskFault::none) return false;
   std::array<char, 32> link{};
@@ -44,7 +44,7 @@ bool concerns(int fd, off_t& size) {
   return true;
 }
 
-/// @return errno of a write that ends at octet @p end, 0: it is done
+/// @return errno of a write that ends at octet @p end; 0: the write succeeds
 int fault_of_write(int fd, off_t end) {
   off_t size = 0;
   if (!concerns(fd, size)) return 0;

@@ -9,12 +9,12 @@ namespace srfs::testing_support {
 
 enum class DiskFault : std::uint8_t {
   none,
-  full,       ///< ENOSPC where a file would grow or begin; in place is written
-  read_only,  ///< EROFS at every opening for writing, writing and renaming
+  full,       ///< ENOSPC when a file grows or is created; writes in place succeed
+  read_only,  ///< EROFS at every open for writing, write and rename
   failing,    ///< EIO at every write and sync
 };
 
-/// From now on the regular files below @p folder are on such a disk, for this whole process.
+/// Applies the fault to the regular files below @p folder, for this whole process.
 void set_disk_fault(DiskFault fault, const std::filesystem::path& folder);
 
 }  // namespace srfs::testing_support

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Starts a program and ends it with SIGKILL at a chosen system call, by ptrace. Used by
-// test_ttc_crash_points.cpp, which speaks to it in lines:
+// Starts a program and uses ptrace to kill it with SIGKILL at a chosen system call.
+// test_ttc_crash_points.cpp controls this program with text lines:
 //   in  "trace N"  hold every thread, then count their system-call stops (entry and exit) from the moment a
 //                  read returned the start sequence of a CLTU; end the process at the N-th (0: never)
 //       "end"      end the process now; also at the end of input
 //   out "up PID", "tracing", "begun", "killed AT-STOP CALL entry|exit", "calls N" (after "end"),
 //       "refused REASON" (ptrace is not permitted here), "gone" (the process ended by itself)
-// Whatever ends this process, its child goes with it (PTRACE_O_EXITKILL, PR_SET_PDEATHSIG).
+// However this process ends, its child ends with it (PTRACE_O_EXITKILL, PR_SET_PDEATHSIG).
 
 #include <array>
 #include <cerrno>
@@ -44,11 +44,11 @@ class Tracer {
  public:
   explicit Tracer(pid_t child) : child_(child) {}
 
-  /// Takes hold of every thread; each runs on when its stop has been seen.
+  /// Seizes every thread. A thread runs on after its first stop has been handled.
   void trace(std::uint64_t kill_at) {
     kill_at_ = kill_at;
     bool found_more = true;
-    while (found_more) {  // a thread may begin another one meanwhile
+    while (found_more) {  // a thread may start another meanwhile
       found_more = false;
       DIR* tasks = opendir(("/proc/" + std::to_string(child_) + "/task").c_str());
       while (tasks != nullptr) {
@@ -58,7 +58,7 @@ class Tracer {
         if (thread <= 0 || threads_.contains(thread)) continue;
         constexpr long options = PTRACE_O_EXITKILL | PTRACE_O_TRACESYSGOOD | PTRACE_O_TRACECLONE;
         if (ptrace(PTRACE_SEIZE, thread, nullptr, options) != 0) {
-          // Over already, or begun by one that is held: then it is held too.
+          // The thread has ended, or a traced thread started it, so that it is traced already.
           if (errno == ESRCH || !threads_.empty()) continue;
           say(std::string("refused ") + std::strerror(errno));
           std::exit(0);
@@ -95,12 +95,12 @@ class Tracer {
 
  private:
   struct Thread {
-    bool awaited = false;  ///< its first stop has not been seen
+    bool awaited = false;  ///< the first stop is still to come
     std::uint64_t call = 0;
     std::uint64_t buffer = 0;
   };
 
-  /// @return whether that was the end
+  /// @return whether this stop ended the process
   bool on_call(pid_t thread) {
     __ptrace_syscall_info info{};  // glibc's name for the kernel's
     if (ptrace(PTRACE_GET_SYSCALL_INFO, thread, sizeof info, &info) <= 0) return false;
@@ -119,7 +119,7 @@ class Tracer {
     return true;
   }
 
-  /// The start sequence of a CLTU is in what was read.
+  /// Whether the octets that were read contain the start sequence of a CLTU.
   [[nodiscard]] bool is_telecommand(std::uint64_t address, std::int64_t octets) const {
     if (octets < 2 || octets > static_cast<std::int64_t>(read_octets_max)) return false;
     std::array<std::uint8_t, read_octets_max> data{};
@@ -152,7 +152,7 @@ pid_t start(char** program) {
   _exit(127);
 }
 
-/// @return false: the process is over
+/// @return false: the process has ended
 bool reap(Tracer& tracer, pid_t child) {
   int status = 0;
   for (pid_t who = 0; (who = waitpid(-1, &status, __WALL | WNOHANG)) > 0;) {

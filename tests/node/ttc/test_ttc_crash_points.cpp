@@ -1,6 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The ttc_node program, killed at every system call between a telecommand's octets and its completion report.
+// Kills the ttc_node program at every system call between the arrival of a telecommand and its completion
+// report.
 
 #include <algorithm>
 #include <cstdio>
@@ -37,11 +38,12 @@ namespace {
 constexpr seconds patience{60};
 constexpr unsigned sample_seed = 7;
 constexpr std::size_t sample_stops = 24;
-/// Of a sample; what is begun is finished. A busy machine tests fewer points, never fewer than sample_least.
+/// Time limit of a sample; no new stop starts after it. A busy machine tests fewer stops, but at least
+/// sample_least.
 constexpr seconds sample_time{35};
 constexpr std::size_t sample_least = 5;
 
-/// The node that executes: counts how often it did, by what was asked for.
+/// The node that executes the telecommands. It counts executions by setpoint.
 class ExecutingNode : public CommandedNode {
  public:
   using CommandedNode::CommandedNode;
@@ -72,7 +74,7 @@ class ExecutingNode : public CommandedNode {
   }
 };
 
-/// ttc_node as a process under syscall_tracer; lines in both directions.
+/// ttc_node as a process under syscall_tracer. Test and tracer exchange text lines.
 class TracedTtc {
  public:
   TracedTtc(ros::Executor& executor, const std::filesystem::path& folder, const std::string& domain) {
@@ -105,7 +107,7 @@ class TracedTtc {
   }
   ~TracedTtc() {
     watch_.reset();
-    to_.reset();  // the end of its input ends it and what it started
+    to_.reset();  // end of input ends the tracer and ttc_node
     testing_support::signal_child(pid_, SIGTERM);
     waitpid(pid_, nullptr, 0);
   }
@@ -116,7 +118,7 @@ class TracedTtc {
     const std::string text = line + "\n";
     EXPECT_EQ(write(to_.get(), text.data(), text.size()), static_cast<ssize_t>(text.size()));
   }
-  /// What it said after @p word; nullopt: not yet.
+  /// The rest of the tracer's line that starts with @p word; nullopt: no such line yet.
   [[nodiscard]] std::optional<std::string> said(const std::string& word) const {
     for (const std::string& line : lines_) {
       if (line.starts_with(word)) return line.size() > word.size() ? line.substr(word.size() + 1) : "";
@@ -146,7 +148,7 @@ class TracedTtc {
   std::vector<std::string> lines_;
 };
 
-/// Here the ground and the executing node, on one work thread; ttc is a process.
+/// The ground and the executing node share one work thread in this process; ttc is a separate process.
 class TtcCrashPoints : public testing::Test {
  protected:
   void SetUp() override {
@@ -160,7 +162,7 @@ class TtcCrashPoints : public testing::Test {
     std::filesystem::create_directories(folder_ / "keys");
     ASSERT_TRUE(write_file_atomically(folder_ / "keys" / "tc.key", std::string(64, '7') + "\n"));
     ASSERT_EQ(chmod((folder_ / "keys" / "tc.key").c_str(), 0600), 0);
-    // A busy machine may keep the disk waiting: that is another test.
+    // Disk delays on a busy machine must not fail this test.
     ASSERT_TRUE(write_file_atomically(folder_ / "d.yaml",
                                       "deployment: t\n"
                                       "devices: { rs422: \"serial:line\" }\n"
@@ -188,7 +190,7 @@ class TtcCrashPoints : public testing::Test {
     }
     node_.reset();
     if (HasFailure()) std::fputs(read_file(folder_ / "ttc.log", 1U << 20).value_or("").c_str(), stderr);
-    std::filesystem::remove_all(ros::VarPaths{folder_}.memory());  // a killed process shared it
+    std::filesystem::remove_all(ros::VarPaths{folder_}.memory());  // left behind by the killed process
   }
 
   void read_line() {
@@ -208,7 +210,7 @@ class TtcCrashPoints : public testing::Test {
   void start_ttc() {
     ttc_ = std::make_unique<TracedTtc>(executor_, folder_, std::to_string(testing_support::own_domain()));
   }
-  /// A telecommand packet that no other one of this test equals.
+  /// A telecommand packet that is unique in this test.
   Octets make_packet(std::uint16_t apid, std::uint8_t service, std::uint8_t subtype, Octets data) {
     return wire::make_tc_packet({.apid = apid,
                                  .sequence_count = sequence_++,
@@ -226,7 +228,7 @@ class TtcCrashPoints : public testing::Test {
     data.bytes(command.encoded());
     return make_packet(mission::apid::payload_thermal, 8, 1, data.take());
   }
-  /// One transmission; each has a counter of its own.
+  /// Transmits once, with a new security counter.
   void send(const Octets& packet) { send(packet, wire::TcFrameType::bd, 0); }
   void send(const Octets& packet, wire::TcFrameType type, std::uint8_t sequence) {
     const wire::SdlsSeal seal{key_, 1, ++counter_};
@@ -234,13 +236,13 @@ class TtcCrashPoints : public testing::Test {
         wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = 0}, type, sequence, &seal, packet).value();
     ASSERT_EQ(write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
   }
-  /// With whatever failure code.
+  /// Ignores the failure code.
   [[nodiscard]] bool reported(const Octets& packet, std::uint8_t subtype) const {
     return std::any_of(reports_.begin(), reports_.end(), [&](const auto& report) {
       return report.second == subtype && std::equal(packet.begin(), packet.begin() + 4, report.first.begin());
     });
   }
-  /// ttc takes telecommands; what it says again after a restart has been said before.
+  /// Waits until ttc accepts telecommands. By then ttc has also repeated its reports after a restart.
   void await_answer() {
     for (int attempt = 0; attempt < 30; ++attempt) {
       const Octets ping = make_packet(mission::apid::ttc, 17, 1, {});
@@ -249,7 +251,7 @@ class TtcCrashPoints : public testing::Test {
     }
     FAIL() << "ttc does not answer";
   }
-  /// Holds ttc's threads; false: that is not permitted here.
+  /// Holds ttc's threads. @return false: ptrace is not permitted here
   bool trace(std::uint64_t kill_at) {
     ttc_->order("trace " + std::to_string(kill_at));
     EXPECT_TRUE(wait([&] { return ttc_->said("tracing") || ttc_->said("refused") || ttc_->said("gone"); }));
@@ -259,7 +261,7 @@ class TtcCrashPoints : public testing::Test {
     ttc_->order("end");
     ASSERT_TRUE(wait([&] { return ttc_->said("gone").has_value(); }));
   }
-  /// Whether ttc's threads may be held here. Leaves no ttc.
+  /// Whether ptrace may hold ttc's threads here. No ttc runs afterwards.
   bool can_trace() {
     start_ttc();
     await_answer();
@@ -267,7 +269,8 @@ class TtcCrashPoints : public testing::Test {
     if (permitted) end_ttc();
     return permitted;
   }
-  /// System-call stops of ttc from the octets that @p send_all sends until @p done. Leaves no ttc.
+  /// Counts ttc's system-call stops from the octets that @p send_all sends until @p done. No ttc runs
+  /// afterwards.
   std::uint64_t count_stops(const std::function<void()>& send_all, const std::function<bool()>& done) {
     EXPECT_TRUE(trace(0));
     send_all();
@@ -277,7 +280,7 @@ class TtcCrashPoints : public testing::Test {
     EXPECT_GT(counted, 20U);
     return counted;
   }
-  /// ttc and the node know each other, and a telecommand goes its way.
+  /// Waits until ttc and the node have discovered each other and a telecommand has ended.
   void await_execution() {
     const Octets packet = setpoint(next_setpoint());
     send(packet);
@@ -288,7 +291,7 @@ class TtcCrashPoints : public testing::Test {
     return reported(packet, 4) || reported(packet, 7) || reported(packet, 8);
   }
   void kill_at(std::uint64_t stop);
-  /// Arms a hazardous telecommand: ttc's own, and not done again after a restart.
+  /// Arms a hazardous telecommand. ttc executes this one itself and does not repeat it after a restart.
   Octets arm() {
     mission::TtcArm command;
     command.of_apid = mission::apid::payload_eps;
@@ -303,7 +306,7 @@ class TtcCrashPoints : public testing::Test {
   /// There is no load 9.
   Octets make_refused() { return make_packet(mission::apid::payload_eps, 8, 1, {0, 1, 9, 1}); }
   void kill_at_with_sequenced_frames(std::uint64_t stop);
-  /// Stops of system calls to kill at, in a random order.
+  /// The system-call stops to kill at, in random order.
   [[nodiscard]] static std::vector<std::uint64_t> choose_stops(std::uint64_t counted);
   void judge(const std::vector<std::uint64_t>& stops, const std::function<void(std::uint64_t)>& kill);
 
@@ -321,7 +324,7 @@ class TtcCrashPoints : public testing::Test {
   ros::Executor::Handle line_watch_;
   std::unique_ptr<TracedTtc> ttc_;
   std::set<std::pair<Octets, std::uint8_t>> reports_;
-  std::vector<std::string> killed_;  ///< stop, number of the system call, entry or exit
+  std::vector<std::string> killed_;  ///< stop, system-call number, entry or exit
   std::size_t tested_ = 0;
   std::size_t completed_ = 0;
   std::uint8_t acknowledged_ = 0;  ///< V(R) of the newest control word
@@ -330,27 +333,27 @@ class TtcCrashPoints : public testing::Test {
   float setpoint_k_ = 250;
 };
 
-/// ttc is up when it begins and when it returns.
+/// ttc runs at the beginning and at the end.
 void TtcCrashPoints::kill_at(std::uint64_t stop) {
   ASSERT_TRUE(trace(stop));
   const float kelvin = next_setpoint();
   const Octets packet = setpoint(kelvin);
   send(packet);
   ASSERT_TRUE(wait([&] { return ttc_->said("gone") || reported(packet, 7); }));
-  if (!ttc_->said("gone")) end_ttc();  // fewer stops this time
+  if (!ttc_->said("gone")) end_ttc();  // fewer stops than expected in this run
   if (const auto killed = ttc_->said("killed")) killed_.push_back(*killed);
   start_ttc();
   await_answer();
 
   if (!reported(packet, 1)) {
-    // Nobody was told of it, so nothing may have come of it; the ground sends it again.
+    // ttc did not report acceptance, so the telecommand must have had no effect. The ground sends it again.
     EXPECT_FALSE(ended(packet));
     EXPECT_EQ(node_->executed[kelvin], 0);
     send(packet);
   }
   ASSERT_TRUE(wait([&] { return ended(packet); })) << "its end was never told";
   EXPECT_FALSE(reported(packet, 8));
-  // Very late it may not begin any more; then it must not have begun.
+  // A very late telecommand may fail instead of starting; then it must not have been executed.
   EXPECT_EQ(node_->executed[kelvin], reported(packet, 7) ? 1 : 0);
   completed_ += reported(packet, 7) ? 1U : 0U;
 
@@ -359,7 +362,8 @@ void TtcCrashPoints::kill_at(std::uint64_t stop) {
   EXPECT_LE(node_->executed[kelvin], 1) << "sent again after its end";
 }
 
-/// A telecommand that is refused and one of ttc's own. ttc is up when it begins and when it returns.
+/// Sends one telecommand that ttc refuses and one that ttc executes itself. ttc runs at the beginning and at
+/// the end.
 void TtcCrashPoints::kill_at_with_sequenced_frames(std::uint64_t stop) {
   const std::uint8_t first = acknowledged_;
   const Octets refused = make_refused();
@@ -377,7 +381,7 @@ void TtcCrashPoints::kill_at_with_sequenced_frames(std::uint64_t stop) {
 
   EXPECT_GE(after, before) << "what was acknowledged is not asked for again";
   EXPECT_LE(after, 2);
-  // The ground never sends again what was acknowledged: it waits for the decision.
+  // The ground never repeats an acknowledged telecommand; it waits for the decision.
   EXPECT_EQ(reported(refused, 2), after >= 1) << "V(R) +" << int{before} << ", then +" << int{after};
   EXPECT_EQ(reported(armed, 1), after >= 2);
   if (after < 2) return;
@@ -389,7 +393,8 @@ void TtcCrashPoints::kill_at_with_sequenced_frames(std::uint64_t stop) {
 std::vector<std::uint64_t> TtcCrashPoints::choose_stops(std::uint64_t counted) {
   const char* wanted = std::getenv("SRFS_CRASH_STOPS");
   const bool all = wanted != nullptr && std::string(wanted) == "all";
-  // No two runs have the same number: some more, and some of them end before their stop.
+  // The number of stops varies between runs, so choose up to 25 % beyond the count. Some runs then end before
+  // their stop.
   const std::uint64_t last = counted + counted / 4;
   const std::uint64_t points = all ? last : sample_stops;
   std::mt19937 chance(sample_seed);
@@ -399,12 +404,12 @@ std::vector<std::uint64_t> TtcCrashPoints::choose_stops(std::uint64_t counted) {
     const std::uint64_t width = std::max<std::uint64_t>(last / points, 1);
     stops.push_back(first + chance() % width);
   }
-  // A sample that its time cuts short is spread all the same.
+  // The shuffle keeps a sample evenly spread even if the time limit cuts it short.
   if (!all) std::shuffle(stops.begin(), stops.end(), chance);
   return stops;
 }
 
-/// A sample, spread over all; SRFS_CRASH_STOPS=all: each of them.
+/// Tests a sample spread over all stops, or every stop with SRFS_CRASH_STOPS=all.
 void TtcCrashPoints::judge(const std::vector<std::uint64_t>& stops,
                            const std::function<void(std::uint64_t)>& kill) {
   const MonotonicTime begun = monotonic_now();

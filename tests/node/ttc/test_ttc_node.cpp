@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// TtcNode between a pty, as the RS422 line, and the other nodes' topics over real DDS.
+// TtcNode between a pty, which acts as the RS422 line, and the other nodes' topics over real DDS.
 
 #include <array>
 #include <cstdlib>
@@ -40,7 +40,8 @@ using testing::HasSubstr;
 constexpr std::uint8_t open_vc = 1;
 const std::string open_channel = "{ vc: 1, security: none }";
 
-/// ttc in one participant, everybody else in another, the ground at the far end of a pty; one work thread.
+/// ttc has one participant, all other nodes share another, and the ground is at the far end of a pty. All run
+/// on one work thread.
 class TtcNodeTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -96,13 +97,13 @@ class TtcNodeTest : public testing::Test {
     for (auto& received : downlink_->push(OctetView(octets.data(), static_cast<std::size_t>(n))))
       packets_.push_back(std::move(received.packet));
   }
-  /// As a kill does: nothing is told or written any more.
+  /// Ends ttc like a kill: ttc sends and writes nothing more.
   void end_without_a_word() {
     line_watch_.reset();
     node_.reset();
     packets_.clear();
   }
-  /// @return its request id, as the reports carry it
+  /// @return the request id as in the reports
   Octets send(std::uint16_t apid, std::uint8_t service, std::uint8_t subtype, Octets data = {}) {
     wire::TcPacket packet;
     packet.apid = apid;
@@ -120,7 +121,7 @@ class TtcNodeTest : public testing::Test {
         wire::make_uplink_cltu({.spacecraft_id = 0xAB, .vc = open_vc}, type, 0, nullptr, packet).value();
     EXPECT_EQ(::write(line_.get(), cltu.data(), cltu.size()), static_cast<ssize_t>(cltu.size()));
   }
-  /// The newest sample of ttc's own counters that fits.
+  /// The newest matching sample of ttc's own counters.
   std::optional<mission::TtcHousekeeping> counters(
       const std::function<bool(const mission::TtcHousekeeping&)>& fits) {
     std::optional<mission::TtcHousekeeping> found;
@@ -144,7 +145,7 @@ class TtcNodeTest : public testing::Test {
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
   }
-  /// A packet that fits has come, or comes.
+  /// Whether a matching packet has arrived or arrives in time.
   bool comes(
       std::uint8_t service, std::uint8_t subtype,
       const std::function<bool(const wire::TmPacket&)>& fits = [](const wire::TmPacket&) { return true; }) {
@@ -158,7 +159,7 @@ class TtcNodeTest : public testing::Test {
     return comes(1, subtype, [&](const wire::TmPacket& p) { return p.source == request; });
   }
 
-  /// A telecommand packet for a payload. @return it
+  /// @return a telecommand packet for a payload
   Octets payload_packet() {
     wire::TcPacket packet;
     packet.apid = mission::apid::payload_eps;
@@ -169,7 +170,7 @@ class TtcNodeTest : public testing::Test {
     packet.application = {0, 1, 2, 1};
     return wire::make_tc_packet(packet);
   }
-  /// Schedules it. @return the request id of the insertion
+  /// Schedules @p packet. @return the request id of the insertion
   Octets schedule(const Octets& packet, UtcTime release) {
     OctetWriter data;
     data.u16(1);
@@ -178,7 +179,7 @@ class TtcNodeTest : public testing::Test {
     data.bytes(packet);
     return send(mission::apid::ttc, 11, 4, data.take());
   }
-  /// Ticks say that it is @p utc, validly, until @p condition holds.
+  /// Sends ticks with the valid time @p utc until @p condition holds.
   bool wait_at(UtcTime utc, const std::function<bool()>& condition) {
     if (!ticks_)
       ticks_ = std::make_unique<ros::Publisher<srfs_msgs::msg::TimeTick>>(*there_, ros::topics::time_tick);
@@ -203,14 +204,14 @@ class TtcNodeTest : public testing::Test {
     });
   }
 
-  /// A telecommand as the ground writes it.
+  /// Sends a telecommand in the ground's notation.
   Octets send(const std::string& name, const std::vector<std::string>& arguments) {
     static const auto dictionary = mission::Dictionary::load(mission::Dictionary::default_folder());
     const auto encoded = dictionary.encode(name, arguments);
     EXPECT_TRUE(encoded) << (encoded ? "" : encoded.error().message);
     return send(encoded->command->apid, encoded->command->service, encoded->command->subtype, encoded->data);
   }
-  /// It fails in @p subtype with @p code.
+  /// Whether the request fails in @p subtype with @p code.
   bool fails(std::uint8_t subtype, const Octets& request, std::uint16_t code) {
     return comes(1, subtype, [&](const wire::TmPacket& p) {
       return p.source.size() >= 6 && Octets(p.source.begin(), p.source.begin() + 4) == request &&
@@ -315,7 +316,7 @@ TEST_F(TtcNodeTest, TheFrameCountersGoOnAfterAKill) {
   activate();
   ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
   end_without_a_word();
-  // The same receiver: it misses what was lost only.
+  // The receiver stays the same, so it misses only frames that were really lost.
   make_node(open_channel);
   ASSERT_TRUE(node_->go_to(ros::State::active)) << node_->failure_reason();
   line_watch_ = executor_.add_fd(line_.get(), EPOLLIN, [this](std::uint32_t) { read_line(); });
@@ -329,7 +330,7 @@ TEST_F(TtcNodeTest, TheFrameCountersGoOnWhenTheMemoryOfTheSuiteIsGone) {
     if (orderly) {
       node_->go_to(ros::State::unconfigured);
       executor_.spin_until([] { return false; },
-                           monotonic_now() + milliseconds(100));  // the last frames come
+                           monotonic_now() + milliseconds(100));  // for the last frames to arrive
     }
     end_without_a_word();
     std::filesystem::remove_all(ros::VarPaths{folder_}.memory());
@@ -434,7 +435,7 @@ TEST_F(TtcNodeTest, WhatFindsTooManyWaitingForTheDiskIsRefusedWithItsReasonAndRe
   const Octets first = send(mission::apid::ttc, 17, 1);
   ASSERT_TRUE(verified(7, first));
   packets_.clear();
-  // All in one reading: nothing is on disk before the last has come.
+  // ttc reads all telecommands at once; none is on disk before the last has arrived.
   std::vector<Octets> requests;
   for (std::size_t i = 0; i < PersistenceGate::capacity + 20; ++i)
     requests.push_back(send(mission::apid::ttc, 17, 1));
@@ -475,7 +476,7 @@ TEST_F(TtcNodeTest, AFirstStartSaysSoAndWhenItIsKilledTheNextOneMissesNothing) {
   }
 }
 
-/// On a secured channel, with counters as the test likes them.
+/// A secured channel with counters that the test chooses.
 class TtcCountersTest : public TtcNodeTest {
  protected:
   void SetUp() override {
@@ -567,7 +568,7 @@ TEST_F(TtcCountersTest, WhenNothingButTheKeysIsLeftTheFirstValidTimeBringsTheFlo
   activate(secured_);
   EXPECT_TRUE(event_comes(mission::event::ttc_first_start, 1));
   end_without_a_word();
-  activate(secured_);  // the floor is still to come
+  activate(secured_);  // the counter floor is not yet set
   EXPECT_TRUE(verified(7, ping_with(floor_ - 86'300'000)))
       << "nobody is locked out while the time is not valid";
   EXPECT_TRUE(wait_at(today_, [&] { return beacon_has(floor_); }));
@@ -629,7 +630,7 @@ TEST_F(TtcNodeTest, AScheduledTelecommandIsReleasedAtItsTimeAlsoAfterAKill) {
   ASSERT_TRUE(wait_at(release + seconds(1), [&] { return has_come(1, request) && !ids.empty(); }));
   const std::uint64_t id = ids.front();
 
-  // It is no longer scheduled, it is under way: under the same id, and released no more.
+  // The telecommand is no longer scheduled but in progress. It keeps its id and is not released again.
   end_without_a_word();
   ids.clear();
   activate();
@@ -706,7 +707,7 @@ TEST_F(TtcNodeTest, WithoutAJournalRecoveryCommandsRunWithAnEventAndOthersAreRef
   for (const char* file : {"telecommands.0", "telecommands.1"})
     std::filesystem::remove(folder_ / "state" / "ttc" / file);
   bool accepted = false;
-  for (int attempt = 0; attempt < 20 && !accepted; ++attempt) {  // it is tried again each second
+  for (int attempt = 0; attempt < 20 && !accepted; ++attempt) {  // ttc retries every second
     const Octets request = send(mission::apid::ttc, 3, 5, {0, 1, 0, 1});
     const auto answered = [&](const wire::TmPacket& p) {
       return p.service == 1 && p.subtype <= 2 && Octets(p.source.begin(), p.source.begin() + 4) == request;
@@ -808,7 +809,7 @@ class TtcOnABadDisk : public TtcNodeTest, public testing::WithParamInterface<tes
       return h && fits(*h);
     });
   }
-  /// What is not marked recovery. @return whether it was accepted
+  /// Sends a telecommand that is not marked recovery. @return whether ttc accepted it
   bool takes_an_ordinary_command() {
     const Octets request = send(mission::apid::ttc, 3, 5, {0, 1, 0, 1});
     const auto answer = [&] {
@@ -831,7 +832,7 @@ TEST_P(TtcOnABadDisk, CommandingNeverStopsAndEverythingIsBackWithTheDisk) {
   ASSERT_TRUE(counters_say([](const auto& h) { return h.store_records[0] > 0; })) << "the stores work";
 
   testing_support::set_disk_fault(GetParam(), folder_);
-  // A journal that exists is written in place: a full disk is no fault for it.
+  // ttc writes an existing journal in place, so a full disk does not affect it.
   const bool journal_works = GetParam() == testing_support::DiskFault::full;
   EXPECT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
   EXPECT_EQ(takes_an_ordinary_command(), journal_works);
@@ -905,7 +906,7 @@ TEST_F(TtcNodeTest, ADeletionThatAKillInterruptedIsDoneAgainAndIsNoFailure) {
   ASSERT_TRUE(write_file_atomically(folder_ / "files" / "abc", "abc"));
   activate();
   ASSERT_TRUE(verified(7, send(mission::apid::ttc, 17, 1)));
-  // Accepted, and the end is not recorded: killed as soon as the file is gone.
+  // Kill ttc as soon as the file is gone: the request is accepted, but its end is not recorded.
   const Octets request = send("file.delete", {"file=abc"});
   ASSERT_TRUE(wait([&] { return !std::filesystem::exists(folder_ / "files" / "abc"); }));
   end_without_a_word();
@@ -1012,7 +1013,7 @@ TEST_F(TtcParametersTest, TtcAnswersForItself) {
   EXPECT_TRUE(comes(20, 2, [](const wire::TmPacket& p) { return p.source == (Octets{0, 1, 0, 11, 0, 25}); }));
 }
 
-/// The two nodes of imaging, which do what a test says.
+/// Stands in for the two imaging nodes; the test controls what they do.
 class TtcImagingTest : public TtcNodeTest {
  protected:
   using Capture = srfs_msgs::action::CaptureImage;
@@ -1041,7 +1042,7 @@ class TtcImagingTest : public TtcNodeTest {
     std::filesystem::create_directories((folder_ / name).parent_path());
     ASSERT_TRUE(write_file_atomically(folder_ / name, content));
   }
-  /// Stores a frame and ends the newest capture well.
+  /// Stores a frame and ends the newest capture successfully.
   void end_capture() {
     write("images/frames/0000000005/0001.fits", "frame");
     Capture::Result result;
@@ -1090,7 +1091,7 @@ TEST_F(TtcImagingTest, ATelecommandIsCapturedProcessedAndItsProductsGoDown) {
   EXPECT_TRUE(wait([&] { return !downlink_->take_file_pdus().empty(); })) << "it is being sent";
   EXPECT_TRUE(std::filesystem::exists(folder_ / "images/products/0000000005/findings.json"));
 
-  // Nobody at the ground takes it: it is still there to be taken back.
+  // The ground does not receive the file, so it can still be withdrawn.
   const std::string queued = fmt::format("files/outbox/image_001_r{:08x}_0000000005_findings.json",
                                          image::run_of_goal(processes_[0]->id()));
   ASSERT_TRUE(std::filesystem::exists(folder_ / queued));

@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Real processes, confined for real, each way twice: with namespaces and on the floor. What only root can
-// have is skipped for others.
+// Really confined processes. Each test runs twice: with namespaces and with the minimum confinement. Tests
+// that need root are skipped for other users.
 
 #include <fcntl.h>
 #include <linux/keyctl.h>
@@ -50,7 +50,7 @@ int processes_of_user() {
     struct stat status {};
     const pid_t pid = std::atoi(entry.path().filename().c_str());
     if (pid == 0 || stat(entry.path().c_str(), &status) != 0 || status.st_uid != user_of_tests) continue;
-    // A zombie waits for whoever inherited it.
+    // A zombie only waits for its parent.
     if (process_state(pid).value_or('Z') != 'Z') ++count;
   }
   return count;
@@ -77,7 +77,7 @@ class SandboxTest : public testing::TestWithParam<bool> {
     confinement_.limits.memory_octets = 256U << 20;
     confinement_.limits.files = 512;
     confinement_.limits.lowest_priority = false;  // the machine may be busy
-    // The confined user must find its way where there is no view of its own.
+    // Without a separate file-system view the confined user needs access to this path.
     fs::permissions(folder_.path(), fs::perms(0755));
   }
 
@@ -156,7 +156,7 @@ TEST_P(SandboxTest, AnEndlessLoopEndsWithTheTimeOrTheCpu) {
   confinement_.limits.cpu = seconds(1);
   const Ended ended = run(endless);
   EXPECT_EQ(ended.signal, SIGXCPU);
-  EXPECT_GE(ended.cpu_s, 0.5);  // the limit counts in ticks, this is exact
+  EXPECT_GE(ended.cpu_s, 0.5);  // the limit counts in ticks, this value is exact
 }
 
 TEST_P(SandboxTest, AnAllocationBombGetsNoFurtherThanItsLimit) {
@@ -184,7 +184,8 @@ TEST_P(SandboxTest, AForkBombIsHeldAndNothingOfItIsLeft) {
     }
     return 0;
   });
-  // On a busy machine the memory of refused processes is freed so late that its limit ends the bomb first.
+  // On a busy machine the memory of refused processes is freed so late that the memory limit ends the bomb
+  // first.
   const bool by_memory = ended.stop == Ended::Stop::none && ended.signal == SIGKILL && ended.out_of_memory;
   EXPECT_TRUE(ended.stop == Ended::Stop::wall_time || by_memory) << "signal " << ended.signal;
   if (in_force(ended, Layer::process_count)) {
@@ -224,7 +225,7 @@ TEST_P(SandboxTest, ItWritesNowhereButInItsFolder) {
 
 TEST_P(SandboxTest, ItReadsNeitherKeysNorShadow) {
   const fs::path key = folder_.path() / "var/keys/link";
-  ASSERT_TRUE(write_file_atomically(key, "secret"));  // readable for everybody, even
+  ASSERT_TRUE(write_file_atomically(key, "secret"));  // readable by every user
   const Ended ended = run([&] {
     for (const std::string& path : {key.string(), std::string("/etc/shadow"), std::string("/root/.profile")})
       if (open(path.c_str(), O_RDONLY) >= 0) return 1;
@@ -296,7 +297,7 @@ TEST_P(SandboxTest, ItReachesNoSocketOfTheSuite) {
 TEST_P(SandboxTest, ItCanKillNobodyElse) {
   if (geteuid() != 0) GTEST_SKIP() << "not root";
   const Ended ended = run([] {
-    // Signal 0 asks whether one could: nothing is risked should it be so.
+    // Signal 0 only tests the permission, so the test is harmless if the confinement fails.
     for (int pid = 1; pid < 70000; ++pid)
       if (pid != getpid() && kill(pid, 0) == 0) return 1;
     return 0;

@@ -37,7 +37,7 @@ TEST(ChildProcessTest, what_it_writes_and_how_it_ends_comes_back) {
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 3);
   EXPECT_EQ(to_text(*end), "exit code 3");
-  EXPECT_EQ(child->take_end()->exit_code, 3);  // again
+  EXPECT_EQ(child->take_end()->exit_code, 3);  // a second call gives the same end
 }
 
 TEST(ChildProcessTest, a_signal_is_told_by_its_name) {

@@ -40,7 +40,7 @@ TEST(CpuWait, GrowsWhileARunnableThreadGetsNoCpuAndCountsNothingTwice) {
   EXPECT_EQ(wait.total(), milliseconds(100));
   wait.on_reading(cpu(100, 0, 5), true, at_ms(2000));
   EXPECT_EQ(wait.total(), milliseconds(2000));
-  // It runs at last: the kernel adds the whole wait, most of which is counted.
+  // The thread runs at last: the kernel adds the whole wait, most of which is already counted.
   wait.on_reading(cpu(104, 2050, 6), true, at_ms(2100));
   EXPECT_EQ(wait.total(), milliseconds(2050));
 }
@@ -49,7 +49,7 @@ TEST(CpuWait, CountsNothingTwiceWhenAThreadGoesToSleepBetweenItsNumbersAndItsSta
   CpuWait wait;
   wait.on_reading(cpu(100, 0, 5), true, at_ms(0));
   wait.on_reading(cpu(100, 0, 5), true, at_ms(1000));
-  wait.on_reading(cpu(100, 0, 5), false, at_ms(1100));  // it ran and sleeps, since the numbers were read
+  wait.on_reading(cpu(100, 0, 5), false, at_ms(1100));  // ran and fell asleep after the numbers were read
   wait.on_reading(cpu(101, 1090, 6), false, at_ms(1200));
   EXPECT_EQ(wait.total(), milliseconds(1090));
 }
@@ -142,7 +142,7 @@ TEST(Schedstat, OfAKernelThatWritesZerosIsNotCounted) {
   EXPECT_FALSE(is_counted({}));
 }
 
-/// In a process of its own: the kernel is asked once.
+/// Needs a separate process, because the code checks the kernel only once.
 TEST(ThreadCpuFilesDeathTest, TheKernelIsKnownToCountAlsoWhenAThreadAsksThatHasJustBegun) {
   if (access("/proc/self/schedstat", R_OK) != 0) GTEST_SKIP() << "this kernel has no schedstat";
   GTEST_FLAG_SET(death_test_style, "threadsafe");
@@ -160,7 +160,7 @@ TEST(ThreadCpuFiles, TellARunningThreadFromOneThatHasEnded) {
   EXPECT_EQ(own->state(), 'R');
   const auto before = own->read();
   std::uint64_t sum = 0;
-  while (own->read()->ran - before->ran < milliseconds(20)) sum = sum + 1;  // it runs, so its time grows
+  while (own->read()->ran - before->ran < milliseconds(20)) sum = sum + 1;  // running, so its time grows
   EXPECT_GT(sum, 0U);
 
   std::optional<ThreadCpuFiles> others;

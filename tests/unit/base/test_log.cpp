@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// What is written when too much is said, and when nobody reads it.
+// The log output when there are too many messages, and when no process reads it.
 
 #include <cstdlib>
 #include <string>
@@ -111,7 +111,7 @@ struct Pipe {
   }
 };
 
-// An alarm ends the test program, if a write should block after all.
+// An alarm ends the test program if a write blocks after all.
 TEST(LogOutput, AFullPipeLosesLinesInsteadOfBlockingAndTakesThemAgainWhenRead) {
   alarm(30);
   const Pipe pipe;
@@ -169,7 +169,7 @@ TEST(LogOutput, KnowsTheJournalByTheNameSystemdGivesIts) {
   EXPECT_FALSE(Output(pipe.write_end.get()).is_journal());
 }
 
-/// The program's stderr in a pipe, while the test lasts.
+/// Redirects the program's stderr into a pipe during the test.
 class LogLines : public testing::Test {
  protected:
   void SetUp() override {

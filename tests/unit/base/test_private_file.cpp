@@ -39,7 +39,7 @@ mode_t mode_of(const std::filesystem::path& path) {
 class PrivateFile : public testing::Test {
  protected:
   void SetUp() override {
-    // As /tmp and /dev/shm are: everybody may make names there.
+    // Like /tmp and /dev/shm: every user may create files there.
     std::filesystem::create_directory(shared_);
     ASSERT_EQ(chmod(temporary_.path().c_str(), 0755), 0);
     ASSERT_EQ(chmod(shared_.c_str(), 01777), 0);
@@ -97,7 +97,7 @@ TEST_F(PrivateFile, DoesNotFollowALinkInThePlaceOfItsFolderOrItself) {
 TEST_F(PrivateFile, IsARegularFile) {
   ASSERT_TRUE(open_private_folder(folder_, true));
   ASSERT_EQ(mkfifo(file_.c_str(), 0600), 0);
-  const auto refused = open_private(file_, O_RDONLY);  // and does not wait for a writer
+  const auto refused = open_private(file_, O_RDONLY);  // must not wait for a writer
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().message, file_.string() + ": is not a regular file, so it is not used");
 }

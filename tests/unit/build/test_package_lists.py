@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the project is built with stands in three places: CMake requires it, packages.txt installs it, package.xml names it for colcon and rosdep."""
+"""The build dependencies are listed in three places, which must agree: CMake requires them, packages.txt installs them, package.xml names them
+for colcon and rosdep."""
 
 import re
 import unittest
@@ -9,7 +10,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
 
-# What CMake looks for -> the Debian package that has it.
+# Package that CMake requires -> the Debian package that contains it.
 OF_CMAKE = {
     "Python3": "python3",
     "fastcdr": "libfastcdr-dev",
@@ -21,7 +22,7 @@ OF_CMAKE = {
     "OpenSSL": "libssl-dev",
     "ZLIB": "zlib1g-dev",
     "Eigen3": "libeigen3-dev",
-    "Threads": None,  # of the C library
+    "Threads": None,  # part of the C library
     "TIFF": "libtiff-dev",
     "PNG": "libpng-dev",
     "JPEG": "libjpeg-dev",
@@ -32,7 +33,7 @@ OF_CMAKE = {
     "GTest": "libgtest-dev",
     "fec": "libfec-dev",
 }
-# Needed without CMake looking for it: programs, headers alone, Python modules of the generators.
+# Needed, but not required by CMake: programs, header-only libraries, Python modules of the generators.
 OF_OTHERS = {
     "cmake": "cmake",
     "ninja": "ninja-build",
@@ -42,7 +43,7 @@ OF_OTHERS = {
     "import yaml": "python3-yaml",
     "from rosidl_adapter": "python3-rosidl",
 }
-# rosdep's key of a Debian package, where it is not the package's name.
+# rosdep's key of a Debian package, if it differs from the package's name.
 ROSDEP_KEY = {
     "libfastcdr-dev": "fastcdr",
     "libfastrtps-dev": "fastrtps",
@@ -63,13 +64,13 @@ NOT_IN_PACKAGE_XML = {
 
 
 def built_with():
-    """Packages of no group: build and run."""
+    """Packages that belong to no group: those to build and run."""
     lines = [line.split() for line in (ROOT / "packages.txt").read_text().splitlines() if line and not line.startswith("#")]
     return {words[0] for words in lines if len(words) == 1}
 
 
 def cmake_files():
-    """Of this project: not what is built for others or in their tree."""
+    """CMake files of this project, without those of packages that are built separately."""
     foreign = [ROOT / "msgs/srfs_msgs", ROOT / "tests/find_package"]
     for folder in ("cmake", "lib", "msgs", "nodes", "hw_sim", "ground", "tools", "examples", "tests"):
         for pattern in ("CMakeLists.txt", "*.cmake"):

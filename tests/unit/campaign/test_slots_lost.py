@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""How the fault campaign counts the slots that a fault took from others."""
+"""How the fault campaign counts the slots that a fault took from other nodes."""
 
 import pathlib
 import sys
@@ -16,7 +16,7 @@ ORDER = ("payload_adcs", "payload_eps", "payload_thermal")
 
 
 def flight(times_ms, unreleased=(), switcher=1):
-    """Grants in their order at these times, each released 20 ms later but those at the indices `unreleased`."""
+    """Grants in order at these times, each released, except those at the indices `unreleased`."""
     messages = []
     for number, at in enumerate(times_ms):
         holder = ORDER[number % len(ORDER)]
@@ -31,7 +31,7 @@ def lost(times_ms, victims=("timing",), begin_ms=1050, end_ms=None, **other):
     return faults.slots_lost(flight(times_ms, **other), begin_ms * MS, end_ms * MS, victims)
 
 
-STEADY = list(range(0, 1100, 100))  # the last one before the fault: 1000
+STEADY = list(range(0, 1100, 100))  # the last grant before the fault is at 1000
 
 
 class SlotsLostTest(unittest.TestCase):
@@ -43,7 +43,7 @@ class SlotsLostTest(unittest.TestCase):
         self.assertEqual(lost([*STEADY, 1100, 1200, 1400]), 1)
 
     def test_a_rotation_that_stands_still_until_the_end_has_lost_all_of_them(self):
-        self.assertEqual(lost(STEADY, end_ms=2500), 9)  # those of the last 0.5 s may be on their way
+        self.assertEqual(lost(STEADY, end_ms=2500), 9)  # grants of the last 0.5 s may be in transit
         self.assertEqual(lost([*STEADY, 1100], end_ms=1500), 0)
 
     def test_a_beat_that_moves_by_half_a_period_has_lost_none(self):
@@ -58,7 +58,7 @@ class SlotsLostTest(unittest.TestCase):
         self.assertEqual(lost([*STEADY, 1100, 1200, 1300], unreleased=[13]), 0)
 
     def test_what_a_payload_does_with_its_own_slot_is_its_own_loss(self):
-        times = [*STEADY, 1100, 1500, 1600]  # 1100 is payload_thermal's
+        times = [*STEADY, 1100, 1500, 1600]  # payload_thermal holds the slot at 1100
         self.assertEqual(lost(times, victims=("payload_thermal",), unreleased=[11]), 0)
         self.assertEqual(lost(times, victims=("payload_adcs",)), 3, "it held nothing")
 

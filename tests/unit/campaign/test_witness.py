@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The judge of the fencing campaign: every violation it is there for is made up here, and must be found."""
+"""The judge of the fencing campaign: each test makes up a violation that the judge must find."""
 
 import pathlib
 import sys
@@ -40,7 +40,7 @@ def report(number, stage, success=True, code=0, node=EPS):
 
 
 def flight():
-    """Three slots as they should be."""
+    """A record of three correct slots."""
     lines, messages = [], []
     for number, payload in enumerate(ADDRESS, 1):
         start = 1000 + 40 * number
@@ -147,6 +147,12 @@ class WitnessTest(unittest.TestCase):
         twice = witness.executed_once(witness.telecommands_of(given_up), {EPS: [7, 7]}, late=[(400 * MS, 430 * MS)])
         self.assertFalse(twice[0]["ok"], "lateness is no excuse for this")
 
+    def test_a_telecommand_may_expire_before_its_acceptance_in_an_overload_alone(self):
+        expired = [self.stage("sent", False), self.stage("start_failed", True, 21) | {"at_ns": 900 * MS}]
+        for overloads, good in (([(400 * MS, 700 * MS)], True), ([(901 * MS, 950 * MS)], False), ([], False)):
+            self.assertEqual(witness.told_to_the_ground(expired, overloads=overloads)["ok"], good, overloads)
+        self.assertFalse(witness.told_to_the_ground(expired[:1], overloads=[(0, 900 * MS)])["ok"], "no end")
+
     def test_an_unknown_outcome_may_be_executed_or_not(self):
         unknown = [*self.DONE[:2], report(0x1_0000_0007, 7, False, 36)]
         self.assertEqual(self.broken(messages=unknown, executed={EPS: [7]}), [])
@@ -180,7 +186,7 @@ class WitnessTest(unittest.TestCase):
     def test_the_gap_after_a_fault_ends_with_the_next_used_slot(self):
         verdict = self.judge(faults=[self.fault()])
         self.assertTrue(verdict["ok"])
-        self.assertEqual(verdict["faults"]["kill a payload"]["bus_gap"]["max_ms"], 42.0)  # granted 1080, given back 1092
+        self.assertEqual(verdict["faults"]["kill a payload"]["bus_gap"]["max_ms"], 42.0)  # granted at 1080, given back at 1092
 
     def test_a_rotation_that_stands_still_is_found(self):
         late = [flag(2000, 4, EPS), bus(2010, 4, EPS)]

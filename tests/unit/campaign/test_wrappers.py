@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The deployments that campaigns fly."""
+"""The deployments that the campaigns use."""
 
 import pathlib
 import sys

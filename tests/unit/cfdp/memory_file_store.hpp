@@ -14,11 +14,10 @@
 
 namespace srfs::cfdp {
 
-/// The machine dies in the middle of a call of the store.
+/// Thrown when the simulated computer dies during a call of the store.
 struct Killed {};
 
-/// A disk in memory that forgets what was not synced, refuses what it is told to refuse, and can kill its
-/// user at any call.
+/// A disk in memory that can lose unsynced data, refuse selected calls, and kill its user at any call.
 class MemoryFileStore final : public FileStore {
  public:
   struct File {
@@ -32,8 +31,8 @@ class MemoryFileStore final : public FileStore {
   std::optional<FileFault> room_fault;
   std::optional<FileFault> sync_fault;
   std::optional<FileFault> checkpoint_fault;
-  std::optional<std::size_t> calls_until_kill;  ///< of changing calls
-  bool kill_after_effect = false;               ///< the call that kills still reaches the disk
+  std::optional<std::size_t> calls_until_kill;  ///< counts changing calls only
+  bool kill_after_effect = false;               ///< the fatal call still changes the disk
   std::size_t largest_read = 0;
 
   void add(const std::string& name, Octets octets) {
@@ -46,7 +45,7 @@ class MemoryFileStore final : public FileStore {
     return found == files.end() ? nullptr : &found->second.octets;
   }
   [[nodiscard]] std::size_t temporaries() const { return temporaries_.size(); }
-  /// Power loss, or the kill of a process whose writes never reached the disk.
+  /// Simulates a power loss, or a kill before the process' writes reached the disk.
   void lose_unsynced() {
     for (auto& [id, t] : temporaries_) t.now = t.synced;
   }

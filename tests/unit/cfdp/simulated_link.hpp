@@ -27,25 +27,25 @@ inline Octets random_file(std::size_t octets, unsigned seed) {
 struct LinkFaults {
   double loss = 0;
   double duplication = 0;
-  double octet_flips = 0;  ///< a flipped octet costs its PDU: frames have a CRC
+  double octet_flips = 0;  ///< a flipped octet loses its PDU, because frames have a CRC
   milliseconds jitter{0};  ///< PDUs overtake one another
-  double frame_loss = 0;   ///< with all PDUs that have octets in the frame
+  double frame_loss = 0;   ///< loses all PDUs that have octets in the frame
 };
 
-/// Two entities with their disks, and a line with a rate and a delay between them. Time is simulated.
+/// Two entities with disks, joined by a line with a rate and a delay. Time is simulated.
 class SimulatedLink {
  public:
   struct End {
     std::uint64_t id = 0;
     Settings settings;
     MemoryFileStore files;
-    std::unique_ptr<Entity> entity;  ///< none: killed
+    std::unique_ptr<Entity> entity;  ///< null: killed
     std::vector<Event> events;
     MonotonicTime line_free_at;
     MonotonicTime alive_again_at;
-    std::uint64_t pdus = 0;  ///< handed to the line
+    std::uint64_t pdus = 0;  ///< PDUs handed to the line
     FrameFill frame;
-    bool frame_lost = false;  ///< the one that is being filled
+    bool frame_lost = false;  ///< whether the frame being filled will be lost
     Counters counters_before;
   };
 
@@ -62,7 +62,7 @@ class SimulatedLink {
   End& at(std::uint64_t id) { return ends[id == ground ? 0 : 1]; }
   Entity& entity(std::uint64_t id) { return *at(id).entity; }
 
-  /// Kills an end; it is back after @p pause with what its disk kept.
+  /// Kills an end. It returns after @p pause with the contents of its disk.
   void kill(End& end, nanoseconds pause) {
     if (!end.entity) return;
     take_events(end);
@@ -71,8 +71,8 @@ class SimulatedLink {
     end.alive_again_at = now + pause;
   }
 
-  /// Runs until nothing is left to do, or @p until.
-  /// @return false: it was not done by then
+  /// Runs until nothing is left to do, but not beyond @p until.
+  /// @return false: not finished by then
   bool run(MonotonicTime until) {
     while (true) {
       const auto next = next_time();
@@ -85,7 +85,7 @@ class SimulatedLink {
       step();
     }
   }
-  /// Runs for a while.
+  /// Runs for @p time.
   void run_for(milliseconds time) {
     const MonotonicTime until = now + time;
     (void)run(until);
@@ -110,13 +110,13 @@ class SimulatedLink {
   double octets_per_second = 20'000;
   milliseconds delay{40};
   std::size_t pdu_octets_max = 980;
-  /// What the satellite sends travels in frames of so many octets, on a line that carries some more for each.
-  /// What the ground sends has a frame for each PDU.
+  /// The satellite packs its PDUs into frames of @p field_octets; each frame takes @p octets_on_line on the
+  /// line. The ground sends one frame per PDU.
   void use_frames(std::size_t field_octets, std::size_t octets_on_line) {
     at(satellite).frame = {.octets = field_octets, .filled = 0, .overhead = 6};
     frame_octets_on_line_ = octets_on_line;
   }
-  /// Sees every PDU that is handed to the line; false loses it.
+  /// Called for every PDU handed to the line; false loses the PDU.
   std::function<bool(std::uint64_t from, OctetView pdu)> on_line = [](std::uint64_t, OctetView) {
     return true;
   };
@@ -161,7 +161,7 @@ class SimulatedLink {
     for (std::size_t i = 0; i < ends.size(); ++i) {
       End& end = ends[i];
       if (!end.entity || end.line_free_at > now) continue;
-      if (now > end.line_free_at + milliseconds(50)) end.frame.filled = 0;  // the frame left half empty
+      if (now > end.line_free_at + milliseconds(50)) end.frame.filled = 0;  // the frame left partly empty
       std::optional<Octets> pdu;
       guarded(end, [&] { pdu = end.entity->next_pdu(pdu_octets_max, now, end.frame); });
       if (end.entity) take_events(end);

@@ -18,7 +18,7 @@ Octets text(std::string_view words) {
   return {words.begin(), words.end()};
 }
 
-/// Kind of a PDU in one word.
+/// The kind of a PDU, as text.
 std::string name_of(const CfdpBody& body) {
   if (std::holds_alternative<wire::CfdpMetadata>(body)) return "metadata";
   if (std::holds_alternative<wire::CfdpFileData>(body)) return "data";
@@ -31,11 +31,11 @@ std::string name_of(const CfdpBody& body) {
   return "keep alive";
 }
 
-/// A perfect link on which a test may lose what it wants to.
+/// A perfect link on which a test may drop selected PDUs.
 class CfdpTransfer : public testing::Test {
  protected:
   SimulatedLink link_;
-  std::vector<std::string> sent_;  // "1 metadata": who, what
+  std::vector<std::string> sent_;  // sender and kind, for example "1 metadata"
   std::vector<std::pair<std::uint64_t, Octets>> octets_;
   std::function<bool(std::uint64_t from, const std::string& kind)> passes_ = [](auto, const auto&) {
     return true;
@@ -189,10 +189,10 @@ TEST_F(CfdpTransfer, RefusesMoreTransactionsThanItHasRoomFor) {
   EXPECT_EQ(entity(ground).put("d", "d").error(), PutError::no_room);
   ASSERT_TRUE(run());
   EXPECT_TRUE(link_.idle());
-  EXPECT_EQ(files(satellite).files.size(), 3U);  // the third had to wait for its turn
+  EXPECT_EQ(files(satellite).files.size(), 3U);  // the third file had to wait
 }
 
-/// What a ground without good will sends: the first PDUs of files that never come.
+/// Acts as a hostile ground: sends the first PDUs of files that never follow.
 void announce(Entity& entity, std::uint64_t first, std::uint64_t files, std::uint64_t octets,
               MonotonicTime now) {
   for (std::uint64_t i = first; i < first + files; ++i) {
@@ -252,7 +252,7 @@ TEST_F(CfdpTransfer, ANewFileTakesThePlaceOfTheOneThatWasAwaitedInVainForLongest
   EXPECT_EQ(faults.back().handler, FaultHandler::abandon);
   EXPECT_TRUE(entity(satellite).outcome_of(id_of(503))->incomplete);
 
-  // What has data or rests by request keeps its place for ever.
+  // A transaction with data, or one suspended by request, keeps its place for ever.
   announce(entity(satellite), 700, 100, 1000, link_.now);
   std::set<std::uint64_t> left;
   for (const Report& report : entity(satellite).transactions()) left.insert(report.id.sequence);
@@ -274,12 +274,12 @@ TEST_F(CfdpTransfer, FilesThatComeShareAQuotaOfWhatIsThere) {
   link_.run_for(milliseconds(350));
   const auto half = entity(satellite).transactions().front().progress_octets;
   ASSERT_TRUE(half > 2000 && half < 8000) << half;
-  // Announced, and it takes nothing: the first one arrives.
+  // An announced file takes no room: the first file still arrives.
   announce(entity(satellite), 500, 1, 9000, link_.now);
   ASSERT_TRUE(entity(satellite).transactions().size() == 2);
   (void)run(seconds(20));
   EXPECT_EQ(entity(satellite).outcome_of(first), Outcome{});
-  // Its octets count no longer, those of the next do.
+  // The first file's octets no longer count; those of the next file do.
   const CfdpHeader header{.source_entity = ground, .sequence_number = 500, .destination_entity = satellite};
   const Octets data(900);
   for (std::uint64_t i = 0; i < 9; ++i)
@@ -315,7 +315,7 @@ TEST_F(CfdpTransfer, RestsWhenSuspendedAlsoOverARestartAndGoesOnWhenResumed) {
     EXPECT_EQ(sent_.size(), silent);
 
     ASSERT_TRUE(entity(end).resume(id, link_.now));
-    (void)entity(ground).resume(id, link_.now);  // the other may rest by a fault
+    (void)entity(ground).resume(id, link_.now);  // the ground may be suspended by a fault
     ASSERT_TRUE(run());
     EXPECT_EQ(entity(ground).outcome_of(id), Outcome{});
     EXPECT_EQ(*files(satellite).content("b" + std::to_string(end)), random_file(30'000, 3));
@@ -378,7 +378,7 @@ TEST_F(CfdpTransfer, SuspendsAtTheAckLimitAndGoesOnWhenThePeerIsHeard) {
   EXPECT_EQ(rest_of(ground), Rest::by_fault);
 
   cut = false;
-  ASSERT_TRUE(entity(ground).resume(id, link_.now));  // and the satellite knows how it ended
+  ASSERT_TRUE(entity(ground).resume(id, link_.now));  // the satellite still knows the outcome
   ASSERT_TRUE(run());
   EXPECT_EQ(entity(ground).outcome_of(id), Outcome{});
   EXPECT_EQ(entity(satellite).outcome_of(id), Outcome{});
@@ -433,7 +433,7 @@ TEST_F(CfdpTransfer, ReportsTheNakLimitWhenWhatItAsksForDoesNotCome) {
   };
   put(random_file(3000, 3));
   (void)run(seconds(300));
-  EXPECT_EQ(count("2 nak"), 5);  // one, and four again
+  EXPECT_EQ(count("2 nak"), 5);  // the first and four repetitions
   EXPECT_THAT(faults(satellite), ElementsAre(CfdpCondition::nak_limit));
   EXPECT_EQ(rest_of(satellite), Rest::by_fault);
 }
@@ -469,7 +469,7 @@ TEST_F(CfdpTransfer, IsCancelledWhenTheFileChangesUnderTheSender) {
     change(files(ground));
     link_.at(ground).events.clear();
     ASSERT_TRUE(run());
-    EXPECT_THAT(faults(ground), ElementsAre(condition));  // noticed by the sender itself
+    EXPECT_THAT(faults(ground), ElementsAre(condition));  // the sender itself detects the fault
     EXPECT_EQ(entity(ground).outcome_of(id)->condition, condition);
     EXPECT_EQ(entity(satellite).outcome_of(id)->condition, condition);
     EXPECT_EQ(files(satellite).content("changed"), nullptr);
@@ -517,7 +517,7 @@ TEST_F(CfdpTransfer, RefusesAFileThatIsTooLargeForTheReceiver) {
 }
 
 TEST_F(CfdpTransfer, FindsAFileWithTheRightChecksumAndTheWrongHash) {
-  // Two words exchanged: the modular checksum is the same.
+  // Swapping two words leaves the modular checksum unchanged.
   Octets file = random_file(4000, 1);
   link_.start();
   files(ground).add("a", file);
@@ -526,7 +526,7 @@ TEST_F(CfdpTransfer, FindsAFileWithTheRightChecksumAndTheWrongHash) {
     entity(ground).advance(link_.now);
   }
   std::swap_ranges(file.begin(), file.begin() + 4, file.begin() + 8);
-  files(ground).files["a"].octets = file;  // behind everybody's back: same stamp
+  files(ground).files["a"].octets = file;  // changed unnoticed: the time stamp is the same
   ASSERT_TRUE(run());
   EXPECT_EQ(entity(ground).outcome_of(id)->condition, CfdpCondition::file_checksum_failure);
   EXPECT_EQ(files(satellite).content("b"), nullptr);
@@ -602,7 +602,7 @@ TEST_F(CfdpTransfer, PutNamesWhatIsWrong) {
   EXPECT_EQ(entity(ground).put("a", std::string(256, 'x')).error(), PutError::name_too_long);
 }
 
-// ---- memory over a restart ----------------------------------------------------------------------------
+// ---- state across a restart ---------------------------------------------------------------------------
 
 TEST_F(CfdpTransfer, SequenceNumbersAreNeverUsedTwice) {
   link_.start();
@@ -656,7 +656,7 @@ TEST_F(CfdpTransfer, AFileThatGotItsNameJustBeforeTheCrashIsRecognised) {
   link_.run_for(milliseconds(1000));
   passes_ = [](std::uint64_t, const std::string&) { return true; };
   sent_.clear();
-  // What follows at the satellite: EOF recorded (with a sync), checking recorded, the name, its record.
+  // The satellite's next steps: record EOF (with a sync), record the check, set the name, record the name.
   files(satellite).calls_until_kill = 3;
   files(satellite).kill_after_effect = true;
   ASSERT_TRUE(run());
@@ -673,7 +673,7 @@ TEST_F(CfdpTransfer, BeginsAgainWhenTheFileToBeCheckedIsGoneOrAnother) {
     link_.run_for(milliseconds(1000));
     passes_ = [](std::uint64_t, const std::string&) { return true; };
     files(satellite).calls_until_kill = 3;
-    files(satellite).kill_after_effect = false;  // dies on the way to the name
+    files(satellite).kill_after_effect = false;  // dies before it sets the name
     while (files(satellite).calls_until_kill) link_.run_for(milliseconds(1));
     files(satellite).discard_temporary(id);
     files(satellite).files.clear();

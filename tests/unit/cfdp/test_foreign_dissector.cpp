@@ -38,9 +38,9 @@ TEST(CfdpByWireshark, ReadsATransferWithAGapAsItWasMeant) {
                                  "1 1 2 0 4 2500 0",    // EOF
                                  "1 1 2 1 6 0",         // ACK of EOF
                                  "1 1 2 1 8 950 1900",  // NAK
-                                 "1 1 2 0 950",         // again
+                                 "1 1 2 0 950",         // the repetition
                                  "1 1 2 1 5 0 0 2",     // Finished
-                                 "1 1 2 0 6 0"));       // its ACK
+                                 "1 1 2 0 6 0"));       // ACK of Finished
 }
 
 }  // namespace

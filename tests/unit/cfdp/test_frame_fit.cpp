@@ -13,8 +13,8 @@ constexpr std::size_t header = 16;
 constexpr std::size_t most = 950;
 constexpr FrameFill fresh{.octets = 211, .filled = 0, .overhead = 6};
 
-/// Sends a MiB through frames that are lost with @p loss. @return its estimate, and octets of files that
-/// arrived of those sent
+/// Sends 1 MiB in frames that are lost with probability @p loss. @return the estimate, and the share of file
+/// octets that arrived
 std::pair<FrameFit, double> after_a_mib(double loss, unsigned seed) {
   std::mt19937_64 random(seed);
   std::bernoulli_distribution lost(loss);
@@ -56,7 +56,7 @@ TEST(FrameFits, TheEstimateIsNearTheTruthAndTheYieldNearTheBest) {
   for (const double loss : {0.01, 0.03, 0.1, 0.3}) {
     const auto [fit, yield] = after_a_mib(loss, 7);
     EXPECT_NEAR(fit.frame_loss(), loss, 0.3 * loss + 0.01) << loss;
-    // A PDU for each frame, none across two; at small losses longer ones are better.
+    // Compare with one PDU per frame, none across two frames. At small losses longer PDUs are better.
     EXPECT_GT(yield, 0.98 * (211 - 22) / 211.0 * (1 - loss)) << loss;
   }
 }

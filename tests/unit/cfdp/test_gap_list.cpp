@@ -83,11 +83,10 @@ TEST(GapLists, WaitForTheRestOfAGapThatIsBeingFilledAndAskSoonForWhatWasLeftOut)
   EXPECT_THAT(list.take_due(9, true, later + repeat), ElementsAre(CfdpSegment{30, 100}));
 }
 
-/// A list with gaps at 10-20, 30-40 and 50-60 that were asked for at @p asked, whose first answer takes a
-/// second.
+/// A list with gaps at 10-20, 30-40 and 50-60, all requested at @p asked. The first answer takes one second.
 GapList asked_for_three_gaps(MonotonicTime asked) {
   GapList list(10, delay, repeat);
-  // How long an answer takes is known from an earlier gap.
+  // The list learns the duration of an answer from an earlier gap.
   list.fill({5, 10}, asked - seconds(2));
   EXPECT_THAT(list.take_due(9, true, asked - seconds(1)), ElementsAre(CfdpSegment{0, 5}));
   list.fill({0, 5}, asked);
@@ -100,11 +99,11 @@ TEST(GapLists, AskAgainSoonForWhatTheSenderPassedOver) {
   const MonotonicTime asked = start + seconds(10);
   GapList list = asked_for_three_gaps(asked);
   const MonotonicTime answered = asked + seconds(2);
-  list.fill({30, 40}, answered);  // not the first
+  list.fill({30, 40}, answered);  // skips the first gap
   EXPECT_THAT(list.take_due(9, true, answered + delay - milliseconds(1)), ElementsAre());
   EXPECT_THAT(list.take_due(9, true, answered + delay), ElementsAre(CfdpSegment{10, 20}));
   list.fill({70, 80},
-            answered + seconds(3));  // new data: the third was passed over, too, and the first again
+            answered + seconds(3));  // new data: skipped the third gap too, and the first one again
   EXPECT_THAT(list.take_due(9, true, answered + seconds(3) + delay),
               ElementsAre(CfdpSegment{10, 20}, CfdpSegment{50, 60}));
 }
@@ -115,7 +114,7 @@ TEST(GapLists, WaitForTheTurnOfWhatTheSenderServesLater) {
   const MonotonicTime served = asked + milliseconds(2200);
   list.fill({10, 15}, served);
   EXPECT_THAT(list.take_due(9, true, served + seconds(2)), ElementsAre());
-  // Twice the time of an answer and some without data: they do not come.
+  // No data for more than twice the duration of an answer: the gaps will not be filled.
   EXPECT_EQ(list.take_due(9, true, served + seconds(4)).size(), 3U);
 }
 

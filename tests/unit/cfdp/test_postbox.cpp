@@ -14,7 +14,7 @@ namespace {
 
 using testing::IsEmpty;
 
-/// Two postboxes on real folders, joined without loss.
+/// Two postboxes on real folders, joined by a link without loss.
 class PostboxTest : public testing::Test {
  protected:
   struct End {
@@ -45,7 +45,7 @@ class PostboxTest : public testing::Test {
     std::ifstream in(file, std::ios::binary);
     return {std::istreambuf_iterator<char>(in), {}};
   }
-  /// Hands PDUs over until neither has one; at most @p pdus.
+  /// Exchanges PDUs until neither side has one, at most @p pdus.
   void carry(std::size_t pdus = 100'000) {
     for (bool any = true; any && pdus > 0;) {
       any = false;
@@ -134,7 +134,7 @@ TEST_F(PostboxTest, BothEndsStartAgainInTheMiddleAndTheFileArrives) {
 }
 
 TEST_F(PostboxTest, AFileThePeerRefusesIsMovedAsideAndNotSentForEver) {
-  std::filesystem::create_directory(below_.folder / "files/a");  // nothing can get this name
+  std::filesystem::create_directory(below_.folder / "files/a");  // no file can take this name
   put(above_, "a", random_file(100, 1));
   above_.box->scan();
   carry();
@@ -159,7 +159,7 @@ TEST_F(PostboxTest, NoMoreFilesThanTheBoundAreUnderWayAndAllArrive) {
 TEST_F(PostboxTest, WhatRestsSinceNobodyAnsweredGoesOnAtContact) {
   put(above_, "a", random_file(100, 1));
   above_.box->scan();
-  for (int i = 0; i < 20; ++i) {  // nobody hears it
+  for (int i = 0; i < 20; ++i) {  // no peer receives the PDUs
     while (above_.box->next_pdu(1000, now_)) {
     }
     now_ += seconds(6);
@@ -180,7 +180,7 @@ TEST_F(PostboxTest, ContactsDoNotWakeAFinishedThatTheGroundNeverAcknowledges) {
   below_.box->scan();
   while (const auto pdu = below_.box->next_pdu(1000, now_)) above_.box->on_pdu(*pdu, now_);
   std::size_t pdus = 0;
-  for (int i = 0; i < 1000; ++i) {  // a ground that uplinks all the time, and whose files are gone
+  for (int i = 0; i < 1000; ++i) {  // a ground that uplinks continuously but has lost its files
     above_.box->on_contact(now_);
     while (above_.box->next_pdu(1000, now_)) ++pdus;
     for (News& news : above_.box->take_news()) above_.news.push_back(std::move(news));
@@ -205,7 +205,7 @@ TEST_F(PostboxTest, FilesThatAreAnnouncedAndNeverComeDoNotBlockOthersThoughConta
   above_.box.reset();
   open(above_, satellite);
   now_ += seconds(1);
-  above_.box->on_contact(now_);  // as ttc does with each packet that comes up, before it is looked at
+  above_.box->on_contact(now_);  // like ttc for each uplinked packet, before it decodes the packet
   put(below_, "new", random_file(3000, 1));
   below_.box->scan();
   carry();

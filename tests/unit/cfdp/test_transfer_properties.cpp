@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Files over a bad link between ends that die: whatever happens, the file arrives whole, soon, and without
+// File transfers over a bad link whose ends die. In all cases the file arrives complete, soon, and without
 // much waste.
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@ constexpr std::size_t file_octets = 200'000;
 constexpr LinkFaults bad_link{
     .loss = 0.10, .duplication = 0.02, .octet_flips = 1e-4, .jitter = milliseconds(100)};
 
-/// PDUs of a transfer that repeats nothing but what the link loses.
+/// Number of PDUs for a transfer that repeats only PDUs lost on the link.
 double least_pdus(const Settings& settings, const LinkFaults& faults, std::size_t octets) {
   const double data = std::ceil(static_cast<double>(octets) / static_cast<double>(settings.file_data_octets));
   const double pdu_octets = static_cast<double>(settings.file_data_octets) + 16;
@@ -35,7 +35,7 @@ TEST_P(BadLink, BothEndsDieFiveTimesAndMoreAndTheFileArrivesWithin1Point5OfTheLe
   const auto id = link.entity(from).put("image.fits", "arrived.fits");
   ASSERT_TRUE(id);
 
-  // The transfer takes some 13 s on this line: both ends die in every two of its seconds.
+  // The transfer takes about 13 s on this line; both ends die once every two seconds.
   std::mt19937 random(seed * 7919);
   unsigned deaths = 0;
   for (int second = 0; second < 10; second += 2) {
@@ -78,8 +78,8 @@ TEST(BadLinkOnAverage, WithoutDeathsTheFileCostsLittleMoreThanTheLeast) {
   EXPECT_LE(pdus / runs, 1.2 * least_pdus(Settings{}, bad_link, file_octets));
 }
 
-/// The spacecraft's downlink at 115200 baud: one CADU of ten is lost, some 350 ms of frames wait in front of
-/// the line, the ring has a node that was killed back within 0.3 s.
+/// The spacecraft's downlink at 115200 baud: one CADU in ten is lost, and about 350 ms of frames wait before
+/// the line. The ring restarts a killed node within 0.3 s.
 TEST(BadLinkOnAverage, InFramesTheFileTakesAtMost1Point5TimesTheLeastTimeThoughBothEndsDieFiveTimes) {
   constexpr std::size_t field = 211;
   constexpr std::size_t cadu = 259;
@@ -144,7 +144,7 @@ TEST(BadLinkOnAverage, ManyTransactionsInBothDirectionsAtOnceAllArrive) {
   }
 }
 
-/// Dies at the n-th change of its disk, for every n there is, with and without that change.
+/// The end dies at the n-th change of its disk, for every possible n, with and without that change.
 TEST(CrashPoints, AnEndThatDiesAtAnyChangeOfItsDiskGoesOnAfterwards) {
   const Octets file = random_file(60'000, 5);
   for (const std::uint64_t victim : {ground, satellite}) {
@@ -162,7 +162,7 @@ TEST(CrashPoints, AnEndThatDiesAtAnyChangeOfItsDiskGoesOnAfterwards) {
         ASSERT_NE(link.at(satellite).files.content("b"), nullptr) << point;
         ASSERT_TRUE(*link.at(satellite).files.content("b") == file) << point;
         ASSERT_EQ(link.at(satellite).files.temporaries(), 0U) << point;
-        // Above the last change nobody died any more.
+        // Stop when n exceeds the number of changes: no end died.
         if (link.at(victim).files.calls_until_kill) break;
       }
       EXPECT_GT(point, victim == ground ? 3U : 60U);

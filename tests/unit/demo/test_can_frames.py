@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The judgement of the CAN record: pure, against made-up slots."""
+"""The judgement of the CAN record, against made-up slots."""
 
 import pathlib
 import sys
@@ -21,7 +21,7 @@ def record(at_ms, number=0x2A):
         "(1.001000) can0 18DA1201#0401057E9BCCCCCC",  # a wake-up
         f"({at_ms // 1000}.{at_ms % 1000:03}000) can0 18DA1201#100B0207{number:08X}",
         "(1.999000) can0 18DA0112#3000",
-        "(2.0000",  # being written
+        "(2.0000",  # a line that is still being written
     ]
 
 

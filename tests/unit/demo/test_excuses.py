@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the demo excuses on a busy machine, and what not."""
+"""Which failures the demo excuses on a busy machine, and which not."""
 
 import pathlib
 import sys

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The judgement of Fig. 12, and the frequency that is put back."""
+"""The judgement of Fig. 12, and the CPU frequency that is locked and restored."""
 
 import os
 import pathlib

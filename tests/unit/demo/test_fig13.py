@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The judgement of Fig. 13, and the deployment it flies."""
+"""The judgement of Fig. 13, and the deployment of the experiment."""
 
 import pathlib
 import sys

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The witness of the machine's lateness."""
+"""tools/demo/lateness.py, the witness that measures how late the machine is."""
 
 import contextlib
 import io
@@ -27,7 +27,7 @@ class LatenessTest(unittest.TestCase):
 
     @staticmethod
     def watched(times, ticks=()):
-        """What the witness sees who falls asleep and wakes at these times, and reads these (stolen, all) ticks, (0, 0) when there is no more."""
+        """The result of a witness that falls asleep and wakes at these times, and reads these (stolen, all) ticks and then (0, 0)."""
         times, ticks, sleeps = iter(times), iter(ticks), iter([False] * (len(times) - 1) + [True])
         return lateness.watch(lambda: next(sleeps), lambda: next(times), lambda: next(ticks, (0, 0)))
 
@@ -38,7 +38,7 @@ class LatenessTest(unittest.TestCase):
         self.assertEqual(seen["late_at"], [[10_011_000_000, 10_061_000_000]])
 
     def test_many_small_delays_in_a_row_are_noted_but_not_counted(self):
-        seen = self.watched([10 + 0.012 * n for n in range(30)])  # each 7 ms too late
+        seen = self.watched([10 + 0.012 * n for n in range(30)])  # each wake-up 7 ms late
 
         self.assertEqual(seen["late"], 0)
         self.assertEqual(len(seen["late_at"]), 1)
@@ -114,7 +114,7 @@ class VerdictTest(unittest.TestCase):
     LATE = {"wakeups": 1000, "late": 3, "longest_ms": 80.0, "stolen": 0.01}
 
     def judged(self, passed):
-        """(exit code, how often it ran, what was said) of a test on a late machine."""
+        """(exit code, number of runs, standard error) of a test on a late machine."""
         runs = []
         with contextlib.redirect_stderr(io.StringIO()) as said:
             code = run_test.main("a.Test", lambda name: runs.append(name) or (passed, self.LATE))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the simulation leaves when it ends by itself: nothing, also of nodes that are just being restarted."""
+"""A simulation that ends by itself leaves nothing behind, not even nodes that are just being restarted."""
 
 import os
 import pathlib
@@ -13,7 +13,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "tools" / "
 
 import mission  # noqa: E402
 
-# A node that is told to end while it restarts others: each leaves another, LEFT times.
+# A node that gets SIGTERM while it restarts others: each starts another one, LEFT times.
 NODE = """#!/bin/sh
 left=$5
 trap 'if [ "$left" -gt 0 ]; then setsid "$0" "$1" "$2" "$3" "$4" $((left - 1)) & fi; exit 0' TERM
@@ -41,7 +41,7 @@ class EndTest(unittest.TestCase):
         mission.wait_until(ready.exists, 20, "the node runs")
 
     def running(self):
-        """{pid: program}: scripts, so by what stands behind their interpreter."""
+        """{pid: program} of the nodes. They are scripts, so the word after the interpreter identifies them."""
         found = {}
         for entry in pathlib.Path("/proc").glob("[0-9]*"):
             words = mission.command_line(entry.name)
@@ -54,7 +54,7 @@ class EndTest(unittest.TestCase):
         rounds = []
         for found, _ in self.flight._end_rounds(self.running):
             rounds.append(len(found))
-            time.sleep(0.2)  # the one it left is there
+            time.sleep(0.2)  # the process that it started runs by then
         self.assertEqual(self.running(), {})
         self.assertEqual(len(rounds), 3)
         self.assertTrue((self.var / "run/stopping").exists(), "nobody begins a restart")

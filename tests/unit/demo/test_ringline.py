@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What the ring said, as a timeline."""
+"""The ring's reports as a timeline."""
 
 import pathlib
 import sys

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The judgement of the measures of lib/ros: pure, against made-up figures."""
+"""The judgement of the measures of lib/ros, against made-up figures."""
 
 import pathlib
 import sys

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""What counts as the paper's Fig. 14, on timelines made by hand: the right shapes pass, every wrong one is refused."""
+"""The judgement of the paper's Fig. 14, on timelines made by hand: it accepts the right shapes and rejects every wrong one."""
 
 import pathlib
 import sys
@@ -95,7 +95,7 @@ class BlockedTest(unittest.TestCase):
 
 
 class TelecommandTest(unittest.TestCase):
-    AT = 6 * BEAT + 200 * MS  # p3 has had its slot; p1's next one begins at heartbeat 7
+    AT = 6 * BEAT + 200 * MS  # after p3's slot; p1's next one begins at heartbeat 7
 
     def with_telecommand(self, pulse=True, frame=7 * BEAT + 20 * MS, completed=7 * BEAT + 30 * MS):
         line, end = fly()

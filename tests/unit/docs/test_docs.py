@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The Markdown of the tree says what is so: paths, links, commands of ./run and tests that it names exist, lists are those of the code.
+"""The Markdown files agree with the tree: the paths, links, ./run commands and tests that they name exist, and lists match the code.
 
-Command lines of the programs: tests/system/test_documented_commands.py.
+For command lines of the programs, see tests/system/test_documented_commands.py.
 """
 
 import re
@@ -14,7 +14,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[3]
 TOP = ("docs", "lib", "nodes", "tests", "tools", "ground", "hw_sim", "msgs", "launch_config", "packaging", "examples", "cmake")
-# Folders of a running deployment (VAR) and of an installation that begin like ours.
+# Folders of a running deployment (VAR) and of an installation whose names begin like folders of the tree.
 NOT_OURS = re.compile(r"^(ground/(files|uplink\.json|package_test\.seed)|lib/(systemd|modules)|docs/how-to/yamcs/(mdb|etc/(events|tc_uplink)))")
 SOURCE = re.compile(r"(?<![\w./*-])[a-z][a-z0-9_]*\.(?:cpp|hpp|py|jinja|cmake)\b")
 TREE = [p for p in subprocess.run(["git", "-C", ROOT, "ls-files", "--cached", "--others", "--exclude-standard"], capture_output=True, text=True, check=False)
@@ -25,7 +25,7 @@ README_LINES = 100
 
 
 def links_of(document):
-    """(line, path or "", anchor) of the links of a document that do not leave the tree."""
+    """(line, path or "", anchor) of a document's links within the tree."""
     for where, line in lines_of(document):
         for target in re.findall(r"\]\(([^)\s]+)\)", line):
             if not re.match(r"[a-z]+:", target):
@@ -44,7 +44,7 @@ def all_lines():
 
 
 def anchors_of(document):
-    """GitHub's: lower case, spaces become hyphens, other signs go; those of <a name> too."""
+    """Anchors as GitHub makes them: lower case, hyphens for spaces, without other signs; and those of <a name>."""
     text = document.read_text()
     heads = re.findall(r"^#+ (.*?)\s*$", re.sub(r"^```.*?^```", "", text, flags=re.M | re.S), re.M)
     plain = (re.sub(r"\[(.*?)\]\(.*?\)", r"\1", head) for head in heads)
@@ -79,7 +79,7 @@ class Names(unittest.TestCase):
         self.assertEqual([str(d.relative_to(ROOT)) for d in DOCUMENTS if d not in reached], [])
 
     def test_lines_can_be_read(self):
-        # A table row or a link has to stand on one line; everything else wraps.
+        # Table rows and links must stay on one line; everything else wraps.
         longer = [f"{where}: {len(line)}" for where, line in all_lines() if len(line) > LONGEST_LINE]
         self.assertEqual(longer, [])
         self.assertLessEqual(len((ROOT / "README.md").read_text().splitlines()), README_LINES)
@@ -89,11 +89,11 @@ class Names(unittest.TestCase):
         pattern = re.compile(rf"(?<![\w./$~-])(?:\.\./)*((?:{folders})/[\w./*-]*[\w*])")
         missing = []
         for where, line in all_lines():
-            line = re.sub(r"\]\([^)]*\)", "]", line)  # links: above
+            line = re.sub(r"\]\([^)]*\)", "]", line)  # test_every_link_leads_somewhere checks links
             for path in pattern.findall(line):
                 if NOT_OURS.match(path) or re.search(r"\b(NAME|NODE|TASK|DIR|FILE|N)\b", path):
                     continue
-                if not list(ROOT.glob(path)) and not list(ROOT.glob(f"{path}.*")):  # a module's name means its sources
+                if not list(ROOT.glob(path)) and not list(ROOT.glob(f"{path}.*")):  # a module's name stands for its sources
                     missing.append(f"{where}: {path}")
         self.assertEqual(missing, [])
 
@@ -156,9 +156,9 @@ class Architecture(unittest.TestCase):
     text = (ROOT / "docs/explanation/architecture.md").read_text()
 
     def table(self, head):
-        """{first cell: names in backticks of the second} of the table with this head."""
+        """{first cell: names in backticks in the second cell} of the table with this head."""
         rows = re.search(rf"^\| Node \| {head} \|\n\|[-|]+\|\n((?:\|.*\n)+)", self.text, re.M).group(1)
-        table = {}  # a long row may stand on two lines
+        table = {}  # a long row may be split into two
         for node, names in (line.strip("|\n").split("|") for line in rows.splitlines()):
             table.setdefault(node.strip(), set()).update(re.findall(r"`(\w+)`", names))
         return table

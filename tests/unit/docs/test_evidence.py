@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The pages of docs/evidence are those of the results in docs/evidence/results, and each result says where it comes from."""
+"""The pages of docs/evidence match the results in docs/evidence/results, and each result states its origin."""
 
 import re
 import subprocess
@@ -22,7 +22,7 @@ def git(*arguments):
 
 
 def results():
-    """(where, topic, run, row) of each row."""
+    """(description, topic, run, row) of each row."""
     for name, topic in TOPICS.items():
         for run in topic["runs"]:
             for row in run["rows"]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The pictures of README.md and docs/: each names the script that makes it, and the one of the nodes shows those that fly."""
+"""The pictures of README.md and docs/: the text around each names the script that makes it, and the nodes picture shows the deployed nodes."""
 
 import re
 import sys
@@ -14,7 +14,7 @@ sys.path.insert(0, str(ROOT / "tools/pictures"))
 import nodes_picture  # noqa: E402  (found through the path above)
 
 SVG = "{http://www.w3.org/2000/svg}"
-NEAR = 8  # lines below a picture in which its script may be named; or above it in its section
+NEAR = 8  # the script must be named within so many lines below the picture, or above it in its section
 
 
 def texts_of(svg, kind):

@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""The site of the documents (mkdocs.yml, ./run docs), as far as it can be checked without mkdocs: its pages, and that it loads nothing from other hosts."""
+"""The documentation site (mkdocs.yml, ./run docs), as far as it can be checked without mkdocs: its pages, and that it loads nothing from other
+hosts."""
 
 import importlib.util
 import json
@@ -17,7 +18,7 @@ SPEC.loader.exec_module(github_markdown)
 
 
 class Loader(yaml.SafeLoader):
-    """mkdocs.yml names Python functions; here they are texts."""
+    """Loads the Python functions named in mkdocs.yml as texts."""
 
 
 for prefix in ("tag:yaml.org,2002:python/name:", "tag:yaml.org,2002:python/object/apply:"):
@@ -57,12 +58,12 @@ class Nav(unittest.TestCase):
 class OtherHosts(unittest.TestCase):
     def test_the_site_loads_nothing_from_them(self):
         self.assertIs(SITE["theme"]["font"], False)
-        self.assertNotIn("repo_url", SITE)  # the theme asks that host for stars
+        self.assertNotIn("repo_url", SITE)  # the theme would ask that host for the number of stars
         loaded = SITE["extra_javascript"] + SITE["extra_css"]
         self.assertEqual([path for path in loaded if re.match(r"[a-z]+:|//", path)], [])
         fences = next(entry for entry in SITE["markdown_extensions"] if isinstance(entry, dict) and "pymdownx.superfences" in entry)
         classes = [fence["class"] for fence in fences["pymdownx.superfences"]["custom_fences"]]
-        self.assertNotIn("mermaid", classes)  # for that class the theme's script loads Mermaid
+        self.assertNotIn("mermaid", classes)  # for that class, the theme's script loads Mermaid from another host
 
     def test_mermaid_is_pinned_by_version_and_hash(self):
         wanted = json.loads((ROOT / "tools/docs/package.json").read_text())["dependencies"]
@@ -71,7 +72,7 @@ class OtherHosts(unittest.TestCase):
         self.assertEqual({name.removeprefix("node_modules/"): package["version"] for name, package in locked.items()}, wanted)
         for package in locked.values():
             self.assertRegex(package["integrity"], r"^sha512-")
-            self.assertNotIn("resolved", package)  # whatever registry the machine has
+            self.assertNotIn("resolved", package)  # independent of the machine's registry
 
 
 class GithubMarkdown(unittest.TestCase):

@@ -33,8 +33,8 @@ inline ros::LinkSettings secured_link() {
   return link;
 }
 
-/// The other end of the link, as far as the ground can tell: opens telecommands, frames telemetry. Octets in,
-/// octets out.
+/// The spacecraft's end of the link, as seen from the ground: decodes telecommands and frames telemetry.
+/// Input and output are octets.
 class FakeSpacecraft {
  public:
   explicit FakeSpacecraft(const ros::LinkSettings& link)
@@ -45,8 +45,8 @@ class FakeSpacecraft {
         frames_({.spacecraft_id = static_cast<std::uint16_t>(link.spacecraft_id),
                  .frame_octets = static_cast<std::size_t>(link.tm_frame_length)}) {}
 
-  /// The telecommands in the octets of the uplink, PDUs of files to `pdus`. Only fresh, authentic ones that
-  /// FARM-1 accepts.
+  /// Returns the telecommands in the uplink octets and appends file PDUs to `pdus`. Only fresh, authentic
+  /// telecommands that FARM-1 accepts count.
   std::vector<wire::TcPacket> receive(OctetView octets) {
     std::vector<wire::TcPacket> packets;
     for (const auto& frame : cltus_.push(octets, MonotonicTime{})) {
@@ -79,7 +79,7 @@ class FakeSpacecraft {
     return packets;
   }
 
-  /// One report as the octets of the downlink, idle filled.
+  /// One report as downlink octets, filled up with idle packets.
   Octets send(std::uint16_t apid, std::uint8_t service, std::uint8_t subtype, Octets source,
               std::uint8_t vc = 0) {
     const wire::TmPacket packet{.apid = apid,
@@ -91,14 +91,14 @@ class FakeSpacecraft {
                                 .source = std::move(source)};
     return send_packet(vc, wire::make_tm_packet(packet));
   }
-  /// A PDU of a file.
+  /// A file PDU as downlink octets.
   Octets send_pdu(OctetView pdu) {
     return send_packet(2, wire::encode_space_packet({.type = wire::PacketType::telemetry,
                                                      .apid = wire::cfdp_apid,
                                                      .sequence_count = file_sequence_++},
                                                     pdu));
   }
-  /// A verification report of @p packet.
+  /// A verification report for @p packet.
   Octets verify(const wire::TcPacket& packet, std::uint8_t subtype, OctetView more = {}) {
     const auto request = wire::request_id(packet);
     OctetWriter source;
@@ -113,8 +113,8 @@ class FakeSpacecraft {
   std::optional<std::uint64_t> last_counter;
   std::optional<std::uint64_t> last_ad_counter;
   wire::FarmState farm;
-  int lose_ad_frames = 0;  ///< on their way up
-  bool reports = true;     ///< what telecommands order
+  int lose_ad_frames = 0;  ///< number of AD frames to lose on the uplink
+  bool reports = true;     ///< send the reports that telecommands order
 
  private:
   Octets send_packet(std::uint8_t vc, const Octets& packet) {
@@ -142,7 +142,7 @@ class FakeSpacecraft {
   std::uint16_t file_sequence_ = 0;
 };
 
-/// A folder that ends with the test, with the test key where the deployment says.
+/// A folder for the duration of the test, with the test key at the deployment's path.
 class VarFolder {
  public:
   VarFolder();

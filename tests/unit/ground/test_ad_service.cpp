@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The AD service of the ground against the uplink chain of ttc: real frames, real security, a line that
-// loses, delays and doubles.
+// The ground's AD service against ttc's uplink chain, with real frames and real security, over a line that
+// loses, delays and duplicates frames.
 #include <deque>
 #include <random>
 
@@ -94,7 +94,7 @@ class AdLink {
     settle();
     return taken;
   }
-  /// @return false: not within a simulated hour
+  /// @return false: the condition did not hold within a simulated hour
   template <class Condition>
   [[nodiscard]] bool run_until(const Condition& condition) {
     const MonotonicTime end = now + seconds(3600);
@@ -102,7 +102,7 @@ class AdLink {
     return condition();
   }
   void lock_out() { stray_frame(128); }
-  /// Somebody else's AD frame: N(S) = V(R) + @p ahead.
+  /// An AD frame of another sender: N(S) = V(R) + @p ahead.
   void stray_frame(int ahead) {
     wire::TcFrame frame{.type = wire::TcFrameType::ad,
                         .spacecraft_id = 0xAB,
@@ -147,7 +147,7 @@ class AdLink {
   AdService ad;
   MonotonicTime now{seconds(10)};
   std::uint64_t counter = 1000;
-  bool silent = false;  ///< no CLCW comes down
+  bool silent = false;  ///< no CLCW arrives on the downlink
   bool line_takes = true;
   std::vector<std::uint64_t> received;
   std::vector<std::uint64_t> delivered;
@@ -175,7 +175,7 @@ TEST(AdServiceOverTheUplinkChain, EveryPacketArrivesOnceInOrderWithAndWithoutSec
     for (std::uint64_t i = 0; i < packets; ++i) all[i] = i;
     EXPECT_EQ(link.received, all) << "seed " << seed;
     EXPECT_EQ(link.delivered, all) << "seed " << seed;
-    const bool doubles = seed % 4 != 0;  // what the line doubles and FARM-1 had accepted is a replay
+    const bool doubles = seed % 4 != 0;  // a duplicate of a frame accepted by FARM-1 is a replay
     EXPECT_EQ(link.chain().counters().replayed > 0, doubles && seed % 2 == 0) << "seed " << seed;
   }
 }

@@ -161,7 +161,7 @@ StageReport stage_report(Stage stage, std::uint64_t tag = 1) {
 
 TEST(Retrieval, IsCompleteWhenAllAnnouncedPacketsHaveCome) {
   Retrieval retrieval(1, mission::store::housekeeping);
-  retrieval.on_packet(playback_packet(), start);  // of an older retrieval
+  retrieval.on_packet(playback_packet(), start);  // belongs to an older retrieval
   retrieval.on_stage(stage_report(Stage::started), start);
   retrieval.on_packet(playback_packet(), start);
   EXPECT_TRUE(retrieval.on_packet(done_event(2), start));

@@ -141,7 +141,7 @@ TEST(Uplink, FollowsTheCounterOfTheBeaconUpwardsOnly) {
   EXPECT_EQ(uplink->make(switch_load())->security_counter, base + 1003);
 }
 
-/// secured_link() with a second set and a contingency association.
+/// secured_link() with a second key set and a contingency association.
 ros::LinkSettings link_with_sets() {
   ros::LinkSettings link = secured_link();
   using Security = ros::ChannelSecurity;
@@ -153,8 +153,8 @@ ros::LinkSettings link_with_sets() {
 }
 
 std::uint16_t spi_of(const OutgoingTelecommand& telecommand) {
-  // CLTU: start sequence (2), then blocks of 7 octets and a parity octet: frame header (5), segment header,
-  // SPI.
+  // CLTU: start sequence (2), then blocks of 7 octets and a parity octet. The blocks hold the frame header
+  // (5), segment header and SPI.
   return static_cast<std::uint16_t>(telecommand.cltu[2 + 6] << 8 | telecommand.cltu[2 + 8]);
 }
 
@@ -202,7 +202,7 @@ TEST(Uplink, TakesOverTheOneCounterOfAnOlderFileForEveryAssociation) {
   std::filesystem::create_directories(var.path() / "ground");
   std::ofstream(var.path() / "ground/uplink.json")
       << R"({"next_security_counter": 4711, "next_sequence_counts": 5})";
-  // Of a clock that was never set; else the clock's milliseconds are higher.
+  // Use a clock that was never set; the milliseconds of a set clock exceed the stored counter.
   auto uplink = Uplink::open(secured_link(), var.path(), var.path() / "ground", UtcTime(seconds(3)));
   ASSERT_TRUE(uplink) << uplink.error();
   EXPECT_EQ(uplink->make(switch_load())->security_counter, 4711U);

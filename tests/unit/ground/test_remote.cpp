@@ -17,7 +17,7 @@ const mission::Dictionary& dictionary() {
   return loaded;
 }
 
-/// "name argument argument", one line a telecommand; each is one that the dictionary takes.
+/// The telecommands as "name argument argument", one per line. The dictionary must accept each of them.
 std::string asked(const std::string& action, const std::vector<std::string>& words = {}) {
   const auto request = remote_request(action, words, UtcTime(milliseconds(1234)));
   if (!request) return request.error();

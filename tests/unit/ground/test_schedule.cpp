@@ -14,7 +14,7 @@ const mission::Dictionary& dictionary() {
   return loaded;
 }
 
-// As the interface control document has it: eps.switch_load 2 on, count 3, of APID 17.
+// From the interface control document: eps.switch_load 2 on, count 3, APID 17.
 const std::string activity =
     "00"
     "1f8193ae25000000"

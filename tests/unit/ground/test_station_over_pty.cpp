@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The station and the program over a real pseudo terminal.
+// The station and the srfs-ground program over a real pseudo terminal.
 #include <array>
 #include <cstdio>
 #include <fstream>
@@ -32,7 +32,7 @@ using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-/// A pseudo terminal whose operator's end stands at VAR/rs422.
+/// A pseudo terminal whose operator end is VAR/rs422.
 class Pty {
  public:
   explicit Pty(const std::filesystem::path& var) : master_(posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC)) {
@@ -53,7 +53,7 @@ class Pty {
   Fd slave_;
 };
 
-/// The spacecraft's side of an installation: takes the file, and tells of the package what it is told to.
+/// The spacecraft's side of an installation: receives the file and reports the outcome the test selects.
 class Board {
  public:
   enum class Ending : std::uint8_t { installed, candidate, failed, refused, only_when_asked };
@@ -137,7 +137,7 @@ class Board {
   std::unique_ptr<cfdp::Postbox> files_;
 };
 
-/// Of a function (8,1).
+/// The function id of a telecommand (8,1).
 unsigned in_function(const wire::TcPacket& packet) {
   OctetReader in(packet.application);
   return in.u16();
@@ -200,7 +200,7 @@ void serve(const Pty& pty, FakeSpacecraft& spacecraft, const std::atomic<bool>& 
       if (packet.service == 11 && packet.subtype == 16) put(spacecraft.send(1, 11, 10, schedule));
       put(spacecraft.verify(packet, 7));
       if (packet.service == 11 && packet.subtype == 4) {
-        schedule = packet.application;  // its layout is that of the detail report
+        schedule = packet.application;  // same layout as the detail report
         const auto request = wire::parse_tc_packet(OctetView(packet.application).subspan(2 + 1 + 8));
         if (!request) continue;
         for (const int subtype : {1, 3, 7})
@@ -216,7 +216,7 @@ class GroundProgram : public ::testing::Test {
     int exit_code = -1;
     std::string output;
   };
-  /// Runs srfs-ground to its end. @param input its standard input
+  /// Runs srfs-ground until it exits. @param input its standard input
   Run run(const std::string& arguments, const std::string& input = "", Board* board = nullptr) {
     const auto file = var_.path() / "input";
     std::ofstream(file) << input;
@@ -561,7 +561,7 @@ class Udp {
                      sizeof to),
               static_cast<ssize_t>(datagram.size()));
   }
-  /// The next datagram within 20 s, else nothing.
+  /// The next datagram; empty after 20 s.
   [[nodiscard]] Octets receive() const {
     pollfd wait{fd_.get(), POLLIN, 0};
     Octets octets(4096);
@@ -592,7 +592,7 @@ TEST_F(GroundProgram, BridgesFramesBetweenTheLineAndPlainUdpSockets) {
     }
   };
 
-  // Down: the frame as it was before coding; a damaged CADU is not passed on.
+  // Downlink: passes on the uncoded frame and drops a damaged CADU.
   down(spacecraft_.idle());
   Octets damaged = spacecraft_.idle();
   for (std::size_t i = 20; i < 120; ++i) damaged[i] ^= 0x5A;
@@ -607,7 +607,7 @@ TEST_F(GroundProgram, BridgesFramesBetweenTheLineAndPlainUdpSockets) {
   }
   EXPECT_EQ(bridge->counters().tm_frames, 2U);
 
-  // Up: frames are coded, CLTUs go as they are, anything else is refused.
+  // Uplink: codes frames, passes CLTUs unchanged, refuses anything else.
   const Octets frame = wire::encode_tc_frame(
       {.type = wire::TcFrameType::bc, .spacecraft_id = 0xAB, .data = wire::encode_control_command({})});
   const Octets cltu = wire::encode_cltu(frame, false);
@@ -638,7 +638,7 @@ TEST_F(GroundProgram, BridgesWithoutALinkKeyAndRefusesAddressesItCannotRead) {
   EXPECT_EQ(run("bridge --tc 127.0.0.1:99999").exit_code, 2);
 }
 
-/// A package for payload_eps with counter 7, signed by a pair of the test's own.
+/// A package for payload_eps with counter 7, signed with the test's key pair.
 class PackageInstallation : public GroundProgram {
  protected:
   PackageInstallation() {

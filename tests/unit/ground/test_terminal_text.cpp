@@ -23,7 +23,7 @@ const mission::Dictionary& dictionary() {
   return loaded;
 }
 
-/// Clears the screen, sets the title, and goes on in a line of its own.
+/// Clears the screen, sets the title, and continues on a new line.
 const std::string rude = "a\x1b[2J\x1b]0;owned\x07\r\nok";
 
 bool steers(const std::string& lines) {

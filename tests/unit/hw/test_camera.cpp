@@ -46,7 +46,8 @@ TEST(PixelFormat, UnpacksOctetsAndWordsOfEveryDepth) {
 }
 
 TEST(PixelFormat, UnpacksMipiGroups) {
-  // Pixels 0x3FF, 0x001, 0x2AA, 0x155; their two low bits together in the fifth octet, the first's lowest.
+  // Pixels 0x3FF, 0x001, 0x2AA, 0x155. The fifth octet has the two low bits of each, the first pixel's
+  // lowest.
   EXPECT_THAT(unpacked("Y10P", 4, 1, {0xFF, 0x00, 0xAA, 0x55, 0b01'10'01'11}, 5),
               ElementsAre(0x3FF, 0x001, 0x2AA, 0x155));
   EXPECT_THAT(unpacked("SGRBG10P", 5, 1, {1, 2, 3, 4, 0, 5, 0, 0, 0, 3}, 10), ElementsAre(4, 8, 12, 16, 23));
@@ -126,7 +127,7 @@ class FolderCameraTest : public testing::Test {
   void add(const std::string& name, float value) {
     ASSERT_TRUE(image::write_fits(folder_.path() / name, image::Plane(8, 6, value)));
   }
-  /// First pixel of the next frame; nothing for an unsound one.
+  /// First pixel of the next frame; nullopt for an unsound frame.
   std::optional<std::uint16_t> next(Camera& camera) {
     if (!camera.prepare({microseconds(1), 0})) return std::nullopt;
     EXPECT_TRUE(camera.begin());
@@ -179,7 +180,7 @@ TEST_F(FolderCameraTest, HasItsFrameWhenTheExposureIsOver) {
 
 namespace sim = sim_camera;
 
-/// The messages of a frame of 200 x 160 pixels.
+/// Tests with the messages of a frame of 200 x 160 pixels.
 class AssemblerTest : public testing::Test {
  protected:
   AssemblerTest() : pixels_(200, 160) {
@@ -187,7 +188,7 @@ class AssemblerTest : public testing::Test {
     octets_ = {reinterpret_cast<const std::uint8_t*>(pixels_.cells().data()), pixels_.size() * 2};
     head_ = {5, 77, 123'456'789, 1000, 2.5F, 290, 200, 160, 12, crc32c(octets_)};
   }
-  /// Over the wire and into the assembler.
+  /// Sends the reply over the wire and into the assembler.
   auto give(const sim::Reply& reply) {
     const Octets message = sim::encode(reply);
     EXPECT_LE(message.size(), sim::message_octets);

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The messages of rtnetlink, octet by octet as a little-endian kernel reads them.
+// The rtnetlink messages, octet by octet, as a little-endian kernel reads them.
 
 #include <bit>
 #include <cerrno>
@@ -49,8 +49,8 @@ TEST(CanLinkMessage, SetsTheInterfaceUpAndDownAndTouchesNoOtherFlag) {
   EXPECT_THAT(Octets(down.begin() + 24, down.end()), ElementsAreArray(Octets{0, 0, 0, 0, 1, 0, 0, 0}));
 }
 
-/// RTM_NEWLINK about a controller that is bus-off, as Linux 6.1 writes it, foreign attributes left out but
-/// one.
+/// RTM_NEWLINK for a bus-off controller, as Linux 6.1 writes it. All unrelated attributes but one are left
+/// out.
 Octets answer() {
   return {144, 0, 0, 0, 16, 0, 0, 0, 4, 3, 2, 1, 0, 0, 0, 0,      // header
           0, 0, 24, 1, 7, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, 0,        // ifinfomsg
@@ -63,7 +63,7 @@ Octets answer() {
           0,                             // IFLA_CAN_STATE: bus-off
           8, 0, 6, 0, 0, 0, 0, 0,        // IFLA_CAN_RESTART_MS
           8, 0, 8, 0, 0xF8, 0, 0x7F, 0,  // IFLA_CAN_BERR_COUNTER
-          // The rest of what the kernel says, unknown to us.
+          // Further attributes from the kernel, unknown to the decoder.
           12, 0, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 12, 0, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0};
 }
 
@@ -119,7 +119,7 @@ TEST(CanLinkMessage, SurvivesAttributesWithImpossibleLengths) {
     for (const std::uint8_t value : Octets{0, 1, 3, 5, 255}) {
       Octets bad = good;
       bad[at] = value;
-      (void)decode_link(bad, sequence);  // the sanitizer build watches the bounds
+      (void)decode_link(bad, sequence);  // the sanitizer build checks the bounds
     }
   }
 }

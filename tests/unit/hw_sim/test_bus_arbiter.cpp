@@ -26,7 +26,7 @@ std::vector<BusDelivery> run(BusArbiter& bus, MonotonicTime until) {
 }
 
 TEST(BitsOnWire, AreWithinTheBoundsOfTheFrameFormat) {
-  // Without stuffing 47 + 8 n (standard) and 67 + 8 n (extended), intermission included.
+  // Without stuffing a frame takes 47 + 8 n (standard) or 67 + 8 n (extended) bits, including intermission.
   std::mt19937 random(3);
   for (int i = 0; i < 2000; ++i) {
     BusFrame f{.id = static_cast<std::uint32_t>(random()) & 0x1FFFFFFFU,
@@ -39,9 +39,8 @@ TEST(BitsOnWire, AreWithinTheBoundsOfTheFrameFormat) {
   }
 }
 
-// SOF, identifier 0, RTR, IDE, r0, DLC 0 and the CRC of zeros are 34 dominant bits: a stuff bit after the
-// first five, then (each stuff bit starts a run of its own kind, the next run is five again) one after every
-// five.
+// SOF, identifier 0, RTR, IDE, r0, DLC 0 and the CRC of zeros are 34 dominant bits. The first stuff bit
+// follows after five bits. Each stuff bit ends the run, so one more follows after every further five bits.
 TEST(BitsOnWire, CountTheStuffBitsOfAnAllDominantFrame) {
   const BusFrame zeros{.id = 0, .extended = false, .size = 0};
   EXPECT_EQ(bits_on_wire(zeros), 47U + 6U);
@@ -58,7 +57,7 @@ TEST(Arbitration, LetsTheLowerIdentifierPass) {
   const auto a = bus.add_client();
   const auto b = bus.add_client();
   const auto c = bus.add_client();
-  bus.submit(a, frame(0x300), start);  // has the bus already
+  bus.submit(a, frame(0x300), start);  // already holds the bus
   bus.submit(b, frame(0x200), start);
   bus.submit(c, frame(0x100), start);
 
@@ -142,7 +141,7 @@ TEST(BusArbiter, CompletesTheFrameOnTheWireOfAClientThatLeftAndDiscardsTheRest) 
   EXPECT_EQ(bus.counters().discarded, 1U);
 }
 
-// However late the owner wakes up, the bus itself does not pause between frames.
+// The bus does not pause between frames, however late its owner wakes up.
 TEST(BusArbiter, SaturatedCarriesMoreThan95PercentOfTheBitTime) {
   BusArbiter bus;
   const auto a = bus.add_client();
@@ -203,7 +202,7 @@ TEST(BusFaults, InvertOneBitOfTheDataForReceivers) {
 
 TEST(BusFaults, SendAFrameAgainAfterABitError) {
   BusArbiter bus;
-  bus.set_faults({.bit_error_probability = 0.05});  // rare enough to stay off bus-off: +8 and -1
+  bus.set_faults({.bit_error_probability = 0.05});  // rare enough to avoid bus-off (+8 and -1)
   const auto a = bus.add_client();
   for (int i = 0; i < 50; ++i) bus.submit(a, frame(static_cast<std::uint32_t>(i)), start);
   const auto deliveries = run(bus, start + seconds(1));

@@ -136,7 +136,7 @@ TEST(GpsReceiver, InsertsALeapSecondAtTheEndOfTheMinute) {
 }
 
 TEST(SerialLine, CarriesOctetsAtTheLinesRate) {
-  SerialLine line(10'000, 1);  // one octet a millisecond
+  SerialLine line(10'000, 1);  // one octet per millisecond
   line.accept(Octets(100, 0x55), origin);
   line.advance(origin + milliseconds(10));
   EXPECT_EQ(line.arrived(1000).size(), 10U);
@@ -196,7 +196,7 @@ TEST(StarvationTimer, IsArmedByTheFirstFeedAndBitesOnce) {
   watchdog.feed(armed_at);
   EXPECT_FALSE(watchdog.bites(armed_at + milliseconds(499)));
   EXPECT_TRUE(watchdog.bites(armed_at + milliseconds(500)));
-  EXPECT_FALSE(watchdog.bites(armed_at + seconds(10)));  // until fed again
+  EXPECT_FALSE(watchdog.bites(armed_at + seconds(10)));  // bites only once until it is fed again
   watchdog.feed(armed_at + seconds(10));
   EXPECT_TRUE(watchdog.bites(armed_at + seconds(11)));
 }

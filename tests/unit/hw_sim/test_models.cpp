@@ -49,7 +49,7 @@ TEST(Orbit, HasNoShadowOverTheTerminator) {
 }
 
 TEST(Orbit, StaysSynchronousWithTheSun) {
-  // The node turns with the mean sun: 360 degrees a year.
+  // The node turns with the mean sun: 360 degrees per year.
   const Orbit orbit({}, equinox);
   const auto normal = [&](UtcTime t) {
     const OrbitState s = orbit.at(t);
@@ -113,7 +113,7 @@ TEST(Attitude, WheelsTakeMomentumWithoutChangingTheTotal) {
   ASSERT_TRUE(model.set_wheel_speed(2, 300));
   model.step(10, {});
   EXPECT_NEAR(model.wheel_speed_rad_s().z(), 300, 1e-6);
-  EXPECT_LT(model.state().rate_rad_s.z(), -0.5);  // the body turns the other way
+  EXPECT_LT(model.state().rate_rad_s.z(), -0.5);  // the body turns in the opposite direction
   EXPECT_LT(model.total_momentum_n_m_s().norm(), 1e-9);
 }
 

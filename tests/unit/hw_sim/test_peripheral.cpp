@@ -240,7 +240,7 @@ TEST_F(PeripheralTest, AnswersANewRequestAtOnceThoughNobodyTookTheAnswerBefore) 
   };
   request_and_answer(5);
   ASSERT_EQ(wire.sent.size(), 1U) << "the first frame of the answer; flow control never comes";
-  now += milliseconds(60);  // less than the peripheral waits for it
+  now += milliseconds(60);  // less than the peripheral's wait for flow control
   request_and_answer(6);
   ASSERT_EQ(wire.sent.size(), 2U);
   EXPECT_EQ(wire.sent[1].data[0] & 0xF0U, 0x10U);

@@ -11,10 +11,10 @@ namespace {
 
 constexpr MonotonicTime begin{seconds(1000)};
 
-/// A thread that is woken again and again.
+/// A thread that wakes up repeatedly.
 class RunningClockTest : public ::testing::Test {
  protected:
-  /// It works for @p work, sleeps until it is due or something comes, and is woken @p after the last time.
+  /// The thread works for @p work, sleeps until it is due or gets input, and wakes @p after the last wake-up.
   void wake(nanoseconds after, nanoseconds work, nanoseconds waited, std::optional<nanoseconds> due) {
     const MonotonicTime before = now;
     now += after;
@@ -51,7 +51,7 @@ TEST_F(RunningClockTest, StopsWhileTheThreadIsStoppedAsleepOrAtWork) {
   wake(seconds(15) + milliseconds(20), milliseconds(1), nanoseconds(0), milliseconds(20));
   EXPECT_EQ(clock.lost(), seconds(15));
 
-  // Stopped before it set its timer, which was due meanwhile.
+  // The thread stops before it sets its timer, which becomes due in the meantime.
   wake(seconds(15) + milliseconds(30), milliseconds(30), nanoseconds(0), milliseconds(20));
   EXPECT_EQ(clock.lost(), seconds(30));
 }
@@ -72,7 +72,7 @@ TEST_F(RunningClockTest, NeverGoesBackThoughTheWaitWasReadLaterThanTheTime) {
   EXPECT_EQ(clock.now().since_epoch(), begin.since_epoch());
   EXPECT_EQ(clock.waited(), milliseconds(1));
 
-  // The rest counts with the next reading, which is late by it.
+  // The rest of the wait counts at the next reading, which is late by this rest.
   wake(milliseconds(49), nanoseconds(0), nanoseconds(0), milliseconds(20));
   EXPECT_EQ(clock.lost(), milliseconds(30));
   EXPECT_EQ(clock.waited(), milliseconds(30));

@@ -24,7 +24,7 @@ SkyCameraSettings small() {
 /// Orion's belt.
 const FixedPointing orion{.ra_deg = 84.05, .dec_deg = -1.2, .roll_deg = 30, .drift_arcsec_s = 0};
 
-/// Light of the pixels around, above the level of the frame.
+/// Sum of the light above the frame's level in the pixels around (x, y).
 double light(const image::Grid<std::uint16_t>& pixels, double x, double y, int radius) {
   std::vector<std::uint16_t> sorted(pixels.cells().begin(), pixels.cells().end());
   std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2),
@@ -51,9 +51,9 @@ TEST(SkyCamera, ShowsTheCataloguesStarsWhereTheTruthSays) {
   EXPECT_TRUE(std::is_sorted(picture.truth.stars.begin(), picture.truth.stars.end(),
                              [](const auto& a, const auto& b) { return a.flux_e > b.flux_e; }));
   int checked = 0;
-  int as_bright = 0;  // a neighbour may add its light
+  int as_bright = 0;  // a neighbour may add light to some stars
   for (const auto& star : picture.truth.stars) {
-    // Neither saturated nor faint nor at the edge.
+    // Use only stars that are neither saturated, faint nor at the edge.
     if (star.flux_e > 8000 || star.flux_e < 1500) continue;
     if (star.x < 20 || star.y < 20 || star.x > 459 || star.y > 339) continue;
     ++checked;
@@ -65,7 +65,7 @@ TEST(SkyCamera, ShowsTheCataloguesStarsWhereTheTruthSays) {
 }
 
 TEST(SkyCamera, IsSetUpLikeTheSky) {
-  // With north up, east is left: what has the greater right ascension has the smaller x.
+  // With north up, east is left: a greater right ascension means a smaller x.
   SkyCamera camera(small());
   const SkyPicture picture = camera.expose(pose_of({.ra_deg = 84.05, .dec_deg = -1.2}, 0), 0, 0.02, 0);
   // Alnitak (85.19, -1.943) is the eastern and lower end of the belt, Mintaka (83.002, -0.299) the western.
@@ -82,7 +82,7 @@ TEST(SkyCamera, IsSetUpLikeTheSky) {
 
 TEST(SkyCamera, DrawsStarsOutWhenItMoves) {
   FixedPointing drifting = orion;
-  drifting.drift_arcsec_s = 3600;  // a degree: 60 px
+  drifting.drift_arcsec_s = 3600;  // one degree: 60 px
   SkyCamera camera(small());
   const SkyPicture still = camera.expose(pose_of(orion, 0), 0, 0.5, 0);
   const SkyPicture moved = camera.expose(pose_of(drifting, 0), 1, 0.5, 0);
@@ -110,7 +110,7 @@ TEST(SkyCamera, LetsAnObjectCrossTheMiddleOnRequest) {
   const auto& streak = picture.truth.streaks[0];
   EXPECT_NEAR(std::hypot(streak.x2 - streak.x1, streak.y2 - streak.y1), 60, 3) << "two degrees a second";
   EXPECT_GT(light(picture.pixels, (streak.x1 + streak.x2) / 2, (streak.y1 + streak.y2) / 2, 4), 3000);
-  // It goes on in the next frame, and leaves in the end.
+  // The streak continues in the next frame and finally leaves the field.
   const SkyPicture next = camera.expose(pose_of(orion, 0), 1.5, 0.5, 0);
   ASSERT_EQ(next.truth.streaks.size(), 1U);
   EXPECT_NEAR(next.truth.streaks[0].x1, streak.x2, 0.01);

@@ -49,7 +49,7 @@ TEST(SpacecraftWorld, StaysInReasonableBoundsForManyOrbits) {
     highest_charge = std::max(highest_charge, world.power().state().charge);
   }
   EXPECT_GT(lowest_charge, 0.5);                    // the power budget is positive
-  EXPECT_GT(highest_charge - lowest_charge, 0.01);  // and the eclipses show
+  EXPECT_GT(highest_charge - lowest_charge, 0.01);  // the eclipses have a visible effect
 }
 
 TEST(SpacecraftWorld, MovesTheOrbitFasterThanTheAttitude) {

@@ -10,7 +10,7 @@
 
 namespace srfs::image {
 
-/// A frame of a simulated sky with its truth beside it.
+/// A frame of a simulated sky with the given stars and streaks.
 [[nodiscard]] inline Frame frame_of(const hw_sim::SkyScene& scene, const std::vector<hw_sim::SkyStar>& stars,
                                     const std::vector<hw_sim::SkyStreak>& streaks = {}) {
   Frame frame;
@@ -21,7 +21,7 @@ namespace srfs::image {
   return frame;
 }
 
-/// Small, so that a test takes milliseconds.
+/// A scene small enough for a test to take only milliseconds.
 [[nodiscard]] inline hw_sim::SkyScene small_scene(double fwhm_px = 2.2, std::uint64_t seed = 1) {
   hw_sim::SkyScene scene;
   scene.width = 320;
@@ -31,7 +31,7 @@ namespace srfs::image {
   return scene;
 }
 
-/// Stars on a lattice that nothing else in the pixel grid has, far from each other.
+/// Stars far from each other, on a lattice that does not match the pixel grid.
 [[nodiscard]] inline std::vector<hw_sim::SkyStar> lattice(const hw_sim::SkyScene& scene, double snr,
                                                           double spacing_px = 40.37) {
   std::vector<hw_sim::SkyStar> stars;
@@ -42,7 +42,7 @@ namespace srfs::image {
   return stars;
 }
 
-/// Adds light(along, across), ADU, in a direction around a point.
+/// Adds light(along, across), in ADU, around a point, with the axis in the given direction.
 template <class Light>
 void add_light(Frame& frame, double x0, double y0, double angle, Light&& light) {
   const double ux = std::cos(angle);

@@ -142,7 +142,7 @@ TEST_F(FrameFile, ReadsWhatItWroteAsFits) {
   EXPECT_EQ(frame->step, 1);
 }
 
-/// A file of one header and its data.
+/// A file with one header and its data.
 std::string fits_of(const std::vector<std::string>& cards, const std::string& data) {
   std::string content;
   for (const std::string& card : cards) content += fmt::format("{:<80}", card);
@@ -192,7 +192,7 @@ TEST_F(FrameFile, ReadsFitsOfEveryNumberFormatWithScaleAndBlank) {
     EXPECT_DOUBLE_EQ(*frame.time_s, 1795333950.5);
   };
   for (const bool packed : {false, true}) {
-    // Fortran's exponent is for cfitsio.
+    // cfitsio also accepts an exponent in Fortran's notation.
     const auto all = [&](int bitpix) {
       auto c = cards(bitpix);
       if (packed) c[5] = "BSCALE  =                2.0D0";

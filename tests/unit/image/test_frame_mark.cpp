@@ -40,7 +40,7 @@ TEST_F(FrameMarkTest, EachMethodsLatestDetectionHasToBeSent) {
   send(0xA);
   detect("tracklet", 0xB);
   EXPECT_TRUE(has_unsent_detection(frame_));
-  detect("streak", 0xC);  // instead of A
+  detect("streak", 0xC);  // replaces A
   send(0xB);
   EXPECT_TRUE(has_unsent_detection(frame_)) << "C";
   send(0xC);

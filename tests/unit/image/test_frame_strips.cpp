@@ -26,7 +26,7 @@ Frame noise(int width, int height, int bits, std::uint64_t seed = 1) {
   return frame;
 }
 
-/// Octets of the strip that begins at @p at.
+/// Size in octets of the strip that begins at @p at.
 std::size_t strip_octets(const Octets& file, std::size_t at) {
   OctetReader r(OctetView(file).subspan(at + strip_header_octets - 8));
   return strip_overhead_octets + r.u32();
@@ -38,7 +38,7 @@ std::vector<std::size_t> strip_begins(const Octets& file) {
   return begins;
 }
 
-/// Every strip that is not missing is as it was, every missing one has no value.
+/// Checks that each strip is either unchanged or missing, and that missing strips have no values.
 void expect_rows(const Frame& frame, const StripsFound& found) {
   ASSERT_EQ(found.frame.pixels.width(), frame.pixels.width());
   ASSERT_EQ(found.frame.pixels.height(), frame.pixels.height());
@@ -160,8 +160,8 @@ TEST(FrameStrips, OfAnotherFrameAreNotTaken) {
   expect_rows(frame, found);
 }
 
-/// Whatever happens to a piece of the file, what is shown is the frame or nothing, and at most the strips
-/// that the piece touches are missing.
+/// After any damage to a piece of the file, each strip shows the frame or nothing. At most the strips that
+/// the piece touches are missing.
 TEST(FrameStrips, DamageSpoilsTheStripsItTouchesAndNoOther) {
   std::mt19937_64 random(7);
   const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random() % n); };

@@ -12,7 +12,7 @@
 namespace srfs::image {
 namespace {
 
-/// White noise of 1 with a line in it.
+/// White noise with sigma 1, and a line in it.
 class LineInNoise : public testing::Test {
  protected:
   static constexpr double fwhm = 2.6;
@@ -190,7 +190,7 @@ TEST_F(LineInNoise, CollectsEveryPixelNearALineOnceButTheHiddenOnes) {
         const double along = (x - line.x1) * ux + (y - line.y1) * uy;
         const double across = (y - line.y1) * ux - (x - line.x1) * uy;
         const double inside = std::min({reach - std::abs(across), along + beyond, length + beyond - along});
-        if (std::abs(inside) < 1e-6) continue;  // either way
+        if (std::abs(inside) < 1e-6) continue;  // on the border: both results are right
         ASSERT_EQ(seen.contains({x, y}), inside > 0 && mask_.at(x, y) == 0) << k << ": " << x << ' ' << y;
       }
     }

@@ -47,7 +47,7 @@ TEST(Methods, AreFoundByNameOrTheOnesThereAreAreNamed) {
               HasSubstr("no method 'stars'; available: star_centroid, streak, tracklet"));
 }
 
-/// What a camera, a broken file or a joker may give.
+/// An odd frame, as from a camera, a broken file or a practical joker.
 Frame odd_frame(const std::string& kind) {
   constexpr float nan = std::numeric_limits<float>::quiet_NaN();
   constexpr float infinity = std::numeric_limits<float>::infinity();
@@ -119,7 +119,7 @@ TEST(Methods, FindNothingInAFlatFrame) {
   }
 }
 
-/// A consumer's camera: eight bits, sky noise below one step.
+/// A consumer camera: eight bits, sky noise below one step.
 TEST(Methods, FindTheStarsAndNoStreakInEightBits) {
   hw_sim::SkyScene scene = small_scene(2.6, 5);
   const std::vector<hw_sim::SkyStar> truth = lattice(scene, 60);

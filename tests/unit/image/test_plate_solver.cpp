@@ -25,8 +25,8 @@ const PlateSolver& solver() {
   return solver;
 }
 
-/// A camera somewhere, and the stars it sees: a few of the catalogue missing, a few of them not in it, places
-/// and light not exact.
+/// A camera at an arbitrary pointing and the stars that it sees. A few catalogue stars are missing, a few
+/// stars are not in the catalogue, and positions and fluxes are not exact.
 struct View {
   double ra_deg, dec_deg, roll_deg, field_deg;
   bool mirrored = false;

@@ -67,7 +67,7 @@ TEST(RegionOfInterest, IsThePixelsAsTheyAre) {
   EXPECT_THAT(outside.error().reason, HasSubstr("begins at (30, 0), the frame has 30 x 20"));
 }
 
-/// A detector with the same defects before a sky that drifts.
+/// Frames of a detector with constant defects, under a drifting sky.
 std::vector<Frame> drifting(int frames) {
   std::vector<Frame> sequence;
   hw_sim::SkyScene scene = small_scene(2.2, 3);

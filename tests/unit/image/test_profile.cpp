@@ -67,7 +67,7 @@ TEST_P(ProfileOfGamma, HasTheDerivativesThatDifferencesShow) {
 
 INSTANTIATE_TEST_SUITE_P(Gamma, ProfileOfGamma, testing::Values(0.0, 0.005, 0.2, 0.5));
 
-/// A frame whose pixels say where they are.
+/// A frame whose pixel values encode their position.
 Plane numbered(int width, int height) {
   Plane plane(width, height);
   for (int y = 0; y < height; ++y) {
@@ -76,7 +76,7 @@ Plane numbered(int width, int height) {
   return plane;
 }
 
-/// What a patch of a frame has to hold, wherever it is.
+/// Checks the contents that any patch of a frame must have.
 void expect_whole(const Patch& p, const Plane& frame, const Grid<std::uint8_t>& flaws) {
   EXPECT_EQ(p.size() % Patch::lanes, 0U);
   int pixels = 0;
@@ -102,7 +102,7 @@ TEST(Patch, HoldsTheUsablePixelsOfTheFrameUpToItsRadiusOnce) {
   const Plane frame = numbered(43, 37);
   Grid<std::uint8_t> flaws(43, 37);
   flaws.at(1, 1) = flaws.at(20, 20) = flaws.at(42, 36) = 1;
-  Patch p;  // keeps what the one before it left
+  Patch p;  // reused, with the contents of the previous round
   for (const int radius : {2, 1, 12, 6, 9, 3, 20, 5}) {
     for (int y = -3; y < 40; y += 3) {
       for (int x = -3; x < 46; ++x) {
@@ -131,7 +131,7 @@ TEST(LineSums, AreTheDerivativesThatDifferencesShow) {
     for (float& v : unit) v *= l.height;
     return unit;
   };
-  // The light is the model of a line a little beside: the right side is its derivative times itself.
+  // The light is the model of a slightly displaced line, so the right side is the derivative times itself.
   const LineNoise noise{0, 0};
   constexpr float h = 0.02F;
   const auto moved = [&](std::size_t parameter) {

@@ -46,7 +46,7 @@ TEST_P(StarsOfEveryWidth, AreFoundNearTheCramerRaoBoundWithTheirFluxAndWidth) {
   const std::vector<Star> found = stars_in(frame_of(scene, truth));
 
   EXPECT_GE(found.size(), truth.size());
-  EXPECT_LE(found.size(), truth.size() + 4);  // chance gives two on average in frames of this size
+  EXPECT_LE(found.size(), truth.size() + 4);  // noise yields two on average in frames of this size
   double squares = 0;
   for (const SkyStar& t : truth) {
     const Star* s = nearest(found, t.x, t.y, 1);
@@ -55,10 +55,10 @@ TEST_P(StarsOfEveryWidth, AreFoundNearTheCramerRaoBoundWithTheirFluxAndWidth) {
     squares += std::pow((s->x - t.x) / limits.x_px, 2) + std::pow((s->y - t.y) / limits.y_px, 2);
     EXPECT_NEAR(s->flux, t.flux_e, 0.2 * t.flux_e);
     EXPECT_NEAR(s->snr, 40, 18);  // the wings of so many stars count as noise
-    EXPECT_NEAR(s->fwhm_px, std::hypot(GetParam(), 0.68), 0.3 * GetParam());  // a pixel widens it
+    EXPECT_NEAR(s->fwhm_px, std::hypot(GetParam(), 0.68), 0.3 * GetParam());  // the pixel widens the star
   }
   EXPECT_LT(std::sqrt(squares / (2.0 * static_cast<double>(truth.size()))),
-            1.45);  // 70 numbers scatter by 9 %
+            1.45);  // an RMS over 70 values scatters by 9 %
 }
 
 INSTANTIATE_TEST_SUITE_P(Fwhm, StarsOfEveryWidth, testing::Values(1.4, 2.2, 3.5, 5.0));
@@ -140,7 +140,7 @@ TEST(StarFinder, TakesASkyOfOnlyAFewValuesForNoStars) {
   SkyScene scene = small_scene(1.6, 20);
   scene.background_e = 20;
   scene.read_noise_e = 3;
-  scene.adu_step = 5.5;  // about the noise
+  scene.adu_step = 5.5;  // about as large as the noise
   scene.gradient = 0.3;
 
   const std::vector<Star> found = stars_in(frame_of(scene, lattice(scene, 60, 60.3)));
@@ -162,15 +162,15 @@ TEST(StarFinder, PlacesASaturatedStarByItsFlanks) {
   ASSERT_NE(s, nullptr);
 }
 
-/// Of the truth: those that were not found within a pixel.
+/// Number of true stars without a found star within a pixel.
 std::ptrdiff_t count_lost(const std::vector<Star>& found, const std::vector<SkyStar>& truth) {
   return std::count_if(truth.begin(), truth.end(),
                        [&](const SkyStar& t) { return nearest(found, t.x, t.y, 1) == nullptr; });
 }
 
-constexpr int false_most = 3;  ///< in frames of this size by chance
+constexpr int false_most = 3;  ///< from noise, in frames of this size
 
-/// Those that are none of the truth.
+/// Number of found stars that are not in the truth.
 std::ptrdiff_t count_false(const std::vector<Star>& found, const std::vector<SkyStar>& truth) {
   return std::count_if(found.begin(), found.end(), [&](const Star& s) {
     return std::none_of(truth.begin(), truth.end(),
@@ -212,7 +212,7 @@ TEST(StarFinder, FindsStarsWhosePlateauIsUneven) {
   truth.push_back({200.3, 118.6, 3e6});
   Frame frame = frame_of(scene, truth);
   saturate(frame, 4095);
-  // As JPEG leaves it.
+  // The artefacts that JPEG leaves in a saturated core.
   for (int y = 0; y < scene.height; ++y) {
     for (int x = 0; x < scene.width; ++x) {
       float& v = frame.pixels.at(x, y);
@@ -227,7 +227,7 @@ TEST(StarFinder, FindsStarsWhosePlateauIsUneven) {
   EXPECT_LE(count_false(found, truth), false_most);
 }
 
-/// @param light  (along, across), ADU, around a saturated star among others
+/// @param light  (along, across) in ADU, added around one saturated star among other stars
 template <class Light>
 void expect_only_stars(std::uint64_t seed, double angle, Light&& light) {
   SkyScene scene = small_scene(2.2, seed);
@@ -274,7 +274,7 @@ TEST(StarFinder, FindsStarsUnderABrightSkyWhereOnePixelIsDark) {
   }
 }
 
-/// A planet, the Moon, a lamp: it has flanks, but not those of a star.
+/// A planet, the Moon or a lamp has flanks, but not those of a star.
 TEST(StarFinder, TakesAGlowingDiscForNoStar) {
   for (const double radius : {12.0, 25.0, 40.0}) {
     SkyScene scene = small_scene(2.2, 96);
@@ -408,7 +408,7 @@ TEST(StarFinder, KnowsTheNoiseOfASkyThatIsCutOffAtItsLevel) {
   EXPECT_GT(findings.noise, 0.6 * whole.noise);
   EXPECT_LT(findings.noise, 1.25 * whole.noise);
   EXPECT_NEAR(findings.fwhm_px, whole.fwhm_px, 0.15);
-  EXPECT_LT(found.size(), 1200U);  // skewed noise; several thousand where it is taken for a tenth
+  EXPECT_LT(found.size(), 1200U);  // skewed noise; several thousand if it is taken for a tenth
 }
 
 TEST(StarFinder, MeasuresStarsAboveAHorizon) {

@@ -16,7 +16,7 @@ Streak streak(double x, double y, double length, double angle_rad) {
   return {x, y, x + length * std::cos(angle_rad), y + length * std::sin(angle_rad), 20, 1000, 2.5};
 }
 
-/// Trails all over a frame, with errors of half a pixel.
+/// Trails spread over a frame, with position errors of half a pixel.
 std::vector<Streak> trails(int n, double length, double angle_rad) {
   hw_sim::SkyRandom random(7);
   std::vector<Streak> all;

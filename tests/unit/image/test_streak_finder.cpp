@@ -38,7 +38,7 @@ double end_error(const Streak& found, const SkyStreak& truth) {
   return std::min(same, turned);
 }
 
-/// Without those whose light touches the streak.
+/// The stars without those whose light touches the streak.
 std::vector<SkyStar> beside(std::vector<SkyStar> stars, const SkyStreak& l) {
   const double length = std::hypot(l.x2 - l.x1, l.y2 - l.y1);
   std::erase_if(stars, [&](const SkyStar& s) {
@@ -89,7 +89,7 @@ TEST(StreakFinder, FindsNoneOnACurvedBackground) {
   EXPECT_TRUE(streaks_in(frame_of(scene, lattice(scene, 60, 45.7))).empty());
 }
 
-/// Trees, a building, the Earth: bars of light and dark in all directions below a horizon.
+/// Trees, a building or the Earth: light and dark bars in all directions below a horizon.
 TEST(StreakFinder, FindsNoneInATexturedForegroundButThatInTheSkyAboveIt) {
   SkyScene scene = small_scene(2.2, 80);
   const SkyStreak truth = with_snr(scene, {60, 40, 140, 70, 0}, 40);
@@ -114,7 +114,7 @@ TEST(StreakFinder, FindsNoneInATexturedForegroundButThatInTheSkyAboveIt) {
   EXPECT_LT(end_error(found[0], truth), 4);
 }
 
-/// As JPEG does: the cosines of blocks of 8 x 8 pixels, rounded.
+/// Like JPEG, rounds the cosine coefficients of blocks of 8 x 8 pixels.
 void code_in_blocks(Plane& pixels, double step) {
   constexpr int side = 8;
   std::array<std::array<double, side>, side> cosine;
@@ -156,7 +156,7 @@ TEST(StreakFinder, TakesTheBlocksOfAStronglyCodedFrameForNoStreaks) {
   EXPECT_TRUE(streaks_in(frame).empty());
 }
 
-/// Struts in front of a mirror, a lens, an overexposed column.
+/// Rays come from struts in front of a mirror, from a lens, or from an overexposed column.
 TEST(StreakFinder, TakesTheRaysOfABrightStarForNoStreaks) {
   for (const double turned : {0.0, 0.4}) {
     SkyScene scene = small_scene(2.2, 81);
@@ -182,7 +182,7 @@ TEST(StreakFinder, TakesTheRaysOfAGlaringStarForNoStreaksThoughTheyHardlyFallOff
   EXPECT_TRUE(streaks_in(frame).empty());
 }
 
-/// The middle of the ray is hidden, or it falls off as little as a streak does.
+/// The middle of the ray is hidden, or the ray fades as little as a streak.
 TEST(StreakFinder, TakesTheRaysOfASaturatedStarForNoStreaks) {
   for (const double length : {9.0, 25.0, 60.0}) {
     for (const double fall : {0.3, 1e6}) {
@@ -239,7 +239,7 @@ TEST(StreakFinder, FindsStreaksThatAreJustSaturated) {
   }
 }
 
-/// Something that turns may fade; only what is saturated throws light so far.
+/// A rotating object may fade; only a saturated star throws light that far.
 TEST(StreakFinder, FindsFadingStreaksThatPointToAStar) {
   SkyScene scene = small_scene(2.2, 98);
   const SkyStreak truth{60, 120, 160, 120, 0};
@@ -273,7 +273,7 @@ TEST(StreakFinder, FindsStreaksBesideSaturatedStars) {
   EXPECT_LT(end_error(found[0], truth), 6);
 }
 
-/// What passes in a moment, while air and mount move the stars.
+/// A fast object passes in a moment, while air and mount blur the stars.
 TEST(StreakFinder, FindsStreaksThatAreSharperThanTheStars) {
   for (const double angle : {0.3, 0.8, 1.9}) {
     SkyScene scene = small_scene(3.2, 89);
@@ -361,7 +361,7 @@ TEST(StreakFinder, FindsStreaksOfAnyBrightnessBesideStars) {
 TEST(StreakFinder, TakesColumnsOfASensorForNoStreaks) {
   SkyScene scene = small_scene(2.2, 91);
   scene.width = 1280, scene.height = 1024;
-  scene.column_pattern_adu = 20;  // 1.3 of the noise
+  scene.column_pattern_adu = 20;  // 1.3 times the noise
   const SkyStreak truth = with_snr(scene, {120, 90, 200, 130, 0}, 30);
 
   const std::vector<Streak> found =
@@ -371,7 +371,7 @@ TEST(StreakFinder, TakesColumnsOfASensorForNoStreaks) {
   EXPECT_LT(end_error(found[0], truth), 4);
 }
 
-/// What a lens leaves dark, or a mask.
+/// A lens or a mask leaves the corners dark.
 TEST(StreakFinder, FindsThemBesideBlackCorners) {
   SkyScene scene = small_scene(2.2, 85);
   const SkyStreak truth = with_snr(scene, {120, 90, 200, 130, 0}, 40);

@@ -21,7 +21,7 @@ Star star(double x, double y, double snr = 20) {
 std::vector<Star> random_stars(int n, std::uint64_t seed) {
   hw_sim::SkyRandom random(seed);
   std::vector<Star> stars;
-  for (int i = 0; i < n; ++i) {  // one by one: arguments have no order
+  for (int i = 0; i < n; ++i) {  // separate statements: C++ does not fix the evaluation order of arguments
     const double snr = 8 / (1.01 - random.uniform());
     const double y = random.uniform(0, height);
     const double x = random.uniform(0, width);
@@ -85,7 +85,7 @@ TEST(FrameTransform, HasAnInverse) {
   EXPECT_NEAR(back.y, 66, 1e-9);
 }
 
-/// Eight frames of the same stars; the sky drifts over the detector.
+/// Eight frames of the same stars while the sky drifts over the detector.
 class Sequence : public testing::Test {
  protected:
   Sequence() {
@@ -111,7 +111,7 @@ class Sequence : public testing::Test {
 
   FrameDetections& at(int k) { return frames_[static_cast<std::size_t>(k)]; }
 
-  /// Of an object at (x, y) of frame 0.
+  /// Place in frame @p k of an object that is at (x, y) in frame 0.
   [[nodiscard]] FrameTransform::Point place(int k, double x, double y, double vx, double vy) const {
     return pointings_[static_cast<std::size_t>(k)].inverse(x + k * vx, y + k * vy);
   }

@@ -33,7 +33,7 @@ std::string octets(std::string_view command, const std::vector<std::string>& arg
   return encoded ? to_hex(encoded->data) : encoded.error().message;
 }
 
-/// A dictionary of one file, in a folder that ends with the test.
+/// A dictionary with one file, in a folder that exists only during the test.
 class DictionaryFile : public ::testing::Test {
  protected:
   std::string fault(const std::string& content) {
@@ -170,7 +170,7 @@ TEST(ArgumentCheck, AgreesWithTheGeneratedDecoders) {
 }
 
 TEST(CommandText, HasAHeadBeforeTheGroupsAndMayHaveNoGroup) {
-  const std::string from = "1f8193ae25000000";  // of the ground link's vectors
+  const std::string from = "1f8193ae25000000";  // from the ground link's vectors
   EXPECT_EQ(octets("schedule.shift", {"offset_s=-2", "request_apid=17", "request_sequence=3"}),
             "fffffffe"
             "0001"
@@ -194,7 +194,7 @@ TEST(CommandText, HasAHeadBeforeTheGroupsAndMayHaveNoGroup) {
 }
 
 TEST(CommandText, TakesAWholePacketInHexadecimal) {
-  const std::string packet = "1801c01600062f11010000ab62";  // 17,1 of the ground link's vectors
+  const std::string packet = "1801c01600062f11010000ab62";  // 17,1 from the ground link's vectors
   EXPECT_EQ(octets("schedule.insert", {"release=2026-11-22T10:00:00Z", "request=" + packet}).substr(0, 6),
             "000100");
   for (const std::string& wrong : {packet.substr(2), packet + "00", std::string("18"), std::string("xy")})
@@ -209,7 +209,7 @@ TEST(CommandText, TakesAWholePacketInHexadecimal) {
   cut.pop_back();
   EXPECT_EQ(dictionary().check_arguments(insert, cut).error(), ArgumentError{0});
   Octets longer = good->data;
-  longer[2 + 1 + 8 + 4] = 0x7F;  // a length beyond all bounds
+  longer[2 + 1 + 8 + 4] = 0x7F;  // a length beyond the packet's end
   EXPECT_EQ(dictionary().check_arguments(insert, longer).error(), ArgumentError{3});
 }
 
@@ -492,9 +492,9 @@ TEST(BoundsText, HasAllDigitsOfWholeNumbers) {
   EXPECT_EQ(to_text(Bounds{0.5, std::nullopt}), "at least 0.5");
 }
 
-// ---- values that are not known
+// ---- unknown values
 
-/// Octets of the fields with every value 0, but @p raw in all elements of one of them.
+/// Octets of the fields: all elements of field @p index have the value @p raw, all other values are 0.
 Octets octets_with(const std::vector<Field>& fields, std::size_t index, std::uint64_t raw) {
   OctetWriter out;
   for (std::size_t i = 0; i < fields.size(); ++i) {
@@ -587,7 +587,7 @@ std::string fragment_text() {
   return {std::istreambuf_iterator<char>(file), {}};
 }
 
-/// What is wrong with the fragment after a part of it was replaced.
+/// The error in the fragment after @p part is replaced with @p by.
 std::string refused(const std::string& part, const std::string& by) {
   std::string text = fragment_text();
   const auto at = text.find(part);

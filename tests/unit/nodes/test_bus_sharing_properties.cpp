@@ -1,10 +1,9 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The whole of the bus sharing as a model: the switcher's rotation, three payloads with their CAN handles,
-// the topics and the bus between them, and everything that can go wrong with processes. All decisions are
-// those of the flight code.
+// Model of the complete bus sharing: the switcher's rotation, three payloads with their CAN handles, the
+// topics and the bus between them, and all process faults. The flight code makes all decisions.
 //
-// SRFS_MODEL_SLOTS and SRFS_MODEL_SEED change the number of slots and the first seed.
+// SRFS_MODEL_SLOTS and SRFS_MODEL_SEED set the number of slots and the first seed.
 
 #include <gtest/gtest.h>
 
@@ -44,7 +43,7 @@ constexpr std::array<const char*, payload_count> names{"a", "b", "c"};
 constexpr nanoseconds tick_period = milliseconds(100);
 constexpr nanoseconds frame_time = microseconds(260);
 constexpr nanoseconds recall_time = milliseconds(500);
-/// Without a fault for so long, the bus must be in use: restart, wait, recall, a few slots.
+/// The bus must be in use again this long after the last fault: restart, wait, recall, a few slots.
 constexpr nanoseconds recovery = seconds(3);
 
 using Random = std::mt19937_64;
@@ -61,17 +60,17 @@ const std::vector<Slot>& plan() {
   return slots;
 }
 
-/// What reaches a process, and what the world does by itself.
+/// Input to a process, or an action of the world itself.
 struct Event {
   enum class Kind : std::uint8_t {
-    tick,          ///< to the switcher, and the world's own beat
+    tick,          ///< to the switcher; also the world's own beat
     status,        ///< to the switcher
     fenced,        ///< to the switcher: the process is gone
-    drain,         ///< its timer while it waits for the transmit queue to be empty
-    configure,     ///< of the switcher, which was unconfigured
-    switcher_due,  ///< its timer
+    drain,         ///< the switcher's timer while it waits for an empty transmit queue
+    configure,     ///< configures the unconfigured switcher
+    switcher_due,  ///< the switcher's timer
     substitute_due,
-    flag,  ///< to a payload; holder 255: a recall
+    flag,  ///< to a payload; holder 255 means recall
     reset_order,
     payload_due,
     answer,
@@ -87,15 +86,15 @@ struct Event {
   MonotonicTime at{};
   std::uint64_t order = 0;
   Kind kind = Kind::tick;
-  std::uint8_t who = 0;       ///< payload, or payload_count: the switcher
-  std::uint32_t process = 0;  ///< the event is void for another process than this; 0: for whoever runs
+  std::uint8_t who = 0;       ///< payload index; payload_count: the switcher
+  std::uint32_t process = 0;  ///< the only process the event applies to; 0: any
   GrantId grant{};
   std::uint8_t holder = 0;
-  MonotonicTime granted{};  ///< of a tick: due
+  MonotonicTime granted{};  ///< of a tick: its due time
   MonotonicTime lease_end{};
   std::uint64_t number = 0;
-  std::uint64_t queue = 0;       ///< of an answer: where its request waited,
-  MonotonicTime request_left{};  ///< and when it leaves
+  std::uint64_t queue = 0;       ///< of an answer: the queue that held its request
+  MonotonicTime request_left{};  ///< of an answer: when its request leaves the queue
   BusReport::Kind report = BusReport::Kind::taken;
   std::uint32_t reporter = 0;
   bool yes = false;
@@ -111,8 +110,8 @@ constexpr std::uint8_t nobody = 255;
 
 class World;
 
-/// One process' handle of the computer's controller. What was written stays there when the process dies. For
-/// a payload send() is where it may be stopped between the check of its lease and the write.
+/// One process' handle of the computer's controller. Written frames stay in the controller when the process
+/// dies. In send(), a payload may be stopped between its lease check and the write.
 class ModelBus : public hw::CanBus {
  public:
   ModelBus(World& world, std::uint8_t who) : world_(world), who_(who) {}
@@ -137,41 +136,41 @@ class ModelBus : public hw::CanBus {
   hw::CanCounters counters_;
 };
 
-/// What every process has.
+/// State common to all processes.
 struct Process {
   std::uint32_t incarnation = 0;
   bool alive = false;
   bool frozen = false;
-  std::deque<Event> inbox;  ///< came while it was stopped
+  std::deque<Event> inbox;  ///< events that arrived while the process was stopped
 };
 
 struct Step {
   PayloadAction action;
-  int frames_left = 0;  ///< of a SendRequest under way
+  int frames_left = 0;  ///< of the current SendRequest
 };
 
-/// A payload's process, and the adapter around its logic (PayloadNode) in short.
+/// A payload's process, with a reduced version of the adapter around its logic (PayloadNode).
 struct Payload : Process {
   std::unique_ptr<ModelBus> bus;
   std::unique_ptr<hw::LeasedCanBus> leased;
   std::unique_ptr<PayloadCycle> cycle;
   std::deque<Step> todo;
   bool running = false;
-  bool frame_in_hand = false;  ///< checked against the lease, not written yet: it was stopped there
+  bool frame_in_hand = false;  ///< stopped between the lease check and the write
   GrantId grant;
   bool awaiting_quiet = false;
-  std::uint64_t request = 0;  ///< answers to an earlier one are late
+  std::uint64_t request = 0;  ///< current request; answers to earlier ones are late
   std::optional<MonotonicTime> armed;
   bool writing = false;
   std::uint64_t journal_wanted = 0;
   std::uint64_t written_revision = 0;
   std::uint32_t believed_switcher = 0;
-  std::uint32_t heard_by = 0;  ///< switcher that heard its first TAKEN
-  // Outlives the process:
+  std::uint32_t heard_by = 0;  ///< incarnation of the switcher that got its first report
+  // These outlive the process:
   Octets disk;
   Octets being_written;
   bool powered = true;
-  std::deque<std::uint32_t> known_ids;  ///< of the peripheral
+  std::deque<std::uint32_t> known_ids;  ///< request ids that the peripheral remembers
 };
 
 struct Switcher : Process {
@@ -182,9 +181,9 @@ struct Switcher : Process {
   std::optional<MonotonicTime> armed;
   TickFlywheel flywheel;
   std::optional<MonotonicTime> substitute_armed;
-  bool heard_a_tick = false;      ///< since it was activated
-  std::optional<Grant> decided;   ///< stopped before the flag was given
-  std::optional<Grant> recorded;  ///< stopped between the record and the flag
+  bool heard_a_tick = false;      ///< since activation
+  std::optional<Grant> decided;   ///< stopped before it recorded this grant
+  std::optional<Grant> recorded;  ///< stopped after the record, before the flag
 };
 
 struct Statistics {
@@ -204,7 +203,7 @@ struct Statistics {
   std::uint64_t frames_taken_back = 0;
   std::uint64_t unproven = 0;
   std::uint64_t reconfigured = 0;
-  std::uint64_t removed = 0;  ///< payloads taken out of the plan
+  std::uint64_t removed = 0;  ///< payloads removed from the plan
   std::uint64_t substitutes = 0;
   std::uint64_t suite_restarts = 0;
 };
@@ -223,7 +222,7 @@ class World {
     const std::uint64_t end = statistics_.grants + grants;
     while (statistics_.grants < end && !::testing::Test::HasFatalFailure()) step();
   }
-  /// Nothing fails any more: what was accepted must come to its end.
+  /// Stops all faults. Every accepted telecommand must then end.
   void settle() {
     faults_on_ = false;
     const MonotonicTime end = now_ + seconds(20);
@@ -260,7 +259,7 @@ class World {
     put_on_bus(who);
   }
 
-  /// The frame goes behind all that wait in the computer's controller.
+  /// Appends the frame to the controller's transmit queue.
   void queue_frame(std::uint8_t who, std::uint32_t process, GrantId grant) {
     if (faults_on_ && chance(3000)) {  // the bus is jammed
       trouble();
@@ -278,7 +277,7 @@ class World {
               .number = transmit_queue_});
   }
 
-  /// The interface is set down and up: the queue is a new one, and nothing of the old one leaves.
+  /// Sets the interface down and up. This discards the transmit queue and starts a new one.
   bool withdraw() {
     if (!may_withdraw_) return false;
     statistics_.frames_taken_back += std::exchange(in_queue_, 0);
@@ -296,7 +295,6 @@ class World {
   using Kind = Event::Kind;
 
   // --- time
-  // -----------------------------------------------------------------------------------------------------
 
   void schedule(Event event) {
     event.order = next_order_++;
@@ -332,7 +330,7 @@ class World {
       case Kind::configure:
         return configure_switcher(event);
       case Kind::journal_written:
-        // What is on disk stays, whatever becomes of the process.
+        // The disk keeps the data even if the process dies.
         if (payloads_[event.who].incarnation == event.process)
           payloads_[event.who].disk = payloads_[event.who].being_written;
         break;
@@ -361,7 +359,7 @@ class World {
     }
   }
 
-  /// The world's beat: the tick to the switcher, telecommands from the ground, the judgement of liveness.
+  /// The world's beat: sends the tick and the ground's telecommands, and checks liveness.
   void beat() {
     schedule({.at = now_ + tick_period, .kind = Kind::tick});
     send_tick();
@@ -374,8 +372,8 @@ class World {
     }
   }
 
-  /// Timing dies, too, for longer than the rotation may stand still, and comes back in another phase and with
-  /// another count.
+  /// The timing node also dies, for longer than the rotation may pause. It returns with another phase and
+  /// another cycle count.
   void send_tick() {
     if (faults_on_ && chance(300) && now_ >= timing_back_) {
       timing_back_ = now_ + between(milliseconds(100), seconds(4));
@@ -383,7 +381,7 @@ class World {
       cycle_ = chance(10) ? 0 : cycle_ + random_() % 1000;
     }
     if (faults_on_ && now_ < timing_back_) {
-      if (!switcher_.heard_a_tick) trouble();  // it started without a tick, and needs a first one
+      if (!switcher_.heard_a_tick) trouble();  // a new switcher needs a first tick
       return;
     }
     ++cycle_;
@@ -399,7 +397,6 @@ class World {
   }
 
   // --- processes
-  // ------------------------------------------------------------------------------------------------
 
   void trouble() { last_trouble_ = now_; }
 
@@ -407,7 +404,7 @@ class World {
     if (!faults_on_) return;
     schedule({.at = now_ + between(milliseconds(10), chance(10) ? seconds(6) : milliseconds(600)),
               .kind = Kind::fault});
-    if (chance(30)) {  // the whole suite is killed and started anew, and nobody knows of the last grant
+    if (chance(30)) {  // the whole suite restarts; the record of the last grant is lost
       ++statistics_.suite_restarts;
       for (std::uint8_t i = 0; i < payload_count; ++i) {
         const Payload& p = payloads_[i];
@@ -455,7 +452,7 @@ class World {
       work(event.who);
       if (!payload.frozen) write_what_waits(event.who);
     }
-    // What came meanwhile, in any order between the topics.
+    // Deliver the events that arrived meanwhile; topics have no order between them.
     std::deque<Event> inbox = std::exchange(p.inbox, {});
     if (chance(2)) std::reverse(inbox.begin(), inbox.end());
     for (const Event& e : inbox) deliver(e);
@@ -474,7 +471,7 @@ class World {
       switcher_.recorded.reset();
     } else {
       Payload& payload = payloads_[who];
-      // The file may be complete, though nobody was told.
+      // The file may be complete although its writer never reported it.
       if (payload.writing && chance(2)) payload.disk = payload.being_written;
       payload.todo.clear();
       payload.cycle.reset();
@@ -484,7 +481,7 @@ class World {
     }
     p.alive = p.frozen = false;
     p.inbox.clear();
-    ++p.incarnation;  // nothing reaches the old process any more; start() counts on from here
+    ++p.incarnation;  // voids events for the old process; start() counts on from here
     schedule({.at = now_ + between(milliseconds(5), milliseconds(400)), .kind = Kind::start, .who = who});
   }
 
@@ -578,8 +575,7 @@ class World {
     return PeripheralFunction{static_cast<std::uint8_t>(function), {}};
   }
 
-  // --- the switcher (as CanSwitcherNode does it)
-  // -----------------------------------------------------------------
+  // --- the switcher (as in CanSwitcherNode)
 
   void to_switcher(const Event& event) {
     if (event.kind == Kind::fenced) fencing_ = false;
@@ -683,7 +679,7 @@ class World {
     TaskFlagRotation& rotation = *switcher_.rotation;
     const auto due = rotation.next_deadline();
     if (!due || now_ < *due) return;
-    // take_waiting(): what came while it was stopped counts before anybody is accused.
+    // take_waiting(): handle waiting input before accusing any node.
     std::deque<Event> waiting;
     for (auto e = switcher_.inbox.begin(); e != switcher_.inbox.end();) {
       if (e->kind == Kind::status) {
@@ -758,7 +754,7 @@ class World {
     publish_flag(grant);
   }
 
-  /// A flag may be lost, come twice, late, or behind a later one.
+  /// A flag may be lost, duplicated, late, or overtaken by a later one.
   void publish(Event flag) {
     for (std::uint8_t i = 0; i < payload_count; ++i) {
       const int copies = !faults_on_ ? 1 : chance(150) ? 0 : chance(100) ? 2 : 1;
@@ -805,8 +801,7 @@ class World {
     fencing_ = true;
     const auto who = static_cast<std::uint8_t>(switcher_.rotation->current()->slot);
     ASSERT_EQ(f.payload, names[who]);
-    // SIGKILL is on its way, whatever becomes of this switcher; until it arrives the holder does what it
-    // likes.
+    // The SIGKILL arrives even if this switcher dies first. Until then the holder runs on unrestricted.
     schedule({.at = now_ + between(microseconds(100), milliseconds(30)),
               .kind = Kind::fenced,
               .who = switcher_index,
@@ -825,7 +820,7 @@ class World {
     std::shuffle(order.begin(), order.end(), random_);
     if (chance(3)) order.pop_back();
     std::vector<Slot> slots = plan();
-    if (chance(2)) {  // a node is removed after its process was ended; another time it is added again
+    if (chance(2)) {  // removes nodes whose process has ended; a later change adds them again
       for (std::uint8_t i = 0; i < payload_count; ++i) {
         if (payloads_[i].alive || order.size() == 1) continue;
         slots[i] = {};
@@ -836,8 +831,7 @@ class World {
     switcher_.rotation->set_plan(slots, order);
   }
 
-  // --- payloads (as PayloadNode does it)
-  // -------------------------------------------------------------------------
+  // --- payloads (as in PayloadNode)
 
   void to_payload(const Event& event) {
     Payload& p = payloads_[event.who];
@@ -882,7 +876,7 @@ class World {
   void on_flag(const Event& event) {
     Payload& p = payloads_[event.who];
     if (event.grant.incarnation != p.believed_switcher) {
-      // It must be the one that holds the switcher's instance lock.
+      // The flag must come from the process that holds the switcher's instance lock.
       if (!switcher_.alive || switcher_.incarnation != event.grant.incarnation) return;
       p.believed_switcher = event.grant.incarnation;
     }
@@ -907,7 +901,7 @@ class World {
     if (!p.running) work(who);
   }
 
-  /// Carries out what is to be done, until nothing is left or the process is stopped.
+  /// Carries out the queued actions until the queue is empty or the process is stopped.
   void work(std::uint8_t who) {
     Payload& p = payloads_[who];
     p.running = true;
@@ -960,9 +954,9 @@ class World {
                 .report = static_cast<BusReport::Kind>(status.kind),
                 .reporter = p.incarnation,
                 .yes = status.kind == PublishStatus::Kind::released && p.grant != status.grant};
-    // On the loopback interface what a process has sent waits in the switcher's socket at once, and the
-    // switcher reads that before it accuses (take_waiting). The first word of a process goes to a matched
-    // reader: it is not lost.
+    // On the loopback interface a sent report waits in the switcher's socket at once, and the switcher reads
+    // its socket before it accuses (take_waiting). The first report of a process goes to a matched reader, so
+    // it is not lost.
     const bool first = p.heard_by != switcher_.incarnation;
     p.heard_by = switcher_.incarnation;
     const int copies = !faults_on_ || first ? 1 : chance(200) ? 0 : chance(100) ? 2 : 1;
@@ -1001,7 +995,7 @@ class World {
     } else if (std::holds_alternative<wire::ResetRequest>(request.body)) {
       answer.holder = 2;
     }
-    answer.yes = !faults_on_ || !chance(answer.holder == 2 ? 4 : 60);  // else the answer is lost on its way
+    answer.yes = !faults_on_ || !chance(answer.holder == 2 ? 4 : 60);  // false: the answer is lost
     schedule(answer);
   }
   void carry_out(std::uint8_t who, const AbortRequest& /*abort*/) { ++payloads_[who].request; }
@@ -1059,7 +1053,6 @@ class World {
   }
 
   // --- the bus and the peripherals
-  // --------------------------------------------------------------------------------
 
   void put_on_bus(std::uint8_t who) {
     const Payload& p = payloads_[who];
@@ -1067,7 +1060,7 @@ class World {
     ASSERT_EQ(p.grant, newest_published_)
         << "payload " << names[who] << " wrote under " << p.grant.incarnation << "." << p.grant.counter
         << ", the bus was granted as " << newest_published_.incarnation << "." << newest_published_.counter;
-    const bool stuck = faults_on_ && chance(20'000);  // its echo never comes
+    const bool stuck = faults_on_ && chance(20'000);  // the frame's echo never arrives
     if (stuck) trouble();
     queue_frame(who, stuck ? UINT32_MAX : p.incarnation, p.grant);
   }
@@ -1129,7 +1122,6 @@ class World {
   }
 
   // --- telecommands
-  // -----------------------------------------------------------------------------------------------
 
   struct Telecommand {
     std::uint8_t target = 0;
@@ -1141,7 +1133,7 @@ class World {
     std::uint32_t executed = 0;
   };
 
-  /// As ttc does it: published again until accepted.
+  /// Like ttc, publishes each telecommand repeatedly until it is accepted.
   void send_telecommands() {
     if (faults_on_ && chance(4)) {
       const std::uint32_t id = next_id_++;
@@ -1208,10 +1200,10 @@ class World {
   // The computer's controller
   bool may_withdraw_;  ///< the processes have CAP_NET_ADMIN
   MonotonicTime bus_free_{seconds(1)};
-  std::uint64_t transmit_queue_ = 0;  ///< number of the transmit queue; withdraw() begins a new one
+  std::uint64_t transmit_queue_ = 0;  ///< number of the current transmit queue; withdraw() starts a new one
   std::uint64_t in_queue_ = 0;
   std::vector<MonotonicTime> queue_ends_;
-  bool fencing_ = false;  ///< a SIGKILL of the switcher is on its way
+  bool fencing_ = false;  ///< the switcher has sent a SIGKILL that has not yet arrived
 
   std::map<std::uint32_t, Telecommand> telecommands_;
   std::vector<std::uint32_t> waiting_;

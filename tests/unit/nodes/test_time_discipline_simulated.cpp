@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// The timing node's logic on the simulated receiver: what the discipline has to reach, and what must not
-// disturb it.
+// The timing node's logic with the simulated receiver: the accuracy it must reach, and the disturbances it
+// must withstand.
 #include <gtest/gtest.h>
 
 #include "tests/build_kind.hpp"
@@ -15,10 +15,10 @@ using sim::GpsFault;
 using testing_support::slow;
 using testing_support::TimingSimulation;
 
-constexpr double tick_bound = 0.0100001;  // 1 %, and the rounding to nanoseconds
-constexpr double rate_bound = 0.0056;     // of the mission's time: slew and oscillator
+constexpr double tick_bound = 0.0100001;  // 1 % plus rounding to nanoseconds
+constexpr double rate_bound = 0.0056;     // of mission time: slew plus oscillator error
 
-/// A good receiver over an oscillator 1e-6 off.
+/// A good receiver and an oscillator with an error of 1e-6.
 sim::GpsSettings ordinary(std::uint64_t seed = 1) {
   sim::GpsSettings settings;
   settings.start = TimingSimulation::default_start();
@@ -55,7 +55,7 @@ TEST(SimulatedDiscipline, HoldsAMillisecondForAnHourWhenTheOscillatorSwingsByATe
     settings.wander_ppm = 0.1;
     settings.wander_period = seconds(5700);
     TimingSimulation s(settings);
-    s.run(1800 + static_cast<std::int64_t>(seed) * 700);  // the loss meets each phase of the orbit
+    s.run(1800 + static_cast<std::int64_t>(seed) * 700);  // a new phase of the orbit for each loss
     EXPECT_EQ(s.last().state, SyncState::locked);
     EXPECT_LE(std::abs(s.last().error.count()), 5000);
     s.receiver().disturb({.fault = GpsFault::off});
@@ -77,7 +77,7 @@ TEST(SimulatedDiscipline, HoldsAMillisecondForAnHourWhenTheOscillatorSwingsByATe
   }
 }
 
-/// What is wrong for how long, and how far the time may be off meanwhile and at the end.
+/// A disturbance, its duration, and the permitted time error during it and at its end.
 struct Trouble {
   const char* name;
   GpsDisturbance disturbance;
@@ -182,10 +182,10 @@ TEST(SimulatedDiscipline, ALeapSecondIsSlewed) {
   settings.start = *from_iso8601("2028-12-31T23:55:00Z");
   TimingSimulation s(settings);
   s.run(240);
-  s.receiver().disturb({.leap_second = true});  // as the year ends
+  s.receiver().disturb({.leap_second = true});  // at the end of the year
   s.run(500);
   EXPECT_GT(s.stream().counters().leap_seconds, 0U);
-  // The simulation's true time counts on; UTC is a second behind it now.
+  // The simulation's true time ignores the leap second, so UTC is now one second behind it.
   EXPECT_NEAR(static_cast<double>((s.last().error + seconds(1)).count()), 0, 6'000);
   EXPECT_EQ(s.last().state, SyncState::locked);
   expect_smooth(s);
@@ -223,7 +223,7 @@ TEST(SimulatedDiscipline, SurvivesADayOfChangingTrouble) {
     d.fault = static_cast<GpsFault>(random() % 8 < 4 ? random() % 4 : 0);
     d.lost_pulses = random() % 2 ? 0.2 : 0;
     d.false_pulses = random() % 2 ? 0.2 : 0;
-    // Alone for more than a minute, another receiver's pulses are believed.
+    // The discipline accepts another receiver's pulses that come alone for more than a minute.
     if (d.fault == GpsFault::none && random() % 4 == 0)
       d.second_receiver = milliseconds(1 + static_cast<int>(random() % 998));
     d.time_step = seconds(random() % 4 == 0 ? static_cast<std::int64_t>(random() % 100'000) + 3 : 0);

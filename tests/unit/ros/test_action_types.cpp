@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Octets of the types an action puts on the wire, against layouts written out by hand (ROS2_WIRE: plain CDR,
+// Octets of an action's types on the wire, compared with hand-written layouts (ROS2_WIRE: plain CDR,
 // little-endian, alignment from the body).
 
 #include <gtest/gtest.h>

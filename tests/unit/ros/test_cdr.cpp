@@ -89,7 +89,7 @@ TEST(Cdr, ReadersRefuseLengthsBeyondBoundOrSampleBeforeTakingMemory) {
   srfs_msgs::msg::PayloadTelemetry m;
   m.data.assign(64, 1);
   Octets good = encode(m);
-  // The length of `data` stands in the last 68 octets.
+  // The last 68 octets contain the length of `data`.
   Octets lying = good;
   lying[lying.size() - 68] = 0xff;
   lying[lying.size() - 65] = 0x7f;
@@ -107,7 +107,7 @@ TEST(Cdr, EveryTruncationIsRefusedAndEveryBitFlipIsSurvived) {
   for (std::size_t bit = 0; bit < good.size() * 8; ++bit) {
     Octets bad = good;
     bad[bit / 8] = static_cast<std::uint8_t>(bad[bit / 8] ^ (1U << (bit % 8)));
-    (void)decode_from(bad, out);  // may be another valid message; must not crash or grow
+    (void)decode_from(bad, out);  // may decode to another valid message, but must not crash or grow
     EXPECT_LE(out.flags.size(), 16U);
     EXPECT_LE(out.holder.size(), 64U);
   }

@@ -41,13 +41,14 @@ class DatagramFilterTest : public testing::Test {
   Verdict judge(DatagramFilter& filter, const Message& message) const {
     return filter.judge(message, false, now_);
   }
-  /// The first fragment of a sample, as small as it may be.
+  /// The first fragment of a sample, with the smallest allowed size.
   static Message first_fragment(const Gid& writer, std::uint32_t sample_octets, std::int64_t sequence = 1) {
     GuidPrefix sender{};
     std::copy_n(writer.begin(), sender.size(), sender.begin());
     return Message(sender).fragment(writer, {.sample_octets = sample_octets, .sequence = sequence});
   }
-  /// First fragments of samples of 1 MiB with rising numbers, until one is dropped.
+  /// Sends first fragments of 1 MiB samples with rising sequence numbers until one is dropped.
+  /// @return how many passed
   std::int64_t mebibytes_that_pass(DatagramFilter& filter, const Gid& writer) {
     for (std::int64_t n = 0; n < 100; ++n) {
       if (judge(filter, first_fragment(writer, 1U << 20, sequence_ + 1)) != Verdict::pass) return n;
@@ -86,14 +87,14 @@ TEST_F(DatagramFilterTest, SeesWhatFastDdsSeesBehindOtherSubmessages) {
   auto filter = make();
   filter.matched(theirs_, here_, 1000, refused_);
   const Message empty(stranger);
-  // Neither ends the message there: an INFO_TS without a time, and PAD.
+  // Neither an INFO_TS without a time nor a PAD ends the message.
   EXPECT_EQ(judge(filter, Message(empty).no_timestamp().fragment(theirs_, {64U << 20})), Verdict::malformed);
   EXPECT_EQ(judge(filter, Message(empty).submessage(0x01, 0, {}).fragment(theirs_, {64U << 20})),
             Verdict::malformed);
-  // The next one begins at a multiple of four octets.
+  // The next submessage begins at a multiple of four octets.
   EXPECT_EQ(judge(filter, Message(empty).submessage(0x80, 0, Octets(8), 5).fragment(theirs_, {64U << 20})),
             Verdict::malformed);
-  // The last one may leave its length out.
+  // The last submessage may omit its length.
   Octets body = empty.ids(16, theirs_, 1);
   body.resize(body.size() + 2000);
   EXPECT_EQ(judge(filter, Message(empty).submessage(0x15, 0x04, body, 0)), Verdict::malformed);
@@ -109,13 +110,13 @@ TEST_F(DatagramFilterTest, ASubmessageThatDoesNotHoldWhatItSaysIsDropped) {
       fragment({.sample_octets = 250, .held = 99}),
       fragment({.sample_octets = 250, .number = 3, .held = 49}),
       fragment({.sample_octets = 250, .count = 3, .held = 249}),
-      fragment({.sample_octets = 250, .number = 3, .count = 2, .held = 150}),  // there are three
+      fragment({.sample_octets = 250, .number = 3, .count = 2, .held = 150}),  // it has only three
       fragment({.sample_octets = 250, .number = 0, .held = 100}),
       fragment({.sample_octets = 250, .count = 0, .held = 100}),
       fragment({.sample_octets = 250, .octets = 0, .held = 100}),
       fragment({.sample_octets = 250, .octets = 3}),
       fragment({.sample_octets = 0, .held = 100}),
-      fragment({.sample_octets = 250, .flags = 0x04}),    // a key, of which Fast DDS takes nothing
+      fragment({.sample_octets = 250, .flags = 0x04}),    // a key, which Fast DDS ignores
       Message(stranger).submessage(0x16, 0, Octets(28)),  // ends before the size of the sample
       Message(stranger).submessage(0x15, 0x04, Octets(12)),
       Message(stranger).submessage(0x15, 0x04, Message(stranger).ids(12, theirs_, 1)),
@@ -131,7 +132,7 @@ TEST_F(DatagramFilterTest, InlineQosIsPartOfTheSubmessageAndNotOfTheSample) {
   filter.matched(theirs_, here_, 1000, refused_);
   const Message empty(stranger);
   Octets body = empty.ids(16, theirs_, 1);
-  for (const std::uint64_t number : {0x0083, 24}) empty.number(body, number, 2);  // whose request it was
+  for (const std::uint64_t number : {0x0083, 24}) empty.number(body, number, 2);  // related sample identity
   body.resize(body.size() + 24);
   const Octets without_end = body;
   for (const std::uint64_t number : {1, 0}) empty.number(body, number, 2);
@@ -229,7 +230,7 @@ TEST_F(DatagramFilterTest, ManyLargeSamplesInOneDatagramAreCountedEach) {
   Message hundred(stranger);
   for (std::int64_t n = 1; n <= 100; ++n) hundred.fragment(theirs_, {.sample_octets = 9000, .sequence = n});
   EXPECT_EQ(judge(filter, hundred), Verdict::shed);
-  // As small fragments as other writers send, of one sample.
+  // Fragments of one sample, as small as other writers send them.
   Message many(stranger);
   for (std::uint32_t n = 1; n <= 40; ++n) many.fragment(theirs_, {.sample_octets = 1U << 20, .number = n});
   EXPECT_EQ(judge(filter, many), Verdict::pass);
@@ -275,7 +276,7 @@ TEST_F(DatagramFilterTest, FragmentsOfASampleThatHasItsRoomPassInAnyOrderAndAgai
     filter.taken({theirs_, sequence}, here_);
     EXPECT_FALSE(filter.holds_any());
   }
-  // Late repetitions of what was taken take no room.
+  // Late repetitions of a taken sample use no room.
   filter.matched(gid(stranger, 2), here_, 1U << 20, refused_);
   EXPECT_EQ(judge(filter, first_fragment(gid(stranger, 2), 1U << 20)), Verdict::pass);
   filter.taken({gid(stranger, 2), 1}, here_);
@@ -392,7 +393,7 @@ TEST(LargestSample, FollowsFromTheBoundsOfTheType) {
 TEST(DepartureMessage, IsTheDisposalOfTheParticipantAsItWouldSendItItself) {
   EXPECT_EQ(to_hex(departure_message({1, 15, 0x78, 0xfd, 0xaa, 0x51, 0x61, 0xf4, 0, 0, 0, 0})),
             "525450530202010f"          // RTPS 2.2
-            "010f78fdaa5161f400000000"  // the one that is gone
+            "010f78fdaa5161f400000000"  // the departed participant
             "15020034"                  // DATA, inline QoS
             "00000010"
             "000100c7"

@@ -161,7 +161,7 @@ TEST_F(GoalBookTest, WaitersOfAnEndingGoalAreNeverEvictedWithIt) {
   book_.await_result(id(1), 71);
   succeed(2, 1);
   succeed(3, 1);
-  succeed(1, 1);  // at the same instant, and the first in the book
+  succeed(1, 1);  // at the same instant, but first in the book
   EXPECT_THAT(book_.take_waiters(id(1)), ElementsAre(71));
 }
 

@@ -86,7 +86,7 @@ TEST(GoalTracker, ACancelBeforeTheServersAnswerIsSentWithTheAcceptance) {
 TEST(GoalTracker, AServerThatIsGoneEndsTheGoalAfterItsLastWordsHadTime) {
   auto goal = accepted_goal();
   goal.on_server(false, at(seconds(5)));
-  goal.on_server(false, at(milliseconds(5100)));  // another of its endpoints
+  goal.on_server(false, at(milliseconds(5100)));  // another endpoint of the server
   EXPECT_EQ(goal.next_deadline(), at(seconds(5)) + GoalTracker::farewell);
   EXPECT_FALSE(goal.on_time(at(milliseconds(5199))).failed);
   EXPECT_EQ(goal.on_time(at(milliseconds(5200))).failed, GoalError::server_lost);

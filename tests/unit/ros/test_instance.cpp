@@ -55,7 +55,7 @@ TEST(RunFolder, ALockIsNotTakenThroughALink) {
 }
 
 TEST(DdsDomains, OfOtherUsersAreKnownByTheirPorts) {
-  // As Linux 6.1 prints it. 0x1CE8 = 7400: domain 0; 0x45EC = 17900: domain 42; 0x45EB: the last port of 41
+  // Format of Linux 6.1. 0x1CE8 = 7400: domain 0; 0x45EC = 17900: domain 42; 0x45EB: last port of domain 41.
   std::istringstream udp_sockets(
       "   sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
       "  101: 00000000:1CE8 00000000:0000 07 00000000:00000000 00:00000000 00000000  1001        0 34127 2 0 "
@@ -110,7 +110,7 @@ TEST(DdsDomains, LocksLieInAFolderOfThisUserAlone) {
 }
 
 TEST(DdsDomains, ADomainThatAnotherSuiteTookAfterAllNodesHadBeenKilledIsNotShared) {
-  const int domain = DomainLock::allocate(std::nullopt, 60, "/ours").value().domain();  // and nobody holds it
+  const int domain = DomainLock::allocate(std::nullopt, 60, "/ours").value().domain();  // not held
   {
     const auto ours = DomainLock::share(domain, "/ours");
     ASSERT_TRUE(ours) << ours.error();
@@ -124,7 +124,7 @@ TEST(DdsDomains, ADomainThatAnotherSuiteTookAfterAllNodesHadBeenKilledIsNotShare
   EXPECT_THAT(DomainLock::share(domain, "/ours").error(), HasSubstr("in use by another suite, /theirs"));
 }
 
-/// As killed nodes leave it.
+/// Creates a lock file in the state that killed nodes leave.
 void leave_lock_file(int domain, const std::string& suite) {
   const std::string file = "/tmp/srfs_domains_" + std::to_string(geteuid()) + "/" + std::to_string(domain);
   const Fd fd(open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600));

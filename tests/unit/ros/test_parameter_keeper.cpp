@@ -27,7 +27,8 @@ using Kind = ParameterNews::Kind;
 
 constexpr seconds trial_time{300};
 
-/// A node's parameters: a and b ordinary, g and h guarded, fixed for the next start only. The disk is a text.
+/// A node's parameters: a and b are ordinary, g and h are guarded, `fixed` applies only at the next start. A
+/// string stands in for the disk.
 class Node {
  public:
   explicit Node(std::string& disk) : disk_(disk), set_(ConfigSection::parse("a: 10\ng: 100\n", "x.yaml")) {
@@ -52,7 +53,7 @@ class Node {
   Result<void, std::string> submit(ParameterKeeper::Request request) {
     return keeper_.submit(request, now, trial_time, "now");
   }
-  /// @return why not; empty: done, and on disk
+  /// @return the reason for refusal; empty: done and stored on disk
   std::string ask(ParameterKeeper::Request request) {
     const auto done = submit(std::move(request));
     write();
@@ -370,8 +371,8 @@ TEST_F(Keeping, AFactoryResetEndsATrialAndCanBeUndone) {
   EXPECT_EQ(node->a(), 4);
 }
 
-/// A model beside the keeper: what was confirmed and kept, through random requests, waits, failed writes and
-/// deaths at any time, also while a write is under way.
+/// A model of the keeper's confirmed and stored values. It goes through random requests, waits, failed writes
+/// and kills at any time, including during a write.
 class KeeperModel {
  public:
   explicit KeeperModel(unsigned seed) : random_(seed) {}
@@ -431,7 +432,7 @@ class KeeperModel {
     EXPECT_FALSE(busy && done);
     if (!node_->keeper().to_write() || busy) return;
     switch (pick(4)) {
-      case 0:  // still under way
+      case 0:  // the write is still in progress
         break;
       case 1:
         node_->write(false);
@@ -454,7 +455,7 @@ class KeeperModel {
     if (pick(2) == 0) node_->write();
   }
 
-  /// The file holds the old or the new text.
+  /// Kills the process. After a kill during a write the file holds either the old or the new text.
   void die() {
     if (node_->keeper().to_write() && pick(2) == 0) disk_ = *node_->keeper().to_write();
     const auto read = disk_.empty() ? StoredFile{} : read_stored(disk_).value();
@@ -500,7 +501,7 @@ TEST(KeeperProperties, WhatNobodyConfirmedNeitherOutlivesItsTimeNorAnyDeath) {
   }
 }
 
-/// In the child: keeps a = 1, 2, 3... and says each that is on disk.
+/// Runs in the child: stores a = 1, 2, 3... and reports each value that is on disk.
 [[noreturn]] void keep_on(const std::filesystem::path& file, int say) {
   std::string disk;
   Node node(disk);

@@ -105,7 +105,7 @@ TEST(ParameterFile, OfAHandWrittenListNoFlippedBitDoesMoreThanLoseOrChangeEntrie
     for (int bit = 0; bit < 8; ++bit) {
       std::string bad = good;
       bad[octet] = static_cast<char>(bad[octet] ^ (1 << bit));
-      static_cast<void>(read_stored(bad));  // must come back, with whatever it finds
+      static_cast<void>(read_stored(bad));  // must return, with any result
     }
   }
 }

@@ -29,7 +29,7 @@ long kib_of(const std::string& key) {
   return -1;
 }
 
-/// In a process of its own: what it locks and limits goes with it.
+/// Runs @p work in a separate process, so that its locks and limits end with it.
 template <class Work>
 int exit_code_of(const Work& work) {
   const pid_t child = fork();
@@ -64,7 +64,7 @@ TEST(LockedMemory, StacksOfLaterThreadsCostWhatTheyUse) {
               if (!lock_memory()) return 0;  // no permission here
               const long before = kib_of("VmRSS:");
               constexpr std::size_t octets = 64U << 20;
-              const auto stack = std::make_unique_for_overwrite<char[]>(octets);  // as mapped as a stack is
+              const auto stack = std::make_unique_for_overwrite<char[]>(octets);  // mapped like a stack
               const_cast<volatile char*>(stack.get())[0] = 1;
               return kib_of("VmRSS:") - before < 1024 ? 0 : 1;
             }),
@@ -91,7 +91,7 @@ TEST(TouchedStack, IsNeverMoreThanHalfOfWhatTheLimitAllows) {
             0);
 }
 
-/// Computes, without a pause, for so long on a CPU.
+/// Uses CPU time without a pause, for so long.
 void compute(milliseconds how_long) {
   const auto begun = std::clock();
   while (std::clock() - begun < how_long.count() * CLOCKS_PER_SEC / 1000) {
@@ -115,10 +115,10 @@ TEST(RealTimeBound, EndsAThreadThatNeverPausesAndCountsNothingFromBefore) {
   const auto computes_at_work = [](milliseconds how_long) {
     rlimit limit{};
     getrlimit(RLIMIT_RTTIME, &limit);
-    limit.rlim_cur = std::min<rlim_t>(30'000'000, limit.rlim_max);  // the launcher's
+    limit.rlim_cur = std::min<rlim_t>(30'000'000, limit.rlim_max);  // the launcher's limit
     const sched_param priority{.sched_priority = 1};
     if (setrlimit(RLIMIT_RTTIME, &limit) != 0 || sched_setscheduler(0, SCHED_FIFO, &priority) != 0) _exit(7);
-    compute(milliseconds(800));  // reads its dictionary
+    compute(milliseconds(800));  // as when reading the dictionary
     bound_real_time(real_time_at_work);
     compute(how_long);
     return 0;
@@ -132,7 +132,7 @@ TEST(RealTimeBound, EndsAThreadThatNeverPausesAndCountsNothingFromBefore) {
 TEST(MissingScheduling, IsNamedOneByOne) {
   EXPECT_EQ(exit_code_of([] {
               Scheduling wanted;
-              if (nice(1) == -1) return 1;  // at least 1 from here on
+              if (nice(1) == -1) return 1;  // nice value at least 1 from here on
               wanted.nice = getpriority(PRIO_PROCESS, 0);
               if (!missing_of(wanted).empty()) return 2;
               wanted.nice -= 1;

@@ -20,7 +20,7 @@ class StateFilesTest : public testing::Test {
   [[nodiscard]] std::string text(const std::string& name) const {
     return read_file(var_.state("node") / name).value_or("(none)");
   }
-  /// This version reads what begins with "1".
+  /// This version accepts files that begin with "1".
   [[nodiscard]] std::optional<std::string> read(const std::string& name,
                                                 TakenBack taken_back = TakenBack::yes) const {
     return read_state_file(var_, "node", name, 1000, taken_back,

@@ -54,7 +54,7 @@ const std::string user_status =
     "Name:\tsrfs\nUid:\t1000\t1000\t1000\t1000\nGid:\t1000\t1000\t1000\t1000\nGroups:\t20 "
     "1000\nCapEff:\t0000000000000000\n";
 
-/// A folder that looks as the board does: nothing is wrong with it.
+/// A folder that looks like the board without any fault.
 class DoctorTest : public testing::Test {
  protected:
   DoctorTest() {
@@ -102,7 +102,7 @@ class DoctorTest : public testing::Test {
     return examine(machine_, ros::Deployment::load(machine_.at("/deployment.yaml")), "/var/lib/srfs",
                    "/opt/srfs", UtcTime(seconds(1'700'000'001)));
   }
-  /// The worst one of a check.
+  /// The worst finding of a check.
   Finding finding(const std::string& check, const std::string& yaml = board) {
     Finding worst{Verdict::ok, "none", "", "", ""};
     for (const Finding& f : examined(yaml)) {
@@ -320,7 +320,7 @@ TEST_F(DoctorTest, ANodeOfAnotherUserKeepsNoCapabilityToLockItsMemory) {
 }
 
 TEST_F(DoctorTest, ADeviceThatOthersMayUseIsOpenedByAGroupOrARuleOfUdev) {
-  put("/proc/self/status", user_status);  // sat is in dialout
+  put("/proc/self/status", user_status);  // user sat is in group dialout
   EXPECT_EQ(finding("device.rs422").verdict, Verdict::ok);
   EXPECT_EQ(finding("device.camera").command, "usermod -aG video sat");
   const Finding watchdog = finding("device.watchdog");

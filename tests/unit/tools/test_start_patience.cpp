@@ -13,8 +13,8 @@ constexpr seconds deadline{15};
 
 class StartPatienceTest : public testing::Test {
  protected:
-  /// The awaited nodes look like this for a time, in which `cpu` of each grows by @p share of it, and
-  /// `waited` by @p waiting.
+  /// The awaited nodes stay in @p state for @p time. Meanwhile the `cpu` of each grows by @p share of that
+  /// time and `waited` by @p waiting of it.
   void pass(nanoseconds time, State state, double share = 0, pid_t pid = 7, double waiting = 0) {
     constexpr milliseconds step{100};
     const auto of_step = [&](double part) {
@@ -56,7 +56,7 @@ TEST_F(StartPatienceTest, EachFurtherStateIsProgress) {
 TEST_F(StartPatienceTest, ANodeThatFailsToConfigureAndTriesAgainMakesNoProgress) {
   pass(seconds(1), State::configuring, 0.5);
   for (int attempt = 0; attempt < 10 && !patience_.is_over(); ++attempt) {
-    pass(seconds(2), State::unconfigured, 0.1);  // works: answers, waits for its next attempt
+    pass(seconds(2), State::unconfigured, 0.1);  // the node answers and waits for its next attempt
     pass(milliseconds(200), State::configuring);
   }
   EXPECT_TRUE(patience_.is_over());

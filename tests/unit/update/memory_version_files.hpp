@@ -10,11 +10,11 @@
 
 namespace srfs::update {
 
-/// The machine dies in the middle of a call.
+/// The computer loses power in the middle of a call.
 struct PowerLoss {};
 
-/// A folder in memory that forgets what was not synced: of names each for itself, of octets any number. It
-/// ends its user at any changing call, before it, half-way or after it.
+/// A folder in memory that loses unsynced changes: each name change separately, and any number of octets. It
+/// can end its user at any changing call: before it, half-way through, or after it.
 class MemoryVersionFiles final : public VersionFiles {
  public:
   struct Inode {
@@ -37,7 +37,7 @@ class MemoryVersionFiles final : public VersionFiles {
     random = random * 1664525U + 1013904223U;
     return (random >> 8U) % below;
   }
-  /// What is found after power came back.
+  /// Leaves the state that is found after power returns.
   void lose_unsynced() {
     std::map<std::string, int> found = disk.synced_names;
     for (const auto& [name, inode] : disk.names) {
@@ -107,7 +107,7 @@ class MemoryVersionFiles final : public VersionFiles {
     effect();
     return {};
   }
-  /// Two calls: the octets, and their sync.
+  /// Makes two calls: one for the octets, one for their sync.
   Result<void, FileError> put(const std::string& name, const std::string& text) {
     auto written = step([&] {
       if (!disk.names.contains(name)) {

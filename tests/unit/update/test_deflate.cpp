@@ -26,7 +26,7 @@ TEST(Deflate, GivesBackWhatWentIn) {
 }
 
 TEST(Deflate, ReadsAStreamOfTheStandard) {
-  // RFC 1951, 3.2.4: one stored block, the last: 01, length 3, its complement, "abc".
+  // RFC 1951, 3.2.4: one stored block that is also the last: 01, length 3, its complement, "abc".
   EXPECT_EQ(expand(Octets{0x01, 0x03, 0x00, 0xFC, 0xFF, 'a', 'b', 'c'}, 3), octets("abc"));
 }
 

@@ -37,7 +37,7 @@ const SigningSeed ours = seed_of(0);
 const PublicKey key = public_key_of(ours);
 const std::string source = "int main(){}\n";
 
-/// A good package, and what tests do to it.
+/// A good package that tests modify.
 struct PackageTest : testing::Test {
   Json manifest = {
       {"format", "srfs node package 1"}, {"node", "payload_eps"}, {"kind", "replace"}, {"counter", 7},
@@ -126,7 +126,7 @@ TEST_F(PackageTest, IsRefusedWithAWrongSignatureOrAnotherKey) {
   changed[8 + 2 + 8 + 4 + 10] ^= 1U;  // in the manifest
   EXPECT_EQ(refusal(changed), PackageRefusal::wrong_signature);
   EXPECT_EQ(refusal(make_package(manifest.dump(), contents, seed_of(9))), PackageRefusal::wrong_key);
-  // The name of the key is no proof of it.
+  // A key name alone proves nothing: the signature must match that key.
   Octets claimed = make_package(manifest.dump(), contents, seed_of(9));
   const Octets genuine = package();
   std::copy_n(genuine.begin() + 10, 8, claimed.begin() + 10);
@@ -275,7 +275,7 @@ TEST_F(PackageTest, MayAskForASlotOnTheBus) {
     for (const Json& value : {Json(-1), Json(60001), Json(1.5), Json("1"), Json("A b"), Json::array()}) {
       manifest["slot"] = slot;
       manifest["slot"][field] = value;
-      // "1" is no name, and no number either.
+      // "1" is neither a name nor a number.
       EXPECT_EQ(refusal(), PackageRefusal::bad_manifest) << field << " " << value;
     }
   }
@@ -294,7 +294,7 @@ TEST_F(PackageTest, MayAskForASlotOnTheBus) {
   EXPECT_EQ(refusal(), PackageRefusal::bad_manifest);
 }
 
-/// Format 2: the same with the files in one DEFLATE stream.
+/// Format 2: the same package with the files in one DEFLATE stream.
 struct CompressedPackageTest : PackageTest {
   Octets stream;
 
@@ -302,7 +302,7 @@ struct CompressedPackageTest : PackageTest {
     manifest["format"] = "srfs node package 2";
     compress();
   }
-  /// The stream of the contents, signed.
+  /// Makes a signed package with the contents as one compressed stream.
   void compress() {
     Octets all;
     for (const Octets& content : contents) all.insert(all.end(), content.begin(), content.end());
@@ -320,7 +320,7 @@ TEST_F(CompressedPackageTest, ThatIsGoodGivesItsManifestAndFilesAndIsUnpacked) {
   const Octets good = package();
   auto verified = verify(good);
   ASSERT_TRUE(verified) << verified.error().detail;
-  // Wherever it is moved.
+  // The package stays valid when moved.
   const VerifiedPackage moved = std::move(*verified);
   ASSERT_EQ(moved.contents.size(), 2U);
   EXPECT_TRUE(std::ranges::equal(moved.contents[0], octets(source)));
@@ -353,7 +353,8 @@ TEST_F(CompressedPackageTest, OfAStreamThatWasNotSignedIsRefusedBeforeItIsExpand
 }
 
 TEST_F(CompressedPackageTest, ThatIsABombIsRefusedWithoutItsMemory) {
-  // A thousand times as much as its files have; no more than these plus one octet is ever expanded.
+  // The stream holds a thousand times the size of the files. The decoder expands at most that size plus one
+  // octet.
   carry(shrink(Octets(4U << 20)));
   EXPECT_LT(stream.size(), 5000U);
   const auto verified = verify(package());
@@ -361,7 +362,7 @@ TEST_F(CompressedPackageTest, ThatIsABombIsRefusedWithoutItsMemory) {
   EXPECT_EQ(verified.error().refusal, PackageRefusal::bad_stream);
   EXPECT_EQ(verified.error().detail, "it expands to more octets than the files have");
 
-  // One that says how much it is: above the limit for all files, before anything is expanded.
+  // A manifest that declares the true size, above the limit for all files, is refused before expansion.
   manifest["files"] = Json::array();
   contents.clear();
   for (int i = 0; i < 5; ++i) add("f" + std::to_string(i), std::string(1U << 20, '\0'));

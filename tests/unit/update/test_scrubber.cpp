@@ -24,7 +24,7 @@ using What = ScrubFinding::What;
 
 const UtcTime now(seconds(1'800'000'000));
 
-/// An ELF file of nothing but a build id and content.
+/// An ELF file with only a build id and content.
 std::string program(char build, const std::string& content) {
   Elf64_Ehdr header{};
   std::memcpy(header.e_ident, ELFMAG, SELFMAG);
@@ -56,7 +56,7 @@ class ScrubberTest : public testing::Test {
   [[nodiscard]] std::string text(const std::string& name) const {
     return read_file(at(name)).value_or("(none)");
   }
-  /// With a time of modification of its own, an hour and more ago.
+  /// Writes a file with a unique modification time, at least one hour ago.
   void write(const std::string& name, const std::string& content, mode_t mode) {
     std::filesystem::create_directories(at(name).parent_path());
     std::filesystem::remove(at(name));
@@ -69,7 +69,7 @@ class ScrubberTest : public testing::Test {
     const timespec times[] = {time, time};
     ASSERT_EQ(utimensat(AT_FDCWD, at(name).c_str(), times, 0), 0);
   }
-  /// One octet is another; nobody wrote it.
+  /// Changes one octet without a write access, as when the medium decays.
   void rot(const path& file, std::size_t place) const {
     struct stat status {};
     ASSERT_EQ(stat(file.c_str(), &status), 0);
@@ -306,7 +306,7 @@ TEST_F(ScrubberTest, OneGoodManifestIsEnoughAndMendsTheOther) {
 TEST_F(ScrubberTest, SaysWhenTheMediumTakesNoMendedFile) {
   (void)round(ScrubMode::start);
   rot(at("bin/node"), 300);
-  std::filesystem::create_directory(at("bin/node.mend"));  // also for root
+  std::filesystem::create_directory(at("bin/node.mend"));  // blocks the repair, even for root
   EXPECT_THAT(kinds(round()), testing::ElementsAre(What::damaged, What::left));
   EXPECT_EQ(status().unmended, 1U);
   std::filesystem::remove(at("bin/node.mend"));

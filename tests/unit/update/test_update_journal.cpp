@@ -43,7 +43,7 @@ VersionNumber store(VersionTable& table, const UpdateJournal& journal) {
 TEST(UpdateJournalTest, a_counter_is_used_up_by_the_package_that_had_it_and_by_no_other_node) {
   UpdateJournal journal = begun();
   EXPECT_EQ(journal.last_counter("payload_eps", two), 5U);
-  EXPECT_EQ(journal.last_counter("payload_eps", one), 4U);  // itself again
+  EXPECT_EQ(journal.last_counter("payload_eps", one), 4U);  // the same package again
   EXPECT_EQ(journal.last_counter("ttc", one), 0U);
   journal.end(UpdateStep::failed, "compiler_failed");
   EXPECT_EQ(journal.last_counter("payload_eps", two), 5U);
@@ -137,7 +137,7 @@ TEST(UpdateJournalTest, of_two_copies_the_newer_sound_one_counts) {
   ASSERT_TRUE(write_update_journal(folder.path(), journal));
   UpdateJournal later = journal;
   later.set(UpdateStep::self_test);
-  ASSERT_TRUE(write_file_atomically(folder.path() / "updates_a", encode(later)));  // and the power went
+  ASSERT_TRUE(write_file_atomically(folder.path() / "updates_a", encode(later)));  // then the power was lost
   EXPECT_EQ(read_update_journal(folder.path()).journal, later);
   ASSERT_TRUE(write_file_atomically(folder.path() / "updates_a", "damage"));
   const auto reading = read_update_journal(folder.path());

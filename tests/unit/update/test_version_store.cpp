@@ -18,7 +18,7 @@ namespace {
 constexpr milliseconds probation{5000};
 const UtcTime now(seconds(1'700'000'000));
 
-/// A change of the store by its number.
+/// Applies change number @p kind to the store.
 void change(VersionStore& store, MemoryVersionFiles& files, std::uint32_t kind) {
   const auto table = store.read().table;
   const VersionNumber some =
@@ -81,7 +81,7 @@ TEST(VersionStoreProperties, EachChangeHappensWholeOrNotAtAllWhereverThePowerIsL
               << "change " << i << " of kind " << kind << ", call " << call;
           for (const Version& v : found.table.versions())
             ASSERT_EQ(store.damage(v), std::nullopt) << "change " << i << ", call " << call;
-          // And it goes on from there.
+          // The store must remain usable.
           const auto number = store.add("one", "afterwards", now);
           ASSERT_TRUE(number);
           ASSERT_TRUE(store.use(*number, probation, ""));

@@ -152,12 +152,12 @@ TEST_F(VersionTableTest, HasRoomForFourAndGivesUpFailedThenPreviousThenCandidate
   add();                                     // 3
   ASSERT_TRUE(table.use(3, probation, ""));  // on probation
   add();                                     // 4 candidate
-  add();                                     // 5: the previous one goes
+  add();                                     // 5: drops the previous version
   EXPECT_THAT(numbers(), ElementsAre(2, 3, 4, 5));
   ASSERT_TRUE(table.fail(3, "crash"));
-  add();  // 6: the failed one goes
+  add();  // 6: drops the failed version
   EXPECT_THAT(numbers(), ElementsAre(2, 4, 5, 6));
-  add();  // 7: the oldest candidate goes
+  add();  // 7: drops the oldest candidate
   EXPECT_THAT(numbers(), ElementsAre(2, 5, 6, 7));
   EXPECT_EQ(table.active(), 2U);
 }

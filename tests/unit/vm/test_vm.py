@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""tools/vm/vm.py without a virtual machine: the cache of the kernel, and what is said of a guest that does not end well."""
+"""tools/vm/vm.py without a virtual machine: the kernel cache, and the messages about a guest that fails."""
 
 import argparse
 import contextlib
@@ -31,7 +31,7 @@ class VmTest(unittest.TestCase):
         self.addCleanup(patch.stop)
 
     def kernel(self, name=PACKAGE):
-        """A kernel in the cache, as unpack() leaves it."""
+        """Makes a kernel in the cache, as unpack() leaves it."""
         kernel = vm.cache_folder() / name
         (kernel / "lib").mkdir(parents=True)
         (kernel / "vmlinux").write_bytes(b"\x7fELF kernel")
@@ -100,10 +100,10 @@ class CacheTest(VmTest):
 
 
 class GuestTest(VmTest):
-    """QEMU is played by a shell script that finds the exchange folder as its first argument."""
+    """A shell script replaces QEMU; its first argument is the exchange folder."""
 
     def guest(self, script, deadline_s=60):
-        """(exit code, standard output) of a run whose guest does what `script` says."""
+        """(exit code, standard output) of a run whose guest executes `script`."""
         program = self.folder / "qemu"
         program.write_text(f"#!/bin/sh\ncd $1\n{script}\n")
         program.chmod(0o755)

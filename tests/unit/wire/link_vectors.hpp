@@ -12,7 +12,7 @@
 
 namespace srfs::wire {
 
-/// tests/vectors/ground_link.txt: name -> octets, in the file's words.
+/// The vectors of tests/vectors/ground_link.txt: name in the file -> octets.
 inline const std::map<std::string, Octets>& link_vectors() {
   static const auto vectors = [] {
     std::map<std::string, Octets> all;

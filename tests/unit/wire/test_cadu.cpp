@@ -16,7 +16,7 @@ const CaduFormat short_format{.frame_octets = 223, .interleave = 1};
 const CaduFormat long_format{.frame_octets = 1115, .interleave = 5};
 const CaduFormat plain_format{.frame_octets = 100, .reed_solomon = false, .randomize = false};
 
-/// Frames with a right FECF, each different.
+/// Different frames, each with a correct FECF.
 struct Source {
   explicit Source(const CaduFormat& with)
       : format(with), builder({.spacecraft_id = 0xAB, .frame_octets = with.frame_octets}) {}
@@ -126,8 +126,8 @@ TEST(CaduSynchroniser, ABlockBeyondCorrectionIsRejectedAndTheNextOneFound) {
   EXPECT_EQ(synchroniser.counters().rejected, 1U);
 }
 
-/// Packets of random sizes on three channels, through frames, coding, noise within the code's strength and
-/// back.
+/// Sends packets of random sizes on three channels through frames, coding and correctable noise, and decodes
+/// them.
 void expect_round_trip(const CaduFormat& format, std::size_t errors_per_codeword, unsigned seed) {
   std::mt19937 random(seed);
   TmFrameBuilder builder(

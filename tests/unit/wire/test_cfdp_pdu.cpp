@@ -14,7 +14,7 @@ OctetView view(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
-/// Of the vectors: their maker takes sequence numbers of two octets.
+/// The header in the vectors, whose generator uses sequence numbers of two octets.
 CfdpHeader vector_header() {
   return {.sequence_number_octets = 2, .source_entity = 1, .sequence_number = 7, .destination_entity = 2};
 }

@@ -75,7 +75,7 @@ TEST(CltuDecoder, ACltuCutAnywhereDoesNotTakeTheNextOneWithIt) {
         CltuDecoder decoder({.correct_single_bits = correct});
         auto frames = decoder.push(cut(first, length) + second, start);
         for (Octets& late : decoder.on_idle(start + seconds(1))) frames.push_back(std::move(late));
-        // The last blocks of the first frame may be whole with only fill missing.
+        // The last blocks of the first frame may be complete if only fill is missing.
         ASSERT_FALSE(frames.empty()) << length;
         ASSERT_EQ(frames.back(), second_frame) << length;
       }
@@ -108,7 +108,7 @@ TEST(CltuDecoder, AReaderHeldUpInsideACltuLosesNothing) {
   const Octets frame = frame_of(40);
   const Octets line = encode_cltu(frame, false);
   (void)decoder.push(cut(line, 18), start);
-  // The rest waited in the kernel while the reader did not run.
+  // The rest of the CLTU waited in the kernel while the reader did not run.
   const auto frames = decoder.push(Octets(line.begin() + 18, line.end()), start + milliseconds(350));
   ASSERT_EQ(frames.size(), 1U);
   EXPECT_EQ(frames[0], frame);
@@ -181,7 +181,7 @@ TEST(CltuDecoder, CltusWithAWrongBitInEachBlockAndStartComeThroughNoiseAndOneAft
     Octets line = encode_cltu(sent.back(), false);
     line[random() % 2] ^= static_cast<std::uint8_t>(1U << random() % 8);
     for (std::size_t block = 2; block + 8 <= line.size() - 8; block += 8) {
-      const std::size_t bit = random() % 63;  // the filler bit is no bit of the code
+      const std::size_t bit = random() % 63;  // the filler bit is not part of the code
       line[block + bit / 8] ^= static_cast<std::uint8_t>(0x80U >> bit % 8);
     }
     push(line);
@@ -219,7 +219,7 @@ TEST(CltuDecoder, RefusesAFrameWithAWrongFecf) {
 }
 
 TEST(CltuDecoder, DataThatContainsAStartSequenceAtABlockBorderIsStillOneFrame) {
-  // 5 octets of header, then data: block borders stand every 7 octets of the frame.
+  // 5 octets of header, then data. Code blocks begin every 7 octets of the frame.
   const Octets frame = encode_tc_frame(
       {.spacecraft_id = 0xAB, .vc = 1, .data = octets_of("c000eb90eb90eb90eb90eb90eb90eb90eb90")});
   CltuDecoder decoder({});
@@ -239,7 +239,7 @@ TEST(CltuDecoder, AfterAnyGarbageAndSilenceTheNextGoodCltuDecodes) {
       const auto choice = random() % 8;
       octet = choice == 0 ? 0xEB : choice == 1 ? 0x90 : static_cast<std::uint8_t>(random());
     }
-    // Half of the rounds: a real CLTU with random damage instead of pure noise.
+    // Half of the rounds use a real CLTU with random damage instead of pure noise.
     if (round % 4 < 2) {
       garbage = encode_cltu(frame_of(1 + random() % 200), false);
       for (auto i = random() % 6; i-- > 0;)

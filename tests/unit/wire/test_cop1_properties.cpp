@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// FOP-1 against FARM-1 over a line that loses, delays and doubles frames in both directions. A line is a
-// line: what it carries does not overtake.
+// FOP-1 against FARM-1 over a line that loses, delays and duplicates frames in both directions. Frames on the
+// line never overtake one another.
 #include <algorithm>
 #include <deque>
 #include <random>
@@ -71,7 +71,7 @@ class Link {
     farm_.vr = static_cast<std::uint8_t>(random_());
   }
 
-  /// AD service from where the FARM stands. @return false: the line lost too much of it
+  /// Starts the AD service from FARM-1's current state. @return false: the line lost too many frames
   [[nodiscard]] bool initiate() {
     switch (random_() % 3) {
       case 0:
@@ -117,7 +117,7 @@ class Link {
     fop_.initiate_with_unlock(0, now_);
     drain();
   }
-  /// As after a pause longer than the line; alerts so far are read.
+  /// Simulates a pause longer than the line's delay: empties the line and discards the alerts.
   void quiet() {
     up_.clear();
     down_.clear();
@@ -176,7 +176,7 @@ class Link {
   std::size_t ended_ = 0;
 };
 
-constexpr seconds longest_transfer{20000};  // simulated
+constexpr seconds longest_transfer{20000};  // simulated time
 
 std::vector<std::uint64_t> numbers(std::uint64_t count) {
   std::vector<std::uint64_t> all(count);
@@ -219,7 +219,7 @@ TEST(CopOne, WhatIsConfirmedWasDeliveredOnceInOrderAlsoWhenTheServiceEndsAgainAn
     std::uint64_t next = 0;
     for (int service = 0; service < 30; ++service) {
       if (link.fop().state() == FopState::initial) {
-        link.quiet();  // an operator waits longer than the line is
+        link.quiet();  // the operator waits longer than the line's delay
         static_cast<void>(link.initiate());
       }
       const MonotonicTime begun = link.now();
@@ -229,7 +229,7 @@ TEST(CopOne, WhatIsConfirmedWasDeliveredOnceInOrderAlsoWhenTheServiceEndsAgainAn
       }
       if (::testing::Test::HasFatalFailure()) FAIL() << "seed " << seed;
     }
-    // In order and at most once; every confirmed one is among them.
+    // Frames arrive in order and at most once; every confirmed frame has arrived.
     EXPECT_TRUE(std::is_sorted(link.delivered().begin(), link.delivered().end(), std::less_equal<>()))
         << seed;
     EXPECT_TRUE(std::is_sorted(link.confirmed().begin(), link.confirmed().end(), std::less_equal<>()))
@@ -238,7 +238,7 @@ TEST(CopOne, WhatIsConfirmedWasDeliveredOnceInOrderAlsoWhenTheServiceEndsAgainAn
                               link.confirmed().end()))
         << seed;
     EXPECT_GE(link.delivered().size(), 1U) << seed;
-    // Nothing is forgotten: each request ended, or is still under way.
+    // Every request has ended or is still in progress.
     EXPECT_EQ(link.ended() + link.fop().outstanding() + (link.fop().waiting() ? 1 : 0), next) << seed;
   }
 }

@@ -23,8 +23,8 @@ TcFrame bc(Octets data) {
 const FarmState locked{.mode = FarmMode::lockout, .vr = 10, .lockout = true, .retransmit = true};
 const FarmState waiting{.mode = FarmMode::wait, .vr = 10, .wait = true, .retransmit = true};
 
-// CCSDS 232.1-B-2, table 6-1, transcribed anew. Before each event every flag of the state is set that the
-// state can have, V(R) is 10 and the FARM-B counter 5. What is not named of V(R) and FARM-B stays.
+// CCSDS 232.1-B-2, table 6-1, transcribed independently. Before each event, all flags that the state can have
+// are set, V(R) is 10 and the FARM-B counter is 5. V(R) and FARM-B stay unchanged unless the cell names them.
 struct FarmRow {
   std::string_view name;
   FarmEvent event;

@@ -46,7 +46,7 @@ std::string_view word(FopAction action) {
   return words.at(action);
 }
 
-/// "remove look S1", "alert(synch) S6"
+/// A cell of the table as text, like "remove look S1" or "alert(synch) S6".
 std::string text(const FopCell& cell) {
   std::string text;
   for (const FopAction action : cell.actions) {
@@ -62,7 +62,7 @@ struct TableRow {
   std::array<std::string_view, 6> cells;  // S1 to S6
 };
 
-// CCSDS 232.1-B-2, table 5-1, transcribed anew.
+// CCSDS 232.1-B-2, table 5-1, transcribed independently.
 constexpr std::string_view synch = "alert(synch) S6";
 constexpr std::string_view clcw = "alert(clcw) S6";
 constexpr std::string_view t1 = "alert(t1) S6";
@@ -154,7 +154,7 @@ TEST(FopOneTable, IsTheStandardsRowByRow) {
 constexpr MonotonicTime start{seconds(100)};
 constexpr FopSettings settings{.window = 3, .timer = seconds(2), .transmission_limit = 3};
 
-/// What happened, one word an act: "ad 5", "ad 5 again", "unlock", "confirmed 7", "alert t1 E17 S1".
+/// A signal as text: "ad 5", "ad 5 again", "unlock", "confirmed 7", "alert t1 E17 S1".
 std::string text(const FopSignal& signal) {
   const std::string tag = " " + std::to_string(signal.tag);
   const std::string again = signal.repeated ? " again" : "";
@@ -195,7 +195,7 @@ std::string text(const FopSignal& signal) {
 
 class FopOne : public ::testing::Test {
  protected:
-  /// Acts until nothing is left; the lower procedures take every frame at once.
+  /// Handles signals until none are left. The lower procedures accept every frame at once.
   std::vector<std::string> done() {
     std::vector<std::string> texts;
     while (const auto signal = fop.next_signal()) {
@@ -407,7 +407,7 @@ TEST_F(FopOne, SuspendsAndResumesInEachState) {
       fop.initiate_with_check(1, now);
     } else {
       at_s1(0);
-      // With limit 1 a retransmit flag is an alert: raised for the way there.
+      // With limit 1 a retransmit flag raises an alert, so use a higher limit while entering this state.
       fop.set_settings(
           2, {.window = 3, .timer = seconds(2), .transmission_limit = 2, .suspend_when_exhausted = true},
           now);

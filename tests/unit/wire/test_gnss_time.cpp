@@ -59,7 +59,7 @@ struct TimeUtc {
 };
 
 TEST(Ubx, MakesAKnownFrame) {
-  // The poll request of NAV-TIMEUTC as u-blox' own tool shows it.
+  // The poll request of NAV-TIMEUTC as shown by u-blox' tool.
   EXPECT_EQ(ubx_frame(0x01, 0x21, {}), (Octets{0xB5, 0x62, 0x01, 0x21, 0x00, 0x00, 0x22, 0x67}));
 }
 
@@ -136,7 +136,7 @@ TEST(GnssTimeStream, CountsWhatItDropsByReason) {
   broken[20] ^= 1U;
   const Octets input =
       joined({octets("noise"), good_sentence,
-              octets("$GPZDA,0800"),  // cut short by the next
+              octets("$GPZDA,0800"),  // cut short by the next sentence
               good_sentence, octets("$" + std::string(200, 'x') + "\r\n"), octets("$GPZDA,1*00\r\n"),
               octets(sentence("GPGGA,1")), octets(sentence("GPZDA,1,2")), broken,
               ubx_frame(0x01, 0x07, Octets(92)),  // NAV-PVT
@@ -159,7 +159,7 @@ TEST(GnssTimeStream, CountsWhatItDropsByReason) {
 
 TEST(GnssTimeStream, FindsAMessageInsideABrokenFrame) {
   GnssTimeStream stream;
-  // Two octets of the first frame were lost: its announced length reaches into what follows.
+  // The first frame lost two octets, so its announced length reaches into the following data.
   Octets first = TimeUtc{}.frame();
   first.erase(first.begin() + 10, first.begin() + 12);
   const auto times = stream.push(joined({first, TimeUtc{.second = 7}.frame(), good_sentence}));

@@ -84,7 +84,7 @@ Octets secured(TcFrameType type, std::uint8_t sequence, std::uint64_t counter) {
       sdls_apply({.key = key, .spi = 4, .counter = counter}, 1, segment_header_unsegmented, ping()).value());
 }
 Octets tm_frame_with_packet() {
-  // The octets name virtual channel 2; "vc1" in the vector's name is the channel its CLCW reports on.
+  // The octets contain virtual channel 2; "vc1" in the vector's name is the channel reported by its CLCW.
   Octets data = encode_space_packet({.apid = 0x2A, .sequence_count = 1}, octets_of("deadbeef"));
   const Octets idle = make_idle_packet(28 - data.size(), 0x55);
   data.insert(data.end(), idle.begin(), idle.end());
@@ -105,7 +105,7 @@ Octets first_of(const Sequence& sequence, std::size_t octets) {
   return Octets(sequence.begin(), sequence.begin() + static_cast<std::ptrdiff_t>(octets));
 }
 
-/// How this library makes each vector.
+/// For each vector, the function that makes it with this library.
 const std::map<std::string, std::function<Octets()>>& makers() {
   static const std::map<std::string, std::function<Octets()>> all{
       {"SP TC 17,1 ping apid 1 seq 22", ping},
@@ -170,7 +170,7 @@ const std::map<std::string, std::function<Octets()>>& makers() {
              {.vc = 1, .lockout = true, .retransmit = true, .farm_b_counter = 3, .report_value = 255}));
        }},
       {"TM frame, length 40, vc1 mc 17 vc 34, packet + idle, OCF 01040006", tm_frame_with_packet},
-      // Forty octets with a right FECF, whatever length its name says.
+      // Forty octets with a correct FECF; the length in the vector's name is wrong.
       {"TM idle frame vc7, length 68", tm_idle_frame},
       {"RS(255,223) dual basis parity of 00..de", [] { return rs_parity(counting(223)); }},
       {"RS(255,223) dual basis parity of ff x 223", [] { return rs_parity(Octets(223, 0xFF)); }},

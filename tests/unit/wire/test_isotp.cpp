@@ -39,10 +39,10 @@ std::string hex(const std::optional<IsoTpFrame>& frame) {
   return frame ? to_hex(frame->view()) : "none";
 }
 
-/// Two channels on one wire. Every frame takes 250 us and is confirmed to its sender at the end.
+/// Two channels on one wire. Every frame takes 250 us; its sender gets the confirmation at its end.
 class Line {
  public:
-  using Fate = std::function<int(const IsoTpFrame&)>;  // copies that arrive: 0 lost, 1, 2 duplicated
+  using Fate = std::function<int(const IsoTpFrame&)>;  // number of copies that arrive; 0: lost, 2: duplicated
 
   explicit Line(IsoTpSettings settings = {}) : Line(settings, settings) {}
   Line(IsoTpSettings at_computer, IsoTpSettings at_adcs)
@@ -265,7 +265,7 @@ TEST(IsoTpSender, GivesARefusedFrameAgainAMillisecondLater) {
 
 constexpr IsoTpFrame go_on{.id = 0x18DA0111, .size = 8, .data = {0x30, 0, 0}};
 
-/// A sender whose first frame was answered by @p answer.
+/// A sender whose first frame has received @p answer.
 IsoTpChannel sender_of(OctetView message, IsoTpSettings settings, const IsoTpFrame& answer = go_on) {
   IsoTpChannel channel(to_adcs, settings);
   EXPECT_TRUE(channel.send(message, start));
@@ -297,7 +297,7 @@ TEST(IsoTpSender, EndsWithTheConfirmationOfEveryFrame) {
   IsoTpChannel channel = sender_of(counting(20), {});
   const auto frames = all_due(channel, start);
   ASSERT_EQ(frames.size(), 2U);
-  channel.on_transmit_confirm(frames[1], start);  // an echo may get lost, or come late
+  channel.on_transmit_confirm(frames[1], start);  // an echo may be lost or late
   EXPECT_TRUE(channel.sending());
   channel.on_transmit_confirm(frames[0], start);
   EXPECT_TRUE(channel.take_send_result().value().has_value());
@@ -615,7 +615,7 @@ TEST(TwoChannels, KeepTheReceiversBlockSize) {
   line.run(line.now + seconds(2));
   EXPECT_EQ(line.adcs.front_message().size(), 1000U);
   EXPECT_EQ(line.adcs.counters().frames_sent,
-            29U);  // 142 consecutive frames: one flow control per five begun
+            29U);  // 142 consecutive frames: one flow control for every five, rounded up
 }
 
 TEST(TwoChannels, KeepTheReceiversSeparationTime) {
@@ -637,8 +637,8 @@ TEST(TwoChannels, KeepTheReceiversSeparationTime) {
   }
 }
 
-// Frames are lost, doubled and swapped with their successor; ISO-TP either delivers what was sent or nothing,
-// and both ends are idle again within the longest chain of time-outs.
+// Frames are lost, duplicated and swapped with their successor. ISO-TP delivers either the correct message or
+// none, and both ends are idle again within the longest chain of time-outs.
 TEST(TwoChannels, NeverDeliverAWrongMessageOverABadLine) {
   std::mt19937 random(20260101);
   const auto chance = [&random](double p) {

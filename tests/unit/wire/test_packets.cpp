@@ -15,7 +15,7 @@ namespace {
 
 const std::string ping_hex = "1801c01600062f11010000ab62";
 
-/// Changes one octet and makes the error control right again.
+/// Changes one octet and corrects the error control.
 Octets altered(std::string_view hex, std::size_t at, std::uint8_t value) {
   Octets octets = octets_of(hex);
   octets[at] = value;

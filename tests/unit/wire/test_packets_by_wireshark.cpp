@@ -16,9 +16,9 @@ TEST(PacketsByWireshark, HaveTheHeadersTheyWereGiven) {
       {.apid = 0x7FE, .sequence_count = 0x3FFF, .service = 8, .subtype = 1, .application = Octets(20, 1)}));
   dissector.add(make_tm_packet(
       {.apid = 17, .sequence_count = 22, .service = 3, .subtype = 25, .source = Octets(300, 1)}));
-  // Long enough for the secondary header of the station that its dissector was made for.
-  // version, 1: telecommand, secondary header, APID, 3: unsegmented, sequence count, octets of the data field
-  // less one
+  // The packets are long enough for the secondary header of the station for which the dissector was written.
+  // Fields: version, type (1: telecommand), secondary header, APID, sequence flag (3: unsegmented), sequence
+  // count, octets of the data field minus one.
   EXPECT_THAT(
       dissector.dissected(
           "ccsds.version ccsds.type ccsds.secheader ccsds.apid ccsds.seqflag ccsds.seqnum ccsds.length "

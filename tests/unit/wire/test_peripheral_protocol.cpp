@@ -104,7 +104,7 @@ TEST(PeripheralProtocol, SurvivesRandomOctets) {
   for (int i = 0; i < 20000; ++i) {
     Octets octets(random() % 40);
     for (auto& octet : octets) octet = static_cast<std::uint8_t>(random());
-    if (octets.size() > 3 && random() % 2 == 0) {  // let the CRC hold, so that the bodies are read too
+    if (octets.size() > 3 && random() % 2 == 0) {  // a correct CRC, so that the bodies are decoded too
       octets[0] = static_cast<std::uint8_t>((random() % 5) | (random() % 2 << 7));
       octets.resize(octets.size() - 2);
       octets = with_crc(to_hex(octets).c_str());

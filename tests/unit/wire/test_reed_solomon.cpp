@@ -17,7 +17,7 @@ Octets noise(std::mt19937& random, std::size_t octets) {
   return data;
 }
 
-/// Makes @p errors octets of codeword @p codeword wrong.
+/// Corrupts @p errors octets of codeword @p codeword.
 void damage(std::mt19937& random, Octets& block, unsigned interleave, unsigned codeword, std::size_t errors) {
   std::vector<std::size_t> places(block.size() / interleave);
   std::iota(places.begin(), places.end(), 0U);

@@ -13,7 +13,7 @@ extern "C" {
 
 #include "wire/reed_solomon.hpp"
 
-// Debian's libfec (Phil Karn), the field's reference: what one side makes the other reads.
+// Debian's libfec (Phil Karn) is the reference in this field. Each side decodes the other side's output.
 
 namespace srfs::wire {
 namespace {
@@ -23,7 +23,7 @@ constexpr int rounds = 2000;
 struct Word {
   Octets data;
   Octets coded;
-  std::size_t fill;  ///< octets that are not sent
+  std::size_t fill;  ///< octets of virtual fill, which are not sent
 };
 
 Word random_word(std::mt19937& random) {

@@ -62,7 +62,7 @@ TEST(TmFrameBuilder, CountsEveryChannelAndTheMasterChannel) {
 }
 
 TEST(TmFrameBuilder, APacketSpansFramesAndTheHeaderPointerShowsTheNextOne) {
-  TmFrameBuilder builder = builder_of(40);  // 28 octets of data in each
+  TmFrameBuilder builder = builder_of(40);  // 28 octets of data in each frame
   ASSERT_TRUE(builder.queue_packet(1, packet_of(54)));
   ASSERT_TRUE(builder.queue_packet(1, packet_of(2)));
   EXPECT_EQ(builder.queued_octets(1), 68U);
@@ -117,7 +117,7 @@ TEST(TmPacketReassembly, AMissingFrameCostsOnlyThePacketsItTouched) {
   std::vector<Octets> packets;
   for (int i = 0; builder.queued_octets(0) > 0; ++i) {
     const TmFrame frame = decoded(builder.build(0, clcw));
-    if (i == 5) continue;  // octets 140 to 167: of the packets 3 and 4
+    if (i == 5) continue;  // octets 140 to 167: parts of packets 3 and 4
     for (Octets& packet : reassembly.push(frame)) packets.push_back(std::move(packet));
   }
   ASSERT_EQ(packets.size(), 18U);
@@ -129,7 +129,7 @@ TEST(TmPacketReassembly, AMissingFrameCostsOnlyThePacketsItTouched) {
 
 TEST(TmPacketReassembly, AHeaderPointerThatContradictsThePacketUnderWayDropsThatPacket) {
   TmPacketReassembly reassembly;
-  Octets first = packet_of(30);  // 36 octets, 28 of them here
+  Octets first = packet_of(30);  // 36 octets, of which this frame has 28
   first.resize(28);
   EXPECT_TRUE(reassembly.push({.vc_count = 0, .first_header = 0, .data = first}).empty());
   Octets second(4, 0);

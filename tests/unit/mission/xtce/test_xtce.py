@@ -27,7 +27,7 @@ from xtce_interpreter import Database, Refused, child, children  # noqa: E402
 
 DICTIONARIES = {"flying": ROOT / "msgs/mission", "fixture": HERE / "fixture"}
 ROUNDS = {"flying": 4, "fixture": 60}
-EMULATOR = os.environ.get("SRFS_TEST_EMULATOR", "").split()  # of a cross-build
+EMULATOR = os.environ.get("SRFS_TEST_EMULATOR", "").split()  # set in a cross-build
 LEVELS = {"none": "none", "green": "normal", "yellow": "warning", "red": "critical"}
 
 
@@ -47,7 +47,7 @@ def crc16(octets):
 
 
 def as_the_link_sends(packet, sequence_count):
-    """What the ground's link fills in: sequence count, length, error control."""
+    """Fills in what the ground's link adds: sequence count, length, error control."""
     whole = bytearray(packet + b"\0\0")
     whole[2:4] = (int.from_bytes(whole[2:4], "big") | sequence_count).to_bytes(2, "big")
     whole[4:6] = (len(whole) - 7).to_bytes(2, "big")
@@ -56,7 +56,7 @@ def as_the_link_sends(packet, sequence_count):
 
 
 def argument_of(value):
-    """A value of the peer as the interpreter takes it: labels for enumerations, seconds for times."""
+    """Converts a value of the peer for the interpreter: labels for enumerations, seconds for times."""
     if isinstance(value, list):
         return [argument_of(v) for v in value]
     if isinstance(value, dict):
@@ -118,7 +118,7 @@ class XtceTest(unittest.TestCase):
 
     def compare(self, seen, expected, field):
         if isinstance(expected, dict) and "tai_ns" in expected:
-            self.assertAlmostEqual(seen.value * 10**9, expected["tai_ns"], delta=1, msg=field)  # of half a nanosecond either neighbour is right
+            self.assertAlmostEqual(seen.value * 10**9, expected["tai_ns"], delta=1, msg=field)  # half a nanosecond may round either way
         elif isinstance(expected, dict):
             self.assertEqual((seen.raw, seen.value), (expected["raw"], expected["label"]), field)
         elif expected is None:
@@ -145,7 +145,7 @@ class XtceTest(unittest.TestCase):
                     self.assertEqual(seen.level, LEVELS[ground["limit"]], field)
                     judged[seen.level] += 1
                     if ground.get("value") is not None:
-                        if EMULATOR and isinstance(ground["value"], float):  # that processor multiplies and adds in one step, and rounds once
+                        if EMULATOR and isinstance(ground["value"], float):  # the emulated processor fuses multiply and add: one rounding
                             self.assertTrue(math.isclose(seen.value, ground["value"], rel_tol=1e-12), f"{field}: {seen.value}, {ground['value']}")
                         else:
                             self.assertEqual(seen.value, ground["value"], field)
@@ -245,7 +245,7 @@ class XtceTest(unittest.TestCase):
 
     @staticmethod
     def conditions(verifier, parameter):
-        """What @p parameter is compared with."""
+        """The values that @p parameter is compared with."""
         found = []
         for condition in verifier.iter("{http://www.omg.org/spec/XTCE/20180204}Condition"):
             left, operator, right = condition
@@ -278,7 +278,7 @@ class XtceTest(unittest.TestCase):
                 path = f"{system}/{node.get('name')}" if node.tag.endswith("}SpaceSystem") else system
                 for attribute, table in tables.items():
                     target = node.get(attribute)
-                    # Two names are Yamcs': the sequence count of the command sent, and "no reference" where the schema wants one.
+                    # Yamcs itself defines two names: the sequence count of the sent command, and "no reference" where the schema requires one.
                     if target is None or target in ("_yamcs_ignore", "/yamcs/cmdHist/ccsds-seqcount"):
                         continue
                     known = set(getattr(database, table)) | (set(database.commands) if table == "containers" else set())
@@ -289,7 +289,7 @@ class XtceTest(unittest.TestCase):
 
 
 class YamcsConfigurationTest(unittest.TestCase):
-    """The folder docs/how-to/yamcs agrees with the deployment it is for and with the files ./run xtce writes."""
+    """The folder docs/how-to/yamcs agrees with the deployment it is for and with the files that ./run xtce writes."""
 
     @classmethod
     def setUpClass(cls):

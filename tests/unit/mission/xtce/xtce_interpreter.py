@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""A small interpreter of XTCE 1.2 that knows nothing but the file: decodes packets by its containers, encodes its commands.
+"""A small interpreter of XTCE 1.2 that relies on the file alone: decodes packets by its containers and encodes its commands.
 
-Only what the file at hand uses is here; anything else is an error, not ignored.
+It supports only what the file at hand uses; anything else raises an error.
 """
 
 import math
@@ -14,7 +14,7 @@ NAMESPACE = "{http://www.omg.org/spec/XTCE/20180204}"
 
 
 class XtceError(Exception):
-    """The file says what this interpreter does not understand, or the packet is not what the file says."""
+    """The file uses something that this interpreter does not support, or a packet does not match the file."""
 
 
 class Refused(Exception):
@@ -105,13 +105,13 @@ class Database:
 
     @staticmethod
     def resolve(reference, owner):
-        """Absolute, or a name of the SpaceSystem that @p owner stands in."""
+        """The absolute path of a reference: already absolute, or a name in the SpaceSystem of @p owner."""
         return reference if reference.startswith("/") else owner.rsplit("/", 1)[0] + "/" + reference
 
     # --- telemetry ---------------------------------------------------------------------------------------------------
 
     def decode(self, octets, root):
-        """@return (path of the most special container, its parameters by path, octets that no entry covers)"""
+        """@return (path of the most specific container, its parameters by path, octets that no entry covers)"""
         bits = Bits(octets)
         values = {}
         path = root
@@ -248,7 +248,7 @@ class Database:
     # --- alarms ------------------------------------------------------------------------------------------------------
 
     def _level(self, path, value, values):
-        """normal, warning or critical; none: nothing is monitored, or not in this context."""
+        """normal, warning or critical; none: not monitored, or not in this context."""
         kind = self.parameter_types[self.resolve(self.parameters[path].get("parameterTypeRef"), path)]
         alarm = child(kind, "DefaultAlarm")
         if alarm is None:
@@ -273,7 +273,7 @@ class Database:
     # --- telecommands ------------------------------------------------------------------------------------------------
 
     def encode(self, path, given):
-        """Octets of a command; arguments that are missing take their initial value."""
+        """Octets of a command; missing arguments take their initial value."""
         if self.commands[path].get("abstract") == "true":
             raise XtceError(f"{path} is abstract")
         line = [path]
@@ -327,7 +327,7 @@ class Database:
         elif name == "AbsoluteTime":
             encoding = child(kind, "Encoding")
             scale, offset = Fraction(float(encoding.get("scale", 1))), Fraction(float(encoding.get("offset", 0)))
-            self._seconds(kind, encoding, 0)  # the epoch
+            self._seconds(kind, encoding, 0)  # checks the epoch
             self._put_raw(encoding[0], path, round((Fraction(value) - offset) / scale), bits)
         else:
             self._put_raw(self._encoding(kind), path, self._raw(kind, name, path, value), bits)

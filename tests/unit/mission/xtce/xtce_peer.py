@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-FileCopyrightText: 2026 SRFS contributors
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the C++ source of the peer: a program that makes packets of every structure, event and telecommand of a dictionary
-with the encoders of the flight code, and says what stands in them.
+"""Writes the C++ source of the peer. The peer makes packets of every structure, event and telecommand of a dictionary with the
+encoders of the flight code, and prints the values in them.
 
 usage: xtce_peer.py --generator FOLDER --dictionary FOLDER --out FILE [--verification]
 """
@@ -44,7 +44,7 @@ def reference_values(kind):
 
 
 def random_value(field, argument):
-    """C++ expression for one element."""
+    """C++ expression for the random value of one element."""
     kind = field["type"]
     if "enum" in field:
         labels = ", ".join(f"{camel(field['enum'])}::{identifier(k)}" for k in D.enums[field["enum"]]["labels"])
@@ -82,7 +82,7 @@ def fill(fields, target, argument=False):
 
 
 def expect(fields, target, out):
-    """Lines that write the values as the ground should see them."""
+    """C++ lines that write the values as the ground should decode them."""
     for field in fields:
         if "structure" in field:
             yield from expect(D.structure_of[field["structure"]]["fields"], f"{target}.{field['as']}", out)
@@ -96,7 +96,7 @@ def expect(fields, target, out):
 
 
 def put(field, value):
-    """Line that writes one value as the link carries it."""
+    """C++ line that encodes one value as the link carries it."""
     if field["type"] == "text":
         return f"detail::put_text(out, {value}, {field['max']});"
     return f"detail::put(out, {value});"

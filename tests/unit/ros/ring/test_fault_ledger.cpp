@@ -105,8 +105,8 @@ TEST_F(FaultLedgerTest, SkipsATornTailAndDamagedLinesAndGoesOn) {
   add("c");
   const auto file = ledger().file();
   std::string text = *read_file(file);
-  text[text.find('\n') + 20] ^= 1;  // the second line
-  text.resize(text.size() - 10);    // the third
+  text[text.find('\n') + 20] ^= 1;  // in the second line
+  text.resize(text.size() - 10);    // in the third line
   std::ofstream(file, std::ios::trunc) << text;
   add("d");
   const auto content = ledger().read();
@@ -122,7 +122,7 @@ TEST_F(FaultLedgerTest, IsBoundedAndKeepsTheNewest) {
   longest.sequence = 9999;
   const std::size_t line = encode(longest).size() + 1;
   const std::size_t enough = 3 * FaultLedger::largest_file / line;
-  // Filled by the file's end, not by appending: each append is on the medium.
+  // Write the files directly, because each append would wait for the medium.
   std::filesystem::create_directories(ledger().file().parent_path());
   std::uint64_t sequence = 0;
   for (int file = 0; file < 2; ++file) {

@@ -51,7 +51,7 @@ TEST_F(HeartbeatPageTest, KeepsTheLastWordsOfAProcessUntilItsSuccessorBegins) {
 }
 
 TEST_F(HeartbeatPageTest, AFileThatIsNoPageIsNotReadAndIsReplaced) {
-  ASSERT_TRUE(HeartbeatPage::create(var_, "adcs", 1));  // makes the folder
+  ASSERT_TRUE(HeartbeatPage::create(var_, "adcs", 1));  // creates the folder
   std::ofstream(var_.memory() / "eps.heartbeat") << "short";
   EXPECT_FALSE(HeartbeatPage::read(var_, "eps"));
   EXPECT_TRUE(HeartbeatPage::create(var_, "eps", 1));
@@ -63,7 +63,7 @@ TEST_F(HeartbeatPageTest, IsNotMadeInAFolderThatSomebodyElseMadeFirstNorReadFrom
   const pid_t child = fork();
   if (child == 0) {
     if (setgid(65534) != 0 || setuid(65534) != 0) _exit(1);
-    _exit(HeartbeatPage::create(var_, "eps", 1) ? 0 : 1);  // the other user's suite has the name
+    _exit(HeartbeatPage::create(var_, "eps", 1) ? 0 : 1);  // the other user's suite owns the name
   }
   int status = 0;
   waitpid(child, &status, 0);

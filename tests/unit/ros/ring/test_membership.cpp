@@ -54,7 +54,7 @@ TEST_F(RingMembership, IsReadAsItWasWritten) {
 
 TEST_F(RingMembership, OfADamagedFileIsTheDeploymentsAndTheFileStays) {
   const std::string good = to_text({7, {"c", "a"}});
-  // One bit at any place, or any part missing.
+  // Flip one bit at each place, or remove any part.
   for (std::size_t i = 0; i < good.size(); ++i) {
     std::string flipped = good;
     flipped[i] = static_cast<char>(flipped[i] ^ 4);
@@ -107,7 +107,7 @@ TEST_F(RingMembership, IsBounded) {
 }
 
 TEST(CrcOfARingMembership, IsThatOfTheRfc) {
-  // The last line of the file names CRC-32C of all before it; a changed polynomial would make old files void.
+  // The last line of the file is the CRC-32C of all lines before. Another polynomial would void old files.
   EXPECT_THAT(to_text({1, {"a"}}), testing::EndsWith("crc32c c9c12dca\n"));
 }
 

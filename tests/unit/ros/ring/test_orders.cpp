@@ -26,7 +26,7 @@ class Orders : public testing::Test {
     plan_ = Deployment::load(file);
   }
   ~Orders() override { reset(); }
-  /// What is on tmpfs is gone with the processes.
+  /// Simulates a reset of the computer, which loses the contents of tmpfs.
   void reset() const { std::filesystem::remove_all(var_.memory()); }
   [[nodiscard]] State desired(const std::string& node, MonotonicTime now) const {
     return desired_state(var_, plan_, node, now).state;

@@ -22,14 +22,14 @@ RingSettings settings() {
   return s;
 }
 
-/// A node that lives for @p life after each start and is started as early as the policy lets it.
+/// A node that lives for a given time after each start and is restarted as soon as the policy permits.
 struct Loop {
   DeathHistory history;
   MonotonicTime now = boot;
   RestartDecision last;
 
   void start() { count_start(history, now); }
-  /// @return how long it had to stay down
+  /// @return the time for which the policy kept the node down
   nanoseconds die_and_start(nanoseconds life) {
     now += life;
     count_death(history, settings(), now);
@@ -66,7 +66,7 @@ TEST(RestartPolicy, CountsTheWaitFromTheStartBeforeSoThatALongLifeNeedsNone) {
   for (int i = 0; i < 3; ++i) loop.die_and_start(seconds(5));
   EXPECT_EQ(loop.last.step, Step::back_off);
   EXPECT_EQ(loop.last.deaths, 3);
-  EXPECT_EQ(loop.die_and_start(seconds(5)), seconds(0));  // 2 s after its start would have been allowed
+  EXPECT_EQ(loop.die_and_start(seconds(5)), seconds(0));  // permitted since 2 s after the last start
 }
 
 TEST(RestartPolicy, QuarantinesAndThenTriesSlowlyForEverHoweverLongTheWaitsAre) {
@@ -128,8 +128,8 @@ TEST(RestartPolicy, NeverKeepsAVersionThatTheOperatorHasToConfirmHoweverLongItLi
 }
 
 TEST(RestartPolicy, HoldsItsBoundsInRandomLives) {
-  // Never more than quarantine_deaths starts within a window, except of nodes that live long; never a wait
-  // longer than the longest; the history never grows.
+  // A window never contains more than quarantine_deaths starts, except for nodes that live long. No wait
+  // exceeds the longest wait. The history does not grow.
   std::uint32_t random = 12345;
   Loop loop;
   loop.start();

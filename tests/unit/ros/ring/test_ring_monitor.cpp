@@ -20,17 +20,17 @@ using testing::SizeIs;
 using testing::UnorderedElementsAre;
 using What = RestartOutcome::What;
 
-/// The monitor of node "a" in a ring of five, and what it can see of the others: all run and answer unless a
-/// test says otherwise. Time goes on in rounds of 100 ms; an answer takes 1 ms.
+/// The monitor of node "a" in a ring of five, and its view of the other nodes. Unless a test changes it, all
+/// nodes run and answer. Time advances in rounds of 100 ms; an answer takes 1 ms.
 class RingMonitorTest : public testing::Test {
  protected:
   struct Other {
     NodeReading reading;
     bool answers = true;
-    bool turns = true;  ///< its heartbeat page is fresh
+    bool turns = true;  ///< the heartbeat page is fresh
     CheckAnswer answer;
     CpuTotals cpu{};
-    bool starves = false;  ///< from now on it waits for a CPU, until `fed`
+    bool starves = false;  ///< the process waits for a CPU until `fed`
   };
 
   void SetUp() override {
@@ -59,7 +59,7 @@ class RingMonitorTest : public testing::Test {
     other.answer.desired = State::active;
     other.answer.generation = 1;
   }
-  /// Its process ends: the lock is free, the pidfd says so.
+  /// Ends the node's process: frees the lock and signals the pidfd.
   void exit(const std::string& name) {
     Other& other = others_[name];
     const pid_t pid = std::exchange(other.reading.pid, 0);
@@ -68,7 +68,7 @@ class RingMonitorTest : public testing::Test {
     monitor_->on_exit(name, pid, now_);
     drain();
   }
-  /// It stops, loops or deadlocks: no turn, no answer.
+  /// The node stops, loops or deadlocks: no turn, no answer.
   void hang(const std::string& name) { others_[name].answers = others_[name].turns = false; }
 
   NodeReading look(std::string_view name) {
@@ -78,7 +78,7 @@ class RingMonitorTest : public testing::Test {
     return reading;
   }
 
-  /// It gets no CPU any more: no turn, no answer, and the kernel says why.
+  /// Takes the CPU from the node: no turn, no answer, and the kernel's accounting shows why.
   void starve(const std::string& name) {
     hang(name);
     others_[name].starves = true;
@@ -121,7 +121,7 @@ class RingMonitorTest : public testing::Test {
     }
   }
 
-  /// One period: the timer, then the answers, ours first or last as a loaded machine may have it.
+  /// One period: the timer, then the answers. Our own answer comes first or last, as on a loaded machine.
   void round(nanoseconds late = nanoseconds(0), nanoseconds waited = nanoseconds(0)) {
     now_ += milliseconds(99) + late;
     asks_.clear();
@@ -154,7 +154,7 @@ class RingMonitorTest : public testing::Test {
     monitor_->on_outcome(subject, outcome, now_);
     drain();
   }
-  /// The restarter has done its work: a new process that starts.
+  /// The restarter has finished: a new process is starting.
   void restart(const std::string& name) {
     const pid_t pid = ++last_pid_;
     const std::uint32_t incarnation = ++last_incarnation_;
@@ -226,7 +226,7 @@ TEST_F(RingMonitorTest, NeverUsesANonceTwice) {
 TEST_F(RingMonitorTest, TakesThreeUnansweredChecksAndAStalePageForDeath) {
   round();
   hang("b");
-  rounds(3);  // the first is answered by nobody, known at the next
+  rounds(3);  // a check counts as missed at the next round
   EXPECT_THAT(accusations_, IsEmpty());
   round();
   ASSERT_THAT(accused(), ElementsAre("b: silent"));
@@ -333,7 +333,7 @@ TEST_F(RingMonitorTest, AccusesAsSoonAsEverWhoHangsThoughItStarvedBefore) {
   rounds(50);
   others_["b"].cpu.waited += now_ - starved_from_;
   others_["b"].cpu.any_waited += now_ - starved_from_;
-  others_["b"].starves = false;  // it has its CPU, and makes no turn
+  others_["b"].starves = false;  // the node has a CPU again but makes no turn
   rounds(2);
   EXPECT_THAT(accusations_, IsEmpty());
   rounds(2);
@@ -399,7 +399,7 @@ TEST_F(RingMonitorTest, GivesAStartThatWaitsForACpuAllTheTimeItNeeds) {
   rounds(300);
   EXPECT_THAT(accused(), ElementsAre("b: exited"));
   others_["b"].cpu.any_waited += now_ - starved_from_;
-  others_["b"].starves = false;  // it hangs in its start
+  others_["b"].starves = false;  // the node hangs while it starts
   rounds(35);
   EXPECT_THAT(accused(), ElementsAre("b: exited", "b: start overdue"));
 }
@@ -488,7 +488,7 @@ TEST_F(RingMonitorTest, AccusesWhoWantsAllCpusAlsoWhenItGetsHardlyOneItself) {
   footprint.busy_threads = 8;
   monitor_->on_footprint("b", 101, footprint, now_);
   drain();
-  round(seconds(1));  // late, and not for want of a CPU
+  round(seconds(1));  // late, although a CPU was available
   EXPECT_EQ(monitor_->counters().void_rounds, 1U);
   monitor_->on_footprint("b", 101, footprint, now_);
   drain();
@@ -594,8 +594,8 @@ TEST_F(RingMonitorTest, JudgesNobodyWhenItWasItselfStoppedBetweenTimerAndAnswer)
 TEST_F(RingMonitorTest, KillsNobodyWhenAllWereStoppedAndGoOn) {
   rounds(3);
   for (int i = 0; i < 100; ++i) {
-    // Stopped in the middle of a round, for anything from one period to a minute, and then for an hour (a
-    // virtual machine that was paused); the downstream goes on later.
+    // All nodes stop in the middle of a round, for one period up to a minute, and at last for an hour (like a
+    // paused virtual machine). The downstream node resumes later.
     others_["b"].answers = false;
     others_["b"].turns = false;
     round();
@@ -671,7 +671,7 @@ TEST_F(RingMonitorTest, MissesANodeThatNeverRanAsOftenAsASilentOneWhenToldTo) {
   for (const char* name : {"b", "c"}) others_[name].reading = {};
   patience_.misses = 15;
   make({1, {"a", "b", "c", "d", "e"}});
-  rounds(24);  // the grace of its own start, then one miss a round
+  rounds(24);  // the grace period after its own start, then one miss per round
   EXPECT_THAT(accusations_, IsEmpty());
   rounds(2);
   ASSERT_THAT(accused(), ElementsAre("b: absent")) << "what lies behind it is not even missed yet";
@@ -697,7 +697,7 @@ TEST_F(RingMonitorTest, AccusesARestartedProcessThatEndsAgain) {
 TEST_F(RingMonitorTest, GivesARestartTheStartDeadlineToTakeTheLock) {
   round();
   exit("b");
-  conclude("b", What::restarted, 300);  // and its lock stays free
+  conclude("b", What::restarted, 300);  // the lock stays free
   rounds(29);
   EXPECT_THAT(accused(), ElementsAre("b: exited"));
   rounds(2);
@@ -827,7 +827,7 @@ TEST_F(RingMonitorTest, LeavesATransitionTheStartDeadlineAndNoMore) {
 }
 
 TEST_F(RingMonitorTest, LeavesWhomItNeverHeardTheStartDeadlineToBeDiscovered) {
-  others_["b"].answers = false;  // runs, turns, and DDS has not found it yet
+  others_["b"].answers = false;  // runs and makes turns, but DDS has not discovered it yet
   make({1, {"a", "b", "c", "d", "e"}});
   rounds(29);
   EXPECT_THAT(accusations_, IsEmpty());
@@ -973,7 +973,7 @@ TEST_F(RingMonitorTest, IsNotMovedByAForgerBesideANodeThatAnswers) {
 
 TEST_F(RingMonitorTest, TakesANewIncarnationThatTheLockConfirms) {
   round();
-  start("b", 150, 2);  // by an operator, faster than anybody saw
+  start("b", 150, 2);  // restarted by an operator between two rounds
   rounds(20);
   EXPECT_THAT(accusations_, IsEmpty());
   EXPECT_EQ(monitor_->process_of("b"), 150);
@@ -987,7 +987,7 @@ TEST_F(RingMonitorTest, TellsAReusedPidByItsIncarnation) {
   EXPECT_THAT(followed_, SizeIs(2));
 }
 
-// ---- Answers that say something is wrong
+// ---- Answers that report a problem
 
 TEST_F(RingMonitorTest, AccusesWhoAnswersAndNoLongerChecks) {
   round();
@@ -1005,7 +1005,7 @@ TEST_F(RingMonitorTest, AccusesWhoAnswersAndLeavesDueWorkUndone) {
   rounds(2);
   others_["b"].answer.oldest_due = milliseconds(2001);
   others_["b"].answer.work_done = 5;
-  rounds(3);  // the first shows progress since before
+  rounds(3);  // the first answer shows progress since the last check
   EXPECT_THAT(accusations_, IsEmpty());
   round();
   EXPECT_THAT(accused(), ElementsAre("b: not working"));
@@ -1072,7 +1072,7 @@ TEST_F(RingMonitorTest, RaisesAllOthersWhenItAloneLives) {
     others_[name].reading = {};
     others_[name].answers = false;
   }
-  now_ += seconds(2);  // past the grace of its own start
+  now_ += seconds(2);  // past the grace period after its own start
   monitor_->on_period(now_, nanoseconds(0));
   drain();
   exit("b");
@@ -1107,7 +1107,7 @@ TEST_F(RingMonitorTest, KeepsAnAccusedNodeUntilItsOutcomeIsKnown) {
   EXPECT_THAT(monitor_->watched(), ElementsAre("b"));
 }
 
-// ---- Nobody asks
+// ---- Missing checks by the upstream node
 
 TEST_F(RingMonitorTest, ReportsAndWatchesItsUpstreamWhenItIsNotAsked) {
   upstream_asks_ = false;

@@ -16,9 +16,9 @@
 #include "ros/ring/ring_monitor.hpp"
 #include "tests/build_kind.hpp"
 
-// Whole rings of monitors in a simulated world: processes that die, hang, are stopped, go deaf; messages that
-// are late or lost; a restarter as its contract has it. What must hold for every seed is asserted where it
-// happens.
+// Whole rings of monitors in a simulated world: processes die, hang, stop or go deaf; messages are late or
+// lost; the restarter follows its contract. The simulation asserts the invariants at the place where they
+// could be violated.
 
 namespace srfs::ros {
 namespace {
@@ -48,7 +48,7 @@ class RingWorld {
     run_for(seconds(3));
   }
 
-  // ---- What a test does to it
+  // ---- Actions of a test
   void run_for(nanoseconds duration) {
     const MonotonicTime end = now_ + duration;
     while (!events_.empty() && events_.top().at <= end) {
@@ -61,7 +61,7 @@ class RingWorld {
   }
   void kill(std::size_t i) { end_process(i); }
   void hang(std::size_t i) {
-    feed(i);  // it hangs when it runs
+    feed(i);  // a hung node is one that has a CPU
     set_health(i, Health::hung);
   }
   void deafen(std::size_t i) {
@@ -70,7 +70,7 @@ class RingWorld {
   void stop(std::size_t i) {
     if (nodes_[i].health == Health::well) set_health(i, Health::stopped);
   }
-  /// It gets no CPU until it is fed: as if it was stopped, and the kernel tells that it waits.
+  /// Takes the CPU from the node until feed(): like stopped, but the kernel's accounting shows that it waits.
   void starve(std::size_t i) {
     if (nodes_[i].health != Health::well) return;
     set_health(i, Health::stopped);
@@ -84,7 +84,7 @@ class RingWorld {
     if (const auto from = std::exchange(nodes_[i].starves_from, std::nullopt))
       nodes_[i].waited += now_ - *from;
     set_health(i, Health::well);
-    // First the timers, then what has come in, as the executor has it.
+    // Timers first, then the waiting input, in the executor's order.
     timer_due(i, nodes_[i].pid);
     for (auto& input : std::exchange(nodes_[i].inbox, {})) input();
   }
@@ -93,7 +93,7 @@ class RingWorld {
     return std::uniform_int_distribution<std::int64_t>(low, high)(random_);
   }
 
-  // ---- What a test sees
+  // ---- Observations for a test
   [[nodiscard]] bool is_well(std::size_t i) const { return nodes_[i].health == Health::well; }
   [[nodiscard]] std::size_t well() const {
     std::size_t n = 0;
@@ -113,9 +113,9 @@ class RingWorld {
   [[nodiscard]] const std::vector<std::string>& log() const { return log_; }
   [[nodiscard]] int restarts() const { return restarts_; }
   [[nodiscard]] int deaf_kills() const { return deaf_kills_; }
-  /// What must never happen, with its time; empty: all is well.
+  /// Violated invariants, each with its time.
   [[nodiscard]] const std::vector<std::string>& violations() const { return violations_; }
-  /// Runs until all are well. @return how long it took, nullopt: not by the limit
+  /// Runs until all nodes are well. @return the time needed; nullopt: not within the limit
   std::optional<nanoseconds> until_all_are_well(nanoseconds limit) {
     const MonotonicTime begun = now_;
     while (now_ - begun < limit) {
@@ -146,9 +146,9 @@ class RingWorld {
     HeartbeatPage::Reading page;
     std::unique_ptr<RingMonitor> monitor;
     std::vector<std::function<void()>> inbox;
-    std::deque<Accusation> accusations;  // the worker's queue
+    std::deque<Accusation> accusations;  // queue of the restart worker
     bool restarting = false;
-    pid_t restart_lock = 0;  // the restarter's process
+    pid_t restart_lock = 0;  // pid of the restarter's process
     std::set<std::uint32_t> ended_by_restart;
   };
 
@@ -251,7 +251,7 @@ class RingWorld {
     act(i);
     if (nodes_[i].pid == pid) arm(i);
   }
-  /// Input for a node's work thread: handled in order, kept while it is stopped, lost on who hangs.
+  /// Input for a node's work thread: handled in order, kept while the node is stopped, lost while it hangs.
   void give(std::size_t i, nanoseconds delay, std::function<void()> input) {
     const pid_t pid = nodes_[i].pid;
     later(delay, [this, i, pid, input = std::move(input)] {
@@ -322,8 +322,8 @@ class RingWorld {
       });
     });
   }
-  /// Answers with old and invented nonces, at once. (Whoever overheard a nonce that is still out is the node,
-  /// as far as a monitor can tell; that the answer came from the node's process is for the adapter to see.)
+  /// Answers at once with old and invented nonces. (A monitor cannot tell a sender that overheard a pending
+  /// nonce from the node itself; the adapter checks that an answer comes from the node's process.)
   void forge(std::size_t from, std::size_t to, std::uint64_t nonce) {
     CheckAnswer answer;
     answer.state = answer.desired = State::active;
@@ -398,10 +398,10 @@ class RingWorld {
     }
     subject.restart_lock = restarter;
     later(milliseconds(random(1, 20)), [this, observer, restarter, accusation, i] {
-      if (nodes_[i].restart_lock != restarter) return;  // the restarter died before it did anything
+      if (nodes_[i].restart_lock != restarter) return;  // the restarter died before its first action
       if (nodes_[i].pid != 0) end_process(i);
       later(milliseconds(random(1, 20)), [this, observer, restarter, accusation, i] {
-        if (nodes_[i].restart_lock != restarter) return;  // ... between kill and start
+        if (nodes_[i].restart_lock != restarter) return;  // the restarter died between kill and start
         nodes_[i].restart_lock = 0;
         if (!nodes_[i].ended_by_restart.insert(nodes_[i].incarnation).second)
           violations_.push_back("one incarnation restarted twice: " + name(i));
@@ -510,7 +510,8 @@ TEST(RingProperties, RandomFaultsAreHealedWhileOneHealthyMemberLives) {
       world.run_for(milliseconds(world.random(0, 2000)));
       world.go_on(pick());
     }
-    // A deaf node that hurts nobody is found by its upstream or by itself; kills for deafness are limited.
+    // A deaf node that accuses no other node is found by its upstream or by itself. Kills for deafness are
+    // limited.
     ASSERT_TRUE(world.until_all_are_well(seconds(40))) << "seed " << seed << "\n" << story(world);
     ASSERT_TRUE(world.violations().empty()) << "seed " << seed << "\n" << story(world);
   }
