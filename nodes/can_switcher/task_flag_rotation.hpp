@@ -238,7 +238,7 @@ class TaskFlagRotation {
   /// would be too little: the end of a wait shows a look later, and it may sleep for a lock whose owner has
   /// no CPU. Its lease is over all the same: its handle refuses to write.
   static constexpr nanoseconds starved_patience = seconds(10);
-  static constexpr int starved_leases = 4;
+  static constexpr int starved_leases = 16;
   static constexpr nanoseconds starved_look = milliseconds(25);
 
  private:
