@@ -47,6 +47,16 @@ bool wait_until(const std::function<bool()>& condition) {
   return true;
 }
 
+/// A restarter on a machine without CPU pressure, whatever the pressure is where the test runs: starts are
+/// not spaced.
+class CalmRestarter : public Restarter {
+ public:
+  template <class... Arguments>
+  explicit CalmRestarter(Arguments&&... arguments) : Restarter(std::forward<Arguments>(arguments)...) {
+    set_pressure_source([] { return std::optional<double>(); });
+  }
+};
+
 class Restarting : public testing::Test {
  protected:
   void SetUp() override {
@@ -202,7 +212,7 @@ pid_t parent_of(pid_t pid) {
 TEST_F(Restarting, StartsANodeThatWasKilledAsNobodysChildWithAHigherIncarnation) {
   const auto old = start();
   end(old.pid, SIGKILL);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(accuse(old, FaultClass::exited));
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
   const auto renewed = running("one", old.incarnation);
@@ -224,7 +234,7 @@ TEST_F(Restarting, StartsANodeThatWasKilledAsNobodysChildWithAHigherIncarnation)
 }
 
 TEST_F(Restarting, StartsANodeThatNobodySawEnd) {
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(absent()).what, What::restarted);
   EXPECT_EQ(running().incarnation, 1U);
 }
@@ -234,7 +244,7 @@ TEST_F(Restarting, KillsAHungNodeOnlyAfterItSaidWhereItHangs) {
   const auto old = start();
   signal_child(old.pid, SIGUSR1);
   ASSERT_TRUE(says("one", "hangs"));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(accuse(old, FaultClass::silent));
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
   EXPECT_FALSE(processes().contains(old.pid));
@@ -257,7 +267,7 @@ TEST_F(Restarting, KillsAHungNodeOnlyAfterItSaidWhereItHangs) {
 
 TEST_F(Restarting, SparesANodeWhoseWorkThreadTurnsAgain) {
   const auto old = start();
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const Accusation accusation = accuse(old, FaultClass::silent);
   const auto turns = HeartbeatPage::read(var_, "one")->turns;
   ASSERT_TRUE(wait_until([&] { return HeartbeatPage::read(var_, "one")->turns > turns + 1; }));
@@ -269,7 +279,7 @@ TEST_F(Restarting, KillsAStoppedNodeWithoutLettingItRunAgain) {
   const auto old = start();
   signal_child(old.pid, SIGSTOP);
   ASSERT_TRUE(wait_until([&] { return process_state(old.pid) == 'T'; }));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   std::vector<int> sent;
   restarter.set_signaller([&](const Process& process, int number) {
     sent.push_back(number);
@@ -286,7 +296,7 @@ TEST_F(Restarting, GivesANodeThatCommunicationFailedTimeToEndInOrderAndKillsItWh
   behave("other", "stubborn");
   const auto obedient = start("one");
   const auto stubborn = start("other");
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   ASSERT_EQ(restarter.restart(accuse(obedient, FaultClass::too_large, "one")).what, What::restarted);
   ASSERT_EQ(restarter.restart(accuse(stubborn, FaultClass::too_large, "other")).what, What::restarted);
   const auto records = ledger(restarter);
@@ -300,7 +310,7 @@ TEST_F(Restarting, GivesANodeThatCommunicationFailedTimeToEndInOrderAndKillsItWh
 TEST_F(Restarting, IsDeafToAnAccusationOfAnEarlierIncarnation) {
   const auto old = start();
   end(old.pid, SIGKILL);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   ASSERT_EQ(restarter.restart(accuse(old, FaultClass::exited)).what, What::restarted);
   const auto renewed = running("one", old.incarnation);
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::exited)).what, What::renewed);
@@ -321,7 +331,7 @@ TEST_F(Restarting, DoesNotTouchTheProcessThatGotTheNumberOfADeadOne) {
     while (true) pause();
   }
   std::ofstream(var_.instance_lock("one")) << stranger << " 7 probe\n";  // left by a dead node
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(accuse({stranger, 7, ""}, FaultClass::silent));
   EXPECT_EQ(outcome.what, What::restarted) << outcome.reason;
   EXPECT_EQ(running().incarnation, 8U) << "above what stands in the lock file";
@@ -341,7 +351,7 @@ TEST_F(Restarting, OfManyRestartersOneStartsTheNode) {
     ASSERT_TRUE(release(var_, "one", milliseconds(20000)));  // no back-off here
     for (int i = 0; i < observers; ++i) {
       threads.emplace_back([&, i] {
-        Restarter restarter(plan_, var_, "observer" + std::to_string(i), "/nowhere");
+        CalmRestarter restarter(plan_, var_, "observer" + std::to_string(i), "/nowhere");
         ++waiting;
         while (waiting < observers) std::this_thread::yield();
         outcomes[static_cast<std::size_t>(i)] =
@@ -365,7 +375,7 @@ TEST_F(Restarting, GoesOnFromWhateverARestarterThatWasKilledLeftBehind) {
     signal_child(old.pid, SIGUSR1);  // hangs, so the kill also takes time
     const pid_t other = fork();
     if (other == 0) {
-      Restarter restarter(plan_, var_, "first", "/nowhere");
+      CalmRestarter restarter(plan_, var_, "first", "/nowhere");
       (void)restarter.restart(accuse(old, FaultClass::start_overdue));
       _exit(0);
     }
@@ -375,7 +385,7 @@ TEST_F(Restarting, GoesOnFromWhateverARestarterThatWasKilledLeftBehind) {
     signal_child(other, SIGKILL);
     waitpid(other, nullptr, 0);
 
-    Restarter restarter(plan_, var_, "second", "/nowhere");
+    CalmRestarter restarter(plan_, var_, "second", "/nowhere");
     ASSERT_TRUE(release(var_, "one", milliseconds(20000)));  // no back-off here
     ASSERT_TRUE(wait_until([&] {
       const auto what = restarter.restart(accuse(old, FaultClass::start_overdue)).what;
@@ -390,7 +400,7 @@ TEST_F(Restarting, WaitsForNobodyWhoHoldsTheRestartLock) {
   const auto old = start();
   const int lock = open(var_.restart_lock("one").c_str(), O_RDWR | O_CLOEXEC);
   ASSERT_EQ(flock(lock, LOCK_EX | LOCK_NB), 0) << "the file that the starter left is no lock";
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::under_way);
   close(lock);
   EXPECT_EQ(running().pid, old.pid);
@@ -409,7 +419,7 @@ TEST_F(Restarting, LeavesANodeToWhoStandsInForItUntilTheLeaseEndsAndThenEndsTheS
       const auto stand_in = read_stand_in(var_, "one");
       return stand_in && stand_in->pid == holder;
     }));
-    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
     signal_child(old.pid, SIGUSR1);
     const auto first = restarter.restart(accuse(old, FaultClass::start_overdue));
     EXPECT_EQ(first.what, What::under_way);
@@ -430,7 +440,7 @@ TEST_F(Restarting, LeavesANodeToWhoStandsInForItUntilTheLeaseEndsAndThenEndsTheS
 TEST_F(Restarting, StartsNoSecondProcessWhileTheFirstIsOnTheWayToItsInstanceLock) {
   plan_.ring.start_deadline = std::chrono::hours(1);
   behave("one", "slow");
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto first = restarter.restart(absent());
   ASSERT_EQ(first.what, What::restarted) << first.reason;
   EXPECT_EQ(restarter.restart(absent()).what, What::under_way);
@@ -444,7 +454,7 @@ TEST_F(Restarting, StartsNoSecondProcessWhileTheFirstIsOnTheWayToItsInstanceLock
 TEST_F(Restarting, ReplacesAProcessThatHangsOnTheWayToItsInstanceLock) {
   plan_.ring.start_deadline = milliseconds(1);  // expired when the first call returns
   behave("one", "slow");
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto first = restarter.restart(absent());
   ASSERT_EQ(first.what, What::restarted) << first.reason;
   ASSERT_TRUE(says("one", "slow"));
@@ -456,21 +466,21 @@ TEST_F(Restarting, ReplacesAProcessThatHangsOnTheWayToItsInstanceLock) {
 }
 
 TEST_F(Restarting, LeavesTheLockToNoProcessItStarted) {
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   ASSERT_EQ(restarter.restart(absent()).what, What::restarted);
   EXPECT_TRUE(RestartLock::take(var_, "one"));
 }
 
 TEST_F(Restarting, LeavesASuiteThatIsBeingStoppedAlone) {
   ASSERT_TRUE(write_file_atomically(var_.stopping_flag(), "down\n"));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(absent()).what, What::stopping);
   EXPECT_TRUE(processes().empty());
 }
 
 TEST_F(Restarting, LeavesANodeThatTheOperatorHoldsUntilItIsReleased) {
   ASSERT_TRUE(hold(var_, plan_, "one", "by hand", monotonic_now()));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(absent());
   EXPECT_EQ(outcome.what, What::held);
   EXPECT_EQ(outcome.reason, "by hand");
@@ -479,7 +489,7 @@ TEST_F(Restarting, LeavesANodeThatTheOperatorHoldsUntilItIsReleased) {
 }
 
 TEST_F(Restarting, BelievesNoVerdictOfAnotherGenerationOfTheRing) {
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   restarter.set_generation_source([] { return 8; });
   Accusation accusation = absent();
   accusation.generation = 7;
@@ -489,7 +499,7 @@ TEST_F(Restarting, BelievesNoVerdictOfAnotherGenerationOfTheRing) {
 }
 
 TEST_F(Restarting, BelievesNobodyAboutItselfOrAboutStrangers) {
-  Restarter restarter(plan_, var_, "one", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "one", "/nowhere");
   EXPECT_EQ(restarter.restart(absent("one")).what, What::not_believed);
   EXPECT_EQ(restarter.restart(absent("stranger")).what, What::not_believed);
   EXPECT_TRUE(processes().empty());
@@ -498,8 +508,8 @@ TEST_F(Restarting, BelievesNobodyAboutItselfOrAboutStrangers) {
 TEST_F(Restarting, KillsOneNodeOfTheSuiteForACommunicationFaultPerInterval) {
   const auto one = start("one");
   const auto other = start("other");
-  Restarter first(plan_, var_, "first", "/nowhere");
-  Restarter second(plan_, var_, "second", "/nowhere");
+  CalmRestarter first(plan_, var_, "first", "/nowhere");
+  CalmRestarter second(plan_, var_, "second", "/nowhere");
   EXPECT_EQ(first.restart(accuse(one, FaultClass::deaf, "one")).what, What::restarted);
   EXPECT_EQ(second.restart(accuse(other, FaultClass::deaf, "other")).what, What::communication);
   EXPECT_EQ(second.restart(accuse(running("one", one.incarnation), FaultClass::deaf, "one")).what,
@@ -512,7 +522,7 @@ TEST_F(Restarting, OnAMachineUnderPressureStartsOneNodeInATime) {
   const auto other = start("other");
   end(one.pid, SIGKILL);
   end(other.pid, SIGKILL);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   restarter.set_pressure_source([] { return 0.9; });
   const Accusation waiting = accuse(other, FaultClass::exited, "other");
   EXPECT_EQ(restarter.restart(accuse(one, FaultClass::exited)).what, What::restarted);
@@ -529,7 +539,7 @@ TEST_F(Restarting, OnAMachineUnderPressureStartsOneNodeInATime) {
 TEST_F(Restarting, ADeafNodeThatMayNotBeKilledYetLeavesTheTurnToOthers) {
   const auto one = start("one");
   const auto other = start("other");
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   double pressure = 0.2;
   restarter.set_pressure_source([&pressure] { return pressure; });
   EXPECT_EQ(restarter.restart(accuse(one, FaultClass::deaf, "one")).what, What::restarted);
@@ -547,7 +557,7 @@ TEST_F(Restarting, WithoutPressureOrAKernelThatTellsItNoStartWaits) {
     const auto other = start("other");
     end(one.pid, SIGKILL);
     end(other.pid, SIGKILL);
-    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
     restarter.set_pressure_source([pressure] { return pressure; });
     EXPECT_EQ(restarter.restart(accuse(one, FaultClass::exited)).what, What::restarted);
     EXPECT_EQ(restarter.restart(accuse(other, FaultClass::exited, "other")).what, What::restarted);
@@ -558,7 +568,7 @@ TEST_F(Restarting, WithoutPressureOrAKernelThatTellsItNoStartWaits) {
 
 TEST_F(Restarting, LooksTwiceAtANodeThatDiesAtOnceAndEndsInQuarantineWithASlowRetry) {
   behave("one", "exit 7");
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   // The time from before one start to after the next covers at least the wait between them.
   constexpr std::array<milliseconds, 7> waits{milliseconds(0),   milliseconds(0),   milliseconds(0),
                                               milliseconds(100), milliseconds(200), milliseconds(400),
@@ -586,7 +596,7 @@ TEST_F(Restarting, LooksTwiceAtANodeThatDiesAtOnceAndEndsInQuarantineWithASlowRe
 TEST_F(Restarting, TellsWhenTheNextStartIsAndAReleaseLiftsTheQuarantine) {
   behave("one", "exit 7");
   plan_.ring.first_wait = plan_.ring.longest_wait = std::chrono::hours(1);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   RestartOutcome outcome;
   const MonotonicTime before = monotonic_now();
   ASSERT_TRUE(wait_until([&] { return (outcome = restarter.restart(absent())).what == What::backing_off; }));
@@ -603,7 +613,7 @@ TEST_F(Restarting, InABackOffKillsWhatHangsAndLeavesWhatStillWorks) {
   plan_.ring.longest_wait = std::chrono::hours(1);
   const auto one = start("one");
   const auto other = start("other");
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(accuse(other, FaultClass::worker_frozen, "other")).what, What::backing_off);
   EXPECT_EQ(running("other").pid, other.pid);
   signal_child(one.pid, SIGUSR1);
@@ -617,7 +627,7 @@ TEST_F(Restarting, RecordsARefusalThatRepeatsOnce) {
   plan_.ring.longest_wait = std::chrono::hours(1);
   const auto first = launch({plan_, var_, "/nowhere", "up"}, *plan_.find("one"));
   EXPECT_FALSE(first);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   for (int i = 0; i < 5; ++i) EXPECT_EQ(restarter.restart(absent()).what, What::quarantined);
   EXPECT_EQ(ledger(restarter).size(), 1U);
 }
@@ -629,7 +639,7 @@ TEST_F(Restarting, SaysWhatIsWrongWithAProgramThatCannotRun) {
   const auto program = (folder_ / "bin" / "program").string();
   const auto outcome_of = [&] {
     EXPECT_TRUE(release(var_, "one", milliseconds(1000)));
-    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
     const auto outcome = restarter.restart(absent());
     EXPECT_EQ(outcome.what, What::cannot_start);
     EXPECT_TRUE(processes().empty());
@@ -662,13 +672,13 @@ TEST_F(Restarting, SaysWhatIsWrongWithAProgramThatCannotRun) {
   std::filesystem::remove(program);
   std::filesystem::copy_file(probe, program);
   ASSERT_TRUE(release(var_, "one", milliseconds(1000)));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(absent()).what, What::restarted) << "once it is repaired";
 }
 
 TEST_F(Restarting, StartsNoSecondInstanceBesideOneThatCannotBeKilled) {
   const auto old = start();
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   restarter.set_signaller([](const Process&, int) { return 0; });
   const auto outcome = restarter.restart(accuse(old, FaultClass::start_overdue));
   EXPECT_EQ(outcome.what, What::unkillable);
@@ -698,7 +708,7 @@ TEST_F(Restarting, CallsAProcessInAFrozenGroupUnkillableAndReplacesItOnceItIsGon
   };
   const bool frozen = set("FROZEN");
   {
-    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
     if (frozen) {
       const auto outcome = restarter.restart(accuse(old, FaultClass::silent));
       EXPECT_EQ(outcome.what, What::unkillable) << outcome.reason;
@@ -729,7 +739,7 @@ TEST_F(Restarting, StartsOnAFullDiskWithoutLogAndRecords) {
   end(old.pid, SIGKILL);
   std::uint32_t last = old.incarnation;
   {
-    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
     for (int i = 0; i < 3; ++i) {
       const auto outcome = insist(restarter, absent());
       EXPECT_EQ(outcome.what, What::restarted) << outcome.reason;
@@ -751,7 +761,7 @@ TEST_F(Restarting, NeedsNoMemoryFolder) {
   std::ofstream(var_.memory()) << "a file where a folder should be";
   const auto old = start();
   end(old.pid, SIGKILL);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(accuse(old, FaultClass::exited));
   EXPECT_EQ(outcome.what, What::restarted) << outcome.reason;
   const auto renewed = running("one", old.incarnation);
@@ -759,7 +769,7 @@ TEST_F(Restarting, NeedsNoMemoryFolder) {
 }
 
 TEST_F(Restarting, AddsTheTimeToActiveToTheLedger) {
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   ASSERT_EQ(restarter.restart(absent()).what, What::restarted);
   restarter.on_recovered("one", 1, monotonic_now());
   const auto records = ledger(restarter);
@@ -772,7 +782,7 @@ TEST_F(Restarting, AddsTheTimeToActiveToTheLedger) {
 TEST_F(Restarting, KeepsTheFiveNewestReports) {
   plan_.ring.restarts = plan_.ring.quarantine_deaths = 1000;
   auto now = start();
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   for (int i = 0; i < 7; ++i) {
     end(now.pid, SIGKILL);
     ASSERT_EQ(restarter.restart(accuse(now, FaultClass::exited)).what, What::restarted);
@@ -793,7 +803,7 @@ TEST_F(Restarting, StartsTheActiveVersionAndTheLastGoodOneAfterADeathInItsProbat
   const auto first = start();
   make_active(add_version(good));
   end(first.pid, SIGKILL);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   auto outcome = restarter.restart(accuse(first, FaultClass::exited));
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
   EXPECT_EQ(outcome.version, 1U) << "the death of golden is not held against it";
@@ -829,7 +839,7 @@ TEST_F(Restarting, AHangInTheProbationGoesBackToo) {
   const auto old = start();
   signal_child(old.pid, SIGUSR1);
   ASSERT_TRUE(says("one", "hangs"));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(accuse(old, FaultClass::silent));
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
   EXPECT_EQ(outcome.version, update::golden);
@@ -841,7 +851,7 @@ TEST_F(Restarting, ADeathAfterTheProbationStartsTheSameVersionAndMakesItTheLastG
   ASSERT_TRUE(
       wait_until([&] { return monotonic_now() - last_started(var_, "one")->since > milliseconds(1); }));
   end(old.pid, SIGKILL);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(accuse(old, FaultClass::exited));
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
   EXPECT_EQ(outcome.version, 1U);
@@ -856,7 +866,7 @@ TEST_F(Restarting, AVersionThatNobodyConfirmedInTimeIsRolledBackThoughItLivesAnd
   ASSERT_TRUE(
       wait_until([&] { return monotonic_now() - last_started(var_, "one")->since > milliseconds(1); }));
   ASSERT_TRUE(hold(var_, plan_, "one", "by the operator", monotonic_now()));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::silent)).what, What::held);
   const auto outcome = restarter.restart(accuse(old, FaultClass::not_confirmed));
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
@@ -876,7 +886,7 @@ TEST_F(Restarting, ADeathOfAVersionThatNobodyConfirmedGoesBackHoweverLongItLived
   ASSERT_TRUE(
       wait_until([&] { return monotonic_now() - last_started(var_, "one")->since > milliseconds(1); }));
   end(old.pid, SIGKILL);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::exited)).version, update::golden);
 }
 
@@ -884,7 +894,7 @@ TEST_F(Restarting, AVerdictOnAVersionIsVoidOnceThatIsConfirmedOrWhileItHasTime) 
   plan_.ring.confirmed = {"one"};
   make_active(add_version(good));
   const auto old = start();
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(accuse(old, FaultClass::not_confirmed)).what, What::not_believed)
       << "it has time";
   commit(1);
@@ -928,7 +938,7 @@ TEST_F(Restarting, AStartOfTheSuiteThatCannotBeCountedStartsTheLastGoodVersion) 
 
 TEST_F(Restarting, CommitsTheVersionThatHasProvenItself) {
   make_active(add_version(good));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   restarter.commit("one", 7);  // a late request for another version
   restarter.commit("one", 1);
   restarter.commit("one", 1);
@@ -942,7 +952,7 @@ TEST_F(Restarting, AVersionOnProbationThatDoesNotStartIsFollowedByTheLastGoodOne
   make_active(one);
   commit(one);
   make_active(add_version("exit 7"));
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(absent());
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
   EXPECT_EQ(outcome.version, one);
@@ -956,7 +966,7 @@ TEST_F(Restarting, AVersionOnProbationThatDoesNotStartIsFollowedByTheLastGoodOne
 TEST_F(Restarting, WhatIsSetAsideWhenNothingStartsIsOnDiskToo) {
   make_active(add_version("exit 7"));
   use_programs((folder_ / "gone").string(), probe);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(absent()).what, What::cannot_start);
   (void)ledger(restarter);
   EXPECT_EQ(table_on_disk().find(1)->state, update::VersionState::failed);
@@ -966,7 +976,7 @@ TEST_F(Restarting, AGoodVersionThatDoesNotStartStaysActive) {
   const auto one = add_version("exit 7");
   make_active(one);
   commit(one);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   EXPECT_EQ(restarter.restart(absent()).what, What::cannot_start);
   (void)ledger(restarter);
   EXPECT_EQ(table_on_disk().active(), one);
@@ -988,7 +998,7 @@ TEST_F(Restarting, ADamagedProgramOfAGoodVersionIsReplacedByTheNextBest) {
     std::ofstream(program_of(number)) << text;
     std::filesystem::permissions(program_of(number), std::filesystem::perms(0555));
     ASSERT_TRUE(release(var_, "one", milliseconds(1000)));
-    Restarter restarter(plan_, var_, "observer", "/nowhere");
+    CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
     const auto outcome = restarter.restart(absent());
     ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
     EXPECT_EQ(outcome.version, update::golden);
@@ -1006,7 +1016,7 @@ TEST_F(Restarting, WhatWasGoodOnceIsStartedWhenGoldenIsGone) {
   commit(one);
   make_active(update::golden);
   use_programs((folder_ / "gone").string(), probe);
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(absent());
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
   EXPECT_EQ(outcome.version, one);
@@ -1017,7 +1027,7 @@ TEST_F(Restarting, AnUnreadableTableMeansGolden) {
   make_active(add_version("exit 7"));
   for (const char* copy : {"table_a", "table_b"})
     std::ofstream(versions_folder(var_, "one") / copy, std::ios::trunc) << "rubbish";
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   const auto outcome = restarter.restart(absent());
   ASSERT_EQ(outcome.what, What::restarted) << outcome.reason;
   EXPECT_EQ(outcome.version, update::golden);
@@ -1084,7 +1094,7 @@ TEST_F(Restarting, TellsTheSignalThatEndedANode) {
     std::string cause;
     std::string in_report;
   };
-  Restarter restarter(plan_, var_, "observer", "/nowhere");
+  CalmRestarter restarter(plan_, var_, "observer", "/nowhere");
   auto now = start();
   for (const Death& death : {Death{SIGUSR2, "signal 11 (SIGSEGV)",
                                    "*** fatal signal 11 (SIGSEGV) in thread restart_probe of pid "},
