@@ -2,17 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/background.hpp"
 
-#include <charconv>
 #include <cstdint>
-#include <filesystem>
 
-#include <fmt/format.h>
 #include <sched.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "base/file.hpp"
 #include "base/process.hpp"
 
 namespace srfs {
@@ -87,13 +83,10 @@ CpuLoan::CpuLoan(pid_t pid, int niceness)
 
 void CpuLoan::lend() {
   if (!started_ticks_ || process_start_ticks(pid_) != started_ticks_) return;  // or a stranger has its number
-  std::error_code ec;
-  for (auto entry = std::filesystem::directory_iterator(fmt::format("/proc/{}/task", pid_), ec);
-       !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
-    const std::string name = entry->path().filename();
-    pid_t tid = 0;
-    if (std::from_chars(name.data(), name.data() + name.size(), tid).ec == std::errc()) lend_to(tid);
-  }
+  for_each_thread(pid_, [this](pid_t tid) {
+    lend_to(tid);
+    return true;
+  });
   const auto niceness = session_niceness(pid_);
   if (!niceness || *niceness <= niceness_) return;
   const bool lent = set_session_niceness(niceness_, pid_) == 0 ||

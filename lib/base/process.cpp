@@ -6,6 +6,7 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
+#include <filesystem>
 #include <sstream>
 #include <string>
 
@@ -89,6 +90,17 @@ int set_session_niceness(int nice, pid_t pid) {
   const int error = ::write(file, text.data(), length) < 0 ? errno : 0;
   ::close(file);
   return error;
+}
+
+void for_each_thread(pid_t pid, const std::function<bool(pid_t tid)>& visit) {
+  std::error_code ec;
+  for (auto entry = std::filesystem::directory_iterator("/proc/" + std::to_string(pid) + "/task", ec);
+       !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
+    const std::string name = entry->path().filename();
+    pid_t tid = 0;
+    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), tid);
+    if (error == std::errc() && end == name.data() + name.size() && !visit(tid)) return;
+  }
 }
 
 std::optional<int> session_niceness(pid_t pid) {

@@ -5,6 +5,7 @@
 #include <sys/types.h>
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -40,6 +41,10 @@ class Process {
 /// What the kernel reports of a process' first thread: the letter of proc(5), 'R', 'S', 'D', 'T' (stopped),
 /// 't' (held by a debugger), 'Z'...; nullopt: there is no such process.
 [[nodiscard]] std::optional<char> process_state(pid_t pid);
+
+/// Calls @p visit with the number of each thread that a process has now, until it returns false. Not at all
+/// for a process that does not exist. Blocks as /proc does.
+void for_each_thread(pid_t pid, const std::function<bool(pid_t tid)>& visit);
 
 /// When it was started, in clock ticks since boot: with its number a name that no other process of this boot
 /// has. nullopt: there is no such process.

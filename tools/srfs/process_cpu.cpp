@@ -3,28 +3,23 @@
 #include "tools/srfs/process_cpu.hpp"
 
 #include <algorithm>
-#include <cstdlib>
-#include <filesystem>
 
-#include <fmt/format.h>
+#include "base/process.hpp"
 
 namespace srfs::tool {
 
 void ProcessCpu::read(MonotonicTime now) {
-  std::error_code ec;
-  const std::filesystem::path folder = fmt::format("/proc/{}/task", pid_);
-  for (std::filesystem::directory_iterator entry(folder, ec);
-       !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
-    const pid_t tid = std::atoi(entry->path().filename().c_str());
-    if (threads_.contains(tid)) continue;
+  for_each_thread(pid_, [&](pid_t tid) {
+    if (threads_.contains(tid)) return true;
     auto files = ThreadCpuFiles::open(pid_, tid);
     const auto first = files ? files->read() : std::nullopt;
-    if (!first) continue;
+    if (!first) return true;
     const ThreadCpu before = from_ == From::first_reading ? *first : ThreadCpu{};
     Thread thread{std::move(*files), {}, before, {}};
     thread.wait.on_reading(before, false, now);
     threads_.emplace(tid, std::move(thread));
-  }
+    return true;
+  });
   for (auto& [tid, thread] : threads_) {
     const auto cpu = thread.files.read();
     if (!cpu) continue;  // it has ended

@@ -5,13 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <filesystem>
 
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include "base/background.hpp"
 #include "base/file.hpp"
+#include "base/process.hpp"
 
 namespace srfs::ros {
 namespace {
@@ -22,19 +22,6 @@ constexpr milliseconds longest_gap{500};  ///< between two readings in doubt
 constexpr milliseconds computing{10};     ///< of CPU time without a pause; the work of a turn takes some 1 ms
 constexpr std::size_t longest_name = 64;
 constexpr std::size_t longest_status = 8192;
-
-/// Calls @p visit with the number of each entry of the folder that is one.
-template <class Visit>
-void for_each_number(const std::string& folder, Visit&& visit) {
-  std::error_code ec;
-  for (auto entry = std::filesystem::directory_iterator(folder, ec);
-       !ec && entry != std::filesystem::directory_iterator(); entry.increment(ec)) {
-    const std::string name = entry->path().filename();
-    pid_t number = 0;
-    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
-    if (error == std::errc() && end == name.data() + name.size() && !visit(number)) return;
-  }
-}
 
 }  // namespace
 
@@ -155,7 +142,7 @@ void ProcessCpu::find_threads(MonotonicTime now) {
   };
   std::erase_if(others_, [](const auto& entry) { return !entry.second.files.read(); });  // they have ended
   std::string own;
-  for_each_number(tasks, [&](pid_t tid) {
+  for_each_thread(pid_, [&](pid_t tid) {
     if (tid == pid_ || others_.contains(tid)) return true;
     if (own.empty()) own = name_of(pid_);
     if (auto files = ThreadCpuFiles::open(pid_, tid))
