@@ -70,6 +70,13 @@ std::optional<std::uint32_t> read_number(const std::filesystem::path& file) {
 
 }  // namespace
 
+VarPaths VarPaths::at(const std::filesystem::path& var) {
+  std::error_code ec;
+  auto real = std::filesystem::weakly_canonical(std::filesystem::absolute(var), ec);
+  if (ec) real = std::filesystem::absolute(var).lexically_normal();
+  return {real.has_filename() ? real : real.parent_path()};
+}
+
 std::filesystem::path VarPaths::memory() const {
   // Below /dev/shm two deployments differ by the place of their folders.
   std::uint64_t hash = 0xCBF29CE484222325;  // FNV-1a
@@ -269,7 +276,6 @@ Result<DomainLock, std::string> DomainLock::share(int domain, const std::string&
       const std::string other = lock.signature();
       if (other == suite) return lock;
       problem = fmt::format("DDS domain {} is in use by another suite, {}", domain, other);
-      lock.fd_.reset();
     } else {
       problem = fmt::format("cannot share DDS domain {}: {}", domain, fd.error().text);
       if (!fd.error().held) break;

@@ -20,6 +20,9 @@ namespace srfs::ros {
 /// Where a running deployment keeps its things: VAR/run, VAR/state, VAR/log.
 struct VarPaths {
   std::filesystem::path root;
+  /// The paths below the folder that @p var names, as its real path: links followed, no trailing slash. A
+  /// suite is identified by its folder, so programs that take the folder from outside make its paths here.
+  [[nodiscard]] static VarPaths at(const std::filesystem::path& var);
   [[nodiscard]] std::filesystem::path run() const { return root / "run"; }
   [[nodiscard]] std::filesystem::path state(const std::string& node) const { return root / "state" / node; }
   /// The boot record (boot_store.hpp).

@@ -191,7 +191,7 @@ struct RingPart {
 int run(const Arguments& arguments, const NodeFactory& factory, std::optional<HeartbeatPage>& page) {
   const Fd signals = termination_signals();
   ignore_broken_pipes();
-  const VarPaths var{std::filesystem::absolute(arguments.var)};
+  const VarPaths var = VarPaths::at(arguments.var);
   LiveDeployment live(Deployment::load(arguments.deployment), var);
   for (const std::string& problem : live.current().added_problems) log::error("{}", problem);
   const Deployment& deployment = live.first();
@@ -350,7 +350,7 @@ int run_self_test(const Arguments& arguments, const NodeFactory& factory) {
   deployment.ring.enabled = false;
   if (deployment.find(arguments.name) == nullptr)
     throw ConfigError(fmt::format("{}: no node '{}'", deployment.file.string(), arguments.name));
-  const VarPaths var{std::filesystem::absolute(arguments.var)};
+  const VarPaths var = VarPaths::at(arguments.var);
   replace_keys(deployment, var);
   auto lock = InstanceLock::take(var, arguments.name);
   if (!lock) {

@@ -36,6 +36,17 @@ class StartsTest(SystemTest):
             for log in (flight.var / "log").glob("*.log"):
                 self.assertNotIn("is already running as pid", log.read_text(errors="replace"), log.name)
 
+    def test_a_suite_is_the_same_by_whatever_path_its_folder_is_named(self):
+        with self.flight() as flight:
+            pids = {node: flight.node_pid(node) for node in ("ttc", "payload_eps")}
+            link = self.folder / "link"
+            link.symlink_to(self.var)
+            for var in (link, f"{self.var}/"):
+                up = subprocess.run([BIN / "srfs", "up", "--deployment", str(flight.deployment), "--var", str(var)], stdin=subprocess.DEVNULL,
+                                    capture_output=True, text=True, timeout=60)  # fmt: skip
+                self.assertEqual(up.returncode, 0, up.stderr)
+            self.assertEqual({node: flight.node_pid(node) for node in pids}, pids)
+
     def test_a_late_restart_by_the_watchdog_does_not_start_what_was_stopped(self):
         with self.flight() as flight:
             self.assertEqual(flight.srfs("down").returncode, 0)

@@ -410,7 +410,7 @@ int run(int argc, char** argv) {
   }
 
   deployment_file = deployment_file_of(deployment_file);
-  const ros::VarPaths paths{std::filesystem::absolute(var)};
+  const ros::VarPaths paths = ros::VarPaths::at(var);
   auto reading = ros::load_deployment(deployment_file, paths);
   for (const std::string& problem : reading.problems) fmt::print(stderr, "srfs: {}\n", problem);
   const Target target{std::move(reading.deployment), paths};

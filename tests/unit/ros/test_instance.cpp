@@ -35,6 +35,19 @@ mode_t mode_of(const std::filesystem::path& path) {
   return status.st_mode & 07777U;
 }
 
+TEST(VarPaths, OfAFolderAreTheSameByWhateverPathItIsNamed) {
+  const testing_support::TemporaryFolder folder;
+  const std::filesystem::path real = std::filesystem::canonical(folder.path()) / "var";
+  EXPECT_EQ(VarPaths::at(real / "").root, real) << "before the folder exists";
+  std::filesystem::create_directory(real);
+  std::filesystem::create_directory_symlink(real, folder.path() / "link");
+  for (const std::filesystem::path& name :
+       {real, real / "", folder.path() / "link", folder.path() / "link" / "", real / ".." / "var"}) {
+    EXPECT_EQ(VarPaths::at(name).root, real) << name;
+    EXPECT_EQ(VarPaths::at(name).memory(), VarPaths{real}.memory()) << name;
+  }
+}
+
 TEST(RunFolder, AndItsLocksAreTheSuitesUsersAlone) {
   const testing_support::TemporaryFolder folder;
   const VarPaths var{folder.path() / "var"};
