@@ -114,8 +114,6 @@ Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle) {
               .allotted = plan.allotted};
   assert(!current_ || grant.id > current_->id);
   current_ = grant;
-  starved_end_.reset();
-  starved_since_.reset();
   holder_process_.reset();
   phase_ = Phase::granted;
   slot_left_unused_ = false;

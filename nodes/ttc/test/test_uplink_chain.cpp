@@ -224,7 +224,7 @@ TEST_F(Uplink, ACounterOfMoreThan64BitsIsRefusedForThatReason) {
 
   field.back() ^= 1;
   EXPECT_EQ(push_field(), 0U);
-  EXPECT_EQ(chain_.counters().not_authentic, 1U) << "the MAC is looked at first";
+  EXPECT_EQ(chain_.counters().not_authentic, 1U) << "the MAC is checked first";
   EXPECT_EQ(chain_.counters().counter_out_of_range, 1U);
 }
 
