@@ -233,7 +233,7 @@ void set_scheduling(const Scheduling& s) {
   }
   sched_setaffinity(0, sizeof cpus, &cpus);
   setpriority(PRIO_PROCESS, 0, s.nice);
-  set_session_niceness(s.nice);
+  if (set_session_niceness(starting_niceness) != 0) set_session_niceness(s.nice);
   sched_param parameter{};
   parameter.sched_priority = s.priority;
   static constexpr std::array policies{SCHED_OTHER, SCHED_FIFO, SCHED_BATCH, SCHED_IDLE};

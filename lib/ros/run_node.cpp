@@ -73,9 +73,9 @@ void check_control_group(const NodeEntry& entry) {
 /// Brings a node to its desired state and keeps trying: a device that is missing now may come.
 class NodeRunner {
  public:
-  /// @param gives_way  its session goes behind others once the desired state is reached
-  NodeRunner(Executor& executor, LifecycleNode& node, const DesiredState& desired, bool gives_way)
-      : executor_(executor), node_(node), desired_(desired.state), gives_way_(gives_way) {
+  /// @param niceness  of its session once it was started
+  NodeRunner(Executor& executor, LifecycleNode& node, const DesiredState& desired, int niceness)
+      : executor_(executor), node_(node), desired_(desired.state), niceness_(niceness) {
     node_.on_commanded_ = [this](State commanded) {
       desired_ = commanded;  // the operator's order ends what was going on before
       node_.set_desired(commanded);
@@ -88,6 +88,7 @@ class NodeRunner {
     node_.set_desired(desired_);
     end_order_at(desired.until);
     attempt();
+    end_haste();
   }
   ~NodeRunner() {
     node_.on_commanded_ = {};
@@ -118,10 +119,17 @@ class NodeRunner {
     if (node_.go_to(desired_)) {
       malloc_trim(0);  // configuring takes memory that working does not need (YAML, tables being built)
       reached_ = monotonic_now();
-      if (gives_way_) (void)set_session_niceness(background_niceness);
       return;
     }
     retry_later();
+  }
+  /// The launcher gave the session starting_niceness. The kernel changes one session in 100 ms without
+  /// CAP_SYS_ADMIN, and the nodes of a suite start together.
+  void end_haste() {
+    haste_.reset();
+    if (set_session_niceness(niceness_) != EAGAIN) return;
+    haste_ = executor_.add_timer(
+        monotonic_now() + milliseconds(150), nanoseconds(0), [this] { end_haste(); }, "end of the start");
   }
   /// A node of the command path comes back by itself: there may be no other way to order it.
   void end_order_at(std::optional<MonotonicTime> end) {
@@ -157,11 +165,12 @@ class NodeRunner {
   Executor& executor_;
   LifecycleNode& node_;
   State desired_;
-  bool gives_way_;
+  int niceness_;
   std::size_t attempts_ = 0;
   std::optional<MonotonicTime> reached_;  ///< when the desired state was reached last
   Timer retry_;
   Timer order_end_;
+  Timer haste_;
 };
 
 namespace {
@@ -275,7 +284,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
         },
         "added nodes");
     const NodeRunner runner(executor, *node, desired_state(var, deployment, arguments.name, monotonic_now()),
-                            entry->scheduling.background);
+                            entry->scheduling.background ? background_niceness : entry->scheduling.nice);
     while (!stopping && executor.spin_once(nanoseconds::max())) {
     }
   }

@@ -47,6 +47,14 @@ class StartsTest(SystemTest):
                 self.assertEqual(up.returncode, 0, up.stderr)
             self.assertEqual({node: flight.node_pid(node) for node in pids}, pids)
 
+    def test_a_node_has_its_weight_against_other_programs_once_it_has_started(self):
+        with self.flight() as flight:
+            for node, niceness in {"ttc": 0, "payload_eps": 0, "image_processing": 10}.items():
+                session = pathlib.Path(f"/proc/{flight.node_pid(node)}/autogroup")
+                if not session.exists():
+                    self.skipTest("this kernel does not share its CPUs among sessions")
+                wait_until(lambda: session.read_text().endswith(f" nice {niceness}\n"), DEADLINE_S, f"the session of {node} has niceness {niceness}")
+
     def test_a_late_restart_by_the_watchdog_does_not_start_what_was_stopped(self):
         with self.flight() as flight:
             self.assertEqual(flight.srfs("down").returncode, 0)
