@@ -82,18 +82,17 @@ void CommandedNode::finished(FailureCode outcome) {
 
 void CommandedNode::write_journal() {
   const std::uint64_t revision = journal_->revision();
-  auto ok = std::make_shared<bool>(false);
-  writing_ = store_->post(
-      [file = state_dir() / "telecommands", content = journal_->encode(), ok] {
+  writing_ = store_->ask(
+      [file = state_dir() / "telecommands", content = journal_->encode()] {
         const auto written = write_file_atomically(
             file, std::string_view(reinterpret_cast<const char*>(content.data()), content.size()));
         if (!written) log::error("telecommands cannot be stored: {}", written.error().message);
-        *ok = written.has_value();
+        return written.has_value();
       },
-      [this, revision, ok] {
+      [this, revision](bool ok) {
         writing_ = false;
         if (!journal_) return;
-        on_written(revision, *ok);
+        on_written(revision, ok);
         settle();
       });
   if (!writing_) on_written(revision, false);

@@ -10,6 +10,8 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <type_traits>
+#include <utility>
 
 #include "base/cpu_wait.hpp"
 #include "base/time.hpp"
@@ -53,6 +55,13 @@ class Worker {
   /// empty)
   /// @return false when the queue is full: the job is dropped and counted
   bool post(std::function<void()> job, std::function<void()> done = {});
+  /// The same for a job with a result, which @p done gets. @param work returns it
+  template <class Work, class Done>
+  bool ask(Work work, Done done) {
+    auto result = std::make_shared<std::optional<std::invoke_result_t<Work&>>>();
+    return post([result, work = std::move(work)]() mutable { result->emplace(work()); },
+                [result, done = std::move(done)]() mutable { done(std::move(**result)); });
+  }
   [[nodiscard]] WorkerProgress progress() const;
   /// Reads how long the thread has waited for a CPU. To be called now and then, each 100 ms in a ring; on the
   /// work thread.

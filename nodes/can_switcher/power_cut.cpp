@@ -11,22 +11,23 @@ void PowerCut::cut(const hw::Peripheral& peripheral) {
     Outcome outcome = Outcome::attended;
     hw::GpioError error = hw::GpioError::gone;
   };
-  auto result = std::make_shared<Try>();
-  held.busy = worker_.post(
-      [this, &held, &peripheral, result] {
-        if (hooks_.attended(peripheral.payload)) return;
+  held.busy = worker_.ask(
+      [this, &held, &peripheral] {
+        Try result;
+        if (hooks_.attended(peripheral.payload)) return result;
         if (!held.lines) held.lines = hooks_.open();
         const auto set = held.lines ? held.lines->set_line(peripheral.power_line, false)
                                     : Result<void, hw::GpioError>(Err(hw::GpioError::gone));
-        result->outcome = set ? Outcome::off : Outcome::failed;
-        if (!set) result->error = set.error();
+        result.outcome = set ? Outcome::off : Outcome::failed;
+        if (!set) result.error = set.error();
+        return result;
       },
-      [this, &held, &peripheral, result] {
+      [this, &held, &peripheral](const Try& result) {
         held.busy = false;
-        if (result->outcome == Outcome::attended) return;
+        if (result.outcome == Outcome::attended) return;
         held.held = true;
-        const bool off = result->outcome == Outcome::off;
-        hooks_.done(peripheral, off ? std::nullopt : std::optional(result->error));
+        const bool off = result.outcome == Outcome::off;
+        hooks_.done(peripheral, off ? std::nullopt : std::optional(result.error));
       });
 }
 

@@ -489,9 +489,9 @@ void ImageAcquisitionNode::on_frame(const TaskPointer& task, hw::CameraFrame fra
 // ---------------------------------------------------------------- store
 
 void ImageAcquisitionNode::open_store() {
-  const auto opened = std::make_shared<Result<void, FileError>>();
-  const bool posted = store_worker_->post([this, opened] { *opened = store_->open(); },
-                                          [this, opened] { on_store_opened(*opened); });
+  const bool posted =
+      store_worker_->ask([this] { return store_->open(); },
+                         [this](const Result<void, FileError>& opened) { on_store_opened(opened); });
   if (!posted) open_store_later();
 }
 

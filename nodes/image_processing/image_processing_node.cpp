@@ -85,13 +85,9 @@ CallbackReturn ImageProcessingNode::on_configure() {
 bool ImageProcessingNode::open_store() {
   store_ = std::make_shared<std::optional<ProductStore>>();
   const auto quota = static_cast<std::uint64_t>(get_parameter<std::int64_t>("product_quota_mib")) * mebibyte;
-  auto octets = std::make_shared<std::uint64_t>(0);
-  return worker_->post(
-      [slot = store_, images = images_of(var()), quota, octets] {
-        slot->emplace(images, quota);
-        *octets = (*slot)->octets();
-      },
-      [this, octets] { counters_.product_store_mib = as_u32(*octets / mebibyte); });
+  return worker_->ask(
+      [slot = store_, images = images_of(var()), quota] { return slot->emplace(images, quota).octets(); },
+      [this](std::uint64_t octets) { counters_.product_store_mib = as_u32(octets / mebibyte); });
 }
 
 CallbackReturn ImageProcessingNode::on_deactivate() {
@@ -150,15 +146,16 @@ void ImageProcessingNode::begin(const Goal& goal) {
 }
 
 void ImageProcessingNode::post_step() {
-  auto step = std::make_shared<Step>();
-  const bool taken = worker_->post(
-      [task = running_->task, store = store_, step] {
+  const bool taken = worker_->ask(
+      [task = running_->task, store = store_] {
+        Step step;
         const MonotonicTime begin = monotonic_now();
-        step->report = task->step(**store);
-        step->took = monotonic_now() - begin;
-        step->store_octets = (*store)->octets();
+        step.report = task->step(**store);
+        step.took = monotonic_now() - begin;
+        step.store_octets = (*store)->octets();
+        return step;
       },
-      [this, task = running_->task, step] { on_step(task, *step); });
+      [this, task = running_->task](const Step& step) { on_step(task, step); });
   if (taken) return;
   const Goal goal = running_->goal;
   running_.reset();

@@ -20,17 +20,17 @@ struct MaintenanceNode::Limits {
 
 /// The dictionary is read aside: it takes its time, and without it the node does the rest of its work.
 void MaintenanceNode::open_limits() {
-  auto dictionary = std::make_shared<std::optional<mission::Dictionary>>();
-  (void)worker_->post(
-      [dictionary] {
+  (void)worker_->ask(
+      []() -> std::optional<mission::Dictionary> {
         try {
-          dictionary->emplace(mission::Dictionary::load(mission::Dictionary::default_folder()));
+          return mission::Dictionary::load(mission::Dictionary::default_folder());
         } catch (const ConfigError& e) {
           log::error("cannot monitor the limits of versions on probation: {}", e.what());
+          return std::nullopt;
         }
       },
-      [this, dictionary] {
-        if (*dictionary) watch_limits(std::make_shared<Limits>(std::move(**dictionary)));
+      [this](std::optional<mission::Dictionary> dictionary) {
+        if (dictionary) watch_limits(std::make_shared<Limits>(std::move(*dictionary)));
         malloc_trim(0);  // what reading YAML took
       });
 }

@@ -224,14 +224,14 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       break;
     case mission::PackageInstall::function_id: {
       const auto command = mission::PackageInstall::decode(arguments);
-      install_package(command->file, command->activate);
+      run(transaction_->install(command->file, command->activate));
       break;
     }
     case mission::NodeRemove::function_id:
       remove_node(mission::NodeRemove::decode(arguments)->node);
       break;
     case mission::PackageCancel::function_id:
-      finished(cancel_update());
+      run(transaction_->cancel());
       break;
     case mission::PackageReport::function_id:
       lines_.push_back(telemetry(update_status()));
@@ -253,25 +253,24 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
 }
 
 void MaintenanceNode::run(std::function<FailureCode()> job) {
-  auto outcome = std::make_shared<FailureCode>(FailureCode::not_done);
-  const bool taken = worker_->post([job = std::move(job), outcome] { *outcome = job(); },
-                                   [this, outcome] { finished(*outcome); });
+  const bool taken = worker_->ask(std::move(job), [this](FailureCode outcome) { finished(outcome); });
   if (!taken) finished(FailureCode::queue_full);
 }
 
 // ---------------------------------------------------------------- the fault ledger
 
 void MaintenanceNode::report_faults(std::size_t count) {
-  auto lines = std::make_shared<std::deque<mission::RingFaultHousekeeping>>();
-  const bool taken = worker_->post(
-      [ledger = ros::FaultLedger(var()), count, lines] {
+  const bool taken = worker_->ask(
+      [ledger = ros::FaultLedger(var()), count] {
         const auto content = ledger.read();
         const std::size_t first = content.records.size() - std::min(count, content.records.size());
+        std::deque<mission::RingFaultHousekeeping> lines;
         for (std::size_t i = first; i < content.records.size(); ++i)
-          lines->push_back(to_mission(content.records[i]));
+          lines.push_back(to_mission(content.records[i]));
+        return lines;
       },
-      [this, lines] {
-        for (const auto& line : *lines) lines_.push_back(telemetry(line));
+      [this](const auto& lines) {
+        for (const auto& line : lines) lines_.push_back(telemetry(line));
         send_next();
       });
   if (!taken) finished(FailureCode::queue_full);
@@ -310,15 +309,12 @@ void MaintenanceNode::send_next() {
 /// @param version  nullopt: the previous one
 void MaintenanceNode::use_version(const std::string& node, std::optional<std::uint32_t> version,
                                   milliseconds probation) {
-  auto outcome = std::make_shared<FailureCode>(FailureCode::not_done);
-  const bool taken = worker_->post(
-      [this, node, version, probation, outcome] {
+  const bool taken = worker_->ask(
+      [this, node, version, probation] {
         const auto table = ros::read_versions(var(), node).table;
         const auto wanted = version ? version : table.previous();
-        if (!wanted || (*wanted != update::golden && table.find(*wanted) == nullptr)) {
-          *outcome = FailureCode::no_version;
-          return;
-        }
+        if (!wanted || (*wanted != update::golden && table.find(*wanted) == nullptr))
+          return FailureCode::no_version;
         const ros::LaunchRequest request{deployment(), var(), ros::suite_bin_folder(),
                                          fmt::format("version {} by telecommand", *wanted)};
         const auto used = ros::use_version(request, *deployment().find(node), *wanted, probation, name());
@@ -327,12 +323,13 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
         } else if (*used && (*used)->fallback) {
           log::error("{}: {}", node, to_text(*(*used)->fallback));
         } else {
-          *outcome = FailureCode::none;
+          return FailureCode::none;
         }
+        return FailureCode::not_done;
       },
-      [this, node, outcome] {
-        finished(*outcome);
-        if (node != name() || *outcome != FailureCode::none) return;
+      [this, node](FailureCode outcome) {
+        finished(outcome);
+        if (node != name() || outcome != FailureCode::none) return;
         // This process is the old version: it ends once its report is out, and the ring starts the new one.
         own_end_ = create_one_shot(
             now() + before_own_end, [] { kill(getpid(), SIGTERM); }, "own end");
@@ -341,16 +338,16 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
 }
 
 void MaintenanceNode::report_versions(const std::string& node) {
-  auto lines = std::make_shared<std::deque<mission::NodeVersionHousekeeping>>();
-  const bool taken = worker_->post(
-      [node, versions = var(), lines] {
+  const bool taken = worker_->ask(
+      [node, versions = var()] {
         const auto table = ros::read_versions(versions, node).table;
-        lines->push_back(to_mission(node, table, nullptr));
+        std::deque<mission::NodeVersionHousekeeping> lines{to_mission(node, table, nullptr)};
         for (const update::Version& version : table.versions())
-          lines->push_back(to_mission(node, table, &version));
+          lines.push_back(to_mission(node, table, &version));
+        return lines;
       },
-      [this, lines] {
-        for (const auto& line : *lines) lines_.push_back(telemetry(line));
+      [this](const auto& lines) {
+        for (const auto& line : lines) lines_.push_back(telemetry(line));
         send_next();
       });
   if (!taken) finished(FailureCode::queue_full);
@@ -359,37 +356,30 @@ void MaintenanceNode::report_versions(const std::string& node) {
 // ---------------------------------------------------------------- reports of deaths
 
 void MaintenanceNode::send_report(const mission::NodeSendReport& command) {
-  struct Outcome {
-    FailureCode code = FailureCode::no_report;
-    std::optional<QueuedReport> report;
-  };
-  auto outcome = std::make_shared<Outcome>();
-  const bool taken = worker_->post(
-      [var = var(), command, outcome] {
+  const bool taken = worker_->ask(
+      [var = var(), command]() -> Result<QueuedReport, FailureCode> {
         const auto incarnation =
             command.incarnation == newest_report ? std::nullopt : std::optional(command.incarnation);
         const auto reports = ros::find_crash_reports(var, command.node);
         const ros::CrashReport* report = choose_report(reports, incarnation);
-        if (report == nullptr) return;
+        if (report == nullptr) return Err(FailureCode::no_report);
         auto queued = queue_report(var.root / "files" / "outbox",
                                    fmt::format("{}_{}", command.node, report->incarnation), report->file);
         if (!queued) {
           log::error("cannot queue the crash report of {} for downlink: {}", command.node,
                      queued.error().text);
-          outcome->code = to_failure_code(queued.error().error);
-          return;
+          return Err(to_failure_code(queued.error().error));
         }
-        outcome->code = FailureCode::none;
-        outcome->report = std::move(*queued);
+        return std::move(*queued);
       },
-      [this, outcome] {
-        if (outcome->report) {
+      [this](const Result<QueuedReport, FailureCode>& queued) {
+        if (queued) {
           mission::MaintenanceReportQueuedEvent event;
-          event.name = outcome->report->name;
-          event.octets = static_cast<std::uint32_t>(outcome->report->octets);
+          event.name = queued->name;
+          event.octets = static_cast<std::uint32_t>(queued->octets);
           raise(event);
         }
-        finished(outcome->code);
+        finished(queued ? FailureCode::none : queued.error());
       });
   if (!taken) finished(FailureCode::queue_full);
 }

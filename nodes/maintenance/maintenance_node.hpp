@@ -14,11 +14,8 @@
 
 #include "base/child_process.hpp"
 #include "commanding/commanded_node.hpp"
-#include "nodes/maintenance/lane_call.hpp"
-#include "nodes/maintenance/package_intake.hpp"
-#include "ros/launcher.hpp"
+#include "nodes/maintenance/update_transaction.hpp"
 #include "update/scrubber.hpp"
-#include "update/update_journal.hpp"
 
 namespace srfs {
 
@@ -61,30 +58,32 @@ class MaintenanceNode : public CommandedNode {
   void open_packages();
   void close_packages();
   void resume_update();
-  void install_package(const std::string& file, bool activate);
-  [[nodiscard]] FailureCode cancel_update();
   [[nodiscard]] mission::UpdateStatusHousekeeping update_status() const;
   [[nodiscard]] LaneFolders lane_folders() const;
   [[nodiscard]] IntakeRules intake_rules() const;
-  void go_on();
-  void run_lane(const std::vector<std::string>& command, milliseconds patience,
-                std::function<void(const LaneReport&)> done);
+  void run(UpdateTransaction::Actions actions);
+  void carry_out(const AnswerTelecommand& action);
+  void carry_out(const TakeInPackage& action);
+  void carry_out(const WriteUpdateJournal& action);
+  void carry_out(const ReportRefusal& action);
+  void carry_out(const ReportUpdate& action);
+  void carry_out(const BuildProgram& action);
+  void carry_out(const TestProgram& action);
+  void carry_out(const StopLane& action);
+  void carry_out(const SendLaneLog& action);
+  void carry_out(const StoreProgram& action);
+  void carry_out(const SwapProgram& action);
+  void carry_out(const AddProgram& action);
+  void carry_out(const AwaitActive& action);
+  void carry_out(const EndOwnProcess& action);
+  void carry_out(const RemoveWorkFolder& action);
+  void swap_on_worker(std::function<Result<std::optional<StartedProgram>, std::string>()> job);
+  [[nodiscard]] std::optional<std::string> describe_new_node(const TestProgram& action) const;
+  void run_lane(const std::vector<std::string>& command, milliseconds patience);
   void read_lane_output();
   void on_lane_end();
-  void on_built(const LaneReport& report);
-  void on_tested(const LaneReport& report);
-  void store_program();
-  void swap_program();
-  void add_program();
-  void on_swapped(const Result<std::optional<ros::Launched>, std::string>& swapped);
-  [[nodiscard]] std::optional<std::string> describe_new_node() const;
   void review_added_nodes();
   void remove_node(const std::string& node);
-  void await_active(pid_t pid, MonotonicTime stopped);
-  void end_update(update::UpdateStep step, const std::string& reason);
-  void announce();
-  void save_updates();
-  void send_lane_log();
 
   /// The lane's process, and what waits for its end.
   struct Lane {
@@ -94,16 +93,12 @@ class MaintenanceNode : public CommandedNode {
     ros::Timer deadline;
     std::string line;   ///< begun by the child
     bool late = false;  ///< killed at its deadline
-    bool cancelled = false;
-    std::function<void(const LaneReport&)> done;
   };
-  update::UpdateJournal updates_;
-  update::Manifest manifest_;  ///< of the update that is built
-  std::string dictionary_;     ///< the fragment that it brings; empty: none
+  std::optional<UpdateTransaction> transaction_;  ///< while configured
+  std::deque<UpdateAction> update_actions_;       ///< still to be carried out
+  bool carrying_out_update_ = false;
   ros::Timer reviewing_added_;
   std::optional<Lane> lane_;
-  bool taking_in_ = false;  ///< a package is being verified
-  bool packages_open_ = false;
   bool resume_pending_ = false;  ///< what an earlier process left is checked once
   std::shared_ptr<ros::Worker> package_worker_;
   ros::Timer awaiting_active_;

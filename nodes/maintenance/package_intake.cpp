@@ -19,7 +19,7 @@ namespace {
 
 Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, const std::string& name) {
   const auto missing = [&](std::string_view why) {
-    return Err(IntakeFailure{true, fmt::format("{}: {}", name, why)});
+    return Err(IntakeFailure{FailureCode::package_not_found, fmt::format("{}: {}", name, why)});
   };
   const Fd folder(open(root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder) return missing(errno_text(errno));
@@ -32,7 +32,8 @@ Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, co
   if (fstat(file.get(), &status) != 0) return missing(errno_text(errno));
   if (!S_ISREG(status.st_mode)) return missing("not a regular file");
   if (static_cast<std::uint64_t>(status.st_size) > update::PackageLimits::package_octets)
-    return Err(IntakeFailure{false, fmt::format("{}: {}", to_text(update::PackageRefusal::too_large), name)});
+    return Err(IntakeFailure{FailureCode::package_refused,
+                             fmt::format("{}: {}", to_text(update::PackageRefusal::too_large), name)});
   Octets content(static_cast<std::size_t>(status.st_size));
   std::size_t done = 0;
   while (done < content.size()) {
@@ -49,7 +50,9 @@ Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, co
 Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const std::string& file,
                                               const update::UpdateJournal& journal,
                                               const LaneFolders& folders) {
-  const auto refusal = [](std::string reason) { return Err(IntakeFailure{false, std::move(reason)}); };
+  const auto refusal = [](std::string reason) {
+    return Err(IntakeFailure{FailureCode::package_refused, std::move(reason)});
+  };
   const auto key = update::load_public_key(rules.public_key);
   if (!key) return refusal("no verification key: " + key.error().message);
   const auto content = read_package(rules.files, file);

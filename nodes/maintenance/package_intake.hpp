@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/result.hpp"
+#include "commanding/telecommand_journal.hpp"
 #include "nodes/maintenance/lane_call.hpp"
 #include "update/update_journal.hpp"
 
@@ -27,7 +28,7 @@ struct Intake {
   std::string dictionary;  ///< text of the fragment that the package brings; empty: none
 };
 struct IntakeFailure {
-  bool not_found = false;
+  FailureCode code = FailureCode::package_refused;
   std::string reason;  ///< ready to print
 };
 /// Reads the package, verifies all of it and unpacks its sources into LaneFolders::sources, in a work folder

@@ -497,15 +497,14 @@ void PayloadNode::carry_out(const AwaitQuiet& /*action*/) {
 void PayloadNode::carry_out(const ProcessMeasurement& action) {
   const milliseconds artificial(get_parameter<std::int64_t>("processing_time_ms"));
   const MonotonicTime measured = monotonic_now();
-  auto processed = std::make_shared<std::optional<Processed>>();
-  const bool taken = process_worker_->post(
-      [profile = profile_.get(), action, artificial, processed] {
+  const bool taken = process_worker_->ask(
+      [profile = profile_.get(), action, artificial] {
         if (artificial > milliseconds(0)) std::this_thread::sleep_for(artificial);
-        *processed = profile->process(action.block, action.cycle, to_mission(action.statistics));
+        return profile->process(action.block, action.cycle, to_mission(action.statistics));
       },
-      [this, processed, cycle = action.cycle, size = action.block.size(), measured] {
-        if (*processed) {
-          publish_processed(**processed, cycle, measured);
+      [this, cycle = action.cycle, size = action.block.size(), measured](const auto& processed) {
+        if (processed) {
+          publish_processed(*processed, cycle, measured);
         } else {
           raise(mission::PayloadPeripheralGarbageEvent{.reason =
                                                            fmt::format("measurement of {} octets", size)});
@@ -630,20 +629,21 @@ bool PayloadNode::assign_inputs() {
 /// Line by line: on the board a line has one owner, and the others of the bank are other nodes'.
 void PayloadNode::read_inputs() {
   if (reading_inputs_) return;  // a question to the device takes at most 20 ms
-  auto reading = std::make_shared<SensorInputs::Reading>();
-  reading_inputs_ = gpio_worker_->post(
-      [this, reading] {
+  reading_inputs_ = gpio_worker_->ask(
+      [this] {
+        SensorInputs::Reading reading;
         for (const std::uint8_t line : input_lines_) {
           const auto level = gpio_->read_line(line);
           if (!level) continue;
           const unsigned bit = 1U << (line - hw::gpio_first_input);
-          reading->read = static_cast<std::uint8_t>(reading->read | bit);
-          if (*level) reading->levels = static_cast<std::uint8_t>(reading->levels | bit);
+          reading.read = static_cast<std::uint8_t>(reading.read | bit);
+          if (*level) reading.levels = static_cast<std::uint8_t>(reading.levels | bit);
         }
+        return reading;
       },
-      [this, reading] {
+      [this](const SensorInputs::Reading& reading) {
         reading_inputs_ = false;
-        const auto change = inputs_->on_reading(*reading, monotonic_now());
+        const auto change = inputs_->on_reading(reading, monotonic_now());
         if (!change) return;
         log::info("on-board sensor inputs {:#04x} -> {:#04x}", change->before, change->after);
         raise(mission::PayloadSensorInputsChangedEvent{.before = change->before, .after = change->after});
@@ -673,16 +673,15 @@ void PayloadNode::carry_out(const WriteJournal& action) {
 void PayloadNode::write_journal() {
   journal_writing_ = true;
   const std::uint64_t revision = cycle_->journal().revision();
-  auto ok = std::make_shared<bool>(false);
-  const bool taken = store_worker_->post(
-      [file = state_dir() / "telecommands", content = cycle_->journal().encode(), ok] {
+  const bool taken = store_worker_->ask(
+      [file = state_dir() / "telecommands", content = cycle_->journal().encode()] {
         const auto written = write_file_atomically(file, text_of(content));
         if (!written) log::error("telecommands cannot be stored: {}", written.error().message);
-        *ok = written.has_value();
+        return written.has_value();
       },
-      [this, revision, ok] {
+      [this, revision](bool ok) {
         journal_writing_ = false;
-        run(cycle_->on_journal_written(revision, *ok, monotonic_now()));
+        run(cycle_->on_journal_written(revision, ok, monotonic_now()));
         if (journal_wanted_ > revision && !journal_writing_) write_journal();
       });
   if (taken) return;
@@ -695,16 +694,17 @@ void PayloadNode::carry_out(const SwitchPower& action) {
     bool ok = false;
     bool was_on = true;
   };
-  auto outcome = std::make_shared<Outcome>();
-  const bool taken = gpio_worker_->post(
-      [this, on = action.on, outcome] {
-        outcome->was_on = gpio_->read_line(profile_->peripheral().power_line).value_or(true);
+  const bool taken = gpio_worker_->ask(
+      [this, on = action.on] {
+        Outcome outcome;
+        outcome.was_on = gpio_->read_line(profile_->peripheral().power_line).value_or(true);
         const auto set = gpio_->set_line(profile_->peripheral().power_line, on);
         if (!set) log::warn("cannot switch the power of the peripheral: {}", hw::to_string(set.error()));
-        outcome->ok = set.has_value();
+        outcome.ok = set.has_value();
+        return outcome;
       },
-      [this, on = action.on, outcome] {
-        run(cycle_->on_power_switched(on, outcome->ok, monotonic_now(), outcome->was_on));
+      [this, on = action.on](const Outcome& outcome) {
+        run(cycle_->on_power_switched(on, outcome.ok, monotonic_now(), outcome.was_on));
       });
   if (!taken) run(cycle_->on_power_switched(action.on, false, monotonic_now()));
 }

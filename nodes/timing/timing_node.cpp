@@ -368,16 +368,15 @@ void TimingNode::save_time() {
 
 void TimingNode::save(MissionCycle ceiling) {
   const TimingRecord record = record_now(ceiling);
-  auto ok = std::make_shared<bool>(false);
-  const bool taken = worker_->post(
-      [this, record, ok] {
+  const bool taken = worker_->ask(
+      [this, record] {
         const auto written = store_.save(record);
-        *ok = written.has_value();
         if (!written)
           log::error("cannot save the cycle number, it may repeat after a restart: {}",
                      written.error().message);
+        return written.has_value();
       },
-      [this, record, ok] { reservation_->on_written(record.cycle_ceiling, *ok); });
+      [this, ceiling](bool ok) { reservation_->on_written(ceiling, ok); });
   if (!taken) reservation_->on_written(ceiling, false);
 }
 
@@ -569,11 +568,10 @@ void TimingNode::save_boot_record() {
     (void)write(*record);
     return;
   }
-  auto ok = std::make_shared<bool>(false);
-  const bool taken = worker_->post([write, r = *record, ok] { *ok = write(r); },
-                                   [this, ok] {
-                                     if (!*ok) boot_->on_write_failed();
-                                   });
+  const bool taken = worker_->ask([write, r = *record] { return write(r); },
+                                  [this](bool ok) {
+                                    if (!ok) boot_->on_write_failed();
+                                  });
   if (!taken) boot_->on_write_failed();
 }
 

@@ -48,20 +48,21 @@ void TtcNode::on_deployment_changed() {
 
 void TtcNode::load_dictionary() {
   if (dictionary_loads_ || dictionary_revision_ == deployment().added_revision) return;
-  auto loaded = std::make_shared<LoadedDictionary>();
   const std::uint32_t revision = deployment().added_revision;
-  dictionary_loads_ = state_worker_->post(
-      [loaded, parts = fragments(), folder = mission::Dictionary::default_folder()] {
+  dictionary_loads_ = state_worker_->ask(
+      [parts = fragments(), folder = mission::Dictionary::default_folder()] {
+        LoadedDictionary loaded;
         try {
-          loaded->dictionary = mission::Dictionary::load_fitting(folder, parts, loaded->refused);
+          loaded.dictionary = mission::Dictionary::load_fitting(folder, parts, loaded.refused);
         } catch (const ConfigError& e) {
-          loaded->problem = e.what();
+          loaded.problem = e.what();
         }
+        return loaded;
       },
-      [this, loaded, revision] {
+      [this, revision](LoadedDictionary loaded) {
         dictionary_loads_ = false;
         dictionary_revision_ = revision;
-        take_dictionary(std::move(*loaded));
+        take_dictionary(std::move(loaded));
         load_dictionary();  // the list may have changed meanwhile
       });
 }

@@ -58,14 +58,12 @@ FileOutcome TtcNode::Files::serve(const FileOrder& order) {
 void TtcNode::serve_files() {
   const auto order = link_->file_service.next_order(monotonic_now());
   if (!order) return;
-  auto outcome = std::make_shared<FileOutcome>(FileOutcome{.failure = mission::failure::not_done});
-  const bool taken =
-      files_worker_->post([files = files_, order = *order, outcome] { *outcome = files->serve(order); },
-                          [this, outcome] {
-                            link_->file_service.on_outcome(*outcome, monotonic_now());
-                            link_->files.on_change();
-                            if (is_active()) settle();
-                          });
+  const bool taken = files_worker_->ask([files = files_, order = *order] { return files->serve(order); },
+                                        [this](const FileOutcome& outcome) {
+                                          link_->file_service.on_outcome(outcome, monotonic_now());
+                                          link_->files.on_change();
+                                          if (is_active()) settle();
+                                        });
   if (!taken) link_->file_service.on_refused(monotonic_now());
 }
 
@@ -75,11 +73,11 @@ void TtcNode::pump_files() {
                                       .filled = link_->downlink.begun_octets(DownlinkChannel::files)});
   if (!turn) return;
   using Outcome = Result<cfdp::PostboxTurnResult, std::string>;
-  auto result = std::make_shared<Outcome>(Err(std::string("the file transfer step failed")));
-  const bool taken =
-      files_worker_->post([files = files_, turn = std::make_shared<cfdp::PostboxTurn>(std::move(*turn)),
-                           result] { *result = files->take_turn(*turn); },
-                          [this, result] { on_files_turn(*result); });
+  const bool taken = files_worker_->ask(
+      [files = files_, turn = std::make_shared<cfdp::PostboxTurn>(std::move(*turn))] {
+        return files->take_turn(*turn);
+      },
+      [this](Outcome result) { on_files_turn(result); });
   if (!taken) link_->files.on_turn_refused(monotonic_now());
 }
 

@@ -159,14 +159,12 @@ void TtcNode::run_imaging_job() {
   if (imaging_job_runs_ || imaging_jobs_.empty()) return;
   auto order = std::make_shared<const ImagingOrder>(std::move(imaging_jobs_.front()));
   imaging_jobs_.pop_front();
-  auto outcome = std::make_shared<ImagingOutcome>();
-  imaging_job_runs_ =
-      files_worker_->post([files = files_, order, outcome] { *outcome = files->serve(*order); },
-                          [this, order, outcome] {
-                            imaging_job_runs_ = false;
-                            on_imaging_job(*order, *outcome);
-                          });
-  if (!imaging_job_runs_) on_imaging_job(*order, *outcome);
+  imaging_job_runs_ = files_worker_->ask([files = files_, order] { return files->serve(*order); },
+                                         [this, order](const ImagingOutcome& outcome) {
+                                           imaging_job_runs_ = false;
+                                           on_imaging_job(*order, outcome);
+                                         });
+  if (!imaging_job_runs_) on_imaging_job(*order, {});
 }
 
 void TtcNode::on_imaging_job(const ImagingOrder& order, const ImagingOutcome& outcome) {
@@ -216,20 +214,18 @@ void TtcNode::look_at_imaging_nodes() {
     std::uint32_t acquisition = 0;
     std::uint32_t processing = 0;
   };
-  auto seen = std::make_shared<Seen>();
-  state_worker_->post(
-      [paths = var(), seen] {
+  state_worker_->ask(
+      [paths = var()] {
         const auto incarnation = [&](const char* node) {
           const auto instance = ros::find_instance(paths, node);
           return instance ? instance->incarnation : 0U;
         };
-        seen->at = monotonic_now();
-        seen->acquisition = incarnation(acquisition_node);
-        seen->processing = incarnation(processing_node);
+        const MonotonicTime at = monotonic_now();
+        return Seen{at, incarnation(acquisition_node), incarnation(processing_node)};
       },
-      [this, seen] {
-        link_->imaging.on_instance(ImageServer::acquisition, seen->acquisition, seen->at);
-        link_->imaging.on_instance(ImageServer::processing, seen->processing, seen->at);
+      [this](const Seen& seen) {
+        link_->imaging.on_instance(ImageServer::acquisition, seen.acquisition, seen.at);
+        link_->imaging.on_instance(ImageServer::processing, seen.processing, seen.at);
         if (is_active()) settle();
       });
 }

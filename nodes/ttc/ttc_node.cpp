@@ -129,15 +129,18 @@ void TtcNode::persist_journal(bool sync_all) {
     Result<void, FileError> written;
     std::size_t used_octets = 0;
   };
-  auto outcome = std::make_shared<Outcome>();
   link_->gate.on_write_begun(batch->revision);
-  const bool taken = journal_worker_->post(
-      [disk = journal_file_, batch, outcome] {
-        outcome->written = batch->snapshot ? disk->log.snapshot(*batch->snapshot)
-                                           : disk->log.append(batch->records, batch->sync);
-        outcome->used_octets = disk->log.used_octets();
+  const bool taken = journal_worker_->ask(
+      [disk = journal_file_, batch] {
+        Outcome outcome;
+        outcome.written = batch->snapshot ? disk->log.snapshot(*batch->snapshot)
+                                          : disk->log.append(batch->records, batch->sync);
+        outcome.used_octets = disk->log.used_octets();
+        return outcome;
       },
-      [this, batch, outcome] { on_journal_written(*batch, outcome->written, outcome->used_octets); });
+      [this, batch](const Outcome& outcome) {
+        on_journal_written(*batch, outcome.written, outcome.used_octets);
+      });
   if (!taken) on_journal_written(*batch, Err(FileError{"the journal's worker is busy"}), 0);
 }
 
@@ -317,15 +320,14 @@ void TtcNode::store_mode_change() {
 }
 
 void TtcNode::write_state(const char* name, std::string text, std::function<void(bool)> tell) {
-  auto stored = std::make_shared<bool>(false);
-  const bool taken = state_worker_->post(
-      [path = state_dir() / name, text = std::move(text), stored] {
+  const bool taken = state_worker_->ask(
+      [path = state_dir() / name, text = std::move(text)] {
         const auto written = write_file_atomically(path, text);
         if (!written) log::warn("{}", written.error().message);
-        *stored = written.has_value();
+        return written.has_value();
       },
-      [this, tell, stored] {
-        tell(*stored);
+      [this, tell](bool stored) {
+        tell(stored);
         if (is_active()) settle();
       });
   if (!taken) tell(false);
@@ -730,11 +732,11 @@ void TtcNode::send_beacon() {
 void TtcNode::look_at_nodes() {
   for (const std::string& node : std::exchange(answered_, {})) state_clients_.erase(node);
   using Facts = std::vector<std::pair<std::string, NodeFacts>>;
-  auto facts = std::make_shared<Facts>();
   std::vector<std::string> names = link_->beacon.nodes();
   for (const Guest& guest : guests_) names.push_back(guest.name);
-  state_worker_->post(
-      [paths = var(), names = std::move(names), facts] {
+  state_worker_->ask(
+      [paths = var(), names = std::move(names)] {
+        Facts facts;
         for (const std::string& node : names) {
           NodeFacts known;
           if (const auto instance = ros::find_instance(paths, node)) {
@@ -742,11 +744,12 @@ void TtcNode::look_at_nodes() {
             known.version = instance->version;
           }
           known.restarts = ros::read_start_record(paths, node).restarts;
-          facts->emplace_back(node, known);
+          facts.emplace_back(node, known);
         }
+        return facts;
       },
-      [this, facts] {
-        for (const auto& [node, known] : *facts) {
+      [this](const Facts& facts) {
+        for (const auto& [node, known] : facts) {
           link_->beacon.on_facts(node,
                                  node == name() ? NodeFacts{true, known.restarts, ros::version()} : known);
           for (Guest& guest : guests_) {

@@ -80,18 +80,18 @@ void TtcNode::store_key_change() {
   if (!change) return;
   ++key_selection_.generation;
   key_selection_.sets[change->vc] = change->set;
-  auto stored = std::make_shared<bool>(false);
-  const auto done = [this, change = *change, stored] {
+  const auto done = [this, change = *change](bool stored) {
     link_->uplink.select(change.vc, change.set);
-    link_->router.key_change_stored(change, *stored);
-    report_keys(change.vc, change.set, *stored ? "commanded" : "commanded, not stored");
+    link_->router.key_change_stored(change, stored);
+    report_keys(change.vc, change.set, stored ? "commanded" : "commanded, not stored");
     if (is_active()) settle();
   };
-  const bool taken =
-      state_worker_->post([path = state_dir() / "key_selection", selection = key_selection_,
-                           stored] { *stored = store_key_selection(path, selection).has_value(); },
-                          done);
-  if (!taken) done();
+  const bool taken = state_worker_->ask(
+      [path = state_dir() / "key_selection", selection = key_selection_] {
+        return store_key_selection(path, selection).has_value();
+      },
+      done);
+  if (!taken) done(false);
 }
 
 }  // namespace srfs

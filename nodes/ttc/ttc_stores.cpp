@@ -28,23 +28,26 @@ void TtcNode::commit_stores() {
   // What has left and is in this commit, the ground has or can ask for.
   const bool all_left = link_->downlink.empty(DownlinkChannel::live) && outgoing_.empty();
   const std::uint64_t told = all_left ? link_->journal.said() : 0;
-  auto status = std::make_shared<StoreRackStatus>();
   const auto counts = frame_count_reserve_.wanted(link_->downlink.frame_counts());
-  auto counts_stored = std::make_shared<Result<void, FileError>>();
-  commit_running_ = store_worker_->post(
-      [stores = stores_, items = std::make_shared<std::vector<StoreItem>>(to_store_), status,
-       bounded = link_->stores.bounded(), file = frame_count_file_, counts, counts_stored] {
+  struct Committed {
+    StoreRackStatus status;
+    Result<void, FileError> counts;
+  };
+  commit_running_ = store_worker_->ask(
+      [stores = stores_, items = to_store_, bounded = link_->stores.bounded(), file = frame_count_file_,
+       counts] {
         stores->set_bounded(bounded);
-        for (const StoreItem& item : *items) stores->append(item);
+        for (const StoreItem& item : items) stores->append(item);
         stores->commit();
-        *status = stores->status();
-        if (counts) *counts_stored = file->store(*counts);
+        Committed committed{stores->status(), {}};
+        if (counts) committed.counts = file->store(*counts);
+        return committed;
       },
-      [this, status, told, counts, counts_stored] {
+      [this, told, counts](const Committed& committed) {
         commit_running_ = false;
-        if (counts) on_frame_counts_stored(*counts, *counts_stored);
-        if (status->failure.empty()) link_->journal.on_told(told);
-        on_store_status(*status);
+        if (counts) on_frame_counts_stored(*counts, committed.counts);
+        if (committed.status.failure.empty()) link_->journal.on_told(told);
+        on_store_status(committed.status);
       });
   if (commit_running_) to_store_.clear();
 }
@@ -114,16 +117,15 @@ void TtcNode::feed_playback() {
 }
 
 bool TtcNode::read_batch(const PacketRetrieval::Batch& batch, BatchTaker take) {
-  auto read = std::make_shared<std::optional<RetrievedPackets>>();
-  const bool posted = store_worker_->post(
-      [stores = stores_, batch, items = to_store_, read] {
+  const bool posted = store_worker_->ask(
+      [stores = stores_, batch, items = to_store_] {
         for (const StoreItem& item : items)
           stores->append(item);  // what was sent up to now belongs to the period too
-        *read =
-            stores->read(batch.period.store, batch.period.range, batch.cursor, PacketRetrieval::batch_octets);
+        return stores->read(batch.period.store, batch.period.range, batch.cursor,
+                            PacketRetrieval::batch_octets);
       },
-      [this, request = batch.request, read, take = std::move(take)] {
-        for (Octets& packet : take(request, std::move(*read)))
+      [this, request = batch.request, take = std::move(take)](std::optional<RetrievedPackets> read) {
+        for (Octets& packet : take(request, std::move(read)))
           link_->downlink.push(DownlinkChannel::playback, std::move(packet), false, now());
         link_->stores.on_pushed(link_->downlink.pushed_octets(DownlinkChannel::playback));
         if (is_active()) settle();

@@ -438,18 +438,17 @@ void LivenessRing::restart_next() {
   if (restarting_ || waiting_.empty()) return;
   auto accusation = std::make_shared<const Accusation>(std::move(waiting_.front()));
   waiting_.pop_front();
-  auto outcome = std::make_shared<RestartOutcome>();
-  restarting_ = worker_->post(
-      [this, accusation, outcome] {
+  restarting_ = worker_->ask(
+      [this, accusation]() -> RestartOutcome {
         try {
-          *outcome = hooks_.restart(*accusation);
+          return hooks_.restart(*accusation);
         } catch (const std::exception& e) {
-          *outcome = {RestartOutcome::What::cannot_start, 0, std::nullopt, e.what()};
+          return {RestartOutcome::What::cannot_start, 0, std::nullopt, e.what()};
         }
       },
-      [this, accusation, outcome] {
+      [this, accusation](const RestartOutcome& outcome) {
         restarting_ = false;
-        conclude(accusation->subject, *outcome);
+        conclude(accusation->subject, outcome);
         act();
         restart_next();
       });
