@@ -495,22 +495,22 @@ void CanSwitcherNode::on_deadline() {
   statuses_->take_waiting();
   const std::uint32_t deaf_before = rotation_->counters().deaf_deadlines;
   const std::uint32_t starved_before = rotation_->counters().starved_holders;
+  const std::uint32_t late_before = rotation_->counters().late_deadlines;
   const auto cpu = holder_cpu();
   const Decision decision =
       rotation_->on_deadline(monotonic_now(), context().participant.transport_stats().last_datagram, cpu);
   if (rotation_->counters().starved_holders != starved_before)
-    log::warn("{} got no CPU to release the bus at the end of its lease: waiting for it",
+    log::warn("{} got no CPU to release the bus at the end of its lease: asking, and waiting for it",
               rotation_->current()->payload);
   if (rotation_->counters().deaf_deadlines != deaf_before)
     log::warn("no datagram received at the end of the lease of {}: not accusing it",
               rotation_->current()->payload);
   if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
   if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f, cpu);
-  if (const Recall* recall = std::get_if<Recall>(&decision)) {
+  if (rotation_->counters().late_deadlines != late_before)
     log::warn("this switcher was deaf or late at the end of the lease of {}: asking before killing it",
-              recall->payload);
-    publish_recall(*recall, monotonic_now());
-  }
+              rotation_->current()->payload);
+  if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall, monotonic_now());
   record_holder();
   arm_deadline();
 }

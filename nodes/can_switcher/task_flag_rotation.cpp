@@ -227,8 +227,14 @@ Decision TaskFlagRotation::on_deadline(MonotonicTime now, MonotonicTime last_hea
   if (!deadline || now < *deadline) return Nothing{};
   if (now >= current_->lease_end) {
     if (waits_to_hear(now, last_heard)) return Nothing{};
-    if (holder && waits_for_starved_holder(now, *holder)) return Nothing{};
-    return end_of_lease(now);
+    switch (holder ? judge(now, *holder) : HolderVerdict::could_run) {
+      case HolderVerdict::starved:
+        return on_starved_holder(now);
+      case HolderVerdict::may_starve:
+        return Nothing{};
+      case HolderVerdict::could_run:
+        return end_of_lease(now);
+    }
   }
   // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
   assert(phase_ == Phase::taken);
@@ -248,25 +254,44 @@ bool TaskFlagRotation::waits_to_hear(MonotonicTime now, MonotonicTime last_heard
   return true;
 }
 
-bool TaskFlagRotation::waits_for_starved_holder(MonotonicTime now, const HolderCpu& holder) {
+TaskFlagRotation::HolderVerdict TaskFlagRotation::judge(MonotonicTime now, const HolderCpu& holder) {
   if (phase_ != Phase::recalling && now - current_->lease_end > held_up_limit)
-    return false;  // this process was held up itself: it asks first
+    return HolderVerdict::could_run;  // this process was held up itself: it asks first
   const bool first_look = !starved_end_;
   const MonotonicTime end = starved_end_.value_or(current_->lease_end);
-  if (now - starved_since_.value_or(end) >= starved_patience) return false;
+  if (now - starved_since_.value_or(end) >= starved_patience) return HolderVerdict::could_run;
   const nanoseconds lease = end - current_->granted;
-  // A wait that goes on shows at the second look only.
-  const bool may_wait = first_look && holder.runnable && holder.ran < lease / 2;
   const nanoseconds able = now - current_->granted - holder.waited;
   const nanoseconds enough = holder.waited > lease / 4 ? lease * starved_leases : lease - starved_look;
-  if (able >= enough && !may_wait) return false;
+  const bool starved = able < enough;
+  // A wait that goes on shows at the second look only.
+  const bool may_wait = first_look && holder.runnable && holder.ran < lease / 2;
+  if (!starved && !may_wait) return HolderVerdict::could_run;
   if (!starved_since_) {
     starved_since_ = end;
     ++counters_.starved_holders;
   }
   starved_end_ = end;
   current_->lease_end = now + starved_look;
-  return true;
+  return starved ? HolderVerdict::starved : HolderVerdict::may_starve;
+}
+
+/// It is asked: its release, or the flag, may be lost, and then it would say nothing once it has a CPU.
+Decision TaskFlagRotation::on_starved_holder(MonotonicTime now) {
+  const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
+  if (phase_ == Phase::recalling || !process) return Nothing{};
+  return ask(*process, now, std::min(recall_time_, held_up_recall_time));
+}
+
+/// A recall does not renew the patience with a starved holder.
+Recall TaskFlagRotation::ask(std::uint32_t process, MonotonicTime now, nanoseconds time) {
+  const auto starved_since = starved_since_;
+  inherit({current_->payload, process}, now);
+  starved_since_ = starved_since;
+  deaf_since_.reset();
+  recalled_ = true;
+  current_->lease_end = now + time;
+  return {current_->id, current_->payload};
 }
 
 Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
@@ -276,13 +301,8 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
     // This process was deaf, stopped or starved, and so may the holder have been: it is asked before it is
     // killed.
     const bool long_ago = now - current_->lease_end > held_up_recall_time;
-    const auto starved_since = starved_since_;
-    inherit({current_->payload, process}, now);
-    starved_since_ = starved_since;  // a recall does not renew the patience
-    recalled_ = true;
-    current_->lease_end = now + (long_ago ? recall_time_ : std::min(recall_time_, held_up_recall_time));
     ++counters_.late_deadlines;
-    return Recall{current_->id, current_->payload};
+    return ask(*process, now, long_ago ? recall_time_ : std::min(recall_time_, held_up_recall_time));
   }
   SlotCounters& counters = slot_counters_[current_->slot];
   if (phase_ == Phase::granted) {

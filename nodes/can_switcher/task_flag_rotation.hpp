@@ -122,8 +122,8 @@ class TaskFlagRotation {
   /// @param received  when the tick arrived, before now if it had to wait
   /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (suspended, a tick from before resume())
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
-  /// @return OrderReset or Fence when due, else Nothing. Call it at next_deadline(); harmless at any other
-  /// time.
+  /// @return OrderReset, Fence or Recall when due, else Nothing. Call it at next_deadline(); harmless at any
+  /// other time.
   /// @param last_heard  last input of any kind from the network; a switcher that hears nothing blames no
   /// payload
   /// @param holder      nullopt: not known, so only the clock counts
@@ -233,10 +233,11 @@ class TaskFlagRotation {
   static constexpr nanoseconds deaf_limit = milliseconds(30);
   static constexpr nanoseconds deaf_patience = seconds(2);
   static constexpr nanoseconds deaf_look = milliseconds(20);
-  /// A holder that waited for a CPU instead of releasing is killed only after it could run for so many
-  /// lengths of its lease, or after the patience, in which the ring finds who takes the CPUs. One length
-  /// would be too little: the end of a wait shows a look later, and it may sleep for a lock whose owner has
-  /// no CPU. Its lease is over all the same: its handle refuses to write.
+  /// A holder that waited for a CPU instead of releasing is recalled. If it also waits for a CPU then, it is
+  /// killed only after it could run for so many lengths of the recall's time, or after the patience, in which
+  /// the ring finds who takes the CPUs. One length would be too little: the end of a wait shows a look later,
+  /// and it may sleep for a lock whose owner has no CPU. Its lease is over all the same: its handle refuses
+  /// to write.
   static constexpr nanoseconds starved_patience = seconds(10);
   static constexpr int starved_leases = 16;
   static constexpr nanoseconds starved_look = milliseconds(25);
@@ -246,7 +247,11 @@ class TaskFlagRotation {
 
   /// Nothing came in around the end of the lease; it is checked again a little later.
   [[nodiscard]] bool waits_to_hear(MonotonicTime now, MonotonicTime last_heard);
-  [[nodiscard]] bool waits_for_starved_holder(MonotonicTime now, const HolderCpu& holder);
+  /// Of a holder whose lease is over, by the time in which it had a CPU.
+  enum class HolderVerdict : std::uint8_t { could_run, starved, may_starve };
+  [[nodiscard]] HolderVerdict judge(MonotonicTime now, const HolderCpu& holder);
+  Decision on_starved_holder(MonotonicTime now);
+  Recall ask(std::uint32_t process, MonotonicTime now, nanoseconds time);
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   Grant grant(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
