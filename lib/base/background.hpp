@@ -15,6 +15,9 @@ namespace srfs {
 /// Niceness of the session of a process that gives way, and of its threads where SCHED_IDLE could not be
 /// taken back.
 inline constexpr int background_niceness = 10;
+/// Niceness of the session of a node that does not give way: the spacecraft's computer serves other programs
+/// after it. Where the kernel permits it; a node with a real-time priority needs none.
+inline constexpr int flight_niceness = -8;
 /// Niceness of the session of a node that starts, until its first transitions are done: a start needs a
 /// quarter of a second of CPU time, and the suite lacks the node meanwhile.
 inline constexpr int starting_niceness = -10;

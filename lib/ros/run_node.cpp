@@ -70,6 +70,12 @@ void check_control_group(const NodeEntry& entry) {
 
 }  // namespace
 
+/// Once it was started. Without the permission for flight_niceness the session keeps that of its node.
+int session_niceness_of(const Scheduling& scheduling) {
+  if (scheduling.background) return background_niceness;
+  return scheduling.nice == 0 ? flight_niceness : scheduling.nice;
+}
+
 /// Brings a node to its desired state and keeps trying: a device that is missing now may come.
 class NodeRunner {
  public:
@@ -284,7 +290,7 @@ int run(const Arguments& arguments, const NodeFactory& factory, std::optional<He
         },
         "added nodes");
     const NodeRunner runner(executor, *node, desired_state(var, deployment, arguments.name, monotonic_now()),
-                            entry->scheduling.background ? background_niceness : entry->scheduling.nice);
+                            session_niceness_of(entry->scheduling));
     while (!stopping && executor.spin_once(nanoseconds::max())) {
     }
   }

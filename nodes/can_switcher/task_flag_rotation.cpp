@@ -76,10 +76,18 @@ Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, Monoto
   return grant_next(now, cycle, received);
 }
 
-Recall TaskFlagRotation::recall(MonotonicTime now) {
+/// With each tick, as a flag may be lost; later seldom: all payloads answer, and the holder may be too late
+/// for all that it hears.
+Decision TaskFlagRotation::recall(MonotonicTime now) {
   ++counters_.waiting_ticks;
-  if (!std::exchange(recalled_, true)) current_->lease_end = now + recall_time_;
-  return {current_->id, current_->payload};
+  if (!std::exchange(recalled_, true)) {
+    current_->lease_end = now + recall_time_;
+    recalled_first_ = now;
+  } else if (now - recalled_first_ > recalled_often && now - recalled_last_ < recall_pause) {
+    return WaitingOut{recalled_last_ + recall_pause};
+  }
+  recalled_last_ = now;
+  return Recall{current_->id, current_->payload};
 }
 
 Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
@@ -290,6 +298,7 @@ Recall TaskFlagRotation::ask(std::uint32_t process, MonotonicTime now, nanosecon
   starved_since_ = starved_since;
   deaf_since_.reset();
   recalled_ = true;
+  recalled_first_ = recalled_last_ = now;
   current_->lease_end = now + time;
   return {current_->id, current_->payload};
 }

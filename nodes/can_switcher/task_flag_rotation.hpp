@@ -227,6 +227,9 @@ class TaskFlagRotation {
   /// Later than this after the end of a lease this process was held up itself.
   static constexpr nanoseconds held_up_limit = milliseconds(50);
   static constexpr nanoseconds held_up_recall_time = milliseconds(500);
+  /// A recall is repeated with each tick for so long, then with a pause.
+  static constexpr nanoseconds recalled_often = seconds(1);
+  static constexpr nanoseconds recall_pause = milliseconds(500);
   /// This long without any input (a tick, a report, an acknowledgement) at the end of a lease is deafness:
   /// the release may have been missed. The bus stays blocked until something is heard, then the holder is
   /// asked. After the patience, in which the ring replaces a deaf switcher, the holder is fenced as usual.
@@ -258,7 +261,7 @@ class TaskFlagRotation {
   ReportVerdict on_current_report(const BusReport& report, MonotonicTime now);
   ReportVerdict count(ReportVerdict verdict);
   Decision end_of_lease(MonotonicTime now);
-  Recall recall(MonotonicTime now);
+  Decision recall(MonotonicTime now);
   ReportVerdict on_recall_answer(const BusReport& report, MonotonicTime now);
   void free_bus() {
     phase_ = Phase::free;
@@ -290,6 +293,8 @@ class TaskFlagRotation {
   std::optional<MonotonicTime> starved_end_;  ///< the lease ended then, and its holder had no CPU to release
   std::optional<MonotonicTime> starved_since_;  ///< the first such end since the grant, recalls included
   bool recalled_ = false;                       ///< a Recall was given out: its time runs
+  MonotonicTime recalled_first_;                ///< then
+  MonotonicTime recalled_last_;
   MissionCycle last_cycle_ = 0;
   Counters counters_;
 };

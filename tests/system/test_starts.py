@@ -47,9 +47,16 @@ class StartsTest(SystemTest):
                 self.assertEqual(up.returncode, 0, up.stderr)
             self.assertEqual({node: flight.node_pid(node) for node in pids}, pids)
 
+    @staticmethod
+    def may_be_ahead():
+        """CAP_SYS_NICE, which lowers a niceness."""
+        effective = int(re.search(r"^CapEff:\s*(\w+)", pathlib.Path("/proc/self/status").read_text(), re.MULTILINE).group(1), 16)
+        return bool(effective & 1 << 23)
+
     def test_a_node_has_its_weight_against_other_programs_once_it_has_started(self):
         with self.flight() as flight:
-            for node, niceness in {"ttc": 0, "payload_eps": 0, "image_processing": 10}.items():
+            ahead = -8 if self.may_be_ahead() else 0
+            for node, niceness in {"ttc": ahead, "payload_eps": ahead, "image_processing": 10}.items():
                 session = pathlib.Path(f"/proc/{flight.node_pid(node)}/autogroup")
                 if not session.exists():
                     self.skipTest("this kernel does not share its CPUs among sessions")

@@ -191,6 +191,23 @@ TEST_F(TaskFlagRotationTest, AsksAHolderWithoutACpuAndWaitsWhileItHasNone) {
   EXPECT_EQ(rotation.slot_counters(0).fences, 0U);
 }
 
+TEST_F(TaskFlagRotationTest, RepeatsARecallWithEachTickAndLaterSeldom) {
+  const Grant grant = must_grant();
+  take(grant);
+  now = grant.lease_end;
+  ASSERT_TRUE(std::holds_alternative<Recall>(
+      rotation.on_deadline(now, now, HolderCpu{milliseconds(90), milliseconds(5), true})));
+  int recalls = 0;
+  for (int ticks = 0; ticks < 100; ++ticks) {
+    now += milliseconds(100);
+    const Decision decision = tick();
+    recalls += std::holds_alternative<Recall>(decision) ? 1 : 0;
+    ASSERT_TRUE(std::holds_alternative<Recall>(decision) || std::holds_alternative<WaitingOut>(decision));
+  }
+  EXPECT_EQ(recalls, 10 + 18);
+  EXPECT_EQ(release(*rotation.current()), ReportVerdict::applied);
+}
+
 TEST_F(TaskFlagRotationTest, FencesAHolderThatCouldRunAgainAndDidNotAnswer) {
   const Grant grant = must_grant();
   take(grant);
