@@ -20,19 +20,13 @@ namespace {
 using ros::CallbackReturn;
 namespace failure = mission::failure;
 
-constexpr nanoseconds prelude = milliseconds(500);     // of a task: the camera is prepared
-constexpr nanoseconds pause = seconds(2);              // between frames: the camera need not stream then
-constexpr nanoseconds lead = milliseconds(20);         // its worker waits out the rest by itself
 constexpr nanoseconds take_slice = milliseconds(100);  // then it can be cancelled again
-constexpr nanoseconds reopen_interval = milliseconds(500);
-constexpr nanoseconds camera_patience = seconds(5);  // of a task while the camera is away
 constexpr nanoseconds housekeeping_period = mission::ImageAcquisitionHousekeeping::default_interval;
 constexpr nanoseconds attitude_age_max = seconds(10);
 constexpr milliseconds longest_job = seconds(10);
 constexpr nanoseconds store_retry_interval = seconds(2);
-constexpr std::size_t storing_max = 2;  // frames that wait for the disk; the camera then waits, too
 constexpr std::size_t camera_queue = 8;
-constexpr std::size_t store_queue = storing_max + 2;
+constexpr std::size_t store_queue = CaptureScheduler::storing_max + 2;
 constexpr std::size_t reason_max = 120;
 
 void sleep_until(MonotonicTime at) {
@@ -80,7 +74,7 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
     }
     camera_ = std::move(*camera);
   }
-  camera_problem_ = camera_ ? "closed" : "the deployment has no camera";
+  scheduler_.configure(camera_ ? "" : "the deployment has no camera");
   const auto quota = static_cast<std::uint64_t>(get_parameter<std::int64_t>("store_quota_mib")) << 20;
   store_ = std::make_unique<FrameStore>(var().root / "images", quota);
   const milliseconds deadline = std::max(worker_deadline(), longest_job);
@@ -90,7 +84,7 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
   images_ = create_publisher(ros::topics::image_raw);
   ticks_ = create_subscription(ros::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& tick) {
     time_.on_tick(tick);
-    if (!waiting_.empty()) drive();
+    if (scheduler_.has_waiting()) drive();
   });
   adcs_ = create_subscription(ros::topics::telemetry("payload_adcs"),
                               [this](const srfs_msgs::msg::PayloadTelemetry& m) { on_adcs_telemetry(m); });
@@ -98,8 +92,11 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
   handlers.goal = [](const ros::GoalId&, const Capture::Goal&) {
     return ros::GoalResponse::accept_and_defer;
   };
-  handlers.cancel = [this](const Goal&) {
-    drive_soon();  // by then the goal knows
+  handlers.cancel = [this](const Goal& goal) {
+    for (const auto& [number, known] : goals_) {
+      if (known == goal) scheduler_.on_cancel(number);
+    }
+    carry_out(DriveSoon{});  // by then the goal knows
     return ros::CancelResponse::accept;
   };
   handlers.accepted = [this](const Goal& goal) { on_goal(goal); };
@@ -110,15 +107,12 @@ CallbackReturn ImageAcquisitionNode::on_configure() {
 }
 
 CallbackReturn ImageAcquisitionNode::on_activate() {
-  camera_was_lost_ = false;
-  next_open_ = now();
-  drive_soon();
+  run(scheduler_.activate(now()));
   return CallbackReturn::success;
 }
 
 CallbackReturn ImageAcquisitionNode::on_deactivate() {
-  drop_tasks("the node was deactivated");
-  close_camera();
+  run(scheduler_.deactivate("the node was deactivated"));
   return CallbackReturn::success;
 }
 
@@ -128,13 +122,13 @@ CallbackReturn ImageAcquisitionNode::on_cleanup() {
 }
 
 CallbackReturn ImageAcquisitionNode::on_shutdown() {
-  drop_tasks("the node was shut down");
+  run(scheduler_.deactivate("the node was shut down"));
   release();
   return CallbackReturn::success;
 }
 
 CallbackReturn ImageAcquisitionNode::on_error() {
-  drop_tasks("the node failed");
+  run(scheduler_.deactivate("the node failed"));
   release();
   return CallbackReturn::success;
 }
@@ -154,336 +148,151 @@ void ImageAcquisitionNode::release() {
   images_.reset();
   camera_.reset();
   store_.reset();
-  store_problem_.clear();
-  camera_jobs_ = 0;
-  frames_storing_ = 0;
-  camera_state_ = mission::CameraState::closed;
+  set_store_problem({});
+  actions_.clear();
+  goals_.clear();
+  scheduler_.configure("");
+}
+
+// ---------------------------------------------------------------- what the scheduler decides
+
+CaptureTime ImageAcquisitionNode::time_now() const {
+  const MonotonicTime t = monotonic_now();
+  return {t, time_.valid() ? std::optional(time_.utc_at(t)) : std::nullopt};
+}
+
+void ImageAcquisitionNode::drive() {
+  scheduler_.set({milliseconds(get_parameter<std::int64_t>("latest_start_ms")),
+                  milliseconds(get_parameter<std::int64_t>("frame_patience_ms"))});
+  run(scheduler_.drive(time_now()));
+}
+
+void ImageAcquisitionNode::run(CaptureScheduler::Actions actions) {
+  actions_.run(std::move(actions), [this](const CaptureAction& action) {
+    std::visit([this](const auto& a) { carry_out(a); }, action);
+  });
+}
+
+void ImageAcquisitionNode::carry_out(const DriveSoon& /*action*/) {
+  soon_ = create_one_shot(
+      now(), [this] { drive(); }, "next step");
+}
+
+void ImageAcquisitionNode::carry_out(const WakeAt& action) {
+  wake_.reset();
+  if (action.at)
+    wake_ = create_one_shot(
+        *action.at, [this] { drive(); }, "capture due");
 }
 
 // ---------------------------------------------------------------- goals
 
 void ImageAcquisitionNode::on_goal(const Goal& goal) {
-  ++counters_.tasks;
-  const CaptureRequest request = request_of(goal->goal());
-  if (!is_active()) return refuse_goal(goal, {failure::camera_absent, "the node is not active"});
-  if (!camera_) return refuse_goal(goal, {failure::camera_absent, camera_problem_});
-  if (!store_problem_.empty()) return refuse_goal(goal, {failure::disk_failed, store_problem_});
-  if (const auto refused = refuse(request)) return refuse_goal(goal, *refused);
-  const auto same = [&](const TaskPointer& task) { return task && task->request.task == request.task; };
-  if (same(current_) || std::any_of(waiting_.begin(), waiting_.end(), same))
-    return refuse_goal(goal, {failure::task_exists, fmt::format("task {} is in progress", request.task)});
-  if (request.start && time_.valid()) {
-    if (const auto past = refuse_past(*request.start, time_.utc_at(now()), nanoseconds(0)))
-      return refuse_goal(goal, *past);
-  }
-  waiting_.push_back(std::make_shared<Task>(goal, request, now()));
-  drive_soon();  // after the client was answered
+  goals_[++last_goal_] = goal;
+  run(scheduler_.on_goal(last_goal_, request_of(goal->goal()), time_now()));
 }
 
-void ImageAcquisitionNode::refuse_goal(const Goal& goal, const CaptureFailure& why) {
-  ++counters_.tasks_failed;
-  log::warn("task {} refused: {}", goal->goal().task, why.reason);
+void ImageAcquisitionNode::carry_out(const RefuseGoal& action) {
+  const auto goal = goals_.extract(action.goal).mapped();
+  log::warn("task {} refused: {}", goal->goal().task, action.why.reason);
   Capture::Result result;
-  result.failure_code = why.code;
-  result.reason = why.reason.substr(0, reason_max);
+  result.failure_code = action.why.code;
+  result.reason = action.why.reason.substr(0, reason_max);
   goal->abort(std::move(result));
 }
 
-void ImageAcquisitionNode::end_task(const TaskPointer& task) {
-  Capture::Result& result = task->result;
-  result.start_error_us = task->sequence.largest_start_error_us();
-  const bool canceled = task->goal->is_cancel_requested();
-  if (task->failure) {
-    result.failure_code = task->failure->code;
-    result.reason = task->failure->reason.substr(0, reason_max);
-    log::warn("task {} ended after {} frames: {}", task->request.task, result.files.size(), result.reason);
-  } else if (canceled) {
+void ImageAcquisitionNode::carry_out(const ExecuteGoal& action) {
+  goals_.at(action.goal)->execute();
+}
+
+void ImageAcquisitionNode::carry_out(const EndGoal& action) {
+  const auto goal = goals_.extract(action.goal).mapped();
+  const CaptureEnd& end = action.end;
+  Capture::Result result;
+  result.files = end.files;
+  result.start_error_us = end.start_error_us;
+  if (end.failure) {
+    result.failure_code = end.failure->code;
+    result.reason = end.failure->reason.substr(0, reason_max);
+    log::warn("task {} ended after {} frames: {}", goal->goal().task, end.files.size(), result.reason);
+  } else if (end.canceled) {
     result.reason = "canceled";
   }
-  counters_.tasks_failed += task->failure || canceled ? 1 : 0;
   keeps_frames_ = true;
-  if (canceled) {
-    task->goal->canceled(std::move(result));
-  } else if (task->failure) {
-    task->goal->abort(std::move(result));
+  if (end.canceled) {
+    goal->canceled(std::move(result));
+  } else if (end.failure) {
+    goal->abort(std::move(result));
   } else {
-    task->goal->succeed(std::move(result));
+    goal->succeed(std::move(result));
   }
 }
 
-/// What was taken before is stored all the same.
-void ImageAcquisitionNode::drop_tasks(const std::string& reason) {
-  if (current_) waiting_.push_back(std::exchange(current_, nullptr));
-  for (const TaskPointer& task : waiting_) {
-    if (!task->failure) task->failure = CaptureFailure{failure::camera_absent, reason};
-    end_task(task);
-  }
-  waiting_.clear();
-  wake_.reset();
+void ImageAcquisitionNode::carry_out(const ReportProgress& action) {
+  Capture::Feedback feedback;
+  feedback.frames_done = action.frames_done;
+  feedback.file = action.file;
+  feedback.start_error_us = action.start_error_us;
+  goals_.at(action.goal)->publish_feedback(std::move(feedback));
 }
 
-/// @return nothing while its time is not known
-std::optional<MonotonicTime> ImageAcquisitionNode::due_of(const Task& task) const {
-  if (!task.request.start) return task.accepted;
-  if (!time_.valid()) return std::nullopt;
-  return now() + (*task.request.start - time_.utc_at(now()));
-}
-
-/// Ends what was cancelled and what is too late.
-void ImageAcquisitionNode::sort_out_waiting() {
-  const auto latest = milliseconds(get_parameter<std::int64_t>("latest_start_ms"));
-  std::erase_if(waiting_, [&](const TaskPointer& task) {
-    if (task->request.start && time_.valid())
-      task->failure = refuse_past(*task->request.start, time_.utc_at(now()), latest);
-    if (!task->failure && !task->goal->is_cancel_requested()) return false;
-    end_task(task);
-    return true;
-  });
-}
-
-void ImageAcquisitionNode::choose_task() {
-  std::optional<MonotonicTime> earliest;
-  auto chosen = waiting_.end();
-  for (auto at = waiting_.begin(); at != waiting_.end(); ++at) {
-    const auto due = due_of(**at);
-    if (!due || (earliest && *earliest <= *due)) continue;
-    earliest = due;
-    chosen = at;
-  }
-  if (!earliest) return;
-  if (*earliest - prelude > now()) return wake_at(*earliest - prelude);
-  current_ = *chosen;
-  waiting_.erase(chosen);
-  current_->start = *earliest;
-  current_->goal->execute();
-}
-
-// ---------------------------------------------------------------- what comes next
-
-void ImageAcquisitionNode::drive_soon() {
-  soon_ = create_one_shot(
-      now(), [this] { drive(); }, "next step");
-}
-
-void ImageAcquisitionNode::wake_at(MonotonicTime at) {
-  wake_ = create_one_shot(
-      at, [this] { drive(); }, "capture due");
-}
-
-void ImageAcquisitionNode::drive() {
-  if (!is_active()) return;
-  wake_.reset();
-  sort_out_waiting();
-  if (!current_) choose_task();
-  if (current_) drive_current();
-  if (camera_jobs_ > 0 || !camera_ || camera_state_ == mission::CameraState::ready ||
-      camera_state_ == mission::CameraState::exposing)
-    return;
-  if (next_open_ > now()) {
-    if (!current_ || !wake_) wake_at(next_open_);
-  } else {
-    open_camera();
-  }
-}
-
-void ImageAcquisitionNode::drive_current() {
-  const TaskPointer task = current_;
-  if (camera_jobs_ > 0) return;  // its end drives again
-  const bool over = task->failure || task->goal->is_cancel_requested() || task->sequence.all_taken();
-  if (over) {
-    if (task->uses_camera) return leave_camera();
-    if (task->storing > 0) return;
-    current_.reset();
-    end_task(task);
-    drive_soon();
-    return;
-  }
-  if (camera_state_ == mission::CameraState::lost || camera_state_ == mission::CameraState::closed) {
-    if (!task->camera_deadline) task->camera_deadline = now() + camera_patience;
-    if (*task->camera_deadline > now()) return;
-    task->failure = CaptureFailure{failure::camera_absent, camera_problem_};
-    drive_soon();
-    return;
-  }
-  task->camera_deadline.reset();
-  switch (task->phase) {
-    case Phase::unprepared:
-      return prepare_in_time();
-    case Phase::prepared:
-      return expose();
-    case Phase::exposing:
-      return take();
-  }
-}
-
-void ImageAcquisitionNode::expose() {
-  const TaskPointer task = current_;
-  if (task->storing >= storing_max) return;  // the end of a write drives again
-  const bool first = task->sequence.next() == 0 && task->sequence.tries() == 0;
-  if (first && !task->request.start) task->start = monotonic_now();
-  if (first && task->start + milliseconds(get_parameter<std::int64_t>("latest_start_ms")) < now()) {
-    task->failure = CaptureFailure{failure::capture_time_past, "the camera was not ready in time"};
-    return drive_soon();
-  }
-  const auto after_start = task->sequence.due();
-  task->due = after_start ? task->start + *after_start : monotonic_now();
-  if (task->due - lead > now()) return wake_at(task->due - lead);
-  const auto begun = std::make_shared<std::pair<MonotonicTime, Result<void, hw::CameraFault>>>();
-  on_camera(
-      [this, begun, due = task->due] {
-        sleep_until(due);
-        begun->first = monotonic_now();
-        begun->second = camera_->begin();
-      },
-      [this, task, begun] {
-        if (task != current_) return;  // dropped meanwhile
-        if (!begun->second) return on_fault(task, begun->second.error());
-        camera_state_ = mission::CameraState::exposing;
-        task->phase = Phase::exposing;
-        task->begun = begun->first;
-        task->frame_deadline = begun->first + task->request.exposure +
-                               milliseconds(get_parameter<std::int64_t>("frame_patience_ms"));
-      });
+void ImageAcquisitionNode::carry_out(const ReportLostFrame& action) {
+  log::warn("task {}, frame {}, try {}: {}", action.task, action.frame, action.attempt, action.why);
 }
 
 // ---------------------------------------------------------------- camera
 
-void ImageAcquisitionNode::on_camera(std::function<void()> job, std::function<void()> done) {
-  ++camera_jobs_;
-  const bool taken = camera_worker_->post(std::move(job), [this, f = std::move(done)] {
-    --camera_jobs_;
-    f();
-    drive();
-  });
-  if (!taken) {
-    --camera_jobs_;
-    raise_error("the camera worker's queue is full");
-  }
+/// Its queue holds all that is ever asked of it.
+template <class Job, class Answer>
+void ImageAcquisitionNode::on_camera(Job job, Answer answer) {
+  const bool taken = camera_worker_->ask(
+      std::move(job), [this, f = std::move(answer)](auto result) { run(f(std::move(result))); });
+  if (!taken) raise_error("the camera worker's queue is full");
 }
 
-void ImageAcquisitionNode::open_camera() {
-  const auto opened = std::make_shared<Result<std::string, hw::CameraFault>>();
-  on_camera([this, opened] { *opened = camera_->open(); },
-            [this, opened] {
-              next_open_ = now() + reopen_interval;
-              if (!is_active()) return;
-              if (!*opened) return camera_lost(opened->error().reason);
-              if (camera_was_lost_) ++counters_.camera_reopened;
-              camera_was_lost_ = false;
-              camera_state_ = mission::CameraState::ready;
-              camera_name_ = **opened;
-              frame_check_.forget();
-              log::info("camera: {}", camera_name_);
-              raise(mission::ImageCameraReadyEvent{.what = camera_name_});
-            });
+void ImageAcquisitionNode::carry_out(const OpenCamera& /*action*/) {
+  on_camera([this] { return camera_->open(); },
+            [this](const auto& opened) { return scheduler_.on_opened(opened, time_now()); });
 }
 
-void ImageAcquisitionNode::close_camera() {
-  camera_state_ = mission::CameraState::closed;
-  camera_problem_ = "closed";
-  if (!camera_ || !camera_worker_) return;
-  on_camera([this] { camera_->close(); }, [] {});
+void ImageAcquisitionNode::carry_out(const CloseCamera& /*action*/) {
+  on_camera([this] { return camera_->close(), true; },
+            [this](bool) { return scheduler_.on_camera_done(time_now()); });
 }
 
-void ImageAcquisitionNode::camera_lost(const std::string& why) {
-  camera_problem_ = why;
-  camera_state_ = mission::CameraState::lost;
-  if (camera_was_lost_) return;  // reported already
-  camera_was_lost_ = true;
-  log::warn("camera lost: {}", why);
-  raise(mission::ImageCameraLostEvent{.why = why});
+void ImageAcquisitionNode::carry_out(const AbandonFrame& /*action*/) {
+  on_camera([this] { return camera_->abandon(), true; },
+            [this](bool) { return scheduler_.on_camera_done(time_now()); });
 }
 
-void ImageAcquisitionNode::prepare_in_time() {
-  const TaskPointer task = current_;
-  const auto after_start = task->sequence.due();
-  const bool begun = task->sequence.next() > 0;
-  const MonotonicTime due = begun && after_start ? task->start + *after_start : now();
-  if (due - prelude <= now()) return prepare();
-  if (task->uses_camera && due - pause > now()) return leave_camera();
-  wake_at(due - prelude);
+void ImageAcquisitionNode::carry_out(const PrepareCamera& action) {
+  on_camera([this, settings = action.settings] { return camera_->prepare(settings); },
+            [this](const auto& prepared) { return scheduler_.on_prepared(prepared, time_now()); });
 }
 
-void ImageAcquisitionNode::prepare() {
-  const TaskPointer task = current_;
-  const auto prepared = std::make_shared<Result<void, hw::CameraFault>>();
-  const hw::CameraSettings settings{task->request.exposure, task->request.gain_db};
-  on_camera([this, prepared, settings] { *prepared = camera_->prepare(settings); },
-            [this, task, prepared] {
-              if (!*prepared) return on_fault(task, prepared->error());
-              task->phase = Phase::prepared;
-              task->uses_camera = true;
-            });
+void ImageAcquisitionNode::carry_out(const BeginExposure& action) {
+  on_camera(
+      [this, at = action.at] {
+        sleep_until(at);
+        const MonotonicTime begun = monotonic_now();
+        return std::pair(begun, camera_->begin());
+      },
+      [this](const auto& begun) { return scheduler_.on_begun(begun.first, begun.second, time_now()); });
 }
 
-void ImageAcquisitionNode::take() {
-  const TaskPointer task = current_;
-  const auto taken = std::make_shared<Result<std::optional<hw::CameraFrame>, hw::CameraFault>>();
-  on_camera([this, taken] { *taken = camera_->take(take_slice); },
-            [this, task, taken] {
-              if (task != current_) return;  // dropped meanwhile
-              if (!*taken) return on_fault(task, taken->error());
-              if (**taken) return on_frame(task, std::move(***taken));
-              if (now() < task->frame_deadline) return;
-              on_unsound(task, "no frame received");
-            });
+void ImageAcquisitionNode::carry_out(const TakeFrame& /*action*/) {
+  on_camera([this] { return camera_->take(take_slice); },
+            [this](auto taken) { return scheduler_.on_taken(std::move(taken), time_now()); });
 }
 
-/// No frame is waited for any longer.
-void ImageAcquisitionNode::leave_camera() {
-  current_->phase = Phase::unprepared;
-  current_->uses_camera = false;
-  if (camera_state_ == mission::CameraState::exposing) camera_state_ = mission::CameraState::ready;
-  on_camera([this] { camera_->abandon(); }, [] {});
+void ImageAcquisitionNode::carry_out(const ReportCameraReady& action) {
+  log::info("camera: {}", action.what);
+  raise(mission::ImageCameraReadyEvent{.what = action.what});
 }
 
-void ImageAcquisitionNode::on_fault(const TaskPointer& task, const hw::CameraFault& fault) {
-  if (task != current_) return;
-  task->phase = Phase::unprepared;
-  switch (fault.kind) {
-    case hw::CameraFault::Kind::bad_setting:
-      task->failure = CaptureFailure{failure::bad_camera_setting, fault.reason};
-      return;
-    case hw::CameraFault::Kind::absent:
-      camera_lost(fault.reason);
-      next_open_ = now();
-      break;
-    case hw::CameraFault::Kind::unsound:
-      break;
-  }
-  on_unsound(task, fault.reason);
-}
-
-void ImageAcquisitionNode::on_unsound(const TaskPointer& task, const std::string& why) {
-  ++counters_.frames_lost;
-  log::warn("task {}, frame {}, try {}: {}", task->request.task, task->sequence.next() + 1,
-            task->sequence.tries() + 1, why);
-  task->phase = Phase::unprepared;
-  if (camera_state_ == mission::CameraState::exposing) leave_camera();
-  if (task->sequence.on_unsound()) return;
-  const bool absent = camera_state_ == mission::CameraState::lost;
-  task->failure = CaptureFailure{absent ? failure::camera_absent : failure::camera_failed,
-                                 fmt::format("frame {}: {}", task->sequence.next() + 1, why)};
-}
-
-void ImageAcquisitionNode::on_frame(const TaskPointer& task, hw::CameraFrame frame) {
-  if (const auto wrong = frame_check_.judge(frame, task->begun)) return on_unsound(task, *wrong);
-  camera_state_ = mission::CameraState::ready;
-  task->phase = Phase::unprepared;
-  TakenFrame taken;
-  taken.facts.task = task->request.task;
-  taken.facts.camera = camera_name_;
-  taken.facts.instrument = get_parameter<std::string>("instrument");
-  if (time_.valid()) taken.facts.begin = time_.utc_at(frame.begin);
-  taken.facts.start_error_us = start_error_us(frame.begin, task->due);
-  if (attitude_ && frame.begin - attitude_at_ < attitude_age_max) {
-    taken.facts.attitude = attitude_;
-    taken.facts.attitude->age_s = std::chrono::duration<double>(frame.begin - attitude_at_).count();
-  }
-  counters_.start_error_us = taken.facts.start_error_us;
-  task->sequence.on_sound(taken.facts.start_error_us);
-  taken.frame = std::move(frame);
-  store(task, std::move(taken));
+void ImageAcquisitionNode::carry_out(const ReportCameraLost& action) {
+  log::warn("camera lost: {}", action.why);
+  raise(mission::ImageCameraLostEvent{.why = action.why});
 }
 
 // ---------------------------------------------------------------- store
@@ -500,92 +309,92 @@ void ImageAcquisitionNode::open_store_later() {
       now() + store_retry_interval, [this] { open_store(); }, "frame store");
 }
 
+void ImageAcquisitionNode::set_store_problem(const std::string& why) {
+  store_problem_ = why;
+  scheduler_.set_store_problem(why);
+}
+
 void ImageAcquisitionNode::on_store_opened(const Result<void, FileError>& opened) {
   store_figures_ = store_->figures();
   if (opened) {
     if (!store_problem_.empty()) log::info("frames can be stored again");
-    store_problem_.clear();
+    set_store_problem({});
     return;
   }
   open_store_later();
   const bool known = !store_problem_.empty();
-  store_problem_ = "frames cannot be read: " + opened.error().message;
+  set_store_problem("frames cannot be read: " + opened.error().message);
   if (known) return;
-  ++counters_.store_failures;
+  ++store_openings_failed_;
   log::error("{}; capture suspended, retrying every {} s", store_problem_, store_retry_interval / seconds(1));
   raise(mission::NodeErrorEvent{.what = store_problem_.substr(0, reason_max)});
 }
 
-void ImageAcquisitionNode::store(const TaskPointer& task, TakenFrame frame) {
-  struct Job {
-    TakenFrame taken;
-    Result<std::string, FrameStore::Failure> stored = std::string();
-    StoreFigures figures;
-  };
-  const auto job = std::make_shared<Job>();
-  job->taken = std::move(frame);
-  ++task->storing;
-  ++frames_storing_;
-  const auto write = [this, job]() -> Result<std::string, FrameStore::Failure> {
-    FrameFacts& facts = job->taken.facts;
-    if (!store_->is_open()) return Err(FrameStore::Failure{false, "the folder of frames cannot be read"});
-    const auto number = store_->next_number(facts.task);
-    if (!number) return Err(FrameStore::Failure{true, "no frame number left"});
-    facts.number = *number;
-    const auto content =
-        image::encode_packed_fits(job->taken.frame.pixels, frame_header(job->taken.frame, facts));
-    if (!content) return Err(FrameStore::Failure{false, content.error().reason});
-    return store_->add(facts.task, *number, *content);
-  };
-  const bool posted = store_worker_->post(
-      [this, job, write] {
-        job->stored = write();
-        job->figures = store_->figures();
+FrameFacts ImageAcquisitionNode::facts_of(const CapturedFrame& captured) const {
+  FrameFacts facts;
+  facts.task = captured.task;
+  facts.camera = scheduler_.camera_name();
+  facts.instrument = get_parameter<std::string>("instrument");
+  if (time_.valid()) facts.begin = time_.utc_at(captured.frame.begin);
+  facts.start_error_us = captured.start_error_us;
+  if (attitude_ && captured.frame.begin - attitude_at_ < attitude_age_max) {
+    facts.attitude = attitude_;
+    facts.attitude->age_s = std::chrono::duration<double>(captured.frame.begin - attitude_at_).count();
+  }
+  return facts;
+}
+
+/// On the store's worker.
+Result<std::string, FrameStore::Failure> ImageAcquisitionNode::write_frame(const hw::CameraFrame& frame,
+                                                                           FrameFacts facts) {
+  if (!store_->is_open()) return Err(FrameStore::Failure{false, "the folder of frames cannot be read"});
+  const auto number = store_->next_number(facts.task);
+  if (!number) return Err(FrameStore::Failure{true, "no frame number left"});
+  facts.number = *number;
+  const auto content = image::encode_packed_fits(frame.pixels, frame_header(frame, facts));
+  if (!content) return Err(FrameStore::Failure{false, content.error().reason});
+  return store_->add(facts.task, *number, *content);
+}
+
+void ImageAcquisitionNode::carry_out(const StoreFrame& action) {
+  const FrameFacts facts = facts_of(*action.captured);
+  using Stored = Result<std::string, FrameStore::Failure>;
+  const bool posted = store_worker_->ask(
+      [this, captured = action.captured, facts] {
+        Stored stored = write_frame(captured->frame, facts);
+        return std::pair(std::move(stored), store_->figures());
       },
-      [this, job, task] {
-        --task->storing;
-        --frames_storing_;
-        store_figures_ = job->figures;
-        if (job->stored) {
-          on_stored(task, *job->stored, job->taken);
-        } else {
-          // A task may be accepted before the store is found unreadable; it gets that reason, too.
-          on_store_failure(task, store_problem_.empty() ? job->stored.error()
-                                                        : FrameStore::Failure{false, store_problem_});
-        }
-        drive();
+      [this, captured = action.captured, begin = facts.begin](const std::pair<Stored, StoreFigures>& done) {
+        store_figures_ = done.second;
+        if (done.first) publish_frame(*done.first, *captured, begin);
+        // A task may be accepted before the store is found unreadable; it gets that reason, too.
+        on_written(*captured, done.first || store_problem_.empty()
+                                  ? done.first
+                                  : Stored(Err(FrameStore::Failure{false, store_problem_})));
       });
-  if (posted) return;
-  --task->storing;
-  --frames_storing_;
-  on_store_failure(task, {false, "the store worker's queue is full"});
+  if (!posted)
+    on_written(*action.captured, Err(FrameStore::Failure{false, "the store worker's queue is full"}));
 }
 
-void ImageAcquisitionNode::on_stored(const TaskPointer& task, const std::string& file,
-                                     const TakenFrame& taken) {
-  ++counters_.frames;
-  task->result.files.push_back(file);
-  Capture::Feedback feedback;
-  feedback.frames_done = static_cast<std::uint16_t>(task->result.files.size());
-  feedback.file = file;
-  feedback.start_error_us = taken.facts.start_error_us;
-  task->goal->publish_feedback(std::move(feedback));
-  publish_frame(file, taken);
-}
-
-void ImageAcquisitionNode::on_store_failure(const TaskPointer& task, const FrameStore::Failure& why) {
-  ++counters_.store_failures;
-  log::error("task {}: frame not stored: {}", task->request.task, why.reason);
+void ImageAcquisitionNode::on_written(const CapturedFrame& captured,
+                                      const Result<std::string, FrameStore::Failure>& stored) {
+  if (stored) {
+    run(scheduler_.on_stored(captured, *stored, time_now()));
+    return;
+  }
+  const FrameStore::Failure& why = stored.error();
+  log::error("task {}: frame not stored: {}", captured.task, why.reason);
   if (why.full) raise(mission::ImageStoreFullEvent{.what = why.reason});
-  if (!task->failure)
-    task->failure = CaptureFailure{why.full ? failure::frame_store_full : failure::disk_failed, why.reason};
+  const CaptureFailure failed{why.full ? failure::frame_store_full : failure::disk_failed, why.reason};
+  run(scheduler_.on_stored(captured, Err(failed), time_now()));
 }
 
-void ImageAcquisitionNode::publish_frame(const std::string& file, const TakenFrame& taken) {
+void ImageAcquisitionNode::publish_frame(const std::string& file, const CapturedFrame& captured,
+                                         const std::optional<UtcTime>& begin) {
   if (!images_ || images_->subscription_count() == 0) return;
-  const auto& pixels = taken.frame.pixels;
+  const auto& pixels = captured.frame.pixels;
   sensor_msgs::msg::Image image;
-  image.header.stamp = ros::to_message(taken.facts.begin.value_or(time_.utc_at(taken.frame.begin)));
+  image.header.stamp = ros::to_message(begin.value_or(time_.utc_at(captured.frame.begin)));
   // "frames/0000000017/0001.fits": TASK/NUMBER
   image.header.frame_id =
       (std::filesystem::path(file).parent_path().filename() / std::filesystem::path(file).stem()).string();
@@ -610,14 +419,14 @@ void ImageAcquisitionNode::on_adcs_telemetry(const srfs_msgs::msg::PayloadTeleme
 }
 
 void ImageAcquisitionNode::publish_housekeeping() {
-  mission::ImageAcquisitionHousekeeping h = counters_;
-  h.camera_state = camera_state_;
+  mission::ImageAcquisitionHousekeeping h = scheduler_.counters();
+  h.store_failures += store_openings_failed_;
   h.store_frames = as_u32(store_figures_.frames);
   h.store_mib = as_u32(store_figures_.octets >> 20);
   h.store_removed = as_u32(store_figures_.removed);
   publish_telemetry(
       ros::telemetry_message(name(), h, time_.cycle(), time_.utc_at(now()), time_.valid(), now()));
-  if (!current_ && std::exchange(keeps_frames_, false)) malloc_trim(0);  // what frames took
+  if (scheduler_.is_idle() && std::exchange(keeps_frames_, false)) malloc_trim(0);  // what frames took
 }
 
 }  // namespace srfs

@@ -12,6 +12,7 @@
 #include <rcl_interfaces/srv/set_parameters.hpp>
 #include <srfs_msgs/srv/save_parameters.hpp>
 
+#include "base/action_queue.hpp"
 #include "base/child_process.hpp"
 #include "commanding/commanded_node.hpp"
 #include "nodes/maintenance/update_transaction.hpp"
@@ -95,8 +96,7 @@ class MaintenanceNode : public CommandedNode {
     bool late = false;  ///< killed at its deadline
   };
   std::optional<UpdateTransaction> transaction_;  ///< while configured
-  std::deque<UpdateAction> update_actions_;       ///< still to be carried out
-  bool carrying_out_update_ = false;
+  ActionQueue<UpdateAction> update_actions_;
   ros::Timer reviewing_added_;
   std::optional<Lane> lane_;
   bool resume_pending_ = false;  ///< what an earlier process left is checked once

@@ -119,6 +119,7 @@ void MaintenanceNode::close_packages() {
   awaiting_active_.reset();
   lane_.reset();
   package_worker_.reset();
+  update_actions_.clear();
   transaction_.reset();
 }
 
@@ -142,16 +143,10 @@ void MaintenanceNode::resume_update() {
   run(transaction_->resume(ros::read_versions(var(), node).table, deployment().find(node) != nullptr));
 }
 
-/// An answer may come while an action is carried out: what follows from it comes behind.
 void MaintenanceNode::run(UpdateTransaction::Actions actions) {
-  for (UpdateAction& action : actions) update_actions_.push_back(std::move(action));
-  if (std::exchange(carrying_out_update_, true)) return;
-  while (!update_actions_.empty()) {
-    const UpdateAction action = std::move(update_actions_.front());
-    update_actions_.pop_front();
+  update_actions_.run(std::move(actions), [this](const UpdateAction& action) {
     std::visit([this](const auto& a) { carry_out(a); }, action);
-  }
-  carrying_out_update_ = false;
+  });
 }
 
 // ---------------------------------------------------------------- begin, end

@@ -252,7 +252,7 @@ void PayloadNode::close() {
   // The state on disk is complete; on_configure takes it up again.
   cycle_.reset();
   link_.reset();
-  todo_.clear();
+  actions_.clear();
   awaiting_quiet_ = false;
 }
 
@@ -436,16 +436,10 @@ void PayloadNode::arm_timer() {
 // ---------------------------------------------------------------- actions
 
 void PayloadNode::run(PayloadActions actions) {
-  for (PayloadAction& action : actions) todo_.push_back(std::move(action));
-  if (carrying_out_) return;  // an action's own consequence: its turn comes below, in order
-  carrying_out_ = true;
-  while (!todo_.empty()) {
-    const PayloadAction action = std::move(todo_.front());
-    todo_.pop_front();
+  const bool all_done = actions_.run(std::move(actions), [this](const PayloadAction& action) {
     std::visit([this](const auto& a) { carry_out(a); }, action);
-  }
-  carrying_out_ = false;
-  arm_timer();
+  });
+  if (all_done) arm_timer();
 }
 
 void PayloadNode::carry_out(const PublishStatus& action) {

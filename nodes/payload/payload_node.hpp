@@ -2,11 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <deque>
 #include <filesystem>
 #include <memory>
 #include <optional>
 
+#include "base/action_queue.hpp"
 #include "base/bounded_queue.hpp"
 #include "hw/can_bus.hpp"
 #include "hw/gpio.hpp"
@@ -107,8 +107,7 @@ class PayloadNode : public ros::LifecycleNode {
   std::optional<PayloadCycle> cycle_;
   std::optional<PeripheralLink> link_;
   ros::MissionTime time_;
-  std::deque<PayloadAction> todo_;
-  bool carrying_out_ = false;
+  ActionQueue<PayloadAction> actions_;
   ros::Timer timer_;
   std::optional<MonotonicTime> armed_;
   std::uint64_t grant_ = 0;

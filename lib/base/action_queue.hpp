@@ -1,0 +1,45 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <deque>
+#include <utility>
+#include <vector>
+
+namespace srfs {
+
+/// From logic to adapter: carries out decided actions in their order. What is decided while one is carried
+/// out, by its own consequence, comes behind those that wait. Bounded by what the logic decides. One thread.
+template <class Action>
+class ActionQueue {
+ public:
+  /// @param carry_out  takes one Action
+  /// @return false: an outer call carries them out
+  template <class CarryOut>
+  bool run(std::vector<Action> actions, CarryOut carry_out) {
+    for (Action& action : actions) waiting_.push_back(std::move(action));
+    if (runs_) return false;
+    const Running running(runs_);
+    while (!waiting_.empty()) {
+      const Action action = std::move(waiting_.front());
+      waiting_.pop_front();
+      carry_out(action);
+    }
+    return true;
+  }
+  /// Forgets what waits.
+  void clear() { waiting_.clear(); }
+
+ private:
+  struct Running {
+    explicit Running(bool& flag) : runs(flag) { runs = true; }
+    ~Running() { runs = false; }
+    Running(const Running&) = delete;
+    Running& operator=(const Running&) = delete;
+    bool& runs;
+  };
+  std::deque<Action> waiting_;
+  bool runs_ = false;
+};
+
+}  // namespace srfs
