@@ -12,7 +12,7 @@
 
 #include "base/config.hpp"
 #include "base/file.hpp"
-#include "update/sha256.hpp"
+#include "base/sha256.hpp"
 
 namespace srfs::ground {
 namespace {
@@ -237,8 +237,8 @@ Result<update::Manifest, std::string> read_manifest(const PackageDraft& draft) {
   if (!draft.binary.empty()) {
     const auto binary = read_file(draft.binary, binary_octets);
     if (!binary) return Err(binary.error().message);
-    manifest.binary_sha256 = update::to_digits(
-        update::sha256_of({reinterpret_cast<const std::uint8_t*>(binary->data()), binary->size()}));
+    manifest.binary_sha256 =
+        to_digits(sha256_of({reinterpret_cast<const std::uint8_t*>(binary->data()), binary->size()}));
   }
   return manifest;
 }

@@ -121,8 +121,8 @@ class Reader {
     const OctetView octets = in_.bytes(in_.u8());
     return {octets.begin(), octets.end()};
   }
-  Sha256 sha256() {
-    Sha256 hash{};
+  Sha256::Digest sha256() {
+    Sha256::Digest hash{};
     const OctetView octets = in_.bytes(hash.size());
     std::copy(octets.begin(), octets.end(), hash.begin());
     return hash;

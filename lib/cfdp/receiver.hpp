@@ -23,7 +23,7 @@ struct ReceiveState {
     std::string destination_file;
     std::uint64_t octets = 0;  ///< 0: not given
     std::uint8_t checksum_type = 0;
-    std::optional<Sha256> sha256;
+    std::optional<Sha256::Digest> sha256;
     friend bool operator==(const FileInfo&, const FileInfo&) = default;
   };
   struct End {  // of the EOF PDU

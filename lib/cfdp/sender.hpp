@@ -20,7 +20,7 @@ struct SendState {
   bool prepared = false;  ///< stamp, checksum and hash are those of the file
   FileStamp stamp;
   std::uint32_t checksum = 0;
-  Sha256 sha256{};
+  Sha256::Digest sha256{};
   /// Octets that may have left. A restored sender goes on behind them: what did not leave after all, the
   /// receiver asks for. So a crash makes nothing travel twice.
   std::uint64_t reserved = 0;

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <array>
 
+#include "base/sha256.hpp"
 #include "update/build_id.hpp"
 #include "update/json_line.hpp"
-#include "update/sha256.hpp"
 
 namespace srfs::update {
 namespace {

@@ -16,9 +16,9 @@
 #include <nlohmann/json.hpp>
 
 #include "base/fd.hpp"
+#include "base/sha256.hpp"
 #include "update/deflate.hpp"
 #include "update/json_line.hpp"
-#include "update/sha256.hpp"
 #include "update/version_table.hpp"
 
 namespace srfs::update {

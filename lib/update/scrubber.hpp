@@ -10,9 +10,9 @@
 
 #include "base/fd.hpp"
 #include "base/result.hpp"
+#include "base/sha256.hpp"
 #include "base/time.hpp"
 #include "update/golden_manifest.hpp"
-#include "update/sha256.hpp"
 
 namespace srfs::update {
 

@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "update/sha256.hpp"
+#include "base/sha256.hpp"
 
 namespace srfs::update {
 namespace {

@@ -10,9 +10,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/sha256.hpp"
 #include "cfdp/rooted_path.hpp"
 #include "update/package_keys.hpp"
-#include "update/sha256.hpp"
 
 namespace srfs {
 namespace {
@@ -57,7 +57,7 @@ Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const st
   if (!key) return refusal("no verification key: " + key.error().message);
   const auto content = read_package(rules.files, file);
   if (!content) return Err(content.error());
-  const std::string sha256 = update::to_digits(update::sha256_of(*content));
+  const std::string sha256 = to_digits(sha256_of(*content));
   const auto package = update::verify_package(
       *content, *key, [&](std::string_view node) { return journal.last_counter(node, sha256); });
   if (!package) return refusal(to_text(package.error()));

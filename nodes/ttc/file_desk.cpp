@@ -173,7 +173,7 @@ FileOutcome FileDesk::report_attributes(const FileOrder& order) {
   report.octets = done.file.stamp.octets;
   report.modified = link_time(done.file.stamp.modified_ns);
   report.checksum = done.digest.checksum();
-  const cfdp::Sha256 hash = done.digest.finish();
+  const Sha256::Digest hash = done.digest.finish();
   OctetReader words(hash);
   for (std::uint32_t& word : report.sha256) word = words.u32();
   return {.report_subtype = mission::FileAttributes::subtype, .reports = {report.encoded()}};

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "base/sha256.hpp"
 #include "update/deflate.hpp"
 #include "update/package.hpp"
-#include "update/sha256.hpp"
 
 namespace {
 

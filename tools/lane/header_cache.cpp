@@ -13,8 +13,8 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "base/sha256.hpp"
 #include "lane.hpp"
-#include "update/sha256.hpp"
 
 namespace srfs::lane {
 namespace {

@@ -10,8 +10,9 @@
 #include <unistd.h>
 #include <nlohmann/json.hpp>
 
+#include "base/sha256.hpp"
+
 #include "lane.hpp"
-#include "update/sha256.hpp"
 
 namespace srfs::lane {
 
@@ -52,7 +53,7 @@ Result<Copied, std::string> store(int from, const std::filesystem::path& to, boo
   const Fd out(open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0644));
   if (!out) return failure(temporary);
   Copied copied;
-  update::Sha256 digest;
+  Sha256 digest;
   std::uint8_t chunk[65536];
   while (true) {
     const ssize_t n = read(from, chunk, sizeof chunk);
@@ -66,7 +67,7 @@ Result<Copied, std::string> store(int from, const std::filesystem::path& to, boo
   const Fd folder(
       open(to.parent_path().empty() ? "." : to.parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder || fsync(folder.get()) != 0) return failure(to.parent_path());
-  copied.sha256 = update::to_digits(digest.finish());
+  copied.sha256 = to_digits(digest.finish());
   return copied;
 }
 

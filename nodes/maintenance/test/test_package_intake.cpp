@@ -9,8 +9,8 @@
 #include <gtest/gtest.h>
 
 #include "base/file.hpp"
+#include "base/sha256.hpp"
 #include "tests/temporary_folder.hpp"
-#include "update/sha256.hpp"
 
 namespace srfs {
 namespace {
@@ -36,8 +36,7 @@ struct PackageIntakeTest : testing::Test {
     update::Manifest m;
     m.node = "payload_eps";
     m.counter = 3;
-    m.files = {{"main.cpp", source.size(),
-                update::to_digits(update::sha256_of(Octets(source.begin(), source.end())))}};
+    m.files = {{"main.cpp", source.size(), to_digits(sha256_of(Octets(source.begin(), source.end())))}};
     m.options = {"-O2"};
     return m;
   }

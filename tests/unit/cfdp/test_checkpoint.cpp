@@ -38,7 +38,7 @@ Checkpoint full() {
             .destination_file = "b",
             .octets = 5000,
             .checksum_type = 0,
-            .sha256 = Sha256{1, 2, 3}};
+            .sha256 = Sha256::Digest{1, 2, 3}};
   r.eof = {.checksum = 1, .octets = 5000};
   c.receivers.push_back(r);
   r.file->sha256.reset();

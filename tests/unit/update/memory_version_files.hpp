@@ -5,7 +5,7 @@
 #include <map>
 #include <optional>
 
-#include "update/sha256.hpp"
+#include "base/sha256.hpp"
 #include "update/version_files.hpp"
 
 namespace srfs::update {

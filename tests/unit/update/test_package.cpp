@@ -10,9 +10,9 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.hpp"
+#include "base/sha256.hpp"
 #include "tests/temporary_folder.hpp"
 #include "update/deflate.hpp"
-#include "update/sha256.hpp"
 
 namespace srfs::update {
 namespace {

@@ -3,7 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "update/sha256.hpp"
+#include "base/sha256.hpp"
+
 #include "update/version_table.hpp"
 
 namespace srfs::update {

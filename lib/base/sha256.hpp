@@ -3,17 +3,21 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <memory>
 #include <string>
 
 #include "base/octets.hpp"
 
-namespace srfs::update {
+namespace srfs {
 
 /// SHA-256 taken piece by piece.
 class Sha256 {
  public:
   Sha256();
   ~Sha256();
+  Sha256(Sha256&&) noexcept;
+  Sha256& operator=(Sha256&&) noexcept;
   Sha256(const Sha256&) = delete;
   Sha256& operator=(const Sha256&) = delete;
 
@@ -23,11 +27,12 @@ class Sha256 {
   [[nodiscard]] Digest finish();
 
  private:
-  void* context_;
+  struct Context;
+  std::unique_ptr<Context> context_;
 };
 
 /// 64 lower-case digits
 [[nodiscard]] std::string to_digits(const Sha256::Digest& digest);
 [[nodiscard]] Sha256::Digest sha256_of(OctetView data);
 
-}  // namespace srfs::update
+}  // namespace srfs
