@@ -19,7 +19,7 @@ class ActionQueue {
   bool run(std::vector<Action> actions, CarryOut carry_out) {
     for (Action& action : actions) waiting_.push_back(std::move(action));
     if (runs_) return false;
-    const Running running(runs_);
+    const Running running(*this);
     while (!waiting_.empty()) {
       const Action action = std::move(waiting_.front());
       waiting_.pop_front();
@@ -31,13 +31,19 @@ class ActionQueue {
   void clear() { waiting_.clear(); }
 
  private:
+  /// Until the outer call ends. An exception leaves actions behind: without the one that failed they have no
+  /// sense.
   struct Running {
-    explicit Running(bool& flag) : runs(flag) { runs = true; }
-    ~Running() { runs = false; }
+    explicit Running(ActionQueue& its_queue) : queue(its_queue) { queue.runs_ = true; }
+    ~Running() {
+      queue.waiting_.clear();
+      queue.runs_ = false;
+    }
     Running(const Running&) = delete;
     Running& operator=(const Running&) = delete;
-    bool& runs;
+    ActionQueue& queue;
   };
+
   std::deque<Action> waiting_;
   bool runs_ = false;
 };

@@ -16,7 +16,7 @@ namespace srfs {
 /// taken back.
 inline constexpr int background_niceness = 10;
 /// Niceness of the session of a node that does not give way: the spacecraft's computer serves other programs
-/// after it. Where the kernel permits it; a node with a real-time priority needs none.
+/// after it. Where the kernel permits it; it means nothing to threads with a real-time priority.
 inline constexpr int flight_niceness = -8;
 /// Niceness of the session of a node that starts, until its first transitions are done: a start needs a
 /// quarter of a second of CPU time, and the suite lacks the node meanwhile.

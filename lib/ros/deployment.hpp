@@ -20,7 +20,7 @@ struct Scheduling {
   int priority = 0;       ///< 1..99 for fifo
   int nice = 0;           ///< -20..19 for other and batch; 0: the session has flight_niceness
   std::vector<int> cpus;  ///< empty: all
-  /// It gives way to all others once it is Active: its session has background_niceness, where Linux shares
+  /// It gives way to all others once it has started: its session has background_niceness, where Linux shares
   /// the CPUs among sessions (base/background.hpp). Its workers for bulk give way in any case; its loop,
   /// which answers the ring, does not. Not with policy fifo.
   bool background = false;

@@ -11,6 +11,7 @@
 
 #include "base/excerpt.hpp"
 #include "base/file.hpp"
+#include "base/saturate.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
 #include "ros/run_node.hpp"
@@ -26,14 +27,6 @@ constexpr std::size_t longest_told = 250;
 constexpr std::size_t longest_content = 150;  // of an event
 constexpr std::size_t most_on_trial_told = 64;
 constexpr std::size_t most_set_aside_events = 8;
-
-std::uint32_t as_u32(std::uint64_t value) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
-}
-
-std::uint32_t as_us(nanoseconds d) {
-  return as_u32(static_cast<std::uint64_t>(std::max<std::int64_t>(d.count(), 0) / 1000));
-}
 
 std::string cut(std::string_view text, std::size_t longest) {
   return excerpt(text, longest);

@@ -68,13 +68,14 @@ void check_control_group(const NodeEntry& entry) {
       entry.control_group);
 }
 
-}  // namespace
-
-/// Once it was started. Without the permission for flight_niceness the session keeps that of its node.
+/// Once it was started.
 int session_niceness_of(const Scheduling& scheduling) {
   if (scheduling.background) return background_niceness;
-  return scheduling.nice == 0 ? flight_niceness : scheduling.nice;
+  const bool is_plain = scheduling.policy == SchedulingPolicy::other && scheduling.nice == 0;
+  return is_plain ? flight_niceness : scheduling.nice;
 }
+
+}  // namespace
 
 /// Brings a node to its desired state and keeps trying: a device that is missing now may come.
 class NodeRunner {
@@ -94,7 +95,7 @@ class NodeRunner {
     node_.set_desired(desired_);
     end_order_at(desired.until);
     attempt();
-    end_haste();
+    set_weight(niceness_);
   }
   ~NodeRunner() {
     node_.on_commanded_ = {};
@@ -125,17 +126,24 @@ class NodeRunner {
     if (node_.go_to(desired_)) {
       malloc_trim(0);  // configuring takes memory that working does not need (YAML, tables being built)
       reached_ = monotonic_now();
+      set_weight(niceness_);
       return;
     }
     retry_later();
   }
-  /// The launcher gave the session starting_niceness. The kernel changes one session in 100 ms without
-  /// CAP_SYS_ADMIN, and the nodes of a suite start together.
-  void end_haste() {
-    haste_.reset();
-    if (set_session_niceness(niceness_) != EAGAIN) return;
-    haste_ = executor_.add_timer(
-        monotonic_now() + milliseconds(150), nanoseconds(0), [this] { end_haste(); }, "end of the start");
+  /// The launcher gave the session starting_niceness, and who lends it a CPU changes it for a while. The
+  /// kernel changes one session in 100 ms without CAP_SYS_ADMIN, and the nodes of a suite start together.
+  void set_weight(int niceness) {
+    weight_timer_.reset();
+    if (getsid(0) != getpid()) return;  // started by hand: the session is the user's
+    const int error = set_session_niceness(niceness);
+    if (error == EAGAIN) {
+      weight_timer_ = executor_.add_timer(
+          monotonic_now() + milliseconds(150), nanoseconds(0), [this, niceness] { set_weight(niceness); },
+          "weight of the session");
+    } else if (error != 0 && niceness < 0) {
+      set_weight(0);
+    }
   }
   /// A node of the command path comes back by itself: there may be no other way to order it.
   void end_order_at(std::optional<MonotonicTime> end) {
@@ -176,7 +184,7 @@ class NodeRunner {
   std::optional<MonotonicTime> reached_;  ///< when the desired state was reached last
   Timer retry_;
   Timer order_end_;
-  Timer haste_;
+  Timer weight_timer_;
 };
 
 namespace {

@@ -10,6 +10,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/saturate.hpp"
 #include "hw/open.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 
@@ -21,10 +22,6 @@ using ros::CallbackReturn;
 constexpr nanoseconds housekeeping_period = seconds(1);
 constexpr nanoseconds failure_event_period = seconds(10);  // per payload
 constexpr const char* timing_node = "timing";              // whose ticks these are
-
-std::uint32_t as_us(nanoseconds d) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d.count() / 1000, 0, 0xFFFFFFFF));
-}
 
 std::vector<Slot> plan_of(const ros::Deployment& deployment) {
   std::vector<Slot> slots;
@@ -500,7 +497,7 @@ void CanSwitcherNode::on_deadline() {
   const Decision decision =
       rotation_->on_deadline(monotonic_now(), context().participant.transport_stats().last_datagram, cpu);
   if (rotation_->counters().starved_holders != starved_before)
-    log::warn("{} got no CPU to release the bus at the end of its lease: asking, and waiting for it",
+    log::warn("{} got no CPU to release the bus at the end of its lease: waiting for it",
               rotation_->current()->payload);
   if (rotation_->counters().deaf_deadlines != deaf_before)
     log::warn("no datagram received at the end of the lease of {}: not accusing it",
@@ -656,9 +653,6 @@ void CanSwitcherNode::publish_bus_statistics() {
   const hw::CanController controller = listener_->bus().controller();
   const hw::CanCounters& can = listener_->bus().counters();
   const auto percent = [](double share) { return static_cast<float>(100 * share); };
-  const auto as_u32 = [](std::uint64_t n) {
-    return static_cast<std::uint32_t>(std::min<std::uint64_t>(n, UINT32_MAX));
-  };
   constexpr std::uint16_t unknown = 0xFFFF;
   mission::CanBusHousekeeping hk;
   hk.cycle = time_.cycle();

@@ -270,7 +270,8 @@ TaskFlagRotation::HolderVerdict TaskFlagRotation::judge(MonotonicTime now, const
   if (now - starved_since_.value_or(end) >= starved_patience) return HolderVerdict::could_run;
   const nanoseconds lease = end - current_->granted;
   const nanoseconds able = now - current_->granted - holder.waited;
-  const nanoseconds enough = holder.waited > lease / 4 ? lease * starved_leases : lease - starved_look;
+  const nanoseconds much = std::max(lease, slots_[current_->slot].lease() * starved_leases);
+  const nanoseconds enough = holder.waited > lease / 4 ? much : lease - starved_look;
   const bool starved = able < enough;
   // A wait that goes on shows at the second look only.
   const bool may_wait = first_look && holder.runnable && holder.ran < lease / 2;

@@ -169,10 +169,14 @@ class TaskFlagRotation {
   /// @return false: the running slot's place changes, so the plan must wait for that slot's end: call again
   /// then
   bool set_plan(const std::vector<Slot>& slots, const std::vector<std::string>& order);
-  /// Grants nothing until resume(); a running slot is finished or fenced as usual.
+  /// Grants nothing until resume(); a running slot is finished or fenced as usual. A holder that was asked is
+  /// asked again after resume(), with all patience.
   void suspend() {
     suspended_ = true;
     recalled_ = false;  // no recall is out now, so no answer is late
+    if (phase_ != Phase::recalling) return;
+    starved_end_.reset();
+    starved_since_.reset();
   }
   /// @param now  ticks received before grant nothing: their slot is partly over, its flag would come late
   void resume(MonotonicTime now) {
@@ -237,7 +241,7 @@ class TaskFlagRotation {
   static constexpr nanoseconds deaf_patience = seconds(2);
   static constexpr nanoseconds deaf_look = milliseconds(20);
   /// A holder that waited for a CPU instead of releasing is recalled. If it also waits for a CPU then, it is
-  /// killed only after it could run for so many lengths of the recall's time, or after the patience, in which
+  /// killed only after it could run for so many lengths of its lease, or after the patience, in which
   /// the ring finds who takes the CPUs. One length would be too little: the end of a wait shows a look later,
   /// and it may sleep for a lock whose owner has no CPU. Its lease is over all the same: its handle refuses
   /// to write.

@@ -101,13 +101,16 @@ std::optional<MonotonicTime> CaptureScheduler::due_of(const Task& task, const Ca
 
 /// Ends what was cancelled and what is too late.
 void CaptureScheduler::sort_out_waiting(const CaptureTime& time) {
-  std::erase_if(waiting_, [&](Task& task) {
-    if (task.request.start && time.utc)
-      task.end.failure = refuse_past(*task.request.start, *time.utc, settings_.latest_start);
-    if (!task.end.failure && !task.is_canceled) return false;
-    end_task(task);
-    return true;
-  });
+  for (auto task = waiting_.begin(); task != waiting_.end();) {
+    if (task->request.start && time.utc)
+      task->end.failure = refuse_past(*task->request.start, *time.utc, settings_.latest_start);
+    if (!task->end.failure && !task->is_canceled) {
+      ++task;
+    } else {
+      end_task(*task);
+      task = waiting_.erase(task);
+    }
+  }
 }
 
 void CaptureScheduler::choose_task(const CaptureTime& time) {

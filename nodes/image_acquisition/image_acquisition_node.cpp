@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 #include <malloc.h>
 
+#include "base/saturate.hpp"
 #include "image/fits_writer.hpp"
 
 namespace srfs {
@@ -44,10 +45,6 @@ CaptureRequest request_of(const srfs_msgs::action::CaptureImage::Goal& goal) {
   request.frames = goal.frames;
   request.interval = milliseconds(goal.interval_ms);
   return request;
-}
-
-std::uint32_t as_u32(std::uint64_t v) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(v, UINT32_MAX));
 }
 
 }  // namespace
@@ -162,9 +159,13 @@ CaptureTime ImageAcquisitionNode::time_now() const {
 }
 
 void ImageAcquisitionNode::drive() {
+  take_settings();
+  run(scheduler_.drive(time_now()));
+}
+
+void ImageAcquisitionNode::take_settings() {
   scheduler_.set({milliseconds(get_parameter<std::int64_t>("latest_start_ms")),
                   milliseconds(get_parameter<std::int64_t>("frame_patience_ms"))});
-  run(scheduler_.drive(time_now()));
 }
 
 void ImageAcquisitionNode::run(CaptureScheduler::Actions actions) {
@@ -245,8 +246,10 @@ void ImageAcquisitionNode::carry_out(const ReportLostFrame& action) {
 /// Its queue holds all that is ever asked of it.
 template <class Job, class Answer>
 void ImageAcquisitionNode::on_camera(Job job, Answer answer) {
-  const bool taken = camera_worker_->ask(
-      std::move(job), [this, f = std::move(answer)](auto result) { run(f(std::move(result))); });
+  const bool taken = camera_worker_->ask(std::move(job), [this, f = std::move(answer)](auto result) {
+    take_settings();
+    run(f(std::move(result)));
+  });
   if (!taken) raise_error("the camera worker's queue is full");
 }
 

@@ -49,6 +49,7 @@ class ImageAcquisitionNode : public ros::LifecycleNode {
 
   void on_goal(const Goal& goal);
   void drive();
+  void take_settings();
   [[nodiscard]] CaptureTime time_now() const;
   void run(CaptureScheduler::Actions actions);
   void carry_out(const RefuseGoal& action);

@@ -7,6 +7,7 @@
 #include <malloc.h>
 
 #include "base/log.hpp"
+#include "base/saturate.hpp"
 
 namespace srfs {
 namespace {
@@ -21,10 +22,6 @@ constexpr std::uint64_t mebibyte = 1U << 20;
 
 std::filesystem::path images_of(const ros::VarPaths& var) {
   return var.root / "images";
-}
-
-std::uint32_t as_u32(std::uint64_t value) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
 }
 
 ProcessRequest to_request(const srfs_msgs::action::ProcessImage::Goal& goal, image::ProcessingRun run) {

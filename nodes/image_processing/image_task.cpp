@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <mission/structures.hpp>
 
+#include "base/saturate.hpp"
 #include "image/frame_file.hpp"
 #include "image/frame_mark.hpp"
 #include "image/frame_strips.hpp"
@@ -39,7 +40,7 @@ std::optional<std::string> why_unusable(const image::Frame& frame) {
 }
 
 std::uint32_t saturated(std::uint32_t a, std::size_t b) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(std::uint64_t{a} + b, UINT32_MAX));
+  return as_u32(std::uint64_t{a} + b);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "base/saturate.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
 #include "ros/launcher.hpp"
@@ -257,7 +258,7 @@ mission::UpdateStatusHousekeeping MaintenanceNode::update_status() const {
   status.failed_in = to_mission(u.ended_in);
   status.version = u.version;
   status.octets = static_cast<std::uint32_t>(u.octets);
-  status.program_octets = static_cast<std::uint32_t>(std::min<std::uint64_t>(u.program_octets, UINT32_MAX));
+  status.program_octets = as_u32(u.program_octets);
   status.build_ms = to_ms(u.build);
   status.outage_ms = to_ms(u.outage);
   status.starts = static_cast<std::uint8_t>(std::min<std::uint32_t>(u.starts, UINT8_MAX));

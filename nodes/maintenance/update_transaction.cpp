@@ -125,11 +125,11 @@ Actions UpdateTransaction::on_lane_ended(const LaneEnd& end_of_lane) {
       break;
   }
   const LaneReport& report = end_of_lane.report;
+  const Actions log{SendLaneLog{update()}};
   if (update().step == UpdateStep::self_test) {
     if (report.good) return begin_step(UpdateStep::store);
-    return Actions{SendLaneLog{update()}} + end(UpdateStep::failed, report.reason);
+    return log + end(UpdateStep::failed, report.reason);
   }
-  const Actions log{SendLaneLog{update()}};
   journal_.built(milliseconds(report.took_ms));
   if (!report.good) return log + end(UpdateStep::failed, report.reason);
   if (manifest_.binary_sha256 && *manifest_.binary_sha256 != report.program_sha256)

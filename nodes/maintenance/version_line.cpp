@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/maintenance/version_line.hpp"
 
+#include "base/saturate.hpp"
+
 #include <algorithm>
 
 namespace srfs {
@@ -22,7 +24,7 @@ mission::NodeVersionHousekeeping to_mission(const std::string& node, const updat
   line.state = mission::VersionState::golden;
   if (version == nullptr) return line;
   line.state = static_cast<mission::VersionState>(version->state);
-  line.octets = static_cast<std::uint32_t>(std::min<std::uint64_t>(version->octets, UINT32_MAX));
+  line.octets = as_u32(version->octets);
   line.added_s = static_cast<std::uint64_t>(std::max<std::int64_t>(version->added.ns() / 1'000'000'000, 0));
   line.probation_s = static_cast<std::uint32_t>(version->probation / seconds(1));
   line.sha256 = version->sha256;

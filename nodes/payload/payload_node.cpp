@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "base/file.hpp"
+#include "base/saturate.hpp"
 #include "commanding/messages.hpp"
 #include "hw/open.hpp"
 #include "ros/state_files.hpp"
@@ -34,13 +35,6 @@ std::uint64_t as_ns(MonotonicTime t) {
 MonotonicTime from_ns(std::uint64_t ns) {
   return MonotonicTime(nanoseconds(static_cast<std::int64_t>(ns)));
 }
-std::uint32_t as_u32(std::uint64_t value) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
-}
-std::uint32_t as_us(nanoseconds d) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d.count() / 1000, 0, 0xFFFFFFFF));
-}
-
 wire::IsoTpFrame to_isotp(const hw::CanFrame& frame) {
   return {.id = frame.id, .size = frame.size, .data = frame.data};
 }

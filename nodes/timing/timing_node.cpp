@@ -9,6 +9,7 @@
 #include <mission/structures.hpp>
 
 #include "base/process.hpp"
+#include "base/saturate.hpp"
 #include "hw/open.hpp"
 #include "nodes/timing/mission_clock.hpp"
 #include "ros/mission_time.hpp"
@@ -23,13 +24,6 @@ constexpr nanoseconds feed_period = seconds(1);
 constexpr nanoseconds save_period = seconds(60);
 constexpr nanoseconds discipline_period = seconds(1);
 constexpr std::uint64_t refused_jumps_per_event = 60;  // one event a minute while the receiver insists
-
-std::uint32_t as_u32(std::uint64_t v) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(v, 0xFFFFFFFFU));
-}
-std::uint32_t as_us(nanoseconds d) {
-  return as_u32(static_cast<std::uint64_t>(std::max<std::int64_t>(0, d.count() / 1000)));
-}
 
 }  // namespace
 

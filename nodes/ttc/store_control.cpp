@@ -10,6 +10,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/saturate.hpp"
 #include "nodes/ttc/checked_text.hpp"
 #include "wire/cuc.hpp"
 
@@ -188,8 +189,7 @@ void StoreControl::report_status(const TelecommandOrigin& origin, const Store& s
   report.period_retrieval =
       retrieval_.names(store.id) ? mission::PeriodRetrieval::under_way : mission::PeriodRetrieval::idle;
   report.type = store.bounded ? mission::StoreType::bounded : mission::StoreType::circular;
-  report.refused = static_cast<std::uint32_t>(
-      std::min<std::uint64_t>(store.refused + store.status.counters.full, UINT32_MAX));
+  report.refused = as_u32(store.refused + store.status.counters.full);
   put(origin, mission::PacketStoreStatus::subtype, report.encoded());
 }
 

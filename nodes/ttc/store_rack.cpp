@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/store_rack.hpp"
 
+#include "base/saturate.hpp"
+
 #include <algorithm>
 
 namespace srfs {
@@ -52,8 +54,7 @@ StoreRackStatus StoreRack::status() const {
   for (const auto& [id, store] : stores_) status.stores.emplace_back(id, store.status());
   std::error_code ec;
   const auto space = std::filesystem::space(folder_, ec);
-  if (!ec)
-    status.free_mib = static_cast<std::uint32_t>(std::min<std::uintmax_t>(space.available >> 20, UINT32_MAX));
+  if (!ec) status.free_mib = as_u32(space.available >> 20);
   return status;
 }
 

@@ -37,7 +37,7 @@ void TtcNode::report_added_problems() {
   for (const std::string& problem : deployment().added_problems) {
     mission::SuiteAddedNodesDamagedEvent event;
     event.why = problem.substr(0, longest_reason);
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
 }
 
@@ -130,7 +130,7 @@ void TtcNode::report_refused_fragments() {
     mission::SuiteFragmentRefusedEvent event;
     event.node = refused.name;
     event.why = refused.why.substr(0, longest_reason);
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
 }
 
@@ -148,7 +148,7 @@ void TtcNode::meet_added_nodes(bool tell) {
     log::info("{} was removed from the suite", guest.name);
     mission::SuiteNodeLeftEvent event;
     event.node = guest.name;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
     return true;
   });
   for (const ros::AddedNode& node : added) {
@@ -162,7 +162,7 @@ void TtcNode::meet_added_nodes(bool tell) {
     mission::SuiteNodeJoinedEvent event;
     event.node = node.name;
     event.apid = guests_.back().apid;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
 }
 

@@ -5,15 +5,13 @@
 
 #include "nodes/ttc/ttc_node.hpp"
 
+#include "base/saturate.hpp"
+
 namespace srfs {
 namespace {
 
 constexpr std::uint64_t cfdp_ground = 1;
 constexpr std::uint64_t cfdp_spacecraft = 2;
-
-std::uint32_t as_u32(std::uint64_t value) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
-}
 
 /// A file of ours stands whole at the ground.
 bool has_arrived(const cfdp::News& news) {
@@ -117,7 +115,7 @@ void TtcNode::tell_of_file(const cfdp::News& news) {
     event.direction = direction;
     event.condition = condition;
     event.reaction = cfdp::to_string(news.event.handler);
-    return raise(event.severity, event.event_id, event.encoded());
+    return raise(event);
   }
   if (news.event.kind != cfdp::EventKind::finished) return;
   if (news.event.outcome.condition != wire::CfdpCondition::no_error || news.event.outcome.incomplete) {
@@ -126,12 +124,12 @@ void TtcNode::tell_of_file(const cfdp::News& news) {
     event.name = name;
     event.direction = direction;
     event.condition = condition;
-    return raise(event.severity, event.event_id, event.encoded());
+    return raise(event);
   }
   const auto say = [&](auto event) {
     event.name = name;
     event.octets = news.file.file_octets.value_or(0);
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   };
   if (down) {
     ++files_status_.sent;

@@ -54,7 +54,7 @@ void TtcNode::begin_imaging_tasks() {
     mission::ImageTaskFailedEvent event;
     event.task = failure.task;
     event.why = failure.why;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
 }
 

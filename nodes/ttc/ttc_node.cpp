@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/ttc_node.hpp"
 
+#include "base/saturate.hpp"
+
 #include <algorithm>
 #include <array>
 
@@ -35,10 +37,6 @@ std::optional<Stage> to_stage(std::uint8_t stage) {
     default:
       return std::nullopt;
   }
-}
-
-std::uint32_t as_u32(std::uint64_t value) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
 }
 
 }  // namespace
@@ -170,7 +168,7 @@ void TtcNode::execute_passed() {
   for (const std::uint64_t id : link_->router.take_unstored_runs()) {
     mission::TtcRecoveryWithoutStorageEvent event;
     event.telecommand = id;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
 }
 
@@ -202,17 +200,17 @@ void TtcNode::report_findings() {
       mission::TtcFrameCounterOutOfRangeEvent event;
       event.vc = finding.vc;
       event.count = link_->uplink.counters().counter_out_of_range;
-      raise(event.severity, event.event_id, event.encoded());
+      raise(event);
     } else if (finding.kind == SecurityFinding::Kind::replayed) {
       mission::TtcFrameReplayedEvent event;
       event.vc = finding.vc;
       event.counter = finding.counter;
-      raise(event.severity, event.event_id, event.encoded());
+      raise(event);
     } else {
       mission::TtcFrameNotAuthenticEvent event;
       event.vc = finding.vc;
       event.count = ++not_authentic_[finding.vc];
-      raise(event.severity, event.event_id, event.encoded());
+      raise(event);
     }
   }
 }
@@ -314,7 +312,7 @@ void TtcNode::store_mode_change() {
   mission::TtcModeChangedEvent event;
   event.mode = change->mode == Mode::nominal ? mission::MissionMode::nominal : mission::MissionMode::safe;
   event.reason = link_->mode.reason();
-  raise(event.severity, event.event_id, event.encoded());
+  raise(event);
   write_state("mode", change->stored_text,
               [this, change = *change](bool stored) { link_->router.mode_stored(change, stored); });
 }
@@ -341,11 +339,11 @@ void TtcNode::store_transmitter_change() {
     mission::TtcTransmitterOffEvent event;
     event.duration_s = static_cast<std::uint32_t>(change->off.count());
     event.why = "commanded";
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   } else {
     mission::TtcTransmitterOnEvent event;
     event.why = "commanded";
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
   write_state("transmitter", change->stored_text,
               [this, change = *change](bool stored) { link_->router.transmitter_stored(change, stored); });
@@ -361,7 +359,7 @@ void TtcNode::end_silence() {
   if (!taken) log::error("the silence that is over is still on disk");
   mission::TtcTransmitterOnEvent event;
   event.why = "its time is over";
-  raise(event.severity, event.event_id, event.encoded());
+  raise(event);
 }
 
 void TtcNode::publish_mode() {
@@ -378,13 +376,13 @@ void TtcNode::report_rejections() {
     event.apid = rejected.apid;
     event.sequence = rejected.sequence_count;
     event.code = rejected.code;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
   for (const ExpiredCommand& expired : link_->forwarder.take_expired()) {
     mission::TtcTelecommandExpiredEvent event;
     event.telecommand = expired.id;
     event.node = expired.target;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
 }
 
@@ -533,12 +531,12 @@ void TtcNode::note_storage(bool& known, bool works, const std::string& why, cons
     log::error("storage unavailable: {}", why);
     mission::TtcStorageUnavailableEvent event;
     event.what = why;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   } else if (works && !known) {
     log::info("storage is available again: {}", what);
     mission::TtcStorageAvailableEvent event;
     event.what = what;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
   known = works;
 }
@@ -556,10 +554,6 @@ void TtcNode::send_behind_ends(mission::EventSeverity severity, std::uint16_t ev
   link_->gate.hold(
       {.report = std::move(report->report), .live = report->live, .stored = true, .urgent = false},
       link_->journal.revision(), now());
-}
-
-void TtcNode::raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data) {
-  raise_event(event_id, static_cast<std::uint8_t>(severity), data);
 }
 
 void TtcNode::add_latency(mission::TtcHousekeeping& h) const {

@@ -274,10 +274,17 @@ class TtcNode : public ros::LifecycleNode {
   void look_at_nodes();
   void ask_for_state(const std::string& node);
   /// An event that must not be held back by the rate limit of the event topic.
-  void send_event(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
+  template <class Event>
+  void send_event(const Event& event) {
+    send_event(event.severity, event.event_id, event.encoded());
+  }
   /// The same, after the ends that wait for the disk.
+  template <class Event>
+  void send_behind_ends(const Event& event) {
+    send_behind_ends(event.severity, event.event_id, event.encoded());
+  }
+  void send_event(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
   void send_behind_ends(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
-  void raise(mission::EventSeverity severity, std::uint16_t event_id, const Octets& data);
   /// @param known what was known before; only a change is reported
   /// @param what of the storage, for people
   void note_storage(bool& known, bool works, const std::string& why, const std::string& what);

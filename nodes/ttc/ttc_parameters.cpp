@@ -35,7 +35,7 @@ void TtcNode::ask_nodes() {
     mission::ParameterRefusedEvent event;
     event.parameter = refused.parameter;
     event.reason = refused.reason;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
 }
 

@@ -49,7 +49,7 @@ void TtcNode::report_dropped() {
     event.sequence = dropped.request.sequence;
     event.release = dropped.release;
     event.reason = dropped.disabled ? mission::ScheduleDrop::disabled : mission::ScheduleDrop::late;
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
 }
 

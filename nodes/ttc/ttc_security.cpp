@@ -13,7 +13,7 @@ void TtcNode::report_hazards() {
     event.service = name.service;
     event.subtype = name.subtype;
     event.digest = name.digest;
-    send_event(event.severity, event.event_id, event.encoded());
+    send_event(event);
   };
   for (const HazardNews& news : link_->hazards.take_news()) {
     if (news.reason) {
@@ -60,7 +60,7 @@ void TtcNode::report_keys_at_start() {
     mission::TtcKeyUnusableEvent event;
     event.spi = key.spi;
     event.why = key.why;
-    send_event(event.severity, event.event_id, event.encoded());
+    send_event(event);
   }
   for (const KeyNews& news : std::exchange(key_news_, {})) report_keys(news.vc, news.set, news.why);
 }
@@ -71,7 +71,7 @@ void TtcNode::report_keys(std::uint8_t vc, KeySet set, const std::string& why) {
   event.vc = vc;
   event.set = set == KeySet::b ? mission::KeySet::b : mission::KeySet::a;
   event.why = why;
-  send_event(event.severity, event.event_id, event.encoded());
+  send_event(event);
 }
 
 /// The old keys work until the change is on disk: a crash before is as if it had not come.

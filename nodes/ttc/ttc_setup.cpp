@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 
 #include "base/known_key.hpp"
+#include "base/saturate.hpp"
 #include "nodes/ttc/ttc_node.hpp"
 #include "ros/boot_store.hpp"
 
@@ -428,7 +429,7 @@ void TtcNode::report_counters(std::uint64_t floor, const std::string& why) {
   mission::TtcCountersLostEvent event;
   event.floor = floor;
   event.why = why;
-  send_event(event.severity, event.event_id, event.encoded());
+  send_event(event);
 }
 
 /// The first valid time came. At a first start a ground station that was heard and counts no clock goes on
@@ -577,14 +578,14 @@ ros::CallbackReturn TtcNode::on_activate() {
   publish_mode();
   if (!journal_damage_.empty()) {
     mission::TtcJournalDamagedEvent event;
-    event.skipped = static_cast<std::uint32_t>(std::min<std::size_t>(journal_damaged_octets_, UINT32_MAX));
+    event.skipped = as_u32(journal_damaged_octets_);
     event.what = std::exchange(journal_damage_, {});
-    send_event(event.severity, event.event_id, event.encoded());
+    send_event(event);
   }
   if (first_start_) {
     mission::TtcFirstStartEvent event;
     event.boot_count = boot_.count;
-    send_event(event.severity, event.event_id, event.encoded());
+    send_event(event);
     first_start_ = false;
   }
   if (floor_wanted_ == FloorWanted::counters_lost) report_counters(0, "any is taken until the time is valid");

@@ -5,15 +5,13 @@
 
 #include "nodes/ttc/ttc_node.hpp"
 
+#include "base/saturate.hpp"
+
 namespace srfs {
 namespace {
 
 constexpr int patience_commits = 10;  ///< a commit that misses so many of its seconds is a failing disk
 constexpr const char* stores_name = "packet stores";
-
-std::uint32_t as_u32(std::uint64_t value) {
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(value, UINT32_MAX));
-}
 
 }  // namespace
 
@@ -69,13 +67,13 @@ void TtcNode::on_store_status(const StoreRackStatus& status) {
     if (link_->stores.on_status(id, store)) {
       mission::TtcStoreFullEvent event;
       event.store = id;
-      raise(event.severity, event.event_id, event.encoded());
+      raise(event);
     }
     if (store.counters.damaged_octets == known) continue;
     mission::TtcStoreDamagedEvent event;
     event.store = id;
     event.skipped = as_u32(store.counters.damaged_octets - known);
-    raise(event.severity, event.event_id, event.encoded());
+    raise(event);
   }
   store_status_ = status;
   note_storage(stores_work_, status.failure.empty(), status.failure, stores_name);
@@ -93,7 +91,7 @@ void TtcNode::feed_playback() {
     event.store = done.store;
     event.packets = done.packets;
     event.octets = done.octets;
-    send_behind_ends(event.severity, event.event_id, event.encoded());
+    send_behind_ends(event);
   }
   persist_journal();
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "base/saturate.hpp"
 #include "ros/node.hpp"
 
 namespace srfs::ros {
@@ -11,10 +12,6 @@ namespace {
 
 /// Of nine observers at most; a request that waited longer than its round is of no use.
 constexpr Qos check_qos{.depth = 16};
-
-std::uint32_t as_ms(nanoseconds d) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d / milliseconds(1), 0, UINT32_MAX));
-}
 
 }  // namespace
 

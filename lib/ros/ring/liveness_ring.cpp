@@ -19,6 +19,7 @@
 
 #include <mission/structures.hpp>
 
+#include "base/saturate.hpp"
 #include "ros/node_versions.hpp"
 #include "ros/ring/node_record.hpp"
 
@@ -36,10 +37,6 @@ constexpr milliseconds shortest_worker_deadline{5000};
 constexpr std::uint64_t cap_percent = 90;
 constexpr seconds between_commits{5};
 constexpr seconds shortest_survey{1};  ///< the kernel counts the time of processes in 10 ms
-
-std::uint32_t as_ms(nanoseconds d) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(d / milliseconds(1), 0, UINT32_MAX));
-}
 
 std::uint64_t random_seed() {
   std::uint64_t seed = 0;
@@ -481,8 +478,7 @@ void LivenessRing::carry_out(const RingMonitor::Report& action) {
   report_.lifecycle_state = static_cast<std::uint8_t>(action.state);
   report_.misses = action.misses;
   report_.age_ms = as_ms(action.answer_age);
-  report_.round_trip_us = static_cast<std::uint32_t>(
-      std::clamp<std::int64_t>(action.round_trip / microseconds(1), 0, UINT32_MAX));
+  report_.round_trip_us = as_us(action.round_trip);
   report_.monotonic_ns = static_cast<std::uint64_t>(monotonic_now().ns());
   report_.detail = std::string_view(action.detail).substr(0, longest_detail);
   reports_->publish(report_);

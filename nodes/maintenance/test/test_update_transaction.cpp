@@ -92,7 +92,8 @@ class World {
 
   std::vector<FailureCode> answers;
   std::vector<UpdateStep> reports;
-  int refusals = 0, builds = 0, swaps = 0, lane_logs = 0;
+  std::vector<UpdateStep> lane_logs;
+  int refusals = 0, builds = 0, swaps = 0;
 
  private:
   [[nodiscard]] std::string own_node() const {
@@ -169,7 +170,7 @@ class World {
     apply(transaction_->on_lane_ended(end));
   }
   void carry_out(const StopLane& /*a*/) {}
-  void carry_out(const SendLaneLog& /*a*/) { ++lane_logs; }
+  void carry_out(const SendLaneLog& a) { lane_logs.push_back(a.update.step); }
   void carry_out(const StoreProgram& a) {
     post([this, a] {
       const auto number = table_.add(program_hash, 1000, origin_of(a.update), UtcTime(nanoseconds(0)));
@@ -350,6 +351,15 @@ TEST(UpdateTransactionTest, each_way_to_fail_has_its_reason) {
   s = {};
   s.look = Scenario::Look::falls;
   EXPECT_EQ(reason_of(s), "swap: died in its probation");
+}
+
+TEST(UpdateTransactionTest, the_lanes_log_goes_down_after_each_build_and_a_failed_self_test_under_that_name) {
+  Scenario s;
+  s.lane = Scenario::Lane::test_failed;
+  World world(s, 1);
+  world.begin();
+  run_to_its_end(world);
+  EXPECT_THAT(world.lane_logs, testing::ElementsAre(UpdateStep::build, UpdateStep::self_test));
 }
 
 TEST(UpdateTransactionTest, wherever_it_is_killed_it_comes_to_the_end_that_it_promises) {
