@@ -1011,6 +1011,22 @@ TEST_F(RingMonitorTest, AccusesWhoAnswersAndLeavesDueWorkUndone) {
   EXPECT_THAT(accused(), ElementsAre("b: not working"));
 }
 
+TEST_F(RingMonitorTest, ExcusesUndoneWorkAndChecksOfANodeThatWaitsForACpuButNotForEver) {
+  rounds(2);
+  others_["b"].answer.work_done = 5;
+  for (int i = 0; i < 60; ++i) {
+    others_["b"].cpu.waited += milliseconds(90);
+    others_["b"].cpu.any_waited += milliseconds(90);
+    // From the third second on, so that the readings reach back far enough.
+    others_["b"].answer.oldest_due = milliseconds(i < 30 ? 0 : 3000);
+    others_["b"].answer.own_last_check_age = milliseconds(i < 30 ? 0 : 3000);
+    round();
+  }
+  EXPECT_THAT(accusations_, IsEmpty());
+  for (int i = 0; i < 60 && accusations_.empty(); ++i) round();  // it has a CPU again, and does nothing
+  EXPECT_THAT(accused(), ElementsAre("b: not checking"));
+}
+
 TEST_F(RingMonitorTest, IsCalmAboutLateWorkThatGoesOn) {
   round();
   for (int i = 0; i < 30; ++i) {
