@@ -95,7 +95,6 @@ class NodeRunner {
     node_.set_desired(desired_);
     end_order_at(desired.until);
     attempt();
-    set_weight(niceness_);
   }
   ~NodeRunner() {
     node_.on_commanded_ = {};
@@ -123,10 +122,11 @@ class NodeRunner {
       log::error("finalized after an error; restart the node to use it again");
       return;
     }
-    if (node_.go_to(desired_)) {
+    const bool reached = node_.go_to(desired_);
+    set_weight(niceness_);
+    if (reached) {
       malloc_trim(0);  // configuring takes memory that working does not need (YAML, tables being built)
       reached_ = monotonic_now();
-      set_weight(niceness_);
       return;
     }
     retry_later();

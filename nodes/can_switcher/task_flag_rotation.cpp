@@ -219,8 +219,7 @@ std::optional<MonotonicTime> TaskFlagRotation::next_deadline() const {
 
 std::optional<TaskFlagRotation::Holder> TaskFlagRotation::holder() const {
   if (phase_ == Phase::free || current_->payload.empty()) return std::nullopt;
-  const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
-  return Holder{current_->slot, process.value_or(0)};
+  return Holder{current_->slot, process_of_holder().value_or(0)};
 }
 
 void TaskFlagRotation::withdraw(GrantId id) {
@@ -287,7 +286,7 @@ TaskFlagRotation::HolderVerdict TaskFlagRotation::judge(MonotonicTime now, const
 
 /// It is asked: its release, or the flag, may be lost, and then it would say nothing once it has a CPU.
 Decision TaskFlagRotation::on_starved_holder(MonotonicTime now) {
-  const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
+  const auto process = process_of_holder();
   if (phase_ == Phase::recalling || !process) return Nothing{};
   return ask(*process, now, std::min(recall_time_, held_up_recall_time));
 }
@@ -305,7 +304,7 @@ Recall TaskFlagRotation::ask(std::uint32_t process, MonotonicTime now, nanosecon
 }
 
 Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
-  const auto process = holder_process_ ? holder_process_ : known_process_[current_->slot];
+  const auto process = process_of_holder();
   const bool was_deaf = std::exchange(deaf_since_, std::nullopt).has_value();
   if (phase_ != Phase::recalling && process && (was_deaf || now - current_->lease_end > held_up_limit)) {
     // This process was deaf, stopped or starved, and so may the holder have been: it is asked before it is

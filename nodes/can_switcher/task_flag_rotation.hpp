@@ -262,6 +262,10 @@ class TaskFlagRotation {
   Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   Grant grant(MonotonicTime now, MissionCycle cycle);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
+  /// Its incarnation; nullopt: it has not reported yet.
+  [[nodiscard]] std::optional<std::uint32_t> process_of_holder() const {
+    return holder_process_ ? holder_process_ : known_process_[current_->slot];
+  }
   ReportVerdict on_current_report(const BusReport& report, MonotonicTime now);
   ReportVerdict count(ReportVerdict verdict);
   Decision end_of_lease(MonotonicTime now);

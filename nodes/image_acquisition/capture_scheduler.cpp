@@ -20,8 +20,8 @@ void CaptureScheduler::configure(std::string camera_problem) {
   counters_ = counters;
   settings_ = settings;
   counters_.camera_state = CameraState::closed;
-  camera_problem_of_deployment_ = std::move(camera_problem);
-  camera_problem_ = is_there() ? "closed" : camera_problem_of_deployment_;
+  has_camera_ = camera_problem.empty();
+  camera_problem_ = has_camera_ ? "closed" : std::move(camera_problem);
 }
 
 Actions CaptureScheduler::activate(MonotonicTime now) {
@@ -41,7 +41,7 @@ Actions CaptureScheduler::deactivate(const std::string& reason) {
   waiting_.clear();
   wake_.reset();
   actions_.emplace_back(WakeAt{});
-  if (was_active && is_there()) {
+  if (was_active && has_camera_) {
     counters_.camera_state = CameraState::closed;
     camera_problem_ = "closed";
     ask_camera(CloseCamera{});
@@ -54,7 +54,7 @@ Actions CaptureScheduler::deactivate(const std::string& reason) {
 std::optional<CaptureFailure> CaptureScheduler::why_refused(const CaptureRequest& request,
                                                             const CaptureTime& time) const {
   if (!active_) return CaptureFailure{failure::camera_absent, "the node is not active"};
-  if (!is_there()) return CaptureFailure{failure::camera_absent, camera_problem_};
+  if (!has_camera_) return CaptureFailure{failure::camera_absent, camera_problem_};
   if (!store_problem_.empty()) return CaptureFailure{failure::disk_failed, store_problem_};
   if (auto refused = refuse(request)) return refused;
   const auto same = [&](const Task& task) { return task.request.task == request.task; };
@@ -151,7 +151,7 @@ Actions CaptureScheduler::drive(const CaptureTime& time) {
 void CaptureScheduler::review_camera(MonotonicTime now) {
   const bool is_open =
       counters_.camera_state == CameraState::ready || counters_.camera_state == CameraState::exposing;
-  if (camera_jobs_ > 0 || !is_there() || is_open) return;
+  if (camera_jobs_ > 0 || !has_camera_ || is_open) return;
   if (next_open_ > now) {
     wake_ = std::min(wake_.value_or(next_open_), next_open_);
   } else {

@@ -29,7 +29,7 @@ struct CaptureTime {
   std::optional<UtcTime> utc;  ///< at the same instant; nothing: mission time is not valid
 };
 
-/// What an ended task is told.
+/// The result of a task.
 struct CaptureEnd {
   std::vector<std::string> files;  ///< stored, below the folder of images
   std::int32_t start_error_us = 0;
@@ -194,7 +194,6 @@ class CaptureScheduler {
 
   [[nodiscard]] std::optional<CaptureFailure> why_refused(const CaptureRequest& request,
                                                           const CaptureTime& time) const;
-  [[nodiscard]] bool is_there() const { return camera_problem_of_deployment_.empty(); }
   [[nodiscard]] static std::optional<MonotonicTime> due_of(const Task& waiting, const CaptureTime& time);
   [[nodiscard]] Task* find(CaptureGoal goal);
   void end_task(Task& task);
@@ -218,7 +217,7 @@ class CaptureScheduler {
   void on_frame(hw::CameraFrame frame);
   [[nodiscard]] Actions take_actions() { return std::exchange(actions_, {}); }
 
-  std::string camera_problem_of_deployment_;
+  bool has_camera_ = true;
   Settings settings_;
   bool active_ = false;
   std::string camera_problem_;

@@ -186,7 +186,7 @@ class UpdateTransaction {
   bool asked_to_activate_ = true;
   update::Manifest manifest_;     ///< of the update under way
   std::string dictionary_;        ///< the fragment that it brings; empty: none
-  MonotonicTime swap_begun_{};    ///< while a process is looked at
+  MonotonicTime swap_begun_{};    ///< while the new process is awaited
   MonotonicTime looking_ends_{};  ///< the same
 };
 

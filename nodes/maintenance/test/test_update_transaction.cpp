@@ -266,8 +266,16 @@ std::vector<Scenario> all_scenarios() {
   return all;
 }
 
-void run_to_its_end(World& world) {
+void run_until_nothing_happens(World& world) {
   for (int steps = 0; world.step(); ++steps) ASSERT_LT(steps, 1000) << "it does not come to an end";
+}
+
+/// A process that ends itself is followed by the next one.
+void run_to_its_end(World& world) {
+  run_until_nothing_happens(world);
+  if (!world.must_end_itself()) return;
+  world.crash();
+  run_until_nothing_happens(world);
 }
 
 int versions_of_the_package(const World& world) {
@@ -377,10 +385,6 @@ TEST(UpdateTransactionTest, wherever_it_is_killed_it_comes_to_the_end_that_it_pr
         for (int i = 0; i < at && !is_over; ++i) is_over = !world.step();
         world.crash();
         run_to_its_end(world);
-        if (world.must_end_itself()) {
-          world.crash();
-          run_to_its_end(world);
-        }
         expect_a_sound_end(scenario, world);
         if (testing::Test::HasFailure()) return;
         ++crashes;
@@ -406,10 +410,6 @@ TEST(UpdateTransactionTest, killed_again_and_again_it_gives_up_and_says_so) {
         world.crash();
       }
       run_to_its_end(world);
-      if (world.must_end_itself()) {
-        world.crash();
-        run_to_its_end(world);
-      }
       expect_a_sound_end(scenario, world);
       if (testing::Test::HasFailure()) return;
       gave_up += world.transaction().update().reason.starts_with("interrupted") ? 1 : 0;
@@ -428,10 +428,6 @@ TEST(UpdateTransactionTest, a_cancelled_one_ends_as_cancelled_and_only_while_the
       const auto before = world.answers.size();
       world.cancel();
       run_to_its_end(world);
-      if (world.must_end_itself()) {
-        world.crash();
-        run_to_its_end(world);
-      }
       const UpdateStep end = world.transaction().update().step;
       if (end == UpdateStep::cancelled) {
         ++cancelled;

@@ -3,8 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "base/sha256.hpp"
-
 #include "update/version_table.hpp"
 
 namespace srfs::update {
@@ -231,12 +229,6 @@ TEST_F(VersionTableTest, TextWithAChangedOctetOrCutOffIsNotRead) {
     EXPECT_FALSE(decode_versions(damaged)) << i;
     EXPECT_FALSE(decode_versions(text.substr(0, i))) << i;
   }
-}
-
-TEST(Sha256, IsThatOfTheStandardsExample) {
-  const std::string abc = "abc";
-  EXPECT_EQ(to_digits(sha256_of({reinterpret_cast<const std::uint8_t*>(abc.data()), abc.size()})),
-            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");  // FIPS 180-2, B.1
 }
 
 }  // namespace
