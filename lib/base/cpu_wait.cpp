@@ -105,8 +105,11 @@ void CpuWait::on_reading(const ThreadCpu& cpu, bool runnable, MonotonicTime now)
   if (!moved && now - last_at_ < shortest_proof) return;
   if (moved) {
     // What was counted while it went on is a part of what the kernel added now.
-    total_ += std::max(cpu.waited - last_->waited - counted_, nanoseconds(0));
-    counted_ = nanoseconds(0);
+    const nanoseconds added = std::max(cpu.waited - last_->waited - counted_, nanoseconds(0));
+    // Runnable, it may have waited ever since it last ran.
+    const nanoseconds neither = now - last_at_ - (cpu.ran - last_->ran) - added;
+    counted_ = runnable && neither >= shortest_proof ? neither : nanoseconds(0);
+    total_ += added + counted_;
   } else if (runnable) {
     total_ += now - last_at_;
     counted_ += now - last_at_;

@@ -55,12 +55,13 @@ class ThreadCpuFiles {
 };
 
 /// Time that one thread spent runnable without a CPU, from repeated readings by another thread. The kernel
-/// adds a wait only when it ends; one that goes on is recognised by a runnable thread whose numbers stand
-/// still, and counts from the reading before. A thread that sleeps, is stopped, blocks in the kernel or runs
+/// adds a wait only when it ends; one that goes on is recognised by a runnable thread, and counts from the
+/// reading before, less what it ran since. A thread that sleeps, is stopped, blocks in the kernel or runs
 /// never waits. Pure.
 class CpuWait {
  public:
-  /// @param runnable  state 'R', read after @p cpu; needed only where @p cpu equals the reading before
+  /// @param runnable  state 'R', read after @p cpu. Left false where @p cpu has changed, a wait that began
+  ///                  since then counts from the next reading on.
   /// @param now       not before the previous call. Readings less than 20 ms apart that show no change are
   ///                  ignored: the time of a running thread grows only at the kernel's own ticks.
   void on_reading(const ThreadCpu& cpu, bool runnable, MonotonicTime now);

@@ -69,7 +69,7 @@ void Worker::review_cpu(MonotonicTime now) {
   }
   const auto cpu = files != nullptr ? files->read() : std::nullopt;
   if (!cpu) return;
-  wait_.on_reading(*cpu, owes && wait_.equals_last(*cpu) && files->state() == 'R', now);
+  wait_.on_reading(*cpu, owes && files->state() == 'R', now);
   waits_.add(now, {wait_.total(), cpu->ran, wait_.total()});
 }
 

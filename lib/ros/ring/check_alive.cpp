@@ -61,26 +61,29 @@ void CheckAliveService::fill_work(srfs_msgs::srv::CheckAlive_Response& response)
   response.oldest_due_ms = work.oldest ? age_ms(*work.oldest) : 0;
 }
 
+/// A job whose own thread sleeps ages, however the work thread is kept waiting.
+nanoseconds CheckAliveService::age_of(const Worker& worker, MonotonicTime since) const {
+  const nanoseconds stopped = member_ != nullptr ? member_->stopped_since(since) : nanoseconds(0);
+  return std::max(node_.now() - since - worker.waited_since(since) - stopped, nanoseconds(0));
+}
+
 void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& response) {
   const Worker* worst = nullptr;
-  MonotonicTime since;
+  nanoseconds age_of_worst{0};
   nanoseconds least_left = nanoseconds::max();
   for (Worker* worker : node_.context().executor.workers()) {
     worker->review_cpu(node_.now());
     const WorkerProgress progress = worker->progress();
     if (!progress.owes_since) continue;
-    const nanoseconds waited = worker->waited_since(*progress.owes_since);
-    const nanoseconds left = worker->deadline() + waited - (node_.now() - *progress.owes_since);
-    if (left >= least_left) continue;
-    least_left = left;
+    const nanoseconds age = age_of(*worker, *progress.owes_since);
+    if (worker->deadline() - age >= least_left) continue;
+    least_left = worker->deadline() - age;
     worst = worker;
-    since = *progress.owes_since;
+    age_of_worst = age;
   }
   if (worst == nullptr) return;
   response.worker = worst->name();
-  // A thread without a CPU is not frozen: the longer of its own delay and the node's is subtracted.
-  const nanoseconds waited = worst->waited_since(since);
-  response.worker_busy_ms = std::min(age_ms(since), as_ms(node_.now() - since - waited));
+  response.worker_busy_ms = as_ms(age_of_worst);
   response.worker_deadline_ms = as_ms(worst->deadline());
 }
 

@@ -38,6 +38,8 @@ class CheckAliveService {
     [[nodiscard]] virtual nanoseconds last_check_age() const = 0;
     /// Time this node was stopped or starved since then.
     [[nodiscard]] virtual nanoseconds held_up_since(MonotonicTime since) const = 0;
+    /// Time since then in which this whole process was stopped, or its machine.
+    [[nodiscard]] virtual nanoseconds stopped_since(MonotonicTime since) const = 0;
   };
 
   explicit CheckAliveService(LifecycleNode& node);
@@ -50,6 +52,8 @@ class CheckAliveService {
   void fill_work(srfs_msgs::srv::CheckAlive_Response& response);
   void fill_worker(srfs_msgs::srv::CheckAlive_Response& response);
   [[nodiscard]] std::uint32_t age_ms(MonotonicTime since) const;
+  /// How long a worker has owed what it owes since then: time in which it could run.
+  [[nodiscard]] nanoseconds age_of(const Worker& worker, MonotonicTime since) const;
 
   LifecycleNode& node_;
   RingMember* member_ = nullptr;

@@ -30,9 +30,9 @@ constexpr Qos check_qos{.depth = 8};
 constexpr seconds client_memory{60};  ///< an unused client is kept: its node may fall silent again
 constexpr std::size_t longest_detail = 128;
 constexpr std::size_t longest_event_detail = 80;
-/// A restart takes up to two (waits for ends, a slow exec); a node that makes one under load is not to be
-/// killed.
-constexpr milliseconds shortest_worker_deadline{5000};
+/// A restart blocks for 2.5 s at most; a node that makes one under load is not to be killed.
+constexpr milliseconds shortest_worker_deadline{3000};
+constexpr milliseconds between_worker_trials{500};
 /// Of the caps; a node at its cap fails in ways of its own.
 constexpr std::uint64_t cap_percent = 90;
 constexpr seconds between_commits{5};
@@ -223,6 +223,10 @@ nanoseconds LivenessRing::held_up_since(MonotonicTime since) const {
   return std::max(monitor_->held_up_since(since), own_history_.since(since).waited);
 }
 
+nanoseconds LivenessRing::stopped_since(MonotonicTime since) const {
+  return monitor_->stopped_since(since) + stolen_history_.since(since).waited;
+}
+
 // ---- Input
 
 void LivenessRing::on_period() {
@@ -232,16 +236,23 @@ void LivenessRing::on_period() {
   due_ += settings_.period * (late / settings_.period + 1);
   monitor_->on_period(now, late, waited_since_last_period(now));
   act();
+  if (now >= next_worker_trial_) {
+    next_worker_trial_ = now + between_worker_trials;
+    try_worker();
+  }
   if (now >= next_second_) {
     next_second_ = now + seconds(1);
     each_second();
   }
 }
 
-void LivenessRing::each_second() {
-  // A restarter that hangs is found before it is needed.
+/// A restarter that hangs is found before it is needed.
+void LivenessRing::try_worker() {
   if (!std::exchange(worker_tried_, true))
     worker_tried_ = worker_->post([] {}, [this] { worker_tried_ = false; });
+}
+
+void LivenessRing::each_second() {
   read_stolen_time();
   review_membership();
   review_footprints();
@@ -325,6 +336,7 @@ std::optional<CpuTotals> LivenessRing::look_at_cpu(std::string_view subject, pid
 nanoseconds LivenessRing::waited_since_last_period(MonotonicTime now) {
   const auto own = own_cpu_ ? own_cpu_->read(false, now) : std::nullopt;
   if (!own) return nanoseconds(0);
+  stolen_history_.add(now, {.waited = stolen_.total()});
   const nanoseconds total = own->waited + stolen_.total();
   own_history_.add(now, {total, own->ran, own->any_waited});
   return total - std::exchange(own_waited_, total);

@@ -72,9 +72,11 @@ class LivenessRing : private CheckAliveService::RingMember {
   [[nodiscard]] std::uint32_t generation() const override;
   [[nodiscard]] nanoseconds last_check_age() const override;
   [[nodiscard]] nanoseconds held_up_since(MonotonicTime since) const override;
+  [[nodiscard]] nanoseconds stopped_since(MonotonicTime since) const override;
 
   void on_period();
   void each_second();
+  void try_worker();
   void on_answer(const std::string& subject, const CheckAlive::Response& response);
   void on_self_answer(const CheckAlive::Response& response);
   [[nodiscard]] NodeReading look(std::string_view subject) const;
@@ -119,12 +121,14 @@ class LivenessRing : private CheckAliveService::RingMember {
   bool worker_tried_ = false;  ///< an empty job is on its way through it
   MonotonicTime due_;
   MonotonicTime next_second_;
+  MonotonicTime next_worker_trial_;
   std::string membership_stamp_;
   std::vector<std::string> membership_problems_;
   std::uint64_t foreign_answers_ = 0;
   bool acting_ = false;
   std::optional<ProcessCpu> own_cpu_;  ///< nullopt: the kernel does not tell
   CpuHistory own_history_;
+  CpuHistory stolen_history_;  ///< of the host of a virtual machine, as waits
   nanoseconds own_waited_{0};  ///< at the last period
   nanoseconds own_middleware_waited_{0};
   StolenTime stolen_;

@@ -31,11 +31,11 @@ std::optional<ProcessCpu> ProcessCpu::open(pid_t pid) {
   return ProcessCpu(pid, std::move(*first));
 }
 
-std::optional<ThreadCpu> ProcessCpu::read_thread(const ThreadCpuFiles& files, CpuWait& wait,
+std::optional<ThreadCpu> ProcessCpu::read_thread(const ThreadCpuFiles& files, CpuWait& wait, bool doubt,
                                                  MonotonicTime now) {
   const auto cpu = files.read();
   if (!cpu) return std::nullopt;
-  const bool runnable = wait.equals_last(*cpu) && files.state() == 'R';
+  const bool runnable = (doubt || wait.equals_last(*cpu)) && files.state() == 'R';
   wait.on_reading(*cpu, runnable, now);
   return cpu;
 }
@@ -48,7 +48,7 @@ std::optional<ThreadCpu> ProcessCpu::skip(Thread& thread, MonotonicTime now) {
 
 std::optional<CpuTotals> ProcessCpu::read(bool doubt, MonotonicTime now) {
   CpuTotals totals;
-  const auto cpu = read_thread(first_.files, first_.wait, now);
+  const auto cpu = read_thread(first_.files, first_.wait, doubt, now);
   if (!cpu) return std::nullopt;
   totals.ran = cpu->ran;
   totals.waited = first_.wait.total();
@@ -68,7 +68,7 @@ nanoseconds ProcessCpu::read_middleware(MonotonicTime now) {
     const nanoseconds before = thread.wait.total();
     const bool lives =
         !thread.of_middleware ||
-        (goes_on ? read_thread(thread.files, thread.wait, now) : skip(thread, now)).has_value();
+        (goes_on ? read_thread(thread.files, thread.wait, true, now) : skip(thread, now)).has_value();
     if (thread.of_middleware) most = std::max(most, thread.wait.total() - before);
     entry = lives ? std::next(entry) : others_.erase(entry);
   }
@@ -86,7 +86,7 @@ std::size_t ProcessCpu::count_busy_threads(MonotonicTime now) {
   const auto before = std::exchange(counted_at_, now);
   std::size_t busy = 0;
   const auto count = [&](pid_t tid, Thread& thread) {
-    const auto cpu = read_thread(thread.files, thread.counted_wait, now);
+    const auto cpu = read_thread(thread.files, thread.counted_wait, false, now);
     if (!cpu) return false;
     busy += computes(tid, thread, *cpu, before ? now - *before : nanoseconds(0)) ? 1 : 0;
     return true;

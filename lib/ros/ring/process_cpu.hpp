@@ -50,7 +50,8 @@ class ProcessCpu {
     std::optional<Stint> stint{};      ///< unless it was idle
   };
   ProcessCpu(pid_t pid, ThreadCpuFiles first) : pid_(pid), first_{std::move(first), {}, false} {}
-  static std::optional<ThreadCpu> read_thread(const ThreadCpuFiles& files, CpuWait& wait, MonotonicTime now);
+  static std::optional<ThreadCpu> read_thread(const ThreadCpuFiles& files, CpuWait& wait, bool doubt,
+                                              MonotonicTime now);
   static std::optional<ThreadCpu> skip(Thread& thread, MonotonicTime now);
   nanoseconds read_middleware(MonotonicTime now);
   void find_threads(MonotonicTime now);

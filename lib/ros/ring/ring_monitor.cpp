@@ -115,6 +115,14 @@ nanoseconds RingMonitor::held_up_since(MonotonicTime since) const {
   return total;
 }
 
+nanoseconds RingMonitor::stopped_since(MonotonicTime since) const {
+  nanoseconds total{0};
+  for (const HeldUp& time : held_up_) {
+    if (time.until > since) total += std::min(time.duration - time.waited, time.until - since);
+  }
+  return total;
+}
+
 // ---- Rounds
 
 void RingMonitor::on_period(MonotonicTime now, nanoseconds late, nanoseconds waited) {
@@ -123,7 +131,7 @@ void RingMonitor::on_period(MonotonicTime now, nanoseconds late, nanoseconds wai
   if (on_time) {
     conclude_round(now, waited);
   } else {
-    held_up_.push_back({now, late});
+    held_up_.push_back({now, late, std::min(waited, late)});
     if (held_up_.size() > most_held_up) held_up_.pop_front();
     if (late - waited <= tolerance()) {
       skip_round(now);
@@ -434,12 +442,12 @@ void RingMonitor::judge_fields(Subject& s, const CheckAnswer& answer, MonotonicT
   const bool checks =
       is_within(answer.own_last_check_age, std::max<milliseconds>(5 * patience_.period, seconds(1)));
   const bool works = s.work_done != answer.work_done || is_within(answer.oldest_due, patience_.work_deadline);
-  const bool flows = answer.worker_busy <= answer.worker_deadline;
+  // An age of its own time, which one answer proves: the next may come late from a node behind all others.
+  const bool flows = answer.worker_busy <= answer.worker_deadline + patience_.misses * patience_.period;
   s.work_done = answer.work_done;
   const auto count = [](int& in_row, bool fine) { in_row = fine ? 0 : in_row + 1; };
   count(s.not_checking_in_row, checks);
   count(s.not_working_in_row, works);
-  count(s.frozen_in_row, flows);
   if (checks && works && flows) {
     if (s.large_in_row == 0) s.first_evidence.reset();
     if (!s.accused) s.lost = false;
@@ -449,7 +457,7 @@ void RingMonitor::judge_fields(Subject& s, const CheckAnswer& answer, MonotonicT
   if (s.not_checking_in_row >= patience_.misses) {
     accuse(s, FaultClass::not_checking, now,
            fmt::format("checked no node for {} ms", answer.own_last_check_age.count()));
-  } else if (s.frozen_in_row >= patience_.misses) {
+  } else if (!flows) {
     accuse(s, FaultClass::worker_frozen, now,
            fmt::format("worker '{}' busy for {} ms", answer.worker, answer.worker_busy.count()));
   } else if (s.not_working_in_row >= patience_.misses) {
@@ -616,7 +624,6 @@ void RingMonitor::clear_evidence(Subject& s) {
   s.wrong_in_row = 0;
   s.not_checking_in_row = 0;
   s.not_working_in_row = 0;
-  s.frozen_in_row = 0;
   s.large_in_row = 0;
   s.overdue_in_row = 0;
   s.busy_in_row = 0;

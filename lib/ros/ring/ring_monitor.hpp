@@ -194,6 +194,8 @@ class RingMonitor {
   /// How long this node was held up (stopped, starved) since then, as its late timers show: ages of its own
   /// work do not count this time. Remembers the last 64 times.
   [[nodiscard]] nanoseconds held_up_since(MonotonicTime since) const;
+  /// The same without its waits for a CPU, for ages of what another thread does, which waits or does not.
+  [[nodiscard]] nanoseconds stopped_since(MonotonicTime since) const;
   [[nodiscard]] const Membership& membership() const { return membership_; }
   [[nodiscard]] const Counters& counters() const { return counters_; }
   /// The downstream first, in ring order.
@@ -236,7 +238,6 @@ class RingMonitor {
     int wrong_in_row = 0;
     int not_checking_in_row = 0;
     int not_working_in_row = 0;
-    int frozen_in_row = 0;
     int large_in_row = 0;
     int overdue_in_row = 0;
     int busy_in_row = 0;
@@ -312,6 +313,7 @@ class RingMonitor {
   struct HeldUp {
     MonotonicTime until;
     nanoseconds duration;
+    nanoseconds waited;  ///< of it, for a CPU
   };
   std::deque<HeldUp> held_up_;
   Counters counters_;

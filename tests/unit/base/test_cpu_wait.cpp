@@ -41,7 +41,7 @@ TEST(CpuWait, GrowsWhileARunnableThreadGetsNoCpuAndCountsNothingTwice) {
   wait.on_reading(cpu(100, 0, 5), true, at_ms(2000));
   EXPECT_EQ(wait.total(), milliseconds(2000));
   // The thread runs at last: the kernel adds the whole wait, most of which is already counted.
-  wait.on_reading(cpu(104, 2050, 6), true, at_ms(2100));
+  wait.on_reading(cpu(104, 2050, 6), false, at_ms(2100));
   EXPECT_EQ(wait.total(), milliseconds(2050));
 }
 
@@ -54,13 +54,24 @@ TEST(CpuWait, CountsNothingTwiceWhenAThreadGoesToSleepBetweenItsNumbersAndItsSta
   EXPECT_EQ(wait.total(), milliseconds(1090));
 }
 
+TEST(CpuWait, CountsAWaitThatGoesOnFromTheEndOfWhatTheThreadRan) {
+  CpuWait wait;
+  wait.on_reading(cpu(100, 0, 5), false, at_ms(0));
+  wait.on_reading(cpu(110, 40, 7), true, at_ms(2000));
+  EXPECT_EQ(wait.total(), milliseconds(1990)) << "it may have waited whenever it did not run";
+  wait.on_reading(cpu(110, 40, 7), true, at_ms(2500));
+  EXPECT_EQ(wait.total(), milliseconds(2490));
+  wait.on_reading(cpu(120, 2580, 8), false, at_ms(2600));
+  EXPECT_EQ(wait.total(), milliseconds(2580)) << "and nothing twice";
+}
+
 TEST(CpuWait, LeavesOutATimeThatNobodyWatched) {
   CpuWait wait;
   wait.on_reading(cpu(100, 0, 5), true, at_ms(0));
   wait.on_reading(cpu(100, 0, 5), true, at_ms(100));
   wait.skip_to(cpu(900, 60'000, 700), at_ms(600'000));
   EXPECT_EQ(wait.total(), milliseconds(100));
-  wait.on_reading(cpu(901, 60'030, 701), true, at_ms(600'100));
+  wait.on_reading(cpu(901, 60'030, 701), false, at_ms(600'100));
   EXPECT_EQ(wait.total(), milliseconds(130));
 }
 
