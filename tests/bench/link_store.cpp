@@ -10,8 +10,8 @@
 
 #include <unistd.h>
 
-#include "nodes/ttc/packet_maker.hpp"
-#include "nodes/ttc/packet_store.hpp"
+#include "nodes/ttc/link/packet_maker.hpp"
+#include "nodes/ttc/store/packet_store.hpp"
 #include "tests/bench/link_measures.hpp"
 
 namespace srfs::bench {

@@ -8,8 +8,8 @@
 #include <array>
 #include <cstdlib>
 
-#include "nodes/ttc/acceptance_journal.hpp"
-#include "nodes/ttc/journal_log.hpp"
+#include "nodes/ttc/command/acceptance_journal.hpp"
+#include "nodes/ttc/command/journal_log.hpp"
 
 namespace {
 

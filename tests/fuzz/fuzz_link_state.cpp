@@ -7,8 +7,8 @@
 #include <cstdlib>
 
 #include "base/crc32c.hpp"
-#include "nodes/ttc/link_state.hpp"
-#include "nodes/ttc/uplink_chain.hpp"
+#include "nodes/ttc/link/link_state.hpp"
+#include "nodes/ttc/link/uplink_chain.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace {

@@ -6,8 +6,8 @@
 
 #include <mission/structures.hpp>
 
-#include "nodes/ttc/file_service.hpp"
-#include "nodes/ttc/parameter_service.hpp"
+#include "nodes/ttc/files/file_service.hpp"
+#include "nodes/ttc/services/parameter_service.hpp"
 
 namespace {
 

@@ -11,7 +11,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "nodes/ttc/packet_store.hpp"
+#include "nodes/ttc/store/packet_store.hpp"
 
 namespace {
 

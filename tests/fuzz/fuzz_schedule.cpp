@@ -5,7 +5,7 @@
 
 #include <mission/structures.hpp>
 
-#include "nodes/ttc/schedule_service.hpp"
+#include "nodes/ttc/services/schedule_service.hpp"
 #include "wire/pus.hpp"
 
 namespace {

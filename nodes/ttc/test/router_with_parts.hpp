@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "nodes/ttc/telecommand_router.hpp"
+#include "nodes/ttc/command/telecommand_router.hpp"
 
 namespace srfs {
 

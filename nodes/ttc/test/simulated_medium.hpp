@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "nodes/ttc/journal_log.hpp"
+#include "nodes/ttc/command/journal_log.hpp"
 
 namespace srfs::testing_support {
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/acceptance_journal.hpp"
+#include "nodes/ttc/command/acceptance_journal.hpp"
 
 #include <map>
 #include <random>

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/beacon_builder.hpp"
+#include "nodes/ttc/report/beacon_builder.hpp"
 
 #include <cmath>
 

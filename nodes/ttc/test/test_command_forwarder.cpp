@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/command_forwarder.hpp"
+#include "nodes/ttc/command/command_forwarder.hpp"
 
 #include <algorithm>
 #include <set>

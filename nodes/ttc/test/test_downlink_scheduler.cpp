@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/downlink_scheduler.hpp"
+#include "nodes/ttc/link/downlink_scheduler.hpp"
 
 #include <gtest/gtest.h>
 

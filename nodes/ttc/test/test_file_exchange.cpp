@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/file_exchange.hpp"
+#include "nodes/ttc/files/file_exchange.hpp"
 
 #include <gmock/gmock.h>
 

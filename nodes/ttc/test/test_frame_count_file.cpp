@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/frame_count_file.hpp"
+#include "nodes/ttc/link/frame_count_file.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/frame_count_page.hpp"
+#include "nodes/ttc/link/frame_count_page.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -8,7 +8,7 @@
 
 #include <csignal>
 
-#include "nodes/ttc/downlink_scheduler.hpp"
+#include "nodes/ttc/link/downlink_scheduler.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/image_outbox.hpp"
+#include "nodes/ttc/imaging/image_outbox.hpp"
 
 #include <fstream>
 

@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/journal_log.hpp"
+#include "nodes/ttc/command/journal_log.hpp"
 
 #include <filesystem>
 
 #include <gtest/gtest.h>
 
-#include "nodes/ttc/journal_file.hpp"
+#include "nodes/ttc/command/journal_file.hpp"
 #include "nodes/ttc/test/simulated_medium.hpp"
 #include "tests/temporary_folder.hpp"
 

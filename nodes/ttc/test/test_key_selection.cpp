@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/key_selection.hpp"
+#include "nodes/ttc/link/key_selection.hpp"
 
 #include <gtest/gtest.h>
 

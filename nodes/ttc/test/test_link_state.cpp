@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/link_state.hpp"
+#include "nodes/ttc/link/link_state.hpp"
 
 #include <filesystem>
 #include <fstream>
 
 #include <gtest/gtest.h>
 
-#include "nodes/ttc/link_state_file.hpp"
+#include "nodes/ttc/link/link_state_file.hpp"
 #include "tests/temporary_folder.hpp"
 
 namespace srfs {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/packet_store.hpp"
+#include "nodes/ttc/store/packet_store.hpp"
 
 #include <algorithm>
 #include <csignal>

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/parameter_service.hpp"
+#include "nodes/ttc/services/parameter_service.hpp"
 
 #include <gmock/gmock.h>
 

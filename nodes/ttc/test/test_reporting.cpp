@@ -4,12 +4,12 @@
 
 #include <gtest/gtest.h>
 
-#include "nodes/ttc/event_reporter.hpp"
-#include "nodes/ttc/housekeeping_scheduler.hpp"
-#include "nodes/ttc/mode_keeper.hpp"
-#include "nodes/ttc/packet_maker.hpp"
-#include "nodes/ttc/packet_retrieval.hpp"
+#include "nodes/ttc/link/packet_maker.hpp"
+#include "nodes/ttc/report/event_reporter.hpp"
+#include "nodes/ttc/services/housekeeping_scheduler.hpp"
+#include "nodes/ttc/services/mode_keeper.hpp"
 #include "nodes/ttc/spacecraft_clock.hpp"
+#include "nodes/ttc/store/packet_retrieval.hpp"
 #include "wire/pus.hpp"
 
 namespace srfs {

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "nodes/ttc/schedule_service.hpp"
+#include "nodes/ttc/services/schedule_service.hpp"
 #include "nodes/ttc/test/simulated_medium.hpp"
 #include "tests/build_kind.hpp"
 #include "wire/cuc.hpp"

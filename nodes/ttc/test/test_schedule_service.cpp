@@ -1,12 +1,12 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/schedule_service.hpp"
+#include "nodes/ttc/services/schedule_service.hpp"
 
 #include <gtest/gtest.h>
 
-#include "nodes/ttc/beacon_builder.hpp"
+#include "nodes/ttc/report/beacon_builder.hpp"
+#include "nodes/ttc/services/time_reporter.hpp"
 #include "nodes/ttc/test/router_with_parts.hpp"
-#include "nodes/ttc/time_reporter.hpp"
 #include "wire/cuc.hpp"
 
 namespace srfs {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/store_control.hpp"
+#include "nodes/ttc/store/store_control.hpp"
 
 #include <gtest/gtest.h>
 

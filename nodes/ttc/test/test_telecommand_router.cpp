@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/telecommand_router.hpp"
+#include "nodes/ttc/command/telecommand_router.hpp"
 
 #include <algorithm>
 

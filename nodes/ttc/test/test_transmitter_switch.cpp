@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/transmitter_switch.hpp"
+#include "nodes/ttc/link/transmitter_switch.hpp"
 
 #include <gtest/gtest.h>
 

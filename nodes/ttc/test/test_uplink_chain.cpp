@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/uplink_chain.hpp"
+#include "nodes/ttc/link/uplink_chain.hpp"
 
 #include <array>
 #include <random>
@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "nodes/ttc/persistence_gate.hpp"
+#include "nodes/ttc/command/persistence_gate.hpp"
 #include "wire/pus.hpp"
 #include "wire/tc_uplink.hpp"
 

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "ground/ad_service.hpp"
-#include "nodes/ttc/uplink_chain.hpp"
+#include "nodes/ttc/link/uplink_chain.hpp"
 #include "wire/tc_uplink.hpp"
 
 namespace srfs::ground {

@@ -1,0 +1,166 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "nodes/ttc/report/report_outbox.hpp"
+
+namespace srfs {
+
+/// One telecommand on its way to another node, as published on /telecommand.
+struct ForwardedCommand {
+  std::uint64_t id = 0;  ///< unique for ever, counts up; payloads distinguish commands by the low 32 bits.
+                         ///< That of the origin
+  std::string target;    ///< node name
+  std::uint16_t apid = 0;
+  std::uint16_t function_id = 0;
+  std::uint8_t repeat_class = 0;
+  MonotonicTime expiry;  ///< not started after this
+  Octets arguments;
+};
+
+/// What a node reports on /telecommand_report.
+struct NodeReport {
+  std::uint64_t id = 0;
+  std::string node;  ///< that reports it; only the target of the command is believed
+  Stage stage = Stage::acceptance;
+  bool success = true;
+  std::uint16_t failure_code = 0;
+  std::uint8_t step = 0;
+  Octets data;
+};
+
+/// Failure codes the forwarder itself reports, filled from the mission dictionary.
+struct ForwardingFailureCodes {
+  std::uint16_t not_taken = 0;      ///< the target did not accept it before it expired (1,4)
+  std::uint16_t no_completion = 0;  ///< accepted, then no completion report in time (1,8)
+  std::uint16_t interrupted = 0;    ///< accepted, then its node did not know it any more (1,8)
+};
+
+/// How far a telecommand was known to be when the process before ended.
+struct ForwardedProgress {
+  bool taken = false;
+  bool started = false;
+  std::uint8_t last_step = 0;
+  bool other_boot = false;  ///< its expiry means nothing any more: it may not begin now
+};
+
+struct ForwardingCounters {
+  std::uint64_t submitted = 0;
+  std::uint64_t refused = 0;    ///< a queue bound was reached
+  std::uint64_t published = 0;  ///< repetitions included
+  std::uint64_t completed = 0;
+  std::uint64_t failed = 0;
+  std::uint64_t expired = 0;            ///< of failed: not taken, or no completion report
+  std::uint64_t duplicate_reports = 0;  ///< a stage already reported
+  std::uint64_t stray_reports = 0;      ///< about a command that is not under way, or not from its target
+};
+
+/// A command that ended without its node, for the event that reports it.
+struct ExpiredCommand {
+  std::uint64_t id = 0;
+  std::string target;
+};
+
+/// Telecommand ids a written link state sets aside: more than can be given out before the next one is on disk
+/// (twice the persistence gate).
+inline constexpr std::uint64_t reserved_telecommand_ids = 256;
+
+/// The first id after a start. Never one that was given out before, as far as that is known.
+/// @param stored from the link state, 0: lost or none. @param known by this process, 0: none.
+/// @param utc of the machine: sixteen ids a second since 2020 are far more than the link carries, so this
+/// goes up even if the state is lost or the disk failed for long
+[[nodiscard]] std::uint64_t first_telecommand_id(std::uint64_t stored, std::uint64_t known, UtcTime utc);
+
+enum class ForwardError : std::uint8_t { queue_full };
+
+/// Brings telecommands to their nodes: publishes them until the node has accepted each, at most so many
+/// unacknowledged a node, and turns the nodes' reports into PUS 1 reports of the original request. An
+/// accepted one is published now and then too: its node knows the id and reports again how far it got, so a
+/// report that was lost with a process comes all the same. Bounds are per node; a node that is silent costs
+/// only its own commands.
+class CommandForwarder {
+ public:
+  static constexpr std::size_t max_unacknowledged = 8;
+  static constexpr std::size_t max_queued = 32;
+  static constexpr std::size_t max_executing = 64;  ///< accepted by the node, not completed
+  static constexpr milliseconds republish_period{500};
+  static constexpr milliseconds ask_period{2000};  ///< of an accepted one
+  static constexpr seconds completion_grace{30};   ///< after the expiry
+
+  /// @param outbox takes the verification reports; outlives this
+  CommandForwarder(ForwardingFailureCodes codes, ReportOutbox& outbox) : codes_(codes), outbox_(outbox) {}
+
+  /// Takes an accepted telecommand. @param origin has its id
+  Result<void, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
+                                    MonotonicTime now);
+  /// Goes on with one of an earlier process, in the order of the ids and whatever the bounds: they held when
+  /// it was accepted. Its node is given time to report the outcome, also past its expiry.
+  void restore(const TelecommandOrigin& origin, ForwardedCommand command, const ForwardedProgress& progress,
+               MonotonicTime now);
+  /// Whether submit() for @p target would be taken after @p reserved others.
+  [[nodiscard]] bool has_room(const std::string& target, std::size_t reserved = 0) const;
+  void on_report(const NodeReport& report, MonotonicTime now);
+  /// Publishes again what is due, ends what expired.
+  void on_time(MonotonicTime now);
+  [[nodiscard]] std::optional<MonotonicTime> next_due() const;
+
+  /// To be published now, in order.
+  [[nodiscard]] std::vector<ForwardedCommand> take_publications() { return std::exchange(publications_, {}); }
+
+  /// Commands that expired since the last call; at most those that were under way.
+  [[nodiscard]] std::vector<ExpiredCommand> take_expired() { return std::exchange(expired_, {}); }
+
+  /// Ids of commands that their node has accepted since the last call.
+  [[nodiscard]] std::vector<std::uint64_t> take_taken() { return std::exchange(taken_, {}); }
+
+  /// Commands not completed, of all nodes.
+  [[nodiscard]] std::size_t under_way() const;
+  [[nodiscard]] const ForwardingCounters& counters() const { return counters_; }
+
+ private:
+  struct Entry {
+    TelecommandOrigin origin;
+    ForwardedCommand command;
+    MonotonicTime publish_next;
+    MonotonicTime give_up;  ///< not taken, or then not ended until then: it failed
+    bool taken = false;     ///< its node has it
+    bool void_expiry = false;
+    bool started = false;
+    std::uint8_t last_step = 0;
+  };
+  struct Node {
+    std::deque<Entry> queued;
+    std::deque<Entry> unacknowledged;
+    std::deque<Entry> executing;
+  };
+  void publish(Entry& entry, MonotonicTime now);
+  void take(Node& node, Entry entry, MonotonicTime now);
+  void fill(Node& node, MonotonicTime now);
+  void end_expired(Node& node, MonotonicTime now);
+  void expire(const Entry& entry, Stage stage, std::uint16_t code);
+  void fail(const Entry& entry, Stage stage, std::uint16_t code, OctetView data);
+  /// @return whether the command is over
+  bool apply(Entry& entry, const NodeReport& report);
+  void report_start(Entry& entry);
+
+  ForwardingFailureCodes codes_;
+  ReportOutbox& outbox_;
+  std::map<std::string, Node> nodes_;
+  std::vector<ForwardedCommand> publications_;
+  std::vector<ExpiredCommand> expired_;
+  std::vector<std::uint64_t> taken_;
+  ForwardingCounters counters_;
+};
+
+}  // namespace srfs

@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/ttc/command/persistence_gate.hpp"
+
+#include <algorithm>
+#include <cassert>
+
+namespace srfs {
+
+bool PersistenceGate::enter(JudgedTelecommand judged, std::uint64_t generation, MonotonicTime now) {
+  if (!has_room()) {
+    ++counters_.refused;
+    return false;
+  }
+  waiting_.push_back(Waiting{.telecommand = {.judged = std::move(judged), .received = now, .durable = true},
+                             .generation = generation,
+                             .deadline = now + deadline_});
+  while (!waiting_.empty() && waiting_.front().generation <= durable_) pass_front(true);
+  return true;
+}
+
+void PersistenceGate::hold(HeldReport report, std::uint64_t generation, MonotonicTime now) {
+  held_.push_back(Held{.report = std::move(report), .generation = generation, .deadline = now + deadline_});
+  if (held_.size() > held_capacity) release_front();
+  while (!held_.empty() && held_.front().generation <= durable_) release_front();
+}
+
+void PersistenceGate::on_write_done(bool success, MonotonicTime now) {
+  assert(writing_);
+  const std::uint64_t generation = *writing_;
+  writing_.reset();
+  if (success) {
+    durable_ = generation;
+  } else {
+    retry_ = now + retry_period;
+  }
+  while (!waiting_.empty() && waiting_.front().generation <= generation) pass_front(success);
+  while (!held_.empty() && held_.front().generation <= generation) release_front();
+}
+
+void PersistenceGate::on_time(MonotonicTime now) {
+  if (retry_ && *retry_ <= now) retry_.reset();
+  while (!waiting_.empty() && waiting_.front().deadline <= now) pass_front(false);
+  while (!held_.empty() && held_.front().deadline <= now) release_front();
+}
+
+std::optional<MonotonicTime> PersistenceGate::next_due() const {
+  std::optional<MonotonicTime> due = retry_;
+  const auto sooner = [&due](MonotonicTime t) { due = due ? std::min(*due, t) : t; };
+  if (!waiting_.empty()) sooner(waiting_.front().deadline);
+  if (!held_.empty()) sooner(held_.front().deadline);
+  return due;
+}
+
+void PersistenceGate::release_front() {
+  released_.push_back(std::move(held_.front().report));
+  held_.pop_front();
+}
+
+void PersistenceGate::pass_front(bool durable) {
+  GatedTelecommand telecommand = std::move(waiting_.front().telecommand);
+  waiting_.pop_front();
+  telecommand.durable = durable;
+  ++(durable ? counters_.passed : counters_.passed_undurable);
+  passed_.push_back(std::move(telecommand));
+}
+
+}  // namespace srfs

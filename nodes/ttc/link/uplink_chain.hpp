@@ -1,0 +1,173 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/time.hpp"
+#include "nodes/ttc/link/key_selection.hpp"
+#include "nodes/ttc/link/link_state.hpp"
+#include "wire/cltu.hpp"
+#include "wire/farm1.hpp"
+#include "wire/sdls.hpp"
+#include "wire/tc_frame.hpp"
+
+namespace srfs {
+
+/// One SDLS security association of the uplink.
+struct UplinkAssociation {
+  std::uint16_t spi = 0;
+  wire::SdlsKey key;
+  bool for_ad = true;  ///< AD frames may use it
+  bool for_bd = true;
+  KeySet set = KeySet::a;
+};
+
+/// One TC virtual channel in use.
+struct UplinkChannel {
+  std::uint8_t vc = 0;
+  std::vector<UplinkAssociation> associations;  ///< empty: no security (test deployments only)
+  KeySet selected = KeySet::a;                  ///< whose frames are taken beside the contingency's
+};
+
+struct UplinkConfig {
+  std::uint16_t spacecraft_id = 0;
+  wire::CltuDecoder::Config cltu;
+  std::uint8_t farm_window = wire::farm_window_default;
+  std::vector<UplinkChannel> channels;
+};
+
+/// Two associations under one key would use an IV twice, which breaks AES-GCM.
+/// @return the SPIs of the first two that share one
+[[nodiscard]] std::optional<std::pair<std::uint16_t, std::uint16_t>> associations_with_one_key(
+    const UplinkConfig& config);
+
+/// One count per reason; every octet that came and every frame that did not get through is in one of them.
+struct UplinkCounters {
+  std::uint64_t octets = 0;
+  std::uint32_t wrong_scid = 0;
+  std::uint32_t wrong_header = 0;  ///< version, spare bits, reserved type, length
+  std::uint32_t wrong_vc = 0;
+  std::uint32_t not_authentic = 0;  ///< too short, unknown or unfit association, wrong MAC
+  std::uint32_t replayed = 0;
+  std::uint32_t counter_out_of_range = 0;  ///< authentic, with a counter of more than 64 bits
+  std::uint32_t farm_discarded = 0;
+  std::uint32_t bad_control_command = 0;
+  std::uint32_t bad_segment = 0;
+  std::uint32_t control_commands = 0;  ///< BC frames executed
+  std::uint32_t packets = 0;           ///< handed out
+};
+
+/// A space packet that came up, and on which way.
+struct UplinkedPacket {
+  std::uint8_t vc = 0;
+  wire::TcFrameType frame_type = wire::TcFrameType::bd;
+  std::optional<std::uint16_t> spi;  ///< nullopt: channel without security
+  std::uint64_t counter = 0;         ///< of the association
+  std::uint8_t frame_sequence = 0;   ///< N(S) of an AD frame
+  Octets packet;                     ///< not judged yet
+  LinkState link{};                  ///< as its frame left it; of a refused one empty
+};
+
+/// A frame that security refused, for the events that report it.
+struct SecurityFinding {
+  enum class Kind : std::uint8_t { not_authentic, replayed, counter_out_of_range };
+  Kind kind = Kind::not_authentic;
+  std::uint8_t vc = 0;
+  std::uint64_t counter = 0;  ///< replayed: the old counter
+};
+
+/// The uplink from octets of the line to space packets: CLTU, TC frame, virtual channel, SDLS (MAC, then
+/// counter), FARM-1, segment header. Never blocks. A frame advances its association's counter only when
+/// FARM-1 accepted it. The control word acknowledges a frame with data only when what it left is stored.
+class UplinkChain {
+ public:
+  static constexpr std::size_t max_findings = 16;
+  static constexpr std::size_t max_refused = 16;
+
+  /// @param stored what was remembered. Channels and associations that are not configured are carried along
+  /// while there is room, so that they keep their counters when they come back
+  UplinkChain(UplinkConfig config, const LinkState& stored);
+
+  /// @param now not before the previous call. @return packets in order of arrival
+  [[nodiscard]] std::vector<UplinkedPacket> push(OctetView octets, MonotonicTime now);
+  /// Ends a CLTU that was cut short. To be called from idle_deadline() on, when the line was found empty.
+  [[nodiscard]] std::vector<UplinkedPacket> on_idle(MonotonicTime now);
+  [[nodiscard]] std::optional<MonotonicTime> idle_deadline() const;
+
+  /// From now on the channel takes frames of this set. @return false: it has no association of it
+  bool select(std::uint8_t vc, KeySet set);
+  /// SPIs of the first secured channel's associations in use, 0: none.
+  struct Associations {
+    std::uint16_t bd = 0;
+    std::uint16_t ad = 0;
+    std::uint16_t contingency = 0;
+  };
+  [[nodiscard]] Associations associations() const;
+
+  /// Whether AD frames can be taken now; false makes FARM-1 wait. Turning true ends the wait.
+  void set_buffer_available(bool available);
+
+  /// The control word for the next TM frame; the channels take turns. What is not stored is not acknowledged;
+  /// that data must wait is reported at once.
+  [[nodiscard]] std::uint32_t next_clcw();
+
+  /// What must be on disk before the packets handed out so far may be executed.
+  [[nodiscard]] const LinkState& state() const { return state_; }
+  /// Whether a frame with data came after @p generation; else only flags of FARM-1 and control commands did.
+  [[nodiscard]] bool has_data_after(std::uint64_t generation) const { return data_generation_ > generation; }
+  /// @p stored is on disk, or cannot be brought there. @return whether more is acknowledged now
+  bool on_stored(const LinkState& stored);
+  /// No configured association takes @p floor or a lower counter from now on.
+  void raise_counters(std::uint64_t floor);
+  /// The newest state that no restart takes back.
+  [[nodiscard]] const LinkState& stored_state() const { return stored_; }
+  [[nodiscard]] const wire::FarmState& farm(std::uint8_t vc) const;
+  /// Last accepted counter of an association; nullopt: none yet.
+  [[nodiscard]] std::optional<std::uint64_t> counter(std::uint16_t spi) const;
+  [[nodiscard]] const UplinkCounters& counters() const { return counters_; }
+  [[nodiscard]] const wire::CltuDecoder::Counters& cltu_counters() const { return decoder_.counters(); }
+  /// The newest findings since the last call, at most max_findings.
+  [[nodiscard]] std::vector<SecurityFinding> take_findings() { return std::exchange(findings_, {}); }
+  /// Packets whose frame was whole (and authentic, where the channel is secured) but came before: its counter
+  /// was used, or FARM-1 discarded it. The sender may have missed the reports. The newest, at most
+  /// max_refused.
+  [[nodiscard]] std::vector<UplinkedPacket> take_refused() { return std::exchange(refused_, {}); }
+
+ private:
+  [[nodiscard]] std::vector<UplinkedPacket> on_frames(const std::vector<Octets>& frames);
+  [[nodiscard]] std::optional<UplinkedPacket> on_frame(OctetView octets);
+  [[nodiscard]] std::optional<UplinkedPacket> on_data_frame(const UplinkChannel& channel,
+                                                            const wire::TcFrame& frame);
+  /// @return the opened field of a secured channel; nullopt: refused and counted, and kept if it is authentic
+  [[nodiscard]] std::optional<wire::SdlsOpened> open_secured(const UplinkChannel& channel,
+                                                             const wire::TcFrame& frame);
+  void on_control_frame(std::uint8_t vc, const wire::TcFrame& frame);
+  [[nodiscard]] const UplinkChannel* channel_of(std::uint8_t vc) const;
+  [[nodiscard]] LinkState::Channel& channel_state(std::uint8_t vc);
+  void set_farm(std::uint8_t vc, const wire::FarmState& farm);
+  /// The change that set_farm() made carries no data: it is acknowledged when nothing before it waits.
+  void acknowledge_flags();
+  void set_counter(std::uint16_t spi, std::uint64_t counter);
+  void find(SecurityFinding finding);
+  void keep_refused(UplinkedPacket packet);
+  void carry_along(const LinkState& stored);
+
+  UplinkConfig config_;
+  wire::CltuDecoder decoder_;
+  LinkState state_;                    ///< the configured channels first, in their order
+  LinkState stored_;                   ///< what the control word reports, in the same order
+  std::uint64_t data_generation_ = 0;  ///< of the state after the newest frame with data
+  bool buffer_available_ = true;
+  std::size_t clcw_turn_ = 0;
+  UplinkCounters counters_;
+  std::vector<SecurityFinding> findings_;
+  std::vector<UplinkedPacket> refused_;
+};
+
+}  // namespace srfs

@@ -1,0 +1,68 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/ttc/report/event_reporter.hpp"
+
+#include <algorithm>
+
+namespace srfs {
+
+void EventReporter::add_event(std::uint16_t event_id, bool enabled) {
+  events_[event_id] =
+      Event{.enabled = enabled, .essential = false, .tokens = 0, .refilled = {}, .seen = false};
+}
+
+void EventReporter::add_essential_event(std::uint16_t event_id) {
+  add_event(event_id);
+  events_[event_id].essential = true;
+}
+
+std::optional<EventReport> EventReporter::on_event(std::uint16_t apid, std::uint16_t event_id,
+                                                   std::uint8_t severity, OctetView data, MonotonicTime now) {
+  const auto found = events_.find(event_id);
+  const bool severity_valid = severity >= static_cast<std::uint8_t>(EventSeverity::info) &&
+                              severity <= static_cast<std::uint8_t>(EventSeverity::high);
+  if (found == events_.end() || !severity_valid) {
+    ++counters_.unknown;
+    return std::nullopt;
+  }
+  if (!found->second.essential && !take_token(found->second, now)) {
+    ++counters_.suppressed;
+    return std::nullopt;
+  }
+  const bool live = found->second.enabled;
+  ++(live ? counters_.reported : counters_.disabled);
+  OctetWriter writer;
+  writer.u16(event_id);
+  writer.bytes(data);
+  return EventReport{.report = Report{.apid = apid,
+                                      .service = service,
+                                      .subtype = severity,
+                                      .destination_id = 0,
+                                      .data = writer.take()},
+                     .live = live};
+}
+
+bool EventReporter::set_enabled(std::uint16_t event_id, bool enabled) {
+  const auto found = events_.find(event_id);
+  if (found == events_.end() || (found->second.essential && !enabled)) return false;
+  found->second.enabled = enabled;
+  return true;
+}
+
+bool EventReporter::take_token(Event& event, MonotonicTime now) const {
+  if (!event.seen) {
+    event.seen = true;
+    event.tokens = limit_.burst;
+    event.refilled = now;
+  }
+  const std::int64_t refills = (now - event.refilled) / nanoseconds(limit_.refill);
+  if (refills > 0) {
+    event.tokens = static_cast<std::uint32_t>(std::min<std::int64_t>(limit_.burst, event.tokens + refills));
+    event.refilled += refills * nanoseconds(limit_.refill);
+  }
+  if (event.tokens == 0) return false;
+  --event.tokens;
+  return true;
+}
+
+}  // namespace srfs

@@ -1,0 +1,75 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "nodes/ttc/report/report.hpp"
+
+namespace srfs {
+
+/// Severities of PUS 5; the value is the report's subtype (5,1 to 5,4).
+enum class EventSeverity : std::uint8_t { info = 1, low = 2, medium = 3, high = 4 };
+
+struct EventRateLimit {
+  std::uint32_t burst = 5;    ///< reports of one event at once
+  milliseconds refill{2000};  ///< one more after each of these
+};
+
+struct EventCounters {
+  std::uint64_t reported = 0;    ///< sent live
+  std::uint64_t disabled = 0;    ///< stored only, because the event is disabled
+  std::uint64_t suppressed = 0;  ///< neither stored nor sent, because of the rate limit
+  std::uint64_t unknown = 0;     ///< not in the dictionary, or with a severity other than 1-4
+};
+
+/// One event as a 5,1 to 5,4 report: stored, and sent live when the event is enabled.
+struct EventReport {
+  Report report;
+  bool live = false;
+};
+
+/// PUS 5 (ECSS-E-ST-70-41C 6.5): which events become reports. One event id that floods costs only itself.
+class EventReporter {
+ public:
+  static constexpr std::uint8_t service = 5;
+
+  explicit EventReporter(EventRateLimit limit = {}) : limit_(limit) {}
+
+  /// Event ids are unique in the whole dictionary. @param apid of the node that raises it
+  void add_event(std::uint16_t event_id, bool enabled = true);
+
+  void remove_event(std::uint16_t event_id) { events_.erase(event_id); }
+
+  /// One that the ground needs to finish something: no rate limit, and 5,6 on it is refused.
+  void add_essential_event(std::uint16_t event_id);
+
+  /// @param data the event's parameters, encoded
+  [[nodiscard]] std::optional<EventReport> on_event(std::uint16_t apid, std::uint16_t event_id,
+                                                    std::uint8_t severity, OctetView data, MonotonicTime now);
+  [[nodiscard]] bool knows(std::uint16_t event_id) const { return events_.contains(event_id); }
+  /// 5,5 and 5,6. @return false: unknown event, or an essential one that would be disabled
+  bool set_enabled(std::uint16_t event_id, bool enabled);
+  [[nodiscard]] const EventCounters& counters() const { return counters_; }
+
+ private:
+  struct Event {
+    bool enabled = true;
+    bool essential = false;
+    std::uint32_t tokens = 0;
+    MonotonicTime refilled;
+    bool seen = false;
+  };
+  [[nodiscard]] bool take_token(Event& event, MonotonicTime now) const;
+
+  EventRateLimit limit_;
+  std::map<std::uint16_t, Event> events_;
+  EventCounters counters_;
+};
+
+}  // namespace srfs

@@ -1,0 +1,51 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/ttc/services/connection_tester.hpp"
+
+#include <cassert>
+
+namespace srfs {
+
+void ConnectionTester::submit(const TelecommandOrigin& origin, std::uint8_t subtype, std::uint16_t apid,
+                              const std::string& node, bool answers) {
+  if (waiting_.size() == capacity) {
+    outbox_.failure(origin, Stage::start, codes_.busy);
+    return;
+  }
+  outbox_.success(origin, Stage::start);
+  Test test{.origin = origin, .subtype = subtype, .apid = apid, .node = node};
+  if (answers) return end(test, true);
+  waiting_.push_back(std::move(test));
+}
+
+std::optional<std::string> ConnectionTester::take_question() {
+  if (asking_ || waiting_.empty()) return std::nullopt;
+  asking_ = true;
+  return waiting_.front().node;
+}
+
+void ConnectionTester::on_answer(bool answered) {
+  assert(asking_ && !waiting_.empty());
+  asking_ = false;
+  const Test test = std::move(waiting_.front());
+  waiting_.pop_front();
+  end(test, answered);
+}
+
+void ConnectionTester::end(const Test& test, bool answered) {
+  if (!answered) {
+    outbox_.failure(test.origin, Stage::completion, codes_.node_unavailable);
+    return;
+  }
+  Report report{.apid = test.origin.apid,
+                .service = service_type,
+                .subtype = test.subtype == are_you_alive ? are_you_alive_report : connection_report,
+                .destination_id = test.origin.source_id,
+                .data = {}};
+  if (test.subtype == test_connection)
+    report.data = {static_cast<std::uint8_t>(test.apid >> 8), static_cast<std::uint8_t>(test.apid)};
+  outbox_.put(std::move(report));
+  outbox_.success(test.origin, Stage::completion);
+}
+
+}  // namespace srfs

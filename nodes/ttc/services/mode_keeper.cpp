@@ -1,0 +1,41 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/ttc/services/mode_keeper.hpp"
+
+#include "nodes/ttc/checked_text.hpp"
+
+namespace srfs {
+namespace {
+
+std::string stored_form(Mode mode) {
+  return with_check(mode == Mode::nominal ? "nominal" : "safe");
+}
+
+}  // namespace
+
+ModeKeeper::ModeKeeper(StoredModeState state, std::string_view stored, Mode initial) {
+  if (state == StoredModeState::first_start) {
+    mode_ = initial;
+    reason_ = "first start";
+  } else if (state == StoredModeState::missing) {
+    reason_ = "stored mode missing";
+  } else if (stored == stored_form(Mode::nominal) || stored == stored_form(Mode::safe)) {
+    mode_ = stored == stored_form(Mode::nominal) ? Mode::nominal : Mode::safe;
+    reason_ = "as before the restart";
+  } else {
+    reason_ = "stored mode damaged";
+  }
+}
+
+std::string ModeKeeper::change(Mode mode, std::string reason) {
+  mode_ = mode;
+  reason_ = std::move(reason);
+  if (reason_.size() > longest_reason) reason_.resize(longest_reason);
+  return stored_text();
+}
+
+std::string ModeKeeper::stored_text() const {
+  return stored_form(mode_);
+}
+
+}  // namespace srfs

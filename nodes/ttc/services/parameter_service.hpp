@@ -1,0 +1,104 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "base/octets.hpp"
+#include "base/result.hpp"
+#include "base/time.hpp"
+#include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/report/report_outbox.hpp"
+
+namespace srfs {
+
+/// The value of a parameter as its node has it.
+using NodeValue = std::variant<bool, std::int64_t, double, std::string, std::vector<std::string>>;
+
+/// One call of a node's parameter services.
+struct ParameterCall {
+  std::uint64_t number = 0;  ///< goes back with the answer
+  std::string node;
+  std::string parameter;
+  std::optional<NodeValue> value;  ///< to be set; nullopt: ask for it
+};
+
+/// What became of a call.
+enum class ParameterCallError : std::uint8_t { no_answer, no_such_parameter };
+
+/// A value that a node refused, for the event that reports it.
+struct RefusedValue {
+  std::uint16_t parameter = 0;
+  std::string reason;
+};
+
+/// The PUS service 20 (ECSS-E-ST-70-41C 6.20): turns requests into calls of the nodes' parameter services,
+/// one after another in the order of the telecommands, and reports what the nodes say. A node that was silent
+/// once is not asked again by the same request. Pure.
+class ParameterService {
+ public:
+  static constexpr std::size_t max_waiting = 8;
+
+  /// @param apid the reports come from. Dictionary and outbox outlive this
+  ParameterService(const mission::Dictionary& dictionary, ReportOutbox& outbox, std::uint16_t apid)
+      : dictionary_(dictionary), outbox_(outbox), apid_(apid) {}
+
+  /// Takes an accepted telecommand, its arguments checked.
+  void submit(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
+              MonotonicTime now);
+  /// The call to make next; then one of the answers. The caller sees to it that one comes.
+  [[nodiscard]] std::optional<ParameterCall> next_call(MonotonicTime now);
+  /// Answers; those to another call than the last are ignored.
+  void on_value(std::uint64_t call, const NodeValue& value);
+  /// @param result  or why the node refused it
+  void on_set(std::uint64_t call, const Result<void, std::string>& result);
+  void on_error(std::uint64_t call, ParameterCallError error);
+
+  [[nodiscard]] std::vector<RefusedValue> take_refused() { return std::exchange(refused_, {}); }
+
+ private:
+  struct Item {
+    const mission::Parameter* parameter;
+    std::optional<NodeValue> value;
+  };
+  struct Request {
+    TelecommandOrigin origin;
+    bool sets = false;
+    std::deque<Item> items;  ///< the first one is under way
+    MonotonicTime expiry;
+    bool started = false;
+    std::vector<std::string> silent_nodes;
+    std::uint16_t failure = 0;  ///< the first
+    std::uint16_t failed_parameter = 0;
+  };
+  [[nodiscard]] std::optional<std::deque<Item>> items_of(const mission::Command& command,
+                                                         OctetView arguments) const;
+  [[nodiscard]] bool is_under_way(std::uint64_t call) const {
+    return call_under_way_ && call == number_ && !requests_.empty();
+  }
+  void begin(Request& request);
+  void end_item(std::uint16_t failure);
+  void end_request();
+
+  const mission::Dictionary& dictionary_;
+  ReportOutbox& outbox_;
+  std::uint16_t apid_;
+  std::deque<Request> requests_;  ///< the first one runs
+  std::uint64_t number_ = 0;      ///< of the last call
+  bool call_under_way_ = false;
+  std::vector<RefusedValue> refused_;
+};
+
+/// Between the value on the link and that of the node. nullopt: no equivalent.
+[[nodiscard]] std::optional<NodeValue> to_node(const mission::Parameter& parameter,
+                                               const mission::Value& value);
+[[nodiscard]] std::optional<mission::Value> from_node(const mission::Parameter& parameter,
+                                                      const NodeValue& value);
+
+}  // namespace srfs
