@@ -180,8 +180,8 @@ Exit Console::retrieve(const std::string& store, const std::string& from, const 
   return last_retrieval_ && last_retrieval_->is_complete() ? Exit::done : Exit::refused;
 }
 
-void Console::carry_files(std::unique_ptr<cfdp::Postbox> postbox) {
-  station_.carry_files(std::move(postbox));
+void Console::carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders) {
+  station_.carry_files(std::move(transfer_folders));
 }
 
 Exit Console::put(const std::string& file, const std::string& name, std::optional<milliseconds> timeout) {
@@ -399,26 +399,26 @@ void Console::tell_progress() {
 }
 
 bool Console::on_file_line(const std::string& verb, const std::vector<std::string>& words) {
-  cfdp::Postbox* const postbox = station_.files();
-  if (postbox == nullptr) return false;
+  cfdp::TransferFolders* const transfer_folders = station_.files();
+  if (transfer_folders == nullptr) return false;
   if (verb == "put" && (words.size() == 1 || words.size() == 2)) {
     const auto put =
-        put_file(*postbox, words[0],
+        put_file(*transfer_folders, words[0],
                  words.size() == 2 ? words[1] : std::filesystem::path(words[0]).filename().string());
     if (!put) fail(put.error());
     return true;
   }
   if (verb == "files" && words.empty()) {
-    for (const cfdp::Report& report : postbox->entity().transactions()) write_json(to_json(report));
+    for (const cfdp::Report& report : transfer_folders->entity().transactions()) write_json(to_json(report));
     return true;
   }
   if (words.size() != 1 || (verb != "suspend" && verb != "resume" && verb != "cancel")) return false;
   const auto id = parse_transaction(words[0]);
   if (!id) return false;
   const MonotonicTime now = monotonic_now();
-  const bool known = verb == "suspend"  ? postbox->entity().suspend(*id)
-                     : verb == "resume" ? postbox->entity().resume(*id, now)
-                                        : postbox->entity().cancel(*id, now);
+  const bool known = verb == "suspend"  ? transfer_folders->entity().suspend(*id)
+                     : verb == "resume" ? transfer_folders->entity().resume(*id, now)
+                                        : transfer_folders->entity().cancel(*id, now);
   if (!known) fail(fmt::format("no transfer with id {} is in progress", words[0]));
   return true;
 }

@@ -66,7 +66,7 @@ class Console {
   /// The next CLCW of the channel.
   [[nodiscard]] Exit clcw(std::optional<milliseconds> timeout);
   /// What the following carry up and down besides. In order: before them.
-  void carry_files(std::unique_ptr<cfdp::Postbox> postbox);
+  void carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders);
   /// One file up, until the spacecraft has it. What is not up by then stays in the queue.
   [[nodiscard]] Exit put(const std::string& file, const std::string& name,
                          std::optional<milliseconds> timeout);

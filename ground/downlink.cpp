@@ -4,7 +4,7 @@
 
 #include <numeric>
 
-#include "cfdp/postbox.hpp"
+#include "cfdp/transfer_folders.hpp"
 #include "wire/time_packet.hpp"
 
 namespace srfs::ground {

@@ -39,8 +39,8 @@ std::string_view direction_text(cfdp::Role role) {
 
 }  // namespace
 
-Result<std::unique_ptr<cfdp::Postbox>, std::string> open_files(const std::filesystem::path& state_dir,
-                                                               UtcTime utc, MonotonicTime now) {
+Result<std::unique_ptr<cfdp::TransferFolders>, std::string> open_files(const std::filesystem::path& state_dir,
+                                                                       UtcTime utc, MonotonicTime now) {
   // Room for all that the spacecraft sends at once, and for what goes up.
   const cfdp::Settings settings{.own_entity = ground_entity,
                                 .peer_entity = spacecraft_entity,
@@ -53,7 +53,7 @@ Result<std::unique_ptr<cfdp::Postbox>, std::string> open_files(const std::filesy
   if (error) return Err(fmt::format("{}: {}", state_dir.string(), error.message()));
   // Above all that were ever used, should the checkpoint be lost.
   const auto first = static_cast<std::uint32_t>(utc.ns() / 1'000'000'000);
-  auto opened = cfdp::Postbox::open(state_dir / "files", state_dir / "cfdp", settings, first, now);
+  auto opened = cfdp::TransferFolders::open(state_dir / "files", state_dir / "cfdp", settings, first, now);
   if (!opened) return Err(opened.error().message);
   return std::move(*opened);
 }
@@ -63,29 +63,31 @@ std::optional<std::string> wrong_name_on_board(const std::string& name) {
   return fmt::format("'{}': a name on board contains no '/' and does not start with a dot", name);
 }
 
-Result<cfdp::TransactionId, std::string> put_file(cfdp::Postbox& postbox, const std::filesystem::path& file,
+Result<cfdp::TransactionId, std::string> put_file(cfdp::TransferFolders& transfer_folders,
+                                                  const std::filesystem::path& file,
                                                   const std::string& name) {
   if (auto wrong = wrong_name_on_board(name)) return Err(std::move(*wrong));
-  if (postbox.sending(name)) return Err(fmt::format("{}: a file with this name is already being sent", name));
-  const std::filesystem::path part = postbox.outbox() / ("." + name + ".part");
+  if (transfer_folders.sending(name))
+    return Err(fmt::format("{}: a file with this name is already being sent", name));
+  const std::filesystem::path part = transfer_folders.outbox() / ("." + name + ".part");
   std::error_code error;
   std::filesystem::copy_file(file, part, std::filesystem::copy_options::overwrite_existing, error);
-  if (!error) std::filesystem::rename(part, postbox.outbox() / name, error);
+  if (!error) std::filesystem::rename(part, transfer_folders.outbox() / name, error);
   if (error) return Err(fmt::format("{}: {}", file.string(), error.message()));
-  postbox.scan();
-  const auto id = postbox.sending(name);
+  transfer_folders.scan();
+  const auto id = transfer_folders.sending(name);
   if (!id) return Err(fmt::format("{}: waiting in the queue, or cannot be sent", name));
   return *id;
 }
 
-Result<cfdp::TransactionId, std::string> put_or_resume(cfdp::Postbox& postbox,
+Result<cfdp::TransactionId, std::string> put_or_resume(cfdp::TransferFolders& transfer_folders,
                                                        const std::filesystem::path& file,
                                                        const std::string& name) {
-  const auto under_way = postbox.sending(name);
-  if (!under_way) return put_file(postbox, file, name);
+  const auto under_way = transfer_folders.sending(name);
+  if (!under_way) return put_file(transfer_folders, file, name);
   const auto wanted = read_file(file);
   if (!wanted) return Err(wanted.error().message);
-  const auto sent = read_file(postbox.outbox() / name);
+  const auto sent = read_file(transfer_folders.outbox() / name);
   if (!sent) return Err(sent.error().message);
   if (*sent != *wanted) return Err(fmt::format("{}: another file with this name is being sent", name));
   return *under_way;

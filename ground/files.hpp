@@ -11,13 +11,13 @@
 
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "cfdp/postbox.hpp"
+#include "cfdp/transfer_folders.hpp"
 
 namespace srfs::ground {
 
 /// The ground's end of the file link: STATE/files holds what came and, in outbox, what is to go up;
 /// STATE/cfdp what is under way. The error is ready to print. Blocks on the disk.
-[[nodiscard]] Result<std::unique_ptr<cfdp::Postbox>, std::string> open_files(
+[[nodiscard]] Result<std::unique_ptr<cfdp::TransferFolders>, std::string> open_files(
     const std::filesystem::path& state_dir, UtcTime utc, MonotonicTime now);
 
 /// Why a file cannot be called so on board, ready to print; nullopt: it can.
@@ -25,12 +25,12 @@ namespace srfs::ground {
 
 /// Puts a copy of @p file into the outbox, to be called @p name on board. The error is ready to print.
 /// Blocks on the disk.
-[[nodiscard]] Result<cfdp::TransactionId, std::string> put_file(cfdp::Postbox& postbox,
+[[nodiscard]] Result<cfdp::TransactionId, std::string> put_file(cfdp::TransferFolders& transfer_folders,
                                                                 const std::filesystem::path& file,
                                                                 const std::string& name);
 
 /// As put_file; but when an interrupted run left the same octets under way by this name, these go on.
-[[nodiscard]] Result<cfdp::TransactionId, std::string> put_or_resume(cfdp::Postbox& postbox,
+[[nodiscard]] Result<cfdp::TransactionId, std::string> put_or_resume(cfdp::TransferFolders& transfer_folders,
                                                                      const std::filesystem::path& file,
                                                                      const std::string& name);
 

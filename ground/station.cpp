@@ -239,8 +239,8 @@ Result<void, std::string> Station::on_readable() {
   return {};
 }
 
-void Station::carry_files(std::unique_ptr<cfdp::Postbox> postbox) {
-  files_ = std::move(postbox);
+void Station::carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders) {
+  files_ = std::move(transfer_folders);
   files_->scan();
   files_->on_contact(monotonic_now());
 }

@@ -78,9 +78,9 @@ class Station {
 
   /// From now on files are carried in both directions; they go up at the line's rate, telecommands between
   /// them. Blocks on the disk, as all that follows.
-  void carry_files(std::unique_ptr<cfdp::Postbox> postbox);
+  void carry_files(std::unique_ptr<cfdp::TransferFolders> transfer_folders);
   /// nullptr: no files are carried. After an order to it: on_time().
-  [[nodiscard]] cfdp::Postbox* files() { return files_.get(); }
+  [[nodiscard]] cfdp::TransferFolders* files() { return files_.get(); }
 
   /// Reads what is there and reports what it means. An error: the link is gone.
   [[nodiscard]] Result<void, std::string> on_readable();
@@ -151,7 +151,7 @@ class Station {
   static constexpr std::size_t max_insertions = Commanding::max_outstanding;
   std::vector<Retrieval> retrievals_;
   std::map<std::uint64_t, ros::AssociationSet> asked_keys_;  ///< by the tag of ttc.select_keys
-  std::unique_ptr<cfdp::Postbox> files_;
+  std::unique_ptr<cfdp::TransferFolders> files_;
   double octet_time_ns_;
   MonotonicTime line_free_at_;  ///< of file data; a pty would take it at any rate
   std::uint16_t file_sequence_count_ = 0;

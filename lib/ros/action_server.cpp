@@ -14,7 +14,7 @@ GoalClient goal_client(const GUID_t& guid) {
   return client;
 }
 
-action_msgs::msg::GoalInfo goal_info(const GoalBook::Goal& goal) {
+action_msgs::msg::GoalInfo goal_info(const ActionGoals::Goal& goal) {
   action_msgs::msg::GoalInfo info;
   info.goal_id.uuid = goal.id;
   info.stamp = to_message(goal.stamp);
@@ -66,7 +66,7 @@ ActionServerCore::ActionServerCore(Typed& typed, Executor& executor, Participant
     : typed_(typed),
       executor_(executor),
       orphan_policy_(options.orphans),
-      book_(options.limits),
+      goals_(options.limits),
       mailbox_(std::make_shared<GoalMailbox>(executor, options.priority,
                                              [this](const GoalMailbox::Item& item) { on_item(item); })),
       status_(participant, {action + "/_action/status", action_status_qos}),
@@ -83,33 +83,33 @@ ActionServerCore::~ActionServerCore() {
 
 void ActionServerCore::shut_down() {
   mailbox_->close();
-  for (const GoalBook::Goal& goal : book_.goals()) {
+  for (const ActionGoals::Goal& goal : goals_.goals()) {
     if (is_active(goal.state)) finish(goal.id, GoalEvent::abort, nullptr);
   }
   expiry_.reset();
 }
 
 void ActionServerCore::accept(const GoalId& id, const GUID_t& client, UtcTime stamp, bool execute) {
-  book_.accept(id, goal_client(client), stamp);
-  if (execute) book_.apply(id, GoalEvent::execute, executor_.now());
+  goals_.accept(id, goal_client(client), stamp);
+  if (execute) goals_.apply(id, GoalEvent::execute, executor_.now());
   publish_status();
   clients_changed({});  // notes that this client is there, so that its end can be seen
 }
 
 void ActionServerCore::result_wanted(const GoalId& id, Ticket ticket) {
-  if (book_.await_result(id, static_cast<GoalBook::Waiter>(ticket))) return;
-  typed_.reply_result(ticket, book_.state(id), book_.result(id).get());
+  if (goals_.await_result(id, static_cast<ActionGoals::Waiter>(ticket))) return;
+  typed_.reply_result(ticket, goals_.state(id), goals_.result(id).get());
 }
 
 void ActionServerCore::clients_changed(std::span<const Ticket> dropped) {
-  for (const Ticket ticket : dropped) book_.forget_waiter(static_cast<GoalBook::Waiter>(ticket));
+  for (const Ticket ticket : dropped) goals_.forget_waiter(static_cast<ActionGoals::Waiter>(ticket));
   const auto orphans =
-      book_.orphans([this](const GoalClient& client) { return typed_.within_reach(client); });
+      goals_.orphans([this](const GoalClient& client) { return typed_.within_reach(client); });
   orphans_ += orphans.size();
   if (orphan_policy_ != OrphanPolicy::cancel) return;
   bool changed = false;
   for (const GoalId& id : orphans) {
-    if (is_cancelable(book_.state(id))) changed = cancel(id) || changed;
+    if (is_cancelable(goals_.state(id))) changed = cancel(id) || changed;
   }
   if (changed) publish_status();
 }
@@ -117,15 +117,15 @@ void ActionServerCore::clients_changed(std::span<const Ticket> dropped) {
 // @pre the goal is cancelable
 bool ActionServerCore::cancel(const GoalId& id) {
   if (typed_.cancel_wanted(id) == CancelResponse::reject) return false;
-  book_.apply(id, GoalEvent::cancel_goal, executor_.now());
+  goals_.apply(id, GoalEvent::cancel_goal, executor_.now());
   return true;
 }
 
 void ActionServerCore::on_cancel(const CancelGoal::Request& request, CancelGoal::Response& response) {
   const auto scope =
-      book_.cancel_scope(request.goal_info.goal_id.uuid, from_message(request.goal_info.stamp));
+      goals_.cancel_scope(request.goal_info.goal_id.uuid, from_message(request.goal_info.stamp));
   response.return_code = scope.return_code;
-  for (const GoalBook::Goal& goal : scope.goals) {
+  for (const ActionGoals::Goal& goal : scope.goals) {
     if (cancel(goal.id)) response.goals_canceling.push_back(goal_info(goal));
   }
   // rclcpp_action: when every single goal refuses, the request as a whole is rejected.
@@ -135,8 +135,8 @@ void ActionServerCore::on_cancel(const CancelGoal::Request& request, CancelGoal:
 }
 
 void ActionServerCore::begin(const GoalId& id) {
-  if (book_.state(id) != GoalState::accepted) return;
-  book_.apply(id, GoalEvent::execute, executor_.now());
+  if (goals_.state(id) != GoalState::accepted) return;
+  goals_.apply(id, GoalEvent::execute, executor_.now());
   publish_status();
 }
 
@@ -147,13 +147,13 @@ void ActionServerCore::on_item(const GoalMailbox::Item& item) {
       return;
     case GoalMailbox::Kind::feedback:
       begin(item.goal);
-      if (is_active(book_.state(item.goal))) typed_.publish_feedback(item.payload.get());
+      if (is_active(goals_.state(item.goal))) typed_.publish_feedback(item.payload.get());
       return;
     case GoalMailbox::Kind::end:
       finish(item.goal, item.how, item.payload);
       return;
     case GoalMailbox::Kind::abandoned:
-      if (!is_active(book_.state(item.goal))) return;
+      if (!is_active(goals_.state(item.goal))) return;
       log::warn("an action goal was dropped before its end: aborted");
       finish(item.goal, GoalEvent::abort, nullptr);
       return;
@@ -161,14 +161,14 @@ void ActionServerCore::on_item(const GoalMailbox::Item& item) {
 }
 
 void ActionServerCore::finish(const GoalId& id, GoalEvent how, const std::shared_ptr<const void>& result) {
-  if (book_.state(id) == GoalState::accepted) book_.apply(id, GoalEvent::execute, executor_.now());
-  if (how == GoalEvent::canceled && book_.state(id) != GoalState::canceling) {
+  if (goals_.state(id) == GoalState::accepted) goals_.apply(id, GoalEvent::execute, executor_.now());
+  if (how == GoalEvent::canceled && goals_.state(id) != GoalState::canceling) {
     log::warn("an action goal ended as canceled without a granted cancel request: aborted");
     how = GoalEvent::abort;
   }
-  if (!book_.apply(id, how, executor_.now(), result)) return;
-  for (const GoalBook::Waiter waiter : book_.take_waiters(id))
-    typed_.reply_result(static_cast<Ticket>(waiter), book_.state(id), result.get());
+  if (!goals_.apply(id, how, executor_.now(), result)) return;
+  for (const ActionGoals::Waiter waiter : goals_.take_waiters(id))
+    typed_.reply_result(static_cast<Ticket>(waiter), goals_.state(id), result.get());
   publish_status();
   arm_expiry();
   typed_.goal_ended(id);
@@ -176,7 +176,7 @@ void ActionServerCore::finish(const GoalId& id, GoalEvent how, const std::shared
 
 void ActionServerCore::publish_status() {
   action_msgs::msg::GoalStatusArray message;
-  for (const GoalBook::Goal& goal : book_.goals()) {
+  for (const ActionGoals::Goal& goal : goals_.goals()) {
     action_msgs::msg::GoalStatus& status = message.status_list.emplace_back();
     status.goal_info = goal_info(goal);
     status.status = static_cast<std::int8_t>(goal.state);
@@ -185,12 +185,12 @@ void ActionServerCore::publish_status() {
 }
 
 void ActionServerCore::expire() {
-  book_.expire(monotonic_now());
+  goals_.expire(monotonic_now());
   arm_expiry();
 }
 
 void ActionServerCore::arm_expiry() {
-  const auto next = book_.next_expiry();
+  const auto next = goals_.next_expiry();
   expiry_ = next ? executor_.add_timer(
                        *next, nanoseconds(0), [this] { expire(); }, "goal results")
                  : nullptr;

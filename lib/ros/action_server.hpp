@@ -11,7 +11,7 @@
 #include <action_msgs/srv/cancel_goal.hpp>
 
 #include "base/log.hpp"
-#include "ros/goal_book.hpp"
+#include "ros/action_goals.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/publisher.hpp"
 #include "ros/service.hpp"
@@ -198,8 +198,8 @@ class ActionServerCore {
   ActionServerCore(const ActionServerCore&) = delete;
   ActionServerCore& operator=(const ActionServerCore&) = delete;
 
-  [[nodiscard]] bool admit(const GoalId& id) { return book_.admit(id) == GoalBook::Admission::open; }
-  void reject() { book_.count_rejection(); }
+  [[nodiscard]] bool admit(const GoalId& id) { return goals_.admit(id) == ActionGoals::Admission::open; }
+  void reject() { goals_.count_rejection(); }
   void accept(const GoalId& id, const GUID_t& client, UtcTime stamp, bool execute);
   /// A client wants the result: answers now, or when the goal ends.
   void result_wanted(const GoalId& id, Ticket ticket);
@@ -209,8 +209,8 @@ class ActionServerCore {
   void shut_down();
 
   [[nodiscard]] const std::shared_ptr<GoalMailbox>& mailbox() const { return mailbox_; }
-  [[nodiscard]] const GoalCounters& counters() const { return book_.counters(); }
-  [[nodiscard]] std::vector<GoalBook::Goal> goals() const { return book_.goals(); }
+  [[nodiscard]] const GoalCounters& counters() const { return goals_.counters(); }
+  [[nodiscard]] std::vector<ActionGoals::Goal> goals() const { return goals_.goals(); }
   [[nodiscard]] std::uint64_t orphans() const { return orphans_; }
 
  private:
@@ -227,7 +227,7 @@ class ActionServerCore {
   Typed& typed_;
   Executor& executor_;
   OrphanPolicy orphan_policy_;
-  GoalBook book_;
+  ActionGoals goals_;
   std::shared_ptr<GoalMailbox> mailbox_;
   Publisher<action_msgs::msg::GoalStatusArray> status_;
   Service<CancelGoal> cancel_goal_;
@@ -267,7 +267,7 @@ class ActionServer final : private ActionServerCore::Typed {
 
   [[nodiscard]] const GoalCounters& counters() const { return core_.counters(); }
   /// Running goals and kept results, in order of acceptance.
-  [[nodiscard]] std::vector<GoalBook::Goal> goals() const { return core_.goals(); }
+  [[nodiscard]] std::vector<ActionGoals::Goal> goals() const { return core_.goals(); }
   /// Requests for results that wait for their goal's end.
   [[nodiscard]] std::size_t results_awaited() const { return get_result_.pending(); }
   /// Goals whose client vanished while they ran.

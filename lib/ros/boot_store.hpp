@@ -11,8 +11,8 @@
 namespace srfs::ros {
 
 /// The boot record on disk: two copies, each replaced atomically, one after the other. Written by
-/// timing alone, whose BootKeeper decides what stands in it. Blocks on the disk: at start, at the end and in
-/// a worker thread only.
+/// timing alone, whose BootRecorder decides what stands in it. Blocks on the disk: at start, at the end and
+/// in a worker thread only.
 class BootStore {
  public:
   explicit BootStore(std::filesystem::path folder) : folder_(std::move(folder)) {}

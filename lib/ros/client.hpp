@@ -6,7 +6,7 @@
 
 #include "base/result.hpp"
 #include "ros/endpoint.hpp"
-#include "ros/request_book.hpp"
+#include "ros/service_requests.hpp"
 
 namespace srfs::ros {
 
@@ -68,9 +68,9 @@ enum class CallId : std::uint64_t {};
 /// Calls one service of type S. Calls never block; the callback runs on the work thread exactly once per
 /// call, unless the call is forgotten or the client dropped before.
 ///
-/// A repeat is a new sample that names its first attempt (RequestBook): our services execute such a request
-/// once and answer every attempt alike, as long as they live. A service of ROS 2 does not look and executes
-/// each attempt, so give it more than one only for what may be done twice.
+/// A repeat is a new sample that names its first attempt (ServiceRequests): our services execute such a
+/// request once and answer every attempt alike, as long as they live. A service of ROS 2 does not look and
+/// executes each attempt, so give it more than one only for what may be done twice.
 template <class S>
 class Client {
  public:

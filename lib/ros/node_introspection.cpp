@@ -76,7 +76,7 @@ NodeIntrospection::NodeIntrospection(LifecycleNode& node)
       start_(monotonic_now()),
       counted_since_(start_),
       last_work_(start_),
-      keeper_(node.parameters(), node.name()) {
+      storage_(node.parameters(), node.name()) {
   const auto text = read_file(path(parameter_file), largest_parameter_file);
   std::error_code ec;
   if (!text && !std::filesystem::exists(path(parameter_file), ec)) return;
@@ -91,7 +91,7 @@ NodeIntrospection::NodeIntrospection(LifecycleNode& node)
     note_unused(parameter_file, what);
     log::warn("{}: {}", path(parameter_file), what);
   }
-  keeper_.load(std::move(stored->history));
+  storage_.load(std::move(stored->history));
 }
 
 std::string NodeIntrospection::path(const char* file) const {
@@ -130,10 +130,10 @@ void NodeIntrospection::on_save(const SaveParameters::Request& request, Ticket t
   };
   if (request.operation > SaveParameters::Request::REPORT)
     return answer(Err(fmt::format("there is no operation {}", request.operation)));
-  ParameterKeeper::Request wanted{.operation = static_cast<ParameterKeeper::Operation>(request.operation),
-                                  .names = request.names,
-                                  .generation = request.generation,
-                                  .origin = request.origin};
+  ParameterStorage::Request wanted{.operation = static_cast<ParameterStorage::Operation>(request.operation),
+                                   .names = request.names,
+                                   .generation = request.generation,
+                                   .origin = request.origin};
   for (const auto& parameter : request.values) {
     const auto value = from_message(parameter.value);
     if (!value) {
@@ -142,13 +142,13 @@ void NodeIntrospection::on_save(const SaveParameters::Request& request, Ticket t
     }
     wanted.values.emplace_back(parameter.name, *value);
   }
-  const auto done = keeper_.submit(wanted, node_.now(), trial_time(), to_iso8601(system_utc_now(), 0));
-  if (done && keeper_.to_write() && wanted.operation != ParameterKeeper::Operation::report) {
+  const auto done = storage_.submit(wanted, node_.now(), trial_time(), to_iso8601(system_utc_now(), 0));
+  if (done && storage_.to_write() && wanted.operation != ParameterStorage::Operation::report) {
     write(answer);
   } else {
     answer(done);
   }
-  follow_keeper();
+  follow_storage();
 }
 
 srfs_msgs::srv::SaveParameters_Response NodeIntrospection::outcome_of(
@@ -157,12 +157,12 @@ srfs_msgs::srv::SaveParameters_Response NodeIntrospection::outcome_of(
   r.success = outcome.has_value();
   if (!outcome) r.reason = cut(outcome.error(), longest_told);
   for (const StoredParameter& p : node_.parameters().stored()) r.stored.push_back(p.name);
-  for (const StoredParameter& p : keeper_.on_trial()) {
+  for (const StoredParameter& p : storage_.on_trial()) {
     if (r.on_trial.size() < most_on_trial_told) r.on_trial.push_back(p.name);
   }
-  if (const auto end = keeper_.deadline())
+  if (const auto end = storage_.deadline())
     r.trial_left_ms = as_u32(std::max<std::int64_t>((*end - node_.now()) / milliseconds(1), 1));
-  const auto& generations = keeper_.history().generations;
+  const auto& generations = storage_.history().generations;
   for (auto g = generations.rbegin(); g != generations.rend(); ++g) {
     srfs_msgs::msg::ParameterGeneration m;
     m.number = g->number;
@@ -180,18 +180,18 @@ void NodeIntrospection::write(std::function<void(const Result<void, std::string>
     disk_ = std::make_unique<Worker>(node_.context().executor, "parameters", 1, node_.worker_deadline());
   auto written = std::make_shared<Result<void, FileError>>();
   const auto end = [this, written, answer = std::move(answer)] {
-    keeper_.on_written(written->has_value());
+    storage_.on_written(written->has_value());
     if (!*written) log::error("parameters not saved: {}", written->error().message);
     if (answer) {
       answer(*written ? Result<void, std::string>{}
                       : Err("not saved, so it holds only until the next start: " + written->error().message));
     }
-    keeper_.poll(node_.now());
-    if (keeper_.to_write()) write({});
-    follow_keeper();
+    storage_.poll(node_.now());
+    if (storage_.to_write()) write({});
+    follow_storage();
   };
   const bool taken = disk_->post(
-      [file = path(parameter_file), text = *keeper_.to_write(), written] {
+      [file = path(parameter_file), text = *storage_.to_write(), written] {
         try {
           *written = write_file_atomically(file, text);
         } catch (const std::exception& e) {
@@ -205,25 +205,25 @@ void NodeIntrospection::write(std::function<void(const Result<void, std::string>
 }
 
 void NodeIntrospection::on_parameters_changed(const std::vector<std::string>& names) {
-  keeper_.on_changed(names, node_.now(), trial_time());
-  follow_keeper();
+  storage_.on_changed(names, node_.now(), trial_time());
+  follow_storage();
 }
 
-void NodeIntrospection::follow_keeper() {
+void NodeIntrospection::follow_storage() {
   trial_end_.reset();
   // While something is being written, its end looks after the trial.
-  if (const auto end = keeper_.deadline(); end && !keeper_.to_write()) {
+  if (const auto end = storage_.deadline(); end && !storage_.to_write()) {
     trial_end_ = node_.create_one_shot(
         *end,
         [this] {
-          keeper_.poll(node_.now());
-          if (keeper_.to_write()) write({});
-          follow_keeper();
+          storage_.poll(node_.now());
+          if (storage_.to_write()) write({});
+          follow_storage();
         },
         "end of the trial");
   }
   const auto content = [](const ParameterNews& news) { return cut(to_text(news.values), longest_content); };
-  for (const ParameterNews& news : keeper_.take_news()) {
+  for (const ParameterNews& news : storage_.take_news()) {
     switch (news.kind) {
       case ParameterNews::Kind::kept:
         log::info("parameters kept as generation {}: {}", news.generation, to_text(news.values));
@@ -250,11 +250,11 @@ void NodeIntrospection::follow_keeper() {
 
 void NodeIntrospection::begin_keeping() {
   keep_set_aside();
-  keeper_.begin(to_iso8601(system_utc_now(), 0));
-  if (!keeper_.to_write()) return;
-  const auto written = write_file_atomically(path(parameter_file), *keeper_.to_write());
+  storage_.begin(to_iso8601(system_utc_now(), 0));
+  if (!storage_.to_write()) return;
+  const auto written = write_file_atomically(path(parameter_file), *storage_.to_write());
   if (!written) log::error("{}", written.error().message);
-  keeper_.on_written(written.has_value());
+  storage_.on_written(written.has_value());
 }
 
 /// First where they go, then (begin_keeping) where they come from: a crash in between loses nothing.
@@ -293,7 +293,7 @@ void NodeIntrospection::raise_start_report() {
                                                     .reason = not_used_[i].reason};
     node_.raise(event);
   }
-  follow_keeper();
+  follow_storage();
 }
 
 void NodeIntrospection::fill(srfs_msgs::srv::GetNodeStatus_Response& r) const {

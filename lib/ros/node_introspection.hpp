@@ -12,7 +12,7 @@
 #include <srfs_msgs/srv/save_parameters.hpp>
 
 #include "ros/executor.hpp"
-#include "ros/parameter_keeper.hpp"
+#include "ros/parameter_storage.hpp"
 #include "ros/service.hpp"
 #include "ros/worker.hpp"
 
@@ -50,11 +50,11 @@ class NodeIntrospection {
   void fill(srfs_msgs::srv::GetExecutorStatistics_Response& response) const;
   void on_save(const SaveParameters::Request& request, Ticket ticket);
   [[nodiscard]] SaveParameters::Response outcome_of(const Result<void, std::string>& outcome) const;
-  /// Writes what the keeper wants written. @param answer  to be called then; may be empty
+  /// Writes what the storage wants written. @param answer  to be called then; may be empty
   void write(std::function<void(const Result<void, std::string>&)> answer);
   void keep_set_aside();
   /// Reports what became of values, and wakes up when the trial's time is over.
-  void follow_keeper();
+  void follow_storage();
   [[nodiscard]] milliseconds trial_time() const;
 
   LifecycleNode& node_;
@@ -73,7 +73,7 @@ class NodeIntrospection {
   std::shared_ptr<Service<srfs_msgs::srv::GetNodeStatus>> status_;
   std::shared_ptr<Service<srfs_msgs::srv::GetExecutorStatistics>> statistics_;
   std::shared_ptr<Service<SaveParameters>> save_;
-  ParameterKeeper keeper_;
+  ParameterStorage storage_;
   Timer trial_end_;
   std::unique_ptr<Worker> disk_;  ///< made with the first write
 };

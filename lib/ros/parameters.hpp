@@ -36,7 +36,7 @@ struct ParameterDeclaration {
   std::string description;
   bool read_only = false;              ///< changes at the next start only, by its stored value
   std::vector<std::string> choices{};  ///< of a text (every element of an array); empty: any
-  bool guarded = false;                ///< a change is on trial until it is confirmed (ParameterKeeper)
+  bool guarded = false;                ///< a change is on trial until it is confirmed (ParameterStorage)
 };
 
 /// A value that outlives the node (VAR/state/<node>/parameters.yaml).

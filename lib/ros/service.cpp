@@ -48,7 +48,7 @@ bool ReplyQueue::send(const SampleIdentity& request, std::shared_ptr<const void>
     waiting_.pop_front();
     ++dropped_;
   }
-  const MonotonicTime give_up = monotonic_now() + RequestBook::longest_to_match;
+  const MonotonicTime give_up = monotonic_now() + ServiceRequests::longest_to_match;
   waiting_.push_back({request, std::move(response), give_up});
   if (!timer_)
     timer_ = executor_.add_timer(
@@ -118,20 +118,20 @@ bool ServiceCore::within_reach(const GUID_t& client) const {
 void ServiceCore::review_clients() {
   replies_.flush();
   const auto dropped =
-      book_.drop_vanished([this](const GUID_t& client) { return within_reach(client); }, monotonic_now());
+      requests_.drop_vanished([this](const GUID_t& client) { return within_reach(client); }, monotonic_now());
   if (clients_changed_) clients_changed_(dropped);
 }
 
 std::optional<Ticket> ServiceCore::begin(const MessageInfo& info) {
   const SampleIdentity request = request_identity(info);
   const auto judgement =
-      book_.judge(request, first_attempt(info), within_reach(request.writer_guid()), executor_.now());
-  if (judgement.verdict == RequestBook::Verdict::answer_again) replies_.send(request, judgement.response);
-  if (judgement.verdict == RequestBook::Verdict::refuse) {
+      requests_.judge(request, first_attempt(info), within_reach(request.writer_guid()), executor_.now());
+  if (judgement.verdict == ServiceRequests::Verdict::answer_again) replies_.send(request, judgement.response);
+  if (judgement.verdict == ServiceRequests::Verdict::refuse) {
     const auto sequence = static_cast<std::int64_t>(request.sequence_number().to64long());
     refuse(request.writer_guid(), sequence, sequence);
   }
-  if (judgement.verdict != RequestBook::Verdict::execute) return std::nullopt;
+  if (judgement.verdict != ServiceRequests::Verdict::execute) return std::nullopt;
   return judgement.ticket;
 }
 
@@ -166,7 +166,7 @@ void ServiceCore::add_to(InputStats& stats) const {
 }
 
 bool ServiceCore::reply(Ticket ticket, std::shared_ptr<const void> response) {
-  const auto request = book_.answer(ticket, response, executor_.now());
+  const auto request = requests_.answer(ticket, response, executor_.now());
   if (!request || replies_.send(*request, std::move(response))) return true;
   ++refused_replies_;
   log::error("a reply on {} exceeds a bound of its type and is not sent: the client will time out", topic_);

@@ -7,14 +7,14 @@
 #include <span>
 
 #include "ros/endpoint.hpp"
-#include "ros/request_book.hpp"
+#include "ros/service_requests.hpp"
 
 namespace srfs::ros {
 
 /// Names the request a reply belongs to (ROS2_WIRE: the client's response reader, else its request writer;
 /// sequence).
 [[nodiscard]] SampleIdentity request_identity(const MessageInfo& info);
-/// Sequence number of the first attempt when the request says that it is a repeat (RequestBook).
+/// Sequence number of the first attempt when the request says that it is a repeat (ServiceRequests).
 [[nodiscard]] std::optional<std::int64_t> first_attempt(const MessageInfo& info);
 
 /// Sends replies. A reply whose client reader has not been matched yet would be lost, so it waits (bounded:
@@ -82,18 +82,18 @@ class ServiceCore {
   bool reply(Ticket ticket, std::shared_ptr<const void> response);
   /// Requests @p first to @p last of the writer of this one are lost.
   void on_lost(const MessageInfo& info, std::int64_t first, std::int64_t last);
-  void forget(Ticket ticket) { book_.forget(ticket); }
+  void forget(Ticket ticket) { requests_.forget(ticket); }
   void on_clients_changed(std::function<void(std::span<const Ticket> dropped)> callback) {
     clients_changed_ = std::move(callback);
   }
-  [[nodiscard]] GUID_t client(Ticket ticket) const { return book_.client(ticket); }
+  [[nodiscard]] GUID_t client(Ticket ticket) const { return requests_.client(ticket); }
   [[nodiscard]] bool within_reach(const GUID_t& client) const;
-  [[nodiscard]] const RequestBook::Counters& counters() const { return book_.counters(); }
+  [[nodiscard]] const ServiceRequests::Counters& counters() const { return requests_.counters(); }
   /// Replies that were not sent: the client's reader never matched, or the reply broke a bound of its type.
   [[nodiscard]] std::uint64_t dropped_replies() const {
     return replies_.dropped() + refused_replies_ + unrefused_;
   }
-  [[nodiscard]] std::size_t pending() const { return book_.pending(); }
+  [[nodiscard]] std::size_t pending() const { return requests_.pending(); }
   void add_to(InputStats& stats) const;
   [[nodiscard]] GUID_t writer_guid() const { return writer_.guid(); }
 
@@ -110,7 +110,7 @@ class ServiceCore {
   bool refusing_ = false;        // a turn of send_refusals() is on its way
   std::uint64_t unrefused_ = 0;  // found no room among the refusals
   std::uint64_t refused_replies_ = 0;
-  RequestBook book_;
+  ServiceRequests requests_;
   WriterEndpoint writer_;
   ReplyQueue replies_;
   Timer next_refusals_;
@@ -129,8 +129,8 @@ inline constexpr DeferReplies defer_replies{};
 /// answered with the empty response (a goal: not accepted; a result: of an unknown goal); one of the suite
 /// repeats its request, and gives up at its deadline.
 ///
-/// A request that one of our clients repeats is executed once: the first answer is sent again (RequestBook
-/// states the bounds). ROS 2 clients never repeat.
+/// A request that one of our clients repeats is executed once: the first answer is sent again
+/// (ServiceRequests states the bounds). ROS 2 clients never repeat.
 template <class S>
 class Service {
  public:
@@ -182,7 +182,7 @@ class Service {
   void on_clients_changed(std::function<void(std::span<const Ticket> dropped)> callback) {
     core_.on_clients_changed(std::move(callback));
   }
-  [[nodiscard]] const RequestBook::Counters& counters() const { return core_.counters(); }
+  [[nodiscard]] const ServiceRequests::Counters& counters() const { return core_.counters(); }
   /// Replies given up because the client's reader never matched.
   [[nodiscard]] std::uint64_t dropped_replies() const { return core_.dropped_replies(); }
   /// Requests that wait for their reply.

@@ -173,9 +173,9 @@ class Channel {
 
 /// What discovery's socket hands its datagrams to: they wait at the gate, the others in the socket. No reader
 /// of a node listens here. Discovery must hear of every participant, foreign ones too.
-class GatedReceiver final : public rtps::TransportReceiverInterface {
+class HeldReceiver final : public rtps::TransportReceiverInterface {
  public:
-  GatedReceiver(rtps::TransportReceiverInterface& receiver, std::shared_ptr<TransportState> state)
+  HeldReceiver(rtps::TransportReceiverInterface& receiver, std::shared_ptr<TransportState> state)
       : receiver_(receiver), state_(std::move(state)) {}
   void OnDataReceived(const eprosima::fastrtps::rtps::octet* data, std::uint32_t size, const Locator_t& local,
                       const Locator_t& remote) override {
@@ -249,7 +249,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
                         std::uint32_t max_message_octets) override {
     if (!is_user_unicast(locator)) {
       const std::lock_guard lock(mutex_);
-      gated_.push_back(std::make_unique<GatedReceiver>(*receiver, descriptor_.state));
+      gated_.push_back(std::make_unique<HeldReceiver>(*receiver, descriptor_.state));
       return low_level_transport_->OpenInputChannel(locator, gated_.back().get(), max_message_octets);
     }
     if (IsInputChannelOpen(locator)) return true;
@@ -304,7 +304,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   std::unique_ptr<std::uint8_t[]> buffer_;
   mutable std::mutex mutex_;
   std::vector<std::unique_ptr<Channel>> channels_;
-  std::vector<std::unique_ptr<GatedReceiver>> gated_;
+  std::vector<std::unique_ptr<HeldReceiver>> gated_;
 };
 
 rtps::TransportInterface* Descriptor::create_transport() const {
@@ -313,7 +313,7 @@ rtps::TransportInterface* Descriptor::create_transport() const {
 
 }  // namespace
 
-void DiscoveryGate::open() {
+void DiscoveryHold::open() {
   {
     const std::lock_guard lock(mutex_);
     open_ = true;
@@ -321,7 +321,7 @@ void DiscoveryGate::open() {
   changed_.notify_all();
 }
 
-void DiscoveryGate::pass() {
+void DiscoveryHold::pass() {
   std::unique_lock lock(mutex_);
   changed_.wait_for(lock, seconds(1), [this] { return open_; });
 }

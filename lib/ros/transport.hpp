@@ -52,7 +52,7 @@ struct TransportStats {
 /// Keeps discovery's input in the socket until the participant is ready for it. Fast DDS 2.9 announces a new
 /// participant before its receivers can pass on a datagram. Answers that come in between, as they do on one
 /// host, are dropped, and the next announcement is a period away. Any thread.
-class DiscoveryGate {
+class DiscoveryHold {
  public:
   void open();
   /// Returns when it is open, but after 1 s in any case.
@@ -66,7 +66,7 @@ class DiscoveryGate {
 
 /// Shared by a participant and its transport, which Fast DDS owns.
 struct TransportState {
-  DiscoveryGate gate;  ///< opened by the participant when it has been made
+  DiscoveryHold gate;  ///< opened by the participant when it has been made
   ArrivalLog arrivals;
   TransportStats stats;
   std::shared_ptr<DatagramFilter> filter;  ///< nullptr: everything passes

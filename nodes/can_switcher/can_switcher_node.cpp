@@ -218,7 +218,7 @@ void CanSwitcherNode::record_holder() {
 
 CallbackReturn CanSwitcherNode::on_activate() {
   rotation_->resume(monotonic_now());
-  flywheel_.rest();
+  holdover_.rest();
   nanoseconds wait{0};
   for (const Slot& slot : rotation_->slots()) wait = std::max(wait, slot.lease());
   if (rotation_->counters().ticks == 0) {
@@ -231,7 +231,7 @@ CallbackReturn CanSwitcherNode::on_activate() {
 CallbackReturn CanSwitcherNode::on_deactivate() {
   // A running slot is still watched: its end, its overrun, its fence.
   rotation_->suspend();
-  flywheel_.rest();
+  holdover_.rest();
   arm_substitute();
   return CallbackReturn::success;
 }
@@ -286,12 +286,12 @@ void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTim
   time_.on_tick(tick);
   if (!is_active()) return;
   const auto due = static_cast<std::int64_t>(std::min<std::uint64_t>(tick.monotonic_ns, INT64_MAX));
-  const TickFlywheel::Heard heard = flywheel_.on_tick({.cycle = tick.cycle,
+  const TickHoldover::Heard heard = holdover_.on_tick({.cycle = tick.cycle,
                                                        .due = MonotonicTime(nanoseconds(due)),
                                                        .period = microseconds(tick.period_us),
                                                        .received = received});
   report_outage(heard.ended);
-  if (heard.verdict == TickFlywheel::Verdict::beat) {
+  if (heard.verdict == TickHoldover::Verdict::beat) {
     const bool given = beat(received);
     if (given) flag_latency_.add(monotonic_now() - received);
   }
@@ -301,7 +301,7 @@ void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTim
 bool CanSwitcherNode::beat(MonotonicTime received) {
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
-  const Decision decision = rotation_->on_tick(monotonic_now(), flywheel_.cycle(), received);
+  const Decision decision = rotation_->on_tick(monotonic_now(), holdover_.cycle(), received);
   const Grant* grant = std::get_if<Grant>(&decision);
   if (grant != nullptr) give(*grant, received);
   if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall, received);
@@ -310,7 +310,7 @@ bool CanSwitcherNode::beat(MonotonicTime received) {
 }
 
 void CanSwitcherNode::arm_substitute() {
-  const auto due = flywheel_.next_substitute();
+  const auto due = holdover_.next_substitute();
   if (due == substitute_armed_) return;
   substitute_armed_ = due;
   substitute_timer_.reset();
@@ -328,13 +328,13 @@ void CanSwitcherNode::on_tick_missing() {
   // This thread may be the late one: a tick that waits in the reader is no missing one.
   ticks_->take_waiting();
   const MonotonicTime t = monotonic_now();
-  if (const auto due = flywheel_.next_substitute(); due && *due <= t) {
+  if (const auto due = holdover_.next_substitute(); due && *due <= t) {
     if (ticks_were_stopped()) {
-      report_outage(flywheel_.stop(t));
+      report_outage(holdover_.stop(t));
     } else {
-      if (flywheel_.on_deadline(t) == TickFlywheel::Substitute::beat_in_outage) {
-        log::warn("no tick since cycle {}: the rotation continues with substitute ticks", flywheel_.cycle());
-        raise(mission::CanSwitcherTicksMissingEvent{.cycle = flywheel_.cycle()});
+      if (holdover_.on_deadline(t) == TickHoldover::Substitute::beat_in_outage) {
+        log::warn("no tick since cycle {}: the rotation continues with substitute ticks", holdover_.cycle());
+        raise(mission::CanSwitcherTicksMissingEvent{.cycle = holdover_.cycle()});
       }
       beat(t);
     }
@@ -351,7 +351,7 @@ bool CanSwitcherNode::ticks_were_stopped() const {
   return by_command || std::filesystem::exists(var().stopping_flag(), ec);
 }
 
-void CanSwitcherNode::report_outage(const std::optional<TickFlywheel::Outage>& ended) {
+void CanSwitcherNode::report_outage(const std::optional<TickHoldover::Outage>& ended) {
   if (!ended) return;
   const auto lasted_ms = static_cast<std::uint32_t>(ended->lasted / milliseconds(1));
   log::info("ticks are back after {} substitute ticks in {} ms", ended->substitutes, lasted_ms);
@@ -603,7 +603,7 @@ void CanSwitcherNode::publish_housekeeping() {
   if (plan_waits_) take_plan();
   if (listener_) publish_bus_statistics();
   const TaskFlagRotation::Counters& counters = rotation_->counters();
-  const TickFlywheel::Counters& ticks = flywheel_.counters();
+  const TickHoldover::Counters& ticks = holdover_.counters();
   mission::CanSwitcherHousekeeping hk;
   hk.cycle = time_.cycle();
   for (std::size_t i = 0; i < rotation_->slots().size(); ++i) {

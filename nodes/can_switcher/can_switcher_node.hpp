@@ -12,7 +12,7 @@
 #include "nodes/can_switcher/holder_record.hpp"
 #include "nodes/can_switcher/power_cut.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
-#include "nodes/can_switcher/tick_flywheel.hpp"
+#include "nodes/can_switcher/tick_holdover.hpp"
 #include "nodes/can_switcher/transmit_drain.hpp"
 #include "ros/mission_time.hpp"
 #include "ros/node.hpp"
@@ -49,7 +49,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void on_tick_missing();
   /// Timing is Inactive by command, or the suite is being stopped: then no tick is to be expected.
   [[nodiscard]] bool ticks_were_stopped() const;
-  void report_outage(const std::optional<TickFlywheel::Outage>& ended);
+  void report_outage(const std::optional<TickHoldover::Outage>& ended);
   void on_bus_status(const srfs_msgs::msg::BusStatus& status);
   void on_deadline();
   void arm_deadline();
@@ -85,7 +85,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::PeripheralReset>> resets_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::BusStatus>> statuses_;
-  TickFlywheel flywheel_;
+  TickHoldover holdover_;
   ros::Timer substitute_timer_;
   std::optional<MonotonicTime> substitute_armed_;
   ros::Timer deadline_timer_;

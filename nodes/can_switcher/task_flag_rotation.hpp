@@ -118,7 +118,7 @@ class TaskFlagRotation {
   TaskFlagRotation(std::vector<Slot> slots, std::uint32_t incarnation, MonotonicTime now,
                    const std::optional<InheritedGrant>& inherited = {});
 
-  /// A tick that TickFlywheel believed, or made.
+  /// A tick that TickHoldover believed, or made.
   /// @param received  when the tick arrived, before now if it had to wait
   /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (suspended, a tick from before resume())
   [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);

@@ -36,9 +36,9 @@ struct QueueFailure {
   std::string text;
 };
 
-/// Puts a report where the file transfer looks for what to send (lib/cfdp/postbox.hpp): whole, and on the
-/// medium when it returns. One that waits there already stays as it is. A hard link, which a full disk allows
-/// too; a copy where there can be none. Blocks on the disk. One caller at a time.
+/// Puts a report where the file transfer looks for what to send (lib/cfdp/transfer_folders.hpp): whole, and
+/// on the medium when it returns. One that waits there already stays as it is. A hard link, which a full disk
+/// allows too; a copy where there can be none. Blocks on the disk. One caller at a time.
 /// @param name  on the ground, without ".report". @param file  never written to again, only replaced
 [[nodiscard]] Result<QueuedReport, QueueFailure> queue_report(const std::filesystem::path& outbox,
                                                               const std::string& name,

@@ -537,10 +537,10 @@ void TimingNode::begin_boot() {
   }
   if (boot_) return;
   const std::string boot = facts.boot.empty() ? boot_id_ : boot_id_ + "/" + facts.boot;
-  boot_.emplace(
-      stored_boot_, BootFacts{boot, facts.reset_by_watchdog},
-      BootKeeper::Settings{.healthy_after = seconds(get_parameter<std::int64_t>("healthy_after_s")),
-                           .withheld_after = seconds(get_parameter<std::int64_t>("watchdog_timeout_s")) / 2});
+  boot_.emplace(stored_boot_, BootFacts{boot, facts.reset_by_watchdog},
+                BootRecorder::Settings{
+                    .healthy_after = seconds(get_parameter<std::int64_t>("healthy_after_s")),
+                    .withheld_after = seconds(get_parameter<std::int64_t>("watchdog_timeout_s")) / 2});
   if (boot_->is_new_boot()) {
     const wire::BootRecord& record = boot_->record();
     log::info("boot {}, reset cause {}", record.count, mission::to_text(boot_->cause()));

@@ -11,7 +11,7 @@
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
 #include "hw/watchdog.hpp"
-#include "nodes/timing/boot_keeper.hpp"
+#include "nodes/timing/boot_recorder.hpp"
 #include "nodes/timing/critical_watch.hpp"
 #include "nodes/timing/cycle_reservation.hpp"
 #include "nodes/timing/system_clock.hpp"
@@ -107,7 +107,7 @@ class TimingNode : public CommandedNode {
   nanoseconds own_waited_{0};               ///< at the last tick
   ros::BootStore boot_store_;
   std::optional<wire::BootRecord> stored_boot_;  ///< found at the start
-  std::optional<BootKeeper> boot_;               ///< from the first activation on
+  std::optional<BootRecorder> boot_;             ///< from the first activation on
   wire::GnssTimeStream gnss_;
   std::uint64_t line_reopened_ = 0;
   std::uint32_t times_commanded_ = 0;

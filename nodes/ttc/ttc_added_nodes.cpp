@@ -140,34 +140,34 @@ void TtcNode::meet_added_nodes(bool tell) {
     const auto* process = dictionary_.apid_of_node(node);
     return process == nullptr ? std::uint16_t{0} : process->apid;
   };
-  std::erase_if(guests_, [&](const Guest& guest) {
+  std::erase_if(joined_nodes_, [&](const JoinedNode& joined) {
     const bool stays = std::any_of(added.begin(), added.end(), [&](const ros::AddedNode& node) {
-      return node.name == guest.name && apid_of(guest.name) == guest.apid;
+      return node.name == joined.name && apid_of(joined.name) == joined.apid;
     });
     if (stays) return false;
-    log::info("{} was removed from the suite", guest.name);
+    log::info("{} was removed from the suite", joined.name);
     mission::SuiteNodeLeftEvent event;
-    event.node = guest.name;
+    event.node = joined.name;
     raise(event);
     return true;
   });
   for (const ros::AddedNode& node : added) {
-    const bool known = std::any_of(guests_.begin(), guests_.end(),
-                                   [&](const Guest& guest) { return guest.name == node.name; });
+    const bool known = std::any_of(joined_nodes_.begin(), joined_nodes_.end(),
+                                   [&](const JoinedNode& joined) { return joined.name == node.name; });
     if (known) continue;
-    guests_.push_back({node.name, apid_of(node.name), {}, {}, {}});
+    joined_nodes_.push_back({node.name, apid_of(node.name), {}, {}, {}});
     listen_to(node.name);
-    log::info("{} belongs to the suite, APID {}", node.name, guests_.back().apid);
+    log::info("{} belongs to the suite, APID {}", node.name, joined_nodes_.back().apid);
     if (!tell) continue;
     mission::SuiteNodeJoinedEvent event;
     event.node = node.name;
-    event.apid = guests_.back().apid;
+    event.apid = joined_nodes_.back().apid;
     raise(event);
   }
 }
 
 void TtcNode::listen_to(const std::string& node) {
-  std::vector<std::shared_ptr<void>>& subscriptions = guests_.back().subscriptions;
+  std::vector<std::shared_ptr<void>>& subscriptions = joined_nodes_.back().subscriptions;
   subscriptions.push_back(create_subscription(ros::topics::telemetry(node),
                                               [this, node](const srfs_msgs::msg::PayloadTelemetry& m) {
                                                 if (m.source == node) on_telemetry(m);
@@ -175,23 +175,23 @@ void TtcNode::listen_to(const std::string& node) {
   subscriptions.push_back(create_subscription(
       ros::Topic<lifecycle_msgs::msg::TransitionEvent>{"/" + node + "/transition_event", {}},
       [this, node](const lifecycle_msgs::msg::TransitionEvent& m) {
-        for (Guest& guest : guests_) {
-          if (guest.name == node) guest.state = m.goal_state.id;
+        for (JoinedNode& joined : joined_nodes_) {
+          if (joined.name == node) joined.state = m.goal_state.id;
         }
       }));
 }
 
 void TtcNode::send_added_nodes() {
   drop_retired_dictionaries();
-  if (guests_.empty()) return;
+  if (joined_nodes_.empty()) return;
   mission::AddedNodesHousekeeping h;
   h.revision = deployment().added_revision;
-  for (std::size_t i = 0; i < std::min(guests_.size(), h.node_apid.size()); ++i) {
-    const Guest& guest = guests_[i];
-    h.names += (i == 0 ? "" : ",") + guest.name;
-    h.node_apid[i] = guest.apid;
-    h.node_state[i] = static_cast<mission::LifecycleState>(state_of(guest.facts, guest.state));
-    h.node_restarts[i] = static_cast<std::uint8_t>(std::min<std::uint32_t>(guest.facts.restarts, UINT8_MAX));
+  for (std::size_t i = 0; i < std::min(joined_nodes_.size(), h.node_apid.size()); ++i) {
+    const JoinedNode& joined = joined_nodes_[i];
+    h.names += (i == 0 ? "" : ",") + joined.name;
+    h.node_apid[i] = joined.apid;
+    h.node_state[i] = static_cast<mission::LifecycleState>(state_of(joined.facts, joined.state));
+    h.node_restarts[i] = static_cast<std::uint8_t>(std::min<std::uint32_t>(joined.facts.restarts, UINT8_MAX));
   }
   if (const auto report = link_->housekeeping.on_sample(h.apid, h.structure_id, h.encoded(), now()))
     send(report->report, report->live, true, false);

@@ -22,25 +22,26 @@ bool has_arrived(const cfdp::News& news) {
 }  // namespace
 
 Result<void, std::string> TtcNode::Files::open() {
-  if (postbox) return {};
+  if (transfer_folders) return {};
   const cfdp::Settings settings{.own_entity = cfdp_spacecraft,
                                 .peer_entity = cfdp_ground,
                                 .receiving_octets_max = uplink_quota_octets,
                                 .free_floor_octets = free_floor_octets};
   // Above all that were ever used, should the checkpoint be lost: less than one file a second was sent.
   const auto first = static_cast<std::uint32_t>(system_utc_now().ns() / 1'000'000'000);
-  auto opened = cfdp::Postbox::open(root, checkpoint, settings, first, monotonic_now());
+  auto opened = cfdp::TransferFolders::open(root, checkpoint, settings, first, monotonic_now());
   if (!opened) return Err(opened.error().message);
-  postbox = std::move(*opened);
-  if (postbox->damaged()) {
-    log::error("restarting file transfers in progress: checkpoint {}", cfdp::to_string(*postbox->damaged()));
+  transfer_folders = std::move(*opened);
+  if (transfer_folders->damaged()) {
+    log::error("restarting file transfers in progress: checkpoint {}",
+               cfdp::to_string(*transfer_folders->damaged()));
   }
   return {};
 }
 
-Result<cfdp::PostboxTurnResult, std::string> TtcNode::Files::take_turn(const cfdp::PostboxTurn& turn) {
+Result<cfdp::TransferTurnResult, std::string> TtcNode::Files::take_turn(const cfdp::TransferTurn& turn) {
   if (const auto opened = open(); !opened) return Err(opened.error());
-  cfdp::PostboxTurnResult result = cfdp::take_turn(*postbox, turn, monotonic_now());
+  cfdp::TransferTurnResult result = cfdp::take_turn(*transfer_folders, turn, monotonic_now());
   for (const cfdp::News& news : result.news) {
     if (has_arrived(news)) images->on_sent(news.file.source_file);
   }
@@ -50,7 +51,7 @@ Result<cfdp::PostboxTurnResult, std::string> TtcNode::Files::take_turn(const cfd
 
 FileOutcome TtcNode::Files::serve(const FileOrder& order) {
   if (!open()) return {.failure = mission::failure::disk_failed};
-  return desk->serve(*postbox, order, monotonic_now());
+  return manager->serve(*transfer_folders, order, monotonic_now());
 }
 
 void TtcNode::serve_files() {
@@ -70,16 +71,16 @@ void TtcNode::pump_files() {
                                      {.octets = link_->downlink.field_octets(),
                                       .filled = link_->downlink.begun_octets(DownlinkChannel::files)});
   if (!turn) return;
-  using Outcome = Result<cfdp::PostboxTurnResult, std::string>;
+  using Outcome = Result<cfdp::TransferTurnResult, std::string>;
   const bool taken = files_worker_->ask(
-      [files = files_, turn = std::make_shared<cfdp::PostboxTurn>(std::move(*turn))] {
+      [files = files_, turn = std::make_shared<cfdp::TransferTurn>(std::move(*turn))] {
         return files->take_turn(*turn);
       },
       [this](Outcome result) { on_files_turn(result); });
   if (!taken) link_->files.on_turn_refused(monotonic_now());
 }
 
-void TtcNode::on_files_turn(Result<cfdp::PostboxTurnResult, std::string>& result) {
+void TtcNode::on_files_turn(Result<cfdp::TransferTurnResult, std::string>& result) {
   note_storage(files_work_, result.has_value(), result ? "" : result.error(), "files");
   if (!result) {
     link_->files.on_turn_refused(monotonic_now());

@@ -13,8 +13,8 @@ constexpr const char* acquisition_node = "image_acquisition";
 constexpr const char* processing_node = "image_processing";
 /// 256 frames an hour apart, and more.
 constexpr std::chrono::hours longest_goal{300};
-/// A node that the ring restarts is there again within this. The result has no deadline of its own: the desk
-/// watches the feedback.
+/// A node that the ring restarts is there again within this. The result has no deadline of its own: the
+/// scheduler watches the feedback.
 constexpr ros::GoalDeadlines goal_deadlines{
     .response = seconds(5), .attempts = 3, .result = longest_goal, .cancel_when_late = true};
 
@@ -50,7 +50,7 @@ ImagingTime TtcNode::imaging_time() const {
 
 void TtcNode::begin_imaging_tasks() {
   link_->imaging.on_time(imaging_time(), link_->mode.mode() == Mode::nominal);
-  for (const ImagingDesk::Failure& failure : link_->imaging.take_failures()) {
+  for (const ImagingScheduler::Failure& failure : link_->imaging.take_failures()) {
     mission::ImageTaskFailedEvent event;
     event.task = failure.task;
     event.why = failure.why;
@@ -168,7 +168,7 @@ void TtcNode::run_imaging_job() {
 }
 
 void TtcNode::on_imaging_job(const ImagingOrder& order, const ImagingOutcome& outcome) {
-  ImagingDesk& imaging = link_->imaging;
+  ImagingScheduler& imaging = link_->imaging;
   if (order.action == ImagingAction::list_frames) {
     imaging.on_frames_listed(order.id, outcome.frames);
   } else if (order.action == ImagingAction::queue_products) {
@@ -193,14 +193,15 @@ ImagingOutcome TtcNode::Files::serve(const ImagingOrder& order) {
     return outcome;
   }
   if (order.action == ImagingAction::queue_products) {
-    outcome.products = images->queue(
-        image, order.files, [this](const std::string& name) { return postbox->sending(name).has_value(); });
+    outcome.products = images->queue(image, order.files, [this](const std::string& name) {
+      return transfer_folders->sending(name).has_value();
+    });
     return outcome;
   }
   const std::vector<std::string> names = images->queued(order.task);
   const MonotonicTime at = monotonic_now();
   for (const std::string& name : names) {
-    if (const auto sending = postbox->sending(name)) postbox->entity().cancel(*sending, at);
+    if (const auto sending = transfer_folders->sending(name)) transfer_folders->entity().cancel(*sending, at);
   }
   outcome.products = {.queued = images->remove(names)};
   return outcome;

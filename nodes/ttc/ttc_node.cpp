@@ -70,7 +70,7 @@ void TtcNode::take_uplinked(std::vector<UplinkedPacket> packets) {
   }
   for (const UplinkedPacket& refused : link_->uplink.take_refused()) {
     const AcceptedTelecommand* known = link_->journal.find_repeated_frame(refused);
-    if (known != nullptr) link_->journal.answer_repeat(*known, received, link_->outbox);
+    if (known != nullptr) link_->journal.answer_repeat(*known, received, link_->report_queue);
   }
 }
 
@@ -78,7 +78,7 @@ void TtcNode::take_packet(UplinkedPacket packet, MonotonicTime received) {
   AcceptanceJournal& journal = link_->journal;
   if (const AcceptedTelecommand* known = journal.find_repeated_packet(packet, received)) {
     journal.on_link(packet.link);
-    journal.answer_repeat(*known, received, link_->outbox);
+    journal.answer_repeat(*known, received, link_->report_queue);
     return;
   }
   const bool may_wait = link_->gate.has_room();
@@ -163,7 +163,7 @@ void TtcNode::execute_passed() {
     }
     link_->router.carry_out(gated.judged, gated.durable, now());
     if (gated.judged.refusal_serial != 0) link_->journal.on_refusal_said(gated.judged.refusal_serial);
-    send_reports(link_->outbox.take(), gated.received);
+    send_reports(link_->report_queue.take(), gated.received);
   }
   for (const std::uint64_t id : link_->router.take_unstored_runs()) {
     mission::TtcRecoveryWithoutStorageEvent event;
@@ -181,7 +181,7 @@ void TtcNode::send_released() {
 
 void TtcNode::record_progress() {
   for (const std::uint64_t id : link_->forwarder.take_taken()) link_->journal.on_taken(id);
-  for (const StageReached& stage : link_->outbox.take_stages()) link_->journal.on_stage(stage);
+  for (const StageReached& stage : link_->report_queue.take_stages()) link_->journal.on_stage(stage);
 }
 
 void TtcNode::copy_link_state() {
@@ -239,7 +239,7 @@ void TtcNode::settle() {
   test_connection();
   begin_imaging_tasks();
   publish_telecommands();
-  send_reports(link_->outbox.take(), std::nullopt);
+  send_reports(link_->report_queue.take(), std::nullopt);
   store_mode_change();
   store_key_change();
   store_transmitter_change();
@@ -581,7 +581,7 @@ void TtcNode::add_latency(mission::TtcHousekeeping& h) const {
 void TtcNode::add_link_counters(mission::TtcHousekeeping& h) const {
   const UplinkCounters& up = link_->uplink.counters();
   const wire::CltuDecoder::Counters& cltu = link_->uplink.cltu_counters();
-  const VerificationCounters& verification = link_->outbox.counters();
+  const VerificationCounters& verification = link_->report_queue.counters();
   const DownlinkCounters down = link_->downlink.counters();
   const ForwardingCounters& forwarded = link_->forwarder.counters();
   const GateCounters& gate = link_->gate.counters();
@@ -703,7 +703,7 @@ void TtcNode::send_beacon() {
   in.time_valid = link_->clock.valid();
   in.storage_free_mib = store_status_.free_mib;
   for (const auto& [id, store] : store_status_.stores) in.store_records += as_u32(store.records);
-  in.last_telecommand = link_->outbox.last();
+  in.last_telecommand = link_->report_queue.last();
   const UplinkChain::Associations used = link_->uplink.associations();
   in.sdls_spi = {used.bd, used.ad};
   for (std::size_t i = 0; i < in.sdls_spi.size(); ++i)
@@ -727,7 +727,7 @@ void TtcNode::look_at_nodes() {
   for (const std::string& node : std::exchange(answered_, {})) state_clients_.erase(node);
   using Facts = std::vector<std::pair<std::string, NodeFacts>>;
   std::vector<std::string> names = link_->beacon.nodes();
-  for (const Guest& guest : guests_) names.push_back(guest.name);
+  for (const JoinedNode& joined : joined_nodes_) names.push_back(joined.name);
   state_worker_->ask(
       [paths = var(), names = std::move(names)] {
         Facts facts;
@@ -746,16 +746,16 @@ void TtcNode::look_at_nodes() {
         for (const auto& [node, known] : facts) {
           link_->beacon.on_facts(node,
                                  node == name() ? NodeFacts{true, known.restarts, ros::version()} : known);
-          for (Guest& guest : guests_) {
-            if (guest.name != node) continue;
-            guest.facts = known;
-            if (!known.running) guest.state.reset();  // the next process starts anew
+          for (JoinedNode& joined : joined_nodes_) {
+            if (joined.name != node) continue;
+            joined.facts = known;
+            if (!known.running) joined.state.reset();  // the next process starts anew
           }
         }
         link_->beacon.on_lifecycle(name(), static_cast<std::uint8_t>(state()));
         for (const std::string& node : link_->beacon.nodes_to_ask()) ask_for_state(node);
-        for (const Guest& guest : guests_) {
-          if (guest.facts.running && !guest.state) ask_for_state(guest.name);
+        for (const JoinedNode& joined : joined_nodes_) {
+          if (joined.facts.running && !joined.state) ask_for_state(joined.name);
         }
       });
 }
@@ -767,8 +767,8 @@ void TtcNode::ask_for_state(const std::string& node) {
   state_clients_[node] = client;
   client->call({}, seconds(2), 1, [this, node](const auto& response) {
     if (response) link_->beacon.on_lifecycle(node, response->current_state.id);
-    for (Guest& guest : guests_) {
-      if (response && guest.name == node) guest.state = response->current_state.id;
+    for (JoinedNode& joined : joined_nodes_) {
+      if (response && joined.name == node) joined.state = response->current_state.id;
     }
     answered_.push_back(node);  // a client cannot be dropped within its own callback
   });

@@ -27,11 +27,11 @@
 #include "nodes/ttc/command/journal_file.hpp"
 #include "nodes/ttc/command/persistence_gate.hpp"
 #include "nodes/ttc/command/telecommand_router.hpp"
-#include "nodes/ttc/files/file_desk.hpp"
 #include "nodes/ttc/files/file_exchange.hpp"
+#include "nodes/ttc/files/file_manager.hpp"
 #include "nodes/ttc/files/file_service.hpp"
 #include "nodes/ttc/imaging/image_outbox.hpp"
-#include "nodes/ttc/imaging/imaging_desk.hpp"
+#include "nodes/ttc/imaging/imaging_scheduler.hpp"
 #include "nodes/ttc/link/downlink_scheduler.hpp"
 #include "nodes/ttc/link/frame_count_file.hpp"
 #include "nodes/ttc/link/frame_count_page.hpp"
@@ -40,16 +40,16 @@
 #include "nodes/ttc/link/uplink_chain.hpp"
 #include "nodes/ttc/report/beacon_builder.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
-#include "nodes/ttc/services/mode_keeper.hpp"
+#include "nodes/ttc/services/mode_manager.hpp"
 #include "nodes/ttc/services/parameter_service.hpp"
 #include "nodes/ttc/services/schedule_service.hpp"
 #include "nodes/ttc/services/time_reporter.hpp"
 #include "nodes/ttc/spacecraft_clock.hpp"
 #include "nodes/ttc/store/packet_retrieval.hpp"
+#include "nodes/ttc/store/packet_stores.hpp"
 #include "nodes/ttc/store/store_control.hpp"
-#include "nodes/ttc/store/store_rack.hpp"
 #include "ros/node.hpp"
 
 namespace srfs {
@@ -80,7 +80,7 @@ class TtcNode : public ros::LifecycleNode {
   /// What is there from configure to cleanup. Order matters: later members use earlier ones.
   struct Link {
     Link(const mission::Dictionary& dictionary, AcceptanceJournal restored, UplinkConfig uplink_config,
-         DownlinkConfig downlink_config, ModeKeeper mode_keeper, TransmitterSwitch transmitter_switch,
+         DownlinkConfig downlink_config, ModeManager mode_manager, TransmitterSwitch transmitter_switch,
          std::string_view stored_stores, milliseconds persist_deadline, milliseconds schedule_late_max,
          milliseconds arm_window, SpacecraftClock start, const std::string& own_name);
 
@@ -88,9 +88,9 @@ class TtcNode : public ros::LifecycleNode {
     AcceptanceJournal journal;
     HousekeepingScheduler housekeeping;
     EventReporter events;
-    ModeKeeper mode;
+    ModeManager mode;
     TransmitterSwitch transmitter;
-    ReportOutbox outbox;
+    ReportQueue report_queue;
     HazardGuard hazards;
     AvailableKeySets key_sets;
     CommandForwarder forwarder;
@@ -100,7 +100,7 @@ class TtcNode : public ros::LifecycleNode {
     TimeReporter time_reports;
     FileService file_service;
     ParameterService parameters;
-    ImagingDesk imaging;
+    ImagingScheduler imaging;
     ConnectionTester connections;
     TelecommandRouter router;
     UplinkChain uplink;
@@ -117,7 +117,7 @@ class TtcNode : public ros::LifecycleNode {
   [[nodiscard]] Result<UplinkConfig, std::string> read_channels();
   [[nodiscard]] Result<wire::SdlsKey, std::string> read_key(const std::string& file) const;
   [[nodiscard]] Result<DownlinkConfig, std::string> read_downlink() const;
-  [[nodiscard]] ModeKeeper load_mode(bool ran_before);
+  [[nodiscard]] ModeManager load_mode(bool ran_before);
   [[nodiscard]] TransmitterSwitch load_transmitter() const;
   [[nodiscard]] std::string load_stores() const;
   [[nodiscard]] BootTold load_boot() const;
@@ -199,7 +199,7 @@ class TtcNode : public ros::LifecycleNode {
   void feed_playback();
   void pump_downlink();
   void pump_files();
-  void on_files_turn(Result<cfdp::PostboxTurnResult, std::string>& result);
+  void on_files_turn(Result<cfdp::TransferTurnResult, std::string>& result);
   void tell_of_file(const cfdp::News& news);
   /// PUS 23 (ttc_files.cpp)
   void serve_files();
@@ -264,7 +264,7 @@ class TtcNode : public ros::LifecycleNode {
   void start_periods();
   void on_parameter_changed(const std::string& parameter);
   void commit_stores();
-  void on_store_status(const StoreRackStatus& status);
+  void on_store_status(const PacketStoresStatus& status);
   void send_own_housekeeping();
   void send_files_housekeeping();
   void add_link_counters(mission::TtcHousekeeping& h) const;
@@ -295,10 +295,10 @@ class TtcNode : public ros::LifecycleNode {
     std::filesystem::path checkpoint;
     std::uint64_t uplink_quota_octets = 0;
     std::uint64_t free_floor_octets = 0;
-    std::unique_ptr<cfdp::Postbox> postbox;
-    std::optional<FileDesk> desk;
+    std::unique_ptr<cfdp::TransferFolders> transfer_folders;
+    std::optional<FileManager> manager;
     std::optional<ImageOutbox> images;
-    [[nodiscard]] Result<cfdp::PostboxTurnResult, std::string> take_turn(const cfdp::PostboxTurn& turn);
+    [[nodiscard]] Result<cfdp::TransferTurnResult, std::string> take_turn(const cfdp::TransferTurn& turn);
     [[nodiscard]] FileOutcome serve(const FileOrder& order);
     [[nodiscard]] ImagingOutcome serve(const ImagingOrder& order);
     [[nodiscard]] Result<void, std::string> open();
@@ -313,14 +313,14 @@ class TtcNode : public ros::LifecycleNode {
   std::vector<RetiredDictionary> retired_dictionaries_;  ///< commands under way may point into them
   std::uint32_t dictionary_revision_ = 0;                ///< of the list of added nodes it was read with
   bool dictionary_loads_ = false;
-  struct Guest {
+  struct JoinedNode {
     std::string name;
     std::uint16_t apid = 0;  ///< 0: none
     NodeFacts facts;
     std::optional<std::uint8_t> state;  ///< last reported
     std::vector<std::shared_ptr<void>> subscriptions;
   };
-  std::vector<Guest> guests_;  ///< nodes that were added
+  std::vector<JoinedNode> joined_nodes_;  ///< the added ones of the deployment
   std::unique_ptr<Link> link_;
   std::unique_ptr<hw::SerialPort> line_;
 
@@ -333,7 +333,7 @@ class TtcNode : public ros::LifecycleNode {
   };
   std::shared_ptr<JournalOnDisk> journal_file_;
   std::shared_ptr<LinkStateFile> link_file_;
-  std::shared_ptr<StoreRack> stores_;
+  std::shared_ptr<PacketStores> stores_;
   std::shared_ptr<Files> files_;
   std::shared_ptr<ros::Worker> files_worker_;    ///< CFDP: files and their checkpoint
   std::shared_ptr<ros::Worker> journal_worker_;  ///< telecommands wait for it
@@ -341,7 +341,7 @@ class TtcNode : public ros::LifecycleNode {
   std::shared_ptr<ros::Worker> store_worker_;    ///< packet stores
 
   std::vector<StoreItem> to_store_;  ///< since the last commit, bounded
-  StoreRackStatus store_status_;
+  PacketStoresStatus store_status_;
   bool commit_running_ = false;
   int commits_missed_ = 0;
   std::optional<FrameCountPage> frame_counts_;

@@ -66,27 +66,27 @@ AvailableKeySets key_sets_of(const UplinkConfig& config) {
 }  // namespace
 
 TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal restored,
-                    UplinkConfig uplink_config, DownlinkConfig downlink_config, ModeKeeper mode_keeper,
+                    UplinkConfig uplink_config, DownlinkConfig downlink_config, ModeManager mode_manager,
                     TransmitterSwitch transmitter_switch, std::string_view stored_stores,
                     milliseconds persist_deadline, milliseconds schedule_late_max, milliseconds arm_window,
                     SpacecraftClock start, const std::string& own_name)
     : codes(dictionary),
       journal(std::move(restored)),
-      mode(std::move(mode_keeper)),
+      mode(std::move(mode_manager)),
       transmitter(std::move(transmitter_switch)),
       hazards(arm_window),
       key_sets(key_sets_of(uplink_config)),
       forwarder({.not_taken = codes.node_unavailable,
                  .no_completion = codes.completion_unknown,
                  .interrupted = codes.interrupted},
-                outbox),
-      retrieval(outbox, codes.store_unreadable),
-      stores(dictionary, stored_stores, codes.for_stores(), outbox, retrieval),
-      schedule(dictionary, journal, outbox, schedule_late_max),
-      file_service(outbox, mission::apid::ttc),
-      parameters(dictionary, outbox, mission::apid::ttc),
-      imaging(outbox),
-      connections(outbox, codes.for_connections()),
+                report_queue),
+      retrieval(report_queue, codes.store_unreadable),
+      stores(dictionary, stored_stores, codes.for_stores(), report_queue, retrieval),
+      schedule(dictionary, journal, report_queue, schedule_late_max),
+      file_service(report_queue, mission::apid::ttc),
+      parameters(dictionary, report_queue, mission::apid::ttc),
+      imaging(report_queue),
+      connections(report_queue, codes.for_connections()),
       router({.dictionary = dictionary,
               .codes = codes,
               .housekeeping = housekeeping,
@@ -97,7 +97,7 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
               .stores = stores,
               .files = file_service,
               .parameters = parameters,
-              .outbox = outbox,
+              .report_queue = report_queue,
               .schedule = schedule,
               .time_reports = time_reports,
               .hazards = hazards,
@@ -272,7 +272,7 @@ bool TtcNode::ran_before() const {
   });
 }
 
-ModeKeeper TtcNode::load_mode(bool ran) {
+ModeManager TtcNode::load_mode(bool ran) {
   const auto initial = get_parameter<std::string>("initial_mode");
   if (initial != "safe" && initial != "nominal") {
     throw ConfigError(fmt::format("{}: ttc parameter 'initial_mode': expected safe or nominal, found '{}'",
@@ -282,12 +282,12 @@ ModeKeeper TtcNode::load_mode(bool ran) {
   const StoredModeState state = stored ? StoredModeState::present
                                 : ran  ? StoredModeState::missing
                                        : StoredModeState::first_start;
-  ModeKeeper keeper(state, stored.value_or(""), initial == "nominal" ? Mode::nominal : Mode::safe);
-  if (const auto written = write_file_atomically(state_dir() / "mode", keeper.stored_text()); !written) {
+  ModeManager manager(state, stored.value_or(""), initial == "nominal" ? Mode::nominal : Mode::safe);
+  if (const auto written = write_file_atomically(state_dir() / "mode", manager.stored_text()); !written) {
     log::error("the mode is not durable: {}", written.error().message);
   }
-  log::info("mode {}: {}", keeper.mode() == Mode::nominal ? "nominal" : "safe", keeper.reason());
-  return keeper;
+  log::info("mode {}: {}", manager.mode() == Mode::nominal ? "nominal" : "safe", manager.reason());
+  return manager;
 }
 
 TransmitterSwitch TtcNode::load_transmitter() const {
@@ -345,7 +345,7 @@ ros::CallbackReturn TtcNode::on_configure() {
                                  SpacecraftClock(system_utc_now(), monotonic_now()), name());
   boot_ = load_boot();
   fill_from_dictionary();
-  stores_ = std::make_shared<StoreRack>(dictionary_, var().root / "store");
+  stores_ = std::make_shared<PacketStores>(dictionary_, var().root / "store");
   journal_worker_ = create_worker("ttc_journal", journal_worker_capacity);
   state_worker_ = create_worker("ttc_state", state_worker_capacity);
   store_worker_ = create_worker("ttc_store", store_worker_capacity);
@@ -362,7 +362,7 @@ ros::CallbackReturn TtcNode::on_configure() {
   };
   files_->uplink_quota_octets = mib("uplink_quota_mib");
   files_->free_floor_octets = mib("free_floor_mib");
-  files_->desk.emplace(files_->root);
+  files_->manager.emplace(files_->root);
   files_->images.emplace(var().root / "images", files_->root);
   files_worker_ = create_worker("ttc_files", files_worker_capacity);
   files_status_ = {};
@@ -468,9 +468,9 @@ void TtcNode::forget_wanted_floor() {
 /// What was accepted and has not ended goes on; what may not have reached the ground is reported again.
 void TtcNode::restore_telecommands() {
   AcceptanceJournal& journal = link_->journal;
-  journal.tell_refused_again(link_->outbox);
+  journal.tell_refused_again(link_->report_queue);
   for (const AcceptedTelecommand* t : journal.known()) {
-    AcceptanceJournal::tell_again(*t, journal.told(), link_->outbox);
+    AcceptanceJournal::tell_again(*t, journal.told(), link_->report_queue);
     if (t->end) continue;
     link_->router.restore({.origin = t->origin,
                            .packet = t->packet,
@@ -551,7 +551,7 @@ ros::CallbackReturn TtcNode::on_activate() {
   timers_.push_back(create_timer(
       seconds(1), [this] { commit_stores(); }, "commit stores"));
   timers_.push_back(create_timer(
-      ModeKeeper::publish_period, [this] { publish_mode(); }, "mode"));
+      ModeManager::publish_period, [this] { publish_mode(); }, "mode"));
   start_periods();
   // The first beacon does not wait for its period: an operator who listens wants to know that the spacecraft
   // is up.
@@ -639,7 +639,7 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   files_worker_.reset();
   files_.reset();
   state_worker_.reset();
-  guests_.clear();  // a dictionary that was on its way may have met them again
+  joined_nodes_.clear();  // a dictionary that was on its way may have met them again
   store_worker_.reset();
   stores_.reset();
   journal_file_.reset();

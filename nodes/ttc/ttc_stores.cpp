@@ -28,7 +28,7 @@ void TtcNode::commit_stores() {
   const std::uint64_t told = all_left ? link_->journal.said() : 0;
   const auto counts = frame_count_reserve_.wanted(link_->downlink.frame_counts());
   struct Committed {
-    StoreRackStatus status;
+    PacketStoresStatus status;
     Result<void, FileError> counts;
   };
   commit_running_ = store_worker_->ask(
@@ -58,7 +58,7 @@ void TtcNode::on_frame_counts_stored(const wire::TmFrameCounts& counts,
   frame_counts_stored_ = stored.has_value();
 }
 
-void TtcNode::on_store_status(const StoreRackStatus& status) {
+void TtcNode::on_store_status(const PacketStoresStatus& status) {
   for (const auto& [id, store] : status.stores) {
     const auto before = std::find_if(store_status_.stores.begin(), store_status_.stores.end(),
                                      [id = id](const auto& known) { return known.first == id; });
@@ -85,7 +85,7 @@ void TtcNode::feed_playback() {
   const bool empty = link_->downlink.empty(DownlinkChannel::playback);
   retrieval.on_playback(empty);
   link_->stores.on_left(link_->downlink.framed_octets(DownlinkChannel::playback));
-  send_reports(link_->outbox.take(), std::nullopt);  // the completion, before its event
+  send_reports(link_->report_queue.take(), std::nullopt);  // the completion, before its event
   for (const RetrievalDone& done : retrieval.take_done()) {
     mission::TtcRetrievalDoneEvent event;
     event.store = done.store;

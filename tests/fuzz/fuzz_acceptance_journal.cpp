@@ -70,11 +70,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
   journal.begin({}, 1, now);
 
   // Telecommands from the disk are reported and ended like all others.
-  ReportOutbox outbox;
+  ReportQueue report_queue;
   std::size_t open = 0;
   std::vector<std::uint64_t> ids;
   for (const AcceptedTelecommand* t : journal.known()) {
-    AcceptanceJournal::tell_again(*t, journal.told(), outbox);
+    AcceptanceJournal::tell_again(*t, journal.told(), report_queue);
     ids.push_back(t->origin.id);
     open += t->end ? 0 : 1;
   }

@@ -32,9 +32,9 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
 
   const TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all};
   const MonotonicTime now(seconds(1));
-  ReportOutbox outbox;
-  FileService files(outbox, 1);
-  ParameterService parameters(dictionary, outbox, 1);
+  ReportQueue report_queue;
+  FileService files(report_queue, 1);
+  ParameterService parameters(dictionary, report_queue, 1);
   if (command.service == 23) {
     files.submit(origin, command, arguments, false, now);
     if (const auto order = files.next_order(now)) {
@@ -56,7 +56,7 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
     }
   }
   // The end of the request was reported exactly once.
-  require(outbox.counters().completed + outbox.counters().failed == 1);
+  require(report_queue.counters().completed + report_queue.counters().failed == 1);
 }
 
 }  // namespace

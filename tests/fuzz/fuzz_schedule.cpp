@@ -49,8 +49,8 @@ void read_changes(OctetView octets) {
 /// dictionary accepts.
 void execute(const mission::Dictionary& dictionary, OctetView octets) {
   AcceptanceJournal journal("boot", seconds(60));
-  ReportOutbox outbox;
-  ScheduleService service(dictionary, journal, outbox, seconds(60));
+  ReportQueue report_queue;
+  ScheduleService service(dictionary, journal, report_queue, seconds(60));
   OctetReader in(octets);
   std::uint64_t id = 0;
   TaiTime now = to_tai(UtcTime(seconds(1'795'000'000)));
@@ -81,10 +81,10 @@ void execute(const mission::Dictionary& dictionary, OctetView octets) {
     service.on_written(journal.revision(), true);
     while (const ScheduledActivity* activity = service.due()) service.on_refused(*activity);
     check(service.schedule());
-    for (const Report& report : outbox.take()) {
+    for (const Report& report : report_queue.take()) {
       if (report.data.size() > ScheduleService::report_octets) std::abort();
     }
-    static_cast<void>(outbox.take_stages());
+    static_cast<void>(report_queue.take_stages());
     now += seconds(1);
   }
 }

@@ -519,7 +519,7 @@ const AcceptedTelecommand* AcceptanceJournal::find_repeated_packet(const Uplinke
 }
 
 void AcceptanceJournal::answer_repeat(const AcceptedTelecommand& telecommand, MonotonicTime now,
-                                      ReportOutbox& outbox) {
+                                      ReportQueue& report_queue) {
   AcceptedTelecommand* t = find(telecommand.origin.id);
   if (t == nullptr) return;
   if (t->told_again_at && now - *t->told_again_at < repeat_answer_period) {
@@ -527,7 +527,7 @@ void AcceptanceJournal::answer_repeat(const AcceptedTelecommand& telecommand, Mo
     return;
   }
   t->told_again_at = now;
-  tell_again(*t, 0, outbox, false);
+  tell_again(*t, 0, report_queue, false);
 }
 
 // ---- what was reported to the ground
@@ -566,24 +566,24 @@ void AcceptanceJournal::on_told(std::uint64_t serial) {
 }
 
 void AcceptanceJournal::tell_again(const AcceptedTelecommand& telecommand, std::uint64_t told,
-                                   ReportOutbox& outbox, bool stored) {
+                                   ReportQueue& report_queue, bool stored) {
   if (!telecommand.reported) return;  // it will be, when it is durable
   const TelecommandOrigin& origin = telecommand.origin;
-  if (telecommand.accepted_serial > told) outbox.success_again(origin, Stage::acceptance, stored);
+  if (telecommand.accepted_serial > told) report_queue.success_again(origin, Stage::acceptance, stored);
   if (telecommand.started && telecommand.started_serial > told)
-    outbox.success_again(origin, Stage::start, stored);
+    report_queue.success_again(origin, Stage::start, stored);
   if (!telecommand.end || !telecommand.end_said || telecommand.ended_serial <= told) return;
   const TelecommandEnd& end = *telecommand.end;
   if (end.success) {
-    outbox.success_again(origin, end.stage, stored);
+    report_queue.success_again(origin, end.stage, stored);
   } else {
-    outbox.failure_again(origin, end.stage, end.failure_code, end.data, end.step, stored);
+    report_queue.failure_again(origin, end.stage, end.failure_code, end.data, end.step, stored);
   }
 }
 
-void AcceptanceJournal::tell_refused_again(ReportOutbox& outbox) {
+void AcceptanceJournal::tell_refused_again(ReportQueue& report_queue) {
   for (RefusedTelecommand& r : refused_) {
-    outbox.failure_again(r.origin, r.end.stage, r.end.failure_code, r.end.data, r.end.step, true);
+    report_queue.failure_again(r.origin, r.end.stage, r.end.failure_code, r.end.data, r.end.step, true);
     r.said = true;
   }
 }

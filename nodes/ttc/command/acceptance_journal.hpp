@@ -14,7 +14,7 @@
 #include "nodes/ttc/command/journal_log.hpp"
 #include "nodes/ttc/link/link_state.hpp"
 #include "nodes/ttc/link/uplink_chain.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 #include "nodes/ttc/services/time_schedule.hpp"
 
 namespace srfs {
@@ -163,7 +163,7 @@ class AcceptanceJournal {
   [[nodiscard]] const AcceptedTelecommand* find_repeated_packet(const UplinkedPacket& uplinked,
                                                                 MonotonicTime now);
   /// Reports again how far a repeated telecommand got: at once, but not twice in repeat_answer_period.
-  void answer_repeat(const AcceptedTelecommand& telecommand, MonotonicTime now, ReportOutbox& outbox);
+  void answer_repeat(const AcceptedTelecommand& telecommand, MonotonicTime now, ReportQueue& report_queue);
 
   // ---- schedule
 
@@ -184,10 +184,10 @@ class AcceptanceJournal {
   [[nodiscard]] std::uint64_t told() const { return told_; }
   /// Reports again how far @p telecommand got, but only what came after serial @p told.
   /// @param stored these reports may not be in the packet store yet
-  static void tell_again(const AcceptedTelecommand& telecommand, std::uint64_t told, ReportOutbox& outbox,
-                         bool stored = true);
+  static void tell_again(const AcceptedTelecommand& telecommand, std::uint64_t told,
+                         ReportQueue& report_queue, bool stored = true);
   /// Reports again the refusals of an earlier process that the ground may not know of.
-  void tell_refused_again(ReportOutbox& outbox);
+  void tell_refused_again(ReportQueue& report_queue);
 
   // ---- writing: one batch at a time
 

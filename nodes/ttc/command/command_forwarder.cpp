@@ -146,12 +146,12 @@ bool CommandForwarder::apply(Entry& entry, const NodeReport& report) {
       }
       report_start(entry);
       entry.last_step = report.step;
-      outbox_.success(entry.origin, Stage::progress, report.step);
+      report_queue_.success(entry.origin, Stage::progress, report.step);
       return false;
     case Stage::completion:
       report_start(entry);
       ++counters_.completed;
-      outbox_.success(entry.origin, Stage::completion);
+      report_queue_.success(entry.origin, Stage::completion);
       return true;
   }
   return false;
@@ -160,14 +160,14 @@ bool CommandForwarder::apply(Entry& entry, const NodeReport& report) {
 void CommandForwarder::report_start(Entry& entry) {
   if (entry.started) return;
   entry.started = true;
-  outbox_.success(entry.origin, Stage::start);
+  report_queue_.success(entry.origin, Stage::start);
 }
 
 void CommandForwarder::fail(const Entry& entry, Stage stage, std::uint16_t code, OctetView data) {
   ++counters_.failed;
-  outbox_.failure(entry.origin, stage, code, data, static_cast<std::uint8_t>(entry.last_step + 1));
+  report_queue_.failure(entry.origin, stage, code, data, static_cast<std::uint8_t>(entry.last_step + 1));
   // A failed step ends the command, and every started command gets its completion report.
-  if (stage == Stage::progress) outbox_.failure(entry.origin, Stage::completion, code, data);
+  if (stage == Stage::progress) report_queue_.failure(entry.origin, Stage::completion, code, data);
 }
 
 void CommandForwarder::expire(const Entry& entry, Stage stage, std::uint16_t code) {

@@ -13,7 +13,7 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 
 namespace srfs {
 
@@ -98,8 +98,9 @@ class CommandForwarder {
   static constexpr milliseconds ask_period{2000};  ///< of an accepted one
   static constexpr seconds completion_grace{30};   ///< after the expiry
 
-  /// @param outbox takes the verification reports; outlives this
-  CommandForwarder(ForwardingFailureCodes codes, ReportOutbox& outbox) : codes_(codes), outbox_(outbox) {}
+  /// @param report_queue takes the verification reports; outlives this
+  CommandForwarder(ForwardingFailureCodes codes, ReportQueue& report_queue)
+      : codes_(codes), report_queue_(report_queue) {}
 
   /// Takes an accepted telecommand. @param origin has its id
   Result<void, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
@@ -155,7 +156,7 @@ class CommandForwarder {
   void report_start(Entry& entry);
 
   ForwardingFailureCodes codes_;
-  ReportOutbox& outbox_;
+  ReportQueue& report_queue_;
   std::map<std::string, Node> nodes_;
   std::vector<ForwardedCommand> publications_;
   std::vector<ExpiredCommand> expired_;

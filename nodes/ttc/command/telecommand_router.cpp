@@ -116,12 +116,12 @@ void TelecommandRouter::carry_out(const JudgedTelecommand& judged, bool durable,
     return;
   }
   if (!durable) unstored_runs_.push_back(judged.origin.id);
-  parts_.outbox.success(judged.origin, Stage::acceptance);
+  parts_.report_queue.success(judged.origin, Stage::acceptance);
   const Request request{
       .origin = judged.origin, .command = &command, .arguments = judged.arguments, .now = now};
   const auto mode = static_cast<std::uint8_t>(parts_.mode.mode());
   if (!command.allowed_in(mode)) {  // a mode change that it counted on did not come
-    parts_.outbox.failure(judged.origin, Stage::start, parts_.codes.wrong_mode, Octets{mode});
+    parts_.report_queue.failure(judged.origin, Stage::start, parts_.codes.wrong_mode, Octets{mode});
   } else if (command.node == own_node_) {
     execute(request, now);
   } else {
@@ -133,13 +133,13 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
   const auto parsed = wire::parse_tc_packet(restored.packet);
   const auto found = parsed ? find_command(*parsed) : Err(Refusal{});
   if (!found) {  // the dictionary of now does not have it
-    parts_.outbox.failure(restored.origin, Stage::completion, parts_.codes.interrupted);
+    parts_.report_queue.failure(restored.origin, Stage::completion, parts_.codes.interrupted);
     return;
   }
   const mission::Command& command = **found;
   if (command.service == ScheduleService::service_type && parts_.schedule.has_applied(restored.origin.id)) {
-    if (!restored.progress.started) parts_.outbox.success(restored.origin, Stage::start);
-    parts_.outbox.success(restored.origin, Stage::completion);
+    if (!restored.progress.started) parts_.report_queue.success(restored.origin, Stage::start);
+    parts_.report_queue.success(restored.origin, Stage::completion);
     return;
   }
   const Request request{.origin = restored.origin,
@@ -151,7 +151,7 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
     parts_.forwarder.restore(restored.origin, forwarded(request, restored.expiry), restored.progress, now);
     return;
   }
-  if (ImagingDesk::takes(command) && !restored.progress.other_boot) {
+  if (ImagingScheduler::takes(command) && !restored.progress.other_boot) {
     parts_.imaging.restore(restored.origin, command, request.arguments, restored.progress.started,
                            restored.progress.last_step, now);
     return;
@@ -162,7 +162,7 @@ void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTi
   if (again) {
     execute(request, now);
   } else {
-    parts_.outbox.failure(restored.origin, Stage::completion, parts_.codes.interrupted);
+    parts_.report_queue.failure(restored.origin, Stage::completion, parts_.codes.interrupted);
   }
 }
 
@@ -252,7 +252,7 @@ std::optional<ScheduleService::RequestError> TelecommandRouter::check_scheduled(
 }
 
 void TelecommandRouter::refuse(const TelecommandOrigin& origin, const Refusal& refusal) {
-  parts_.outbox.failure(origin, refusal.stage, refusal.code, refusal.parameter);
+  parts_.report_queue.failure(origin, refusal.stage, refusal.code, refusal.parameter);
   if (rejected_.size() == max_rejected) rejected_.erase(rejected_.begin());
   rejected_.push_back(RejectedTelecommand{
       .apid = static_cast<std::uint16_t>(origin.request.packet_identification & 0x7FF),
@@ -287,7 +287,7 @@ ForwardedCommand TelecommandRouter::forwarded(const Request& request, MonotonicT
 
 void TelecommandRouter::forward(const Request& request, MonotonicTime expiry, MonotonicTime now) {
   if (!parts_.forwarder.submit(request.origin, forwarded(request, expiry), now))
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.queue_full);
+    parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.queue_full);
 }
 
 void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
@@ -319,7 +319,7 @@ void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
       parts_.files.submit(request.origin, command, request.arguments, request.repeated, now);
       return;
     case function_service:
-      if (ImagingDesk::takes(command)) {
+      if (ImagingScheduler::takes(command)) {
         parts_.imaging.submit(request.origin, command, request.arguments, request.repeated, now);
         return;
       }
@@ -354,13 +354,13 @@ void TelecommandRouter::execute(const Request& request, MonotonicTime now) {
       break;
   }
   // In the dictionary, but this version of ttc does not do it.
-  parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_function,
-                        as_u16(command.function_id));
+  parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.unknown_function,
+                              as_u16(command.function_id));
 }
 
 void TelecommandRouter::complete(const TelecommandOrigin& origin) {
-  parts_.outbox.success(origin, Stage::start);
-  parts_.outbox.success(origin, Stage::completion);
+  parts_.report_queue.success(origin, Stage::start);
+  parts_.report_queue.success(origin, Stage::completion);
 }
 
 void TelecommandRouter::execute_test(const Request& request) {
@@ -370,7 +370,7 @@ void TelecommandRouter::execute_test(const Request& request) {
                                  : request.origin.apid;
   const mission::ApplicationProcess* process = parts_.dictionary.apid(apid);
   if (process == nullptr) {
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(apid));
+    parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(apid));
     return;
   }
   parts_.connections.submit(request.origin, subtype, apid, process->node, process->node == own_node_);
@@ -397,7 +397,7 @@ void TelecommandRouter::execute_housekeeping(const Request& request) {
       case one_shot:
         if (auto report = parts_.housekeeping.one_shot(structure)) {
           report->destination_id = request.origin.source_id;
-          parts_.outbox.put(std::move(*report));
+          parts_.report_queue.put(std::move(*report));
         } else {
           done = Err(report.error());
         }
@@ -406,7 +406,8 @@ void TelecommandRouter::execute_housekeeping(const Request& request) {
         break;
     }
     if (!done) {
-      parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(structure));
+      parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.unknown_identifier,
+                                  as_u16(structure));
       return;
     }
   }
@@ -420,7 +421,8 @@ void TelecommandRouter::execute_events(const Request& request) {
   for (unsigned i = 0; i < count; ++i) {
     const std::uint16_t event = reader.u16();
     if (!parts_.events.set_enabled(event, request.command->subtype == enable)) {
-      parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(event));
+      parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.unknown_identifier,
+                                  as_u16(event));
       return;
     }
   }
@@ -447,22 +449,22 @@ void TelecommandRouter::execute_storage(const Request& request) {
     period.range.from = read_time(reader);
     period.range.to = read_time(reader);
     if (period.range.to < period.range.from) {
-      parts_.outbox.failure(request.origin, Stage::start, parts_.codes.bad_time_range);
+      parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.bad_time_range);
       return;
     }
     periods.push_back(period);
   }
   if (!parts_.retrieval.request(request.origin, std::move(periods))) {
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
+    parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.busy);
   }
 }
 
 void TelecommandRouter::set_mode(const Request& request) {
   if (mode_change_) {  // the one before was not taken yet
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
+    parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.busy);
     return;
   }
-  parts_.outbox.success(request.origin, Stage::start);
+  parts_.report_queue.success(request.origin, Stage::start);
   OctetReader reader(request.arguments);
   const Mode mode = reader.u8() == static_cast<std::uint8_t>(Mode::nominal) ? Mode::nominal : Mode::safe;
   if (mode != parts_.mode.mode()) parts_.hazards.disarm(mission::DisarmReason::mode_changed);
@@ -490,7 +492,7 @@ void TelecommandRouter::arm(const Request& request) {
   const auto arm = mission::TtcArm::decode(request.arguments);
   const auto refusal = arm ? why_not_armed(*arm) : Refusal{parts_.codes.bad_arguments_length, {}};
   if (refusal) {
-    parts_.outbox.failure(request.origin, Stage::start, refusal->code, refusal->parameter);
+    parts_.report_queue.failure(request.origin, Stage::start, refusal->code, refusal->parameter);
     return;
   }
   parts_.hazards.arm(
@@ -506,21 +508,21 @@ void TelecommandRouter::select_keys(const Request& request) {
   const auto& available = parts_.key_sets;
   const bool has_it = std::find(available.begin(), available.end(), std::pair(vc, set)) != available.end();
   if (!select || !has_it) {
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(vc));
+    parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.unknown_identifier, as_u16(vc));
   } else if (key_change_) {  // the one before was not taken yet
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
+    parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.busy);
   } else {
-    parts_.outbox.success(request.origin, Stage::start);
+    parts_.report_queue.success(request.origin, Stage::start);
     key_change_ = KeyChange{.origin = request.origin, .vc = vc, .set = set};
   }
 }
 
 void TelecommandRouter::switch_transmitter(const Request& request, seconds off) {
   if (transmitter_change_) {  // the one before was not taken yet
-    parts_.outbox.failure(request.origin, Stage::start, parts_.codes.busy);
+    parts_.report_queue.failure(request.origin, Stage::start, parts_.codes.busy);
     return;
   }
-  parts_.outbox.success(request.origin, Stage::start);
+  parts_.report_queue.success(request.origin, Stage::start);
   if (off > seconds(0)) {
     parts_.transmitter.switch_off(off, request.now);
   } else {
@@ -532,25 +534,25 @@ void TelecommandRouter::switch_transmitter(const Request& request, seconds off) 
 
 void TelecommandRouter::transmitter_stored(const TransmitterChange& change, bool success) {
   if (success) {
-    parts_.outbox.success(change.origin, Stage::completion);
+    parts_.report_queue.success(change.origin, Stage::completion);
   } else {  // it holds until a restart
-    parts_.outbox.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
+    parts_.report_queue.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
   }
 }
 
 void TelecommandRouter::key_change_stored(const KeyChange& change, bool success) {
   if (success) {
-    parts_.outbox.success(change.origin, Stage::completion);
+    parts_.report_queue.success(change.origin, Stage::completion);
   } else {
-    parts_.outbox.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
+    parts_.report_queue.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
   }
 }
 
 void TelecommandRouter::mode_stored(const ModeChange& change, bool success) {
   if (success) {
-    parts_.outbox.success(change.origin, Stage::completion);
+    parts_.report_queue.success(change.origin, Stage::completion);
   } else {
-    parts_.outbox.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
+    parts_.report_queue.failure(change.origin, Stage::completion, parts_.codes.storage_unavailable);
   }
 }
 

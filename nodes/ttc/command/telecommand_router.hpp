@@ -14,14 +14,14 @@
 #include "nodes/ttc/command/command_forwarder.hpp"
 #include "nodes/ttc/command/hazard_guard.hpp"
 #include "nodes/ttc/files/file_service.hpp"
-#include "nodes/ttc/imaging/imaging_desk.hpp"
+#include "nodes/ttc/imaging/imaging_scheduler.hpp"
 #include "nodes/ttc/link/key_selection.hpp"
 #include "nodes/ttc/link/transmitter_switch.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 #include "nodes/ttc/services/connection_tester.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
-#include "nodes/ttc/services/mode_keeper.hpp"
+#include "nodes/ttc/services/mode_manager.hpp"
 #include "nodes/ttc/services/parameter_service.hpp"
 #include "nodes/ttc/services/schedule_service.hpp"
 #include "nodes/ttc/services/time_reporter.hpp"
@@ -102,8 +102,8 @@ struct RestoredTelecommand {
 /// Decides what one telecommand packet causes: 1,2 with the reason, or 1,1 and then the services of ttc
 /// itself or a command for another node. Between the decision (judge) and what it causes (carry_out) the
 /// telecommand becomes durable; room in its node's queue is kept for it, and a mode change that waits counts
-/// as done for those behind it. Everything it causes is in the outbox, the forwarder, the retrieval, or taken
-/// from here. Never blocks.
+/// as done for those behind it. Everything it causes is in the report queue, the forwarder, the retrieval, or
+/// taken from here. Never blocks.
 class TelecommandRouter {
  public:
   static constexpr std::size_t max_rejected = 16;
@@ -114,19 +114,19 @@ class TelecommandRouter {
     const FailureCodes& codes;
     HousekeepingScheduler& housekeeping;
     EventReporter& events;
-    ModeKeeper& mode;
+    ModeManager& mode;
     CommandForwarder& forwarder;
     PacketRetrieval& retrieval;
     StoreControl& stores;
     FileService& files;
     ParameterService& parameters;
-    ReportOutbox& outbox;
+    ReportQueue& report_queue;
     ScheduleService& schedule;
     TimeReporter& time_reports;
     HazardGuard& hazards;
     const AvailableKeySets& key_sets;
     TransmitterSwitch& transmitter;
-    ImagingDesk& imaging;
+    ImagingScheduler& imaging;
     ConnectionTester& connections;
   };
 

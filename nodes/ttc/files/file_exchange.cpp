@@ -22,8 +22,8 @@ void FileExchange::on_packet(OctetView packet) {
   }
 }
 
-std::optional<cfdp::PostboxTurn> FileExchange::next_turn(std::size_t room_octets, MonotonicTime now,
-                                                         cfdp::FrameFill frame) {
+std::optional<cfdp::TransferTurn> FileExchange::next_turn(std::size_t room_octets, MonotonicTime now,
+                                                          cfdp::FrameFill frame) {
   const auto due = next_due(room_octets);
   if (!due || now < *due) return std::nullopt;
   running_ = true;
@@ -31,7 +31,7 @@ std::optional<cfdp::PostboxTurn> FileExchange::next_turn(std::size_t room_octets
   frame.overhead = wire::packet_header_octets;
   const auto taken = std::min(received_.size(), received_per_turn);
   const auto end = received_.begin() + static_cast<std::ptrdiff_t>(taken);
-  cfdp::PostboxTurn turn{
+  cfdp::TransferTurn turn{
       .received = {std::make_move_iterator(received_.begin()), std::make_move_iterator(end)},
       .room_octets = may_send(room_octets) ? room_octets : 0,
       .pdu_octets_max = pdu_octets_max,
@@ -44,10 +44,10 @@ std::optional<cfdp::PostboxTurn> FileExchange::next_turn(std::size_t room_octets
   return turn;
 }
 
-std::vector<Octets> FileExchange::on_turn(cfdp::PostboxTurnResult& result) {
+std::vector<Octets> FileExchange::on_turn(cfdp::TransferTurnResult& result) {
   running_ = false;
   resting_ = result.resting > 0;
-  postbox_due_ = result.next_due;
+  transfer_due_ = result.next_due;
   std::vector<Octets> packets;
   for (const Octets& pdu : std::exchange(result.pdus, {})) {
     packets.push_back(wire::encode_space_packet(
@@ -70,7 +70,7 @@ std::optional<MonotonicTime> FileExchange::next_due(std::size_t room_octets) con
   if (running_) return std::nullopt;
   MonotonicTime due = scan_at_;
   if (!received_.empty() || contact_ || changed_) due = MonotonicTime();
-  if (postbox_due_ && may_send(room_octets)) due = std::min(due, *postbox_due_);
+  if (transfer_due_ && may_send(room_octets)) due = std::min(due, *transfer_due_);
   return std::max(due, not_before_);
 }
 

@@ -9,7 +9,7 @@
 
 #include "base/octets.hpp"
 #include "base/time.hpp"
-#include "cfdp/postbox.hpp"
+#include "cfdp/transfer_folders.hpp"
 
 namespace srfs {
 
@@ -20,8 +20,8 @@ struct FileExchangeCounters {
   std::uint64_t malformed = 0;  ///< packets of the APID that carry no PDU
 };
 
-/// Between the link, which never waits, and the postbox, which may wait for the disk: collects PDUs and says
-/// when the postbox's worker has something to do. One turn at a time. Pure.
+/// Between the link, which never waits, and the transfer_folders, which may wait for the disk: collects PDUs
+/// and says when the transfer_folders's worker has something to do. One turn at a time. Pure.
 class FileExchange {
  public:
   static constexpr std::size_t received_max = 256;
@@ -39,16 +39,16 @@ class FileExchange {
   /// The ground was heard: files that rest go on.
   void on_contact() { contact_ = contact_ || resting_; }
 
-  /// Something was changed at the postbox between turns.
+  /// Something was changed at the transfer_folders between turns.
   void on_change() { changed_ = true; }
 
   /// The next turn, when one is due. @param room_octets of the downlink's queue @param frame where its next
   /// packet comes to lie
-  [[nodiscard]] std::optional<cfdp::PostboxTurn> next_turn(std::size_t room_octets, MonotonicTime now,
-                                                           cfdp::FrameFill frame = {});
+  [[nodiscard]] std::optional<cfdp::TransferTurn> next_turn(std::size_t room_octets, MonotonicTime now,
+                                                            cfdp::FrameFill frame = {});
   /// @return Space Packets for the downlink
-  [[nodiscard]] std::vector<Octets> on_turn(cfdp::PostboxTurnResult& result);
-  /// The worker did not take the turn, or has no postbox: what was in it is lost, as on the line.
+  [[nodiscard]] std::vector<Octets> on_turn(cfdp::TransferTurnResult& result);
+  /// The worker did not take the turn, or has no transfer_folders: what was in it is lost, as on the line.
   void on_turn_refused(MonotonicTime now);
   /// When next_turn() has something without another input; room that is missing is another input.
   [[nodiscard]] std::optional<MonotonicTime> next_due(std::size_t room_octets) const;
@@ -66,7 +66,7 @@ class FileExchange {
   bool resting_ = true;  ///< not known before the first turn
   MonotonicTime scan_at_;
   MonotonicTime not_before_;
-  std::optional<MonotonicTime> postbox_due_ = MonotonicTime();
+  std::optional<MonotonicTime> transfer_due_ = MonotonicTime();
   std::uint16_t sequence_count_ = 0;
   FileExchangeCounters counters_;
 };

@@ -105,17 +105,17 @@ void FileService::submit(const TelecommandOrigin& origin, const mission::Command
                          OctetView arguments, bool repeated, MonotonicTime now) {
   if (command.subtype == mission::FileStopReports::subtype) {
     status_interval_.reset();
-    outbox_.success(origin, Stage::start);
-    outbox_.success(origin, Stage::completion);
+    report_queue_.success(origin, Stage::start);
+    report_queue_.success(origin, Stage::completion);
     return;
   }
   auto order = file_order_of(command, arguments);
   if (!order) {
-    outbox_.failure(origin, Stage::start, mission::failure::unknown_subtype);
+    report_queue_.failure(origin, Stage::start, mission::failure::unknown_subtype);
     return;
   }
   if (waiting_.size() == max_waiting) {
-    outbox_.failure(origin, Stage::start, mission::failure::busy);
+    report_queue_.failure(origin, Stage::start, mission::failure::busy);
     return;
   }
   if (const auto status = mission::FileReportCopies::decode(arguments);
@@ -158,25 +158,25 @@ void FileService::on_outcome(const FileOutcome& outcome, MonotonicTime now) {
   const bool is_status = std::exchange(status_running_, false);
   if (!is_status && !current_) return;  // it was given up
   if (!is_status && outcome.unfinished) {
-    if (!std::exchange(current_->started, true)) outbox_.success(current_->origin, Stage::start);
+    if (!std::exchange(current_->started, true)) report_queue_.success(current_->origin, Stage::start);
     return on_time(now);
   }
   if (!is_status && outcome.failure != mission::failure::none) {
-    outbox_.failure(current_->origin, current_->started ? Stage::completion : Stage::start, outcome.failure,
-                    outcome.failure_parameter);
+    report_queue_.failure(current_->origin, current_->started ? Stage::completion : Stage::start,
+                          outcome.failure, outcome.failure_parameter);
     current_.reset();
     return;
   }
-  if (!is_status && !current_->started) outbox_.success(current_->origin, Stage::start);
+  if (!is_status && !current_->started) report_queue_.success(current_->origin, Stage::start);
   for (const Octets& data : outcome.reports) {
-    outbox_.put(Report{.apid = apid_,
-                       .service = file_service,
-                       .subtype = outcome.report_subtype,
-                       .destination_id = is_status ? status_destination_ : current_->origin.source_id,
-                       .data = data});
+    report_queue_.put(Report{.apid = apid_,
+                             .service = file_service,
+                             .subtype = outcome.report_subtype,
+                             .destination_id = is_status ? status_destination_ : current_->origin.source_id,
+                             .data = data});
   }
   if (is_status) return;
-  outbox_.success(current_->origin, Stage::completion);
+  report_queue_.success(current_->origin, Stage::completion);
   current_.reset();
 }
 
@@ -202,10 +202,10 @@ void FileService::on_time(MonotonicTime now) {
 void FileService::end_overdue(Request& request) {
   // What is at the worker may still be done.
   const bool may_have_begun = at_worker_ && !status_running_ && current_ && &request == &*current_;
-  if (may_have_begun && !request.started) outbox_.success(request.origin, Stage::start);
+  if (may_have_begun && !request.started) report_queue_.success(request.origin, Stage::start);
   const bool begun = may_have_begun || request.started;
-  outbox_.failure(request.origin, begun ? Stage::completion : Stage::start,
-                  begun ? mission::failure::completion_unknown : mission::failure::expired);
+  report_queue_.failure(request.origin, begun ? Stage::completion : Stage::start,
+                        begun ? mission::failure::completion_unknown : mission::failure::expired);
 }
 
 std::optional<MonotonicTime> FileService::next_due() const {

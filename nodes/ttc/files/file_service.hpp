@@ -10,7 +10,7 @@
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/files/file_order.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 
 namespace srfs {
 
@@ -23,8 +23,8 @@ class FileService {
   static constexpr milliseconds shortest_interval{1000};  ///< of the status of copies
   static constexpr milliseconds retry_period{1000};       ///< of a worker without room
 
-  /// @param apid the reports come from. @param outbox outlives this
-  FileService(ReportOutbox& outbox, std::uint16_t apid) : outbox_(outbox), apid_(apid) {}
+  /// @param apid the reports come from. @param report_queue outlives this
+  FileService(ReportQueue& report_queue, std::uint16_t apid) : report_queue_(report_queue), apid_(apid) {}
 
   /// Takes an accepted telecommand. @param repeated it may have been done before a restart
   void submit(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
@@ -50,7 +50,7 @@ class FileService {
   void set_status_interval(const TelecommandOrigin& origin, milliseconds interval, MonotonicTime now);
   void end_overdue(Request& request);
 
-  ReportOutbox& outbox_;
+  ReportQueue& report_queue_;
   std::uint16_t apid_;
   std::deque<Request> waiting_;
   bool at_worker_ = false;

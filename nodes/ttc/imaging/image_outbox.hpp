@@ -43,7 +43,7 @@ struct QueuedProducts {
 class ImageOutbox {
  public:
   static constexpr std::size_t max_frames = 256;         ///< of one order; a task number used again has more
-  static constexpr std::size_t max_outbox_files = 1000;  ///< cfdp::Postbox reads 1024
+  static constexpr std::size_t max_outbox_files = 1000;  ///< cfdp::TransferFolders reads 1024
   static constexpr std::size_t max_to_mark = 64;
   static constexpr std::size_t marks_per_call = 4;  ///< each waits for the disk several times
 

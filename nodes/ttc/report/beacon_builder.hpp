@@ -14,8 +14,8 @@
 #include "base/octets.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
-#include "nodes/ttc/services/mode_keeper.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/mode_manager.hpp"
 
 namespace srfs {
 

@@ -9,10 +9,10 @@ namespace srfs {
 void ConnectionTester::submit(const TelecommandOrigin& origin, std::uint8_t subtype, std::uint16_t apid,
                               const std::string& node, bool answers) {
   if (waiting_.size() == capacity) {
-    outbox_.failure(origin, Stage::start, codes_.busy);
+    report_queue_.failure(origin, Stage::start, codes_.busy);
     return;
   }
-  outbox_.success(origin, Stage::start);
+  report_queue_.success(origin, Stage::start);
   Test test{.origin = origin, .subtype = subtype, .apid = apid, .node = node};
   if (answers) return end(test, true);
   waiting_.push_back(std::move(test));
@@ -34,7 +34,7 @@ void ConnectionTester::on_answer(bool answered) {
 
 void ConnectionTester::end(const Test& test, bool answered) {
   if (!answered) {
-    outbox_.failure(test.origin, Stage::completion, codes_.node_unavailable);
+    report_queue_.failure(test.origin, Stage::completion, codes_.node_unavailable);
     return;
   }
   Report report{.apid = test.origin.apid,
@@ -44,8 +44,8 @@ void ConnectionTester::end(const Test& test, bool answered) {
                 .data = {}};
   if (test.subtype == test_connection)
     report.data = {static_cast<std::uint8_t>(test.apid >> 8), static_cast<std::uint8_t>(test.apid)};
-  outbox_.put(std::move(report));
-  outbox_.success(test.origin, Stage::completion);
+  report_queue_.put(std::move(report));
+  report_queue_.success(test.origin, Stage::completion);
 }
 
 }  // namespace srfs

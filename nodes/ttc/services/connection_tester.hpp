@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 
 namespace srfs {
 
@@ -28,7 +28,7 @@ class ConnectionTester {
     std::uint16_t busy = 0;
     std::uint16_t node_unavailable = 0;
   };
-  ConnectionTester(ReportOutbox& outbox, Codes codes) : outbox_(outbox), codes_(codes) {}
+  ConnectionTester(ReportQueue& report_queue, Codes codes) : report_queue_(report_queue), codes_(codes) {}
 
   /// @param subtype are_you_alive or test_connection
   /// @param apid of @p node
@@ -49,7 +49,7 @@ class ConnectionTester {
   };
   void end(const Test& test, bool answered);
 
-  ReportOutbox& outbox_;
+  ReportQueue& report_queue_;
   Codes codes_;
   std::deque<Test> waiting_;  ///< the first one is asked
   bool asking_ = false;

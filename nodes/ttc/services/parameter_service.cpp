@@ -106,11 +106,11 @@ void ParameterService::submit(const TelecommandOrigin& origin, const mission::Co
                               OctetView arguments, MonotonicTime now) {
   auto items = items_of(command, arguments);
   if (!items) {  // not what the dictionary has checked
-    outbox_.failure(origin, Stage::start, mission::failure::unknown_identifier);
+    report_queue_.failure(origin, Stage::start, mission::failure::unknown_identifier);
     return;
   }
   if (requests_.size() == max_waiting) {
-    outbox_.failure(origin, Stage::start, mission::failure::busy);
+    report_queue_.failure(origin, Stage::start, mission::failure::busy);
     return;
   }
   requests_.push_back({.origin = origin,
@@ -128,7 +128,7 @@ std::optional<ParameterCall> ParameterService::next_call(MonotonicTime now) {
   while (!requests_.empty()) {
     Request& request = requests_.front();
     if (!request.started && now >= request.expiry) {
-      outbox_.failure(request.origin, Stage::start, mission::failure::expired);
+      report_queue_.failure(request.origin, Stage::start, mission::failure::expired);
       requests_.pop_front();
       continue;
     }
@@ -150,7 +150,7 @@ std::optional<ParameterCall> ParameterService::next_call(MonotonicTime now) {
 }
 
 void ParameterService::begin(Request& request) {
-  if (!std::exchange(request.started, true)) outbox_.success(request.origin, Stage::start);
+  if (!std::exchange(request.started, true)) report_queue_.success(request.origin, Stage::start);
 }
 
 void ParameterService::on_value(std::uint64_t call, const NodeValue& value) {
@@ -163,11 +163,11 @@ void ParameterService::on_value(std::uint64_t call, const NodeValue& value) {
   data.u16(parameter.id);
   if (!raw || !dictionary_.put_parameter(parameter, *raw, data))
     return end_item(mission::failure::parameter_mismatch);
-  outbox_.put(Report{.apid = apid_,
-                     .service = parameter_service,
-                     .subtype = value_report,
-                     .destination_id = request.origin.source_id,
-                     .data = data.take()});
+  report_queue_.put(Report{.apid = apid_,
+                           .service = parameter_service,
+                           .subtype = value_report,
+                           .destination_id = request.origin.source_id,
+                           .data = data.take()});
   end_item(mission::failure::none);
 }
 
@@ -202,11 +202,11 @@ void ParameterService::end_item(std::uint16_t failure) {
 void ParameterService::end_request() {
   const Request& request = requests_.front();
   if (request.failure == mission::failure::none) {
-    outbox_.success(request.origin, Stage::completion);
+    report_queue_.success(request.origin, Stage::completion);
   } else {
     OctetWriter parameter;
     parameter.u16(request.failed_parameter);
-    outbox_.failure(request.origin, Stage::completion, request.failure, parameter.view());
+    report_queue_.failure(request.origin, Stage::completion, request.failure, parameter.view());
   }
   requests_.pop_front();
 }

@@ -14,7 +14,7 @@
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 
 namespace srfs {
 
@@ -45,9 +45,9 @@ class ParameterService {
  public:
   static constexpr std::size_t max_waiting = 8;
 
-  /// @param apid the reports come from. Dictionary and outbox outlive this
-  ParameterService(const mission::Dictionary& dictionary, ReportOutbox& outbox, std::uint16_t apid)
-      : dictionary_(dictionary), outbox_(outbox), apid_(apid) {}
+  /// @param apid the reports come from. Dictionary and report_queue outlive this
+  ParameterService(const mission::Dictionary& dictionary, ReportQueue& report_queue, std::uint16_t apid)
+      : dictionary_(dictionary), report_queue_(report_queue), apid_(apid) {}
 
   /// Takes an accepted telecommand, its arguments checked.
   void submit(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
@@ -87,7 +87,7 @@ class ParameterService {
   void end_request();
 
   const mission::Dictionary& dictionary_;
-  ReportOutbox& outbox_;
+  ReportQueue& report_queue_;
   std::uint16_t apid_;
   std::deque<Request> requests_;  ///< the first one runs
   std::uint64_t number_ = 0;      ///< of the last call

@@ -152,21 +152,21 @@ void ScheduleService::execute(const TelecommandOrigin& origin, std::uint8_t subt
   if (is_report(subtype)) {
     const auto selected = selection_asked_for(subtype, reader);
     if (!selected) return fail(origin, selected.error());
-    outbox_.success(origin, Stage::start);
+    report_queue_.success(origin, Stage::start);
     report(origin, *selected,
            subtype == Subtype::detail_by_request || subtype == Subtype::detail_by_filter ||
                subtype == Subtype::detail_all);
-    return outbox_.success(origin, Stage::completion);
+    return report_queue_.success(origin, Stage::completion);
   }
   if (subtype == Subtype::report_group_status) {
-    outbox_.success(origin, Stage::start);
+    report_queue_.success(origin, Stage::start);
     report_groups(origin);
-    return outbox_.success(origin, Stage::completion);
+    return report_queue_.success(origin, Stage::completion);
   }
   auto change = change_asked_for(subtype, reader);
   if (!change) return fail(origin, change.error());
-  outbox_.success(origin, Stage::start);
-  if (change->empty()) return outbox_.success(origin, Stage::completion);
+  report_queue_.success(origin, Stage::start);
+  if (change->empty()) return report_queue_.success(origin, Stage::completion);
   change->requested_by = origin.id;
   counters_.inserted += static_cast<std::uint32_t>(change->inserted.size());
   held_.push_back({.revision = journal_.change_schedule(*change), .origin = origin, .refusal = 0});
@@ -379,11 +379,11 @@ void ScheduleService::report(const TelecommandOrigin& origin, const Selected& se
     OctetWriter data;
     data.u16(count);
     data.bytes(entries.view());
-    outbox_.put(Report{.apid = origin.apid,
-                       .service = service_type,
-                       .subtype = detail ? Subtype::detail_report : Subtype::summary_report,
-                       .destination_id = origin.source_id,
-                       .data = data.take()});
+    report_queue_.put(Report{.apid = origin.apid,
+                             .service = service_type,
+                             .subtype = detail ? Subtype::detail_report : Subtype::summary_report,
+                             .destination_id = origin.source_id,
+                             .data = data.take()});
   } while (next < selected.size());
 }
 
@@ -394,15 +394,15 @@ void ScheduleService::report_groups(const TelecommandOrigin& origin) {
     data.u8(group);
     data.u8(enabled ? 1 : 0);
   }
-  outbox_.put(Report{.apid = origin.apid,
-                     .service = service_type,
-                     .subtype = Subtype::group_status_report,
-                     .destination_id = origin.source_id,
-                     .data = data.take()});
+  report_queue_.put(Report{.apid = origin.apid,
+                           .service = service_type,
+                           .subtype = Subtype::group_status_report,
+                           .destination_id = origin.source_id,
+                           .data = data.take()});
 }
 
 void ScheduleService::fail(const TelecommandOrigin& origin, const Failure& failure) {
-  outbox_.failure(origin, Stage::start, failure.code, failure.parameter);
+  report_queue_.failure(origin, Stage::start, failure.code, failure.parameter);
 }
 
 void ScheduleService::on_written(std::uint64_t revision, bool success) {
@@ -410,11 +410,11 @@ void ScheduleService::on_written(std::uint64_t revision, bool success) {
     const Held held = held_.front();
     held_.pop_front();
     if (held.refusal != 0) {
-      outbox_.failure(held.origin, Stage::acceptance, held.refusal);
+      report_queue_.failure(held.origin, Stage::acceptance, held.refusal);
     } else if (success) {
-      outbox_.success(held.origin, Stage::completion);
+      report_queue_.success(held.origin, Stage::completion);
     } else {  // it holds until the end of the process, and is written when the disk works again
-      outbox_.failure(held.origin, Stage::completion, codes_.storage_unavailable);
+      report_queue_.failure(held.origin, Stage::completion, codes_.storage_unavailable);
     }
   }
 }

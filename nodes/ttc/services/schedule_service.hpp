@@ -12,7 +12,7 @@
 #include "base/result.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/command/acceptance_journal.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 #include "nodes/ttc/services/time_schedule.hpp"
 
 namespace srfs {
@@ -50,9 +50,9 @@ class ScheduleService {
   static constexpr std::size_t report_octets = 1000;
 
   /// @param late_max an activity that is later than this is dropped
-  ScheduleService(const mission::Dictionary& dictionary, AcceptanceJournal& journal, ReportOutbox& outbox,
-                  nanoseconds late_max)
-      : codes_(dictionary), journal_(journal), outbox_(outbox), late_max_(late_max) {}
+  ScheduleService(const mission::Dictionary& dictionary, AcceptanceJournal& journal,
+                  ReportQueue& report_queue, nanoseconds late_max)
+      : codes_(dictionary), journal_(journal), report_queue_(report_queue), late_max_(late_max) {}
 
   /// The time of everything that follows, until the next call.
   void on_time(TaiTime now, bool valid) {
@@ -138,7 +138,7 @@ class ScheduleService {
 
   ScheduleFailureCodes codes_;
   AcceptanceJournal& journal_;
-  ReportOutbox& outbox_;
+  ReportQueue& report_queue_;
   nanoseconds late_max_;
   TaiTime now_;
   bool time_valid_ = false;

@@ -18,7 +18,7 @@ void PacketRetrieval::abort(std::uint16_t store, std::uint16_t code) {
   const auto names_store = [&](const Request& request) { return names(request, store); };
   const bool running_ends = !requests_.empty() && names_store(requests_.front());
   for (const Request& request : requests_) {
-    if (names_store(request)) outbox_.failure(request.origin, Stage::completion, code);
+    if (names_store(request)) report_queue_.failure(request.origin, Stage::completion, code);
   }
   std::erase_if(requests_, names_store);
   if (running_ends) end_period();
@@ -37,7 +37,7 @@ bool PacketRetrieval::names(std::uint16_t store) const {
 void PacketRetrieval::fail(std::uint64_t request) {
   if (request != number_ || requests_.empty()) return;
   ++incomplete_;
-  outbox_.failure(requests_.front().origin, Stage::completion, store_unreadable_);
+  report_queue_.failure(requests_.front().origin, Stage::completion, store_unreadable_);
   requests_.pop_front();
   end_period();
 }
@@ -52,7 +52,7 @@ std::vector<Octets> PacketRetrieval::on_batch(std::uint64_t request, RetrievedPa
   if (request != number_ || requests_.empty()) return {};
   if (!requests_.front().started) {
     requests_.front().started = true;
-    outbox_.success(requests_.front().origin, Stage::start);
+    report_queue_.success(requests_.front().origin, Stage::start);
   }
   requests_.front().damaged = requests_.front().damaged || batch.damaged;
   reading_ = false;
@@ -72,9 +72,9 @@ void PacketRetrieval::on_playback(bool playback_empty) {
   if (request.periods.empty()) {
     if (request.damaged) {
       ++incomplete_;
-      outbox_.failure(request.origin, Stage::completion, store_unreadable_);
+      report_queue_.failure(request.origin, Stage::completion, store_unreadable_);
     } else {
-      outbox_.success(request.origin, Stage::completion);
+      report_queue_.success(request.origin, Stage::completion);
     }
     requests_.pop_front();
   }

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 #include "nodes/ttc/store/packet_store.hpp"
 
 namespace srfs {
@@ -45,8 +45,8 @@ class PacketRetrieval {
   };
 
   /// @param store_unreadable failure code (1,8) of a retrieval that could not read everything
-  PacketRetrieval(ReportOutbox& outbox, std::uint16_t store_unreadable)
-      : outbox_(outbox), store_unreadable_(store_unreadable) {}
+  PacketRetrieval(ReportQueue& report_queue, std::uint16_t store_unreadable)
+      : report_queue_(report_queue), store_unreadable_(store_unreadable) {}
 
   /// @param periods 1 to max_periods. @return false: too many wait
   [[nodiscard]] bool request(const TelecommandOrigin& origin, std::vector<StorePeriod> periods);
@@ -81,7 +81,7 @@ class PacketRetrieval {
   [[nodiscard]] static bool names(const Request& request, std::uint16_t store);
   void end_period();
 
-  ReportOutbox& outbox_;
+  ReportQueue& report_queue_;
   std::uint16_t store_unreadable_;
   std::uint64_t incomplete_ = 0;
   std::deque<Request> requests_;  // the first one runs

@@ -40,8 +40,8 @@ std::uint8_t share_percent(std::uint64_t part, std::uint64_t whole) {
 }  // namespace
 
 StoreControl::StoreControl(const mission::Dictionary& dictionary, std::string_view stored, Codes codes,
-                           ReportOutbox& outbox, const PacketRetrieval& retrieval)
-    : codes_(codes), outbox_(outbox), retrieval_(retrieval) {
+                           ReportQueue& report_queue, const PacketRetrieval& retrieval)
+    : codes_(codes), report_queue_(report_queue), retrieval_(retrieval) {
   for (const mission::PacketStore& store : dictionary.stores()) {
     Store& added = stores_.emplace_back();
     added.id = store.id;
@@ -132,15 +132,15 @@ void StoreControl::execute(const TelecommandOrigin& origin, std::uint8_t subtype
           if (reading_ && reading_->store == store->id) reading_.reset();
         }
       }
-      outbox_.success(origin, Stage::start);
+      report_queue_.success(origin, Stage::start);
       set_.push_back(origin);
       return;
     default:  // in the dictionary, but this version of ttc does not do it
-      outbox_.failure(origin, Stage::start, codes_.unknown_subtype);
+      report_queue_.failure(origin, Stage::start, codes_.unknown_subtype);
       return;
   }
-  outbox_.success(origin, Stage::start);
-  outbox_.success(origin, Stage::completion);
+  report_queue_.success(origin, Stage::start);
+  report_queue_.success(origin, Stage::completion);
 }
 
 void StoreControl::set_open_start(const TelecommandOrigin& origin, OctetReader& reader) {
@@ -148,15 +148,16 @@ void StoreControl::set_open_start(const TelecommandOrigin& origin, OctetReader& 
   const std::vector<Store*> stores = named(reader);
   for (const Store* store : stores) {
     if (!store->open) continue;
-    outbox_.failure(origin, Stage::start, codes_.busy,
-                    Octets{static_cast<std::uint8_t>(store->id >> 8), static_cast<std::uint8_t>(store->id)});
+    report_queue_.failure(
+        origin, Stage::start, codes_.busy,
+        Octets{static_cast<std::uint8_t>(store->id >> 8), static_cast<std::uint8_t>(store->id)});
     return;
   }
   for (Store* store : stores) {
     store->open_start = from;
     begin_at(*store, 0);
   }
-  outbox_.success(origin, Stage::start);
+  report_queue_.success(origin, Stage::start);
   set_.push_back(origin);
 }
 
@@ -194,11 +195,11 @@ void StoreControl::report_status(const TelecommandOrigin& origin, const Store& s
 }
 
 void StoreControl::put(const TelecommandOrigin& origin, std::uint8_t subtype, Octets data) {
-  outbox_.put(Report{.apid = origin.apid,
-                     .service = storage_service,
-                     .subtype = subtype,
-                     .destination_id = origin.source_id,
-                     .data = std::move(data)});
+  report_queue_.put(Report{.apid = origin.apid,
+                           .service = storage_service,
+                           .subtype = subtype,
+                           .destination_id = origin.source_id,
+                           .data = std::move(data)});
 }
 
 bool StoreControl::take_packet(std::uint16_t store) {
@@ -292,9 +293,9 @@ std::optional<StoreChange> StoreControl::take_change() {
 void StoreControl::change_stored(const StoreChange& change, bool success) {
   for (const TelecommandOrigin& origin : change.origins) {
     if (success) {
-      outbox_.success(origin, Stage::completion);
+      report_queue_.success(origin, Stage::completion);
     } else {  // it holds until a restart
-      outbox_.failure(origin, Stage::completion, codes_.storage_unavailable);
+      report_queue_.failure(origin, Stage::completion, codes_.storage_unavailable);
     }
   }
 }

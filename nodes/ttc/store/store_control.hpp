@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "msgs/mission/dictionary.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 #include "nodes/ttc/store/packet_retrieval.hpp"
 #include "nodes/ttc/store/packet_store.hpp"
 
@@ -38,9 +38,9 @@ class StoreControl {
 
   /// @param stored  stored_text() of an earlier process; missing or damaged: all stores take packets, are
   ///                circular and have their open retrieval suspended
-  /// @param retrieval  outlives it, as @p outbox does
+  /// @param retrieval  outlives it, as @p report_queue does
   StoreControl(const mission::Dictionary& dictionary, std::string_view stored, Codes codes,
-               ReportOutbox& outbox, const PacketRetrieval& retrieval);
+               ReportQueue& report_queue, const PacketRetrieval& retrieval);
 
   /// @param arguments  as the dictionary has checked them
   void execute(const TelecommandOrigin& origin, std::uint8_t subtype, OctetView arguments);
@@ -101,7 +101,7 @@ class StoreControl {
   void put(const TelecommandOrigin& origin, std::uint8_t subtype, Octets data);
 
   Codes codes_;
-  ReportOutbox& outbox_;
+  ReportQueue& report_queue_;
   const PacketRetrieval& retrieval_;
   std::vector<Store> stores_;           // in dictionary order
   std::vector<TelecommandOrigin> set_;  // carried out, to be stored

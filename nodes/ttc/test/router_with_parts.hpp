@@ -15,24 +15,24 @@ class RouterWithParts : public testing::Test {
   FailureCodes codes_{dictionary_};
   HousekeepingScheduler housekeeping_;
   EventReporter events_;
-  ModeKeeper mode_{StoredModeState::first_start, "", Mode::nominal};
-  ReportOutbox outbox_;
+  ModeManager mode_{StoredModeState::first_start, "", Mode::nominal};
+  ReportQueue report_queue_;
   HazardGuard hazards_{seconds(30)};
   AvailableKeySets key_sets_{{0, KeySet::a}, {0, KeySet::b}};
   TransmitterSwitch transmitter_{"boot", "", MonotonicTime{}};
   CommandForwarder forwarder_{{.not_taken = codes_.node_unavailable,
                                .no_completion = codes_.completion_unknown,
                                .interrupted = codes_.interrupted},
-                              outbox_};
-  PacketRetrieval retrieval_{outbox_, 38};
-  StoreControl stores_{dictionary_, "", codes_.for_stores(), outbox_, retrieval_};
+                              report_queue_};
+  PacketRetrieval retrieval_{report_queue_, 38};
+  StoreControl stores_{dictionary_, "", codes_.for_stores(), report_queue_, retrieval_};
   AcceptanceJournal journal_{"boot", seconds(60)};
-  ScheduleService schedule_{dictionary_, journal_, outbox_, seconds(60)};
+  ScheduleService schedule_{dictionary_, journal_, report_queue_, seconds(60)};
   TimeReporter time_reports_;
-  FileService files_{outbox_, mission::apid::ttc};
-  ParameterService parameters_{dictionary_, outbox_, mission::apid::ttc};
-  ImagingDesk imaging_{outbox_};
-  ConnectionTester connections_{outbox_, codes_.for_connections()};
+  FileService files_{report_queue_, mission::apid::ttc};
+  ParameterService parameters_{dictionary_, report_queue_, mission::apid::ttc};
+  ImagingScheduler imaging_{report_queue_};
+  ConnectionTester connections_{report_queue_, codes_.for_connections()};
   TelecommandRouter router_{{.dictionary = dictionary_,
                              .codes = codes_,
                              .housekeeping = housekeeping_,
@@ -43,7 +43,7 @@ class RouterWithParts : public testing::Test {
                              .stores = stores_,
                              .files = files_,
                              .parameters = parameters_,
-                             .outbox = outbox_,
+                             .report_queue = report_queue_,
                              .schedule = schedule_,
                              .time_reports = time_reports_,
                              .hazards = hazards_,

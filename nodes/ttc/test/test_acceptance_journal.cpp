@@ -102,9 +102,9 @@ class Process {
   std::size_t damaged_ = 0;
 };
 
-std::vector<int> subtypes(ReportOutbox& outbox) {
+std::vector<int> subtypes(ReportQueue& report_queue) {
   std::vector<int> found;
-  for (const Report& report : outbox.take()) found.push_back(report.subtype);
+  for (const Report& report : report_queue.take()) found.push_back(report.subtype);
   return found;
 }
 
@@ -211,30 +211,30 @@ TEST(AcceptanceJournal, OnAnOpenChannelAPacketIsARepeatWithinASecondOfTheLastOne
 TEST(AcceptanceJournal, TellsAgainHowFarATelecommandGotAndNothingBeforeItWasSaid) {
   SimulatedMedium medium(1);
   Process process(medium, "boot");
-  ReportOutbox outbox;
+  ReportQueue report_queue;
   const UplinkedPacket packet = uplinked(1, 1);
   AcceptanceJournal& journal = process.journal();
   const std::uint64_t id = journal.accept(packet, origin_of(packet), "payload_eps", at(1), link_of(1), at(0));
-  AcceptanceJournal::tell_again(*process.find(id), 0, outbox);
-  EXPECT_TRUE(subtypes(outbox).empty()) << "it is not on disk yet";
+  AcceptanceJournal::tell_again(*process.find(id), 0, report_queue);
+  EXPECT_TRUE(subtypes(report_queue).empty()) << "it is not on disk yet";
 
   process.stage(id, Stage::acceptance);
   process.stage(id, Stage::start);
-  AcceptanceJournal::tell_again(*process.find(id), 0, outbox);
-  EXPECT_EQ(subtypes(outbox), (std::vector<int>{1, 3}));
+  AcceptanceJournal::tell_again(*process.find(id), 0, report_queue);
+  EXPECT_EQ(subtypes(report_queue), (std::vector<int>{1, 3}));
 
   process.stage(id, Stage::completion);
-  AcceptanceJournal::tell_again(*process.find(id), 0, outbox);
-  EXPECT_EQ(subtypes(outbox), (std::vector<int>{1, 3})) << "the end waits for the disk";
+  AcceptanceJournal::tell_again(*process.find(id), 0, report_queue);
+  EXPECT_EQ(subtypes(report_queue), (std::vector<int>{1, 3})) << "the end waits for the disk";
   journal.on_end_said(id);
-  AcceptanceJournal::tell_again(*process.find(id), 0, outbox);
-  EXPECT_EQ(subtypes(outbox), (std::vector<int>{1, 3, 7}));
+  AcceptanceJournal::tell_again(*process.find(id), 0, report_queue);
+  EXPECT_EQ(subtypes(report_queue), (std::vector<int>{1, 3, 7}));
 }
 
 TEST(AcceptanceJournal, AnswersATelecommandThatIsRepeatedFasterOnceASecondAndStoresNoneOfThat) {
   SimulatedMedium medium(1);
   Process process(medium, "boot");
-  ReportOutbox outbox;
+  ReportQueue report_queue;
   AcceptanceJournal& journal = process.journal();
   const std::uint64_t id = process.accept(uplinked(1, 1));
   const std::uint64_t other = process.accept(uplinked(2, 2));
@@ -242,8 +242,8 @@ TEST(AcceptanceJournal, AnswersATelecommandThatIsRepeatedFasterOnceASecondAndSto
 
   std::size_t answers = 0;
   for (int ms = 0; ms < 3000; ms += 2) {
-    journal.answer_repeat(*journal.find_repeated_frame(uplinked(1, 1)), at(ms), outbox);
-    for (const Report& report : outbox.take()) {
+    journal.answer_repeat(*journal.find_repeated_frame(uplinked(1, 1)), at(ms), report_queue);
+    for (const Report& report : report_queue.take()) {
       ++answers;
       EXPECT_TRUE(report.again);
     }
@@ -251,8 +251,8 @@ TEST(AcceptanceJournal, AnswersATelecommandThatIsRepeatedFasterOnceASecondAndSto
   EXPECT_EQ(answers, 3U);
   EXPECT_EQ(journal.counters().unanswered, 1497U);
   EXPECT_FALSE(journal.wants_write()) << "nothing of it is recorded";
-  journal.answer_repeat(*process.find(other), at(2999), outbox);
-  EXPECT_EQ(outbox.take().size(), 1U) << "each telecommand has its own second";
+  journal.answer_repeat(*process.find(other), at(2999), report_queue);
+  EXPECT_EQ(report_queue.take().size(), 1U) << "each telecommand has its own second";
   EXPECT_FALSE(process.find(id)->end);
 }
 
@@ -270,11 +270,11 @@ TEST(AcceptanceJournal, AfterARestartOnlyWhatWasNotToldIsToldAgain) {
     first.write(true);
   }
   Process second(medium, "boot");
-  ReportOutbox outbox;
-  AcceptanceJournal::tell_again(*second.find(told), second.journal().told(), outbox);
-  EXPECT_TRUE(subtypes(outbox).empty());
-  AcceptanceJournal::tell_again(*second.find(not_told), second.journal().told(), outbox);
-  EXPECT_EQ(subtypes(outbox), std::vector<int>{7}) << "its acceptance was told";
+  ReportQueue report_queue;
+  AcceptanceJournal::tell_again(*second.find(told), second.journal().told(), report_queue);
+  EXPECT_TRUE(subtypes(report_queue).empty());
+  AcceptanceJournal::tell_again(*second.find(not_told), second.journal().told(), report_queue);
+  EXPECT_EQ(subtypes(report_queue), std::vector<int>{7}) << "its acceptance was told";
 }
 
 RefusedTelecommand refused_of(const UplinkedPacket& packet, std::uint16_t code) {
@@ -302,9 +302,9 @@ TEST(AcceptanceJournal, ARefusalIsToldByTheNextProcessUnlessItWasTold) {
     Process next(medium, "boot");
     EXPECT_EQ(next.journal().link(), link_of(2));
     EXPECT_EQ(next.journal().open(), 0U);
-    ReportOutbox outbox;
-    next.journal().tell_refused_again(outbox);
-    const auto reports = outbox.take();
+    ReportQueue report_queue;
+    next.journal().tell_refused_again(report_queue);
+    const auto reports = report_queue.take();
     ASSERT_EQ(reports.size(), 1U);
     EXPECT_EQ(reports[0].subtype, 2);
     EXPECT_EQ(reports[0].apid, 17);

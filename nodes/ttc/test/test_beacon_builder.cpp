@@ -31,7 +31,7 @@ TEST_F(Beacon, FitsInto200OctetsWithEveryFieldAtItsLongest) {
 }
 
 TEST_F(Beacon, CarriesTheWholeReasonOfTheMode) {
-  inputs_.mode_reason = std::string(ModeKeeper::longest_reason, 'x');
+  inputs_.mode_reason = std::string(ModeManager::longest_reason, 'x');
   EXPECT_EQ(built().mode_reason, inputs_.mode_reason);
 }
 

@@ -53,12 +53,12 @@ class Forwarding : public testing::Test {
   }
   [[nodiscard]] std::vector<int> subtypes() {
     std::vector<int> found;
-    for (const Report& report : outbox_.take()) found.push_back(report.subtype);
+    for (const Report& report : report_queue_.take()) found.push_back(report.subtype);
     return found;
   }
-  ReportOutbox outbox_;
+  ReportQueue report_queue_;
   CommandForwarder forwarder_{
-      {.not_taken = not_taken, .no_completion = no_completion, .interrupted = interrupted}, outbox_};
+      {.not_taken = not_taken, .no_completion = no_completion, .interrupted = interrupted}, report_queue_};
   std::uint64_t next_id_ = 7;
   int sequence_ = 0;
 };
@@ -175,7 +175,7 @@ TEST_F(Forwarding, ACommandThatMayHaveBegunIsNotBegunByANodeThatForgotIt) {
 TEST_F(Forwarding, ANodeThatForgotWhatItHadAcceptedLeavesTheOutcomeUnknown) {
   const std::uint64_t id = restore({.taken = true, .started = true}, 0, at_most_once);
   report(id, Stage::acceptance, 10, false, 20);
-  const auto reports = outbox_.take();
+  const auto reports = report_queue_.take();
   ASSERT_EQ(reports.size(), 1U);
   EXPECT_EQ(reports[0].subtype, 8);
   EXPECT_EQ(reports[0].data.back(), interrupted);
@@ -207,7 +207,7 @@ TEST_F(Forwarding, ReportsFailuresWithTheNodesCode) {
   report(id, Stage::start, 10);
   report(id, Stage::completion, 20, false, 33);
 
-  const auto reports = outbox_.take();
+  const auto reports = report_queue_.take();
 
   ASSERT_EQ(reports.size(), 2U);
   EXPECT_EQ(reports[1].subtype, 8);
@@ -243,7 +243,7 @@ TEST_F(Forwarding, ANodeThatIsNotThereMeansAFailedStartAfterExpiry) {
 
   forwarder_.on_time(at(3000));
 
-  const auto reports = outbox_.take();
+  const auto reports = report_queue_.take();
   ASSERT_EQ(reports.size(), 1U);
   EXPECT_EQ(reports[0].subtype, 4);
   EXPECT_EQ(reports[0].data.back(), not_taken);
@@ -256,7 +256,7 @@ TEST_F(Forwarding, ANodeThatIsNotThereMeansAFailedStartAfterExpiry) {
 TEST_F(Forwarding, ACommandWhoseCompletionIsNeverReportedEndsToo) {
   const std::uint64_t id = submit("payload_eps", 0, 3000);
   report(id, Stage::start, 100);
-  (void)outbox_.take();
+  (void)report_queue_.take();
 
   forwarder_.on_time(at(3000 + 30'000));
 

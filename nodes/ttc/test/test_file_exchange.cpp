@@ -23,14 +23,14 @@ Octets packet_with(const Octets& pdu, std::uint16_t apid = wire::cfdp_apid) {
 class FileExchangeTest : public testing::Test {
  protected:
   /// Runs the turn that is due. Its worker returns @p result.
-  std::vector<Octets> run(cfdp::PostboxTurnResult result, MonotonicTime now = start) {
+  std::vector<Octets> run(cfdp::TransferTurnResult result, MonotonicTime now = start) {
     turn_ = exchange_.next_turn(room, now);
     EXPECT_TRUE(turn_);
     return exchange_.on_turn(result);
   }
 
   FileExchange exchange_{4096};
-  std::optional<cfdp::PostboxTurn> turn_;
+  std::optional<cfdp::TransferTurn> turn_;
 };
 
 TEST_F(FileExchangeTest, LooksIntoTheOutboxAtOnceAndThenPeriodically) {
@@ -51,7 +51,7 @@ TEST_F(FileExchangeTest, PdusAreHandedOnInOrderAndOnlyOneTurnRuns) {
   exchange_.on_packet(packet_with({4}));
   EXPECT_FALSE(exchange_.next_turn(room, start + seconds(100)));
   EXPECT_FALSE(exchange_.next_due(room));
-  cfdp::PostboxTurnResult done;
+  cfdp::TransferTurnResult done;
   static_cast<void>(exchange_.on_turn(done));
   EXPECT_EQ(exchange_.next_turn(room, start)->received, (std::vector<Octets>{{4}}));
 }

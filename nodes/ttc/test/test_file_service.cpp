@@ -31,7 +31,7 @@ class FileServiceTest : public testing::Test {
   /// also has its code.
   std::vector<std::string> reports() {
     std::vector<std::string> texts;
-    for (const Report& report : outbox_.take()) {
+    for (const Report& report : report_queue_.take()) {
       OctetReader in(report.data);
       static_cast<void>(in.u16());
       const unsigned number = report.service == 1 ? in.u16() : 0U;
@@ -52,8 +52,8 @@ class FileServiceTest : public testing::Test {
 
   const mission::Dictionary dictionary_ =
       mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
-  ReportOutbox outbox_;
-  FileService service_{outbox_, mission::apid::ttc};
+  ReportQueue report_queue_;
+  FileService service_{report_queue_, mission::apid::ttc};
   std::uint16_t number_ = 0;
 };
 

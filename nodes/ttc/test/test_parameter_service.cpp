@@ -44,7 +44,7 @@ class ParameterServiceTest : public testing::Test {
   /// Like the function in test_file_service.cpp, but a value also has its octets.
   std::vector<std::string> reports() {
     std::vector<std::string> texts;
-    for (const Report& report : outbox_.take()) {
+    for (const Report& report : report_queue_.take()) {
       OctetReader in(report.data);
       if (report.service == 20) {
         EXPECT_EQ(report.destination_id, 7);
@@ -70,8 +70,8 @@ class ParameterServiceTest : public testing::Test {
 
   const mission::Dictionary dictionary_ =
       mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
-  ReportOutbox outbox_;
-  ParameterService service_{dictionary_, outbox_, mission::apid::ttc};
+  ReportQueue report_queue_;
+  ParameterService service_{dictionary_, report_queue_, mission::apid::ttc};
   std::uint16_t number_ = 0;
 };
 

@@ -7,7 +7,7 @@
 #include "nodes/ttc/link/packet_maker.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
-#include "nodes/ttc/services/mode_keeper.hpp"
+#include "nodes/ttc/services/mode_manager.hpp"
 #include "nodes/ttc/spacecraft_clock.hpp"
 #include "nodes/ttc/store/packet_retrieval.hpp"
 #include "wire/pus.hpp"
@@ -131,21 +131,21 @@ TEST_F(Events, UnknownEventsAndSeveritiesAreCounted) {
 }
 
 TEST(ModeKeeping, AFreshDeploymentStartsAsItsParameterSays) {
-  EXPECT_EQ(ModeKeeper(StoredModeState::first_start, "", Mode::nominal).mode(), Mode::nominal);
+  EXPECT_EQ(ModeManager(StoredModeState::first_start, "", Mode::nominal).mode(), Mode::nominal);
 }
 
 TEST(ModeKeeping, MissingOrDamagedMeansSafe) {
-  EXPECT_EQ(ModeKeeper(StoredModeState::missing, "", Mode::nominal).mode(), Mode::safe);
-  EXPECT_EQ(ModeKeeper(StoredModeState::present, "nominal", Mode::nominal).mode(), Mode::safe);
-  EXPECT_EQ(ModeKeeper(StoredModeState::present, "", Mode::nominal).mode(), Mode::safe);
+  EXPECT_EQ(ModeManager(StoredModeState::missing, "", Mode::nominal).mode(), Mode::safe);
+  EXPECT_EQ(ModeManager(StoredModeState::present, "nominal", Mode::nominal).mode(), Mode::safe);
+  EXPECT_EQ(ModeManager(StoredModeState::present, "", Mode::nominal).mode(), Mode::safe);
 }
 
 TEST(ModeKeeping, AStoredChangeComesBack) {
-  ModeKeeper keeper(StoredModeState::first_start, "", Mode::safe);
-  const std::string stored = keeper.change(Mode::nominal, "commanded");
-  EXPECT_EQ(keeper.reason(), "commanded");
+  ModeManager manager(StoredModeState::first_start, "", Mode::safe);
+  const std::string stored = manager.change(Mode::nominal, "commanded");
+  EXPECT_EQ(manager.reason(), "commanded");
 
-  EXPECT_EQ(ModeKeeper(StoredModeState::present, stored, Mode::safe).mode(), Mode::nominal);
+  EXPECT_EQ(ModeManager(StoredModeState::present, stored, Mode::safe).mode(), Mode::nominal);
 }
 
 TEST(PacketMaking, CountsPerApidAndPerTypeAndKeepsTheTimeStatus) {
@@ -236,12 +236,12 @@ class Retrieval : public testing::Test {
   }
   [[nodiscard]] std::vector<int> subtypes() {
     std::vector<int> found;
-    for (const Report& report : outbox_.take()) found.push_back(report.subtype);
+    for (const Report& report : report_queue_.take()) found.push_back(report.subtype);
     return found;
   }
   static constexpr std::size_t room = PacketRetrieval::room_for_batch;
-  ReportOutbox outbox_;
-  PacketRetrieval retrieval_{outbox_, 38};
+  ReportQueue report_queue_;
+  PacketRetrieval retrieval_{report_queue_, 38};
 };
 
 TEST_F(Retrieval, StartsWithTheFirstBatchAndCompletesWhenTheLastPacketIsFramed) {

@@ -225,7 +225,7 @@ class Process {
   Process(const mission::Dictionary& dictionary, JournalMedium& medium)
       : log_(medium),
         journal_("boot", seconds(60), 4096),
-        schedule_(dictionary, journal_, outbox_, late_max) {
+        schedule_(dictionary, journal_, report_queue_, late_max) {
     for (const JournalRecord& record : log_.load().records) journal_.apply(record);
     journal_.begin({}, 1, {});
   }
@@ -252,22 +252,22 @@ class Process {
     TelecommandOrigin origin;
     origin.id = id;
     schedule_.execute(origin, subtype, arguments);
-    const bool refused = outbox_.counters().failed > failed_;
-    failed_ = outbox_.counters().failed;
-    for (const StageReached& stage : outbox_.take_stages()) journal_.on_stage(stage);
+    const bool refused = report_queue_.counters().failed > failed_;
+    failed_ = report_queue_.counters().failed;
+    for (const StageReached& stage : report_queue_.take_stages()) journal_.on_stage(stage);
     write();
-    for (const StageReached& stage : outbox_.take_stages()) journal_.on_stage(stage);
-    static_cast<void>(outbox_.take());
+    for (const StageReached& stage : report_queue_.take_stages()) journal_.on_stage(stage);
+    static_cast<void>(report_queue_.take());
     return !refused;
   }
   AcceptanceJournal& journal() { return journal_; }
   ScheduleService& schedule() { return schedule_; }
-  ReportOutbox& outbox() { return outbox_; }
+  ReportQueue& report_queue() { return report_queue_; }
 
  private:
   JournalLog log_;
   AcceptanceJournal journal_;
-  ReportOutbox outbox_;
+  ReportQueue report_queue_;
   ScheduleService schedule_;
   std::uint32_t failed_ = 0;
 };

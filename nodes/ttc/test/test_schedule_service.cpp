@@ -48,7 +48,7 @@ class Schedule : public RouterWithParts {
     return send(packet_of(name, arguments));
   }
   std::vector<std::string> taken() {
-    reports_ = outbox_.take();
+    reports_ = report_queue_.take();
     std::vector<std::string> names;
     for (const Report& report : reports_)
       names.push_back(std::to_string(report.service) + "," + std::to_string(report.subtype));

@@ -39,7 +39,7 @@ class StoreControlTest : public testing::Test {
   /// The reports since the last call, each as "service.subtype".
   std::vector<std::string> reports() {
     std::vector<std::string> out;
-    for (const Report& report : outbox_.take()) {
+    for (const Report& report : report_queue_.take()) {
       out.push_back(std::to_string(report.service) + "." + std::to_string(report.subtype));
       last_ = report;
     }
@@ -55,9 +55,9 @@ class StoreControlTest : public testing::Test {
   static constexpr std::size_t room = PacketRetrieval::room_for_batch;
   const mission::Dictionary dictionary_ =
       mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
-  ReportOutbox outbox_;
-  PacketRetrieval retrieval_{outbox_, 38};
-  StoreControl control_{dictionary_, "", codes, outbox_, retrieval_};
+  ReportQueue report_queue_;
+  PacketRetrieval retrieval_{report_queue_, 38};
+  StoreControl control_{dictionary_, "", codes, report_queue_, retrieval_};
   Report last_;
 };
 
@@ -72,7 +72,7 @@ TEST_F(StoreControlTest, AStoreThatIsDisabledTakesNoPacketAndCountsIt) {
   EXPECT_TRUE(control_.take_packet(housekeeping));
 
   control_.execute(origin(), mission::StorageStatus::subtype, {});
-  const auto sent = outbox_.take();
+  const auto sent = report_queue_.take();
   ASSERT_EQ(sent.size(), 5U);  // three stores, 1,3 and 1,7
   const auto status = mission::PacketStoreStatus::decode(sent[1].data);
   ASSERT_TRUE(status);
@@ -119,7 +119,7 @@ TEST_F(StoreControlTest, AllOfItLastsOverARestart) {
   EXPECT_TRUE(control_.take_progress());
   EXPECT_FALSE(control_.take_progress());
 
-  StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
+  StoreControl again(dictionary_, control_.stored_text(), codes, report_queue_, retrieval_);
   EXPECT_FALSE(again.take_packet(events));
   EXPECT_EQ(again.bounded(), (std::vector<std::uint16_t>{housekeeping}));
   again.on_status(verification, {.records = 25, .next_sequence = 25, .recovered_sequence = 20});
@@ -134,7 +134,7 @@ TEST_F(StoreControlTest, ADamagedFileMeansThatNothingWasSet) {
   command<mission::StorageDisable>({events});
   std::string text = control_.stored_text();
   text[2] = text[2] == '0' ? '1' : '0';
-  StoreControl again(dictionary_, text, codes, outbox_, retrieval_);
+  StoreControl again(dictionary_, text, codes, report_queue_, retrieval_);
   EXPECT_TRUE(again.take_packet(events));
 }
 
@@ -170,7 +170,7 @@ TEST_F(StoreControlTest, WhatHasNotLeftTheChannelIsSentAgainAfterARestart) {
   control_.on_pushed(500);
   control_.on_left(499);
 
-  StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
+  StoreControl again(dictionary_, control_.stored_text(), codes, report_queue_, retrieval_);
   again.on_status(events, {.records = 5, .next_sequence = 5, .recovered_sequence = 5});
   const auto next = again.next_batch(room);
   ASSERT_TRUE(next);
@@ -188,7 +188,7 @@ TEST_F(StoreControlTest, ItsPlaceFollowsTheChannelAlsoWhileThatIsNeverEmpty) {
     control_.on_left(4000 * i - 8000 + (i == 1 ? 4000 : 0));
   }
 
-  StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
+  StoreControl again(dictionary_, control_.stored_text(), codes, report_queue_, retrieval_);
   again.on_status(events, {.records = 1000, .next_sequence = 1000, .recovered_sequence = 1000});
   const auto next = again.next_batch(room);
   ASSERT_TRUE(next);
@@ -238,7 +238,7 @@ TEST_F(StoreControlTest, StoresTakeTurnsAndAPeriodGoesBefore) {
   ASSERT_TRUE(retrieval_.request(origin(), {{.store = events, .range = {}}}));
   EXPECT_FALSE(control_.next_batch(room));
   control_.execute(origin(), mission::StorageStatus::subtype, {});
-  const auto sent = outbox_.take();
+  const auto sent = report_queue_.take();
   const auto status = mission::PacketStoreStatus::decode(sent.at(sent.size() - 4).data);
   ASSERT_TRUE(status);
   EXPECT_EQ(status->store, events);
@@ -264,7 +264,7 @@ TEST_F(StoreControlTest, AStoreThatLostItsEndIsFollowedFromWhereItEndedAtTheStar
   control_.on_pushed(500);
   control_.on_left(500);
 
-  StoreControl again(dictionary_, control_.stored_text(), codes, outbox_, retrieval_);
+  StoreControl again(dictionary_, control_.stored_text(), codes, report_queue_, retrieval_);
   // 40 of 50 records are left, and 15 new ones have arrived.
   again.on_status(events, {.records = 55, .next_sequence = 55, .recovered_sequence = 40});
   batch = again.next_batch(room);
@@ -294,10 +294,10 @@ TEST_F(StoreControlTest, TheSummaryTellsTimesAndFilling) {
   (void)control_.on_batch(batch->request, packets(4, false, 4));
   control_.on_pushed(400);
   control_.on_left(400);
-  (void)outbox_.take();
+  (void)report_queue_.take();
 
   command<mission::StorageSummary>({events});
-  const auto sent = outbox_.take();
+  const auto sent = report_queue_.take();
   ASSERT_EQ(sent.size(), 3U);
   const auto summary = mission::PacketStoreSummary::decode(sent[0].data);
   ASSERT_TRUE(summary);

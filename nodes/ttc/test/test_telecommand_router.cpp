@@ -65,7 +65,7 @@ class Router : public RouterWithParts {
     return wire::make_tc_packet(packet);
   }
   std::vector<std::string> taken() {
-    reports_ = outbox_.take();
+    reports_ = report_queue_.take();
     std::vector<std::string> names;
     names.reserve(reports_.size());
     for (const Report& report : reports_)
@@ -240,7 +240,7 @@ TEST_F(Router, ForwardsACommandOfAnotherNodeAndReportsItsStages) {
 
   EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
   EXPECT_EQ(reports_[0].apid, 17);
-  EXPECT_EQ(outbox_.last().stage, Stage::completion);
+  EXPECT_EQ(report_queue_.last().stage, Stage::completion);
 }
 
 TEST_F(Router, RefusesACommandWhenTooManyWaitForItsNode) {
@@ -374,7 +374,7 @@ TEST_F(Router, AModeChangeCompletesWhenItIsStored) {
   EXPECT_EQ(mode_.mode(), Mode::safe);
   const auto change = router_.take_mode_change();
   ASSERT_TRUE(change);
-  EXPECT_EQ(ModeKeeper(StoredModeState::present, change->stored_text, Mode::nominal).mode(), Mode::safe);
+  EXPECT_EQ(ModeManager(StoredModeState::present, change->stored_text, Mode::nominal).mode(), Mode::safe);
 
   router_.mode_stored(*change, true);
   EXPECT_EQ(taken(), Names{"1,7"});

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "cfdp/postbox.hpp"
+#include "cfdp/transfer_folders.hpp"
 #include "ros/deployment.hpp"
 #include "tests/temporary_folder.hpp"
 #include "wire/cadu.hpp"

@@ -60,8 +60,8 @@ class Board {
 
   explicit Board(const std::filesystem::path& var) {
     std::filesystem::create_directories(var / "board");
-    auto opened = cfdp::Postbox::open(var / "board/files", var / "board/cfdp",
-                                      {.own_entity = 2, .peer_entity = 1}, 1, monotonic_now());
+    auto opened = cfdp::TransferFolders::open(var / "board/files", var / "board/cfdp",
+                                              {.own_entity = 2, .peer_entity = 1}, 1, monotonic_now());
     if (opened) files_ = std::move(*opened);
   }
 
@@ -134,7 +134,7 @@ class Board {
   static Octets tell(FakeSpacecraft& spacecraft, const Event& event) {
     return spacecraft.send(mission::apid::maintenance, 5, 1, with_id(Event::event_id, event));
   }
-  std::unique_ptr<cfdp::Postbox> files_;
+  std::unique_ptr<cfdp::TransferFolders> files_;
 };
 
 /// The function id of a telecommand (8,1).

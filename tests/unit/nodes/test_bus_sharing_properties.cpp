@@ -23,7 +23,7 @@
 
 #include "hw/can_bus.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
-#include "nodes/can_switcher/tick_flywheel.hpp"
+#include "nodes/can_switcher/tick_holdover.hpp"
 #include "nodes/can_switcher/transmit_drain.hpp"
 #include "nodes/payload/payload_cycle.hpp"
 #include "tests/build_kind.hpp"
@@ -179,7 +179,7 @@ struct Switcher : Process {
   std::unique_ptr<ModelBus> bus;
   std::optional<TransmitDrain> drain;
   std::optional<MonotonicTime> armed;
-  TickFlywheel flywheel;
+  TickHoldover holdover;
   std::optional<MonotonicTime> substitute_armed;
   bool heard_a_tick = false;      ///< since activation
   std::optional<Grant> decided;   ///< stopped before it recorded this grant
@@ -491,7 +491,7 @@ class World {
     ++switcher_.incarnation;
     switcher_.alive = true;
     switcher_.armed.reset();
-    switcher_.flywheel = {};
+    switcher_.holdover = {};
     switcher_.heard_a_tick = false;
     switcher_.substitute_armed.reset();
     switcher_.configured = true;
@@ -518,7 +518,7 @@ class World {
     ++statistics_.reconfigured;
     switcher_.configured = false;
     switcher_.rotation->suspend();
-    switcher_.flywheel.rest();
+    switcher_.holdover.rest();
     switcher_.heard_a_tick = false;
     switcher_.armed.reset();
     switcher_.substitute_armed.reset();
@@ -612,9 +612,9 @@ class World {
 
   void take_tick(const Event& event) {
     switcher_.heard_a_tick = true;
-    const auto heard = switcher_.flywheel.on_tick(
+    const auto heard = switcher_.holdover.on_tick(
         {.cycle = event.number, .due = event.granted, .period = tick_period, .received = event.at});
-    if (heard.verdict == TickFlywheel::Verdict::beat) switcher_beat(event.at);
+    if (heard.verdict == TickHoldover::Verdict::beat) switcher_beat(event.at);
   }
 
   void tick_missing() {
@@ -633,7 +633,7 @@ class World {
       take_tick(e);
     }
     if (!switcher_.alive || switcher_.frozen) return;
-    if (switcher_.flywheel.on_deadline(now_) == TickFlywheel::Substitute::not_due) return;
+    if (switcher_.holdover.on_deadline(now_) == TickHoldover::Substitute::not_due) return;
     ++statistics_.substitutes;
     switcher_beat(now_);
   }
@@ -641,7 +641,7 @@ class World {
   void switcher_beat(MonotonicTime received) {
     switcher_deadline();
     if (!switcher_.alive || switcher_.frozen) return;
-    const Decision decision = switcher_.rotation->on_tick(now_, switcher_.flywheel.cycle(), received);
+    const Decision decision = switcher_.rotation->on_tick(now_, switcher_.holdover.cycle(), received);
     if (const Grant* grant = std::get_if<Grant>(&decision)) on_grant(*grant);
     if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall);
   }
@@ -705,7 +705,7 @@ class World {
 
   void arm_switcher() {
     if (!switcher_.alive || switcher_.frozen || !switcher_.configured) return;
-    const auto substitute = switcher_.flywheel.next_substitute();
+    const auto substitute = switcher_.holdover.next_substitute();
     if (substitute != switcher_.substitute_armed) {
       switcher_.substitute_armed = substitute;
       if (substitute)

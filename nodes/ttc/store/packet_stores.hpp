@@ -22,16 +22,16 @@ struct StoreItem {
 };
 
 /// How the stores stand, for housekeeping and beacon.
-struct StoreRackStatus {
+struct PacketStoresStatus {
   std::vector<std::pair<std::uint16_t, PacketStoreStatus>> stores;  ///< in dictionary order
   std::uint32_t free_mib = 0;                                       ///< of the file system they are on
   std::string failure;                                              ///< of the last commit; empty: fine
 };
 
 /// The packet stores of the mission dictionary, `<folder>/<name>/`. Blocks on the disk: worker thread only.
-class StoreRack {
+class PacketStores {
  public:
-  StoreRack(const mission::Dictionary& dictionary, std::filesystem::path folder);
+  PacketStores(const mission::Dictionary& dictionary, std::filesystem::path folder);
 
   /// Recovers all stores; what fails is tried again at the next commit.
   void open();
@@ -43,7 +43,7 @@ class StoreRack {
   /// nullopt: no such store, or it cannot be read
   [[nodiscard]] std::optional<RetrievedPackets> read(std::uint16_t store, const RetrievalRange& range,
                                                      const RetrievalCursor& cursor, std::size_t limit_octets);
-  [[nodiscard]] StoreRackStatus status() const;
+  [[nodiscard]] PacketStoresStatus status() const;
 
  private:
   [[nodiscard]] PacketStore* find(std::uint16_t store);

@@ -15,14 +15,14 @@
 #include "base/octets.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 
 namespace srfs {
 
 /// The two nodes that serve imaging's actions.
 enum class ImageServer : std::uint8_t { acquisition, processing };
 
-/// What an imaging task needs done outside of ImagingDesk.
+/// What an imaging task needs done outside of ImagingScheduler.
 enum class ImagingAction : std::uint8_t {
   capture,         ///< a goal of image_acquisition
   process,         ///< a goal of image_processing
@@ -82,7 +82,7 @@ struct ImagingTime {
 ///
 /// Progress (1,5): 1 capture asked for; 25, 50, 75 per cent of the frames; 100 all stored; 101 processing
 /// asked for; 125, 150, 175; 200 processed.
-class ImagingDesk {
+class ImagingScheduler {
  public:
   static constexpr std::size_t max_tasks = 16;
   static constexpr std::size_t max_cancels = 8;
@@ -103,8 +103,8 @@ class ImagingDesk {
   static constexpr std::uint8_t step_process = 101;
   static constexpr std::uint8_t step_processed = 200;
 
-  /// @param outbox outlives this
-  explicit ImagingDesk(ReportOutbox& outbox) : outbox_(outbox) {}
+  /// @param report_queue outlives this
+  explicit ImagingScheduler(ReportQueue& report_queue) : report_queue_(report_queue) {}
 
   /// Whether a telecommand of ttc is for this.
   [[nodiscard]] static bool takes(const mission::Command& command);
@@ -226,7 +226,7 @@ class ImagingDesk {
     std::uint32_t products_sent = 0;
   };
 
-  ReportOutbox& outbox_;
+  ReportQueue& report_queue_;
   std::deque<Task> tasks_;  ///< in the order of their telecommands
   std::vector<Cancel> cancels_;
   std::array<std::optional<MonotonicTime>, 2> clearing_;  ///< no goals for this server, at most until then

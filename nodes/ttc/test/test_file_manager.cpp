@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/files/file_desk.hpp"
+#include "nodes/ttc/files/file_manager.hpp"
 
 #include <fstream>
 
@@ -20,26 +20,26 @@ using testing::SizeIs;
 
 constexpr MonotonicTime start(seconds(100));
 
-/// A desk with a real folder and the spacecraft's postbox.
-class FileDeskTest : public testing::Test {
+/// A manager with a real folder and the spacecraft's transfer_folders.
+class FileManagerTest : public testing::Test {
  protected:
   void SetUp() override { open(); }
   void open() {
-    postbox_.reset();
-    auto opened = cfdp::Postbox::open(root_, folder_.path() / "checkpoint",
-                                      {.own_entity = 2, .peer_entity = 1}, 100, start);
+    transfer_folders_.reset();
+    auto opened = cfdp::TransferFolders::open(root_, folder_.path() / "checkpoint",
+                                              {.own_entity = 2, .peer_entity = 1}, 100, start);
     ASSERT_TRUE(opened) << opened.error().message;
-    postbox_ = std::move(*opened);
+    transfer_folders_ = std::move(*opened);
   }
   void write(const std::string& name, const std::string& content) const {
     std::ofstream(root_ / name, std::ios::binary) << content;
   }
   FileOutcome serve(FileOrder order) {
     order.number = ++number_;
-    FileOutcome outcome = desk_.serve(*postbox_, order, start);
+    FileOutcome outcome = manager_.serve(*transfer_folders_, order, start);
     while (outcome.unfinished) {
       ++parts_;
-      outcome = desk_.serve(*postbox_, order, start);
+      outcome = manager_.serve(*transfer_folders_, order, start);
     }
     return outcome;
   }
@@ -60,22 +60,22 @@ class FileDeskTest : public testing::Test {
   /// Delivers the first PDU of a file from the ground.
   void come_up(const std::string& name, std::uint64_t sequence) {
     const wire::CfdpHeader header{.source_entity = 1, .sequence_number = sequence, .destination_entity = 2};
-    postbox_->on_pdu(wire::encode_cfdp_pdu(header, wire::CfdpMetadata{.file_size = 5000,
-                                                                      .source_file = name,
-                                                                      .destination_file = name,
-                                                                      .options = {}}),
-                     start);
+    transfer_folders_->on_pdu(wire::encode_cfdp_pdu(header, wire::CfdpMetadata{.file_size = 5000,
+                                                                               .source_file = name,
+                                                                               .destination_file = name,
+                                                                               .options = {}}),
+                              start);
   }
 
   testing_support::TemporaryFolder folder_;
   fs::path root_ = folder_.path() / "files";
-  std::unique_ptr<cfdp::Postbox> postbox_;
-  FileDesk desk_{root_};
+  std::unique_ptr<cfdp::TransferFolders> transfer_folders_;
+  FileManager manager_{root_};
   std::uint64_t number_ = 0;
   int parts_ = 0;
 };
 
-TEST_F(FileDeskTest, ReportsSizeChecksumAndHashOfAFileInParts) {
+TEST_F(FileManagerTest, ReportsSizeChecksumAndHashOfAFileInParts) {
   write("abc", "abc");
   const auto outcome = serve({.action = FileAction::report_attributes, .name = "abc"});
   ASSERT_EQ(outcome.failure, 0);
@@ -89,36 +89,37 @@ TEST_F(FileDeskTest, ReportsSizeChecksumAndHashOfAFileInParts) {
                                          0x96177a9c, 0xb410ff61, 0xf20015ad));
   EXPECT_EQ(parts_, 0);
 
-  write("large", std::string(2 * FileDesk::octets_per_part + 1, 'x'));
+  write("large", std::string(2 * FileManager::octets_per_part + 1, 'x'));
   EXPECT_EQ(code({.action = FileAction::report_attributes, .name = "large"}), 0);
   EXPECT_EQ(parts_, 2);
   write("empty", "");
   EXPECT_EQ(code({.action = FileAction::report_attributes, .name = "empty"}), 0);
 }
 
-TEST_F(FileDeskTest, AFileThatChangesWhileItIsReadHasNoChecksum) {
+TEST_F(FileManagerTest, AFileThatChangesWhileItIsReadHasNoChecksum) {
   const FileOrder order{.number = 99, .action = FileAction::report_attributes, .name = "log"};
   for (const bool longer : {true, false}) {
-    write("log", std::string(FileDesk::octets_per_part + 5, 'x'));
-    ASSERT_TRUE(desk_.serve(*postbox_, order, start).unfinished);
-    write("log", std::string(FileDesk::octets_per_part + (longer ? 6 : 1), 'x'));
-    EXPECT_EQ(desk_.serve(*postbox_, order, start).failure, mission::failure::file_changed);
+    write("log", std::string(FileManager::octets_per_part + 5, 'x'));
+    ASSERT_TRUE(manager_.serve(*transfer_folders_, order, start).unfinished);
+    write("log", std::string(FileManager::octets_per_part + (longer ? 6 : 1), 'x'));
+    EXPECT_EQ(manager_.serve(*transfer_folders_, order, start).failure, mission::failure::file_changed);
   }
 }
 
-TEST_F(FileDeskTest, AnOrderThatWasGivenUpIsNotTakenForTheNext) {
-  write("one", std::string(FileDesk::octets_per_part + 5, 'x'));
+TEST_F(FileManagerTest, AnOrderThatWasGivenUpIsNotTakenForTheNext) {
+  write("one", std::string(FileManager::octets_per_part + 5, 'x'));
   write("two", "abc");
-  ASSERT_TRUE(
-      desk_.serve(*postbox_, {.number = 50, .action = FileAction::report_attributes, .name = "one"}, start)
-          .unfinished);
-  const auto outcome =
-      desk_.serve(*postbox_, {.number = 51, .action = FileAction::report_attributes, .name = "two"}, start);
+  ASSERT_TRUE(manager_
+                  .serve(*transfer_folders_,
+                         {.number = 50, .action = FileAction::report_attributes, .name = "one"}, start)
+                  .unfinished);
+  const auto outcome = manager_.serve(
+      *transfer_folders_, {.number = 51, .action = FileAction::report_attributes, .name = "two"}, start);
   ASSERT_THAT(outcome.reports, SizeIs(1));
   EXPECT_EQ(mission::FileAttributes::decode(outcome.reports.front())->octets, 3U);
 }
 
-TEST_F(FileDeskTest, DeletesAFileAndSaysWhyWhenItDoesNot) {
+TEST_F(FileManagerTest, DeletesAFileAndSaysWhyWhenItDoesNot) {
   write("old", "x");
   EXPECT_EQ(code({.action = FileAction::delete_file, .name = "old"}), 0);
   EXPECT_FALSE(fs::exists(root_ / "old"));
@@ -130,7 +131,7 @@ TEST_F(FileDeskTest, DeletesAFileAndSaysWhyWhenItDoesNot) {
             mission::failure::file_not_found);
 }
 
-TEST_F(FileDeskTest, NamesThatLeadElsewhereAreRefusedByEveryOrder) {
+TEST_F(FileManagerTest, NamesThatLeadElsewhereAreRefusedByEveryOrder) {
   std::ofstream(folder_.path() / "secret") << "secret";
   for (const FileAction action : {FileAction::delete_file, FileAction::report_attributes,
                                   FileAction::make_folder, FileAction::remove_folder, FileAction::copy}) {
@@ -155,7 +156,7 @@ TEST_F(FileDeskTest, NamesThatLeadElsewhereAreRefusedByEveryOrder) {
   EXPECT_TRUE(fs::exists(folder_.path() / "secret"));
 }
 
-TEST_F(FileDeskTest, TheFoldersOfTheLinkStay) {
+TEST_F(FileManagerTest, TheFoldersOfTheLinkStay) {
   for (const char* name : {"outbox", "unsent"})
     EXPECT_EQ(code({.action = FileAction::remove_folder, .name = name}), mission::failure::file_denied);
   EXPECT_EQ(code({.action = FileAction::make_folder, .name = "images"}), 0);
@@ -163,7 +164,7 @@ TEST_F(FileDeskTest, TheFoldersOfTheLinkStay) {
   EXPECT_EQ(code({.action = FileAction::remove_folder, .name = "images"}), mission::failure::file_not_found);
 }
 
-TEST_F(FileDeskTest, ListsWithTheNumberOfWhatIsLeft) {
+TEST_F(FileManagerTest, ListsWithTheNumberOfWhatIsLeft) {
   for (const char* name : {"a", "b", "c"}) write(name, name);
   std::vector<std::string> told;
   for (const Octets& data : serve({.action = FileAction::list, .most = 4}).reports) {
@@ -177,7 +178,7 @@ TEST_F(FileDeskTest, ListsWithTheNumberOfWhatIsLeft) {
   EXPECT_EQ(mission::RepositorySummary::decode(end.front())->objects, 0);
 }
 
-TEST_F(FileDeskTest, ACopyIsUnderWayUnderItsIdAlsoAfterARestart) {
+TEST_F(FileManagerTest, ACopyIsUnderWayUnderItsIdAlsoAfterARestart) {
   write("image", std::string(5000, 'x'));
   EXPECT_EQ(copy(7, "image"), 0);
   open();
@@ -194,7 +195,7 @@ TEST_F(FileDeskTest, ACopyIsUnderWayUnderItsIdAlsoAfterARestart) {
   EXPECT_EQ(code({.action = FileAction::delete_file, .name = "image"}), mission::failure::file_in_use);
 }
 
-TEST_F(FileDeskTest, OnlyCopiesToTheGroundAreMade) {
+TEST_F(FileManagerTest, OnlyCopiesToTheGroundAreMade) {
   write("image", "x");
   const auto to = [&](const std::string& source, const std::string& target) {
     return code({.action = FileAction::copy,
@@ -210,7 +211,7 @@ TEST_F(FileDeskTest, OnlyCopiesToTheGroundAreMade) {
   EXPECT_EQ(copy(2, "missing"), mission::failure::file_not_found);
 }
 
-TEST_F(FileDeskTest, CopiesOfBothDirectionsAreSuspendedResumedAndCancelledById) {
+TEST_F(FileManagerTest, CopiesOfBothDirectionsAreSuspendedResumedAndCancelledById) {
   write("image", std::string(5000, 'x'));
   ASSERT_EQ(copy(7, "image"), 0);
   come_up("upload", 55);
@@ -242,7 +243,7 @@ TEST_F(FileDeskTest, CopiesOfBothDirectionsAreSuspendedResumedAndCancelledById) 
   }
 }
 
-TEST_F(FileDeskTest, CopiesOfAFolderAreThoseOfItsFilesAndOfTheFoldersBelow) {
+TEST_F(FileManagerTest, CopiesOfAFolderAreThoseOfItsFilesAndOfTheFoldersBelow) {
   fs::create_directories(root_ / "images/raw");
   fs::create_directories(root_ / "images2");
   write("images/raw/a", "a");
@@ -263,16 +264,16 @@ TEST_F(FileDeskTest, CopiesOfAFolderAreThoseOfItsFilesAndOfTheFoldersBelow) {
   EXPECT_EQ(copies()[1].state, FileCopyState::suspended);
 }
 
-TEST_F(FileDeskTest, WithoutACopyTheStatusSaysSo) {
+TEST_F(FileManagerTest, WithoutACopyTheStatusSaysSo) {
   const auto all = copies();
   ASSERT_THAT(all, SizeIs(1));
   EXPECT_EQ(all[0].operations, 0);
   EXPECT_EQ(all[0].state, FileCopyState::none);
 }
 
-TEST_F(FileDeskTest, AFolderOfFilesThatIsGoneFailsEveryOrder) {
-  FileDesk nowhere(folder_.path() / "missing");
-  EXPECT_EQ(nowhere.serve(*postbox_, {.action = FileAction::list, .most = 1}, start).failure,
+TEST_F(FileManagerTest, AFolderOfFilesThatIsGoneFailsEveryOrder) {
+  FileManager nowhere(folder_.path() / "missing");
+  EXPECT_EQ(nowhere.serve(*transfer_folders_, {.action = FileAction::list, .most = 1}, start).failure,
             mission::failure::disk_failed);
 }
 

@@ -8,20 +8,21 @@
 
 #include "cfdp/file_digest.hpp"
 #include "cfdp/file_tree.hpp"
-#include "cfdp/postbox.hpp"
+#include "cfdp/transfer_folders.hpp"
 #include "nodes/ttc/files/file_order.hpp"
 
 namespace srfs {
 
 /// Carries out orders about files on the thread that owns the disk. Blocks on it; a file is read in parts, so
 /// that what waits behind an order waits for one part only.
-class FileDesk {
+class FileManager {
  public:
   static constexpr std::size_t octets_per_part = 1U << 20;
 
-  explicit FileDesk(std::filesystem::path root) : root_(std::move(root)) {}
+  explicit FileManager(std::filesystem::path root) : root_(std::move(root)) {}
 
-  [[nodiscard]] FileOutcome serve(cfdp::Postbox& postbox, const FileOrder& order, MonotonicTime now);
+  [[nodiscard]] FileOutcome serve(cfdp::TransferFolders& transfer_folders, const FileOrder& order,
+                                  MonotonicTime now);
 
  private:
   struct Reading {
@@ -29,14 +30,15 @@ class FileDesk {
     cfdp::OpenFile file;
     cfdp::FileDigest digest;
   };
-  [[nodiscard]] FileOutcome delete_file(const cfdp::Postbox& postbox, const FileOrder& order) const;
+  [[nodiscard]] FileOutcome delete_file(const cfdp::TransferFolders& transfer_folders,
+                                        const FileOrder& order) const;
   [[nodiscard]] FileOutcome report_attributes(const FileOrder& order);
   [[nodiscard]] FileOutcome change_folder(const FileOrder& order) const;
   [[nodiscard]] FileOutcome list(const FileOrder& order) const;
-  [[nodiscard]] FileOutcome copy(cfdp::Postbox& postbox, const FileOrder& order) const;
-  [[nodiscard]] static FileOutcome change_copies(cfdp::Postbox& postbox, const FileOrder& order,
-                                                 MonotonicTime now);
-  [[nodiscard]] static FileOutcome report_copies(const cfdp::Postbox& postbox);
+  [[nodiscard]] FileOutcome copy(cfdp::TransferFolders& transfer_folders, const FileOrder& order) const;
+  [[nodiscard]] static FileOutcome change_copies(cfdp::TransferFolders& transfer_folders,
+                                                 const FileOrder& order, MonotonicTime now);
+  [[nodiscard]] static FileOutcome report_copies(const cfdp::TransferFolders& transfer_folders);
 
   std::filesystem::path root_;
   std::optional<cfdp::FileTree> tree_;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "cfdp/postbox.hpp"
+#include "cfdp/transfer_folders.hpp"
 
 #include <gmock/gmock.h>
 
@@ -15,17 +15,17 @@ namespace {
 using testing::IsEmpty;
 
 /// Two postboxes on real folders, joined by a link without loss.
-class PostboxTest : public testing::Test {
+class TransferFoldersTest : public testing::Test {
  protected:
   struct End {
     std::filesystem::path folder;
-    std::unique_ptr<Postbox> box;
+    std::unique_ptr<TransferFolders> box;
     std::vector<News> news;
   };
   void open(End& end, std::uint64_t own) {
     Settings settings{.own_entity = own, .peer_entity = own == ground ? satellite : ground};
     settings.safe_names = own == ground;
-    auto opened = Postbox::open(end.folder / "files", end.folder / "checkpoint", settings, 1, now_);
+    auto opened = TransferFolders::open(end.folder / "files", end.folder / "checkpoint", settings, 1, now_);
     ASSERT_TRUE(opened) << opened.error().message;
     end.box = std::move(*opened);
   }
@@ -77,7 +77,7 @@ class PostboxTest : public testing::Test {
   End above_;
 };
 
-TEST_F(PostboxTest, WhatComesIsCalledInTheSafeAlphabetWhereThatIsAskedFor) {
+TEST_F(TransferFoldersTest, WhatComesIsCalledInTheSafeAlphabetWhereThatIsAskedFor) {
   const std::string rude = "-a\x1b[2J b";
   put(above_, rude, random_file(50, 1));
   put(below_, "two words", random_file(60, 2));
@@ -90,7 +90,7 @@ TEST_F(PostboxTest, WhatComesIsCalledInTheSafeAlphabetWhereThatIsAskedFor) {
   EXPECT_EQ(content(above_.folder / "files/two words"), random_file(60, 2)) << "an operator names it";
 }
 
-TEST_F(PostboxTest, WhatLiesInTheOutboxArrivesInOrderAndLeavesIt) {
+TEST_F(TransferFoldersTest, WhatLiesInTheOutboxArrivesInOrderAndLeavesIt) {
   put(above_, "2_cutout", random_file(5000, 2));
   put(above_, "1_tracklet", random_file(300, 1));
   put(above_, ".half_written", random_file(10, 3));
@@ -104,14 +104,14 @@ TEST_F(PostboxTest, WhatLiesInTheOutboxArrivesInOrderAndLeavesIt) {
   EXPECT_TRUE(std::filesystem::exists(above_.folder / "files/outbox/.half_written"));
 }
 
-TEST_F(PostboxTest, AFileUnderWayIsNotPutTwice) {
+TEST_F(TransferFoldersTest, AFileUnderWayIsNotPutTwice) {
   put(above_, "a", random_file(5000, 1));
   above_.box->scan();
   above_.box->scan();
   EXPECT_EQ(above_.box->entity().transactions().size(), 1U);
 }
 
-TEST_F(PostboxTest, BothEndsStartAgainInTheMiddleAndTheFileArrives) {
+TEST_F(TransferFoldersTest, BothEndsStartAgainInTheMiddleAndTheFileArrives) {
   put(above_, "a", random_file(60'000, 1));
   above_.box->scan();
   for (int i = 0; i < 4; ++i) {
@@ -133,7 +133,7 @@ TEST_F(PostboxTest, BothEndsStartAgainInTheMiddleAndTheFileArrives) {
               testing::Eq(std::filesystem::directory_iterator()));
 }
 
-TEST_F(PostboxTest, AFileThePeerRefusesIsMovedAsideAndNotSentForEver) {
+TEST_F(TransferFoldersTest, AFileThePeerRefusesIsMovedAsideAndNotSentForEver) {
   std::filesystem::create_directory(below_.folder / "files/a");  // no file can take this name
   put(above_, "a", random_file(100, 1));
   above_.box->scan();
@@ -145,18 +145,18 @@ TEST_F(PostboxTest, AFileThePeerRefusesIsMovedAsideAndNotSentForEver) {
   EXPECT_EQ(above_.news.back().event.outcome.condition, CfdpCondition::filestore_rejection);
 }
 
-TEST_F(PostboxTest, NoMoreFilesThanTheBoundAreUnderWayAndAllArrive) {
-  constexpr std::size_t files = Postbox::sending_max + 3;
+TEST_F(TransferFoldersTest, NoMoreFilesThanTheBoundAreUnderWayAndAllArrive) {
+  constexpr std::size_t files = TransferFolders::sending_max + 3;
   for (std::size_t i = 0; i < files; ++i) put(above_, "file" + std::to_string(i), random_file(100, 1));
   above_.box->scan();
-  EXPECT_EQ(above_.box->entity().transactions().size(), Postbox::sending_max);
+  EXPECT_EQ(above_.box->entity().transactions().size(), TransferFolders::sending_max);
   carry();
   above_.box->scan();
   carry();
   EXPECT_EQ(finished(below_).size(), files);
 }
 
-TEST_F(PostboxTest, WhatRestsSinceNobodyAnsweredGoesOnAtContact) {
+TEST_F(TransferFoldersTest, WhatRestsSinceNobodyAnsweredGoesOnAtContact) {
   put(above_, "a", random_file(100, 1));
   above_.box->scan();
   for (int i = 0; i < 20; ++i) {  // no peer receives the PDUs
@@ -175,7 +175,7 @@ TEST_F(PostboxTest, WhatRestsSinceNobodyAnsweredGoesOnAtContact) {
   EXPECT_THAT(finished(below_), testing::ElementsAre("a"));
 }
 
-TEST_F(PostboxTest, ContactsDoNotWakeAFinishedThatTheGroundNeverAcknowledges) {
+TEST_F(TransferFoldersTest, ContactsDoNotWakeAFinishedThatTheGroundNeverAcknowledges) {
   put(below_, "a", random_file(100, 1));
   below_.box->scan();
   while (const auto pdu = below_.box->next_pdu(1000, now_)) above_.box->on_pdu(*pdu, now_);
@@ -190,7 +190,8 @@ TEST_F(PostboxTest, ContactsDoNotWakeAFinishedThatTheGroundNeverAcknowledges) {
   EXPECT_THAT(finished(above_), testing::ElementsAre("a"));
 }
 
-TEST_F(PostboxTest, FilesThatAreAnnouncedAndNeverComeDoNotBlockOthersThoughContactsAndRestartsWakeThem) {
+TEST_F(TransferFoldersTest,
+       FilesThatAreAnnouncedAndNeverComeDoNotBlockOthersThoughContactsAndRestartsWakeThem) {
   for (std::uint64_t i = 0; i < Settings{}.receiving_max; ++i) {
     const CfdpHeader announced{
         .source_entity = ground, .sequence_number = 500 + i, .destination_entity = satellite};
@@ -213,7 +214,7 @@ TEST_F(PostboxTest, FilesThatAreAnnouncedAndNeverComeDoNotBlockOthersThoughConta
   EXPECT_EQ(above_.box->entity().counts().displaced, 1U);
 }
 
-TEST_F(PostboxTest, AnyFileCanBeSentUnderANumberThatOutlivesARestartAndStaysWhereItIs) {
+TEST_F(TransferFoldersTest, AnyFileCanBeSentUnderANumberThatOutlivesARestartAndStaysWhereItIs) {
   std::filesystem::create_directory(above_.folder / "files/images");
   put(above_, "../images/a", random_file(3000, 1));
   ASSERT_TRUE(above_.box->send("images/a", "b", 17));
@@ -227,7 +228,7 @@ TEST_F(PostboxTest, AnyFileCanBeSentUnderANumberThatOutlivesARestartAndStaysWher
   EXPECT_TRUE(std::filesystem::exists(above_.folder / "files/images/a"));
 }
 
-TEST_F(PostboxTest, OtherPacketsCarryNoPdu) {
+TEST_F(TransferFoldersTest, OtherPacketsCarryNoPdu) {
   EXPECT_FALSE(is_pdu_packet(Octets{0x17, 0xFC, 0, 0, 0, 0, 1}));
   EXPECT_TRUE(is_pdu_packet(Octets{0x17, 0xFD, 0xC0, 0, 0, 0, 1}));
   EXPECT_FALSE(is_pdu_packet(Octets{0x17, 0xFD}));

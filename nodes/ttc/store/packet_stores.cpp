@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/store/store_rack.hpp"
+#include "nodes/ttc/store/packet_stores.hpp"
 
 #include "base/saturate.hpp"
 
@@ -8,7 +8,7 @@
 
 namespace srfs {
 
-StoreRack::StoreRack(const mission::Dictionary& dictionary, std::filesystem::path folder)
+PacketStores::PacketStores(const mission::Dictionary& dictionary, std::filesystem::path folder)
     : folder_(std::move(folder)) {
   for (const mission::PacketStore& store : dictionary.stores()) {
     PacketStoreConfig config;
@@ -18,38 +18,38 @@ StoreRack::StoreRack(const mission::Dictionary& dictionary, std::filesystem::pat
   }
 }
 
-void StoreRack::open() {
+void PacketStores::open() {
   failure_.clear();
   for (auto& [id, store] : stores_) {
     if (const auto opened = store.open(); !opened) failure_ = opened.error().message;
   }
 }
 
-void StoreRack::append(const StoreItem& item) {
+void PacketStores::append(const StoreItem& item) {
   if (PacketStore* store = find(item.store)) store->append(item.stamp, item.packet);
 }
 
-void StoreRack::set_bounded(const std::vector<std::uint16_t>& bounded) {
+void PacketStores::set_bounded(const std::vector<std::uint16_t>& bounded) {
   for (auto& [id, store] : stores_)
     store.set_bounded(std::find(bounded.begin(), bounded.end(), id) != bounded.end());
 }
 
-void StoreRack::commit() {
+void PacketStores::commit() {
   failure_.clear();
   for (auto& [id, store] : stores_) {
     if (const auto done = store.commit(); !done) failure_ = done.error().message;
   }
 }
 
-std::optional<RetrievedPackets> StoreRack::read(std::uint16_t store, const RetrievalRange& range,
-                                                const RetrievalCursor& cursor, std::size_t limit_octets) {
+std::optional<RetrievedPackets> PacketStores::read(std::uint16_t store, const RetrievalRange& range,
+                                                   const RetrievalCursor& cursor, std::size_t limit_octets) {
   PacketStore* found = find(store);
   if (found == nullptr || !found->is_open()) return std::nullopt;
   return found->read(range, cursor, limit_octets);
 }
 
-StoreRackStatus StoreRack::status() const {
-  StoreRackStatus status;
+PacketStoresStatus PacketStores::status() const {
+  PacketStoresStatus status;
   status.failure = failure_;
   for (const auto& [id, store] : stores_) status.stores.emplace_back(id, store.status());
   std::error_code ec;
@@ -58,7 +58,7 @@ StoreRackStatus StoreRack::status() const {
   return status;
 }
 
-PacketStore* StoreRack::find(std::uint16_t store) {
+PacketStore* PacketStores::find(std::uint16_t store) {
   for (auto& [id, found] : stores_) {
     if (id == store) return &found;
   }

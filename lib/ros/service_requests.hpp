@@ -31,7 +31,7 @@ enum class Ticket : std::uint64_t {};
 /// A repeat is a new sample with a new sequence number. Our clients write into its related sample identity
 /// the sequence number of the first attempt, where ROS 2 leaves it unknown and never looks. So a request is
 /// known by {client, sequence of its first attempt}.
-class RequestBook {
+class ServiceRequests {
  public:
   using Response = std::shared_ptr<const void>;
 

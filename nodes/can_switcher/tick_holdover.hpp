@@ -29,7 +29,7 @@ struct HeardTick {
 ///   their source.
 ///
 /// Pure; one thread.
-class TickFlywheel {
+class TickHoldover {
  public:
   enum class Verdict : std::uint8_t {
     beat,

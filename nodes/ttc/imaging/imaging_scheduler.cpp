@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/imaging/imaging_desk.hpp"
+#include "nodes/ttc/imaging/imaging_scheduler.hpp"
 
 #include <algorithm>
 #include <array>
@@ -14,14 +14,14 @@ constexpr std::string_view findings_file = "/findings.json";
 
 }  // namespace
 
-bool ImagingDesk::takes(const mission::Command& command) {
+bool ImagingScheduler::takes(const mission::Command& command) {
   return command.name == mission::ImageCapture::name || command.name == mission::ImageProcess::name ||
          command.name == mission::ImageCancel::name || command.name == mission::ImageSendFrame::name;
 }
 
-std::optional<ImagingDesk::Task> ImagingDesk::read(const TelecommandOrigin& origin,
-                                                   const mission::Command& command, OctetView arguments,
-                                                   MonotonicTime now) {
+std::optional<ImagingScheduler::Task> ImagingScheduler::read(const TelecommandOrigin& origin,
+                                                             const mission::Command& command,
+                                                             OctetView arguments, MonotonicTime now) {
   Task task;
   task.origin = origin;
   task.expiry = now + command.timeout;
@@ -51,7 +51,7 @@ std::optional<ImagingDesk::Task> ImagingDesk::read(const TelecommandOrigin& orig
   return task;
 }
 
-std::uint16_t ImagingDesk::why_refused(const Task& task) const {
+std::uint16_t ImagingScheduler::why_refused(const Task& task) const {
   const bool exists = std::any_of(tasks_.begin(), tasks_.end(), [&](const Task& other) {
     const bool both_frames = task.kind == Kind::send_frame || other.kind == Kind::send_frame;
     return other.settings.task == task.settings.task &&
@@ -62,8 +62,8 @@ std::uint16_t ImagingDesk::why_refused(const Task& task) const {
   return mission::failure::none;
 }
 
-void ImagingDesk::submit(const TelecommandOrigin& origin, const mission::Command& command,
-                         OctetView arguments, bool repeated, MonotonicTime now) {
+void ImagingScheduler::submit(const TelecommandOrigin& origin, const mission::Command& command,
+                              OctetView arguments, bool repeated, MonotonicTime now) {
   if (command.name == mission::ImageCancel::name) {
     const auto request = mission::ImageCancel::decode(arguments);
     return cancel(origin, request ? request->task : 0, repeated, command, now);
@@ -71,17 +71,17 @@ void ImagingDesk::submit(const TelecommandOrigin& origin, const mission::Command
   auto task = read(origin, command, arguments, now);
   const std::uint16_t refusal = task ? why_refused(*task) : mission::failure::bad_arguments_length;
   if (refusal != mission::failure::none) {
-    outbox_.failure(origin, Stage::start, refusal);
+    report_queue_.failure(origin, Stage::start, refusal);
     return;
   }
   ++counters_.taken;
-  outbox_.success(origin, Stage::start);
+  report_queue_.success(origin, Stage::start);
   tasks_.push_back(std::move(*task));
   if (tasks_.back().kind != Kind::capture) list_frames(tasks_.back(), now);
 }
 
-void ImagingDesk::restore(const TelecommandOrigin& origin, const mission::Command& command,
-                          OctetView arguments, bool started, std::uint8_t last_step, MonotonicTime now) {
+void ImagingScheduler::restore(const TelecommandOrigin& origin, const mission::Command& command,
+                               OctetView arguments, bool started, std::uint8_t last_step, MonotonicTime now) {
   if (command.name == mission::ImageCancel::name) return submit(origin, command, arguments, true, now);
   auto task = read(origin, command, arguments, now);
   const bool may_have_captured =
@@ -89,12 +89,12 @@ void ImagingDesk::restore(const TelecommandOrigin& origin, const mission::Comman
   if (may_have_captured) clear(ImageServer::acquisition, now);
   if (task && last_step >= step_process) clear(ImageServer::processing, now);
   if (!task || may_have_captured || why_refused(*task) != mission::failure::none) {
-    outbox_.failure(origin, Stage::completion, mission::failure::interrupted);
+    report_queue_.failure(origin, Stage::completion, mission::failure::interrupted);
     if (task) note_failure(task->settings.task, "interrupted by a restart");
     return;
   }
   ++counters_.taken;
-  if (!started) outbox_.success(origin, Stage::start);
+  if (!started) report_queue_.success(origin, Stage::start);
   tasks_.push_back(std::move(*task));
   Task& added = tasks_.back();
   if (added.kind == Kind::capture && last_step < step_captured) return;
@@ -103,7 +103,7 @@ void ImagingDesk::restore(const TelecommandOrigin& origin, const mission::Comman
 }
 
 /// A goal of the earlier process, whose end is not awaited any more, would hold up the next ones.
-void ImagingDesk::clear(ImageServer server, MonotonicTime now) {
+void ImagingScheduler::clear(ImageServer server, MonotonicTime now) {
   auto& until = clearing_[static_cast<std::size_t>(server)];
   if (until) return;
   until = now + clear_patience;
@@ -112,13 +112,13 @@ void ImagingDesk::clear(ImageServer server, MonotonicTime now) {
 
 // ---- cancelling
 
-void ImagingDesk::cancel(const TelecommandOrigin& origin, std::uint32_t number, bool repeated,
-                         const mission::Command& command, MonotonicTime now) {
+void ImagingScheduler::cancel(const TelecommandOrigin& origin, std::uint32_t number, bool repeated,
+                              const mission::Command& command, MonotonicTime now) {
   if (cancels_.size() == max_cancels) {
-    outbox_.failure(origin, Stage::start, mission::failure::busy);
+    report_queue_.failure(origin, Stage::start, mission::failure::busy);
     return;
   }
-  outbox_.success(origin, Stage::start);
+  report_queue_.success(origin, Stage::start);
   std::vector<std::uint64_t> meant;
   for (const Task& task : tasks_) {
     if (task.settings.task == number) meant.push_back(task.origin.id);
@@ -129,7 +129,7 @@ void ImagingDesk::cancel(const TelecommandOrigin& origin, std::uint32_t number, 
   orders_.push_back({.action = ImagingAction::stop_sending, .id = origin.id, .task = number});
 }
 
-void ImagingDesk::cancel(Task& task) {
+void ImagingScheduler::cancel(Task& task) {
   const std::uint64_t id = task.origin.id;
   const bool at_hand = std::any_of(orders_.begin(), orders_.end(), [id](const ImagingOrder& order) {
     return order.id == id && order.action != ImagingAction::cancel_goal;
@@ -140,40 +140,40 @@ void ImagingDesk::cancel(Task& task) {
     orders_.push_back({.action = ImagingAction::cancel_goal, .id = id, .server = *server});
 }
 
-void ImagingDesk::on_sending_stopped(std::uint64_t id, std::size_t files, std::uint16_t failure) {
+void ImagingScheduler::on_sending_stopped(std::uint64_t id, std::size_t files, std::uint16_t failure) {
   const auto found = std::find_if(cancels_.begin(), cancels_.end(),
                                   [id](const Cancel& cancel) { return cancel.origin.id == id; });
   if (found == cancels_.end()) return;
   if (failure != mission::failure::none) {
-    outbox_.failure(found->origin, Stage::completion, failure);
+    report_queue_.failure(found->origin, Stage::completion, failure);
   } else if (!found->found && files == 0) {
-    outbox_.failure(found->origin, Stage::completion, mission::failure::unknown_task);
+    report_queue_.failure(found->origin, Stage::completion, mission::failure::unknown_task);
   } else {
-    outbox_.success(found->origin, Stage::completion);
+    report_queue_.success(found->origin, Stage::completion);
   }
   cancels_.erase(found);
 }
 
 // ---- what is due
 
-bool ImagingDesk::waits(const Task& task) {
+bool ImagingScheduler::waits(const Task& task) {
   return task.state == State::waits_for_camera || task.state == State::waits_for_processing;
 }
 
-std::optional<ImageServer> ImagingDesk::server_of(const Task& task) {
+std::optional<ImageServer> ImagingScheduler::server_of(const Task& task) {
   if (task.state == State::capturing) return ImageServer::acquisition;
   if (task.state == State::processing) return ImageServer::processing;
   return std::nullopt;
 }
 
-bool ImagingDesk::busy(ImageServer server) const {
+bool ImagingScheduler::busy(ImageServer server) const {
   return clearing_[static_cast<std::size_t>(server)] ||
          std::any_of(tasks_.begin(), tasks_.end(),
                      [server](const Task& task) { return server_of(task) == server; });
 }
 
 /// The one whose start is first; without a start it is the time of its telecommand.
-const ImagingDesk::Task* ImagingDesk::next_capture() const {
+const ImagingScheduler::Task* ImagingScheduler::next_capture() const {
   const Task* next = nullptr;
   for (const Task& task : tasks_) {
     if (task.state != State::waits_for_camera) continue;
@@ -182,7 +182,7 @@ const ImagingDesk::Task* ImagingDesk::next_capture() const {
   return next;
 }
 
-void ImagingDesk::on_time(const ImagingTime& time, bool may_capture) {
+void ImagingScheduler::on_time(const ImagingTime& time, bool may_capture) {
   end_overdue(time, may_capture);
   for (auto& until : clearing_) {
     if (until && time.now >= *until) until.reset();
@@ -199,7 +199,7 @@ void ImagingDesk::on_time(const ImagingTime& time, bool may_capture) {
   if (waiting != tasks_.end()) begin_processing(*waiting, time.now);
 }
 
-void ImagingDesk::end_overdue(const ImagingTime& time, bool may_capture) {
+void ImagingScheduler::end_overdue(const ImagingTime& time, bool may_capture) {
   std::vector<std::pair<std::uint64_t, std::uint16_t>> ended;
   std::vector<std::uint64_t> silent;
   for (const Task& task : tasks_) {
@@ -223,12 +223,12 @@ void ImagingDesk::end_overdue(const ImagingTime& time, bool may_capture) {
       ++i;
       continue;
     }
-    outbox_.failure(cancels_[i].origin, Stage::completion, mission::failure::completion_unknown);
+    report_queue_.failure(cancels_[i].origin, Stage::completion, mission::failure::completion_unknown);
     cancels_.erase(cancels_.begin() + static_cast<std::ptrdiff_t>(i));
   }
 }
 
-std::optional<MonotonicTime> ImagingDesk::next_due(const ImagingTime& time) const {
+std::optional<MonotonicTime> ImagingScheduler::next_due(const ImagingTime& time) const {
   std::optional<MonotonicTime> due;
   const auto sooner = [&](MonotonicTime t) {
     if (!due || t < *due) due = t;
@@ -254,7 +254,7 @@ std::optional<MonotonicTime> ImagingDesk::next_due(const ImagingTime& time) cons
 
 // ---- goals
 
-void ImagingDesk::begin_capture(Task& task, const ImagingTime& time) {
+void ImagingScheduler::begin_capture(Task& task, const ImagingTime& time) {
   if (task.rejections == 0) progress(task, step_capture);
   task.state = State::capturing;
   task.accepted_at.reset();
@@ -268,7 +268,7 @@ void ImagingDesk::begin_capture(Task& task, const ImagingTime& time) {
                      .capture = task.settings});
 }
 
-void ImagingDesk::begin_processing(Task& task, MonotonicTime now) {
+void ImagingScheduler::begin_processing(Task& task, MonotonicTime now) {
   if (task.rejections == 0) progress(task, step_process);
   task.state = State::processing;
   task.accepted_at.reset();
@@ -285,7 +285,7 @@ void ImagingDesk::begin_processing(Task& task, MonotonicTime now) {
                      .full_frames = task.kind == Kind::send_frame});
 }
 
-void ImagingDesk::list_frames(Task& task, MonotonicTime now) {
+void ImagingScheduler::list_frames(Task& task, MonotonicTime now) {
   task.state = State::listing;
   task.silent_at = now + answer_patience;
   orders_.push_back({.action = ImagingAction::list_frames,
@@ -294,7 +294,7 @@ void ImagingDesk::list_frames(Task& task, MonotonicTime now) {
                      .frame = task.frame});
 }
 
-void ImagingDesk::on_accepted(std::uint64_t id, MonotonicTime now) {
+void ImagingScheduler::on_accepted(std::uint64_t id, MonotonicTime now) {
   Task* task = find(id);
   if (task == nullptr || !server_of(*task) || task->accepted_at) return;
   task->accepted_at = now;
@@ -302,7 +302,7 @@ void ImagingDesk::on_accepted(std::uint64_t id, MonotonicTime now) {
   if (task->state == State::processing) task->silent_at = now + process_patience;
 }
 
-void ImagingDesk::on_feedback(std::uint64_t id, std::uint16_t frames_done, MonotonicTime now) {
+void ImagingScheduler::on_feedback(std::uint64_t id, std::uint16_t frames_done, MonotonicTime now) {
   Task* task = find(id);
   if (task == nullptr || !server_of(*task)) return;
   const mission::ImageCapture& settings = task->settings;
@@ -319,7 +319,8 @@ void ImagingDesk::on_feedback(std::uint64_t id, std::uint16_t frames_done, Monot
   }
 }
 
-void ImagingDesk::on_goal_end(std::uint64_t id, ImageServer server, ImageGoalEnd end, MonotonicTime now) {
+void ImagingScheduler::on_goal_end(std::uint64_t id, ImageServer server, ImageGoalEnd end,
+                                   MonotonicTime now) {
   Task* task = find(id);
   if (task == nullptr || server_of(*task) != server) return;
   using How = ImageGoalEnd::How;
@@ -341,11 +342,11 @@ void ImagingDesk::on_goal_end(std::uint64_t id, ImageServer server, ImageGoalEnd
   }
 }
 
-nanoseconds ImagingDesk::longest_frame(const Task& task) {
+nanoseconds ImagingScheduler::longest_frame(const Task& task) {
   return tries_of_a_frame * (microseconds(task.settings.exposure_us) + nanoseconds(frame_patience));
 }
 
-void ImagingDesk::on_captured(Task& task, ImageGoalEnd end, MonotonicTime now) {
+void ImagingScheduler::on_captured(Task& task, ImageGoalEnd end, MonotonicTime now) {
   counters_.frames += static_cast<std::uint32_t>(end.files.size());
   progress(task, step_captured);
   if (task.settings.method.empty()) return complete(task.origin.id);
@@ -355,7 +356,7 @@ void ImagingDesk::on_captured(Task& task, ImageGoalEnd end, MonotonicTime now) {
   task.state = State::waits_for_processing;
 }
 
-void ImagingDesk::on_processed(Task& task, ImageGoalEnd end, MonotonicTime now) {
+void ImagingScheduler::on_processed(Task& task, ImageGoalEnd end, MonotonicTime now) {
   counters_.detections += end.detections;
   progress(task, step_processed);
   if (end.files.empty()) return complete(task.origin.id);
@@ -372,7 +373,7 @@ void ImagingDesk::on_processed(Task& task, ImageGoalEnd end, MonotonicTime now) 
                      .run = tells ? end.run : 0});
 }
 
-void ImagingDesk::on_instance(ImageServer server, std::uint32_t incarnation, MonotonicTime looked) {
+void ImagingScheduler::on_instance(ImageServer server, std::uint32_t incarnation, MonotonicTime looked) {
   std::vector<std::uint64_t> lost;
   for (Task& task : tasks_) {
     // What was seen before the goal was taken does not show which process took it.
@@ -385,7 +386,7 @@ void ImagingDesk::on_instance(ImageServer server, std::uint32_t incarnation, Mon
 
 // ---- files
 
-void ImagingDesk::on_frames_listed(std::uint64_t id, std::optional<std::vector<std::string>> frames) {
+void ImagingScheduler::on_frames_listed(std::uint64_t id, std::optional<std::vector<std::string>> frames) {
   Task* task = find(id, State::listing);
   if (task == nullptr) return;
   if (task->cancelled) return fail(id, mission::failure::aborted);
@@ -394,8 +395,8 @@ void ImagingDesk::on_frames_listed(std::uint64_t id, std::optional<std::vector<s
   task->state = State::waits_for_processing;
 }
 
-void ImagingDesk::on_products_queued(std::uint64_t id, std::uint16_t failure, const std::string& reason,
-                                     std::size_t queued) {
+void ImagingScheduler::on_products_queued(std::uint64_t id, std::uint16_t failure, const std::string& reason,
+                                          std::size_t queued) {
   counters_.products_queued += static_cast<std::uint32_t>(queued);
   const Task* task = find(id, State::queueing);
   if (task == nullptr) return;
@@ -407,7 +408,7 @@ void ImagingDesk::on_products_queued(std::uint64_t id, std::uint16_t failure, co
 // ---- ends
 
 /// Its node restarted, is silent, or the disk is.
-void ImagingDesk::lose(Task& task, MonotonicTime now) {
+void ImagingScheduler::lose(Task& task, MonotonicTime now) {
   const auto server = server_of(task);
   const std::uint64_t id = task.origin.id;
   const std::uint16_t code = task.cancelled ? mission::failure::aborted
@@ -420,32 +421,32 @@ void ImagingDesk::lose(Task& task, MonotonicTime now) {
   clear(*server, now);
 }
 
-void ImagingDesk::progress(const Task& task, std::uint8_t step) {
-  outbox_.success(task.origin, Stage::progress, step);
+void ImagingScheduler::progress(const Task& task, std::uint8_t step) {
+  report_queue_.success(task.origin, Stage::progress, step);
 }
 
-void ImagingDesk::complete(std::uint64_t id) {
+void ImagingScheduler::complete(std::uint64_t id) {
   ++counters_.completed;
-  outbox_.success(find(id)->origin, Stage::completion);
+  report_queue_.success(find(id)->origin, Stage::completion);
   remove(id);
 }
 
-void ImagingDesk::fail(std::uint64_t id, std::uint16_t code, const std::string& reason) {
+void ImagingScheduler::fail(std::uint64_t id, std::uint16_t code, const std::string& reason) {
   const Task& task = *find(id);
   ++counters_.failed;
-  outbox_.failure(task.origin, Stage::completion, code);
+  report_queue_.failure(task.origin, Stage::completion, code);
   std::string why(mission::failure_text(code));
   if (!reason.empty()) why += ": " + reason;
   note_failure(task.settings.task, why);
   remove(id);
 }
 
-void ImagingDesk::note_failure(std::uint32_t task, const std::string& why) {
+void ImagingScheduler::note_failure(std::uint32_t task, const std::string& why) {
   if (failures_.size() == max_failures) failures_.erase(failures_.begin());
   failures_.push_back({.task = task, .why = why.substr(0, why_octets)});
 }
 
-void ImagingDesk::remove(std::uint64_t id) {
+void ImagingScheduler::remove(std::uint64_t id) {
   // A goal that was not sent is not sent any more; one that was may still have to be cancelled.
   std::erase_if(orders_, [id](const ImagingOrder& order) {
     return order.id == id && order.action != ImagingAction::cancel_goal;
@@ -453,22 +454,22 @@ void ImagingDesk::remove(std::uint64_t id) {
   std::erase_if(tasks_, [id](const Task& task) { return task.origin.id == id; });
 }
 
-ImagingDesk::Task* ImagingDesk::find(std::uint64_t id) {
+ImagingScheduler::Task* ImagingScheduler::find(std::uint64_t id) {
   const auto found =
       std::find_if(tasks_.begin(), tasks_.end(), [id](const Task& task) { return task.origin.id == id; });
   return found == tasks_.end() ? nullptr : &*found;
 }
 
-ImagingDesk::Task* ImagingDesk::find(std::uint64_t id, State state) {
+ImagingScheduler::Task* ImagingScheduler::find(std::uint64_t id, State state) {
   Task* task = find(id);
   return task != nullptr && task->state == state ? task : nullptr;
 }
 
-bool ImagingDesk::knows(std::uint64_t id) const {
+bool ImagingScheduler::knows(std::uint64_t id) const {
   return std::any_of(tasks_.begin(), tasks_.end(), [id](const Task& task) { return task.origin.id == id; });
 }
 
-mission::TtcImagingHousekeeping ImagingDesk::housekeeping() const {
+mission::TtcImagingHousekeeping ImagingScheduler::housekeeping() const {
   mission::TtcImagingHousekeeping h;
   h.tasks = static_cast<std::uint8_t>(tasks_.size());
   h.taken = counters_.taken;

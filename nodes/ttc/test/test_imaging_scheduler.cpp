@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/imaging/imaging_desk.hpp"
+#include "nodes/ttc/imaging/imaging_scheduler.hpp"
 
 #include <algorithm>
 #include <map>
@@ -21,18 +21,18 @@ using Server = ImageServer;
 constexpr MonotonicTime start(seconds(100));
 constexpr UtcTime morning(seconds(1'795'000'000));
 
-class ImagingDeskTest : public testing::Test {
+class ImagingSchedulerTest : public testing::Test {
  protected:
   /// Sends a telecommand given as text. @return its id
   std::uint64_t send(const std::string& name, const std::vector<std::string>& arguments) {
     const auto [origin, encoded] = telecommand(name, arguments);
-    desk_.submit(origin, *encoded.command, arguments_of(encoded), false, now_);
+    scheduler_.submit(origin, *encoded.command, arguments_of(encoded), false, now_);
     return origin.id;
   }
   std::uint64_t restore(const std::string& name, const std::vector<std::string>& arguments,
                         std::uint8_t last_step) {
     const auto [origin, encoded] = telecommand(name, arguments);
-    desk_.restore(origin, *encoded.command, arguments_of(encoded), true, last_step, now_);
+    scheduler_.restore(origin, *encoded.command, arguments_of(encoded), true, last_step, now_);
     return origin.id;
   }
   std::pair<TelecommandOrigin, mission::EncodedCommand> telecommand(
@@ -50,7 +50,7 @@ class ImagingDeskTest : public testing::Test {
   /// The reports since the last call, each as "3:1,5=100": telecommand, service, subtype, step or code.
   std::vector<std::string> reports() {
     std::vector<std::string> texts;
-    for (const Report& report : outbox_.take()) {
+    for (const Report& report : report_queue_.take()) {
       OctetReader in(report.data);
       static_cast<void>(in.u16());
       std::string text = std::to_string(in.u16()) + ":1," + std::to_string(report.subtype);
@@ -67,9 +67,9 @@ class ImagingDeskTest : public testing::Test {
         {ImagingAction::cancel_goal, "cancel"}, {ImagingAction::list_frames, "list"},
         {ImagingAction::cancel_all, "clear"},   {ImagingAction::queue_products, "queue"},
         {ImagingAction::stop_sending, "stop"}};
-    desk_.on_time(time(), nominal_);
+    scheduler_.on_time(time(), nominal_);
     std::vector<std::string> texts;
-    for (ImagingOrder& order : desk_.take_orders()) {
+    for (ImagingOrder& order : scheduler_.take_orders()) {
       texts.push_back(names.at(order.action) + " " + std::to_string(order.id));
       last_ = std::move(order);
     }
@@ -79,7 +79,7 @@ class ImagingDeskTest : public testing::Test {
     return {.now = now_, .utc = morning + (now_ - start), .utc_valid = valid_};
   }
   void end(std::uint64_t id, Server server, ImageGoalEnd how) {
-    desk_.on_goal_end(id, server, std::move(how), now_);
+    scheduler_.on_goal_end(id, server, std::move(how), now_);
   }
   static ImageGoalEnd frames(std::size_t count) {
     ImageGoalEnd end;
@@ -91,8 +91,8 @@ class ImagingDeskTest : public testing::Test {
 
   const mission::Dictionary dictionary_ =
       mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
-  ReportOutbox outbox_;
-  ImagingDesk desk_{outbox_};
+  ReportQueue report_queue_;
+  ImagingScheduler scheduler_{report_queue_};
   MonotonicTime now_ = start;
   bool valid_ = true;
   bool nominal_ = true;
@@ -100,7 +100,7 @@ class ImagingDeskTest : public testing::Test {
   ImagingOrder last_;
 };
 
-TEST_F(ImagingDeskTest, ATaskIsCapturedProcessedAndSentWithProgressAtEachStage) {
+TEST_F(ImagingSchedulerTest, ATaskIsCapturedProcessedAndSentWithProgressAtEachStage) {
   send("image.capture", {"task=5", "exposure_us=20000", "gain_db=3", "frames=8", "method=tracklet",
                          "parameters=threshold=4", "budget_octets=9000"});
   EXPECT_THAT(orders(), ElementsAre("capture 1"));
@@ -110,8 +110,8 @@ TEST_F(ImagingDeskTest, ATaskIsCapturedProcessedAndSentWithProgressAtEachStage) 
   EXPECT_EQ(last_.capture.frames, 8);
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "1:1,5=1"));
 
-  desk_.on_accepted(1, now_);
-  for (std::uint16_t done = 1; done <= 8; ++done) desk_.on_feedback(1, done, now_);
+  scheduler_.on_accepted(1, now_);
+  for (std::uint16_t done = 1; done <= 8; ++done) scheduler_.on_feedback(1, done, now_);
   EXPECT_THAT(reports(), ElementsAre("1:1,5=25", "1:1,5=50", "1:1,5=75"));
   end(1, Server::acquisition, frames(8));
   EXPECT_THAT(orders(), ElementsAre("process 1"));
@@ -122,17 +122,17 @@ TEST_F(ImagingDeskTest, ATaskIsCapturedProcessedAndSentWithProgressAtEachStage) 
   EXPECT_FALSE(last_.full_frames);
   EXPECT_THAT(reports(), ElementsAre("1:1,5=100", "1:1,5=101"));
 
-  desk_.on_accepted(1, now_);
-  desk_.on_feedback(1, 4, now_);
+  scheduler_.on_accepted(1, now_);
+  scheduler_.on_feedback(1, 4, now_);
   end(1, Server::processing, products());
   EXPECT_THAT(reports(), ElementsAre("1:1,5=125", "1:1,5=150", "1:1,5=200"));
   EXPECT_THAT(orders(), ElementsAre("queue 1"));
   EXPECT_THAT(last_.files, ElementsAre("products/0000000005/findings.json"));
-  desk_.on_products_queued(1, 0, "", 1);
+  scheduler_.on_products_queued(1, 0, "", 1);
   EXPECT_THAT(reports(), ElementsAre("1:1,7"));
-  EXPECT_EQ(desk_.tasks(), 0U);
+  EXPECT_EQ(scheduler_.tasks(), 0U);
 
-  const auto h = desk_.housekeeping();
+  const auto h = scheduler_.housekeeping();
   EXPECT_EQ(h.taken, 1U);
   EXPECT_EQ(h.completed, 1U);
   EXPECT_EQ(h.frames, 8U);
@@ -140,7 +140,7 @@ TEST_F(ImagingDeskTest, ATaskIsCapturedProcessedAndSentWithProgressAtEachStage) 
   EXPECT_EQ(h.products_queued, 1U);
 }
 
-TEST_F(ImagingDeskTest, ProductsAreOfTheirRunWhereTheyTellWhatItFound) {
+TEST_F(ImagingSchedulerTest, ProductsAreOfTheirRunWhereTheyTellWhatItFound) {
   for (const char* product : {"products/0000000005/findings.json", "products/0000000005/thumbnail.png"}) {
     send("image.capture", {"task=5"});
     static_cast<void>(orders());
@@ -150,11 +150,11 @@ TEST_F(ImagingDeskTest, ProductsAreOfTheirRunWhereTheyTellWhatItFound) {
     static_cast<void>(orders());
     EXPECT_EQ(last_.action, ImagingAction::queue_products);
     EXPECT_EQ(last_.run, std::string(product).ends_with(".json") ? 0xA1U : 0U);
-    desk_.on_products_queued(last_id_, 0, "", 1);
+    scheduler_.on_products_queued(last_id_, 0, "", 1);
   }
 }
 
-TEST_F(ImagingDeskTest, WithoutAMethodATaskEndsWithItsFrames) {
+TEST_F(ImagingSchedulerTest, WithoutAMethodATaskEndsWithItsFrames) {
   send("image.capture", {"task=5", "method="});
   static_cast<void>(orders());
   end(1, Server::acquisition, frames(1));
@@ -162,7 +162,7 @@ TEST_F(ImagingDeskTest, WithoutAMethodATaskEndsWithItsFrames) {
   EXPECT_THAT(orders(), IsEmpty());
 }
 
-TEST_F(ImagingDeskTest, CapturesProcessesAndSendsDifferentTasksAtOnce) {
+TEST_F(ImagingSchedulerTest, CapturesProcessesAndSendsDifferentTasksAtOnce) {
   for (const char* task : {"task=1", "task=2", "task=3"}) send("image.capture", {task});
   EXPECT_THAT(orders(), ElementsAre("capture 1")) << "the camera does one at a time";
   end(1, Server::acquisition, frames(1));
@@ -172,20 +172,20 @@ TEST_F(ImagingDeskTest, CapturesProcessesAndSendsDifferentTasksAtOnce) {
   EXPECT_THAT(orders(), ElementsAre("queue 1", "capture 3", "process 2"));
 }
 
-TEST_F(ImagingDeskTest, ACaptureFarAheadDoesNotHoldUpOneThatIsDueBefore) {
+TEST_F(ImagingSchedulerTest, ACaptureFarAheadDoesNotHoldUpOneThatIsDueBefore) {
   send("image.capture", {"task=1", at(seconds(3600))});
   send("image.capture", {"task=2", at(seconds(600))});
   send("image.capture", {"task=3"});
   EXPECT_THAT(orders(), ElementsAre("capture 3"));
   end(3, Server::acquisition, {.failure_code = mission::failure::camera_failed, .reason = "torn"});
   EXPECT_THAT(orders(), IsEmpty());
-  EXPECT_EQ(desk_.next_due(time()), now_ + seconds(590));
+  EXPECT_EQ(scheduler_.next_due(time()), now_ + seconds(590));
   now_ += seconds(590);
   EXPECT_THAT(orders(), ElementsAre("capture 2"));
   EXPECT_EQ(last_.start, morning + seconds(600));
 }
 
-TEST_F(ImagingDeskTest, ACaptureWhoseTimePassesWhileTheCameraIsBusyFails) {
+TEST_F(ImagingSchedulerTest, ACaptureWhoseTimePassesWhileTheCameraIsBusyFails) {
   send("image.capture", {"task=1", "exposure_us=60000000"});
   send("image.capture", {"task=2", at(seconds(20))});
   EXPECT_THAT(orders(), ElementsAre("capture 1"));
@@ -197,7 +197,7 @@ TEST_F(ImagingDeskTest, ACaptureWhoseTimePassesWhileTheCameraIsBusyFails) {
   EXPECT_THAT(reports(), ElementsAre("2:1,8=112"));
 }
 
-TEST_F(ImagingDeskTest, ATimedCaptureWaitsUntilTheTimeIsValid) {
+TEST_F(ImagingSchedulerTest, ATimedCaptureWaitsUntilTheTimeIsValid) {
   valid_ = false;
   send("image.capture", {"task=1", at(seconds(5))});
   send("image.capture", {"task=2", "method="});
@@ -208,7 +208,7 @@ TEST_F(ImagingDeskTest, ATimedCaptureWaitsUntilTheTimeIsValid) {
   EXPECT_THAT(orders(), ElementsAre("capture 1"));
 }
 
-TEST_F(ImagingDeskTest, NoCaptureBeginsInAModeThatDoesNotAllowIt) {
+TEST_F(ImagingSchedulerTest, NoCaptureBeginsInAModeThatDoesNotAllowIt) {
   send("image.capture", {"task=1", at(seconds(60))});
   nominal_ = false;
   EXPECT_THAT(orders(), IsEmpty());
@@ -218,10 +218,10 @@ TEST_F(ImagingDeskTest, NoCaptureBeginsInAModeThatDoesNotAllowIt) {
   EXPECT_THAT(reports(), ElementsAre("1:1,8=8"));
 }
 
-TEST_F(ImagingDeskTest, ProcessesStoredFramesAgain) {
+TEST_F(ImagingSchedulerTest, ProcessesStoredFramesAgain) {
   send("image.process", {"task=5", "method=plate_solve"});
   EXPECT_THAT(orders(), ElementsAre("list 1"));
-  desk_.on_frames_listed(1, {{"a", "b"}});
+  scheduler_.on_frames_listed(1, {{"a", "b"}});
   EXPECT_THAT(orders(), ElementsAre("process 1"));
   EXPECT_THAT(last_.files, ElementsAre("a", "b"));
   EXPECT_EQ(last_.method, "plate_solve");
@@ -229,11 +229,11 @@ TEST_F(ImagingDeskTest, ProcessesStoredFramesAgain) {
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "1:1,5=101", "1:1,5=200", "1:1,7")) << "nothing was found";
 }
 
-TEST_F(ImagingDeskTest, SendsOneFrameWithoutLossAndWithoutAMethod) {
+TEST_F(ImagingSchedulerTest, SendsOneFrameWithoutLossAndWithoutAMethod) {
   send("image.send_frame", {"task=5", "frame=9999"});
   EXPECT_THAT(orders(), ElementsAre("list 1"));
   EXPECT_EQ(last_.frame, 9999) << "as many as the store gives numbers";
-  desk_.on_frames_listed(1, {{"frames/0000000005/9999.fits"}});
+  scheduler_.on_frames_listed(1, {{"frames/0000000005/9999.fits"}});
   EXPECT_THAT(orders(), ElementsAre("process 1"));
   EXPECT_TRUE(last_.full_frames);
   EXPECT_EQ(last_.method, "");
@@ -242,17 +242,17 @@ TEST_F(ImagingDeskTest, SendsOneFrameWithoutLossAndWithoutAMethod) {
   EXPECT_EQ(last_.frame, 9999);
 }
 
-TEST_F(ImagingDeskTest, ATaskWithoutFramesIsUnknown) {
+TEST_F(ImagingSchedulerTest, ATaskWithoutFramesIsUnknown) {
   send("image.process", {"task=5"});
   static_cast<void>(orders());
-  desk_.on_frames_listed(1, std::vector<std::string>{});
+  scheduler_.on_frames_listed(1, std::vector<std::string>{});
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "1:1,8=116"));
-  const auto failures = desk_.take_failures();
+  const auto failures = scheduler_.take_failures();
   ASSERT_EQ(failures.size(), 1U);
   EXPECT_EQ(failures.front().task, 5U);
 }
 
-TEST_F(ImagingDeskTest, ANumberNamesOneTaskAtATimeAndItsFramesMayBeAskedForBesides) {
+TEST_F(ImagingSchedulerTest, ANumberNamesOneTaskAtATimeAndItsFramesMayBeAskedForBesides) {
   send("image.capture", {"task=5"});
   send("image.capture", {"task=5"});
   send("image.process", {"task=5"});
@@ -262,48 +262,48 @@ TEST_F(ImagingDeskTest, ANumberNamesOneTaskAtATimeAndItsFramesMayBeAskedForBesid
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "2:1,4=117", "3:1,4=117", "4:1,3", "5:1,3", "6:1,4=117"));
 }
 
-TEST_F(ImagingDeskTest, TasksBeyondTheTableAreRefused) {
-  for (std::size_t i = 1; i <= ImagingDesk::max_tasks; ++i)
+TEST_F(ImagingSchedulerTest, TasksBeyondTheTableAreRefused) {
+  for (std::size_t i = 1; i <= ImagingScheduler::max_tasks; ++i)
     send("image.capture", {"task=" + std::to_string(i)});
   static_cast<void>(reports());
   send("image.capture", {"task=99"});
   EXPECT_THAT(reports(), ElementsAre("17:1,4=118"));
 }
 
-TEST_F(ImagingDeskTest, TheServersFailureCodeIsThatOfTheTelecommandAndItsReasonAnEvent) {
+TEST_F(ImagingSchedulerTest, TheServersFailureCodeIsThatOfTheTelecommandAndItsReasonAnEvent) {
   send("image.capture", {"task=5"});
   static_cast<void>(orders());
   end(1, Server::acquisition, {.failure_code = mission::failure::camera_absent, .reason = "no /dev/video0"});
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "1:1,5=1", "1:1,8=110"));
-  const auto failures = desk_.take_failures();
+  const auto failures = scheduler_.take_failures();
   ASSERT_EQ(failures.size(), 1U);
   EXPECT_THAT(failures.front().why, testing::EndsWith(": no /dev/video0"));
-  EXPECT_THAT(desk_.take_failures(), IsEmpty());
+  EXPECT_THAT(scheduler_.take_failures(), IsEmpty());
 }
 
-TEST_F(ImagingDeskTest, ARejectedGoalIsSentAgainSomeTimes) {
+TEST_F(ImagingSchedulerTest, ARejectedGoalIsSentAgainSomeTimes) {
   send("image.capture", {"task=5"});
-  for (int i = 0; i <= ImagingDesk::max_rejections; ++i) {
+  for (int i = 0; i <= ImagingScheduler::max_rejections; ++i) {
     EXPECT_THAT(orders(), ElementsAre("capture 1"));
     end(1, Server::acquisition, {.how = How::rejected});
     EXPECT_THAT(orders(), IsEmpty());
-    now_ += ImagingDesk::reject_pause;
+    now_ += ImagingScheduler::reject_pause;
   }
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "1:1,5=1", "1:1,8=23"));
 }
 
 // ---- cancelling
 
-TEST_F(ImagingDeskTest, AWaitingTaskIsCancelledAtOnce) {
+TEST_F(ImagingSchedulerTest, AWaitingTaskIsCancelledAtOnce) {
   send("image.capture", {"task=5", at(seconds(600))});
   send("image.cancel", {"task=5"});
   EXPECT_THAT(orders(), ElementsAre("stop 2"));
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "2:1,3", "1:1,8=39"));
-  desk_.on_sending_stopped(2, 0, 0);
+  scheduler_.on_sending_stopped(2, 0, 0);
   EXPECT_THAT(reports(), ElementsAre("2:1,7"));
 }
 
-TEST_F(ImagingDeskTest, AGoalIsCancelledAndItsTaskEndsWithIt) {
+TEST_F(ImagingSchedulerTest, AGoalIsCancelledAndItsTaskEndsWithIt) {
   for (const Server server : {Server::acquisition, Server::processing}) {
     SCOPED_TRACE(static_cast<int>(server));
     const auto id = send("image.capture", {"task=5"});
@@ -315,15 +315,15 @@ TEST_F(ImagingDeskTest, AGoalIsCancelledAndItsTaskEndsWithIt) {
     static_cast<void>(reports());
     const auto cancel = send("image.cancel", {"task=5"});
     EXPECT_THAT(orders(), ElementsAre("cancel " + std::to_string(id), "stop " + std::to_string(cancel)));
-    EXPECT_EQ(desk_.tasks(), 1U);
-    desk_.on_sending_stopped(cancel, 0, 0);
+    EXPECT_EQ(scheduler_.tasks(), 1U);
+    scheduler_.on_sending_stopped(cancel, 0, 0);
     end(id, server, {.how = How::canceled});
     EXPECT_THAT(reports(), ElementsAre(std::to_string(cancel) + ":1,3", std::to_string(cancel) + ":1,7",
                                        std::to_string(id) + ":1,8=39"));
   }
 }
 
-TEST_F(ImagingDeskTest, AGoalThatSucceedsInSpiteOfACancelIsAbortedAllTheSame) {
+TEST_F(ImagingSchedulerTest, AGoalThatSucceedsInSpiteOfACancelIsAbortedAllTheSame) {
   send("image.capture", {"task=5"});
   static_cast<void>(orders());
   send("image.cancel", {"task=5"});
@@ -332,157 +332,157 @@ TEST_F(ImagingDeskTest, AGoalThatSucceedsInSpiteOfACancelIsAbortedAllTheSame) {
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "1:1,5=1", "2:1,3", "1:1,8=39"));
 }
 
-TEST_F(ImagingDeskTest, AGoalThatWasNotSentYetIsNotSent) {
+TEST_F(ImagingSchedulerTest, AGoalThatWasNotSentYetIsNotSent) {
   send("image.capture", {"task=5"});
-  desk_.on_time(time(), true);  // the order waits for the journal
+  scheduler_.on_time(time(), true);  // the order waits for the journal
   send("image.cancel", {"task=5"});
   EXPECT_THAT(orders(), ElementsAre("stop 2"));
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "1:1,5=1", "2:1,3", "1:1,8=39"));
 }
 
-TEST_F(ImagingDeskTest, ProductsOnTheirWayToTheOutboxAreTakenOutOfItAgain) {
+TEST_F(ImagingSchedulerTest, ProductsOnTheirWayToTheOutboxAreTakenOutOfItAgain) {
   send("image.process", {"task=5"});
   static_cast<void>(orders());
-  desk_.on_frames_listed(1, {{"a"}});
+  scheduler_.on_frames_listed(1, {{"a"}});
   static_cast<void>(orders());
   end(1, Server::processing, products());
   EXPECT_THAT(orders(), ElementsAre("queue 1"));
   send("image.cancel", {"task=5"});
   EXPECT_THAT(orders(), ElementsAre("stop 2")) << "behind the other one";
   static_cast<void>(reports());
-  desk_.on_products_queued(1, 0, "", 1);
-  desk_.on_sending_stopped(2, 1, 0);
+  scheduler_.on_products_queued(1, 0, "", 1);
+  scheduler_.on_sending_stopped(2, 1, 0);
   EXPECT_THAT(reports(), ElementsAre("1:1,8=39", "2:1,7"));
 }
 
-TEST_F(ImagingDeskTest, CancellingWhatIsNotThereSaysSoUnlessItIsARepetition) {
+TEST_F(ImagingSchedulerTest, CancellingWhatIsNotThereSaysSoUnlessItIsARepetition) {
   send("image.cancel", {"task=5"});
-  desk_.on_sending_stopped(1, 0, 0);
+  scheduler_.on_sending_stopped(1, 0, 0);
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "1:1,8=116"));
   restore("image.cancel", {"task=5"}, 0);
-  desk_.on_sending_stopped(2, 0, 0);
+  scheduler_.on_sending_stopped(2, 0, 0);
   EXPECT_THAT(reports(), ElementsAre("2:1,3", "2:1,7"));
   send("image.cancel", {"task=5"});
-  desk_.on_sending_stopped(3, 4, 0);
+  scheduler_.on_sending_stopped(3, 4, 0);
   EXPECT_THAT(reports(), ElementsAre("3:1,3", "3:1,7")) << "it was being sent";
 }
 
 // ---- faults
 
-TEST_F(ImagingDeskTest, ARestartedNodeLosesItsTaskAndNoOther) {
+TEST_F(ImagingSchedulerTest, ARestartedNodeLosesItsTaskAndNoOther) {
   send("image.capture", {"task=1"});
   send("image.capture", {"task=2"});
   static_cast<void>(orders());
   end(1, Server::acquisition, frames(1));
   static_cast<void>(orders());
-  for (const std::uint64_t id : {1, 2}) desk_.on_accepted(id, now_);
+  for (const std::uint64_t id : {1, 2}) scheduler_.on_accepted(id, now_);
   static_cast<void>(reports());
   now_ += seconds(1);
-  desk_.on_instance(Server::processing, 7, now_);
-  desk_.on_instance(Server::acquisition, 3, now_);
+  scheduler_.on_instance(Server::processing, 7, now_);
+  scheduler_.on_instance(Server::acquisition, 3, now_);
   EXPECT_THAT(reports(), IsEmpty());
   now_ += seconds(1);
-  desk_.on_instance(Server::processing, 8, now_);
-  desk_.on_instance(Server::acquisition, 3, now_);
+  scheduler_.on_instance(Server::processing, 8, now_);
+  scheduler_.on_instance(Server::acquisition, 3, now_);
   EXPECT_THAT(reports(), ElementsAre("1:1,8=121"));
   EXPECT_THAT(orders(), ElementsAre("cancel 1", "clear 0"));
   end(2, Server::acquisition, frames(1));
   EXPECT_THAT(orders(), IsEmpty()) << "what it may still do ends first";
-  desk_.on_cleared(Server::processing);
+  scheduler_.on_cleared(Server::processing);
   EXPECT_THAT(orders(), ElementsAre("process 2"));
 }
 
-TEST_F(ImagingDeskTest, WhatWasSeenBeforeTheGoalWasTakenSaysNothing) {
+TEST_F(ImagingSchedulerTest, WhatWasSeenBeforeTheGoalWasTakenSaysNothing) {
   send("image.capture", {"task=1"});
   static_cast<void>(orders());
   const MonotonicTime looked = now_;
   now_ += milliseconds(1);
-  desk_.on_accepted(1, now_);
-  desk_.on_instance(Server::acquisition, 3, looked);
-  desk_.on_instance(Server::acquisition, 4, now_ + seconds(2));
-  EXPECT_EQ(desk_.tasks(), 1U);
-  desk_.on_instance(Server::acquisition, 0, now_ + seconds(4));
-  EXPECT_EQ(desk_.tasks(), 0U) << "gone";
+  scheduler_.on_accepted(1, now_);
+  scheduler_.on_instance(Server::acquisition, 3, looked);
+  scheduler_.on_instance(Server::acquisition, 4, now_ + seconds(2));
+  EXPECT_EQ(scheduler_.tasks(), 1U);
+  scheduler_.on_instance(Server::acquisition, 0, now_ + seconds(4));
+  EXPECT_EQ(scheduler_.tasks(), 0U) << "gone";
 }
 
-TEST_F(ImagingDeskTest, ASilentNodeLosesItsTaskAndFeedbackIsASignOfLife) {
+TEST_F(ImagingSchedulerTest, ASilentNodeLosesItsTaskAndFeedbackIsASignOfLife) {
   send("image.capture", {"task=1", "frames=100", "exposure_us=1000000", "interval_ms=60000"});
   static_cast<void>(orders());
-  desk_.on_accepted(1, now_);
+  scheduler_.on_accepted(1, now_);
   for (std::uint16_t done = 1; done < 20; ++done) {
-    desk_.on_feedback(1, done, now_);
+    scheduler_.on_feedback(1, done, now_);
     now_ += seconds(60);
-    desk_.on_time(time(), true);
+    scheduler_.on_time(time(), true);
   }
-  EXPECT_EQ(desk_.tasks(), 1U);
-  const auto due = desk_.next_due(time());
+  EXPECT_EQ(scheduler_.tasks(), 1U);
+  const auto due = scheduler_.next_due(time());
   ASSERT_TRUE(due);
   now_ = *due;
   EXPECT_THAT(orders(), ElementsAre("cancel 1", "clear 0"));
   EXPECT_THAT(reports().back(), "1:1,8=121");
 }
 
-TEST_F(ImagingDeskTest, ADiskThatDoesNotAnswerFailsWhatWaitsForIt) {
+TEST_F(ImagingSchedulerTest, ADiskThatDoesNotAnswerFailsWhatWaitsForIt) {
   send("image.process", {"task=5"});
   send("image.cancel", {"task=9"});
   static_cast<void>(orders());
   now_ += seconds(60);
   EXPECT_THAT(orders(), IsEmpty());
   EXPECT_THAT(reports(), ElementsAre("1:1,3", "2:1,3", "1:1,8=56", "2:1,8=40"));
-  desk_.on_frames_listed(1, {{"a"}});
-  desk_.on_sending_stopped(2, 1, 0);
+  scheduler_.on_frames_listed(1, {{"a"}});
+  scheduler_.on_sending_stopped(2, 1, 0);
   EXPECT_THAT(reports(), IsEmpty());
 }
 
-TEST_F(ImagingDeskTest, ProductsThatCannotBeQueuedFailTheTask) {
+TEST_F(ImagingSchedulerTest, ProductsThatCannotBeQueuedFailTheTask) {
   send("image.process", {"task=5"});
   static_cast<void>(orders());
-  desk_.on_frames_listed(1, {{"a"}});
+  scheduler_.on_frames_listed(1, {{"a"}});
   static_cast<void>(orders());
   end(1, Server::processing, products());
-  desk_.on_products_queued(1, mission::failure::no_space, "products/x", 0);
+  scheduler_.on_products_queued(1, mission::failure::no_space, "products/x", 0);
   EXPECT_THAT(reports().back(), "1:1,8=95");
 }
 
 // ---- across a restart of ttc
 
-TEST_F(ImagingDeskTest, ACaptureThatMayHaveBegunIsNotTakenAgainAfterARestart) {
+TEST_F(ImagingSchedulerTest, ACaptureThatMayHaveBegunIsNotTakenAgainAfterARestart) {
   for (const std::uint8_t step : std::vector<std::uint8_t>{1, 25, 50, 75}) {
     SCOPED_TRACE(static_cast<int>(step));
     const auto id = restore("image.capture", {"task=5"}, step);
     EXPECT_THAT(reports(), ElementsAre(std::to_string(id) + ":1,8=36"));
     EXPECT_THAT(orders(), ElementsAre("clear 0"));
-    desk_.on_cleared(Server::acquisition);
+    scheduler_.on_cleared(Server::acquisition);
   }
 }
 
-TEST_F(ImagingDeskTest, TheNextCaptureWaitsUntilTheOneOfTheEarlierProcessIsCancelled) {
+TEST_F(ImagingSchedulerTest, TheNextCaptureWaitsUntilTheOneOfTheEarlierProcessIsCancelled) {
   restore("image.capture", {"task=5"}, 1);
   send("image.capture", {"task=6"});
   EXPECT_THAT(orders(), ElementsAre("clear 0"));
   EXPECT_EQ(last_.server, Server::acquisition);
   EXPECT_THAT(orders(), IsEmpty());
-  desk_.on_cleared(Server::acquisition);
+  scheduler_.on_cleared(Server::acquisition);
   EXPECT_THAT(orders(), ElementsAre("capture 2"));
 }
 
-TEST_F(ImagingDeskTest, AServerThatIsNotThereHoldsNothingUpForLong) {
+TEST_F(ImagingSchedulerTest, AServerThatIsNotThereHoldsNothingUpForLong) {
   restore("image.capture", {"task=5"}, 1);
   send("image.capture", {"task=6"});
   EXPECT_THAT(orders(), ElementsAre("clear 0"));
-  EXPECT_EQ(desk_.next_due(time()), now_ + ImagingDesk::clear_patience);
-  now_ += ImagingDesk::clear_patience;
+  EXPECT_EQ(scheduler_.next_due(time()), now_ + ImagingScheduler::clear_patience);
+  now_ += ImagingScheduler::clear_patience;
   EXPECT_THAT(orders(), ElementsAre("capture 2"));
 }
 
-TEST_F(ImagingDeskTest, ACaptureThatWasNotAskedForIsTakenAfterARestart) {
+TEST_F(ImagingSchedulerTest, ACaptureThatWasNotAskedForIsTakenAfterARestart) {
   restore("image.capture", {"task=5", at(seconds(60))}, 0);
   EXPECT_THAT(orders(), IsEmpty());
   now_ += seconds(50);
   EXPECT_THAT(orders(), ElementsAre("capture 1"));
 }
 
-TEST_F(ImagingDeskTest, StoredFramesAreProcessedAfterARestart) {
+TEST_F(ImagingSchedulerTest, StoredFramesAreProcessedAfterARestart) {
   for (const std::uint8_t step : std::vector<std::uint8_t>{100, 101, 150, 200}) {
     SCOPED_TRACE(static_cast<int>(step));
     const auto id = restore("image.capture", {"task=5"}, step);
@@ -492,8 +492,8 @@ TEST_F(ImagingDeskTest, StoredFramesAreProcessedAfterARestart) {
     } else {
       EXPECT_THAT(orders(), ElementsAre("clear 0", list));
     }
-    desk_.on_cleared(Server::processing);
-    desk_.on_frames_listed(id, {{"a"}});
+    scheduler_.on_cleared(Server::processing);
+    scheduler_.on_frames_listed(id, {{"a"}});
     EXPECT_THAT(orders(), ElementsAre("process " + std::to_string(id)));
     end(id, Server::processing, {});
   }
@@ -503,13 +503,13 @@ TEST_F(ImagingDeskTest, StoredFramesAreProcessedAfterARestart) {
 
 /// Random telecommands and random answers, including wrong and late ones. Every accepted telecommand ends
 /// exactly once, each server has one goal at a time, and no capture is ordered twice.
-TEST_F(ImagingDeskTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
+TEST_F(ImagingSchedulerTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
   for (std::uint32_t seed = 0; seed < (testing_support::slow ? 60 : 300); ++seed) {
     SCOPED_TRACE(seed);
     std::mt19937 random(seed);
     const auto any = [&](std::uint32_t below) { return static_cast<std::uint32_t>(random() % below); };
-    ReportOutbox outbox;
-    ImagingDesk desk(outbox);
+    ReportQueue report_queue;
+    ImagingScheduler scheduler(report_queue);
     MonotonicTime now = start;
     std::map<std::uint64_t, int> ends;
     std::map<std::uint64_t, int> rejected;
@@ -517,19 +517,19 @@ TEST_F(ImagingDeskTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
     std::map<std::uint64_t, Server> goals;
     std::uint64_t id = 0;
     const auto note_ends = [&] {
-      static_cast<void>(outbox.take());
-      for (const StageReached& stage : outbox.take_stages()) {
+      static_cast<void>(report_queue.take());
+      for (const StageReached& stage : report_queue.take_stages()) {
         if (stage.stage == Stage::completion || !stage.success) ++ends[stage.id];
       }
     };
     const auto carry_out = [&] {
-      for (const ImagingOrder& order : desk.take_orders()) {
+      for (const ImagingOrder& order : scheduler.take_orders()) {
         if (order.action == ImagingAction::capture) {
           EXPECT_LE(++captures[order.id], 1 + rejected[order.id]);
         }
         if (order.action == ImagingAction::capture) goals[order.id] = Server::acquisition;
         if (order.action == ImagingAction::process) goals[order.id] = Server::processing;
-        EXPECT_LE(desk.tasks(), ImagingDesk::max_tasks);
+        EXPECT_LE(scheduler.tasks(), ImagingScheduler::max_tasks);
       }
     };
     for (int step = 0; step < 400; ++step) {
@@ -556,54 +556,54 @@ TEST_F(ImagingDeskTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
             }
           }();
           id = origin.id;
-          desk.submit(origin, *encoded.command, arguments_of(encoded), any(2) == 0, now);
+          scheduler.submit(origin, *encoded.command, arguments_of(encoded), any(2) == 0, now);
           break;
         }
         case 2:
-          desk.on_accepted(about, now);
+          scheduler.on_accepted(about, now);
           break;
         case 3:
-          desk.on_feedback(about, static_cast<std::uint16_t>(any(300)), now);
+          scheduler.on_feedback(about, static_cast<std::uint16_t>(any(300)), now);
           break;
         case 4:
         case 5: {
           const auto goal = goals.find(about);
           const Server server = goal != goals.end() && any(8) != 0 ? goal->second : Server::processing;
           const auto how = static_cast<How>(any(4));
-          const bool fits = desk.knows(about) && goal != goals.end() && goal->second == server;
+          const bool fits = scheduler.knows(about) && goal != goals.end() && goal->second == server;
           if (fits && how == How::rejected && server == Server::acquisition) ++rejected[about];
-          desk.on_goal_end(about, server,
-                           {.how = how,
-                            .failure_code = static_cast<std::uint16_t>(any(3) == 0 ? 110 : 0),
-                            .files = std::vector<std::string>(any(3), "x")},
-                           now);
+          scheduler.on_goal_end(about, server,
+                                {.how = how,
+                                 .failure_code = static_cast<std::uint16_t>(any(3) == 0 ? 110 : 0),
+                                 .files = std::vector<std::string>(any(3), "x")},
+                                now);
           break;
         }
         case 6:
-          desk.on_frames_listed(
+          scheduler.on_frames_listed(
               about, any(4) == 0 ? std::nullopt : std::optional(std::vector<std::string>(any(3), "x")));
           break;
         case 7:
-          desk.on_products_queued(about, static_cast<std::uint16_t>(any(4) == 0 ? 95 : 0), "", any(3));
+          scheduler.on_products_queued(about, static_cast<std::uint16_t>(any(4) == 0 ? 95 : 0), "", any(3));
           break;
         case 8:
-          desk.on_sending_stopped(about, any(3), static_cast<std::uint16_t>(any(4) == 0 ? 56 : 0));
+          scheduler.on_sending_stopped(about, any(3), static_cast<std::uint16_t>(any(4) == 0 ? 56 : 0));
           break;
         default:
-          desk.on_instance(static_cast<Server>(any(2)), any(3), now);
+          scheduler.on_instance(static_cast<Server>(any(2)), any(3), now);
       }
-      desk.on_time(time, any(20) != 0);
+      scheduler.on_time(time, any(20) != 0);
       note_ends();
       if (any(3) != 0) carry_out();
     }
     // From here on only time passes.
-    for (int i = 0; i < 200 && desk.next_due({now, morning + (now - start), true}); ++i) {
-      now = std::max(now, *desk.next_due({now, morning + (now - start), true})) + milliseconds(1);
-      desk.on_time({now, morning + (now - start), true}, true);
+    for (int i = 0; i < 200 && scheduler.next_due({now, morning + (now - start), true}); ++i) {
+      now = std::max(now, *scheduler.next_due({now, morning + (now - start), true})) + milliseconds(1);
+      scheduler.on_time({now, morning + (now - start), true}, true);
       carry_out();
     }
     note_ends();
-    EXPECT_EQ(desk.tasks(), 0U);
+    EXPECT_EQ(scheduler.tasks(), 0U);
     EXPECT_EQ(ends.size(), id);
     for (const auto& [each, count] : ends) EXPECT_EQ(count, 1) << "telecommand " << each;
     last_id_ = 0;

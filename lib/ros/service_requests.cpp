@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "ros/request_book.hpp"
+#include "ros/service_requests.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -16,15 +16,15 @@ SampleIdentity first_attempt(const SampleIdentity& request, std::optional<std::i
 
 }  // namespace
 
-void RequestBook::forget_old(MonotonicTime now) {
+void ServiceRequests::forget_old(MonotonicTime now) {
   while (!answered_.empty() &&
          (answered_.size() > most_answered || now - answered_.front().at > longest_memory))
     answered_.pop_front();
 }
 
-RequestBook::Judgement RequestBook::judge(const SampleIdentity& request,
-                                          std::optional<std::int64_t> first_sequence, bool within_reach,
-                                          MonotonicTime now) {
+ServiceRequests::Judgement ServiceRequests::judge(const SampleIdentity& request,
+                                                  std::optional<std::int64_t> first_sequence,
+                                                  bool within_reach, MonotonicTime now) {
   forget_old(now);
   const SampleIdentity first = first_attempt(request, first_sequence);
   const auto is_this = [&](const auto& known) { return known.first == first; };
@@ -48,7 +48,7 @@ RequestBook::Judgement RequestBook::judge(const SampleIdentity& request,
   return {Verdict::execute, ticket};
 }
 
-std::optional<SampleIdentity> RequestBook::answer(Ticket ticket, Response response, MonotonicTime now) {
+std::optional<SampleIdentity> ServiceRequests::answer(Ticket ticket, Response response, MonotonicTime now) {
   const auto found = std::find_if(pending_.begin(), pending_.end(),
                                   [&](const Pending& pending) { return pending.ticket == ticket; });
   if (found == pending_.end()) return std::nullopt;
@@ -59,12 +59,12 @@ std::optional<SampleIdentity> RequestBook::answer(Ticket ticket, Response respon
   return reply_to;
 }
 
-void RequestBook::forget(Ticket ticket) {
+void ServiceRequests::forget(Ticket ticket) {
   std::erase_if(pending_, [&](const Pending& pending) { return pending.ticket == ticket; });
 }
 
-std::vector<Ticket> RequestBook::drop_vanished(const std::function<bool(const GUID_t&)>& within_reach,
-                                               MonotonicTime now) {
+std::vector<Ticket> ServiceRequests::drop_vanished(const std::function<bool(const GUID_t&)>& within_reach,
+                                                   MonotonicTime now) {
   std::vector<Ticket> dropped;
   std::erase_if(pending_, [&](Pending& pending) {
     if (within_reach(pending.first.writer_guid())) {
@@ -79,7 +79,7 @@ std::vector<Ticket> RequestBook::drop_vanished(const std::function<bool(const GU
   return dropped;
 }
 
-GUID_t RequestBook::client(Ticket ticket) const {
+GUID_t ServiceRequests::client(Ticket ticket) const {
   const auto found = std::find_if(pending_.begin(), pending_.end(),
                                   [&](const Pending& pending) { return pending.ticket == ticket; });
   return found != pending_.end() ? found->first.writer_guid() : GUID_t::unknown();

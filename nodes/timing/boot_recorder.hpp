@@ -19,7 +19,7 @@ struct BootFacts {
 };
 
 /// Keeps the boot record: whether this is a new boot and why, and when it became healthy. Pure; one thread.
-class BootKeeper {
+class BootRecorder {
  public:
   struct Settings {
     nanoseconds healthy_after;   ///< the watchdog fed for so long without a gap: healthy
@@ -27,7 +27,7 @@ class BootKeeper {
   };
 
   /// @param before  what stands on disk; nullopt: nothing
-  BootKeeper(const std::optional<wire::BootRecord>& before, const BootFacts& facts, Settings settings);
+  BootRecorder(const std::optional<wire::BootRecord>& before, const BootFacts& facts, Settings settings);
 
   /// Another boot than the one of the record found.
   [[nodiscard]] bool is_new_boot() const { return new_boot_; }

@@ -21,7 +21,7 @@ struct GoalLimits {
   nanoseconds result_timeout = std::chrono::minutes(15);  ///< how long a result is kept; rcl_action's default
 };
 
-/// Counts since the book was made.
+/// Counts since the server was made.
 struct GoalCounters {
   std::uint64_t accepted = 0;
   std::uint64_t rejected_full = 0;       ///< too many goals at a time
@@ -34,7 +34,7 @@ struct GoalCounters {
 
 /// An action server's memory of its goals: states, the waiters for each result, results with their expiry.
 /// Pure: never reads a clock. Not thread-safe. Semantics are rcl_action's (action_server.c).
-class GoalBook {
+class ActionGoals {
  public:
   /// Names a request that waits for a goal's end; what it means is the caller's business.
   using Waiter = std::uint64_t;
@@ -52,7 +52,7 @@ class GoalBook {
     std::vector<Goal> goals;
   };
 
-  explicit GoalBook(const GoalLimits& limits) : limits_(limits) {}
+  explicit ActionGoals(const GoalLimits& limits) : limits_(limits) {}
 
   /// May a goal of this id be accepted? Counts a refusal.
   [[nodiscard]] Admission admit(const GoalId& id);

@@ -6,74 +6,74 @@
 #include <random>
 #include <vector>
 
-#include "nodes/can_switcher/tick_flywheel.hpp"
+#include "nodes/can_switcher/tick_holdover.hpp"
 
 namespace srfs {
 namespace {
 
-using Verdict = TickFlywheel::Verdict;
-using Substitute = TickFlywheel::Substitute;
+using Verdict = TickHoldover::Verdict;
+using Substitute = TickHoldover::Substitute;
 
 constexpr nanoseconds period = milliseconds(100);
 constexpr nanoseconds grace = milliseconds(25);
 
 struct World {
-  TickFlywheel flywheel;
+  TickHoldover holdover;
   MonotonicTime now{seconds(10)};
   MissionCycle cycle = 500;
 
   /// A tick without delay. @param later time since the previous tick
   Verdict tick(nanoseconds later = period) { return late_tick(later, nanoseconds(0)).verdict; }
-  TickFlywheel::Heard late_tick(nanoseconds later, nanoseconds late) {
+  TickHoldover::Heard late_tick(nanoseconds later, nanoseconds late) {
     now += later;
-    return flywheel.on_tick({.cycle = ++cycle, .due = now - late, .period = period, .received = now});
+    return holdover.on_tick({.cycle = ++cycle, .due = now - late, .period = period, .received = now});
   }
   Verdict repeat(MissionCycle heard) {
-    return flywheel.on_tick({.cycle = heard, .due = now, .period = period, .received = now}).verdict;
+    return holdover.on_tick({.cycle = heard, .due = now, .period = period, .received = now}).verdict;
   }
   Substitute wait_for_substitute() {
-    if (!flywheel.next_substitute()) return Substitute::not_due;
-    now = *flywheel.next_substitute();
-    return flywheel.on_deadline(now);
+    if (!holdover.next_substitute()) return Substitute::not_due;
+    now = *holdover.next_substitute();
+    return holdover.on_deadline(now);
   }
 };
-struct TickFlywheelTest : ::testing::Test, World {};
+struct TickHoldoverTest : ::testing::Test, World {};
 
-TEST_F(TickFlywheelTest, MakesNoTickBeforeItHeardOne) {
-  EXPECT_FALSE(flywheel.next_substitute());
-  EXPECT_EQ(flywheel.on_deadline(now + seconds(100)), Substitute::not_due);
+TEST_F(TickHoldoverTest, MakesNoTickBeforeItHeardOne) {
+  EXPECT_FALSE(holdover.next_substitute());
+  EXPECT_EQ(holdover.on_deadline(now + seconds(100)), Substitute::not_due);
   EXPECT_EQ(tick(), Verdict::beat);
-  EXPECT_EQ(flywheel.next_substitute(), now + period + grace);
+  EXPECT_EQ(holdover.next_substitute(), now + period + grace);
 }
 
-TEST_F(TickFlywheelTest, GoesOnInTheSamePhaseWhileTicksAreMissing) {
+TEST_F(TickHoldoverTest, GoesOnInTheSamePhaseWhileTicksAreMissing) {
   tick();
   const MonotonicTime last = now;
-  EXPECT_EQ(flywheel.on_deadline(last + period + grace - nanoseconds(1)), Substitute::not_due);
+  EXPECT_EQ(holdover.on_deadline(last + period + grace - nanoseconds(1)), Substitute::not_due);
   EXPECT_EQ(wait_for_substitute(), Substitute::beat);
   EXPECT_EQ(now, last + period + grace);
   EXPECT_EQ(wait_for_substitute(), Substitute::beat_in_outage) << "two in a row are no late tick any more";
   EXPECT_EQ(now, last + 2 * period);
   EXPECT_EQ(wait_for_substitute(), Substitute::beat) << "told once";
   EXPECT_EQ(now, last + 3 * period);
-  EXPECT_EQ(flywheel.cycle(), cycle) << "a substitute has no number of its own";
-  EXPECT_EQ(flywheel.counters().substitutes, 3U);
-  EXPECT_EQ(flywheel.counters().outages, 1U);
+  EXPECT_EQ(holdover.cycle(), cycle) << "a substitute has no number of its own";
+  EXPECT_EQ(holdover.counters().substitutes, 3U);
+  EXPECT_EQ(holdover.counters().outages, 1U);
 }
 
-TEST_F(TickFlywheelTest, ALateTickDoesNotBeatAgainAndIsNoOutage) {
+TEST_F(TickHoldoverTest, ALateTickDoesNotBeatAgainAndIsNoOutage) {
   tick();
   const MonotonicTime due = now + period;
   EXPECT_EQ(wait_for_substitute(), Substitute::beat);
   const auto heard = late_tick(milliseconds(10), grace + milliseconds(10));
   EXPECT_EQ(heard.verdict, Verdict::made);
   EXPECT_FALSE(heard.ended);
-  EXPECT_EQ(flywheel.next_substitute(), due + period + grace) << "the phase is the tick's";
+  EXPECT_EQ(holdover.next_substitute(), due + period + grace) << "the phase is the tick's";
   now = due + period;
   EXPECT_EQ(tick(nanoseconds(0)), Verdict::beat);
 }
 
-TEST_F(TickFlywheelTest, TellsHowLongTheOutageWas) {
+TEST_F(TickHoldoverTest, TellsHowLongTheOutageWas) {
   tick();
   for (int i = 0; i < 5; ++i) (void)wait_for_substitute();
   cycle += 1000;  // a restarted timing node
@@ -82,11 +82,11 @@ TEST_F(TickFlywheelTest, TellsHowLongTheOutageWas) {
   ASSERT_TRUE(heard.ended);
   EXPECT_EQ(heard.ended->substitutes, 5U);
   EXPECT_EQ(heard.ended->lasted, 6 * period);
-  EXPECT_EQ(flywheel.next_substitute(), now + period + grace);
-  EXPECT_EQ(flywheel.counters().missed_cycles, 1000U);
+  EXPECT_EQ(holdover.next_substitute(), now + period + grace);
+  EXPECT_EQ(holdover.counters().missed_cycles, 1000U);
 }
 
-TEST_F(TickFlywheelTest, AnotherPhaseAfterARestartMovesTheBeatWithoutADoubleOne) {
+TEST_F(TickHoldoverTest, AnotherPhaseAfterARestartMovesTheBeatWithoutADoubleOne) {
   for (const int shift_ms : {1, 20, 49, 50, 51, 80, 99}) {
     World world;
     world.tick();
@@ -103,48 +103,48 @@ TEST_F(TickFlywheelTest, AnotherPhaseAfterARestartMovesTheBeatWithoutADoubleOne)
   }
 }
 
-TEST_F(TickFlywheelTest, AnotherPeriodAfterARestartIsKeptFromTheFirstTickOn) {
+TEST_F(TickHoldoverTest, AnotherPeriodAfterARestartIsKeptFromTheFirstTickOn) {
   tick();
   for (int i = 0; i < 3; ++i) (void)wait_for_substitute();
   now += period;
   const auto beat_at = [&](nanoseconds at) {
     now += at;
-    return flywheel.on_tick({.cycle = ++cycle, .due = now, .period = milliseconds(20), .received = now})
+    return holdover.on_tick({.cycle = ++cycle, .due = now, .period = milliseconds(20), .received = now})
         .verdict;
   };
   EXPECT_EQ(beat_at(nanoseconds(0)), Verdict::beat);
   EXPECT_EQ(beat_at(milliseconds(20)), Verdict::beat) << "faster ticks are not taken for repeated ones";
-  EXPECT_EQ(flywheel.next_substitute(), now + milliseconds(25));
+  EXPECT_EQ(holdover.next_substitute(), now + milliseconds(25));
 }
 
-TEST_F(TickFlywheelTest, ALongerPeriodBeginsWithTheTickThatSaysIt) {
+TEST_F(TickHoldoverTest, ALongerPeriodBeginsWithTheTickThatSaysIt) {
   tick();
   now += period;
-  EXPECT_EQ(flywheel.on_tick({.cycle = ++cycle, .due = now, .period = seconds(1), .received = now}).verdict,
+  EXPECT_EQ(holdover.on_tick({.cycle = ++cycle, .due = now, .period = seconds(1), .received = now}).verdict,
             Verdict::beat);
-  EXPECT_EQ(flywheel.next_substitute(), now + milliseconds(1250));
+  EXPECT_EQ(holdover.next_substitute(), now + milliseconds(1250));
 }
 
-TEST_F(TickFlywheelTest, RepeatedAndOlderTicksChangeNothing) {
+TEST_F(TickHoldoverTest, RepeatedAndOlderTicksChangeNothing) {
   tick();
-  const auto next = flywheel.next_substitute();
+  const auto next = holdover.next_substitute();
   now += milliseconds(60);
   EXPECT_EQ(repeat(cycle), Verdict::repeated);
   EXPECT_EQ(repeat(cycle - 3), Verdict::repeated);
-  EXPECT_EQ(flywheel.next_substitute(), next);
-  EXPECT_EQ(flywheel.counters().repeated, 2U);
+  EXPECT_EQ(holdover.next_substitute(), next);
+  EXPECT_EQ(holdover.counters().repeated, 2U);
 }
 
-TEST_F(TickFlywheelTest, ASingleAbsurdTickNeitherBeatsNorMovesThePhase) {
+TEST_F(TickHoldoverTest, ASingleAbsurdTickNeitherBeatsNorMovesThePhase) {
   tick();
-  const auto next = flywheel.next_substitute();
+  const auto next = holdover.next_substitute();
   now += milliseconds(70);
   EXPECT_EQ(repeat(~MissionCycle{0}), Verdict::repeated);
-  EXPECT_EQ(flywheel.next_substitute(), next);
+  EXPECT_EQ(holdover.next_substitute(), next);
   EXPECT_EQ(tick(milliseconds(30)), Verdict::beat);
 }
 
-TEST_F(TickFlywheelTest, BelievesATimelineThatStartsAgainAfterItsSecondTickAlsoBetweenSubstitutes) {
+TEST_F(TickHoldoverTest, BelievesATimelineThatStartsAgainAfterItsSecondTickAlsoBetweenSubstitutes) {
   tick();
   (void)wait_for_substitute();
   (void)wait_for_substitute();
@@ -152,67 +152,67 @@ TEST_F(TickFlywheelTest, BelievesATimelineThatStartsAgainAfterItsSecondTickAlsoB
   EXPECT_EQ(tick(milliseconds(90)), Verdict::repeated);
   EXPECT_EQ(wait_for_substitute(), Substitute::beat) << "until it is believed";
   EXPECT_EQ(tick(milliseconds(90)), Verdict::beat);
-  EXPECT_EQ(flywheel.cycle(), 2U);
+  EXPECT_EQ(holdover.cycle(), 2U);
 }
 
-TEST_F(TickFlywheelTest, OfANonsenseDueTimeTheReceiptCounts) {
+TEST_F(TickHoldoverTest, OfANonsenseDueTimeTheReceiptCounts) {
   for (const MonotonicTime due : {MonotonicTime(seconds(0)), MonotonicTime(seconds(1'000'000))}) {
     now += period;
-    EXPECT_EQ(flywheel.on_tick({.cycle = ++cycle, .due = due, .period = period, .received = now}).verdict,
+    EXPECT_EQ(holdover.on_tick({.cycle = ++cycle, .due = due, .period = period, .received = now}).verdict,
               Verdict::beat);
-    EXPECT_EQ(flywheel.next_substitute(), now + period + grace);
+    EXPECT_EQ(holdover.next_substitute(), now + period + grace);
   }
 }
 
-TEST_F(TickFlywheelTest, WithoutAPeriodItPassesTicksOnAndMakesNone) {
+TEST_F(TickHoldoverTest, WithoutAPeriodItPassesTicksOnAndMakesNone) {
   for (const nanoseconds unknown : {nanoseconds(0), nanoseconds(seconds(61))}) {
     now += milliseconds(1);
-    EXPECT_EQ(flywheel.on_tick({.cycle = ++cycle, .due = now, .period = unknown, .received = now}).verdict,
+    EXPECT_EQ(holdover.on_tick({.cycle = ++cycle, .due = now, .period = unknown, .received = now}).verdict,
               Verdict::beat);
-    EXPECT_FALSE(flywheel.next_substitute());
+    EXPECT_FALSE(holdover.next_substitute());
   }
 }
 
-TEST_F(TickFlywheelTest, StopsWithATimingNodeThatWasStoppedOnPurposeUntilItTicksAgain) {
+TEST_F(TickHoldoverTest, StopsWithATimingNodeThatWasStoppedOnPurposeUntilItTicksAgain) {
   tick();
-  EXPECT_FALSE(flywheel.stop(now + period + grace)) << "no outage ends with it: none was told";
-  EXPECT_FALSE(flywheel.next_substitute());
-  EXPECT_EQ(flywheel.on_deadline(now + seconds(9)), Substitute::not_due);
+  EXPECT_FALSE(holdover.stop(now + period + grace)) << "no outage ends with it: none was told";
+  EXPECT_FALSE(holdover.next_substitute());
+  EXPECT_EQ(holdover.on_deadline(now + seconds(9)), Substitute::not_due);
   now += seconds(9);
   EXPECT_EQ(tick(), Verdict::beat);
-  EXPECT_TRUE(flywheel.next_substitute());
+  EXPECT_TRUE(holdover.next_substitute());
 
   (void)wait_for_substitute();
   (void)wait_for_substitute();
-  const auto ended = flywheel.stop(now);
+  const auto ended = holdover.stop(now);
   ASSERT_TRUE(ended);
   EXPECT_EQ(ended->substitutes, 2U);
 }
 
-TEST_F(TickFlywheelTest, RestsUntilTheFirstTickAfterAnActivation) {
+TEST_F(TickHoldoverTest, RestsUntilTheFirstTickAfterAnActivation) {
   tick();
-  flywheel.rest();
-  EXPECT_FALSE(flywheel.next_substitute());
+  holdover.rest();
+  EXPECT_FALSE(holdover.next_substitute());
   EXPECT_EQ(tick(milliseconds(1)), Verdict::beat) << "no beat of before the rest is in its way";
 }
 
-TEST_F(TickFlywheelTest, OfWhatItSleptThroughItMakesOneTickAndKeepsThePhase) {
+TEST_F(TickHoldoverTest, OfWhatItSleptThroughItMakesOneTickAndKeepsThePhase) {
   tick();
   const MonotonicTime last = now;
   now += seconds(3) + milliseconds(40);
-  EXPECT_EQ(flywheel.on_deadline(now), Substitute::beat_in_outage);
-  EXPECT_EQ(flywheel.next_substitute(), last + seconds(3) + period);
+  EXPECT_EQ(holdover.on_deadline(now), Substitute::beat_in_outage);
+  EXPECT_EQ(holdover.next_substitute(), last + seconds(3) + period);
 }
 
 /// The timing node dies, hangs, is late, or returns with another phase or count; ticks are repeated and
 /// forged. The beat stays regular.
-TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
+TEST(TickHoldoverProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
     std::mt19937_64 random(seed);
     const auto between = [&](std::int64_t low, std::int64_t high) {
       return low + static_cast<std::int64_t>(random() % static_cast<std::uint64_t>(high - low + 1));
     };
-    TickFlywheel flywheel;
+    TickHoldover holdover;
     MonotonicTime due{seconds(1)};  // due time of the next real tick
     MonotonicTime arrives = due;
     MissionCycle cycle = 100;
@@ -222,28 +222,28 @@ TEST(TickFlywheelProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
     bool lost_count = false;
 
     while (due < end) {
-      const auto substitute = flywheel.next_substitute();
+      const auto substitute = holdover.next_substitute();
       if (substitute && *substitute < arrives) {
         // Up to a millisecond late, as on a loaded machine.
         const MonotonicTime at = std::min(*substitute + microseconds(between(0, 1000)), arrives);
-        ASSERT_NE(flywheel.on_deadline(at), Substitute::not_due);
+        ASSERT_NE(holdover.on_deadline(at), Substitute::not_due);
         beats.push_back(at);
         continue;
       }
       cycle += step;
       step = 1;
       const HeardTick tick{.cycle = cycle, .due = due, .period = period, .received = arrives};
-      const Verdict verdict = flywheel.on_tick(tick).verdict;
+      const Verdict verdict = holdover.on_tick(tick).verdict;
       if (verdict == Verdict::beat) beats.push_back(arrives);
       ASSERT_TRUE(verdict != Verdict::repeated || lost_count) << "seed " << seed;
       lost_count = verdict == Verdict::repeated;  // accepted when the next tick continues the count
       if (random() % 10 == 0) {
-        ASSERT_EQ(flywheel.on_tick(tick).verdict, Verdict::repeated);
+        ASSERT_EQ(holdover.on_tick(tick).verdict, Verdict::repeated);
       }
       if (random() % 50 == 0) {
         HeardTick forged = tick;
         forged.cycle = cycle + 5'000'000;
-        ASSERT_EQ(flywheel.on_tick(forged).verdict, Verdict::repeated);
+        ASSERT_EQ(holdover.on_tick(forged).verdict, Verdict::repeated);
       }
       due += period + microseconds(between(-1000, 1000));  // slewed
       switch (random() % 20) {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "ros/goal_book.hpp"
+#include "ros/action_goals.hpp"
 
 #include <algorithm>
 #include <cassert>
@@ -15,17 +15,17 @@ using CancelCode = action_msgs::srv::CancelGoal_Response;
 
 }  // namespace
 
-const GoalBook::Entry* GoalBook::find(const GoalId& id) const {
+const ActionGoals::Entry* ActionGoals::find(const GoalId& id) const {
   const auto found =
       std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) { return entry.goal.id == id; });
   return found == entries_.end() ? nullptr : &*found;
 }
 
-GoalBook::Entry* GoalBook::find(const GoalId& id) {
+ActionGoals::Entry* ActionGoals::find(const GoalId& id) {
   return const_cast<Entry*>(std::as_const(*this).find(id));
 }
 
-GoalBook::Admission GoalBook::admit(const GoalId& id) {
+ActionGoals::Admission ActionGoals::admit(const GoalId& id) {
   if (find(id) != nullptr) {
     ++counters_.rejected_duplicate;
     return Admission::duplicate;
@@ -39,7 +39,7 @@ GoalBook::Admission GoalBook::admit(const GoalId& id) {
   return Admission::open;
 }
 
-void GoalBook::accept(const GoalId& id, const GoalClient& client, UtcTime stamp) {
+void ActionGoals::accept(const GoalId& id, const GoalClient& client, UtcTime stamp) {
   assert(find(id) == nullptr);
   Entry entry;
   entry.goal = {id, stamp, GoalState::accepted};
@@ -48,7 +48,7 @@ void GoalBook::accept(const GoalId& id, const GoalClient& client, UtcTime stamp)
   ++counters_.accepted;
 }
 
-bool GoalBook::apply(const GoalId& id, GoalEvent event, MonotonicTime now, ResultPointer result) {
+bool ActionGoals::apply(const GoalId& id, GoalEvent event, MonotonicTime now, ResultPointer result) {
   Entry* entry = find(id);
   const auto next = entry != nullptr ? next_state(entry->goal.state, event) : std::nullopt;
   if (!next) {
@@ -65,7 +65,7 @@ bool GoalBook::apply(const GoalId& id, GoalEvent event, MonotonicTime now, Resul
 }
 
 // The goal that just ended stays: its waiters are still to be answered.
-void GoalBook::make_room_for_results(const GoalId& just_ended) {
+void ActionGoals::make_room_for_results(const GoalId& just_ended) {
   const auto ended = [](const Entry& entry) { return is_terminal(entry.goal.state); };
   auto kept = static_cast<std::size_t>(std::count_if(entries_.begin(), entries_.end(), ended));
   while (kept > limits_.results) {
@@ -81,17 +81,17 @@ void GoalBook::make_room_for_results(const GoalId& just_ended) {
   }
 }
 
-GoalState GoalBook::state(const GoalId& id) const {
+GoalState ActionGoals::state(const GoalId& id) const {
   const Entry* entry = find(id);
   return entry != nullptr ? entry->goal.state : GoalState::unknown;
 }
 
-GoalBook::ResultPointer GoalBook::result(const GoalId& id) const {
+ActionGoals::ResultPointer ActionGoals::result(const GoalId& id) const {
   const Entry* entry = find(id);
   return entry != nullptr ? entry->result : nullptr;
 }
 
-GoalBook::CancelScope GoalBook::cancel_scope(const GoalId& id, UtcTime stamp) const {
+ActionGoals::CancelScope ActionGoals::cancel_scope(const GoalId& id, UtcTime stamp) const {
   const bool any_id = id == GoalId{};
   const bool any_time = stamp == UtcTime();
   if (!any_id && any_time) {
@@ -108,23 +108,23 @@ GoalBook::CancelScope GoalBook::cancel_scope(const GoalId& id, UtcTime stamp) co
   return scope;
 }
 
-bool GoalBook::await_result(const GoalId& id, Waiter waiter) {
+bool ActionGoals::await_result(const GoalId& id, Waiter waiter) {
   Entry* entry = find(id);
   if (entry == nullptr || !is_active(entry->goal.state)) return false;
   entry->waiters.push_back(waiter);
   return true;
 }
 
-std::vector<GoalBook::Waiter> GoalBook::take_waiters(const GoalId& id) {
+std::vector<ActionGoals::Waiter> ActionGoals::take_waiters(const GoalId& id) {
   Entry* entry = find(id);
   return entry != nullptr ? std::exchange(entry->waiters, {}) : std::vector<Waiter>{};
 }
 
-void GoalBook::forget_waiter(Waiter waiter) {
+void ActionGoals::forget_waiter(Waiter waiter) {
   for (Entry& entry : entries_) std::erase(entry.waiters, waiter);
 }
 
-std::size_t GoalBook::expire(MonotonicTime now) {
+std::size_t ActionGoals::expire(MonotonicTime now) {
   const std::size_t dropped = std::erase_if(entries_, [&](const Entry& entry) {
     return is_terminal(entry.goal.state) && now - entry.ended_at >= limits_.result_timeout;
   });
@@ -132,7 +132,7 @@ std::size_t GoalBook::expire(MonotonicTime now) {
   return dropped;
 }
 
-std::optional<MonotonicTime> GoalBook::next_expiry() const {
+std::optional<MonotonicTime> ActionGoals::next_expiry() const {
   std::optional<MonotonicTime> next;
   for (const Entry& entry : entries_) {
     if (!is_terminal(entry.goal.state)) continue;
@@ -142,14 +142,14 @@ std::optional<MonotonicTime> GoalBook::next_expiry() const {
   return next;
 }
 
-std::vector<GoalBook::Goal> GoalBook::goals() const {
+std::vector<ActionGoals::Goal> ActionGoals::goals() const {
   std::vector<Goal> all;
   all.reserve(entries_.size());
   for (const Entry& entry : entries_) all.push_back(entry.goal);
   return all;
 }
 
-std::vector<GoalId> GoalBook::orphans(const std::function<bool(const GoalClient&)>& within_reach) {
+std::vector<GoalId> ActionGoals::orphans(const std::function<bool(const GoalClient&)>& within_reach) {
   std::vector<GoalId> found;
   for (Entry& entry : entries_) {
     if (!is_active(entry.goal.state) || entry.orphaned) continue;

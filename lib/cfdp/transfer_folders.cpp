@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "cfdp/postbox.hpp"
+#include "cfdp/transfer_folders.hpp"
 
 #include <algorithm>
 #include <set>
@@ -19,17 +19,16 @@ bool arrived(const Outcome& outcome) {
 
 }  // namespace
 
-Postbox::Postbox(std::filesystem::path root, std::unique_ptr<PosixFileStore> store, const Settings& settings,
-                 std::uint64_t first_sequence)
+TransferFolders::TransferFolders(std::filesystem::path root, std::unique_ptr<PosixFileStore> store,
+                                 const Settings& settings, std::uint64_t first_sequence)
     : root_(std::move(root)),
       outbox_(root_ / "outbox"),
       store_(std::move(store)),
       entity_(settings, *store_, first_sequence) {}
 
-Result<std::unique_ptr<Postbox>, FileError> Postbox::open(const std::filesystem::path& root,
-                                                          const std::filesystem::path& checkpoint,
-                                                          const Settings& settings,
-                                                          std::uint64_t first_sequence, MonotonicTime now) {
+Result<std::unique_ptr<TransferFolders>, FileError> TransferFolders::open(
+    const std::filesystem::path& root, const std::filesystem::path& checkpoint, const Settings& settings,
+    std::uint64_t first_sequence, MonotonicTime now) {
   auto store = PosixFileStore::open(root, checkpoint, settings.free_floor_octets);
   if (!store) return Err(store.error());
   std::error_code ec;
@@ -39,22 +38,23 @@ Result<std::unique_ptr<Postbox>, FileError> Postbox::open(const std::filesystem:
   }
   auto saved = (*store)->load_checkpoint();
   if (!saved) return Err(saved.error());
-  std::unique_ptr<Postbox> postbox(new Postbox(root, std::move(*store), settings, first_sequence));
-  if (const auto restored = postbox->entity_.restore(*saved, now); !restored) {
-    postbox->damaged_ = restored.error();
+  std::unique_ptr<TransferFolders> transfer_folders(
+      new TransferFolders(root, std::move(*store), settings, first_sequence));
+  if (const auto restored = transfer_folders->entity_.restore(*saved, now); !restored) {
+    transfer_folders->damaged_ = restored.error();
   }
-  postbox->look_at_transactions();
-  return postbox;
+  transfer_folders->look_at_transactions();
+  return transfer_folders;
 }
 
-void Postbox::look_at_transactions() {
+void TransferFolders::look_at_transactions() {
   for (Report& report : entity_.transactions()) {
     Report& known = known_[report.id];
     known = std::move(report);
   }
 }
 
-std::optional<TransactionId> Postbox::sending(const std::string& name) const {
+std::optional<TransactionId> TransferFolders::sending(const std::string& name) const {
   const std::string source = std::string(outbox_prefix) + name;
   for (const Report& report : entity_.transactions()) {
     if (report.role == Role::sending && report.source_file == source) return report.id;
@@ -62,7 +62,7 @@ std::optional<TransactionId> Postbox::sending(const std::string& name) const {
   return std::nullopt;
 }
 
-void Postbox::scan() {
+void TransferFolders::scan() {
   std::set<std::string> under_way;
   for (const Report& report : entity_.transactions()) {
     if (report.role == Role::sending) under_way.insert(report.source_file);
@@ -97,29 +97,31 @@ void Postbox::scan() {
   look_at_transactions();
 }
 
-Result<TransactionId, PutError> Postbox::send(const std::string& source_file,
-                                              const std::string& destination_file, std::uint64_t operation) {
+Result<TransactionId, PutError> TransferFolders::send(const std::string& source_file,
+                                                      const std::string& destination_file,
+                                                      std::uint64_t operation) {
   auto id = entity_.put(source_file, destination_file, operation);
   look_at_transactions();
   return id;
 }
 
-void Postbox::on_pdu(OctetView pdu, MonotonicTime now) {
+void TransferFolders::on_pdu(OctetView pdu, MonotonicTime now) {
   entity_.on_pdu(pdu, now);
   look_at_transactions();
 }
 
-std::optional<Octets> Postbox::next_pdu(std::size_t octets_max, MonotonicTime now, const FrameFill& frame) {
+std::optional<Octets> TransferFolders::next_pdu(std::size_t octets_max, MonotonicTime now,
+                                                const FrameFill& frame) {
   return entity_.next_pdu(octets_max, now, frame);
 }
 
-void Postbox::on_contact(MonotonicTime now) {
+void TransferFolders::on_contact(MonotonicTime now) {
   for (const Report& report : entity_.transactions()) {
     if (report.rest == Rest::by_fault) entity_.resume(report.id, now);
   }
 }
 
-std::vector<News> Postbox::take_news() {
+std::vector<News> TransferFolders::take_news() {
   look_at_transactions();
   std::vector<News> news = std::exchange(refused_, {});
   for (const Event& event : entity_.take_events()) {
@@ -132,7 +134,7 @@ std::vector<News> Postbox::take_news() {
   return news;
 }
 
-void Postbox::leave_outbox(const std::string& source_file, bool sent) {
+void TransferFolders::leave_outbox(const std::string& source_file, bool sent) {
   if (!source_file.starts_with(outbox_prefix)) return;
   std::error_code ec;
   if (!sent) {
@@ -143,25 +145,25 @@ void Postbox::leave_outbox(const std::string& source_file, bool sent) {
   std::filesystem::remove(root_ / source_file, ec);  // gone already: nothing to do
 }
 
-PostboxTurnResult take_turn(Postbox& postbox, const PostboxTurn& turn, MonotonicTime now) {
-  PostboxTurnResult result;
-  if (turn.contact) postbox.on_contact(now);
-  for (const Octets& pdu : turn.received) postbox.on_pdu(pdu, now);
-  if (turn.scan) postbox.scan();
+TransferTurnResult take_turn(TransferFolders& transfer_folders, const TransferTurn& turn, MonotonicTime now) {
+  TransferTurnResult result;
+  if (turn.contact) transfer_folders.on_contact(now);
+  for (const Octets& pdu : turn.received) transfer_folders.on_pdu(pdu, now);
+  if (turn.scan) transfer_folders.scan();
   std::size_t room = turn.room_octets;
   FrameFill frame = turn.frame;
   while (room >= turn.pdu_octets_max + turn.overhead_octets) {
-    auto pdu = postbox.next_pdu(turn.pdu_octets_max, now, frame);
+    auto pdu = transfer_folders.next_pdu(turn.pdu_octets_max, now, frame);
     if (!pdu) break;
     frame = frame.behind(pdu->size());
     room -= pdu->size() + turn.overhead_octets;
     result.pdus.push_back(std::move(*pdu));
   }
-  postbox.entity().advance(now);
-  result.news = postbox.take_news();
-  result.next_due = postbox.entity().next_due(now);
-  result.counters = postbox.entity().counts();
-  for (const Report& report : postbox.entity().transactions()) {
+  transfer_folders.entity().advance(now);
+  result.news = transfer_folders.take_news();
+  result.next_due = transfer_folders.entity().next_due(now);
+  result.counters = transfer_folders.entity().counts();
+  for (const Report& report : transfer_folders.entity().transactions()) {
     ++result.transactions;
     if (report.rest != Rest::none) ++result.resting;
   }

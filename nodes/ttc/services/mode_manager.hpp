@@ -23,14 +23,14 @@ enum class StoredModeState : std::uint8_t {
 
 /// Owns the mode. A change counts when it is on disk: change() gives the text to store, publishing it is the
 /// caller's.
-class ModeKeeper {
+class ModeManager {
  public:
   static constexpr seconds publish_period{10};
   /// The beacon's room for it; the event and /mode, which have more, say the same.
   static constexpr std::size_t longest_reason = 60;
 
   /// Missing or damaged means safe; only a deployment that never ran starts in @p initial.
-  ModeKeeper(StoredModeState state, std::string_view stored, Mode initial);
+  ModeManager(StoredModeState state, std::string_view stored, Mode initial);
 
   [[nodiscard]] Mode mode() const { return mode_; }
   /// Why the mode is what it is, for people, at most longest_reason characters.

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "ros/parameter_keeper.hpp"
+#include "ros/parameter_storage.hpp"
 
 #include <algorithm>
 
@@ -33,18 +33,18 @@ const StoredParameter* find_value(const std::vector<StoredParameter>& values, co
   return found == values.end() ? nullptr : &*found;
 }
 
-std::string origin_of(const std::string& what, const ParameterKeeper::Request& request) {
+std::string origin_of(const std::string& what, const ParameterStorage::Request& request) {
   return request.origin.empty() ? what : fmt::format("{} ({})", what, request.origin);
 }
 
 }  // namespace
 
-void ParameterKeeper::load(ParameterHistory history) {
+void ParameterStorage::load(ParameterHistory history) {
   history_ = std::move(history);
   set_.set_stored(history_.values());
 }
 
-void ParameterKeeper::begin(const std::string& saved) {
+void ParameterStorage::begin(const std::string& saved) {
   for (const std::string& name : set_.names()) {
     if (set_.is_guarded(name)) settled_[name] = *set_.find(name);
   }
@@ -61,12 +61,12 @@ void ParameterKeeper::begin(const std::string& saved) {
   static_cast<void>(store(set_.stored(), start_origin, saved));  // no more than what was read: it fits
 }
 
-bool ParameterKeeper::is_on_trial(const std::string& name) const {
+bool ParameterStorage::is_on_trial(const std::string& name) const {
   const auto settled = settled_.find(name);
   return settled != settled_.end() && *set_.find(name) != settled->second;
 }
 
-std::vector<StoredParameter> ParameterKeeper::on_trial() const {
+std::vector<StoredParameter> ParameterStorage::on_trial() const {
   Values values;
   for (const auto& [name, settled] : settled_) {
     if (is_on_trial(name)) values.push_back({name, *set_.find(name), {}});
@@ -74,14 +74,14 @@ std::vector<StoredParameter> ParameterKeeper::on_trial() const {
   return values;
 }
 
-void ParameterKeeper::put_on_trial(MonotonicTime now, milliseconds trial_time) {
+void ParameterStorage::put_on_trial(MonotonicTime now, milliseconds trial_time) {
   deadline_ = now + trial_time;
   confirmed_ = false;
   news_.push_back({.kind = ParameterNews::Kind::on_trial, .values = on_trial(), .time = trial_time});
 }
 
-void ParameterKeeper::on_changed(const std::vector<std::string>& names, MonotonicTime now,
-                                 milliseconds trial_time) {
+void ParameterStorage::on_changed(const std::vector<std::string>& names, MonotonicTime now,
+                                  milliseconds trial_time) {
   const Values trial = on_trial();
   std::erase_if(to_keep_, [&](const std::string& name) { return !is_on_trial(name); });
   if (trial.empty()) {
@@ -91,8 +91,8 @@ void ParameterKeeper::on_changed(const std::vector<std::string>& names, Monotoni
   }
 }
 
-Result<void, std::string> ParameterKeeper::submit(const Request& request, MonotonicTime now,
-                                                  milliseconds trial_time, const std::string& saved) {
+Result<void, std::string> ParameterStorage::submit(const Request& request, MonotonicTime now,
+                                                   milliseconds trial_time, const std::string& saved) {
   if (request.operation == Operation::report) return {};
   if (text_) return Err(std::string("another save is in progress"));
   switch (request.operation) {
@@ -112,8 +112,8 @@ Result<void, std::string> ParameterKeeper::submit(const Request& request, Monoto
   return {};
 }
 
-Result<void, std::string> ParameterKeeper::keep(const Request& request, MonotonicTime now,
-                                                milliseconds trial_time, const std::string& saved) {
+Result<void, std::string> ParameterStorage::keep(const Request& request, MonotonicTime now,
+                                                 milliseconds trial_time, const std::string& saved) {
   for (const std::string& name : request.names) {
     if (set_.find(name) == nullptr) return Err(fmt::format("parameter '{}' has not been declared", name));
   }
@@ -141,7 +141,7 @@ Result<void, std::string> ParameterKeeper::keep(const Request& request, Monotoni
   return store(std::move(values), origin_of("keep", request), saved);
 }
 
-Result<void, std::string> ParameterKeeper::forget(const Request& request, const std::string& saved) {
+Result<void, std::string> ParameterStorage::forget(const Request& request, const std::string& saved) {
   Values values = set_.stored();
   if (request.names.empty()) values.clear();
   for (const std::string& name : request.names) {
@@ -151,7 +151,7 @@ Result<void, std::string> ParameterKeeper::forget(const Request& request, const 
   return store(std::move(values), origin_of("forget", request), saved);
 }
 
-Result<void, std::string> ParameterKeeper::confirm(const Request& request, const std::string& saved) {
+Result<void, std::string> ParameterStorage::confirm(const Request& request, const std::string& saved) {
   const Values trial = on_trial();
   // A repeat of a confirmation is none of nothing.
   if (trial.empty())
@@ -177,7 +177,7 @@ Result<void, std::string> ParameterKeeper::confirm(const Request& request, const
   return stored;
 }
 
-void ParameterKeeper::settle(const std::map<std::string, ParameterValue>& confirmed) {
+void ParameterStorage::settle(const std::map<std::string, ParameterValue>& confirmed) {
   Values values;
   for (const auto& [name, value] : confirmed) {
     to_keep_.erase(name);
@@ -191,8 +191,8 @@ void ParameterKeeper::settle(const std::map<std::string, ParameterValue>& confir
   confirmed_ = true;
 }
 
-Result<void, std::string> ParameterKeeper::restore(const Request& request, MonotonicTime now,
-                                                   milliseconds trial_time, const std::string& saved) {
+Result<void, std::string> ParameterStorage::restore(const Request& request, MonotonicTime now,
+                                                    milliseconds trial_time, const std::string& saved) {
   const ParameterGeneration* found = history_.find(request.generation);
   if (found == nullptr) return Err(fmt::format("there is no generation {}", request.generation));
   const Values wanted = found->values;
@@ -222,7 +222,7 @@ Result<void, std::string> ParameterKeeper::restore(const Request& request, Monot
   return store(std::move(values), origin_of(fmt::format("restore {}", request.generation), request), saved);
 }
 
-Result<void, std::string> ParameterKeeper::reset(const Request& request, const std::string& saved) {
+Result<void, std::string> ParameterStorage::reset(const Request& request, const std::string& saved) {
   Changes changes;
   for (const std::string& name : set_.names()) {
     const ParameterValue start = *set_.find_start(name);
@@ -236,7 +236,7 @@ Result<void, std::string> ParameterKeeper::reset(const Request& request, const s
   return store({}, origin_of("factory reset", request), saved);
 }
 
-void ParameterKeeper::poll(MonotonicTime now) {
+void ParameterStorage::poll(MonotonicTime now) {
   if (text_) return;
   if (deadline_ && now >= *deadline_) revert("not confirmed in time");
   // The record of a trial that is over.
@@ -244,7 +244,7 @@ void ParameterKeeper::poll(MonotonicTime now) {
     static_cast<void>(store(set_.stored(), start_origin, {}));
 }
 
-void ParameterKeeper::revert(const std::string& reason) {
+void ParameterStorage::revert(const std::string& reason) {
   Changes back;
   Values values;
   for (const StoredParameter& p : on_trial()) {
@@ -258,8 +258,8 @@ void ParameterKeeper::revert(const std::string& reason) {
   news_.push_back({.kind = ParameterNews::Kind::reverted, .values = std::move(values), .reason = reason});
 }
 
-Result<void, std::string> ParameterKeeper::store(Values values, const std::string& origin,
-                                                 const std::string& saved) {
+Result<void, std::string> ParameterStorage::store(Values values, const std::string& origin,
+                                                  const std::string& saved) {
   std::sort(values.begin(), values.end(),
             [](const StoredParameter& a, const StoredParameter& b) { return a.name < b.name; });
   ParameterHistory next = history_;
@@ -277,7 +277,7 @@ Result<void, std::string> ParameterKeeper::store(Values values, const std::strin
   return {};
 }
 
-void ParameterKeeper::on_written(bool ok) {
+void ParameterStorage::on_written(bool ok) {
   disk_failed_ = !ok;
   text_.reset();
   const auto confirms = std::exchange(confirms_, {});

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/timing/boot_keeper.hpp"
+#include "nodes/timing/boot_recorder.hpp"
 
 #include <utility>
 
@@ -8,8 +8,8 @@ namespace srfs {
 
 using mission::ResetCause;
 
-BootKeeper::BootKeeper(const std::optional<wire::BootRecord>& before, const BootFacts& facts,
-                       Settings settings)
+BootRecorder::BootRecorder(const std::optional<wire::BootRecord>& before, const BootFacts& facts,
+                           Settings settings)
     : settings_(settings),
       record_(before.value_or(wire::BootRecord{})),
       new_boot_(!before || before->boot_id != facts.boot_id) {
@@ -26,7 +26,7 @@ BootKeeper::BootKeeper(const std::optional<wire::BootRecord>& before, const Boot
   }
 }
 
-ResetCause BootKeeper::cause_of(const std::optional<wire::BootRecord>& before, const BootFacts& facts) {
+ResetCause BootRecorder::cause_of(const std::optional<wire::BootRecord>& before, const BootFacts& facts) {
   if (facts.reset_by_watchdog.value_or(false)) return ResetCause::watchdog;
   if (!before) return ResetCause::power_on;
   // Not every watchdog reports its reset. A watchdog that was not being fed is the likeliest cause.
@@ -35,7 +35,7 @@ ResetCause BootKeeper::cause_of(const std::optional<wire::BootRecord>& before, c
   return facts.reset_by_watchdog ? ResetCause::power_on : ResetCause::unknown;
 }
 
-void BootKeeper::on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc) {
+void BootRecorder::on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> utc) {
   if (!fed) {
     fed_since_.reset();
     if (!not_fed_since_) not_fed_since_ = now;
@@ -58,24 +58,24 @@ void BootKeeper::on_feeding(bool fed, MonotonicTime now, std::optional<UtcTime> 
   change();
 }
 
-void BootKeeper::on_feeding_ended() {
+void BootRecorder::on_feeding_ended() {
   if (record_.withheld) return;
   record_.withheld = true;
   change();
 }
 
-void BootKeeper::on_end() {
+void BootRecorder::on_end() {
   record_.ended = true;
   record_.withheld = false;  // what happens to the watchdog from here on was asked for
   change();
 }
 
-std::optional<wire::BootRecord> BootKeeper::take_unwritten() {
+std::optional<wire::BootRecord> BootRecorder::take_unwritten() {
   if (!std::exchange(unwritten_, false)) return std::nullopt;
   return record_;
 }
 
-void BootKeeper::change() {
+void BootRecorder::change() {
   ++record_.revision;
   unwritten_ = true;
 }

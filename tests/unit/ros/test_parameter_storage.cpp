@@ -12,7 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "base/file.hpp"
-#include "ros/parameter_keeper.hpp"
+#include "ros/parameter_storage.hpp"
 #include "tests/build_kind.hpp"
 #include "tests/temporary_folder.hpp"
 
@@ -22,7 +22,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-using Operation = ParameterKeeper::Operation;
+using Operation = ParameterStorage::Operation;
 using Kind = ParameterNews::Kind;
 
 constexpr seconds trial_time{300};
@@ -34,41 +34,41 @@ class Node {
   explicit Node(std::string& disk) : disk_(disk), set_(ConfigSection::parse("a: 10\ng: 100\n", "x.yaml")) {
     set_.guard("g");
     set_.guard("h");
-    if (!disk_.empty()) keeper_.load(read_stored(disk_)->history);
+    if (!disk_.empty()) storage_.load(read_stored(disk_)->history);
     set_.declare("a", {std::int64_t{1}, ParameterRange{0, 1000}, ""});
     set_.declare("b", {2.0, std::nullopt, ""});
     set_.declare("g", {std::int64_t{1}, ParameterRange{0, 1000}, ""});
     set_.declare("h", {std::string("up"), std::nullopt, "", false, {"up", "down"}});
     set_.declare("fixed", {true, std::nullopt, "", true, {}});
     set_.finish();
-    keeper_.begin("start");
+    storage_.begin("start");
     set_.set_applied(
-        [this](const std::vector<std::string>& names) { keeper_.on_changed(names, now, trial_time); });
+        [this](const std::vector<std::string>& names) { storage_.on_changed(names, now, trial_time); });
     write();
   }
 
   std::string set(const std::string& name, ParameterValue value) {
     return set_.set_atomically({{name, std::move(value)}})[0];
   }
-  Result<void, std::string> submit(ParameterKeeper::Request request) {
-    return keeper_.submit(request, now, trial_time, "now");
+  Result<void, std::string> submit(ParameterStorage::Request request) {
+    return storage_.submit(request, now, trial_time, "now");
   }
   /// @return the reason for refusal; empty: done and stored on disk
-  std::string ask(ParameterKeeper::Request request) {
+  std::string ask(ParameterStorage::Request request) {
     const auto done = submit(std::move(request));
     write();
     return done ? "" : done.error();
   }
   void write(bool ok = true) {
-    while (keeper_.to_write()) {
-      if (ok) disk_ = *keeper_.to_write();
-      keeper_.on_written(ok);
-      keeper_.poll(now);
+    while (storage_.to_write()) {
+      if (ok) disk_ = *storage_.to_write();
+      storage_.on_written(ok);
+      storage_.poll(now);
     }
   }
   void wait(nanoseconds time) {
     now = now + time;
-    keeper_.poll(now);
+    storage_.poll(now);
   }
   [[nodiscard]] std::int64_t a() const { return std::get<std::int64_t>(*set_.find("a")); }
   [[nodiscard]] double b() const { return std::get<double>(*set_.find("b")); }
@@ -77,10 +77,10 @@ class Node {
   [[nodiscard]] std::string stored() const { return to_text(set_.stored()); }
   std::vector<Kind> news() {
     std::vector<Kind> kinds;
-    for (const auto& n : keeper_.take_news()) kinds.push_back(n.kind);
+    for (const auto& n : storage_.take_news()) kinds.push_back(n.kind);
     return kinds;
   }
-  ParameterKeeper& keeper() { return keeper_; }
+  ParameterStorage& storage() { return storage_; }
   ParameterSet& parameters() { return set_; }
 
   MonotonicTime now{seconds(1000)};
@@ -88,7 +88,7 @@ class Node {
  private:
   std::string& disk_;
   ParameterSet set_;
-  ParameterKeeper keeper_{set_, "probe"};
+  ParameterStorage storage_{set_, "probe"};
 };
 
 class Keeping : public testing::Test {
@@ -105,7 +105,7 @@ TEST_F(Keeping, WithoutNamesKeepsWhatDiffersFromTheDeployment) {
   EXPECT_THAT(node->news(), ElementsAre(Kind::kept));
   restart();
   EXPECT_EQ(node->a(), 4);
-  EXPECT_EQ(node->keeper().history().generations.back().origin, "keep (test)");
+  EXPECT_EQ(node->storage().history().generations.back().origin, "keep (test)");
 
   ASSERT_EQ(node->set("a", std::int64_t{10}), "");
   ASSERT_EQ(node->set("b", 3.0), "");
@@ -157,7 +157,7 @@ TEST_F(Keeping, ForgetsOnDemand) {
 TEST_F(Keeping, OneAtATime) {
   ASSERT_EQ(node->set("a", std::int64_t{4}), "");
   ASSERT_TRUE(node->submit({}));
-  ASSERT_TRUE(node->keeper().to_write());
+  ASSERT_TRUE(node->storage().to_write());
   EXPECT_EQ(node->submit({}).error(), "another save is in progress");
   EXPECT_TRUE(node->submit({.operation = Operation::report}));
 }
@@ -167,7 +167,7 @@ TEST_F(Keeping, AFailedWriteKeepsNothing) {
   ASSERT_TRUE(node->submit({}));
   node->write(false);
   EXPECT_EQ(node->stored(), "");
-  EXPECT_TRUE(node->keeper().history().generations.empty());
+  EXPECT_TRUE(node->storage().history().generations.empty());
   EXPECT_EQ(node->ask({}), "");
   EXPECT_EQ(node->stored(), "a=4");
 }
@@ -180,7 +180,7 @@ TEST_F(Keeping, AGuardedValueGoesBackWhenItsTimeIsOver) {
   node->wait(seconds(1));
   EXPECT_EQ(node->g(), 100);
   EXPECT_THAT(node->news(), ElementsAre(Kind::reverted));
-  EXPECT_FALSE(node->keeper().deadline());
+  EXPECT_FALSE(node->storage().deadline());
   EXPECT_EQ(disk, "") << "nothing was to be kept";
 }
 
@@ -221,7 +221,7 @@ TEST_F(Keeping, AProcessThatDiesInATrialStartsWithoutItAndSaysSo) {
   restart();
   EXPECT_EQ(node->a(), 4);
   EXPECT_EQ(node->g(), 100);
-  const auto news = node->keeper().take_news();
+  const auto news = node->storage().take_news();
   ASSERT_EQ(news.size(), 1U);
   EXPECT_EQ(news[0].kind, Kind::reverted);
   EXPECT_EQ(to_text(news[0].values), "g=100");
@@ -248,7 +248,7 @@ TEST_F(Keeping, SetBackByHandIsNoTrialAnyMore) {
   ASSERT_EQ(node->set("g", std::int64_t{200}), "");
   EXPECT_EQ(node->ask({}), "");
   ASSERT_EQ(node->set("g", std::int64_t{100}), "");
-  EXPECT_FALSE(node->keeper().deadline());
+  EXPECT_FALSE(node->storage().deadline());
   EXPECT_EQ(node->ask({.operation = Operation::confirm}), "nothing is on trial");
   node->wait(seconds(0));
   node->write();
@@ -304,7 +304,7 @@ TEST_F(Keeping, AValueSetBackByHandWhileItIsConfirmedIsOnNoTrial) {
   ASSERT_EQ(node->set("g", std::int64_t{100}), "");
   node->write();
   EXPECT_EQ(node->stored(), "g=200") << "both were confirmed";
-  EXPECT_FALSE(node->keeper().deadline());
+  EXPECT_FALSE(node->storage().deadline());
   node->wait(trial_time * 2);
   EXPECT_EQ(node->g(), 100);
 }
@@ -361,21 +361,21 @@ TEST_F(Keeping, AFactoryResetEndsATrialAndCanBeUndone) {
   EXPECT_EQ(node->ask({}), "");
   ASSERT_EQ(node->set("g", std::int64_t{200}), "");
   EXPECT_EQ(node->ask({.operation = Operation::reset}), "");
-  EXPECT_FALSE(node->keeper().deadline());
+  EXPECT_FALSE(node->storage().deadline());
   EXPECT_EQ(node->g(), 100);
   EXPECT_EQ(node->a(), 10);
   restart();
   EXPECT_EQ(node->a(), 10);
-  EXPECT_EQ(node->keeper().history().generations.size(), 2U);
+  EXPECT_EQ(node->storage().history().generations.size(), 2U);
   EXPECT_EQ(node->ask({.operation = Operation::restore, .generation = 1}), "");
   EXPECT_EQ(node->a(), 4);
 }
 
-/// A model of the keeper's confirmed and stored values. It goes through random requests, waits, failed writes
-/// and kills at any time, including during a write.
-class KeeperModel {
+/// A model of the storage's confirmed and stored values. It goes through random requests, waits, failed
+/// writes and kills at any time, including during a write.
+class ParameterStorageModel {
  public:
-  explicit KeeperModel(unsigned seed) : random_(seed) {}
+  explicit ParameterStorageModel(unsigned seed) : random_(seed) {}
 
   void run(int steps) {
     for (int i = 0; i < steps && !testing::Test::HasFailure(); ++i) {
@@ -403,13 +403,13 @@ class KeeperModel {
         request({});
         break;
       case 5:
-        if (node_->keeper().to_write()) break;
+        if (node_->storage().to_write()) break;
         allowed_g_.insert(node_->g());
         allowed_h_.insert(node_->h());
         request({.operation = Operation::confirm});
         break;
       case 6: {
-        const auto& generations = node_->keeper().history().generations;
+        const auto& generations = node_->storage().history().generations;
         if (generations.empty()) break;
         const auto number = generations[pick(static_cast<unsigned>(generations.size()))].number;
         request({.operation = Operation::restore, .generation = number});
@@ -426,11 +426,11 @@ class KeeperModel {
     }
   }
 
-  void request(ParameterKeeper::Request request) {
-    const bool busy = node_->keeper().to_write().has_value();
+  void request(ParameterStorage::Request request) {
+    const bool busy = node_->storage().to_write().has_value();
     const auto done = node_->submit(std::move(request));
     EXPECT_FALSE(busy && done);
-    if (!node_->keeper().to_write() || busy) return;
+    if (!node_->storage().to_write() || busy) return;
     switch (pick(4)) {
       case 0:  // the write is still in progress
         break;
@@ -443,12 +443,12 @@ class KeeperModel {
   }
 
   void wait(nanoseconds time) {
-    const bool free = !node_->keeper().to_write();
-    const auto deadline = node_->keeper().deadline();
+    const bool free = !node_->storage().to_write();
+    const auto deadline = node_->storage().deadline();
     node_->wait(time);
     if (free && deadline && node_->now >= *deadline) {
-      EXPECT_FALSE(node_->keeper().deadline());
-      EXPECT_THAT(node_->keeper().on_trial(), IsEmpty());
+      EXPECT_FALSE(node_->storage().deadline());
+      EXPECT_THAT(node_->storage().on_trial(), IsEmpty());
       EXPECT_TRUE(allowed_g_.contains(node_->g())) << node_->g() << " was never confirmed";
       EXPECT_TRUE(allowed_h_.contains(node_->h()));
     }
@@ -457,7 +457,7 @@ class KeeperModel {
 
   /// Kills the process. After a kill during a write the file holds either the old or the new text.
   void die() {
-    if (node_->keeper().to_write() && pick(2) == 0) disk_ = *node_->keeper().to_write();
+    if (node_->storage().to_write() && pick(2) == 0) disk_ = *node_->storage().to_write();
     const auto read = disk_.empty() ? StoredFile{} : read_stored(disk_).value();
     node_ = std::make_unique<Node>(disk_);
     std::int64_t a = 10;
@@ -468,11 +468,11 @@ class KeeperModel {
     }
     EXPECT_EQ(node_->a(), a);
     EXPECT_EQ(node_->g(), g);
-    EXPECT_THAT(node_->keeper().on_trial(), IsEmpty());
+    EXPECT_THAT(node_->storage().on_trial(), IsEmpty());
   }
 
   void check() {
-    const ParameterHistory& history = node_->keeper().history();
+    const ParameterHistory& history = node_->storage().history();
     EXPECT_LE(history.generations.size(), ParameterHistory::most_generations);
     for (const ParameterGeneration& generation : history.generations) {
       for (const StoredParameter& p : generation.values) {
@@ -482,7 +482,7 @@ class KeeperModel {
         EXPECT_TRUE(allowed) << to_text(generation.values);
       }
     }
-    EXPECT_EQ(node_->keeper().on_trial().empty(), !node_->keeper().deadline());
+    EXPECT_EQ(node_->storage().on_trial().empty(), !node_->storage().deadline());
     const auto on_disk = disk_.empty() ? StoredFile{} : read_stored(disk_).value();
     EXPECT_EQ(on_disk.history, history);
   }
@@ -494,10 +494,10 @@ class KeeperModel {
   std::set<std::string> allowed_h_{"up"};
 };
 
-TEST(KeeperProperties, WhatNobodyConfirmedNeitherOutlivesItsTimeNorAnyDeath) {
+TEST(ParameterStorageProperties, WhatNobodyConfirmedNeitherOutlivesItsTimeNorAnyDeath) {
   for (unsigned seed = 0; seed < (testing_support::slow ? 20 : 80) && !testing::Test::HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
-    KeeperModel(seed).run(150);
+    ParameterStorageModel(seed).run(150);
   }
 }
 
@@ -507,7 +507,7 @@ TEST(KeeperProperties, WhatNobodyConfirmedNeitherOutlivesItsTimeNorAnyDeath) {
   Node node(disk);
   for (std::int64_t a = 1;; ++a) {
     if (!node.set("a", a % 1000).empty() || !node.submit({})) _exit(1);
-    if (!write_file_atomically(file, node.keeper().to_write().value_or(""))) _exit(2);
+    if (!write_file_atomically(file, node.storage().to_write().value_or(""))) _exit(2);
     node.write();
     if (write(say, &a, sizeof(a)) != sizeof(a)) _exit(3);
   }

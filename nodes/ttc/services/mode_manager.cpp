@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/services/mode_keeper.hpp"
+#include "nodes/ttc/services/mode_manager.hpp"
 
 #include "nodes/ttc/checked_text.hpp"
 
@@ -13,7 +13,7 @@ std::string stored_form(Mode mode) {
 
 }  // namespace
 
-ModeKeeper::ModeKeeper(StoredModeState state, std::string_view stored, Mode initial) {
+ModeManager::ModeManager(StoredModeState state, std::string_view stored, Mode initial) {
   if (state == StoredModeState::first_start) {
     mode_ = initial;
     reason_ = "first start";
@@ -27,14 +27,14 @@ ModeKeeper::ModeKeeper(StoredModeState state, std::string_view stored, Mode init
   }
 }
 
-std::string ModeKeeper::change(Mode mode, std::string reason) {
+std::string ModeManager::change(Mode mode, std::string reason) {
   mode_ = mode;
   reason_ = std::move(reason);
   if (reason_.size() > longest_reason) reason_.resize(longest_reason);
   return stored_text();
 }
 
-std::string ModeKeeper::stored_text() const {
+std::string ModeManager::stored_text() const {
   return stored_form(mode_);
 }
 

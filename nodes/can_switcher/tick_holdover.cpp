@@ -1,17 +1,17 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/can_switcher/tick_flywheel.hpp"
+#include "nodes/can_switcher/tick_holdover.hpp"
 
 #include <algorithm>
 #include <utility>
 
 namespace srfs {
 
-nanoseconds TickFlywheel::grace(nanoseconds period) {
+nanoseconds TickHoldover::grace(nanoseconds period) {
   return std::max<nanoseconds>(period / 4, milliseconds(5));
 }
 
-TickFlywheel::Heard TickFlywheel::on_tick(const HeardTick& tick) {
+TickHoldover::Heard TickHoldover::on_tick(const HeardTick& tick) {
   if (!follows(tick.cycle)) {
     ++counters_.repeated;
     return {};
@@ -41,17 +41,17 @@ TickFlywheel::Heard TickFlywheel::on_tick(const HeardTick& tick) {
   return heard;
 }
 
-std::optional<TickFlywheel::Outage> TickFlywheel::end_outage(MonotonicTime at) {
+std::optional<TickHoldover::Outage> TickHoldover::end_outage(MonotonicTime at) {
   const Outage outage{std::exchange(in_a_row_, 0), at - last_real_};
   return std::exchange(told_, false) ? std::optional(outage) : std::nullopt;
 }
 
-std::optional<MonotonicTime> TickFlywheel::next_substitute() const {
+std::optional<MonotonicTime> TickHoldover::next_substitute() const {
   if (!turning_ || period_ == nanoseconds(0)) return std::nullopt;
   return phase_ + period_ + (in_a_row_ == 0 ? grace(period_) : nanoseconds(0));
 }
 
-TickFlywheel::Substitute TickFlywheel::on_deadline(MonotonicTime now) {
+TickHoldover::Substitute TickHoldover::on_deadline(MonotonicTime now) {
   const auto due = next_substitute();
   if (!due || now < *due) return Substitute::not_due;
   phase_ = phase_ + period_ * ((now - phase_) / period_);
@@ -64,19 +64,19 @@ TickFlywheel::Substitute TickFlywheel::on_deadline(MonotonicTime now) {
   return Substitute::beat_in_outage;
 }
 
-std::optional<TickFlywheel::Outage> TickFlywheel::stop(MonotonicTime now) {
+std::optional<TickHoldover::Outage> TickHoldover::stop(MonotonicTime now) {
   turning_ = false;
   return end_outage(now);
 }
 
-void TickFlywheel::rest() {
+void TickHoldover::rest() {
   turning_ = false;
   last_beat_.reset();
   in_a_row_ = 0;
   told_ = false;
 }
 
-bool TickFlywheel::follows(MissionCycle cycle) {
+bool TickHoldover::follows(MissionCycle cycle) {
   const auto plausible_after = [cycle](const std::optional<MissionCycle>& before, MissionCycle farthest) {
     return before && cycle > *before && cycle - *before <= farthest;
   };

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/files/file_desk.hpp"
+#include "nodes/ttc/files/file_manager.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -96,7 +96,8 @@ std::uint64_t operation_of(const cfdp::Report& report) {
   return report.id.source << 32 | (report.id.sequence & UINT32_MAX);
 }
 
-FileOutcome FileDesk::serve(cfdp::Postbox& postbox, const FileOrder& order, MonotonicTime now) {
+FileOutcome FileManager::serve(cfdp::TransferFolders& transfer_folders, const FileOrder& order,
+                               MonotonicTime now) {
   if (reading_ && reading_->order != order.number) reading_.reset();  // no order waits for it any more
   if (!tree_) {
     auto opened = cfdp::FileTree::open(root_);
@@ -105,7 +106,7 @@ FileOutcome FileDesk::serve(cfdp::Postbox& postbox, const FileOrder& order, Mono
   }
   switch (order.action) {
     case FileAction::delete_file:
-      return delete_file(postbox, order);
+      return delete_file(transfer_folders, order);
     case FileAction::report_attributes:
       return report_attributes(order);
     case FileAction::make_folder:
@@ -114,21 +115,22 @@ FileOutcome FileDesk::serve(cfdp::Postbox& postbox, const FileOrder& order, Mono
     case FileAction::list:
       return list(order);
     case FileAction::copy:
-      return copy(postbox, order);
+      return copy(transfer_folders, order);
     case FileAction::suspend:
     case FileAction::resume:
     case FileAction::abort:
-      return change_copies(postbox, order, now);
+      return change_copies(transfer_folders, order, now);
     case FileAction::report_copies:
-      return report_copies(postbox);
+      return report_copies(transfer_folders);
   }
   return failed(mission::failure::not_done);
 }
 
-FileOutcome FileDesk::delete_file(const cfdp::Postbox& postbox, const FileOrder& order) const {
+FileOutcome FileManager::delete_file(const cfdp::TransferFolders& transfer_folders,
+                                     const FileOrder& order) const {
   if (!is_single(order.name)) return failed(mission::failure::bad_file_name);
   const std::string name = joined(order.repository, order.name);
-  for (const cfdp::Report& report : postbox.entity().transactions()) {
+  for (const cfdp::Report& report : transfer_folders.entity().transactions()) {
     const bool reads_it =
         report.role == cfdp::Role::sending && !report.cancelled && report.source_file == name;
     if (reads_it) return failed(mission::failure::file_in_use);
@@ -138,7 +140,7 @@ FileOutcome FileDesk::delete_file(const cfdp::Postbox& postbox, const FileOrder&
   return outcome_of(removed);
 }
 
-FileOutcome FileDesk::report_attributes(const FileOrder& order) {
+FileOutcome FileManager::report_attributes(const FileOrder& order) {
   if (!is_single(order.name)) return failed(mission::failure::bad_file_name);
   const std::string name = joined(order.repository, order.name);
   if (!reading_) {
@@ -179,7 +181,7 @@ FileOutcome FileDesk::report_attributes(const FileOrder& order) {
   return {.report_subtype = mission::FileAttributes::subtype, .reports = {report.encoded()}};
 }
 
-FileOutcome FileDesk::change_folder(const FileOrder& order) const {
+FileOutcome FileManager::change_folder(const FileOrder& order) const {
   if (!is_single(order.name)) return failed(mission::failure::bad_file_name);
   const std::string name = joined(order.repository, order.name);
   if (order.action == FileAction::make_folder) return outcome_of(tree_->make_folder(name));
@@ -189,7 +191,7 @@ FileOutcome FileDesk::change_folder(const FileOrder& order) const {
   return outcome_of(removed);
 }
 
-FileOutcome FileDesk::list(const FileOrder& order) const {
+FileOutcome FileManager::list(const FileOrder& order) const {
   const auto page = tree_->list(order.repository, order.name, order.most);
   if (!page) return failed(code_of(page.error()));
   FileOutcome outcome{.report_subtype = mission::RepositorySummary::subtype};
@@ -209,7 +211,7 @@ FileOutcome FileDesk::list(const FileOrder& order) const {
   return outcome;
 }
 
-FileOutcome FileDesk::copy(cfdp::Postbox& postbox, const FileOrder& order) const {
+FileOutcome FileManager::copy(cfdp::TransferFolders& transfer_folders, const FileOrder& order) const {
   const bool to_ground = order.target_repository.starts_with(ground_prefix);
   if (!to_ground || order.repository.starts_with(ground_prefix))
     return failed(mission::failure::copy_not_supported);
@@ -218,7 +220,7 @@ FileOutcome FileDesk::copy(cfdp::Postbox& postbox, const FileOrder& order) const
   const std::string source = joined(order.repository, order.name);
   const std::string target = joined(order.target_repository.substr(ground_prefix.size()), target_name);
   const std::uint64_t operation = order.operations.front();
-  for (const cfdp::Report& report : postbox.entity().transactions()) {
+  for (const cfdp::Report& report : transfer_folders.entity().transactions()) {
     if (report.role != cfdp::Role::sending) continue;
     const bool is_same = report.source_file == source && report.destination_file == target;
     if (report.operation == operation)
@@ -228,7 +230,7 @@ FileOutcome FileDesk::copy(cfdp::Postbox& postbox, const FileOrder& order) const
       return failed(mission::failure::file_in_use);
   }
   if (const auto stamp = tree_->stamp(source); !stamp) return failed(code_of(stamp.error()));
-  const auto sent = postbox.send(source, target, operation);
+  const auto sent = transfer_folders.send(source, target, operation);
   if (sent) return {};
   switch (sent.error()) {
     case cfdp::PutError::no_room:
@@ -243,9 +245,10 @@ FileOutcome FileDesk::copy(cfdp::Postbox& postbox, const FileOrder& order) const
   return failed(mission::failure::disk_failed);
 }
 
-FileOutcome FileDesk::change_copies(cfdp::Postbox& postbox, const FileOrder& order, MonotonicTime now) {
+FileOutcome FileManager::change_copies(cfdp::TransferFolders& transfer_folders, const FileOrder& order,
+                                       MonotonicTime now) {
   std::vector<cfdp::TransactionId> chosen;
-  const std::vector<cfdp::Report> under_way = postbox.entity().transactions();
+  const std::vector<cfdp::Report> under_way = transfer_folders.entity().transactions();
   if (order.all_in_repository) {
     for (const cfdp::Report& report : under_way) {
       if (is_within(own_name(report), order.repository)) chosen.push_back(report.id);
@@ -264,16 +267,16 @@ FileOutcome FileDesk::change_copies(cfdp::Postbox& postbox, const FileOrder& ord
     }
   }
   for (const cfdp::TransactionId id : chosen) {
-    if (order.action == FileAction::suspend) postbox.entity().suspend(id);
-    if (order.action == FileAction::resume) postbox.entity().resume(id, now);
-    if (order.action == FileAction::abort) postbox.entity().cancel(id, now);
+    if (order.action == FileAction::suspend) transfer_folders.entity().suspend(id);
+    if (order.action == FileAction::resume) transfer_folders.entity().resume(id, now);
+    if (order.action == FileAction::abort) transfer_folders.entity().cancel(id, now);
   }
   return {};
 }
 
-FileOutcome FileDesk::report_copies(const cfdp::Postbox& postbox) {
+FileOutcome FileManager::report_copies(const cfdp::TransferFolders& transfer_folders) {
   FileOutcome outcome{.report_subtype = mission::FileCopyStatus::subtype};
-  const std::vector<cfdp::Report> under_way = postbox.entity().transactions();
+  const std::vector<cfdp::Report> under_way = transfer_folders.entity().transactions();
   auto left = static_cast<std::uint16_t>(under_way.size());
   for (const cfdp::Report& copy : under_way) {
     mission::FileCopyStatus report;

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/timing/boot_keeper.hpp"
+#include "nodes/timing/boot_recorder.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +9,10 @@ namespace {
 
 using mission::ResetCause;
 
-constexpr BootKeeper::Settings settings{.healthy_after = seconds(60), .withheld_after = seconds(5)};
+constexpr BootRecorder::Settings settings{.healthy_after = seconds(60), .withheld_after = seconds(5)};
 
-BootKeeper boot(const std::optional<wire::BootRecord>& before, const std::string& id,
-                std::optional<bool> by_watchdog = std::nullopt) {
+BootRecorder boot(const std::optional<wire::BootRecord>& before, const std::string& id,
+                  std::optional<bool> by_watchdog = std::nullopt) {
   return {before, {id, by_watchdog}, settings};
 }
 
@@ -21,9 +21,9 @@ wire::BootRecord running(std::uint32_t count = 3) {
 }
 
 /// Feeds each second from @p from for @p length.
-void feed(BootKeeper& keeper, seconds from, seconds length, std::optional<UtcTime> utc = std::nullopt) {
+void feed(BootRecorder& recorder, seconds from, seconds length, std::optional<UtcTime> utc = std::nullopt) {
   for (seconds t{0}; t <= length; ++t)
-    keeper.on_feeding(true, MonotonicTime(from + t), utc ? std::optional(*utc + t) : std::nullopt);
+    recorder.on_feeding(true, MonotonicTime(from + t), utc ? std::optional(*utc + t) : std::nullopt);
 }
 
 TEST(BootRecord, ReadsWhatItWrites) {
@@ -51,13 +51,13 @@ TEST(BootRecord, NoticesAnyChangedOctet) {
   }
 }
 
-TEST(BootKeeper, CountsBootsAndNotStartsOfTheNode) {
-  BootKeeper first = boot(std::nullopt, "a");
+TEST(BootRecorder, CountsBootsAndNotStartsOfTheNode) {
+  BootRecorder first = boot(std::nullopt, "a");
   EXPECT_TRUE(first.is_new_boot());
   EXPECT_EQ(first.record().count, 1U);
   EXPECT_EQ(first.cause(), ResetCause::power_on);
 
-  BootKeeper restarted = boot(first.take_unwritten(), "a", true);
+  BootRecorder restarted = boot(first.take_unwritten(), "a", true);
   EXPECT_FALSE(restarted.is_new_boot());
   EXPECT_EQ(restarted.record().count, 1U);
   EXPECT_EQ(restarted.cause(), ResetCause::power_on)
@@ -67,7 +67,7 @@ TEST(BootKeeper, CountsBootsAndNotStartsOfTheNode) {
   EXPECT_EQ(boot(restarted.record(), "b").record().count, 2U);
 }
 
-TEST(BootKeeper, FindsTheCauseInWhatTheWatchdogAndTheLastBootSay) {
+TEST(BootRecorder, FindsTheCauseInWhatTheWatchdogAndTheLastBootSay) {
   wire::BootRecord withheld = running();
   withheld.withheld = true;
   wire::BootRecord ended = running();
@@ -91,62 +91,62 @@ TEST(BootKeeper, FindsTheCauseInWhatTheWatchdogAndTheLastBootSay) {
   for (const auto& c : cases) EXPECT_EQ(boot(c.before, "b", c.by_watchdog).cause(), c.cause) << c.why;
 }
 
-TEST(BootKeeper, CallsABootHealthyAfterItsTimeWithoutAGap) {
+TEST(BootRecorder, CallsABootHealthyAfterItsTimeWithoutAGap) {
   const UtcTime noon(seconds(1795248000));
-  BootKeeper keeper = boot(running(), "b", false);
-  ASSERT_TRUE(keeper.take_unwritten());
-  feed(keeper, seconds(100), seconds(59), noon);
-  EXPECT_FALSE(keeper.record().healthy);
-  keeper.on_feeding(false, MonotonicTime(seconds(160)), noon);
-  feed(keeper, seconds(161), seconds(59), noon + seconds(61));
-  EXPECT_FALSE(keeper.record().healthy) << "it begins anew after a gap";
-  EXPECT_FALSE(keeper.take_unwritten());
+  BootRecorder recorder = boot(running(), "b", false);
+  ASSERT_TRUE(recorder.take_unwritten());
+  feed(recorder, seconds(100), seconds(59), noon);
+  EXPECT_FALSE(recorder.record().healthy);
+  recorder.on_feeding(false, MonotonicTime(seconds(160)), noon);
+  feed(recorder, seconds(161), seconds(59), noon + seconds(61));
+  EXPECT_FALSE(recorder.record().healthy) << "it begins anew after a gap";
+  EXPECT_FALSE(recorder.take_unwritten());
 
-  feed(keeper, seconds(221), seconds(0), noon + seconds(121));
-  EXPECT_TRUE(keeper.record().healthy);
-  EXPECT_EQ(keeper.record().healthy_since, noon + seconds(61));
-  EXPECT_TRUE(keeper.take_unwritten());
+  feed(recorder, seconds(221), seconds(0), noon + seconds(121));
+  EXPECT_TRUE(recorder.record().healthy);
+  EXPECT_EQ(recorder.record().healthy_since, noon + seconds(61));
+  EXPECT_TRUE(recorder.take_unwritten());
 }
 
-TEST(BootKeeper, DoesNotTakeTheTimeInWhichTheSuiteWasStoppedForHealthy) {
-  BootKeeper keeper = boot(running(), "b");
-  feed(keeper, seconds(100), seconds(1));
-  feed(keeper, seconds(5000), seconds(1));
-  EXPECT_FALSE(keeper.record().healthy);
+TEST(BootRecorder, DoesNotTakeTheTimeInWhichTheSuiteWasStoppedForHealthy) {
+  BootRecorder recorder = boot(running(), "b");
+  feed(recorder, seconds(100), seconds(1));
+  feed(recorder, seconds(5000), seconds(1));
+  EXPECT_FALSE(recorder.record().healthy);
 }
 
-TEST(BootKeeper, CountsBootsInARowThatNeverBecameHealthy) {
-  BootKeeper first = boot(std::nullopt, "a");
-  BootKeeper second = boot(first.record(), "b");
-  BootKeeper third = boot(second.record(), "c");
+TEST(BootRecorder, CountsBootsInARowThatNeverBecameHealthy) {
+  BootRecorder first = boot(std::nullopt, "a");
+  BootRecorder second = boot(first.record(), "b");
+  BootRecorder third = boot(second.record(), "c");
   EXPECT_EQ(third.record().unhealthy_boots, 2U);
   feed(third, seconds(100), seconds(60));
   ASSERT_TRUE(third.record().healthy);
   EXPECT_EQ(boot(third.record(), "d").record().unhealthy_boots, 0U);
 }
 
-TEST(BootKeeper, NotesThatTheWatchdogIsNotFedBeforeItBites) {
-  BootKeeper keeper = boot(running(), "b");
-  ASSERT_TRUE(keeper.take_unwritten());
-  keeper.on_feeding(false, MonotonicTime(seconds(10)), std::nullopt);
-  keeper.on_feeding(false, MonotonicTime(seconds(14)), std::nullopt);
-  EXPECT_FALSE(keeper.take_unwritten()) << "a start takes its time";
-  keeper.on_feeding(false, MonotonicTime(seconds(15)), std::nullopt);
-  ASSERT_TRUE(keeper.record().withheld);
-  EXPECT_TRUE(keeper.take_unwritten());
-  EXPECT_FALSE(keeper.take_unwritten());
+TEST(BootRecorder, NotesThatTheWatchdogIsNotFedBeforeItBites) {
+  BootRecorder recorder = boot(running(), "b");
+  ASSERT_TRUE(recorder.take_unwritten());
+  recorder.on_feeding(false, MonotonicTime(seconds(10)), std::nullopt);
+  recorder.on_feeding(false, MonotonicTime(seconds(14)), std::nullopt);
+  EXPECT_FALSE(recorder.take_unwritten()) << "a start takes its time";
+  recorder.on_feeding(false, MonotonicTime(seconds(15)), std::nullopt);
+  ASSERT_TRUE(recorder.record().withheld);
+  EXPECT_TRUE(recorder.take_unwritten());
+  EXPECT_FALSE(recorder.take_unwritten());
 
-  keeper.on_write_failed();
-  EXPECT_TRUE(keeper.take_unwritten()) << "once more";
-  feed(keeper, seconds(16), seconds(0));
-  EXPECT_FALSE(keeper.record().withheld);
+  recorder.on_write_failed();
+  EXPECT_TRUE(recorder.take_unwritten()) << "once more";
+  feed(recorder, seconds(16), seconds(0));
+  EXPECT_FALSE(recorder.record().withheld);
 }
 
-TEST(BootKeeper, ForgetsTheEndOfTheNodeWhenItIsBackInTheSameBoot) {
-  BootKeeper keeper = boot(running(), "b");
-  keeper.on_feeding_ended();
-  keeper.on_end();
-  const BootKeeper again = boot(keeper.record(), "b");
+TEST(BootRecorder, ForgetsTheEndOfTheNodeWhenItIsBackInTheSameBoot) {
+  BootRecorder recorder = boot(running(), "b");
+  recorder.on_feeding_ended();
+  recorder.on_end();
+  const BootRecorder again = boot(recorder.record(), "b");
   EXPECT_FALSE(again.record().ended);
   EXPECT_FALSE(again.record().withheld);
 }

@@ -25,13 +25,13 @@ struct News {
 /// names, and is removed when the peer has it; what cannot be sent is moved to ROOT/unsent. What comes stands
 /// below ROOT. Put a file into the outbox by renaming it: a file that changes while it is sent is not sent.
 /// The outbox is the queue, so it survives everything. Blocks on the disk.
-class Postbox {
+class TransferFolders {
  public:
   static constexpr std::size_t sending_max = 8;          ///< at once; the rest stays in the outbox
   static constexpr std::size_t outbox_files_max = 1024;  ///< read by one scan()
 
   /// @param checkpoint file of the entity's checkpoint; a damaged one is a fresh start (damaged() reports it)
-  [[nodiscard]] static Result<std::unique_ptr<Postbox>, FileError> open(
+  [[nodiscard]] static Result<std::unique_ptr<TransferFolders>, FileError> open(
       const std::filesystem::path& root, const std::filesystem::path& checkpoint, const Settings& settings,
       std::uint64_t first_sequence, MonotonicTime now);
 
@@ -57,8 +57,8 @@ class Postbox {
   [[nodiscard]] std::optional<TransactionId> sending(const std::string& name) const;
 
  private:
-  Postbox(std::filesystem::path root, std::unique_ptr<PosixFileStore> store, const Settings& settings,
-          std::uint64_t first_sequence);
+  TransferFolders(std::filesystem::path root, std::unique_ptr<PosixFileStore> store, const Settings& settings,
+                  std::uint64_t first_sequence);
   void look_at_transactions();
   void leave_outbox(const std::string& source_file, bool sent);
 
@@ -72,7 +72,7 @@ class Postbox {
 };
 
 /// What a worker does in one go for an owner that must not block.
-struct PostboxTurn {
+struct TransferTurn {
   std::vector<Octets> received = {};
   std::size_t room_octets = 0;  ///< for PDUs, each with its overhead
   std::size_t pdu_octets_max = 0;
@@ -81,7 +81,7 @@ struct PostboxTurn {
   bool scan = false;
   bool contact = false;
 };
-struct PostboxTurnResult {
+struct TransferTurnResult {
   std::vector<Octets> pdus = {};
   std::vector<News> news = {};
   std::optional<MonotonicTime> next_due = {};
@@ -89,7 +89,8 @@ struct PostboxTurnResult {
   std::size_t transactions = 0;
   std::size_t resting = 0;
 };
-[[nodiscard]] PostboxTurnResult take_turn(Postbox& postbox, const PostboxTurn& turn, MonotonicTime now);
+[[nodiscard]] TransferTurnResult take_turn(TransferFolders& transfer_folders, const TransferTurn& turn,
+                                           MonotonicTime now);
 
 /// The PDU in a Space Packet of APID 2045; nullopt: another packet, or a malformed one.
 [[nodiscard]] std::optional<OctetView> pdu_in_packet(OctetView packet);

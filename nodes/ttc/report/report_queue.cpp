@@ -1,10 +1,10 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "nodes/ttc/report/report_outbox.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 
 namespace srfs {
 
-void ReportOutbox::success(const TelecommandOrigin& origin, Stage stage, std::uint8_t step) {
+void ReportQueue::success(const TelecommandOrigin& origin, Stage stage, std::uint8_t step) {
   if (stage == Stage::acceptance) ++counters_.accepted;
   if (stage == Stage::start) ++counters_.started;
   if (stage == Stage::completion) ++counters_.completed;
@@ -21,8 +21,8 @@ void ReportOutbox::success(const TelecommandOrigin& origin, Stage stage, std::ui
   if (stage == Stage::completion) reports_.back().ends = origin.id;
 }
 
-void ReportOutbox::failure(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code,
-                           OctetView data, std::uint8_t step) {
+void ReportQueue::failure(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code,
+                          OctetView data, std::uint8_t step) {
   ++(is_before_start(stage) ? counters_.rejected : counters_.failed);
   remember(origin, {.id = origin.id,
                     .stage = stage,
@@ -34,19 +34,19 @@ void ReportOutbox::failure(const TelecommandOrigin& origin, Stage stage, std::ui
   if (stage == Stage::start || stage == Stage::completion) reports_.back().ends = origin.id;
 }
 
-void ReportOutbox::success_again(const TelecommandOrigin& origin, Stage stage, bool stored) {
+void ReportQueue::success_again(const TelecommandOrigin& origin, Stage stage, bool stored) {
   if (!wants_success(origin, stage)) return;
   reports_.push_back(success_report(origin, stage));
   reports_.back().again = !stored;
 }
 
-void ReportOutbox::failure_again(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code,
-                                 OctetView data, std::uint8_t step, bool stored) {
+void ReportQueue::failure_again(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code,
+                                OctetView data, std::uint8_t step, bool stored) {
   reports_.push_back(failure_report(origin, stage, failure_code, data, step));
   reports_.back().again = !stored;
 }
 
-void ReportOutbox::remember(const TelecommandOrigin& origin, const StageReached& reached) {
+void ReportQueue::remember(const TelecommandOrigin& origin, const StageReached& reached) {
   if (reached.id != 0) stages_.push_back(reached);
   if (!is_before_start(reached.stage) && (!last_.any || last_.origin.request != origin.request)) return;
   last_ = LastTelecommand{.origin = origin,

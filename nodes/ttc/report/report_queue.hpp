@@ -44,9 +44,9 @@ struct StageReached {
   }
 };
 
-/// Reports on their way to the ground, in order. Everything that handles telecommands writes into one outbox,
+/// Reports on their way to the ground, in order. Everything that handles telecommands writes into one queue,
 /// which also honours their acknowledgement flags.
-class ReportOutbox {
+class ReportQueue {
  public:
   void success(const TelecommandOrigin& origin, Stage stage, std::uint8_t step = 0);
   void failure(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code, OctetView data = {},

@@ -39,7 +39,7 @@ struct ParameterNews {
 /// parameter is on trial from when its value leaves the one that was confirmed last (at first: that of the
 /// start) until confirm() or until the time is over; then all that is on trial goes back together. A value on
 /// trial is in no generation, so a process that dies, whenever that is, starts without it.
-class ParameterKeeper {
+class ParameterStorage {
  public:
   enum class Operation : std::uint8_t { keep, forget, confirm, restore, reset, report };
   /// As srfs_msgs/srv/SaveParameters.
@@ -52,7 +52,7 @@ class ParameterKeeper {
   };
 
   /// @p parameters outlives this.
-  ParameterKeeper(ParameterSet& parameters, std::string node) : set_(parameters), node_(std::move(node)) {}
+  ParameterStorage(ParameterSet& parameters, std::string node) : set_(parameters), node_(std::move(node)) {}
 
   /// What the disk has. Before the first declaration.
   void load(ParameterHistory history);
