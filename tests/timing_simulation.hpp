@@ -26,7 +26,7 @@ class TimingSimulation {
     std::int64_t second = 0;  ///< since the start
     nanoseconds error{0};     ///< mission time minus true time, at a true second
     std::optional<nanoseconds> estimated;
-    SyncState state = SyncState::unlocked;
+    mission::SyncState state = mission::SyncState::unlocked;
     bool time_valid = false;
   };
 

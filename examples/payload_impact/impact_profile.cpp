@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 
 float ImpactFlux::add(MissionCycle cycle, std::uint32_t impacts) {
@@ -29,7 +31,7 @@ Result<PayloadCommand, FailureCode> ImpactProfile::decode_command(std::uint16_t 
     case mission::ImpactPowerCyclePeripheral::function_id:
       return to_power_cycle<mission::ImpactPowerCyclePeripheral>(arguments);
     default:
-      return Err(FailureCode::unknown_function);
+      return Err(mission::failure::unknown_function);
   }
 }
 

@@ -54,6 +54,11 @@ class OctetWriter {
   bool ok_ = true;
 };
 
+/// Big-endian.
+[[nodiscard]] inline Octets octets_of_u16(std::uint16_t value) {
+  return {static_cast<std::uint8_t>(value >> 8), static_cast<std::uint8_t>(value)};
+}
+
 /// Reads big-endian fields. Past the end every read gives zero (or an empty view) and ok() turns false.
 class OctetReader {
  public:

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "commanding/commanded_node.hpp"
 
+#include <mission/structures.hpp>
+
 #include "base/file.hpp"
 #include "commanding/messages.hpp"
 
@@ -38,11 +40,11 @@ void CommandedNode::on_telecommand(const srfs_msgs::msg::Telecommand& message) {
   if (!journal_->repeat_reports(telecommand.id)) {
     const FailureCode refusal = check(telecommand.function, telecommand.arguments);
     if (!is_active()) {
-      journal_->refuse(telecommand.id, FailureCode::node_not_active);
-    } else if (refusal != FailureCode::none) {
+      journal_->refuse(telecommand.id, mission::failure::node_not_active);
+    } else if (refusal != mission::failure::none) {
       journal_->refuse(telecommand.id, refusal);
     } else if (telecommand.has_expired(now())) {
-      journal_->refuse(telecommand.id, FailureCode::expired);
+      journal_->refuse(telecommand.id, mission::failure::expired);
     } else {
       journal_->add(std::move(telecommand));
     }
@@ -101,7 +103,7 @@ void CommandedNode::write_journal() {
 void CommandedNode::on_written(std::uint64_t revision, bool ok) {
   written_ = revision;  // what failed is not written again for its own sake
   journal_->on_written(revision, ok);
-  if (!ok && awaits_record_) journal_->finish(FailureCode::storage_unavailable);
+  if (!ok && awaits_record_) journal_->finish(mission::failure::storage_unavailable);
   if (!ok) awaits_record_ = false;
 }
 

@@ -5,6 +5,8 @@
 #include <memory>
 #include <optional>
 
+#include <mission/structures.hpp>
+
 #include "base/bounded_queue.hpp"
 #include "commanding/telecommand_journal.hpp"
 #include "ros/node.hpp"
@@ -26,7 +28,7 @@ class CommandedNode : public ros::LifecycleNode {
   /// In on_cleanup, on_shutdown and on_error: what is not done stays on disk. Blocks until the last write.
   void close_commanding();
 
-  /// Why a telecommand is refused before it is stored; FailureCode::none: it is not.
+  /// Why a telecommand is refused before it is stored; mission::failure::none: it is not.
   [[nodiscard]] virtual FailureCode check(std::uint16_t function, OctetView arguments) const = 0;
   /// Executes one that passed check(). It ends with a call of finished(), now or later.
   virtual void execute(const StoredTelecommand& telecommand) = 0;

@@ -34,7 +34,7 @@ srfs_msgs::msg::TelecommandReport to_message(const StageReport& report, const st
   m.node_incarnation = incarnation;
   m.stage = static_cast<std::uint8_t>(report.stage);
   m.success = report.success;
-  m.failure_code = static_cast<std::uint16_t>(report.failure);
+  m.failure_code = report.failure;
   m.monotonic_ns = static_cast<std::uint64_t>(now.ns());
   return m;
 }

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cassert>
 
+#include <mission/structures.hpp>
+
 #include "wire/crc16.hpp"
 
 namespace srfs {
@@ -21,7 +23,7 @@ void encode_report(OctetWriter& out, const StageReport& report, bool was_reporte
   out.u64(report.id);
   out.u8(static_cast<std::uint8_t>(report.stage));
   out.u8(static_cast<std::uint8_t>((report.success ? succeeded : 0) | (was_reported ? reported : 0)));
-  out.u16(static_cast<std::uint16_t>(report.failure));
+  out.u16(report.failure);
 }
 
 /// @return and whether it was reported
@@ -31,7 +33,7 @@ std::pair<StageReport, bool> decode_report(OctetReader& in) {
   report.stage = static_cast<TelecommandStage>(in.u8());
   const std::uint8_t flags = in.u8();
   report.success = (flags & succeeded) != 0;
-  report.failure = static_cast<FailureCode>(in.u16());
+  report.failure = in.u16();
   return {report, (flags & reported) != 0};
 }
 
@@ -105,7 +107,7 @@ Result<void, JournalError> TelecommandJournal::restore(OctetView content) {
   for (Pending& p : pending) {
     const std::uint64_t id = p.telecommand.id;
     if (p.started) {
-      remember({id, TelecommandStage::completed, false, FailureCode::interrupted});
+      remember({id, TelecommandStage::completed, false, mission::failure::interrupted});
     } else if (!same_boot) {
       remember(too_late(p));
     } else {
@@ -144,7 +146,7 @@ TelecommandJournal::Arrival TelecommandJournal::add(StoredTelecommand telecomman
   if (repeat_reports(telecommand.id)) return Arrival::known;
   ++counters_.arrived;
   if (pending_.size() == capacity) {
-    refuse(telecommand.id, FailureCode::queue_full);
+    refuse(telecommand.id, mission::failure::queue_full);
     return Arrival::full;
   }
   Pending p;
@@ -162,9 +164,9 @@ void TelecommandJournal::refuse(std::uint64_t id, FailureCode why) {
 StageReport TelecommandJournal::too_late(const Pending& pending) {
   const std::uint64_t id = pending.telecommand.id;
   if (pending.restored && pending.telecommand.repeat != RepeatClass::at_most_once)
-    return {id, TelecommandStage::completed, false, FailureCode::interrupted};
+    return {id, TelecommandStage::completed, false, mission::failure::interrupted};
   ++counters_.expired;
-  return {id, TelecommandStage::started, false, FailureCode::expired};
+  return {id, TelecommandStage::started, false, mission::failure::expired};
 }
 
 const StoredTelecommand* TelecommandJournal::next(MonotonicTime now) {
@@ -210,7 +212,7 @@ bool TelecommandJournal::attempt_failed(FailureCode why) {
   assert(!pending_.empty());
   const Pending& front = pending_.front();
   if (front.telecommand.repeat == RepeatClass::at_most_once) {
-    finish(FailureCode::interrupted);
+    finish(mission::failure::interrupted);
     return false;
   }
   if (front.attempts < attempts_allowed) return true;
@@ -221,13 +223,13 @@ bool TelecommandJournal::attempt_failed(FailureCode why) {
 void TelecommandJournal::on_ids_lost() {
   if (pending_.empty() || pending_.front().telecommand.repeat != RepeatClass::by_id) return;
   // Those behind the first have never been sent.
-  if (pending_.front().attempts > 0 || pending_.front().restored) finish(FailureCode::interrupted);
+  if (pending_.front().attempts > 0 || pending_.front().restored) finish(mission::failure::interrupted);
 }
 
 void TelecommandJournal::finish(FailureCode outcome) {
   assert(!pending_.empty());
-  end_front(
-      {pending_.front().telecommand.id, TelecommandStage::completed, outcome == FailureCode::none, outcome});
+  end_front({pending_.front().telecommand.id, TelecommandStage::completed, outcome == mission::failure::none,
+             outcome});
 }
 
 void TelecommandJournal::end_front(const StageReport& report) {
@@ -266,7 +268,7 @@ void TelecommandJournal::on_written(std::uint64_t revision, bool ok) {
 
 void TelecommandJournal::drop_unaccepted() {
   const auto dropped = std::erase_if(pending_, [this](const Pending& p) {
-    if (!p.accepted) refuse(p.telecommand.id, FailureCode::storage_unavailable);
+    if (!p.accepted) refuse(p.telecommand.id, mission::failure::storage_unavailable);
     return !p.accepted;
   });
   // A write that failed late (the sync of the folder) may have left them on disk: they must not come back

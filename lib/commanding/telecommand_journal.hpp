@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
@@ -21,45 +23,8 @@ enum class RepeatClass : std::uint8_t { idempotent = 1, by_id = 2, at_most_once 
 /// Stages of srfs_msgs/TelecommandReport.
 enum class TelecommandStage : std::uint8_t { accepted = 1, started = 3, completed = 7 };
 
-/// The mission dictionary's failure codes that nodes use.
-enum class FailureCode : std::uint16_t {
-  none = 0,
-  bad_argument = 6,
-  unknown_function = 7,
-  queue_full = 10,
-  storage_unavailable = 11,
-  bad_arguments_length = 13,
-  expired = 20,
-  node_not_active = 22,
-  peripheral_silent = 30,
-  peripheral_garbage = 31,
-  peripheral_unknown_function = 32,
-  peripheral_bad_argument = 33,
-  peripheral_cannot_now = 34,
-  bus_lost = 35,
-  interrupted = 36,
-  power_switch_failed = 37,
-  peripheral_off = 41,
-  unknown_node = 50,
-  node_runs = 51,
-  node_silent = 52,
-  not_done = 53,
-  no_report = 54,
-  outbox_full = 55,
-  disk_failed = 56,
-  no_version = 57,
-  version_not_running = 58,
-  confirmed_too_early = 59,
-  on_command_path = 67,
-  time_jump_refused = 70,
-  time_implausible = 71,
-  parameters_refused = 83,
-  package_not_found = 140,
-  package_refused = 141,
-  update_under_way = 142,
-  no_update = 143,
-  not_added = 165,
-};
+/// Of mission::failure, or of an added node's own dictionary; 0: none.
+using FailureCode = std::uint16_t;
 
 /// A telecommand as it arrived.
 struct StoredTelecommand {
@@ -79,7 +44,7 @@ struct StageReport {
   std::uint64_t id = 0;
   TelecommandStage stage = TelecommandStage::accepted;
   bool success = true;
-  FailureCode failure = FailureCode::none;
+  FailureCode failure = mission::failure::none;
   friend bool operator==(const StageReport&, const StageReport&) = default;
 };
 

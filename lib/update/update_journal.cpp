@@ -68,10 +68,6 @@ std::optional<Update> update_of(const Json& json) {
 
 }  // namespace
 
-std::string_view to_text(UpdateStep step) {
-  return step_names.at(static_cast<std::size_t>(step));
-}
-
 bool is_over(UpdateStep step) {
   switch (step) {
     case UpdateStep::verify:

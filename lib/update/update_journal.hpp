@@ -9,26 +9,15 @@
 #include <string_view>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/file.hpp"
 #include "update/package.hpp"
 #include "update/version_table.hpp"
 
 namespace srfs::update {
 
-/// Where an uplinked package stands. Values of the mission dictionary's update_step.
-enum class UpdateStep : std::uint8_t {
-  none = 0,
-  verify = 1,
-  build = 2,
-  self_test = 3,
-  store = 4,  ///< the program becomes a candidate of the node's versions
-  swap = 5,   ///< the node is restarted in it
-  installed = 6,
-  candidate = 7,  ///< built and tested, and not to be started now
-  failed = 8,
-  cancelled = 9
-};
-[[nodiscard]] std::string_view to_text(UpdateStep step);
+using mission::UpdateStep;
 /// Nothing is to be done any more.
 [[nodiscard]] bool is_over(UpdateStep step);
 

@@ -9,6 +9,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <mission/structures.hpp>
+
 #include "nodes/maintenance/fault_line.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
 #include "nodes/maintenance/version_line.hpp"
@@ -30,21 +32,21 @@ constexpr auto answer_deadline = seconds(2);
 constexpr std::uint32_t newest_report = UINT32_MAX;
 
 FailureCode outcome_of(const Result<void, std::string>& result) {
-  if (result) return FailureCode::none;
+  if (result) return mission::failure::none;
   log::error("{}", result.error());
-  return FailureCode::not_done;
+  return mission::failure::not_done;
 }
 
 FailureCode to_failure_code(QueueError error) {
   switch (error) {
     case QueueError::gone:
-      return FailureCode::no_report;
+      return mission::failure::no_report;
     case QueueError::full:
-      return FailureCode::outbox_full;
+      return mission::failure::outbox_full;
     case QueueError::disk:
       break;
   }
-  return FailureCode::disk_failed;
+  return mission::failure::disk_failed;
 }
 
 /// What is so already is no failure: a telecommand may be repeated.
@@ -52,7 +54,7 @@ FailureCode change_version(
     const ros::VarPaths& var, const std::string& node, std::uint32_t version,
     Result<void, std::string> (update::VersionStore::*operation)(update::VersionNumber)) {
   const auto table = ros::read_versions(var, node).table;
-  if (table.find(version) == nullptr) return FailureCode::no_version;
+  if (table.find(version) == nullptr) return mission::failure::no_version;
   return outcome_of(ros::change_versions(
       var, node, [&](update::VersionStore& store) { return (store.*operation)(version); }));
 }
@@ -62,12 +64,12 @@ FailureCode change_version(
 FailureCode confirm_version(const ros::VarPaths& var, const ros::RingSettings& ring,
                             const mission::NodeConfirmVersion& command, MonotonicTime accepted) {
   const auto table = ros::read_versions(var, command.node).table;
-  if (table.find(command.version) == nullptr) return FailureCode::no_version;
-  if (table.last_good() == command.version) return FailureCode::none;
+  if (table.find(command.version) == nullptr) return mission::failure::no_version;
+  if (table.last_good() == command.version) return mission::failure::none;
   const auto since = ros::runs_since(var, command.node, command.version);
-  if (!since) return FailureCode::version_not_running;
+  if (!since) return mission::failure::version_not_running;
   if (ros::needs_confirmation(ring, command.node) && accepted < *since)
-    return FailureCode::confirmed_too_early;
+    return mission::failure::confirmed_too_early;
   return change_version(var, command.node, command.version, &update::VersionStore::commit);
 }
 
@@ -75,18 +77,19 @@ template <class Command>
 FailureCode judge(OctetView arguments, const ros::Deployment& deployment) {
   const auto command = Command::decode(arguments);
   if (!command) {
-    return command.error().parameter == 0 ? FailureCode::bad_arguments_length : FailureCode::bad_argument;
+    return command.error().parameter == 0 ? mission::failure::bad_arguments_length
+                                          : mission::failure::bad_argument;
   }
   if constexpr (requires { command->node; }) {
-    if (deployment.find(command->node) == nullptr) return FailureCode::unknown_node;
+    if (deployment.find(command->node) == nullptr) return mission::failure::unknown_node;
   }
   // Down or Inactive by telecommand, such a node could not be brought back by telecommand.
   constexpr bool takes_away =
       std::is_same_v<Command, mission::RingHold> || std::is_same_v<Command, mission::RingReleaseInactive>;
   if constexpr (takes_away) {
-    if (deployment.on_command_path(command->node)) return FailureCode::on_command_path;
+    if (deployment.on_command_path(command->node)) return mission::failure::on_command_path;
   }
-  return FailureCode::none;
+  return mission::failure::none;
 }
 
 }  // namespace
@@ -181,10 +184,10 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       break;
     case mission::RingReleaseInactive::function_id:
       run([this, plan = deployment(), node = mission::RingReleaseInactive::decode(arguments)->node] {
-        if (ros::find_instance(var(), node)) return FailureCode::node_runs;
+        if (ros::find_instance(var(), node)) return mission::failure::node_runs;
         const FailureCode set =
             outcome_of(ros::set_desired_state(var(), plan, node, ros::State::inactive, monotonic_now()));
-        return set != FailureCode::none ? set : outcome_of(ros::release(var(), node, release_patience));
+        return set != mission::failure::none ? set : outcome_of(ros::release(var(), node, release_patience));
       });
       break;
     case mission::RingReportFaults::function_id:
@@ -254,7 +257,7 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
 
 void MaintenanceNode::run(std::function<FailureCode()> job) {
   const bool taken = worker_->ask(std::move(job), [this](FailureCode outcome) { finished(outcome); });
-  if (!taken) finished(FailureCode::queue_full);
+  if (!taken) finished(mission::failure::queue_full);
 }
 
 // ---------------------------------------------------------------- the fault ledger
@@ -273,7 +276,7 @@ void MaintenanceNode::report_faults(std::size_t count) {
         for (const auto& line : lines) lines_.push_back(telemetry(line));
         send_next();
       });
-  if (!taken) finished(FailureCode::queue_full);
+  if (!taken) finished(mission::failure::queue_full);
 }
 
 /// A structure as it goes to ttc, but for its times.
@@ -292,7 +295,7 @@ srfs_msgs::msg::PayloadTelemetry MaintenanceNode::telemetry(const Structure& str
 void MaintenanceNode::send_next() {
   if (lines_.empty()) {
     sending_.reset();
-    finished(FailureCode::none);
+    finished(mission::failure::none);
     return;
   }
   srfs_msgs::msg::PayloadTelemetry m = std::move(lines_.front());
@@ -314,7 +317,7 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
         const auto table = ros::read_versions(var(), node).table;
         const auto wanted = version ? version : table.previous();
         if (!wanted || (*wanted != update::golden && table.find(*wanted) == nullptr))
-          return FailureCode::no_version;
+          return mission::failure::no_version;
         const ros::LaunchRequest request{deployment(), var(), ros::suite_bin_folder(),
                                          fmt::format("version {} by telecommand", *wanted)};
         const auto used = ros::use_version(request, *deployment().find(node), *wanted, probation, name());
@@ -323,18 +326,18 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
         } else if (*used && (*used)->fallback) {
           log::error("{}: {}", node, to_text(*(*used)->fallback));
         } else {
-          return FailureCode::none;
+          return mission::failure::none;
         }
-        return FailureCode::not_done;
+        return mission::failure::not_done;
       },
       [this, node](FailureCode outcome) {
         finished(outcome);
-        if (node != name() || outcome != FailureCode::none) return;
+        if (node != name() || outcome != mission::failure::none) return;
         // This process is the old version: it ends once its report is out, and the ring starts the new one.
         own_end_ = create_one_shot(
             now() + before_own_end, [] { kill(getpid(), SIGTERM); }, "own end");
       });
-  if (!taken) finished(FailureCode::queue_full);
+  if (!taken) finished(mission::failure::queue_full);
 }
 
 void MaintenanceNode::report_versions(const std::string& node) {
@@ -350,7 +353,7 @@ void MaintenanceNode::report_versions(const std::string& node) {
         for (const auto& line : lines) lines_.push_back(telemetry(line));
         send_next();
       });
-  if (!taken) finished(FailureCode::queue_full);
+  if (!taken) finished(mission::failure::queue_full);
 }
 
 // ---------------------------------------------------------------- reports of deaths
@@ -362,7 +365,7 @@ void MaintenanceNode::send_report(const mission::NodeSendReport& command) {
             command.incarnation == newest_report ? std::nullopt : std::optional(command.incarnation);
         const auto reports = ros::find_crash_reports(var, command.node);
         const ros::CrashReport* report = choose_report(reports, incarnation);
-        if (report == nullptr) return Err(FailureCode::no_report);
+        if (report == nullptr) return Err(mission::failure::no_report);
         auto queued = queue_report(var.root / "files" / "outbox",
                                    fmt::format("{}_{}", command.node, report->incarnation), report->file);
         if (!queued) {
@@ -379,9 +382,9 @@ void MaintenanceNode::send_report(const mission::NodeSendReport& command) {
           event.octets = static_cast<std::uint32_t>(queued->octets);
           raise(event);
         }
-        finished(queued ? FailureCode::none : queued.error());
+        finished(queued ? mission::failure::none : queued.error());
       });
-  if (!taken) finished(FailureCode::queue_full);
+  if (!taken) finished(mission::failure::queue_full);
 }
 
 // ---------------------------------------------------------------- log levels
@@ -397,13 +400,13 @@ void MaintenanceNode::set_log_level(const mission::NodeSetLogLevel& command) {
   parameters_of_ = create_client<SetParameters>("/" + command.node + "/set_parameters");
   parameters_of_->call(
       request, answer_deadline, 1, [this](const ros::Client<SetParameters>::Outcome& outcome) {
-        FailureCode code = FailureCode::none;
+        FailureCode code = mission::failure::none;
         if (!outcome) {
-          code = FailureCode::node_silent;
+          code = mission::failure::node_silent;
         } else if (outcome->results.empty() || !outcome->results.front().successful) {
           log::error("log_level: {}",
                      outcome->results.empty() ? "no result" : outcome->results.front().reason);
-          code = FailureCode::not_done;
+          code = mission::failure::not_done;
         }
         finished(code);
       });

@@ -10,6 +10,8 @@
 #include <sys/epoll.h>
 #include <unistd.h>
 
+#include <mission/structures.hpp>
+
 #include "base/file.hpp"
 #include "base/saturate.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
@@ -41,10 +43,6 @@ constexpr std::uint32_t unknown_ms = UINT32_MAX;
 std::uint32_t to_ms(const std::optional<milliseconds>& value) {
   return value ? static_cast<std::uint32_t>(std::clamp<std::int64_t>(value->count(), 0, UINT32_MAX - 1))
                : unknown_ms;
-}
-
-mission::UpdateStep to_mission(UpdateStep step) {
-  return static_cast<mission::UpdateStep>(step);
 }
 
 /// Waits for disks and locks, so it runs on the worker.
@@ -169,7 +167,7 @@ void MaintenanceNode::carry_out(const TakeInPackage& action) {
       },
       [this](auto intake) { run(transaction_->on_taken_in(std::move(intake))); });
   if (!taken)
-    run(transaction_->on_taken_in(Err(IntakeFailure{FailureCode::queue_full, "the worker is busy"})));
+    run(transaction_->on_taken_in(Err(IntakeFailure{mission::failure::queue_full, "the worker is busy"})));
 }
 
 void MaintenanceNode::carry_out(const WriteUpdateJournal& action) {
@@ -233,7 +231,7 @@ void MaintenanceNode::carry_out(const ReportUpdate& action) {
                  u.reason);
       mission::UpdateFailedEvent event;
       event.file = u.file;
-      event.step = to_mission(u.ended_in);
+      event.step = u.ended_in;
       event.reason = u.reason.substr(0, longest_event_text);
       raise(event);
       break;
@@ -242,7 +240,7 @@ void MaintenanceNode::carry_out(const ReportUpdate& action) {
       log::info("update of {} from {}: {}", u.node, u.file, to_text(u.step));
       mission::UpdateStepEvent event;
       event.file = u.file;
-      event.step = to_mission(u.step);
+      event.step = u.step;
       raise(event);
     }
   }
@@ -254,8 +252,8 @@ mission::UpdateStatusHousekeeping MaintenanceNode::update_status() const {
   status.file = u.file.substr(0, 60);
   status.node = u.node.substr(0, 32);
   status.counter = u.counter;
-  status.step = to_mission(u.step);
-  status.failed_in = to_mission(u.ended_in);
+  status.step = u.step;
+  status.failed_in = u.ended_in;
   status.version = u.version;
   status.octets = static_cast<std::uint32_t>(u.octets);
   status.program_octets = as_u32(u.program_octets);
@@ -372,13 +370,13 @@ void MaintenanceNode::review_added_nodes() {
 void MaintenanceNode::remove_node(const std::string& node) {
   const ros::NodeEntry* entry = deployment().find(node);
   if (entry != nullptr && !entry->added) {
-    finished(FailureCode::not_added);
+    finished(mission::failure::not_added);
     return;
   }
   run([var = var(), node] {
     const auto removed = ros::remove_node(var, node);
     if (!removed) log::error("{}", removed.error());
-    return removed ? FailureCode::none : FailureCode::not_done;
+    return removed ? mission::failure::none : mission::failure::not_done;
   });
 }
 

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // maintenance and the parameters of the nodes: what is kept, confirmed, restored and reset, by
 // ~/save_parameters.
+#include <mission/structures.hpp>
+
 #include "nodes/maintenance/generation_line.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
 
@@ -26,8 +28,8 @@ template <class Command>
 Result<SaveOrder, FailureCode> order_of(OctetView arguments, std::uint8_t operation) {
   const auto command = Command::decode(arguments);
   if (!command) {
-    return Err(command.error().parameter == 0 ? FailureCode::bad_arguments_length
-                                              : FailureCode::bad_argument);
+    return Err(command.error().parameter == 0 ? mission::failure::bad_arguments_length
+                                              : mission::failure::bad_argument);
   }
   SaveOrder order{.node = command->node, .request = {}};
   order.request.operation = operation;
@@ -50,7 +52,7 @@ Result<SaveOrder, FailureCode> read_order(std::uint16_t function, OctetView argu
     case mission::ParametersFactoryReset::function_id:
       return order_of<mission::ParametersFactoryReset>(arguments, Request::RESET);
     default:
-      return Err(FailureCode::unknown_function);
+      return Err(mission::failure::unknown_function);
   }
 }
 
@@ -59,7 +61,7 @@ Result<SaveOrder, FailureCode> read_order(std::uint16_t function, OctetView argu
 FailureCode MaintenanceNode::check_parameters(std::uint16_t function, OctetView arguments) const {
   const auto order = read_order(function, arguments);
   if (!order) return order.error();
-  return deployment().find(order->node) == nullptr ? FailureCode::unknown_node : FailureCode::none;
+  return deployment().find(order->node) == nullptr ? mission::failure::unknown_node : mission::failure::none;
 }
 
 void MaintenanceNode::execute_parameters(const StoredTelecommand& telecommand) {
@@ -70,14 +72,14 @@ void MaintenanceNode::execute_parameters(const StoredTelecommand& telecommand) {
   client->call(order->request, save_deadline, save_attempts,
                [this, node = order->node,
                 operation = order->request.operation](const ros::Client<SaveParameters>::Outcome& outcome) {
-                 if (!outcome) return finished(FailureCode::node_silent);
+                 if (!outcome) return finished(mission::failure::node_silent);
                  if (!outcome->success) {
                    log::error("{}: {}", node, outcome->reason);
                    raise(mission::ParameterRequestRefusedEvent{
                        .node = node, .reason = outcome->reason.substr(0, longest_reason)});
-                   return finished(FailureCode::parameters_refused);
+                   return finished(mission::failure::parameters_refused);
                  }
-                 if (operation != SaveParameters::Request::REPORT) return finished(FailureCode::none);
+                 if (operation != SaveParameters::Request::REPORT) return finished(mission::failure::none);
                  report_generations(node, *outcome);
                });
 }

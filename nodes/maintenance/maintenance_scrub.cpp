@@ -6,6 +6,8 @@
 
 #include <dlfcn.h>
 
+#include <mission/structures.hpp>
+
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
 #include "nodes/maintenance/scrub_list.hpp"
@@ -172,7 +174,7 @@ void MaintenanceNode::run_scrubbing(bool retake) {
     scrub_->timer.reset();
     scrub_slice();
   }
-  finished(FailureCode::none);
+  finished(mission::failure::none);
 }
 
 mission::ScrubStatusHousekeeping MaintenanceNode::scrub_status() const {

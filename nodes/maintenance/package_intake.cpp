@@ -10,6 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <mission/structures.hpp>
+
 #include "base/sha256.hpp"
 #include "cfdp/rooted_path.hpp"
 #include "update/package_keys.hpp"
@@ -19,7 +21,7 @@ namespace {
 
 Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, const std::string& name) {
   const auto missing = [&](std::string_view why) {
-    return Err(IntakeFailure{FailureCode::package_not_found, fmt::format("{}: {}", name, why)});
+    return Err(IntakeFailure{mission::failure::package_not_found, fmt::format("{}: {}", name, why)});
   };
   const Fd folder(open(root.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (!folder) return missing(errno_text(errno));
@@ -32,7 +34,7 @@ Result<Octets, IntakeFailure> read_package(const std::filesystem::path& root, co
   if (fstat(file.get(), &status) != 0) return missing(errno_text(errno));
   if (!S_ISREG(status.st_mode)) return missing("not a regular file");
   if (static_cast<std::uint64_t>(status.st_size) > update::PackageLimits::package_octets)
-    return Err(IntakeFailure{FailureCode::package_refused,
+    return Err(IntakeFailure{mission::failure::package_refused,
                              fmt::format("{}: {}", to_text(update::PackageRefusal::too_large), name)});
   Octets content(static_cast<std::size_t>(status.st_size));
   std::size_t done = 0;
@@ -51,7 +53,7 @@ Result<Intake, IntakeFailure> take_in_package(const IntakeRules& rules, const st
                                               const update::UpdateJournal& journal,
                                               const LaneFolders& folders) {
   const auto refusal = [](std::string reason) {
-    return Err(IntakeFailure{FailureCode::package_refused, std::move(reason)});
+    return Err(IntakeFailure{mission::failure::package_refused, std::move(reason)});
   };
   const auto key = update::load_public_key(rules.public_key);
   if (!key) return refusal("no verification key: " + key.error().message);

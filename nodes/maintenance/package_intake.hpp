@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/result.hpp"
 #include "commanding/telecommand_journal.hpp"
 #include "nodes/maintenance/lane_call.hpp"
@@ -28,7 +30,7 @@ struct Intake {
   std::string dictionary;  ///< text of the fragment that the package brings; empty: none
 };
 struct IntakeFailure {
-  FailureCode code = FailureCode::package_refused;
+  FailureCode code = mission::failure::package_refused;
   std::string reason;  ///< ready to print
 };
 /// Reads the package, verifies all of it and unpacks its sources into LaneFolders::sources, in a work folder

@@ -4,6 +4,8 @@
 
 #include <utility>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 
 using update::UpdateStep;
@@ -32,7 +34,7 @@ bool UpdateTransaction::take(Waiting expected) {
 Actions UpdateTransaction::install(const std::string& file, bool activate) {
   if (is_busy()) {
     const bool is_same = !is_taking_in() && update().file == file;
-    return {AnswerTelecommand{is_same ? FailureCode::none : FailureCode::update_under_way}};
+    return {AnswerTelecommand{is_same ? mission::failure::none : mission::failure::update_under_way}};
   }
   waiting_ = Waiting::intake;
   asked_file_ = file;
@@ -52,7 +54,7 @@ Actions UpdateTransaction::on_taken_in(Result<Intake, IntakeFailure> taken) {
   if (!taken) return refuse(taken.error().code, taken.error().reason);
   taken->update.activate = asked_to_activate_;
   if (!journal_.begin(std::move(taken->update)))
-    return refuse(FailureCode::package_refused, "too many nodes in the update journal");
+    return refuse(mission::failure::package_refused, "too many nodes in the update journal");
   manifest_ = std::move(taken->manifest);
   dictionary_ = std::move(taken->dictionary);
   waiting_ = Waiting::begin;
@@ -69,7 +71,7 @@ Actions UpdateTransaction::on_begun(const Result<void, std::string>& written) {
   // One copy of the journal may have been written: the next start must not go on with what was refused.
   journal_.end(UpdateStep::failed, written.error());
   return Actions{WriteUpdateJournal{journal_}, RemoveWorkFolder{}} +
-         refuse(FailureCode::package_refused, written.error());
+         refuse(mission::failure::package_refused, written.error());
 }
 
 Actions UpdateTransaction::resume(const update::VersionTable& table, bool is_in_suite) {
@@ -174,7 +176,7 @@ Actions UpdateTransaction::on_look(const ProgramLook& look, MonotonicTime now) {
 // ---------------------------------------------------------------- end
 
 Actions UpdateTransaction::cancel() {
-  if (waiting_ != Waiting::lane) return {AnswerTelecommand{FailureCode::no_update}};
+  if (waiting_ != Waiting::lane) return {AnswerTelecommand{mission::failure::no_update}};
   cancelled_ = true;
   return {StopLane{}, AnswerTelecommand{}};
 }

@@ -10,6 +10,8 @@
 #include <variant>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "commanding/telecommand_journal.hpp"
@@ -23,7 +25,7 @@ namespace srfs {
 
 /// Ends the telecommand that asked for the installation, or for its end.
 struct AnswerTelecommand {
-  FailureCode code = FailureCode::none;
+  FailureCode code = mission::failure::none;
 };
 /// Verify the package and unpack it (package_intake.hpp). Answer with on_taken_in().
 struct TakeInPackage {

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 namespace {
 
@@ -16,15 +18,15 @@ FailureCode failure_of(wire::PeripheralResult result) {
   switch (result) {
     case wire::PeripheralResult::done:
     case wire::PeripheralResult::already_done:
-      return FailureCode::none;
+      return mission::failure::none;
     case wire::PeripheralResult::unknown_function:
-      return FailureCode::peripheral_unknown_function;
+      return mission::failure::peripheral_unknown_function;
     case wire::PeripheralResult::bad_argument:
-      return FailureCode::peripheral_bad_argument;
+      return mission::failure::peripheral_bad_argument;
     case wire::PeripheralResult::cannot_now:
-      return FailureCode::peripheral_cannot_now;
+      return mission::failure::peripheral_cannot_now;
   }
-  return FailureCode::peripheral_garbage;
+  return mission::failure::peripheral_garbage;
 }
 
 }  // namespace
@@ -44,7 +46,7 @@ void PayloadCycle::change_settings(const PayloadSettings& settings) {
 PayloadActions PayloadCycle::activate(MonotonicTime now) {
   active_ = true;
   starting_since_ = now;
-  if (power_by_command_ && power_ != Power::on) journal_.finish(FailureCode::interrupted);
+  if (power_by_command_ && power_ != Power::on) journal_.finish(mission::failure::interrupted);
   power_by_command_ = false;
   power_reason_.clear();
   power_deadline_.reset();
@@ -144,7 +146,7 @@ void PayloadCycle::serve_kept_off(MonotonicTime now) {
       begin_slot(now);
       return;
     }
-    end_command(command ? FailureCode::peripheral_off : command.error());
+    end_command(command ? mission::failure::peripheral_off : command.error());
   }
   hand_back("the peripheral is kept off", now);
 }
@@ -319,7 +321,7 @@ void PayloadCycle::on_command_answer(const wire::CommandResponse& answer, Monoto
 }
 
 void PayloadCycle::end_command(FailureCode outcome) {
-  if (outcome == FailureCode::none) {
+  if (outcome == mission::failure::none) {
     ++statistics_.telecommands_executed;
     const StoredTelecommand* telecommand = journal_.next(MonotonicTime());
     const auto command = decode_(telecommand->function, telecommand->arguments);
@@ -345,7 +347,7 @@ void PayloadCycle::on_reset_answered(MonotonicTime now) {
     fail_slot(reset_reason_, now);
     return;
   }
-  end_command(FailureCode::none);
+  end_command(mission::failure::none);
   drain(now);
 }
 
@@ -359,7 +361,7 @@ PayloadActions PayloadCycle::on_peripheral_reset(GrantId grant, const std::strin
   }
   if (step_ == Step::resetting && reset_ordered_) return finish();
   ++counters_.resets_ordered;
-  if (step_ == Step::commanding || step_ == Step::resetting) retry_command(FailureCode::bus_lost);
+  if (step_ == Step::commanding || step_ == Step::resetting) retry_command(mission::failure::bus_lost);
   if (step_ == Step::storing) journal_.unmark_started();
   block_.reset();
   act(AbortRequest{});
@@ -385,9 +387,10 @@ void PayloadCycle::on_no_answer(RequestFailure why, const std::string& detail, M
   }
   act(AbortRequest{});
   const bool slot_over = now >= flag_.allotted_end;
-  const FailureCode code = why == RequestFailure::garbage                 ? FailureCode::peripheral_garbage
-                           : slot_over || why == RequestFailure::not_sent ? FailureCode::bus_lost
-                                                                          : FailureCode::peripheral_silent;
+  const FailureCode code = why == RequestFailure::garbage ? mission::failure::peripheral_garbage
+                           : slot_over || why == RequestFailure::not_sent
+                               ? mission::failure::bus_lost
+                               : mission::failure::peripheral_silent;
   if (step_ == Step::commanding) {
     retry_command(code);
   } else if (step_ == Step::resetting) {
@@ -421,7 +424,7 @@ void PayloadCycle::count_silence(const std::string& detail) {
 }
 
 void PayloadCycle::abandon_slot(const std::string& detail, MonotonicTime now) {
-  if (step_ == Step::commanding || step_ == Step::resetting) retry_command(FailureCode::bus_lost);
+  if (step_ == Step::commanding || step_ == Step::resetting) retry_command(mission::failure::bus_lost);
   act(AbortRequest{});
   fail_slot(detail, now);
 }
@@ -585,7 +588,7 @@ PayloadActions PayloadCycle::on_power_switched(bool on, bool ok, MonotonicTime n
 void PayloadCycle::on_switched_off(bool ok, MonotonicTime now) {
   const bool stays = std::exchange(keep_off_wanted_, false) || kept_off_;
   if (!ok) {
-    end_power_cycle(FailureCode::power_switch_failed);
+    end_power_cycle(mission::failure::power_switch_failed);
     return;
   }
   power_ = Power::off;
@@ -625,7 +628,7 @@ void PayloadCycle::on_switched_on(bool ok, MonotonicTime now) {
   if (ok && !power_reason_.empty()) {
     act(PayloadEvent{.kind = PayloadEvent::Kind::peripheral_power_cycled, .text = power_reason_});
   }
-  end_power_cycle(ok ? FailureCode::none : FailureCode::power_switch_failed);
+  end_power_cycle(ok ? mission::failure::none : mission::failure::power_switch_failed);
 }
 
 void PayloadCycle::end_power_cycle(FailureCode outcome) {
@@ -640,11 +643,11 @@ PayloadActions PayloadCycle::on_telecommand(StoredTelecommand telecommand, Monot
   if (journal_.repeat_reports(telecommand.id)) return finish();
   const auto command = decode_(telecommand.function, telecommand.arguments);
   if (!active_) {
-    journal_.refuse(telecommand.id, FailureCode::node_not_active);
+    journal_.refuse(telecommand.id, mission::failure::node_not_active);
   } else if (!command) {
     journal_.refuse(telecommand.id, command.error());
   } else if (telecommand.has_expired(now)) {
-    journal_.refuse(telecommand.id, FailureCode::expired);
+    journal_.refuse(telecommand.id, mission::failure::expired);
   } else {
     journal_.add(std::move(telecommand));
   }

@@ -9,6 +9,8 @@
 #include <variant>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/grant_id.hpp"
 #include "base/octets.hpp"
 #include "base/result.hpp"
@@ -140,7 +142,7 @@ struct PayloadEvent {
   std::uint32_t number = 0;
   std::string text = {};
   std::uint64_t id = 0;
-  FailureCode code = FailureCode::none;
+  FailureCode code = mission::failure::none;
 };
 
 using PayloadAction = std::variant<PublishStatus, OpenBus, CloseBus, SendRequest, AbortRequest, AwaitQuiet,

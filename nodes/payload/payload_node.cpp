@@ -748,10 +748,8 @@ void PayloadNode::carry_out(const PayloadEvent& action) {
       raise(mission::PayloadPeripheralKeptOffEvent{.cycles = action.number});
       break;
     case Kind::telecommand_failed:
-      log::warn("telecommand {} failed: {}", action.id,
-                mission::failure_text(static_cast<std::uint16_t>(action.code)));
-      raise(mission::PayloadTelecommandFailedEvent{.telecommand = action.id,
-                                                   .code = static_cast<std::uint16_t>(action.code)});
+      log::warn("telecommand {} failed: {}", action.id, mission::failure_text(action.code));
+      raise(mission::PayloadTelecommandFailedEvent{.telecommand = action.id, .code = action.code});
       break;
   }
 }

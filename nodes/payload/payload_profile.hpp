@@ -79,7 +79,7 @@ class PayloadProfile {
 };
 
 [[nodiscard]] inline FailureCode failure_code(mission::ArgumentError error) {
-  return error.parameter == 0 ? FailureCode::bad_arguments_length : FailureCode::bad_argument;
+  return error.parameter == 0 ? mission::failure::bad_arguments_length : mission::failure::bad_argument;
 }
 
 /// A command that goes to the peripheral as it is: its arguments lie in the request exactly as in the

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numbers>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 namespace {
 
@@ -51,7 +53,7 @@ Result<PayloadCommand, FailureCode> AdcsProfile::decode_command(std::uint16_t fu
     case mission::AdcsPowerCyclePeripheral::function_id:
       return to_power_cycle<mission::AdcsPowerCyclePeripheral>(arguments);
     default:
-      return Err(FailureCode::unknown_function);
+      return Err(mission::failure::unknown_function);
   }
 }
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 namespace {
 
@@ -31,7 +33,7 @@ Result<PayloadCommand, FailureCode> EpsProfile::decode_command(std::uint16_t fun
     case mission::EpsPowerCyclePeripheral::function_id:
       return to_power_cycle<mission::EpsPowerCyclePeripheral>(arguments);
     default:
-      return Err(FailureCode::unknown_function);
+      return Err(mission::failure::unknown_function);
   }
 }
 

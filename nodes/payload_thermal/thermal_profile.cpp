@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 
 Result<PayloadCommand, FailureCode> ThermalProfile::decode_command(std::uint16_t function,
@@ -18,7 +20,7 @@ Result<PayloadCommand, FailureCode> ThermalProfile::decode_command(std::uint16_t
     case mission::ThermalPowerCyclePeripheral::function_id:
       return to_power_cycle<mission::ThermalPowerCyclePeripheral>(arguments);
     default:
-      return Err(FailureCode::unknown_function);
+      return Err(mission::failure::unknown_function);
   }
 }
 

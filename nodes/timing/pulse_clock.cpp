@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdlib>
 
+#include <mission/structures.hpp>
+
 #include "wire/gnss_time.hpp"
 
 namespace srfs {
@@ -81,7 +83,7 @@ std::optional<SecondGrid> PulseClock::grid() const {
 }
 
 bool PulseClock::pulse_rules() const {
-  return state_ == SyncState::locked || state_ == SyncState::locking;
+  return state_ == mission::SyncState::locked || state_ == mission::SyncState::locking;
 }
 
 /// Largest accepted distance from the prediction.
@@ -91,7 +93,7 @@ nanoseconds PulseClock::window() const {
     const bool unknown = !drift_known_ || memory_ == 2;
     return settings_.outlier_limit + (unknown ? rounded_ns(settings_.drift_limit_ppm * 1e3) : nanoseconds(0));
   }
-  if (state_ == SyncState::locking) return settings_.outlier_limit;
+  if (state_ == mission::SyncState::locking) return settings_.outlier_limit;
   const nanoseconds scatter = rounded_ns(gate_sigmas * std::sqrt(variance_ns2_));
   const nanoseconds steady = std::min(std::max(settings_.outlier_floor, scatter), settings_.outlier_limit);
   // What shuts out too much opens again.
@@ -127,7 +129,7 @@ void PulseClock::start_phase(MonotonicTime edge) {
   offset_ = nanoseconds(0);
   stray_.forget();
   candidate_.reset();
-  state_ = SyncState::locking;
+  state_ = mission::SyncState::locking;
 }
 
 /// After a silence: the phase is taken anew, the rate is known from before.
@@ -192,12 +194,12 @@ void PulseClock::accept(nanoseconds error, std::int64_t elapsed_s, MonotonicTime
 
 void PulseClock::count_towards_lock(nanoseconds error) {
   if (!pulse_rules()) {
-    state_ = SyncState::locking;
+    state_ = mission::SyncState::locking;
     good_pulses_ = 0;
   }
   good_pulses_ = absolute(error) <= settings_.lock_limit ? good_pulses_ + 1 : 0;
-  if (state_ == SyncState::locking && good_pulses_ >= settings_.pulses_to_lock) {
-    state_ = SyncState::locked;
+  if (state_ == mission::SyncState::locking && good_pulses_ >= settings_.pulses_to_lock) {
+    state_ = mission::SyncState::locked;
     was_locked_ = true;
   }
 }
@@ -221,10 +223,10 @@ PulseVerdict PulseClock::on_outlier(nanoseconds error, MonotonicTime edge) {
 
 void PulseClock::on_time_passing(MonotonicTime now) {
   if (!have_phase_ || now - measured_ <= settings_.holdover_after) return;
-  if (state_ == SyncState::locked) state_ = SyncState::holdover;
-  if (state_ == SyncState::locking) {
+  if (state_ == mission::SyncState::locked) state_ = mission::SyncState::holdover;
+  if (state_ == mission::SyncState::locking) {
     // Never locked, or lost again before it locked: the time it has is still the best known.
-    state_ = time_valid_ ? SyncState::holdover : SyncState::unlocked;
+    state_ = time_valid_ ? mission::SyncState::holdover : mission::SyncState::unlocked;
   }
   good_pulses_ = 0;
 }

@@ -5,15 +5,14 @@
 #include <cstdint>
 #include <optional>
 
+#include <mission/structures.hpp>
+
 #include "base/time.hpp"
 #include "nodes/timing/disciplined_clock.hpp"
 #include "nodes/timing/pulse_train.hpp"
 #include "nodes/timing/tick_generator.hpp"
 
 namespace srfs {
-
-/// How well the clock follows the pulse. Values of srfs_msgs/TimeTick.
-enum class SyncState : std::uint8_t { unlocked = 0, locking = 1, locked = 2, holdover = 3 };
 
 /// What a pulse was taken for.
 enum class PulseVerdict : std::uint8_t {
@@ -85,7 +84,7 @@ class PulseClock {
   /// The discipline changed the rate of CLOCK_MONOTONIC itself, at @p now, by so much.
   void on_rate_changed(double ppm, MonotonicTime now);
 
-  [[nodiscard]] SyncState state() const { return state_; }
+  [[nodiscard]] mission::SyncState state() const { return state_; }
   [[nodiscard]] bool time_valid() const { return time_valid_; }
   [[nodiscard]] UtcTime utc_at(MonotonicTime t) const;
   /// What the published time has to follow.
@@ -131,7 +130,7 @@ class PulseClock {
   [[nodiscard]] bool belongs_to_pulse(MonotonicTime received) const;
 
   PulseClockSettings settings_;
-  SyncState state_ = SyncState::unlocked;
+  mission::SyncState state_ = mission::SyncState::unlocked;
   bool have_phase_ = false;
   bool was_locked_ = false;
   bool time_valid_ = false;

@@ -472,10 +472,11 @@ SetTimeVerdict TimingNode::set_time(const TimeCommand& command) {
 FailureCode TimingNode::check(std::uint16_t function, OctetView arguments) const {
   static_assert(mission::TimingSetTime::timeout == mission::TimingStepTime::timeout);
   if (function != mission::TimingSetTime::function_id && function != mission::TimingStepTime::function_id)
-    return FailureCode::unknown_function;
+    return mission::failure::unknown_function;
   const auto command = mission::TimingSetTime::decode(arguments);
-  if (command) return FailureCode::none;
-  return command.error().parameter == 0 ? FailureCode::bad_arguments_length : FailureCode::bad_argument;
+  if (command) return mission::failure::none;
+  return command.error().parameter == 0 ? mission::failure::bad_arguments_length
+                                        : mission::failure::bad_argument;
 }
 
 void TimingNode::execute(const StoredTelecommand& telecommand) {
@@ -490,11 +491,11 @@ void TimingNode::execute(const StoredTelecommand& telecommand) {
   switch (verdict) {
     case SetTimeVerdict::stepped:
     case SetTimeVerdict::slewed:
-      return finished(FailureCode::none);
+      return finished(mission::failure::none);
     case SetTimeVerdict::jump_refused:
-      return finished(FailureCode::time_jump_refused);
+      return finished(mission::failure::time_jump_refused);
     case SetTimeVerdict::implausible:
-      return finished(FailureCode::time_implausible);
+      return finished(mission::failure::time_implausible);
   }
 }
 
@@ -509,11 +510,11 @@ void TimingNode::report_sync_change() {
   const PulseClock& pulses = time_->pulse_clock();
   if (pulses.state() == reported_state_) return;
   reported_state_ = pulses.state();
-  if (reported_state_ == SyncState::locked) {
+  if (reported_state_ == mission::SyncState::locked) {
     const auto offset_us = static_cast<float>(pulses.offset().count()) * 1e-3F;
     log::info("locked to the GPS pulse, offset {:.1f} us, drift {:.2f} ppm", offset_us, pulses.drift_ppm());
     raise(mission::TimingLockedEvent{.offset_us = offset_us});
-  } else if (reported_state_ == SyncState::holdover) {
+  } else if (reported_state_ == mission::SyncState::holdover) {
     const nanoseconds silent = monotonic_now() - last_pulse_;
     log::warn("no GPS pulse for {} ms, holdover", silent / milliseconds(1));
     raise(mission::TimingHoldoverEvent{.silent_ms =
@@ -597,7 +598,7 @@ void TimingNode::publish_housekeeping() {
   mission::TimingHousekeeping hk;
   hk.cycle = last_tick_ ? last_tick_->cycle : next_cycle_;
   hk.ticks = ticks_published_;
-  hk.sync_state = static_cast<mission::SyncState>(pulses.state());
+  hk.sync_state = pulses.state();
   hk.time_valid = pulses.time_valid();
   hk.utc = to_tai(utc, static_cast<int>(get_parameter<std::int64_t>("leap_seconds")));
   hk.offset_us = static_cast<float>(pulses.offset().count()) * 1e-3F;

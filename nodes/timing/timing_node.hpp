@@ -7,6 +7,8 @@
 
 #include <srfs_msgs/srv/set_time.hpp>
 
+#include <mission/structures.hpp>
+
 #include "commanding/commanded_node.hpp"
 #include "hw/pulse_source.hpp"
 #include "hw/serial_port.hpp"
@@ -42,7 +44,7 @@ class TimingNode : public CommandedNode {
   ros::CallbackReturn on_shutdown() override;
   ros::CallbackReturn on_error() override;
 
-  [[nodiscard]] FailureCode check(std::uint16_t function, OctetView arguments) const override;
+  [[nodiscard]] std::uint16_t check(std::uint16_t function, OctetView arguments) const override;
   void execute(const StoredTelecommand& telecommand) override;
 
  private:
@@ -113,7 +115,7 @@ class TimingNode : public CommandedNode {
   std::uint32_t times_commanded_ = 0;
   MissionCycle next_cycle_ = 0;
   std::string boot_id_;
-  SyncState reported_state_ = SyncState::unlocked;
+  mission::SyncState reported_state_ = mission::SyncState::unlocked;
   MonotonicTime last_pulse_;
 
   std::optional<Tick> last_tick_;

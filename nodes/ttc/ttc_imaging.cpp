@@ -3,6 +3,8 @@
 // ttc and imaging: the goals of the two nodes, products into the outbox.
 #include "nodes/ttc/ttc_node.hpp"
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 namespace {
 
@@ -49,7 +51,7 @@ ImagingTime TtcNode::imaging_time() const {
 }
 
 void TtcNode::begin_imaging_tasks() {
-  link_->imaging.on_time(imaging_time(), link_->mode.mode() == Mode::nominal);
+  link_->imaging.on_time(imaging_time(), link_->mode.mode() == MissionMode::nominal);
   for (const ImagingScheduler::Failure& failure : link_->imaging.take_failures()) {
     mission::ImageTaskFailedEvent event;
     event.task = failure.task;

@@ -306,15 +306,15 @@ void TtcNode::send(const Report& report, bool live, bool stored, bool urgent) {
 }
 
 void TtcNode::store_mode_change() {
-  const auto change = link_->router.take_mode_change();
+  const auto change = link_->mode_service.take_change();
   if (!change) return;
   publish_mode();
   mission::TtcModeChangedEvent event;
-  event.mode = change->mode == Mode::nominal ? mission::MissionMode::nominal : mission::MissionMode::safe;
+  event.mode = change->mode;
   event.reason = link_->mode.reason();
   raise(event);
   write_state("mode", change->stored_text,
-              [this, change = *change](bool stored) { link_->router.mode_stored(change, stored); });
+              [this, change = *change](bool stored) { link_->mode_service.on_stored(change, stored); });
 }
 
 void TtcNode::write_state(const char* name, std::string text, std::function<void(bool)> tell) {
@@ -332,7 +332,7 @@ void TtcNode::write_state(const char* name, std::string text, std::function<void
 }
 
 void TtcNode::store_transmitter_change() {
-  const auto change = link_->router.take_transmitter_change();
+  const auto change = link_->transmitter_service.take_change();
   if (!change) return;
   if (change->off > seconds(0)) {
     log::warn("the transmitter goes off for {} s: commanded", change->off.count());
@@ -345,8 +345,9 @@ void TtcNode::store_transmitter_change() {
     event.why = "commanded";
     raise(event);
   }
-  write_state("transmitter", change->stored_text,
-              [this, change = *change](bool stored) { link_->router.transmitter_stored(change, stored); });
+  write_state("transmitter", change->stored_text, [this, change = *change](bool stored) {
+    link_->transmitter_service.on_stored(change, stored);
+  });
 }
 
 void TtcNode::end_silence() {

@@ -41,8 +41,10 @@
 #include "nodes/ttc/report/beacon_builder.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
 #include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/connection_tester.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
 #include "nodes/ttc/services/mode_manager.hpp"
+#include "nodes/ttc/services/own_functions.hpp"
 #include "nodes/ttc/services/parameter_service.hpp"
 #include "nodes/ttc/services/schedule_service.hpp"
 #include "nodes/ttc/services/time_reporter.hpp"
@@ -84,24 +86,28 @@ class TtcNode : public ros::LifecycleNode {
          std::string_view stored_stores, milliseconds persist_deadline, milliseconds schedule_late_max,
          milliseconds arm_window, SpacecraftClock start, const std::string& own_name);
 
-    FailureCodes codes;
     AcceptanceJournal journal;
-    HousekeepingScheduler housekeeping;
-    EventReporter events;
+    ReportQueue report_queue;
     ModeManager mode;
     TransmitterSwitch transmitter;
-    ReportQueue report_queue;
     HazardGuard hazards;
     AvailableKeySets key_sets;
     CommandForwarder forwarder;
+    // The services of ttc itself
+    HousekeepingScheduler housekeeping;
+    EventReporter events;
+    ModeService mode_service;
+    ArmingService arming;
+    KeyService key_service;
+    TransmitterService transmitter_service;
+    TimeReporter time_reports;
+    ScheduleService schedule;
     PacketRetrieval retrieval;
     StoreControl stores;
-    ScheduleService schedule;
-    TimeReporter time_reports;
-    FileService file_service;
-    ParameterService parameters;
-    ImagingScheduler imaging;
     ConnectionTester connections;
+    ParameterService parameters;
+    FileService file_service;
+    ImagingScheduler imaging;
     TelecommandRouter router;
     UplinkChain uplink;
     PersistenceGate gate;

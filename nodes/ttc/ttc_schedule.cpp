@@ -32,7 +32,7 @@ bool TtcNode::release(const ScheduledActivity& activity, MonotonicTime at) {
     judged.origin.id = journal.accept(packet, judged.origin, judged.command->node, judged.expiry,
                                       link_->uplink.state(), at, activity.id);
     link_->schedule.on_released();
-  } else if (judged.refusal.code == link_->codes.queue_full) {
+  } else if (judged.refusal.code == mission::failure::queue_full) {
     return false;
   } else {
     record_refusal(judged, journal.link());  // before its place in the schedule goes

@@ -76,13 +76,13 @@ void TtcNode::report_keys(std::uint8_t vc, KeySet set, const std::string& why) {
 
 /// The old keys work until the change is on disk: a crash before is as if it had not come.
 void TtcNode::store_key_change() {
-  const auto change = link_->router.take_key_change();
+  const auto change = link_->key_service.take_change();
   if (!change) return;
   ++key_selection_.generation;
   key_selection_.sets[change->vc] = change->set;
   const auto done = [this, change = *change](bool stored) {
     link_->uplink.select(change.vc, change.set);
-    link_->router.key_change_stored(change, stored);
+    link_->key_service.on_stored(change, stored);
     report_keys(change.vc, change.set, stored ? "commanded" : "commanded, not stored");
     if (is_active()) settle();
   };

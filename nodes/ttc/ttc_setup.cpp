@@ -9,6 +9,8 @@
 #include <sys/epoll.h>
 #include <sys/stat.h>
 
+#include <mission/structures.hpp>
+
 #include "base/known_key.hpp"
 #include "base/saturate.hpp"
 #include "nodes/ttc/ttc_node.hpp"
@@ -70,48 +72,43 @@ TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal res
                     TransmitterSwitch transmitter_switch, std::string_view stored_stores,
                     milliseconds persist_deadline, milliseconds schedule_late_max, milliseconds arm_window,
                     SpacecraftClock start, const std::string& own_name)
-    : codes(dictionary),
-      journal(std::move(restored)),
+    : journal(std::move(restored)),
       mode(std::move(mode_manager)),
       transmitter(std::move(transmitter_switch)),
       hazards(arm_window),
       key_sets(key_sets_of(uplink_config)),
-      forwarder({.not_taken = codes.node_unavailable,
-                 .no_completion = codes.completion_unknown,
-                 .interrupted = codes.interrupted},
-                report_queue),
-      retrieval(report_queue, codes.store_unreadable),
-      stores(dictionary, stored_stores, codes.for_stores(), report_queue, retrieval),
-      schedule(dictionary, journal, report_queue, schedule_late_max),
-      file_service(report_queue, mission::apid::ttc),
+      forwarder(report_queue),
+      housekeeping(report_queue),
+      events(report_queue),
+      mode_service(mode, hazards, report_queue),
+      arming(dictionary, mode, hazards, report_queue),
+      key_service(key_sets, report_queue),
+      transmitter_service(transmitter, report_queue),
+      time_reports(report_queue),
+      schedule(journal, report_queue, schedule_late_max),
+      retrieval(report_queue),
+      stores(dictionary, stored_stores, report_queue, retrieval),
+      connections(dictionary, own_name, report_queue),
       parameters(dictionary, report_queue, mission::apid::ttc),
+      file_service(report_queue, mission::apid::ttc),
       imaging(report_queue),
-      connections(report_queue, codes.for_connections()),
       router({.dictionary = dictionary,
-              .codes = codes,
-              .housekeeping = housekeeping,
-              .events = events,
               .mode = mode,
-              .forwarder = forwarder,
-              .retrieval = retrieval,
-              .stores = stores,
-              .files = file_service,
-              .parameters = parameters,
-              .report_queue = report_queue,
-              .schedule = schedule,
-              .time_reports = time_reports,
               .hazards = hazards,
-              .key_sets = key_sets,
-              .transmitter = transmitter,
-              .imaging = imaging,
-              .connections = connections},
+              .forwarder = forwarder,
+              .report_queue = report_queue,
+              .services = {&housekeeping, &events, &mode_service, &arming, &key_service, &transmitter_service,
+                           &time_reports, &schedule, &retrieval, &stores, &connections, &parameters,
+                           &file_service, &imaging}},
              own_name),
       uplink(std::move(uplink_config), journal.link()),
       gate(persist_deadline, journal.revision()),
       downlink(downlink_config),
       files(downlink_config.files_queue_octets / 2),
       beacon(dictionary),
-      clock(start) {}
+      clock(start) {
+  schedule.set_request_check([this](OctetView packet) { return router.check_scheduled(packet); });
+}
 
 TtcNode::TtcNode(ros::NodeContext& context)
     : LifecycleNode(context),
@@ -282,11 +279,12 @@ ModeManager TtcNode::load_mode(bool ran) {
   const StoredModeState state = stored ? StoredModeState::present
                                 : ran  ? StoredModeState::missing
                                        : StoredModeState::first_start;
-  ModeManager manager(state, stored.value_or(""), initial == "nominal" ? Mode::nominal : Mode::safe);
+  ModeManager manager(state, stored.value_or(""),
+                      initial == "nominal" ? MissionMode::nominal : MissionMode::safe);
   if (const auto written = write_file_atomically(state_dir() / "mode", manager.stored_text()); !written) {
     log::error("the mode is not durable: {}", written.error().message);
   }
-  log::info("mode {}: {}", manager.mode() == Mode::nominal ? "nominal" : "safe", manager.reason());
+  log::info("mode {}: {}", manager.mode() == MissionMode::nominal ? "nominal" : "safe", manager.reason());
   return manager;
 }
 

@@ -48,7 +48,7 @@ Json measure(const Case& c, std::uint64_t seeds) {
     // Each seed places the loss at a different phase of the orbit.
     const auto before = 1200 + static_cast<std::int64_t>(seed % 8) * 700;
     s.run(before);
-    locked = locked && s.samples()[60].state == SyncState::locked;
+    locked = locked && s.samples()[60].state == mission::SyncState::locked;
     rms_60_ns = std::max(rms_60_ns, s.rms_error_ns(60, 120));
     rms_ns = std::max(rms_ns, s.rms_error_ns(60, before));
     s.receiver().disturb({.fault = sim::GpsFault::off});

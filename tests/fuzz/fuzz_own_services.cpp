@@ -36,7 +36,7 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
   FileService files(report_queue, 1);
   ParameterService parameters(dictionary, report_queue, 1);
   if (command.service == 23) {
-    files.submit(origin, command, arguments, false, now);
+    files.execute({.origin = origin, .command = command, .arguments = arguments, .now = now});
     if (const auto order = files.next_order(now)) {
       require(order->repository.size() <= 255 && order->name.size() <= 255 && order->operations.size() <= 16);
       require(order->action != FileAction::copy || order->operations.size() == 1);
@@ -45,7 +45,7 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
       files.on_outcome({}, now);
     }
   } else {
-    parameters.submit(origin, command, arguments, now);
+    parameters.execute({.origin = origin, .command = command, .arguments = arguments, .now = now});
     for (int calls = 0; const auto call = parameters.next_call(now); ++calls) {
       require(calls < 16);
       if (call->value) {

@@ -50,7 +50,11 @@ void read_changes(OctetView octets) {
 void execute(const mission::Dictionary& dictionary, OctetView octets) {
   AcceptanceJournal journal("boot", seconds(60));
   ReportQueue report_queue;
-  ScheduleService service(dictionary, journal, report_queue, seconds(60));
+  ScheduleService service(journal, report_queue, seconds(60));
+  service.set_request_check([](OctetView packet) {
+    return wire::parse_tc_packet(packet) ? std::nullopt
+                                         : std::optional<ScheduleService::RequestError>({1, std::uint8_t{0}});
+  });
   OctetReader in(octets);
   std::uint64_t id = 0;
   TaiTime now = to_tai(UtcTime(seconds(1'795'000'000)));
@@ -62,19 +66,9 @@ void execute(const mission::Dictionary& dictionary, OctetView octets) {
     TelecommandOrigin origin;
     origin.id = ++id;
     if (command == nullptr || !dictionary.check_arguments(*command, arguments)) continue;
-    const auto refused =
-        subtype == mission::ScheduleInsert::subtype
-            ? service.check_insertion(
-                  arguments,
-                  [](OctetView packet) {
-                    return wire::parse_tc_packet(packet)
-                               ? std::nullopt
-                               : std::optional<ScheduleService::RequestError>({1, std::uint8_t{0}});
-                  })
-            : std::nullopt;
-    if (refused) continue;
+    if (service.why_refused(*command, arguments)) continue;
     service.on_time(now, id % 8 != 0);
-    service.execute(origin, subtype, arguments);
+    service.execute({.origin = origin, .command = *command, .arguments = arguments, .now = {}});
     service.on_written(journal.revision(), true);
     service.drop_overdue();
     static_cast<void>(service.take_dropped());

@@ -6,6 +6,8 @@
 
 #include <cstdlib>
 
+#include <mission/structures.hpp>
+
 #include "commanding/telecommand_journal.hpp"
 #include "wire/crc16.hpp"
 
@@ -63,9 +65,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
         }
         journal.begin();
         if (step % 8 == 6) {
-          journal.finish(FailureCode::none);
+          journal.finish(mission::failure::none);
         } else {
-          (void)journal.attempt_failed(FailureCode::peripheral_silent);
+          (void)journal.attempt_failed(mission::failure::peripheral_silent);
         }
     }
     require(journal.pending() <= TelecommandJournal::capacity);

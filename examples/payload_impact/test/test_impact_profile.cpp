@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
 #include "hw_sim/impact_detector.hpp"
 
 namespace srfs {
@@ -68,8 +70,8 @@ TEST(ImpactProfile, PassesItsCommandsToThePeripheralAsTheyAre) {
   EXPECT_EQ(detector.impacts(), 0U);
 
   EXPECT_EQ(profile.decode_command(1, mission::ImpactSetThreshold{.threshold_v = 9}.encoded()).error(),
-            FailureCode::bad_argument);
-  EXPECT_EQ(profile.decode_command(77, {}).error(), FailureCode::unknown_function);
+            mission::failure::bad_argument);
+  EXPECT_EQ(profile.decode_command(77, {}).error(), mission::failure::unknown_function);
   EXPECT_EQ(detector.execute(77, {}), wire::PeripheralResult::unknown_function);
   EXPECT_EQ(detector.execute(1, Octets{1}), wire::PeripheralResult::bad_argument);
 }

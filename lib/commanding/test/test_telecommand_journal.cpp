@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
 #include "commanding/telecommand_journal.hpp"
 
 namespace srfs {
@@ -57,7 +59,7 @@ TEST_F(TelecommandJournalTest, ReportsTheEndOnlyAfterItIsStored) {
   store(command(1));
   journal.begin();
   EXPECT_THAT(journal.take_reports(), ElementsAre(started(1)));
-  journal.finish(FailureCode::none);
+  journal.finish(mission::failure::none);
   EXPECT_THAT(journal.take_reports(), IsEmpty());
   write();
   EXPECT_THAT(journal.take_reports(), ElementsAre(completed(1)));
@@ -69,7 +71,7 @@ TEST_F(TelecommandJournalTest, KeepsTheOrderOfArrival) {
     ASSERT_NE(journal.next(now), nullptr);
     EXPECT_EQ(journal.next(now)->id, id);
     journal.begin();
-    journal.finish(FailureCode::none);
+    journal.finish(mission::failure::none);
   }
   EXPECT_EQ(journal.next(now), nullptr);
 }
@@ -79,12 +81,12 @@ TEST_F(TelecommandJournalTest, DropsAKnownIdAndRepeatsItsReports) {
   EXPECT_EQ(journal.add(command(1)), TelecommandJournal::Arrival::known);
   EXPECT_THAT(journal.take_reports(), ElementsAre(accepted(1)));
   journal.begin();
-  journal.finish(FailureCode::peripheral_cannot_now);
+  journal.finish(mission::failure::peripheral_cannot_now);
   write();
   (void)journal.take_reports();
   EXPECT_EQ(journal.add(command(1)), TelecommandJournal::Arrival::known);
   EXPECT_THAT(journal.take_reports(),
-              ElementsAre(accepted(1), failed(1, FailureCode::peripheral_cannot_now)));
+              ElementsAre(accepted(1), failed(1, mission::failure::peripheral_cannot_now)));
   EXPECT_EQ(journal.pending(), 0U);
 }
 
@@ -92,7 +94,7 @@ TEST_F(TelecommandJournalTest, RefusesTheSeventeenth) {
   for (std::uint64_t id = 1; id <= TelecommandJournal::capacity; ++id) store(command(id));
   EXPECT_EQ(journal.add(command(99)), TelecommandJournal::Arrival::full);
   EXPECT_THAT(journal.take_reports(),
-              ElementsAre(failed(99, FailureCode::queue_full, TelecommandStage::accepted)));
+              ElementsAre(failed(99, mission::failure::queue_full, TelecommandStage::accepted)));
 }
 
 TEST_F(TelecommandJournalTest, EndsExpiredTelecommandsWithoutStartingThem) {
@@ -102,19 +104,20 @@ TEST_F(TelecommandJournalTest, EndsExpiredTelecommandsWithoutStartingThem) {
   EXPECT_EQ(journal.next(now)->id, 2U);
   write();
   EXPECT_THAT(journal.take_reports(),
-              ElementsAre(failed(1, FailureCode::expired, TelecommandStage::started)));
+              ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
 }
 
 TEST_F(TelecommandJournalTest, TriesThreeTimesWhatMayBeRepeated) {
   store(command(1));
   for (int i = 0; i < 2; ++i) {
     journal.begin();
-    EXPECT_TRUE(journal.attempt_failed(FailureCode::peripheral_silent));
+    EXPECT_TRUE(journal.attempt_failed(mission::failure::peripheral_silent));
   }
   journal.begin();
-  EXPECT_FALSE(journal.attempt_failed(FailureCode::peripheral_silent));
+  EXPECT_FALSE(journal.attempt_failed(mission::failure::peripheral_silent));
   write();
-  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), failed(1, FailureCode::peripheral_silent)));
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(started(1), failed(1, mission::failure::peripheral_silent)));
 }
 
 TEST_F(TelecommandJournalTest, LetsAnAtMostOnceCommandBeginOnlyWhenItsStartIsOnDisk) {
@@ -124,9 +127,9 @@ TEST_F(TelecommandJournalTest, LetsAnAtMostOnceCommandBeginOnlyWhenItsStartIsOnD
   write();
   EXPECT_TRUE(journal.start_is_durable());
   journal.begin();
-  EXPECT_FALSE(journal.attempt_failed(FailureCode::peripheral_silent));
+  EXPECT_FALSE(journal.attempt_failed(mission::failure::peripheral_silent));
   write();
-  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), failed(1, FailureCode::interrupted)));
+  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), failed(1, mission::failure::interrupted)));
 }
 
 TEST_F(TelecommandJournalTest, ContinuesAfterARestartAndEndsBegunAtMostOnceCommandsAsInterrupted) {
@@ -139,7 +142,7 @@ TEST_F(TelecommandJournalTest, ContinuesAfterARestartAndEndsBegunAtMostOnceComma
   ASSERT_TRUE(restarted.restore(journal.encode()).has_value());
   EXPECT_THAT(restarted.take_reports(), IsEmpty());
   restarted.on_written(restarted.revision(), true);
-  EXPECT_THAT(restarted.take_reports(), ElementsAre(failed(1, FailureCode::interrupted)));
+  EXPECT_THAT(restarted.take_reports(), ElementsAre(failed(1, mission::failure::interrupted)));
   ASSERT_NE(restarted.next(now), nullptr);
   EXPECT_EQ(restarted.next(now)->id, 2U);
   EXPECT_EQ(restarted.next(now)->arguments, (Octets{7, 8}));
@@ -151,7 +154,7 @@ TEST_F(TelecommandJournalTest, ReportsAnEndAgainWhenTheProcessDiedBetweenItsReco
   for (const std::uint64_t id : {1U, 2U}) {
     store(command(id));
     journal.begin();
-    journal.finish(FailureCode::none);
+    journal.finish(mission::failure::none);
   }
   const Octets on_disk = journal.encode();  // and nobody was told
   TelecommandJournal restarted("boot-a");
@@ -165,15 +168,15 @@ TEST_F(TelecommandJournalTest, EndsOnlyAByIdCommandThatMayHaveBeenSentWhenItsPer
   journal.on_ids_lost();
   EXPECT_EQ(journal.pending(), 1U) << "not sent yet";
   journal.begin();
-  journal.attempt_failed(FailureCode::peripheral_silent);
+  journal.attempt_failed(mission::failure::peripheral_silent);
   journal.on_ids_lost();
   EXPECT_EQ(journal.pending(), 0U);
   write();
-  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), failed(1, FailureCode::interrupted)));
+  EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), failed(1, mission::failure::interrupted)));
 
   store(command(2, RepeatClass::idempotent));
   journal.begin();
-  journal.attempt_failed(FailureCode::peripheral_silent);
+  journal.attempt_failed(mission::failure::peripheral_silent);
   journal.on_ids_lost();
   EXPECT_EQ(journal.pending(), 1U) << "may be done twice";
 }
@@ -182,10 +185,10 @@ TEST_F(TelecommandJournalTest, DoesNotExpireWhatBeganInTime) {
   store(command(1, RepeatClass::by_id, now));
   ASSERT_NE(journal.next(now), nullptr);
   journal.begin();
-  EXPECT_TRUE(journal.attempt_failed(FailureCode::peripheral_silent));
+  EXPECT_TRUE(journal.attempt_failed(mission::failure::peripheral_silent));
   ASSERT_NE(journal.next(now + seconds(1)), nullptr) << "its second attempt";
   journal.begin();
-  journal.finish(FailureCode::none);
+  journal.finish(mission::failure::none);
   write();
   EXPECT_THAT(journal.take_reports(), ElementsAre(started(1), completed(1)));
 }
@@ -196,7 +199,7 @@ TEST_F(TelecommandJournalTest, ExpiresACommandWhoseStartWasRecordedAndThatWasNot
   EXPECT_EQ(journal.next(now + seconds(1)), nullptr);
   write();
   EXPECT_THAT(journal.take_reports(),
-              ElementsAre(failed(1, FailureCode::expired, TelecommandStage::started)));
+              ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
 }
 
 struct JournalAfterACrash : Journal {
@@ -222,7 +225,7 @@ TEST_F(JournalAfterACrashTest, SaysThatTheOutcomeOfABegunCommandIsUnknownWhenItE
   for (const RepeatClass repeat : {RepeatClass::idempotent, RepeatClass::by_id, RepeatClass::at_most_once}) {
     for (const char* boot : {"boot-a", "boot-b"}) {
       journal = TelecommandJournal("boot-a");
-      EXPECT_THAT(reports_of(repeat, true, boot), ElementsAre(failed(1, FailureCode::interrupted)))
+      EXPECT_THAT(reports_of(repeat, true, boot), ElementsAre(failed(1, mission::failure::interrupted)))
           << static_cast<int>(repeat) << boot;
     }
   }
@@ -232,10 +235,10 @@ TEST_F(JournalAfterACrashTest, ClaimsThatACommandDidNotStartOnlyWhereItsStartWou
   for (const char* boot : {"boot-a", "boot-b"}) {
     journal = TelecommandJournal("boot-a");
     EXPECT_THAT(reports_of(RepeatClass::at_most_once, false, boot),
-                ElementsAre(failed(1, FailureCode::expired, TelecommandStage::started)));
+                ElementsAre(failed(1, mission::failure::expired, TelecommandStage::started)));
     journal = TelecommandJournal("boot-a");
     EXPECT_THAT(reports_of(RepeatClass::by_id, false, boot),
-                ElementsAre(failed(1, FailureCode::interrupted)));
+                ElementsAre(failed(1, mission::failure::interrupted)));
   }
 }
 
@@ -257,12 +260,13 @@ TEST_F(TelecommandJournalTest, NoticesADamagedFile) {
 TEST_F(TelecommandJournalTest, RefusesWhatCannotBeStoredAndStillReportsEnds) {
   store(command(1));
   journal.begin();
-  journal.finish(FailureCode::none);
+  journal.finish(mission::failure::none);
   journal.add(command(2));
   (void)journal.take_reports();
   journal.on_written(journal.revision(), false);
-  EXPECT_THAT(journal.take_reports(), ElementsAre(completed(1), failed(2, FailureCode::storage_unavailable,
-                                                                       TelecommandStage::accepted)));
+  EXPECT_THAT(journal.take_reports(),
+              ElementsAre(completed(1),
+                          failed(2, mission::failure::storage_unavailable, TelecommandStage::accepted)));
   EXPECT_EQ(journal.pending(), 0U);
 }
 
@@ -270,7 +274,7 @@ TEST_F(TelecommandJournalTest, RemembersTheLastSixtyFourIds) {
   for (std::uint64_t id = 1; id <= 70; ++id) {
     store(command(id));
     journal.begin();
-    journal.finish(FailureCode::none);
+    journal.finish(mission::failure::none);
     write();
   }
   (void)journal.take_reports();

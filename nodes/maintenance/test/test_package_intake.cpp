@@ -8,6 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
 #include "base/file.hpp"
 #include "base/sha256.hpp"
 #include "tests/temporary_folder.hpp"
@@ -69,7 +71,8 @@ TEST_F(PackageIntakeTest, a_name_that_leads_elsewhere_is_not_found) {
   for (const char* name : {"", "nothing.pkg", "../package.pub", "/etc/passwd", "link.pkg", "folder"}) {
     const auto intake = take_in(name);
     ASSERT_FALSE(intake) << name;
-    EXPECT_EQ(intake.error().code, FailureCode::package_not_found) << name << ": " << intake.error().reason;
+    EXPECT_EQ(intake.error().code, mission::failure::package_not_found)
+        << name << ": " << intake.error().reason;
   }
 }
 
@@ -78,7 +81,7 @@ TEST_F(PackageIntakeTest,
   EXPECT_TRUE(write_file_atomically(rules.files / "text", "no package"));
   auto intake = take_in("text");
   ASSERT_FALSE(intake);
-  EXPECT_EQ(intake.error().code, FailureCode::package_refused);
+  EXPECT_EQ(intake.error().code, mission::failure::package_refused);
   EXPECT_THAT(intake.error().reason, HasSubstr(to_text(update::PackageRefusal::cut_off)));
   seed = {9};
   put("other_key", manifest());

@@ -10,6 +10,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 namespace {
 
@@ -121,7 +123,8 @@ class World {
       if (scenario_.is_sound) {
         apply(transaction_->on_taken_in(intake_of(scenario_)));
       } else {
-        apply(transaction_->on_taken_in(Err(IntakeFailure{FailureCode::package_refused, "bad signature"})));
+        apply(transaction_->on_taken_in(
+            Err(IntakeFailure{mission::failure::package_refused, "bad signature"})));
       }
     });
   }
@@ -294,7 +297,7 @@ void expect_a_sound_end(const Scenario& s, const World& world) {
   EXPECT_LE(world.builds, static_cast<int>(update::UpdateJournal::most_starts));
   const update::Update& u = world.transaction().update();
   const bool accepted =
-      std::find(world.answers.begin(), world.answers.end(), FailureCode::none) != world.answers.end();
+      std::find(world.answers.begin(), world.answers.end(), mission::failure::none) != world.answers.end();
   if (accepted) {
     EXPECT_THAT(world.reports, testing::Contains(u.step)) << "its end is reported";
     EXPECT_TRUE(update::is_over(u.step));
@@ -323,7 +326,7 @@ TEST(UpdateTransactionTest, a_good_package_is_built_tested_stored_and_started_an
   World world({}, 1);
   world.begin();
   run_to_its_end(world);
-  EXPECT_THAT(world.answers, testing::ElementsAre(FailureCode::none));
+  EXPECT_THAT(world.answers, testing::ElementsAre(mission::failure::none));
   EXPECT_THAT(world.reports, testing::ElementsAre(UpdateStep::build, UpdateStep::self_test, UpdateStep::store,
                                                   UpdateStep::swap, UpdateStep::installed));
   EXPECT_EQ(world.table().active(), 1U);
@@ -435,7 +438,7 @@ TEST(UpdateTransactionTest, a_cancelled_one_ends_as_cancelled_and_only_while_the
         EXPECT_EQ(versions_of_the_package(world), 0);
       } else {
         EXPECT_TRUE(std::find(world.answers.begin() + static_cast<std::ptrdiff_t>(before),
-                              world.answers.end(), FailureCode::no_update) != world.answers.end());
+                              world.answers.end(), mission::failure::no_update) != world.answers.end());
       }
     }
   }
@@ -448,13 +451,14 @@ TEST(UpdateTransactionTest, one_package_at_a_time_and_the_same_again_is_no_failu
     const auto* const answer = actions.size() == 1 ? std::get_if<AnswerTelecommand>(&actions[0]) : nullptr;
     return answer == nullptr ? std::nullopt : std::optional(answer->code);
   };
-  EXPECT_EQ(answer_of(transaction.cancel()), FailureCode::no_update);
+  EXPECT_EQ(answer_of(transaction.cancel()), mission::failure::no_update);
   EXPECT_EQ(answer_of(transaction.install(file, true)), std::nullopt);
-  EXPECT_EQ(answer_of(transaction.install(file, true)), FailureCode::update_under_way) << "not verified yet";
+  EXPECT_EQ(answer_of(transaction.install(file, true)), mission::failure::update_under_way)
+      << "not verified yet";
   (void)transaction.on_taken_in(intake_of({}));
   (void)transaction.on_begun({});
-  EXPECT_EQ(answer_of(transaction.install(file, true)), FailureCode::none);
-  EXPECT_EQ(answer_of(transaction.install("packages/ttc.pkg", true)), FailureCode::update_under_way);
+  EXPECT_EQ(answer_of(transaction.install(file, true)), mission::failure::none);
+  EXPECT_EQ(answer_of(transaction.install("packages/ttc.pkg", true)), mission::failure::update_under_way);
 }
 
 TEST(UpdateTransactionTest, once_stopped_it_answers_what_it_accepted_and_begins_nothing) {
@@ -467,7 +471,7 @@ TEST(UpdateTransactionTest, once_stopped_it_answers_what_it_accepted_and_begins_
     world.stop();
     while (world.step()) {
     }
-    EXPECT_THAT(world.answers, testing::ElementsAre(FailureCode::none));
+    EXPECT_THAT(world.answers, testing::ElementsAre(mission::failure::none));
     EXPECT_LE(world.builds, builds + 1) << "an action that waited";
     if (in_lane) {
       EXPECT_EQ(world.swaps, swaps);

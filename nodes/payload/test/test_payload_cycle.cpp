@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include <mission/structures.hpp>
+
 #include "nodes/payload/payload_cycle.hpp"
 
 namespace srfs {
@@ -19,7 +21,7 @@ constexpr std::uint16_t power_function = 17;
 Result<PayloadCommand, FailureCode> decode(std::uint16_t function, OctetView arguments) {
   if (function == reset_function) return ResetPeripheral{};
   if (function == power_function) return PowerCyclePeripheral{milliseconds(100)};
-  if (function > 3) return Err(FailureCode::unknown_function);
+  if (function > 3) return Err(mission::failure::unknown_function);
   return PeripheralFunction{static_cast<std::uint8_t>(function), Octets(arguments.begin(), arguments.end())};
 }
 
@@ -421,7 +423,7 @@ TEST_F(PayloadCycleTest, DoesNotRepeatAByIdCommandThatItsPeripheralForgotWithIts
 
   const PayloadActions reported = written();
   ASSERT_NE(find<StageReport>(reported), nullptr);
-  EXPECT_EQ(find<StageReport>(reported)->failure, FailureCode::interrupted);
+  EXPECT_EQ(find<StageReport>(reported)->failure, mission::failure::interrupted);
   EXPECT_EQ(cycle.journal().pending(), 0U);
 }
 
@@ -527,7 +529,7 @@ TEST_F(PayloadCycleTest, ExecutesStoredTelecommandsInOrderInItsNextSlot) {
   actions = written();
   ASSERT_EQ(count<StageReport>(actions), 2U);
   EXPECT_TRUE(find<StageReport>(actions)->success);
-  EXPECT_EQ(find<PayloadEvent>(actions)->code, FailureCode::peripheral_bad_argument);
+  EXPECT_EQ(find<PayloadEvent>(actions)->code, mission::failure::peripheral_bad_argument);
   EXPECT_EQ(cycle.statistics().telecommands_executed, 1U);
 }
 
@@ -553,7 +555,7 @@ TEST_F(PayloadCycleTest, RepeatsAnUnansweredTelecommandInTheNextSlot) {
   }
   const PayloadActions actions = written();
   ASSERT_NE(find<StageReport>(actions), nullptr);
-  EXPECT_EQ(find<StageReport>(actions)->failure, FailureCode::peripheral_silent);
+  EXPECT_EQ(find<StageReport>(actions)->failure, mission::failure::peripheral_silent);
   grant();
   EXPECT_FALSE(sends<wire::CommandRequest>(wake()));
 }
@@ -569,7 +571,7 @@ TEST_F(PayloadCycleTest, StoresTheStartOfAnAtMostOnceCommandWhileItWakesThePerip
   pass(milliseconds(25));
   quiet();
   actions = written();
-  EXPECT_EQ(find<StageReport>(actions)->failure, FailureCode::interrupted);
+  EXPECT_EQ(find<StageReport>(actions)->failure, mission::failure::interrupted);
   grant();
   EXPECT_FALSE(sends<wire::CommandRequest>(wake()));  // never twice
 }
@@ -581,7 +583,7 @@ TEST_F(PayloadCycleTest, NeverRepeatsAnAtMostOnceCommandThatADeactivationCutOff)
   EXPECT_TRUE(sends<wire::CommandRequest>(wake()));
   cycle.deactivate(now);
   quiet();
-  EXPECT_EQ(find<StageReport>(written())->failure, FailureCode::interrupted);
+  EXPECT_EQ(find<StageReport>(written())->failure, mission::failure::interrupted);
   cycle.activate(now);
   cycle.on_power_switched(true, true, now);
   grant();
@@ -618,7 +620,7 @@ TEST_F(PayloadCycleTest, ReportsAPowerSwitchThatDoesNotObey) {
   written();
   quiet();
   cycle.on_power_switched(false, false, now);
-  EXPECT_EQ(find<StageReport>(written())->failure, FailureCode::power_switch_failed);
+  EXPECT_EQ(find<StageReport>(written())->failure, mission::failure::power_switch_failed);
   EXPECT_TRUE(sends<wire::WakeUpRequest>(grant()));
 }
 
@@ -682,7 +684,7 @@ TEST_F(PayloadCycleFlood, WhileKeptOffFailsTelecommandsToItAndObeysThePowerCycle
   store(1);
   store(2, power_function, RepeatClass::at_most_once);
   EXPECT_EQ(find<PublishStatus>(grant())->kind, Kind::taken);
-  EXPECT_EQ(find<StageReport>(written())->failure, FailureCode::peripheral_off);
+  EXPECT_EQ(find<StageReport>(written())->failure, mission::failure::peripheral_off);
   const PayloadActions released = quiet();
   ASSERT_NE(find<SwitchPower>(released), nullptr);
   EXPECT_FALSE(cycle.peripheral_kept_off());
@@ -725,11 +727,11 @@ TEST_F(PayloadCycleFlood, IsCutOffAgainWhenThePowerSwitchDidNotObey) {
 }
 
 TEST_F(PayloadCycleTest, RefusesUnknownFunctionsAndExpiredTelecommandsAtArrival) {
-  EXPECT_EQ(find<StageReport>(arrive(1, 40))->failure, FailureCode::unknown_function);
+  EXPECT_EQ(find<StageReport>(arrive(1, 40))->failure, mission::failure::unknown_function);
   EXPECT_EQ(find<StageReport>(arrive(2, 1, RepeatClass::by_id, now - milliseconds(1)))->failure,
-            FailureCode::expired);
+            mission::failure::expired);
   cycle.deactivate(now);
-  EXPECT_EQ(find<StageReport>(arrive(3))->failure, FailureCode::node_not_active);
+  EXPECT_EQ(find<StageReport>(arrive(3))->failure, mission::failure::node_not_active);
   EXPECT_EQ(cycle.journal().pending(), 0U);
 }
 

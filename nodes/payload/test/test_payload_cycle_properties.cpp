@@ -8,6 +8,8 @@
 #include <random>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "nodes/payload/payload_cycle.hpp"
 
 namespace srfs {
@@ -78,7 +80,7 @@ class World {
   static Result<PayloadCommand, FailureCode> decode(std::uint16_t function, OctetView /*arguments*/) {
     if (function == 16) return ResetPeripheral{};
     if (function == 17) return PowerCyclePeripheral{milliseconds(50)};
-    if (function == 0) return Err(FailureCode::unknown_function);
+    if (function == 0) return Err(mission::failure::unknown_function);
     return PeripheralFunction{static_cast<std::uint8_t>(function), {}};
   }
   bool chance(std::uint64_t one_in) { return random_() % one_in == 0; }
@@ -224,7 +226,7 @@ class World {
       return;
     }
     if (report.success) ++completed;
-    if (report.failure == FailureCode::interrupted) ++interrupted;
+    if (report.failure == mission::failure::interrupted) ++interrupted;
   }
   void check(Activity activity) {
     ASSERT_EQ(activity == Activity::occupying_can, cycle_.holds_bus());

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include <mission/structures.hpp>
+
 #include "nodes/payload_adcs/adcs_profile.hpp"
 
 namespace srfs {
@@ -90,9 +92,9 @@ TEST(AdcsProfile, ChecksTelecommandArguments) {
       profile.decode_command(1, mission::AdcsSetMode{.mode = mission::AdcsMode::point}.encoded());
   ASSERT_TRUE(mode.has_value());
   EXPECT_EQ(std::get<PeripheralFunction>(*mode).arguments, Octets{2});
-  EXPECT_EQ(profile.decode_command(1, Octets{9}).error(), FailureCode::bad_argument);
-  EXPECT_EQ(profile.decode_command(1, Octets{}).error(), FailureCode::bad_arguments_length);
-  EXPECT_EQ(profile.decode_command(99, Octets{}).error(), FailureCode::unknown_function);
+  EXPECT_EQ(profile.decode_command(1, Octets{9}).error(), mission::failure::bad_argument);
+  EXPECT_EQ(profile.decode_command(1, Octets{}).error(), mission::failure::bad_arguments_length);
+  EXPECT_EQ(profile.decode_command(99, Octets{}).error(), mission::failure::unknown_function);
   EXPECT_TRUE(std::holds_alternative<ResetPeripheral>(*profile.decode_command(16, Octets{})));
   const auto cycle = profile.decode_command(17, mission::AdcsPowerCyclePeripheral{.off_ms = 300}.encoded());
   EXPECT_EQ(std::get<PowerCyclePeripheral>(*cycle).off_time, milliseconds(300));

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include <mission/structures.hpp>
+
 #include "nodes/payload_eps/eps_profile.hpp"
 
 namespace srfs {
@@ -69,9 +71,9 @@ TEST(EpsProfile, ChecksTelecommandArguments) {
   const auto load = profile.decode_command(1, Octets{2, 1});
   ASSERT_TRUE(load.has_value());
   EXPECT_EQ(std::get<PeripheralFunction>(*load).function, 1);
-  EXPECT_EQ(profile.decode_command(1, Octets{4, 1}).error(), FailureCode::bad_argument);
-  EXPECT_EQ(profile.decode_command(1, Octets{3}).error(), FailureCode::bad_arguments_length);
-  EXPECT_EQ(profile.decode_command(0, Octets{}).error(), FailureCode::unknown_function);
+  EXPECT_EQ(profile.decode_command(1, Octets{4, 1}).error(), mission::failure::bad_argument);
+  EXPECT_EQ(profile.decode_command(1, Octets{3}).error(), mission::failure::bad_arguments_length);
+  EXPECT_EQ(profile.decode_command(0, Octets{}).error(), mission::failure::unknown_function);
   EXPECT_FALSE(EpsProfile().process(Octets(40), 1, {}).has_value());
 }
 

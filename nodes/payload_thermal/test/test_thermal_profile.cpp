@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
 #include "nodes/payload_thermal/thermal_profile.hpp"
 
 namespace srfs {
@@ -43,10 +45,10 @@ TEST(ThermalProfile, ReportsASensorOutOfLimitsOnceWithHysteresis) {
 TEST(ThermalProfile, ChecksTelecommandArguments) {
   const ThermalProfile profile;
   EXPECT_TRUE(profile.decode_command(1, Octets{1, 2}).has_value());
-  EXPECT_EQ(profile.decode_command(1, Octets{2, 2}).error(), FailureCode::bad_argument);
+  EXPECT_EQ(profile.decode_command(1, Octets{2, 2}).error(), mission::failure::bad_argument);
   const mission::ThermalSetSetpoint too_hot{.heater = 0, .setpoint_k = 400};
-  EXPECT_EQ(profile.decode_command(2, too_hot.encoded()).error(), FailureCode::bad_argument);
-  EXPECT_EQ(profile.decode_command(3, Octets{}).error(), FailureCode::unknown_function);
+  EXPECT_EQ(profile.decode_command(2, too_hot.encoded()).error(), mission::failure::bad_argument);
+  EXPECT_EQ(profile.decode_command(3, Octets{}).error(), mission::failure::unknown_function);
   EXPECT_FALSE(ThermalProfile().process(Octets(34), 1, {}).has_value());
 }
 

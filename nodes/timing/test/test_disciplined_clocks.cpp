@@ -5,6 +5,8 @@
 #include <cmath>
 #include <random>
 
+#include <mission/structures.hpp>
+
 #include "hw/fake/fake_kernel_clock.hpp"
 #include "nodes/timing/mission_clock.hpp"
 #include "nodes/timing/pulse_clock.hpp"
@@ -101,7 +103,7 @@ TEST(SystemClockDiscipline, SlewsTheKernelsClockToThePulseAndItsRateToTrueSecond
   EXPECT_LT(std::abs(board.error().count()), 1000);
   EXPECT_NEAR(board.kernel.frequency_ppm(), -37, 0.1);
   EXPECT_NEAR(board.pulses.drift_ppm(), 0, 0.1);
-  EXPECT_EQ(board.pulses.state(), SyncState::locked);
+  EXPECT_EQ(board.pulses.state(), mission::SyncState::locked);
   EXPECT_EQ(board.pulses.counters().outliers, 0U);
   EXPECT_EQ(board.kernel.steps, 0);
 }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <random>
 
+#include <mission/structures.hpp>
+
 #include "nodes/timing/pulse_clock.hpp"
 
 namespace srfs {
@@ -43,7 +45,7 @@ PulseClock make_clock(const PulseClockSettings& settings = {}) {
 
 TEST(PulseClock, HasNoValidTimeAndNoGridBeforeTheFirstPulse) {
   const PulseClock clock = make_clock();
-  EXPECT_EQ(clock.state(), SyncState::unlocked);
+  EXPECT_EQ(clock.state(), mission::SyncState::unlocked);
   EXPECT_FALSE(clock.time_valid());
   EXPECT_FALSE(clock.grid().has_value());
   EXPECT_EQ(clock.utc_at(start + seconds(3)), stored + seconds(3));
@@ -53,7 +55,7 @@ TEST(PulseClock, LocksOnASteadyPulseAndTakesTheSecondTheReceiverNames) {
   PulseClock clock = make_clock();
   Receiver gps;
   for (int i = 0; i < 8; ++i) gps.pulse(clock);
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_TRUE(clock.time_valid());
   EXPECT_EQ(clock.utc_at(gps.edge(7)), UtcTime(seconds(gps_second + 7)));
 }
@@ -62,7 +64,7 @@ TEST(PulseClock, EstimatesTheDriftOfTheLocalClock) {
   PulseClock clock = make_clock();
   Receiver gps{.second_ns = 1e9 + 42'000};
   for (int i = 0; i < 60; ++i) gps.pulse(clock);
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_NEAR(clock.drift_ppm(), 42.0, 0.1);
   EXPECT_LT(std::abs(clock.offset().count()), 100);
 }
@@ -80,7 +82,7 @@ TEST(PulseClock, DampsTheJitterOfThePulse) {
       squares += error * error;
     }
   }
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_LT(std::sqrt(squares / 300), 20e3);
 }
 
@@ -90,7 +92,7 @@ TEST(PulseClock, IgnoresASinglePulseOutOfPlace) {
   for (int i = 0; i < 8; ++i) gps.pulse(clock);
   EXPECT_EQ(pulse_at(clock, gps.edge(7) + milliseconds(430)), PulseVerdict::outlier);
   gps.pulse(clock);
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_EQ(clock.counters().outliers, 1U);
   EXPECT_EQ(clock.utc_at(gps.edge(8)), UtcTime(seconds(gps_second + 8)));
 }
@@ -102,10 +104,10 @@ TEST(PulseClock, BelievesASteppedPulseOnlyAfterAMinuteInWhichNoneCameWhereExpect
   gps.phase += milliseconds(200);
   for (int i = 0; i < 59; ++i) gps.pulse(clock);
   EXPECT_EQ(clock.counters().phase_adoptions, 0U);
-  EXPECT_EQ(clock.state(), SyncState::holdover);
+  EXPECT_EQ(clock.state(), mission::SyncState::holdover);
   for (int i = 0; i < 8; ++i) gps.pulse(clock);
   EXPECT_EQ(clock.counters().phase_adoptions, 1U);
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_EQ(clock.utc_at(gps.edge(74)), UtcTime(seconds(gps_second + 74)));
 }
 
@@ -117,7 +119,7 @@ TEST(PulseClock, ASpoofedStepThatEndsLeavesNoTrace) {
   for (int i = 0; i < 50; ++i) gps.pulse(clock);
   gps.phase -= milliseconds(3);
   for (int i = 0; i < 6; ++i) gps.pulse(clock);
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_EQ(clock.counters().phase_adoptions, 0U);
   EXPECT_LT(std::abs((clock.utc_at(gps.edge(95)) - UtcTime(seconds(gps_second + 95))).count()), 100);
 }
@@ -127,7 +129,7 @@ TEST(PulseClock, AFirstPulseThatWasFalseIsForgottenSoon) {
   Receiver gps;
   pulse_at(clock, gps.edge(0) - milliseconds(400));
   for (int i = 0; i < 10; ++i) gps.pulse(clock);
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_EQ(clock.utc_at(gps.edge(9)), UtcTime(seconds(gps_second + 9)));
 }
 
@@ -138,7 +140,7 @@ TEST(PulseClock, OfTwoReceiversPulsesItKeepsToTheOneItFollows) {
     const MonotonicTime e = gps.pulse(clock);
     EXPECT_EQ(pulse_at(clock, e + milliseconds(300)), PulseVerdict::outlier);
   }
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_EQ(clock.counters().phase_adoptions, 0U);
   EXPECT_EQ(clock.utc_at(gps.edge(199)), UtcTime(seconds(gps_second + 199)));
 }
@@ -173,7 +175,7 @@ TEST(PulseClock, SurvivesLostPulses) {
       gps.pulse(clock);
     }
   }
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_EQ(clock.counters().outliers, 0U);
   EXPECT_LT(std::abs((clock.utc_at(gps.edge(299)) - UtcTime(seconds(gps_second + 299))).count()), 200);
 }
@@ -185,7 +187,7 @@ TEST(PulseClock, AfterASilenceThePulseIsTakenBackWhereTheOscillatorCanHaveBrough
   gps.n += 1000;
   gps.phase += milliseconds(4);  // 4 ppm
   for (int i = 0; i < 10; ++i) gps.pulse(clock);
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
   EXPECT_EQ(clock.counters().phase_adoptions, 0U);
   EXPECT_LT(std::abs(clock.offset().count()), 2'000);
   EXPECT_LT(std::abs(clock.drift_ppm()), 0.5);
@@ -216,16 +218,16 @@ TEST(PulseClock, GoesOnInHoldoverWhenThePulseStopsAndLocksAgainWhenItReturns) {
   const MonotonicTime last = gps.edge(39);
 
   clock.on_time_passing(last + seconds(3));
-  EXPECT_EQ(clock.state(), SyncState::holdover);
+  EXPECT_EQ(clock.state(), mission::SyncState::holdover);
   EXPECT_TRUE(clock.time_valid());
   const MonotonicTime later = gps.edge(39 + 600);
   EXPECT_LT(std::abs((clock.utc_at(later) - UtcTime(seconds(gps_second + 639))).count()), 1'000'000);
 
   gps.n += 600;
   gps.pulse(clock);
-  EXPECT_EQ(clock.state(), SyncState::locking);
+  EXPECT_EQ(clock.state(), mission::SyncState::locking);
   for (int i = 0; i < 6; ++i) gps.pulse(clock);
-  EXPECT_EQ(clock.state(), SyncState::locked);
+  EXPECT_EQ(clock.state(), mission::SyncState::locked);
 }
 
 TEST(PulseClock, RefusesALargeJumpOfAValidTimeUntilAnOperatorSetsIt) {

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include <mission/structures.hpp>
+
 #include "nodes/timing/mission_clock.hpp"
 #include "nodes/timing/time_discipline.hpp"
 
@@ -142,7 +144,7 @@ TEST(TimeDiscipline, APulseFindsTheSecondAgainAfterATimeSetInHoldover) {
   f.n += 10;
   const MonotonicTime now = f.edge(f.n - 5) + milliseconds(250);
   f.time.on_time_passing(now);
-  ASSERT_EQ(f.time.pulse_clock().state(), SyncState::holdover);
+  ASSERT_EQ(f.time.pulse_clock().state(), mission::SyncState::holdover);
   const UtcTime commanded = f.time.utc_at(now) + seconds(500) + milliseconds(120);
   ASSERT_EQ(f.time.set_time({commanded, now, milliseconds(200), true}, now), SetTimeVerdict::stepped);
   f.pulse();

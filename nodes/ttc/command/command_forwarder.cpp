@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 
 std::uint64_t first_telecommand_id(std::uint64_t stored, std::uint64_t known, UtcTime utc) {
@@ -41,7 +43,7 @@ Result<void, ForwardError> CommandForwarder::submit(const TelecommandOrigin& ori
 }
 
 void CommandForwarder::restore(const TelecommandOrigin& origin, ForwardedCommand command,
-                               const ForwardedProgress& progress, MonotonicTime now) {
+                               const RestoredProgress& progress, MonotonicTime now) {
   ++counters_.submitted;
   command.id = origin.id;
   Node& node = nodes_[command.target];
@@ -113,7 +115,7 @@ void CommandForwarder::on_report(const NodeReport& report, MonotonicTime now) {
         ++counters_.duplicate_reports;
       } else if (report.stage == Stage::acceptance) {
         // It had it, and refuses it as a new one: what it knew is lost, and with it what it did.
-        fail(*executing, Stage::completion, codes_.interrupted, {});
+        fail(*executing, Stage::completion, mission::failure::interrupted, {});
         node.executing.erase(executing);
       } else if (apply(*executing, report)) {
         node.executing.erase(executing);
@@ -191,12 +193,12 @@ void CommandForwarder::on_time(MonotonicTime now) {
 void CommandForwarder::end_expired(Node& node, MonotonicTime now) {
   const auto not_taken = [&](const Entry& entry) {
     if (now < entry.give_up) return false;
-    expire(entry, Stage::start, codes_.not_taken);
+    expire(entry, Stage::start, mission::failure::node_unavailable);
     return true;
   };
   const auto not_completed = [&](const Entry& entry) {
     if (now < entry.give_up) return false;
-    expire(entry, entry.started ? Stage::completion : Stage::start, codes_.no_completion);
+    expire(entry, entry.started ? Stage::completion : Stage::start, mission::failure::completion_unknown);
     return true;
   };
   std::erase_if(node.unacknowledged, not_taken);

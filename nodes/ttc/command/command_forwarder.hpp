@@ -13,7 +13,7 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 
 namespace srfs {
 
@@ -38,21 +38,6 @@ struct NodeReport {
   std::uint16_t failure_code = 0;
   std::uint8_t step = 0;
   Octets data;
-};
-
-/// Failure codes the forwarder itself reports, filled from the mission dictionary.
-struct ForwardingFailureCodes {
-  std::uint16_t not_taken = 0;      ///< the target did not accept it before it expired (1,4)
-  std::uint16_t no_completion = 0;  ///< accepted, then no completion report in time (1,8)
-  std::uint16_t interrupted = 0;    ///< accepted, then its node did not know it any more (1,8)
-};
-
-/// How far a telecommand was known to be when the process before ended.
-struct ForwardedProgress {
-  bool taken = false;
-  bool started = false;
-  std::uint8_t last_step = 0;
-  bool other_boot = false;  ///< its expiry means nothing any more: it may not begin now
 };
 
 struct ForwardingCounters {
@@ -99,15 +84,14 @@ class CommandForwarder {
   static constexpr seconds completion_grace{30};   ///< after the expiry
 
   /// @param report_queue takes the verification reports; outlives this
-  CommandForwarder(ForwardingFailureCodes codes, ReportQueue& report_queue)
-      : codes_(codes), report_queue_(report_queue) {}
+  explicit CommandForwarder(ReportQueue& report_queue) : report_queue_(report_queue) {}
 
   /// Takes an accepted telecommand. @param origin has its id
   Result<void, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
                                     MonotonicTime now);
   /// Goes on with one of an earlier process, in the order of the ids and whatever the bounds: they held when
   /// it was accepted. Its node is given time to report the outcome, also past its expiry.
-  void restore(const TelecommandOrigin& origin, ForwardedCommand command, const ForwardedProgress& progress,
+  void restore(const TelecommandOrigin& origin, ForwardedCommand command, const RestoredProgress& progress,
                MonotonicTime now);
   /// Whether submit() for @p target would be taken after @p reserved others.
   [[nodiscard]] bool has_room(const std::string& target, std::size_t reserved = 0) const;
@@ -155,7 +139,6 @@ class CommandForwarder {
   bool apply(Entry& entry, const NodeReport& report);
   void report_start(Entry& entry);
 
-  ForwardingFailureCodes codes_;
   ReportQueue& report_queue_;
   std::map<std::string, Node> nodes_;
   std::vector<ForwardedCommand> publications_;

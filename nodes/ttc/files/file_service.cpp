@@ -101,15 +101,14 @@ std::optional<FileOrder> file_order_of(const mission::Command& command, OctetVie
   }
 }
 
-void FileService::submit(const TelecommandOrigin& origin, const mission::Command& command,
-                         OctetView arguments, bool repeated, MonotonicTime now) {
-  if (command.subtype == mission::FileStopReports::subtype) {
+void FileService::execute(const ServiceRequest& request) {
+  const TelecommandOrigin& origin = request.origin;
+  if (request.command.subtype == mission::FileStopReports::subtype) {
     status_interval_.reset();
-    report_queue_.success(origin, Stage::start);
-    report_queue_.success(origin, Stage::completion);
+    report_queue_.done(origin);
     return;
   }
-  auto order = file_order_of(command, arguments);
+  auto order = file_order_of(request.command, request.arguments);
   if (!order) {
     report_queue_.failure(origin, Stage::start, mission::failure::unknown_subtype);
     return;
@@ -118,13 +117,14 @@ void FileService::submit(const TelecommandOrigin& origin, const mission::Command
     report_queue_.failure(origin, Stage::start, mission::failure::busy);
     return;
   }
-  if (const auto status = mission::FileReportCopies::decode(arguments);
+  if (const auto status = mission::FileReportCopies::decode(request.arguments);
       status && order->action == FileAction::report_copies) {
-    set_status_interval(origin, milliseconds(status->interval_ms), now);
+    set_status_interval(origin, milliseconds(status->interval_ms), request.now);
   }
   order->number = next_number_++;
-  order->repeated = repeated;
-  waiting_.push_back({.origin = origin, .order = std::move(*order), .expiry = now + command.timeout});
+  order->repeated = request.repeated;
+  waiting_.push_back(
+      {.origin = origin, .order = std::move(*order), .expiry = request.now + request.command.timeout});
 }
 
 void FileService::set_status_interval(const TelecommandOrigin& origin, milliseconds interval,

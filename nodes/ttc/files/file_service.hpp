@@ -10,15 +10,16 @@
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/files/file_order.hpp"
-#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 
 namespace srfs {
 
 /// The PUS service 23 (ECSS-E-ST-70-41C 6.23): takes requests, gives them one after another to the worker
 /// that owns the disk, and reports what became of each: start failure when nothing was done, completion when
 /// all was. Every request ends in its time, whatever the disk does. Pure.
-class FileService {
+class FileService final : public PusService {
  public:
+  static constexpr std::uint8_t service_type = 23;
   static constexpr std::size_t max_waiting = 16;
   static constexpr milliseconds shortest_interval{1000};  ///< of the status of copies
   static constexpr milliseconds retry_period{1000};       ///< of a worker without room
@@ -26,9 +27,10 @@ class FileService {
   /// @param apid the reports come from. @param report_queue outlives this
   FileService(ReportQueue& report_queue, std::uint16_t apid) : report_queue_(report_queue), apid_(apid) {}
 
-  /// Takes an accepted telecommand. @param repeated it may have been done before a restart
-  void submit(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
-              bool repeated, MonotonicTime now);
+  [[nodiscard]] bool provides(const mission::Command& command) const override {
+    return command.service == service_type;
+  }
+  void execute(const ServiceRequest& request) override;
 
   /// The order to carry out next; then on_outcome() or on_refused().
   [[nodiscard]] std::optional<FileOrder> next_order(MonotonicTime now);

@@ -14,7 +14,7 @@ constexpr std::string_view findings_file = "/findings.json";
 
 }  // namespace
 
-bool ImagingScheduler::takes(const mission::Command& command) {
+bool ImagingScheduler::provides(const mission::Command& command) const {
   return command.name == mission::ImageCapture::name || command.name == mission::ImageProcess::name ||
          command.name == mission::ImageCancel::name || command.name == mission::ImageSendFrame::name;
 }
@@ -51,7 +51,7 @@ std::optional<ImagingScheduler::Task> ImagingScheduler::read(const TelecommandOr
   return task;
 }
 
-std::uint16_t ImagingScheduler::why_refused(const Task& task) const {
+std::uint16_t ImagingScheduler::refusal_of(const Task& task) const {
   const bool exists = std::any_of(tasks_.begin(), tasks_.end(), [&](const Task& other) {
     const bool both_frames = task.kind == Kind::send_frame || other.kind == Kind::send_frame;
     return other.settings.task == task.settings.task &&
@@ -62,14 +62,14 @@ std::uint16_t ImagingScheduler::why_refused(const Task& task) const {
   return mission::failure::none;
 }
 
-void ImagingScheduler::submit(const TelecommandOrigin& origin, const mission::Command& command,
-                              OctetView arguments, bool repeated, MonotonicTime now) {
+void ImagingScheduler::execute(const ServiceRequest& request) {
+  const auto& [origin, command, arguments, now, repeated] = request;
   if (command.name == mission::ImageCancel::name) {
-    const auto request = mission::ImageCancel::decode(arguments);
-    return cancel(origin, request ? request->task : 0, repeated, command, now);
+    const auto wanted = mission::ImageCancel::decode(arguments);
+    return cancel(origin, wanted ? wanted->task : 0, repeated, command, now);
   }
   auto task = read(origin, command, arguments, now);
-  const std::uint16_t refusal = task ? why_refused(*task) : mission::failure::bad_arguments_length;
+  const std::uint16_t refusal = task ? refusal_of(*task) : mission::failure::bad_arguments_length;
   if (refusal != mission::failure::none) {
     report_queue_.failure(origin, Stage::start, refusal);
     return;
@@ -80,26 +80,35 @@ void ImagingScheduler::submit(const TelecommandOrigin& origin, const mission::Co
   if (tasks_.back().kind != Kind::capture) list_frames(tasks_.back(), now);
 }
 
-void ImagingScheduler::restore(const TelecommandOrigin& origin, const mission::Command& command,
-                               OctetView arguments, bool started, std::uint8_t last_step, MonotonicTime now) {
-  if (command.name == mission::ImageCancel::name) return submit(origin, command, arguments, true, now);
+bool ImagingScheduler::restore(const ServiceRequest& request, const RestoredProgress& progress) {
+  if (progress.other_boot) return false;
+  const auto& [origin, command, arguments, now, repeated] = request;
+  const std::uint8_t last_step = progress.last_step;
+  if (command.name == mission::ImageCancel::name) {
+    execute(request);
+    return true;
+  }
   auto task = read(origin, command, arguments, now);
   const bool may_have_captured =
       task && task->kind == Kind::capture && last_step >= step_capture && last_step < step_captured;
   if (may_have_captured) clear(ImageServer::acquisition, now);
   if (task && last_step >= step_process) clear(ImageServer::processing, now);
-  if (!task || may_have_captured || why_refused(*task) != mission::failure::none) {
+  if (!task || may_have_captured || refusal_of(*task) != mission::failure::none) {
     report_queue_.failure(origin, Stage::completion, mission::failure::interrupted);
     if (task) note_failure(task->settings.task, "interrupted by a restart");
-    return;
+    return true;
   }
   ++counters_.taken;
-  if (!started) report_queue_.success(origin, Stage::start);
+  if (!progress.started) report_queue_.success(origin, Stage::start);
   tasks_.push_back(std::move(*task));
   Task& added = tasks_.back();
-  if (added.kind == Kind::capture && last_step < step_captured) return;
-  if (added.kind == Kind::capture && added.settings.method.empty()) return complete(origin.id);
-  list_frames(added, now);
+  if (added.kind == Kind::capture && last_step < step_captured) return true;
+  if (added.kind == Kind::capture && added.settings.method.empty()) {
+    complete(origin.id);
+  } else {
+    list_frames(added, now);
+  }
+  return true;
 }
 
 /// A goal of the earlier process, whose end is not awaited any more, would hold up the next ones.

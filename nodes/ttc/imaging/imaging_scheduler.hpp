@@ -15,7 +15,7 @@
 #include "base/octets.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
-#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 
 namespace srfs {
 
@@ -82,7 +82,7 @@ struct ImagingTime {
 ///
 /// Progress (1,5): 1 capture asked for; 25, 50, 75 per cent of the frames; 100 all stored; 101 processing
 /// asked for; 125, 150, 175; 200 processed.
-class ImagingScheduler {
+class ImagingScheduler final : public PusService {
  public:
   static constexpr std::size_t max_tasks = 16;
   static constexpr std::size_t max_cancels = 8;
@@ -106,15 +106,11 @@ class ImagingScheduler {
   /// @param report_queue outlives this
   explicit ImagingScheduler(ReportQueue& report_queue) : report_queue_(report_queue) {}
 
-  /// Whether a telecommand of ttc is for this.
-  [[nodiscard]] static bool takes(const mission::Command& command);
-  /// Takes an accepted telecommand. @param repeated it may have been carried out before a restart
-  void submit(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
-              bool repeated, MonotonicTime now);
-  /// Goes on with one of an earlier process of this boot. A capture that was asked for is not asked for
-  /// again: it ends as interrupted, unless all its frames were stored. What runs for it is cancelled.
-  void restore(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
-               bool started, std::uint8_t last_step, MonotonicTime now);
+  [[nodiscard]] bool provides(const mission::Command& command) const override;
+  void execute(const ServiceRequest& request) override;
+  /// Of this boot. A capture that was asked for is not asked for again: it ends as interrupted, unless all
+  /// its frames were stored. What runs for it is cancelled.
+  [[nodiscard]] bool restore(const ServiceRequest& request, const RestoredProgress& progress) override;
 
   /// Ends what is overdue, gives orders that are due. @param may_capture in this mode
   void on_time(const ImagingTime& time, bool may_capture);
@@ -190,7 +186,7 @@ class ImagingScheduler {
   [[nodiscard]] static std::optional<Task> read(const TelecommandOrigin& origin,
                                                 const mission::Command& command, OctetView arguments,
                                                 MonotonicTime now);
-  [[nodiscard]] std::uint16_t why_refused(const Task& task) const;
+  [[nodiscard]] std::uint16_t refusal_of(const Task& task) const;
   void cancel(const TelecommandOrigin& origin, std::uint32_t number, bool repeated,
               const mission::Command& command, MonotonicTime now);
   void cancel(Task& task);

@@ -124,7 +124,7 @@ Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const
   const BootTold boot = boot_.value_or(inputs.boot);
   beacon.boot_count = boot.count;
   beacon.reset_cause = boot.cause;
-  beacon.mode = inputs.mode == Mode::nominal ? mission::MissionMode::nominal : mission::MissionMode::safe;
+  beacon.mode = inputs.mode;
   beacon.mode_reason = inputs.mode_reason;
   beacon.time_valid = inputs.time_valid;
   for (std::size_t i = 0; i < node_count; ++i) {

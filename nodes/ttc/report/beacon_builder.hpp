@@ -36,7 +36,7 @@ struct BootTold {
 struct BeaconInputs {
   std::uint64_t cycle = 0;
   BootTold boot;  ///< used until timing has reported it
-  Mode mode = Mode::safe;
+  MissionMode mode = MissionMode::safe;
   std::string mode_reason;
   bool time_valid = false;
   std::uint32_t storage_free_mib = 0;

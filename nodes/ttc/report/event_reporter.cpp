@@ -6,6 +6,20 @@
 
 namespace srfs {
 
+void EventReporter::execute(const ServiceRequest& request) {
+  constexpr std::uint8_t enable = 5;
+  OctetReader reader(request.arguments);
+  const unsigned count = reader.u16();
+  for (unsigned i = 0; i < count; ++i) {
+    const std::uint16_t event = reader.u16();
+    if (set_enabled(event, request.command.subtype == enable)) continue;
+    report_queue_.failure(request.origin, Stage::start, mission::failure::unknown_identifier,
+                          octets_of_u16(event));
+    return;
+  }
+  report_queue_.done(request.origin);
+}
+
 void EventReporter::add_event(std::uint16_t event_id, bool enabled) {
   events_[event_id] =
       Event{.enabled = enabled, .essential = false, .tokens = 0, .refilled = {}, .seen = false};
@@ -19,8 +33,8 @@ void EventReporter::add_essential_event(std::uint16_t event_id) {
 std::optional<EventReport> EventReporter::on_event(std::uint16_t apid, std::uint16_t event_id,
                                                    std::uint8_t severity, OctetView data, MonotonicTime now) {
   const auto found = events_.find(event_id);
-  const bool severity_valid = severity >= static_cast<std::uint8_t>(EventSeverity::info) &&
-                              severity <= static_cast<std::uint8_t>(EventSeverity::high);
+  const bool severity_valid = severity >= static_cast<std::uint8_t>(mission::EventSeverity::info) &&
+                              severity <= static_cast<std::uint8_t>(mission::EventSeverity::high);
   if (found == events_.end() || !severity_valid) {
     ++counters_.unknown;
     return std::nullopt;

@@ -9,12 +9,9 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "nodes/ttc/report/report.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 
 namespace srfs {
-
-/// Severities of PUS 5; the value is the report's subtype (5,1 to 5,4).
-enum class EventSeverity : std::uint8_t { info = 1, low = 2, medium = 3, high = 4 };
 
 struct EventRateLimit {
   std::uint32_t burst = 5;    ///< reports of one event at once
@@ -35,11 +32,17 @@ struct EventReport {
 };
 
 /// PUS 5 (ECSS-E-ST-70-41C 6.5): which events become reports. One event id that floods costs only itself.
-class EventReporter {
+class EventReporter final : public PusService {
  public:
   static constexpr std::uint8_t service = 5;
 
-  explicit EventReporter(EventRateLimit limit = {}) : limit_(limit) {}
+  explicit EventReporter(ReportQueue& report_queue, EventRateLimit limit = {})
+      : report_queue_(report_queue), limit_(limit) {}
+
+  [[nodiscard]] bool provides(const mission::Command& command) const override {
+    return command.service == service;
+  }
+  void execute(const ServiceRequest& request) override;
 
   /// Event ids are unique in the whole dictionary. @param apid of the node that raises it
   void add_event(std::uint16_t event_id, bool enabled = true);
@@ -67,6 +70,7 @@ class EventReporter {
   };
   [[nodiscard]] bool take_token(Event& event, MonotonicTime now) const;
 
+  ReportQueue& report_queue_;
   EventRateLimit limit_;
   std::map<std::uint16_t, Event> events_;
   EventCounters counters_;

@@ -51,6 +51,11 @@ class ReportQueue {
   void success(const TelecommandOrigin& origin, Stage stage, std::uint8_t step = 0);
   void failure(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code, OctetView data = {},
                std::uint8_t step = 0);
+  /// It was carried out at once: start and completion.
+  void done(const TelecommandOrigin& origin) {
+    success(origin, Stage::start);
+    success(origin, Stage::completion);
+  }
   /// What was reported before, once more: neither counted nor remembered.
   /// @param stored it may not be in the packet store yet
   void success_again(const TelecommandOrigin& origin, Stage stage, bool stored);

@@ -4,17 +4,26 @@
 
 #include <cassert>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 
-void ConnectionTester::submit(const TelecommandOrigin& origin, std::uint8_t subtype, std::uint16_t apid,
-                              const std::string& node, bool answers) {
+void ConnectionTester::execute(const ServiceRequest& request) {
+  const TelecommandOrigin& origin = request.origin;
+  const std::uint8_t subtype = request.command.subtype;
+  const std::uint16_t apid = subtype == test_connection ? OctetReader(request.arguments).u16() : origin.apid;
+  const mission::ApplicationProcess* process = dictionary_.apid(apid);
+  if (process == nullptr) {
+    report_queue_.failure(origin, Stage::start, mission::failure::unknown_identifier, octets_of_u16(apid));
+    return;
+  }
   if (waiting_.size() == capacity) {
-    report_queue_.failure(origin, Stage::start, codes_.busy);
+    report_queue_.failure(origin, Stage::start, mission::failure::busy);
     return;
   }
   report_queue_.success(origin, Stage::start);
-  Test test{.origin = origin, .subtype = subtype, .apid = apid, .node = node};
-  if (answers) return end(test, true);
+  Test test{.origin = origin, .subtype = subtype, .apid = apid, .node = process->node};
+  if (process->node == own_node_) return end(test, true);
   waiting_.push_back(std::move(test));
 }
 
@@ -34,7 +43,7 @@ void ConnectionTester::on_answer(bool answered) {
 
 void ConnectionTester::end(const Test& test, bool answered) {
   if (!answered) {
-    report_queue_.failure(test.origin, Stage::completion, codes_.node_unavailable);
+    report_queue_.failure(test.origin, Stage::completion, mission::failure::node_unavailable);
     return;
   }
   Report report{.apid = test.origin.apid,

@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
-#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 
 namespace srfs {
 
 /// Service 17 for application processes whose node is another one: 17,1 to its APID and 17,3 with its APID
 /// as argument. The node is asked; its answer becomes 17,2 or 17,4. One test at a time; pure.
-class ConnectionTester {
+class ConnectionTester final : public PusService {
  public:
   static constexpr std::uint8_t service_type = 17;
   static constexpr std::uint8_t are_you_alive = 1;
@@ -24,17 +24,14 @@ class ConnectionTester {
   /// The running one included; more fail with `busy`.
   static constexpr std::size_t capacity = 8;
 
-  struct Codes {
-    std::uint16_t busy = 0;
-    std::uint16_t node_unavailable = 0;
-  };
-  ConnectionTester(ReportQueue& report_queue, Codes codes) : report_queue_(report_queue), codes_(codes) {}
+  /// @param own_node  answers by the request itself. Dictionary and report_queue outlive this
+  ConnectionTester(const mission::Dictionary& dictionary, std::string own_node, ReportQueue& report_queue)
+      : dictionary_(dictionary), own_node_(std::move(own_node)), report_queue_(report_queue) {}
 
-  /// @param subtype are_you_alive or test_connection
-  /// @param apid of @p node
-  /// @param answers whether the node answers by this very call: it is this one
-  void submit(const TelecommandOrigin& origin, std::uint8_t subtype, std::uint16_t apid,
-              const std::string& node, bool answers);
+  [[nodiscard]] bool provides(const mission::Command& command) const override {
+    return command.service == service_type;
+  }
+  void execute(const ServiceRequest& request) override;
   /// The node to ask now; nullopt: none, or one is being asked.
   [[nodiscard]] std::optional<std::string> take_question();
   /// What became of it.
@@ -49,8 +46,9 @@ class ConnectionTester {
   };
   void end(const Test& test, bool answered);
 
+  const mission::Dictionary& dictionary_;
+  std::string own_node_;
   ReportQueue& report_queue_;
-  Codes codes_;
   std::deque<Test> waiting_;  ///< the first one is asked
   bool asking_ = false;
 };

@@ -16,7 +16,40 @@ Report parameter_report_of(std::uint16_t apid, std::uint16_t structure_id, Octet
                 .data = writer.take()};
 }
 
+// Requests of service 3 (ECSS-E-ST-70-41C 8.3.2).
+constexpr std::uint8_t enable = 5;
+constexpr std::uint8_t disable = 6;
+constexpr std::uint8_t one_shot_report = 27;
+constexpr std::uint8_t modify_interval = 31;
+
 }  // namespace
+
+void HousekeepingScheduler::execute(const ServiceRequest& request) {
+  OctetReader reader(request.arguments);
+  const unsigned count = reader.u16();
+  for (unsigned i = 0; i < count; ++i) {
+    const std::uint16_t structure_id = reader.u16();
+    if (execute_one(request, structure_id, reader)) continue;
+    report_queue_.failure(request.origin, Stage::start, mission::failure::unknown_identifier,
+                          octets_of_u16(structure_id));
+    return;
+  }
+  report_queue_.done(request.origin);
+}
+
+Result<void, HousekeepingError> HousekeepingScheduler::execute_one(const ServiceRequest& request,
+                                                                   std::uint16_t structure_id,
+                                                                   OctetReader& reader) {
+  const std::uint8_t subtype = request.command.subtype;
+  if (subtype == enable || subtype == disable) return set_enabled(structure_id, subtype == enable);
+  if (subtype == modify_interval) return set_interval(structure_id, milliseconds(reader.u32()));
+  if (subtype != one_shot_report) return {};
+  auto report = one_shot(structure_id);
+  if (!report) return Err(report.error());
+  report->destination_id = request.origin.source_id;
+  report_queue_.put(std::move(*report));
+  return {};
+}
 
 void HousekeepingScheduler::add_structure(std::uint16_t structure_id, std::uint16_t apid,
                                           std::size_t min_octets, std::size_t max_octets,

@@ -9,7 +9,7 @@
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "nodes/ttc/report/report.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 
 namespace srfs {
 
@@ -36,10 +36,17 @@ struct HousekeepingReport {
 /// PUS 3 (ECSS-E-ST-70-41C 6.3): which samples of the housekeeping structures go down at once, and the newest
 /// of each. Reports are made when a sample arrives, so that a report never shows an old value as new; over
 /// time they are as many as the interval says.
-class HousekeepingScheduler {
+class HousekeepingScheduler final : public PusService {
  public:
   static constexpr std::uint8_t service = 3;
   static constexpr std::uint8_t parameter_report = 25;
+
+  explicit HousekeepingScheduler(ReportQueue& report_queue) : report_queue_(report_queue) {}
+
+  [[nodiscard]] bool provides(const mission::Command& command) const override {
+    return command.service == service;
+  }
+  void execute(const ServiceRequest& request) override;
 
   /// @param apid of the node whose structure it is. @param octets smallest and largest length of its
   /// parameters
@@ -69,6 +76,10 @@ class HousekeepingScheduler {
     Octets newest;  ///< empty: none yet
     MonotonicTime next;
   };
+  [[nodiscard]] Result<void, HousekeepingError> execute_one(const ServiceRequest& request,
+                                                            std::uint16_t structure_id, OctetReader& reader);
+
+  ReportQueue& report_queue_;
   std::map<std::uint16_t, Structure> structures_;
   HousekeepingCounters counters_;
 };

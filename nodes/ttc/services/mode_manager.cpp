@@ -2,32 +2,34 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/ttc/services/mode_manager.hpp"
 
+#include <mission/structures.hpp>
+
 #include "nodes/ttc/checked_text.hpp"
 
 namespace srfs {
 namespace {
 
-std::string stored_form(Mode mode) {
-  return with_check(mode == Mode::nominal ? "nominal" : "safe");
+std::string stored_form(MissionMode mode) {
+  return with_check(mode == MissionMode::nominal ? "nominal" : "safe");
 }
 
 }  // namespace
 
-ModeManager::ModeManager(StoredModeState state, std::string_view stored, Mode initial) {
+ModeManager::ModeManager(StoredModeState state, std::string_view stored, MissionMode initial) {
   if (state == StoredModeState::first_start) {
     mode_ = initial;
     reason_ = "first start";
   } else if (state == StoredModeState::missing) {
     reason_ = "stored mode missing";
-  } else if (stored == stored_form(Mode::nominal) || stored == stored_form(Mode::safe)) {
-    mode_ = stored == stored_form(Mode::nominal) ? Mode::nominal : Mode::safe;
+  } else if (stored == stored_form(MissionMode::nominal) || stored == stored_form(MissionMode::safe)) {
+    mode_ = stored == stored_form(MissionMode::nominal) ? MissionMode::nominal : MissionMode::safe;
     reason_ = "as before the restart";
   } else {
     reason_ = "stored mode damaged";
   }
 }
 
-std::string ModeManager::change(Mode mode, std::string reason) {
+std::string ModeManager::change(MissionMode mode, std::string reason) {
   mode_ = mode;
   reason_ = std::move(reason);
   if (reason_.size() > longest_reason) reason_.resize(longest_reason);

@@ -7,12 +7,13 @@
 #include <string>
 #include <string_view>
 
+#include <mission/structures.hpp>
+
 #include "base/time.hpp"
 
 namespace srfs {
 
-/// The satellite's modes, with the values of srfs_msgs/SystemMode.
-enum class Mode : std::uint8_t { safe = 0, nominal = 1 };
+using mission::MissionMode;
 
 /// What start-up found where the mode is kept.
 enum class StoredModeState : std::uint8_t {
@@ -30,18 +31,18 @@ class ModeManager {
   static constexpr std::size_t longest_reason = 60;
 
   /// Missing or damaged means safe; only a deployment that never ran starts in @p initial.
-  ModeManager(StoredModeState state, std::string_view stored, Mode initial);
+  ModeManager(StoredModeState state, std::string_view stored, MissionMode initial);
 
-  [[nodiscard]] Mode mode() const { return mode_; }
+  [[nodiscard]] MissionMode mode() const { return mode_; }
   /// Why the mode is what it is, for people, at most longest_reason characters.
   [[nodiscard]] const std::string& reason() const { return reason_; }
   /// @return the file content that makes it last
-  [[nodiscard]] std::string change(Mode mode, std::string reason);
+  [[nodiscard]] std::string change(MissionMode mode, std::string reason);
   /// The file content of the mode as it is.
   [[nodiscard]] std::string stored_text() const;
 
  private:
-  Mode mode_ = Mode::safe;
+  MissionMode mode_ = MissionMode::safe;
   std::string reason_;
 };
 

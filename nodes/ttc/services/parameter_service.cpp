@@ -102,9 +102,9 @@ std::optional<std::deque<ParameterService::Item>> ParameterService::items_of(con
   return items;
 }
 
-void ParameterService::submit(const TelecommandOrigin& origin, const mission::Command& command,
-                              OctetView arguments, MonotonicTime now) {
-  auto items = items_of(command, arguments);
+void ParameterService::execute(const ServiceRequest& request) {
+  const TelecommandOrigin& origin = request.origin;
+  auto items = items_of(request.command, request.arguments);
   if (!items) {  // not what the dictionary has checked
     report_queue_.failure(origin, Stage::start, mission::failure::unknown_identifier);
     return;
@@ -114,9 +114,9 @@ void ParameterService::submit(const TelecommandOrigin& origin, const mission::Co
     return;
   }
   requests_.push_back({.origin = origin,
-                       .sets = command.subtype == set_values,
+                       .sets = request.command.subtype == set_values,
                        .items = std::move(*items),
-                       .expiry = now + command.timeout,
+                       .expiry = request.now + request.command.timeout,
                        .started = false,
                        .silent_nodes = {},
                        .failure = 0,

@@ -14,7 +14,7 @@
 #include "base/result.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
-#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 
 namespace srfs {
 
@@ -41,17 +41,19 @@ struct RefusedValue {
 /// The PUS service 20 (ECSS-E-ST-70-41C 6.20): turns requests into calls of the nodes' parameter services,
 /// one after another in the order of the telecommands, and reports what the nodes say. A node that was silent
 /// once is not asked again by the same request. Pure.
-class ParameterService {
+class ParameterService final : public PusService {
  public:
+  static constexpr std::uint8_t service_type = 20;
   static constexpr std::size_t max_waiting = 8;
 
   /// @param apid the reports come from. Dictionary and report_queue outlive this
   ParameterService(const mission::Dictionary& dictionary, ReportQueue& report_queue, std::uint16_t apid)
       : dictionary_(dictionary), report_queue_(report_queue), apid_(apid) {}
 
-  /// Takes an accepted telecommand, its arguments checked.
-  void submit(const TelecommandOrigin& origin, const mission::Command& command, OctetView arguments,
-              MonotonicTime now);
+  [[nodiscard]] bool provides(const mission::Command& command) const override {
+    return command.service == service_type;
+  }
+  void execute(const ServiceRequest& request) override;
   /// The call to make next; then one of the answers. The caller sees to it that one comes.
   [[nodiscard]] std::optional<ParameterCall> next_call(MonotonicTime now);
   /// Answers; those to another call than the last are ignored.

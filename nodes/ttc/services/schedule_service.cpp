@@ -5,11 +5,8 @@
 #include <algorithm>
 #include <set>
 
-#include <fmt/format.h>
-
 #include <mission/structures.hpp>
 
-#include "base/config.hpp"
 #include "wire/cuc.hpp"
 
 namespace srfs {
@@ -44,17 +41,6 @@ enum Subtype : std::uint8_t {
 
 /// CUC holds seconds of 32 bits.
 constexpr seconds link_time_end{std::int64_t{1} << 32};
-
-std::uint16_t code_of(const mission::Dictionary& dictionary, std::string_view name) {
-  for (const mission::FailureCode& code : dictionary.failure_codes()) {
-    if (code.name == name) return code.code;
-  }
-  throw ConfigError(fmt::format("mission dictionary: failure code '{}' is missing", name));
-}
-
-Octets as_u16(std::size_t value) {
-  return {static_cast<std::uint8_t>(value >> 8), static_cast<std::uint8_t>(value)};
-}
 
 /// @return the packet whose header stands next, empty if it is not whole
 OctetView read_packet(OctetReader& reader) {
@@ -111,44 +97,42 @@ bool is_report(std::uint8_t subtype) {
 
 }  // namespace
 
-ScheduleFailureCodes::ScheduleFailureCodes(const mission::Dictionary& dictionary)
-    : scheduled_request_refused(code_of(dictionary, "scheduled_request_refused")),
-      not_schedulable(code_of(dictionary, "not_schedulable")),
-      schedule_full(code_of(dictionary, "schedule_full")),
-      release_time_past(code_of(dictionary, "release_time_past")),
-      already_there(code_of(dictionary, "already_there")),
-      schedule_disabled(code_of(dictionary, "schedule_disabled")),
-      group_in_use(code_of(dictionary, "group_in_use")),
-      unknown_identifier(code_of(dictionary, "unknown_identifier")),
-      bad_time_range(code_of(dictionary, "bad_time_range")),
-      expired(code_of(dictionary, "expired")),
-      storage_unavailable(code_of(dictionary, "storage_unavailable")) {}
-
 // ---- requests
 
-std::optional<ScheduleService::InsertionError> ScheduleService::check_insertion(
-    OctetView arguments, const RequestCheck& check) const {
+std::optional<Refusal> ScheduleService::why_refused(const mission::Command& command,
+                                                    OctetView arguments) const {
+  if (command.subtype != Subtype::insert_activities) return std::nullopt;
   OctetReader reader(arguments);
   const unsigned count = reader.u16();
   for (unsigned number = 1; number <= count; ++number) {
     reader.u8();
     read_time(reader);
     const OctetView packet = read_packet(reader);
-    std::optional<RequestError> error = check(packet);
+    std::optional<RequestError> error = request_check_(packet);
     const auto parsed = wire::parse_tc_packet(packet);
-    if (!error && parsed && is_insertion(*parsed)) error = {codes_.not_schedulable, std::uint8_t{0}};
+    if (!error && parsed && is_insertion(*parsed))
+      error = {mission::failure::not_schedulable, std::uint8_t{0}};
     if (!error) continue;
     OctetWriter parameter;
     parameter.u8(static_cast<std::uint8_t>(number));
     parameter.u16(error->first);
     parameter.u8(error->second);
-    return InsertionError{.code = codes_.scheduled_request_refused, .parameter = parameter.take()};
+    return Refusal{mission::failure::scheduled_request_refused, parameter.take()};
   }
   return std::nullopt;
 }
 
-void ScheduleService::execute(const TelecommandOrigin& origin, std::uint8_t subtype, OctetView arguments) {
-  OctetReader reader(arguments);
+bool ScheduleService::restore(const ServiceRequest& request, const RestoredProgress& progress) {
+  if (!journal_.schedule().has_applied(request.origin.id)) return false;
+  if (!progress.started) report_queue_.success(request.origin, Stage::start);
+  report_queue_.success(request.origin, Stage::completion);
+  return true;
+}
+
+void ScheduleService::execute(const ServiceRequest& request) {
+  const TelecommandOrigin& origin = request.origin;
+  const std::uint8_t subtype = request.command.subtype;
+  OctetReader reader(request.arguments);
   if (is_report(subtype)) {
     const auto selected = selection_asked_for(subtype, reader);
     if (!selected) return fail(origin, selected.error());
@@ -245,19 +229,20 @@ Result<ScheduleChange, ScheduleService::Failure> ScheduleService::insert(OctetRe
     activity.release = read_time(reader);
     const OctetView packet = read_packet(reader);
     const auto parsed = wire::parse_tc_packet(packet);
-    if (!reader.ok() || !parsed) return Err(Failure{codes_.scheduled_request_refused, {}});
+    if (!reader.ok() || !parsed) return Err(Failure{mission::failure::scheduled_request_refused, {}});
     activity.request = scheduled_request_id(*parsed);
     activity.packet.assign(packet.begin(), packet.end());
     octets += packet.size();
     if (activity.group != 0 && !schedule().groups().contains(activity.group))
-      return Err(Failure{codes_.unknown_identifier, as_u16(activity.group)});
-    if (time_valid_ && activity.release <= now_) return Err(Failure{codes_.release_time_past, {}});
-    if (is_there(activity.request)) return Err(Failure{codes_.already_there, as_u16(number)});
+      return Err(Failure{mission::failure::unknown_identifier, octets_of_u16(activity.group)});
+    if (time_valid_ && activity.release <= now_) return Err(Failure{mission::failure::release_time_past, {}});
+    if (is_there(activity.request))
+      return Err(Failure{mission::failure::already_there, octets_of_u16(static_cast<std::uint16_t>(number))});
     change.inserted.push_back(std::move(activity));
   }
   const bool fits = schedule().activities().size() + change.inserted.size() <= TimeSchedule::max_activities &&
                     octets <= TimeSchedule::max_octets;
-  if (!fits) return Err(Failure{codes_.schedule_full, {}});
+  if (!fits) return Err(Failure{mission::failure::schedule_full, {}});
   return change;
 }
 
@@ -273,7 +258,7 @@ Result<ScheduleChange, ScheduleService::Failure> ScheduleService::shift(const Se
   for (const ScheduledActivity* activity : selected) {
     const TaiTime release = activity->release + offset;
     const bool past = time_valid_ && release <= now_;
-    if (past || !fits_the_link(release)) return Err(Failure{codes_.release_time_past, {}});
+    if (past || !fits_the_link(release)) return Err(Failure{mission::failure::release_time_past, {}});
     change.moved.emplace_back(activity->id, release);
   }
   return change;
@@ -295,11 +280,11 @@ Result<ScheduleChange, ScheduleService::Failure> ScheduleService::change_groups(
       const std::uint8_t group = reader.u8();
       const GroupState state = reader.u8() == 0 ? GroupState::disabled : GroupState::enabled;
       if (known.contains(group) || !created.insert(group).second)
-        return Err(Failure{codes_.already_there, as_u16(group)});
+        return Err(Failure{mission::failure::already_there, octets_of_u16(group)});
       change.groups.emplace_back(group, state);
     }
     if (known.size() + created.size() > TimeSchedule::max_groups)
-      return Err(Failure{codes_.schedule_full, {}});
+      return Err(Failure{mission::failure::schedule_full, {}});
     return change;
   }
   std::set<std::uint8_t> named;
@@ -308,7 +293,8 @@ Result<ScheduleChange, ScheduleService::Failure> ScheduleService::change_groups(
     for (const auto& [group, enabled] : known) named.insert(group);
   }
   for (const std::uint8_t group : named) {
-    if (!known.contains(group)) return Err(Failure{codes_.unknown_identifier, as_u16(group)});
+    if (!known.contains(group))
+      return Err(Failure{mission::failure::unknown_identifier, octets_of_u16(group)});
     if (subtype != Subtype::delete_groups) {
       change.groups.emplace_back(
           group, subtype == Subtype::enable_groups ? GroupState::enabled : GroupState::disabled);
@@ -317,7 +303,7 @@ Result<ScheduleChange, ScheduleService::Failure> ScheduleService::change_groups(
     const bool in_use =
         std::any_of(schedule().activities().begin(), schedule().activities().end(),
                     [group = group](const auto& entry) { return entry.second.group == group; });
-    if (in_use) return Err(Failure{codes_.group_in_use, as_u16(group)});
+    if (in_use) return Err(Failure{mission::failure::group_in_use, octets_of_u16(group)});
     change.groups.emplace_back(group, GroupState::deleted);
   }
   return change;
@@ -332,7 +318,7 @@ Result<ScheduleService::Selected, ScheduleService::Failure> ScheduleService::sel
     const auto found = std::find_if(schedule().activities().begin(), schedule().activities().end(),
                                     [&](const auto& entry) { return entry.second.request == request; });
     if (found == schedule().activities().end())
-      return Err(Failure{codes_.unknown_identifier, as_u16(request.sequence)});
+      return Err(Failure{mission::failure::unknown_identifier, octets_of_u16(request.sequence)});
     const ScheduledActivity* activity = &found->second;
     if (std::find(selected.begin(), selected.end(), activity) == selected.end()) selected.push_back(activity);
   }
@@ -344,12 +330,12 @@ Result<ScheduleService::Selected, ScheduleService::Failure> ScheduleService::sel
   reader.u8();  // from ... to: the dictionary has no other type
   const TaiTime from = read_time(reader);
   const TaiTime to = read_time(reader);
-  if (to < from) return Err(Failure{codes_.bad_time_range, {}});
+  if (to < from) return Err(Failure{mission::failure::bad_time_range, {}});
   std::set<std::uint8_t> groups;
   for (unsigned count = reader.u16(); count > 0 && reader.ok(); --count) groups.insert(reader.u8());
   for (const std::uint8_t group : groups) {
     if (group != 0 && !schedule().groups().contains(group))
-      return Err(Failure{codes_.unknown_identifier, as_u16(group)});
+      return Err(Failure{mission::failure::unknown_identifier, octets_of_u16(group)});
   }
   Selected selected = schedule().in_order();
   std::erase_if(selected, [&](const ScheduledActivity* a) {
@@ -414,7 +400,7 @@ void ScheduleService::on_written(std::uint64_t revision, bool success) {
     } else if (success) {
       report_queue_.success(held.origin, Stage::completion);
     } else {  // it holds until the end of the process, and is written when the disk works again
-      report_queue_.failure(held.origin, Stage::completion, codes_.storage_unavailable);
+      report_queue_.failure(held.origin, Stage::completion, mission::failure::storage_unavailable);
     }
   }
 }
@@ -441,7 +427,7 @@ void ScheduleService::drop_overdue() {
     const bool disabled = dropped_[before + i].disabled;
     held_.push_back({.revision = revision,
                      .origin = origins[i],
-                     .refusal = disabled ? codes_.schedule_disabled : codes_.expired});
+                     .refusal = disabled ? mission::failure::schedule_disabled : mission::failure::expired});
   }
 }
 

@@ -12,18 +12,10 @@
 #include "base/result.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/command/acceptance_journal.hpp"
-#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 #include "nodes/ttc/services/time_schedule.hpp"
 
 namespace srfs {
-
-/// Failure codes of service 11, looked up in the mission dictionary by name.
-struct ScheduleFailureCodes {
-  explicit ScheduleFailureCodes(const mission::Dictionary& dictionary);
-
-  std::uint16_t scheduled_request_refused, not_schedulable, schedule_full, release_time_past, already_there,
-      schedule_disabled, group_in_use, unknown_identifier, bad_time_range, expired, storage_unavailable;
-};
 
 /// An activity that was not released, for the event that reports it.
 struct DroppedActivity {
@@ -43,16 +35,15 @@ struct ScheduleCounters {
 /// PUS service 11, time-based scheduling (ECSS-E-ST-70-41C 6.11, 8.11): carries out its requests on the
 /// schedule in the journal, and says what is due. A change is reported complete (1,7) when it is on disk.
 /// Nothing is due while the time is not valid, and nothing while a change waits for the disk. Pure.
-class ScheduleService {
+class ScheduleService final : public PusService {
  public:
   static constexpr std::uint8_t service_type = 11;
   /// Source data of one report; longer lists come in several.
   static constexpr std::size_t report_octets = 1000;
 
   /// @param late_max an activity that is later than this is dropped
-  ScheduleService(const mission::Dictionary& dictionary, AcceptanceJournal& journal,
-                  ReportQueue& report_queue, nanoseconds late_max)
-      : codes_(dictionary), journal_(journal), report_queue_(report_queue), late_max_(late_max) {}
+  ScheduleService(AcceptanceJournal& journal, ReportQueue& report_queue, nanoseconds late_max)
+      : journal_(journal), report_queue_(report_queue), late_max_(late_max) {}
 
   /// The time of everything that follows, until the next call.
   void on_time(TaiTime now, bool valid) {
@@ -62,22 +53,20 @@ class ScheduleService {
 
   // ---- requests
 
-  /// Why 11,4 with these arguments is refused (1,2): the first of its requests that could not be accepted.
-  /// @param check whether a packet is a telecommand of the dictionary with good arguments; else the code and
-  /// the argument
+  /// Whether a packet is a telecommand of the dictionary with good arguments; else the code and the argument.
+  /// 11,4 is refused (1,2) with the first of its requests that could not be accepted.
   using RequestError = std::pair<std::uint16_t, std::uint8_t>;
   using RequestCheck = std::function<std::optional<RequestError>(OctetView packet)>;
-  struct InsertionError {
-    std::uint16_t code = 0;
-    Octets parameter;
-  };
-  [[nodiscard]] std::optional<InsertionError> check_insertion(OctetView arguments,
-                                                              const RequestCheck& check) const;
+  void set_request_check(RequestCheck check) { request_check_ = std::move(check); }
+  [[nodiscard]] std::optional<Refusal> why_refused(const mission::Command& command,
+                                                   OctetView arguments) const override;
 
-  /// @param arguments as the dictionary says (checked)
-  void execute(const TelecommandOrigin& origin, std::uint8_t subtype, OctetView arguments);
-  /// Whether a request of an earlier process was carried out.
-  [[nodiscard]] bool has_applied(std::uint64_t id) const { return journal_.schedule().has_applied(id); }
+  [[nodiscard]] bool provides(const mission::Command& command) const override {
+    return command.service == service_type;
+  }
+  void execute(const ServiceRequest& request) override;
+  /// One that is on disk was carried out.
+  [[nodiscard]] bool restore(const ServiceRequest& request, const RestoredProgress& progress) override;
   /// What of the journal was written, or could not be.
   void on_written(std::uint64_t revision, bool success);
 
@@ -136,10 +125,10 @@ class ScheduleService {
   void fail(const TelecommandOrigin& origin, const Failure& failure);
   [[nodiscard]] bool fits_the_link(TaiTime release) const;
 
-  ScheduleFailureCodes codes_;
   AcceptanceJournal& journal_;
   ReportQueue& report_queue_;
   nanoseconds late_max_;
+  RequestCheck request_check_;
   TaiTime now_;
   bool time_valid_ = false;
   std::deque<Held> held_;

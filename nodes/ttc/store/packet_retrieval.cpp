@@ -5,7 +5,45 @@
 #include <algorithm>
 #include <cassert>
 
+#include <mission/structures.hpp>
+
+#include "wire/cuc.hpp"
+
 namespace srfs {
+namespace {
+
+static_assert(mission::StorageRetrieve::max_groups == PacketRetrieval::max_periods);
+
+TaiTime checked_time(OctetReader& reader) {
+  // The dictionary has checked it; anything else would be a bug there.
+  return wire::decode_cuc(reader.bytes(wire::cuc_octets)).value_or(TaiTime{});
+}
+
+}  // namespace
+
+void PacketRetrieval::execute(const ServiceRequest& asked) {
+  OctetReader reader(asked.arguments);
+  const unsigned count = reader.u16();
+  if (asked.command.subtype == abort_retrieval) {
+    for (unsigned i = 0; i < count; ++i) abort(reader.u16(), mission::failure::aborted);
+    report_queue_.done(asked.origin);
+    return;
+  }
+  std::vector<StorePeriod> periods;
+  for (unsigned i = 0; i < count; ++i) {  // at most max_groups of the dictionary
+    StorePeriod period;
+    period.store = reader.u16();
+    period.range.from = checked_time(reader);
+    period.range.to = checked_time(reader);
+    if (period.range.to < period.range.from) {
+      report_queue_.failure(asked.origin, Stage::start, mission::failure::bad_time_range);
+      return;
+    }
+    periods.push_back(period);
+  }
+  if (!request(asked.origin, std::move(periods)))
+    report_queue_.failure(asked.origin, Stage::start, mission::failure::busy);
+}
 
 bool PacketRetrieval::request(const TelecommandOrigin& origin, std::vector<StorePeriod> periods) {
   assert(!periods.empty() && periods.size() <= max_periods);
@@ -37,7 +75,7 @@ bool PacketRetrieval::names(std::uint16_t store) const {
 void PacketRetrieval::fail(std::uint64_t request) {
   if (request != number_ || requests_.empty()) return;
   ++incomplete_;
-  report_queue_.failure(requests_.front().origin, Stage::completion, store_unreadable_);
+  report_queue_.failure(requests_.front().origin, Stage::completion, mission::failure::store_unreadable);
   requests_.pop_front();
   end_period();
 }
@@ -72,7 +110,7 @@ void PacketRetrieval::on_playback(bool playback_empty) {
   if (request.periods.empty()) {
     if (request.damaged) {
       ++incomplete_;
-      report_queue_.failure(request.origin, Stage::completion, store_unreadable_);
+      report_queue_.failure(request.origin, Stage::completion, mission::failure::store_unreadable);
     } else {
       report_queue_.success(request.origin, Stage::completion);
     }

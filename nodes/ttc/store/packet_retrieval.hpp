@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 #include "nodes/ttc/store/packet_store.hpp"
 
 namespace srfs {
@@ -30,8 +30,11 @@ struct RetrievalDone {
 /// Playback of stored packets, one request after another (ECSS-E-ST-70-41C 6.15.3.6, by-time-range
 /// retrieval): asks for batches while the playback channel has room; reports the start with the first batch,
 /// completion when the last packet has been framed.
-class PacketRetrieval {
+class PacketRetrieval final : public PusService {
  public:
+  static constexpr std::uint8_t service_type = 15;
+  static constexpr std::uint8_t retrieve = 9;
+  static constexpr std::uint8_t abort_retrieval = 17;
   static constexpr std::size_t max_requests = 5;  ///< the running one and those that wait
   static constexpr std::size_t max_periods = 8;   ///< of one request
   static constexpr std::size_t batch_octets = 4096;
@@ -44,9 +47,13 @@ class PacketRetrieval {
     std::uint64_t request = 0;  ///< goes back with the packets; those of an ended request are dropped
   };
 
-  /// @param store_unreadable failure code (1,8) of a retrieval that could not read everything
-  PacketRetrieval(ReportQueue& report_queue, std::uint16_t store_unreadable)
-      : report_queue_(report_queue), store_unreadable_(store_unreadable) {}
+  explicit PacketRetrieval(ReportQueue& report_queue) : report_queue_(report_queue) {}
+
+  [[nodiscard]] bool provides(const mission::Command& command) const override {
+    return command.service == service_type &&
+           (command.subtype == retrieve || command.subtype == abort_retrieval);
+  }
+  void execute(const ServiceRequest& request) override;
 
   /// @param periods 1 to max_periods. @return false: too many wait
   [[nodiscard]] bool request(const TelecommandOrigin& origin, std::vector<StorePeriod> periods);
@@ -82,7 +89,6 @@ class PacketRetrieval {
   void end_period();
 
   ReportQueue& report_queue_;
-  std::uint16_t store_unreadable_;
   std::uint64_t incomplete_ = 0;
   std::deque<Request> requests_;  // the first one runs
   RetrievalCursor cursor_;

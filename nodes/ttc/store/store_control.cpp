@@ -17,8 +17,6 @@
 namespace srfs {
 namespace {
 
-constexpr std::uint8_t storage_service = 15;
-
 // Requests of service 15 (ECSS-E-ST-70-41C 8.15.2).
 enum Subtype : std::uint8_t {
   enable = 1,
@@ -39,17 +37,17 @@ std::uint8_t share_percent(std::uint64_t part, std::uint64_t whole) {
 
 }  // namespace
 
-StoreControl::StoreControl(const mission::Dictionary& dictionary, std::string_view stored, Codes codes,
+StoreControl::StoreControl(const mission::Dictionary& dictionary, std::string_view stored,
                            ReportQueue& report_queue, const PacketRetrieval& retrieval)
-    : codes_(codes), report_queue_(report_queue), retrieval_(retrieval) {
+    : report_queue_(report_queue), retrieval_(retrieval) {
   for (const mission::PacketStore& store : dictionary.stores()) {
     Store& added = stores_.emplace_back();
     added.id = store.id;
   }
-  restore(stored);
+  load(stored);
 }
 
-void StoreControl::restore(std::string_view stored) {
+void StoreControl::load(std::string_view stored) {
   std::istringstream in(without_check(stored).value_or(""));
   std::uint16_t id = 0;
   bool enabled = true;
@@ -103,8 +101,14 @@ void StoreControl::begin_at(Store& store, std::uint32_t sequence) {
   std::erase_if(pushed_, [&](const Pushed& pushed) { return pushed.store == store.id; });
 }
 
-void StoreControl::execute(const TelecommandOrigin& origin, std::uint8_t subtype, OctetView arguments) {
-  OctetReader reader(arguments);
+bool StoreControl::provides(const mission::Command& command) const {
+  return command.service == PacketRetrieval::service_type && !retrieval_.provides(command);
+}
+
+void StoreControl::execute(const ServiceRequest& request) {
+  const TelecommandOrigin& origin = request.origin;
+  const std::uint8_t subtype = request.command.subtype;
+  OctetReader reader(request.arguments);
   switch (subtype) {
     case Subtype::summary:
       for (const Store* store : named(reader)) report_summary(origin, *store);
@@ -136,7 +140,7 @@ void StoreControl::execute(const TelecommandOrigin& origin, std::uint8_t subtype
       set_.push_back(origin);
       return;
     default:  // in the dictionary, but this version of ttc does not do it
-      report_queue_.failure(origin, Stage::start, codes_.unknown_subtype);
+      report_queue_.failure(origin, Stage::start, mission::failure::unknown_subtype);
       return;
   }
   report_queue_.success(origin, Stage::start);
@@ -149,7 +153,7 @@ void StoreControl::set_open_start(const TelecommandOrigin& origin, OctetReader& 
   for (const Store* store : stores) {
     if (!store->open) continue;
     report_queue_.failure(
-        origin, Stage::start, codes_.busy,
+        origin, Stage::start, mission::failure::busy,
         Octets{static_cast<std::uint8_t>(store->id >> 8), static_cast<std::uint8_t>(store->id)});
     return;
   }
@@ -196,7 +200,7 @@ void StoreControl::report_status(const TelecommandOrigin& origin, const Store& s
 
 void StoreControl::put(const TelecommandOrigin& origin, std::uint8_t subtype, Octets data) {
   report_queue_.put(Report{.apid = origin.apid,
-                           .service = storage_service,
+                           .service = PacketRetrieval::service_type,
                            .subtype = subtype,
                            .destination_id = origin.source_id,
                            .data = std::move(data)});
@@ -295,7 +299,7 @@ void StoreControl::change_stored(const StoreChange& change, bool success) {
     if (success) {
       report_queue_.success(origin, Stage::completion);
     } else {  // it holds until a restart
-      report_queue_.failure(origin, Stage::completion, codes_.storage_unavailable);
+      report_queue_.failure(origin, Stage::completion, mission::failure::storage_unavailable);
     }
   }
 }

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "msgs/mission/dictionary.hpp"
-#include "nodes/ttc/report/report_queue.hpp"
+#include "nodes/ttc/services/pus_service.hpp"
 #include "nodes/ttc/store/packet_retrieval.hpp"
 #include "nodes/ttc/store/packet_store.hpp"
 
@@ -27,23 +27,17 @@ struct StoreChange {
 /// themselves, in order, those not yet sent first (ECSS-E-ST-70-41C 6.15.3). All of it lasts over restarts;
 /// after one, open retrieval may send again what left in the seconds since its place was stored. Pure; one
 /// thread.
-class StoreControl {
+class StoreControl final : public PusService {
  public:
-  /// Requests of service 15 that are handled here; the others are PacketRetrieval's.
-  static constexpr bool handles(std::uint8_t subtype) { return subtype != 9 && subtype != 17; }
-
-  struct Codes {
-    std::uint16_t busy, unknown_subtype, storage_unavailable;
-  };
-
   /// @param stored  stored_text() of an earlier process; missing or damaged: all stores take packets, are
   ///                circular and have their open retrieval suspended
   /// @param retrieval  outlives it, as @p report_queue does
-  StoreControl(const mission::Dictionary& dictionary, std::string_view stored, Codes codes,
-               ReportQueue& report_queue, const PacketRetrieval& retrieval);
+  StoreControl(const mission::Dictionary& dictionary, std::string_view stored, ReportQueue& report_queue,
+               const PacketRetrieval& retrieval);
 
-  /// @param arguments  as the dictionary has checked them
-  void execute(const TelecommandOrigin& origin, std::uint8_t subtype, OctetView arguments);
+  /// Service 15 without what is PacketRetrieval's.
+  [[nodiscard]] bool provides(const mission::Command& command) const override;
+  void execute(const ServiceRequest& request) override;
 
   /// Whether @p store takes a packet now; one that it does not take is counted.
   [[nodiscard]] bool take_packet(std::uint16_t store);
@@ -93,14 +87,13 @@ class StoreControl {
   [[nodiscard]] Store* find(std::uint16_t id);
   /// Those that a request names; none named: all.
   [[nodiscard]] std::vector<Store*> named(OctetReader& reader);
-  void restore(std::string_view stored);
+  void load(std::string_view stored);
   void set_open_start(const TelecommandOrigin& origin, OctetReader& reader);
   void begin_at(Store& store, std::uint32_t sequence);
   void report_summary(const TelecommandOrigin& origin, const Store& store);
   void report_status(const TelecommandOrigin& origin, const Store& store);
   void put(const TelecommandOrigin& origin, std::uint8_t subtype, Octets data);
 
-  Codes codes_;
   ReportQueue& report_queue_;
   const PacketRetrieval& retrieval_;
   std::vector<Store> stores_;           // in dictionary order

@@ -4,53 +4,61 @@
 
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
+#include "nodes/ttc/command/acceptance_journal.hpp"
 #include "nodes/ttc/command/telecommand_router.hpp"
+#include "nodes/ttc/files/file_service.hpp"
+#include "nodes/ttc/imaging/imaging_scheduler.hpp"
+#include "nodes/ttc/report/event_reporter.hpp"
+#include "nodes/ttc/services/connection_tester.hpp"
+#include "nodes/ttc/services/housekeeping_scheduler.hpp"
+#include "nodes/ttc/services/own_functions.hpp"
+#include "nodes/ttc/services/parameter_service.hpp"
+#include "nodes/ttc/services/schedule_service.hpp"
+#include "nodes/ttc/services/time_reporter.hpp"
+#include "nodes/ttc/store/packet_retrieval.hpp"
+#include "nodes/ttc/store/store_control.hpp"
 
 namespace srfs {
 
 /// The router and all its parts, connected as in ttc.
 class RouterWithParts : public testing::Test {
  protected:
+  RouterWithParts() {
+    schedule_.set_request_check([this](OctetView packet) { return router_.check_scheduled(packet); });
+  }
+
   mission::Dictionary dictionary_ = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
-  FailureCodes codes_{dictionary_};
-  HousekeepingScheduler housekeeping_;
-  EventReporter events_;
-  ModeManager mode_{StoredModeState::first_start, "", Mode::nominal};
   ReportQueue report_queue_;
+  AcceptanceJournal journal_{"boot", seconds(60)};
+  ModeManager mode_{StoredModeState::first_start, "", MissionMode::nominal};
+  TransmitterSwitch transmitter_{"boot", "", MonotonicTime{}};
   HazardGuard hazards_{seconds(30)};
   AvailableKeySets key_sets_{{0, KeySet::a}, {0, KeySet::b}};
-  TransmitterSwitch transmitter_{"boot", "", MonotonicTime{}};
-  CommandForwarder forwarder_{{.not_taken = codes_.node_unavailable,
-                               .no_completion = codes_.completion_unknown,
-                               .interrupted = codes_.interrupted},
-                              report_queue_};
-  PacketRetrieval retrieval_{report_queue_, 38};
-  StoreControl stores_{dictionary_, "", codes_.for_stores(), report_queue_, retrieval_};
-  AcceptanceJournal journal_{"boot", seconds(60)};
-  ScheduleService schedule_{dictionary_, journal_, report_queue_, seconds(60)};
-  TimeReporter time_reports_;
-  FileService files_{report_queue_, mission::apid::ttc};
+  CommandForwarder forwarder_{report_queue_};
+  HousekeepingScheduler housekeeping_{report_queue_};
+  EventReporter events_{report_queue_};
+  ModeService mode_service_{mode_, hazards_, report_queue_};
+  ArmingService arming_{dictionary_, mode_, hazards_, report_queue_};
+  KeyService key_service_{key_sets_, report_queue_};
+  TransmitterService transmitter_service_{transmitter_, report_queue_};
+  TimeReporter time_reports_{report_queue_};
+  ScheduleService schedule_{journal_, report_queue_, seconds(60)};
+  PacketRetrieval retrieval_{report_queue_};
+  StoreControl stores_{dictionary_, "", report_queue_, retrieval_};
+  ConnectionTester connections_{dictionary_, "ttc", report_queue_};
   ParameterService parameters_{dictionary_, report_queue_, mission::apid::ttc};
+  FileService files_{report_queue_, mission::apid::ttc};
   ImagingScheduler imaging_{report_queue_};
-  ConnectionTester connections_{report_queue_, codes_.for_connections()};
   TelecommandRouter router_{{.dictionary = dictionary_,
-                             .codes = codes_,
-                             .housekeeping = housekeeping_,
-                             .events = events_,
                              .mode = mode_,
-                             .forwarder = forwarder_,
-                             .retrieval = retrieval_,
-                             .stores = stores_,
-                             .files = files_,
-                             .parameters = parameters_,
-                             .report_queue = report_queue_,
-                             .schedule = schedule_,
-                             .time_reports = time_reports_,
                              .hazards = hazards_,
-                             .key_sets = key_sets_,
-                             .transmitter = transmitter_,
-                             .imaging = imaging_,
-                             .connections = connections_},
+                             .forwarder = forwarder_,
+                             .report_queue = report_queue_,
+                             .services = {&housekeeping_, &events_, &mode_service_, &arming_, &key_service_,
+                                          &transmitter_service_, &time_reports_, &schedule_, &retrieval_,
+                                          &stores_, &connections_, &parameters_, &files_, &imaging_}},
                             "ttc"};
 };
 

@@ -7,12 +7,11 @@
 
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
 namespace srfs {
 namespace {
 
-constexpr std::uint16_t not_taken = 21;
-constexpr std::uint16_t no_completion = 40;
-constexpr std::uint16_t interrupted = 36;
 constexpr std::uint8_t at_most_once = 3;
 
 class Forwarding : public testing::Test {
@@ -30,7 +29,7 @@ class Forwarding : public testing::Test {
     return forwarder_.submit(origin, command, at(ms)) ? next_id_++ : 0;
   }
   /// Restores a telecommand of an earlier process, which expires at 10 s.
-  std::uint64_t restore(const ForwardedProgress& progress, int ms, std::uint8_t repeat_class = 2) {
+  std::uint64_t restore(const RestoredProgress& progress, int ms, std::uint8_t repeat_class = 2) {
     const TelecommandOrigin origin{
         .request = {0x1811, 0xC000}, .apid = 17, .ack_flags = wire::ack::all, .source_id = 0, .id = next_id_};
     ForwardedCommand command;
@@ -57,8 +56,7 @@ class Forwarding : public testing::Test {
     return found;
   }
   ReportQueue report_queue_;
-  CommandForwarder forwarder_{
-      {.not_taken = not_taken, .no_completion = no_completion, .interrupted = interrupted}, report_queue_};
+  CommandForwarder forwarder_{report_queue_};
   std::uint64_t next_id_ = 7;
   int sequence_ = 0;
 };
@@ -178,7 +176,7 @@ TEST_F(Forwarding, ANodeThatForgotWhatItHadAcceptedLeavesTheOutcomeUnknown) {
   const auto reports = report_queue_.take();
   ASSERT_EQ(reports.size(), 1U);
   EXPECT_EQ(reports[0].subtype, 8);
-  EXPECT_EQ(reports[0].data.back(), interrupted);
+  EXPECT_EQ(reports[0].data.back(), mission::failure::interrupted);
   EXPECT_EQ(forwarder_.under_way(), 0U);
 }
 
@@ -246,7 +244,7 @@ TEST_F(Forwarding, ANodeThatIsNotThereMeansAFailedStartAfterExpiry) {
   const auto reports = report_queue_.take();
   ASSERT_EQ(reports.size(), 1U);
   EXPECT_EQ(reports[0].subtype, 4);
-  EXPECT_EQ(reports[0].data.back(), not_taken);
+  EXPECT_EQ(reports[0].data.back(), mission::failure::node_unavailable);
   const auto expired = forwarder_.take_expired();
   ASSERT_EQ(expired.size(), 1U);
   EXPECT_EQ(expired[0].target, "image_acquisition");

@@ -26,13 +26,19 @@ class ImagingSchedulerTest : public testing::Test {
   /// Sends a telecommand given as text. @return its id
   std::uint64_t send(const std::string& name, const std::vector<std::string>& arguments) {
     const auto [origin, encoded] = telecommand(name, arguments);
-    scheduler_.submit(origin, *encoded.command, arguments_of(encoded), false, now_);
+    scheduler_.execute(
+        {.origin = origin, .command = *encoded.command, .arguments = arguments_of(encoded), .now = now_});
     return origin.id;
   }
   std::uint64_t restore(const std::string& name, const std::vector<std::string>& arguments,
                         std::uint8_t last_step) {
     const auto [origin, encoded] = telecommand(name, arguments);
-    scheduler_.restore(origin, *encoded.command, arguments_of(encoded), true, last_step, now_);
+    EXPECT_TRUE(scheduler_.restore({.origin = origin,
+                                    .command = *encoded.command,
+                                    .arguments = arguments_of(encoded),
+                                    .now = now_,
+                                    .repeated = true},
+                                   {.started = true, .last_step = last_step}));
     return origin.id;
   }
   std::pair<TelecommandOrigin, mission::EncodedCommand> telecommand(
@@ -556,7 +562,11 @@ TEST_F(ImagingSchedulerTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
             }
           }();
           id = origin.id;
-          scheduler.submit(origin, *encoded.command, arguments_of(encoded), any(2) == 0, now);
+          scheduler.execute({.origin = origin,
+                             .command = *encoded.command,
+                             .arguments = arguments_of(encoded),
+                             .now = now,
+                             .repeated = any(2) == 0});
           break;
         }
         case 2:

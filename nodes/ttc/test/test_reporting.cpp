@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <mission/structures.hpp>
+
 #include "nodes/ttc/link/packet_maker.hpp"
 #include "nodes/ttc/report/event_reporter.hpp"
 #include "nodes/ttc/services/housekeeping_scheduler.hpp"
@@ -28,7 +30,8 @@ class Housekeeping : public testing::Test {
     const auto report = scheduler_.on_sample(16, 16, Octets{1, 2, 3, 4}, at(ms));
     return report && report->live;
   }
-  HousekeepingScheduler scheduler_;
+  ReportQueue report_queue_;
+  HousekeepingScheduler scheduler_{report_queue_};
 };
 
 TEST_F(Housekeeping, StoresEverySampleAndSendsOneAnInterval) {
@@ -91,11 +94,12 @@ TEST_F(Housekeeping, CountsSamplesThatAreNotInTheDictionary) {
 
 class Events : public testing::Test {
  protected:
-  Events() : reporter_({.burst = 3, .refill = milliseconds(1000)}) {
+  Events() {
     reporter_.add_event(101);
     reporter_.add_event(102);
   }
-  EventReporter reporter_;
+  ReportQueue report_queue_;
+  EventReporter reporter_{report_queue_, {.burst = 3, .refill = milliseconds(1000)}};
 };
 
 TEST_F(Events, TheSeverityIsTheSubtype) {
@@ -131,21 +135,21 @@ TEST_F(Events, UnknownEventsAndSeveritiesAreCounted) {
 }
 
 TEST(ModeKeeping, AFreshDeploymentStartsAsItsParameterSays) {
-  EXPECT_EQ(ModeManager(StoredModeState::first_start, "", Mode::nominal).mode(), Mode::nominal);
+  EXPECT_EQ(ModeManager(StoredModeState::first_start, "", MissionMode::nominal).mode(), MissionMode::nominal);
 }
 
 TEST(ModeKeeping, MissingOrDamagedMeansSafe) {
-  EXPECT_EQ(ModeManager(StoredModeState::missing, "", Mode::nominal).mode(), Mode::safe);
-  EXPECT_EQ(ModeManager(StoredModeState::present, "nominal", Mode::nominal).mode(), Mode::safe);
-  EXPECT_EQ(ModeManager(StoredModeState::present, "", Mode::nominal).mode(), Mode::safe);
+  EXPECT_EQ(ModeManager(StoredModeState::missing, "", MissionMode::nominal).mode(), MissionMode::safe);
+  EXPECT_EQ(ModeManager(StoredModeState::present, "nominal", MissionMode::nominal).mode(), MissionMode::safe);
+  EXPECT_EQ(ModeManager(StoredModeState::present, "", MissionMode::nominal).mode(), MissionMode::safe);
 }
 
 TEST(ModeKeeping, AStoredChangeComesBack) {
-  ModeManager manager(StoredModeState::first_start, "", Mode::safe);
-  const std::string stored = manager.change(Mode::nominal, "commanded");
+  ModeManager manager(StoredModeState::first_start, "", MissionMode::safe);
+  const std::string stored = manager.change(MissionMode::nominal, "commanded");
   EXPECT_EQ(manager.reason(), "commanded");
 
-  EXPECT_EQ(ModeManager(StoredModeState::present, stored, Mode::safe).mode(), Mode::nominal);
+  EXPECT_EQ(ModeManager(StoredModeState::present, stored, MissionMode::safe).mode(), MissionMode::nominal);
 }
 
 TEST(PacketMaking, CountsPerApidAndPerTypeAndKeepsTheTimeStatus) {
@@ -241,7 +245,7 @@ class Retrieval : public testing::Test {
   }
   static constexpr std::size_t room = PacketRetrieval::room_for_batch;
   ReportQueue report_queue_;
-  PacketRetrieval retrieval_{report_queue_, 38};
+  PacketRetrieval retrieval_{report_queue_};
 };
 
 TEST_F(Retrieval, StartsWithTheFirstBatchAndCompletesWhenTheLastPacketIsFramed) {
@@ -320,7 +324,8 @@ TEST_F(Retrieval, EndsWithAFailureAfterSendingTheRestWhenAPartCouldNotBeRead) {
 }
 
 TEST(EssentialEvent, IsNeitherLimitedNorDisabled) {
-  EventReporter events;
+  ReportQueue report_queue;
+  EventReporter events{report_queue};
   events.add_event(7);
   events.add_essential_event(8);
   for (int i = 0; i < 50; ++i) EXPECT_TRUE(events.on_event(1, 8, 1, Octets{}, at(0)));

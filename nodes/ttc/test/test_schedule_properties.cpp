@@ -222,10 +222,8 @@ class Orders {
 /// The part of ttc under test: journal, schedule and disk.
 class Process {
  public:
-  Process(const mission::Dictionary& dictionary, JournalMedium& medium)
-      : log_(medium),
-        journal_("boot", seconds(60), 4096),
-        schedule_(dictionary, journal_, report_queue_, late_max) {
+  explicit Process(JournalMedium& medium)
+      : log_(medium), journal_("boot", seconds(60), 4096), schedule_(journal_, report_queue_, late_max) {
     for (const JournalRecord& record : log_.load().records) journal_.apply(record);
     journal_.begin({}, 1, {});
   }
@@ -251,7 +249,10 @@ class Process {
   bool carry_out(std::uint64_t id, std::uint8_t subtype, const Octets& arguments) {
     TelecommandOrigin origin;
     origin.id = id;
-    schedule_.execute(origin, subtype, arguments);
+    mission::Command command;
+    command.service = ScheduleService::service_type;
+    command.subtype = subtype;
+    schedule_.execute({.origin = origin, .command = command, .arguments = arguments, .now = {}});
     const bool refused = report_queue_.counters().failed > failed_;
     failed_ = report_queue_.counters().failed;
     for (const StageReached& stage : report_queue_.take_stages()) journal_.on_stage(stage);
@@ -275,8 +276,7 @@ class Process {
 /// A mission that spans many processes.
 class Mission {
  public:
-  Mission(const mission::Dictionary& dictionary, std::uint64_t seed)
-      : dictionary_(dictionary), medium_(seed), orders_(seed / 8) {}
+  explicit Mission(std::uint64_t seed) : medium_(seed), orders_(seed / 8) {}
 
   SimulatedMedium& medium() { return medium_; }
   std::uint64_t number(std::uint64_t below) { return orders_.number(below); }
@@ -286,7 +286,7 @@ class Mission {
   /// @return whether the power was lost
   bool run(int steps) {
     try {
-      Process process(dictionary_, medium_);
+      Process process(medium_);
       come_up(process);
       for (int i = 0; i < steps && !testing::Test::HasFatalFailure(); ++i) step(process);
     } catch (const PowerLoss&) {
@@ -326,7 +326,7 @@ class Mission {
     }
     for (const TelecommandOrigin& origin : open) {
       const bool is_last = order_ && (origin.request.packet_sequence_control & 0x3FFF) == last_order_number();
-      const bool applied = process.schedule().has_applied(origin.id);
+      const bool applied = process.schedule().schedule().has_applied(origin.id);
       carried_out = carried_out || is_last;
       if (applied || !is_last) {
         process.journal().on_stage({.id = origin.id, .stage = Stage::completion, .data = {}});
@@ -423,7 +423,6 @@ class Mission {
     ASSERT_TRUE(is_new || entry->second == t.origin.id) << sequence << " is executed twice";
   }
 
-  const mission::Dictionary& dictionary_;
   SimulatedMedium medium_;
   Orders orders_;
   Model before_;
@@ -437,13 +436,12 @@ class Mission {
 };
 
 TEST(ScheduleProperties, EveryOrderHoldsOnceAndEveryActivityIsExecutedOnceWhereverThePowerIsLost) {
-  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
   std::uint64_t losses = 0;
   std::size_t executed = 0;
   constexpr unsigned step = testing_support::slow ? 3 : 1;
   for (std::uint64_t lose_at = 0; lose_at < 160; lose_at += step) {
     SCOPED_TRACE(testing::Message() << "power lost in call " << lose_at);
-    Mission mission(dictionary, lose_at);
+    Mission mission(lose_at);
     mission.medium().lose_at = lose_at;
     for (int process = 0; process < 4; ++process) {
       losses += mission.run(120) ? 1 : 0;
@@ -460,9 +458,8 @@ TEST(ScheduleProperties, EveryOrderHoldsOnceAndEveryActivityIsExecutedOnceWherev
 }
 
 TEST(ScheduleProperties, AMissionWithoutLossesFollowsTheModel) {
-  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
   for (std::uint64_t seed = 0; seed < (testing_support::slow ? 1 : 4); ++seed) {
-    Mission mission(dictionary, seed * 8);
+    Mission mission(seed * 8);
     ASSERT_FALSE(mission.run(800));
     ASSERT_FALSE(HasFatalFailure()) << seed;
     EXPECT_GT(mission.executed(), 10U);

@@ -138,7 +138,7 @@ TEST_F(Schedule, CompletesAChangeWhenItIsOnDiskAndReleasesNothingBefore) {
   send(disable, false);
   schedule_.on_written(journal_.revision(), false);
   EXPECT_EQ(taken(), Names{"1,8"});
-  EXPECT_EQ(failure(), code(codes_.storage_unavailable));
+  EXPECT_EQ(failure(), code(mission::failure::storage_unavailable));
 }
 
 TEST_F(Schedule, RefusesAnInsertionWhoseRequestCouldNotBeAcceptedAndNamesItsArgument) {
@@ -197,7 +197,7 @@ TEST_F(Schedule, AHazardousRequestIsInsertedAndTakenAtItsReleaseOnlyIfItIsArmedT
   ASSERT_EQ(release(10), std::vector<Octets>{hazard});
 
   EXPECT_EQ(send(hazard), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.not_armed));
+  EXPECT_EQ(failure(), code(mission::failure::not_armed));
   hazards_.arm(hazard_name(*wire::parse_tc_packet(hazard)), MonotonicTime{});
   EXPECT_EQ(send(hazard), Names{"1,1"});
 }
@@ -412,7 +412,8 @@ TEST_F(Schedule, ARequestThatWasCarriedOutBeforeAKillIsNotCarriedOutAgain) {
 }
 
 TEST(TimeReports, ComeEveryTwoToTheRateFramesWithTheTimeOfTheFrame) {
-  TimeReporter reporter;
+  ReportQueue report_queue;
+  TimeReporter reporter{report_queue};
   reporter.set_rate(2);
   std::vector<std::uint64_t> reported;
   for (std::uint64_t frames = 1; frames <= 12; ++frames) {

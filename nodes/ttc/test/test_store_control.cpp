@@ -12,7 +12,6 @@ namespace {
 constexpr std::uint16_t housekeeping = 1;
 constexpr std::uint16_t events = 2;
 constexpr std::uint16_t verification = 3;
-constexpr StoreControl::Codes codes{.busy = 23, .unknown_subtype = 5, .storage_unavailable = 11};
 
 class StoreControlTest : public testing::Test {
  protected:
@@ -25,16 +24,22 @@ class StoreControlTest : public testing::Test {
                                .next_sequence = next_sequence,
                                .recovered_sequence = next_sequence});
   }
+  void execute(std::uint8_t subtype, OctetView arguments) {
+    const mission::Command& command =
+        *dictionary_.request(mission::apid::ttc, PacketRetrieval::service_type, subtype);
+    ASSERT_TRUE(control_.provides(command));
+    control_.execute({.origin = origin(), .command = command, .arguments = arguments, .now = {}});
+  }
   template <class Command>
   void command(const std::vector<std::uint16_t>& stores) {
     OctetWriter arguments;
     arguments.u16(static_cast<std::uint16_t>(stores.size()));
     for (const std::uint16_t store : stores) arguments.u16(store);
-    control_.execute(origin(), Command::subtype, arguments.view());
+    execute(Command::subtype, arguments.view());
   }
   void begin_at(TaiTime from, std::uint16_t store) {
     mission::StorageSetOpenStart group{.from = from, .store = store};
-    control_.execute(origin(), group.subtype, mission::StorageSetOpenStart::encoded(group, {group}));
+    execute(group.subtype, mission::StorageSetOpenStart::encoded(group, {group}));
   }
   /// The reports since the last call, each as "service.subtype".
   std::vector<std::string> reports() {
@@ -56,8 +61,8 @@ class StoreControlTest : public testing::Test {
   const mission::Dictionary dictionary_ =
       mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
   ReportQueue report_queue_;
-  PacketRetrieval retrieval_{report_queue_, 38};
-  StoreControl control_{dictionary_, "", codes, report_queue_, retrieval_};
+  PacketRetrieval retrieval_{report_queue_};
+  StoreControl control_{dictionary_, "", report_queue_, retrieval_};
   Report last_;
 };
 
@@ -71,7 +76,7 @@ TEST_F(StoreControlTest, AStoreThatIsDisabledTakesNoPacketAndCountsIt) {
   EXPECT_FALSE(control_.take_packet(events));
   EXPECT_TRUE(control_.take_packet(housekeeping));
 
-  control_.execute(origin(), mission::StorageStatus::subtype, {});
+  execute(mission::StorageStatus::subtype, {});
   const auto sent = report_queue_.take();
   ASSERT_EQ(sent.size(), 5U);  // three stores, 1,3 and 1,7
   const auto status = mission::PacketStoreStatus::decode(sent[1].data);
@@ -119,7 +124,7 @@ TEST_F(StoreControlTest, AllOfItLastsOverARestart) {
   EXPECT_TRUE(control_.take_progress());
   EXPECT_FALSE(control_.take_progress());
 
-  StoreControl again(dictionary_, control_.stored_text(), codes, report_queue_, retrieval_);
+  StoreControl again(dictionary_, control_.stored_text(), report_queue_, retrieval_);
   EXPECT_FALSE(again.take_packet(events));
   EXPECT_EQ(again.bounded(), (std::vector<std::uint16_t>{housekeeping}));
   again.on_status(verification, {.records = 25, .next_sequence = 25, .recovered_sequence = 20});
@@ -134,7 +139,7 @@ TEST_F(StoreControlTest, ADamagedFileMeansThatNothingWasSet) {
   command<mission::StorageDisable>({events});
   std::string text = control_.stored_text();
   text[2] = text[2] == '0' ? '1' : '0';
-  StoreControl again(dictionary_, text, codes, report_queue_, retrieval_);
+  StoreControl again(dictionary_, text, report_queue_, retrieval_);
   EXPECT_TRUE(again.take_packet(events));
 }
 
@@ -170,7 +175,7 @@ TEST_F(StoreControlTest, WhatHasNotLeftTheChannelIsSentAgainAfterARestart) {
   control_.on_pushed(500);
   control_.on_left(499);
 
-  StoreControl again(dictionary_, control_.stored_text(), codes, report_queue_, retrieval_);
+  StoreControl again(dictionary_, control_.stored_text(), report_queue_, retrieval_);
   again.on_status(events, {.records = 5, .next_sequence = 5, .recovered_sequence = 5});
   const auto next = again.next_batch(room);
   ASSERT_TRUE(next);
@@ -188,7 +193,7 @@ TEST_F(StoreControlTest, ItsPlaceFollowsTheChannelAlsoWhileThatIsNeverEmpty) {
     control_.on_left(4000 * i - 8000 + (i == 1 ? 4000 : 0));
   }
 
-  StoreControl again(dictionary_, control_.stored_text(), codes, report_queue_, retrieval_);
+  StoreControl again(dictionary_, control_.stored_text(), report_queue_, retrieval_);
   again.on_status(events, {.records = 1000, .next_sequence = 1000, .recovered_sequence = 1000});
   const auto next = again.next_batch(room);
   ASSERT_TRUE(next);
@@ -237,7 +242,7 @@ TEST_F(StoreControlTest, StoresTakeTurnsAndAPeriodGoesBefore) {
 
   ASSERT_TRUE(retrieval_.request(origin(), {{.store = events, .range = {}}}));
   EXPECT_FALSE(control_.next_batch(room));
-  control_.execute(origin(), mission::StorageStatus::subtype, {});
+  execute(mission::StorageStatus::subtype, {});
   const auto sent = report_queue_.take();
   const auto status = mission::PacketStoreStatus::decode(sent.at(sent.size() - 4).data);
   ASSERT_TRUE(status);
@@ -264,7 +269,7 @@ TEST_F(StoreControlTest, AStoreThatLostItsEndIsFollowedFromWhereItEndedAtTheStar
   control_.on_pushed(500);
   control_.on_left(500);
 
-  StoreControl again(dictionary_, control_.stored_text(), codes, report_queue_, retrieval_);
+  StoreControl again(dictionary_, control_.stored_text(), report_queue_, retrieval_);
   // 40 of 50 records are left, and 15 new ones have arrived.
   again.on_status(events, {.records = 55, .next_sequence = 55, .recovered_sequence = 40});
   batch = again.next_batch(room);

@@ -106,7 +106,7 @@ TEST_F(Router, EveryApplicationProcessCanBeAskedWhetherItIsAlive) {
   (void)connections_.take_question();
   connections_.on_answer(false);
   EXPECT_EQ(taken(), Names{"1,8"});
-  EXPECT_EQ(failure(), code(codes_.node_unavailable));
+  EXPECT_EQ(failure(), code(mission::failure::node_unavailable));
 }
 
 TEST_F(Router, TestsTheConnectionToAnApplicationProcess) {
@@ -116,7 +116,7 @@ TEST_F(Router, TestsTheConnectionToAnApplicationProcess) {
   EXPECT_EQ(send(1, 17, 3, to(1)), (Names{"1,1", "1,3", "17,4", "1,7"}));
   EXPECT_EQ(reports_[2].data, to(1));
   EXPECT_EQ(send(1, 17, 3, to(0x123)), (Names{"1,1", "1,4"}));
-  EXPECT_EQ(failure(), code(codes_.unknown_identifier, to(0x123)));
+  EXPECT_EQ(failure(), code(mission::failure::unknown_identifier, to(0x123)));
 
   EXPECT_EQ(send(1, 17, 3, to(mission::apid::maintenance)), (Names{"1,1", "1,3"}));
   EXPECT_EQ(connections_.take_question(), "maintenance");
@@ -124,7 +124,7 @@ TEST_F(Router, TestsTheConnectionToAnApplicationProcess) {
   for (std::size_t i = 1; i < ConnectionTester::capacity; ++i)
     EXPECT_EQ(send(1, 17, 3, to(mission::apid::timing)), (Names{"1,1", "1,3"}));
   EXPECT_EQ(send(1, 17, 3, to(mission::apid::timing)), (Names{"1,1", "1,4"}));
-  EXPECT_EQ(failure(), code(codes_.busy));
+  EXPECT_EQ(failure(), code(mission::failure::busy));
   connections_.on_answer(true);
   EXPECT_EQ(taken(), (Names{"17,4", "1,7"}));
   EXPECT_EQ(reports_[0].apid, 1);
@@ -140,20 +140,20 @@ TEST_F(Router, SendsOnlyTheSuccessReportsThatWereAskedFor) {
 
 TEST_F(Router, RefusesWhatTheDictionaryDoesNotHave) {
   EXPECT_EQ(send(0x123, 17, 1, {}), Names{"1,10"}) << "it cannot be routed";
-  EXPECT_EQ(failure(), code(codes_.unknown_apid));
+  EXPECT_EQ(failure(), code(mission::failure::unknown_apid));
   EXPECT_EQ(reports_.back().apid, 1) << "nobody else can answer";
 
   EXPECT_EQ(send(1, 99, 1, {}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.unknown_service));
+  EXPECT_EQ(failure(), code(mission::failure::unknown_service));
 
   EXPECT_EQ(send(1, 17, 99, {}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.unknown_subtype));
+  EXPECT_EQ(failure(), code(mission::failure::unknown_subtype));
 
   EXPECT_EQ(send(17, 8, 1, {0x7F, 0xFF}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.unknown_function, {0x7F, 0xFF}));
+  EXPECT_EQ(failure(), code(mission::failure::unknown_function, {0x7F, 0xFF}));
 
   EXPECT_EQ(send(17, 8, 1, {0}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+  EXPECT_EQ(failure(), code(mission::failure::bad_arguments_length));
 }
 
 TEST_F(Router, RefusesMoreGroupsThanARequestMayCarry) {
@@ -167,20 +167,20 @@ TEST_F(Router, RefusesMoreGroupsThanARequestMayCarry) {
     const auto subtype = static_cast<std::uint8_t>(which.second);
     const auto request = [&](std::uint8_t count) { return send(1, service, subtype, groups(count, 2)); };
     EXPECT_EQ(request(17), Names{"1,2"}) << which.first << ',' << which.second;
-    EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+    EXPECT_EQ(failure(), code(mission::failure::bad_arguments_length));
     EXPECT_EQ(request(0), Names{"1,2"});
   }
   EXPECT_EQ(send(1, 15, 9, groups(9, 18)), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+  EXPECT_EQ(failure(), code(mission::failure::bad_arguments_length));
 }
 
 TEST_F(Router, RefusesAnArgumentOutOfRangeWithItsPosition) {
   EXPECT_EQ(send(17, 8, 1, {0, 1, 9, 1}), Names{"1,2"}) << "load 9";
-  EXPECT_EQ(failure(), code(codes_.bad_argument, {1}));
+  EXPECT_EQ(failure(), code(mission::failure::bad_argument, {1}));
   EXPECT_EQ(send(17, 8, 1, {0, 1, 2, 7}), Names{"1,2"}) << "switch state 7";
-  EXPECT_EQ(failure(), code(codes_.bad_argument, {2}));
+  EXPECT_EQ(failure(), code(mission::failure::bad_argument, {2}));
   EXPECT_EQ(send(17, 8, 1, {0, 1, 2, 1, 0}), Names{"1,2"}) << "one octet too many";
-  EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+  EXPECT_EQ(failure(), code(mission::failure::bad_arguments_length));
 
   const auto rejected = router_.take_rejected();
   ASSERT_EQ(rejected.size(), 3U);
@@ -197,11 +197,11 @@ TEST_F(Router, RefusesDamagedPacketsWithTheRequestIdAsItCame) {
   Octets damaged = wire::make_tc_packet(ping);
   damaged.back() ^= 1;
   EXPECT_EQ(process(damaged), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.bad_checksum));
+  EXPECT_EQ(failure(), code(mission::failure::bad_checksum));
   EXPECT_EQ(reports_[0].data[3], 5);
 
   EXPECT_EQ(process({1, 2}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.bad_length));
+  EXPECT_EQ(failure(), code(mission::failure::bad_length));
 }
 
 TEST_F(Router, WithoutRoomWhatIsRightIsQueueFullAndTheRestHasItsOwnReason) {
@@ -216,9 +216,9 @@ TEST_F(Router, WithoutRoomWhatIsRightIsQueueFullAndTheRestHasItsOwnReason) {
     return taken();
   };
   EXPECT_EQ(judged_without_room(mission::apid::ttc), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.queue_full));
+  EXPECT_EQ(failure(), code(mission::failure::queue_full));
   EXPECT_EQ(judged_without_room(0x123), Names{"1,10"});
-  EXPECT_EQ(failure(), code(codes_.unknown_apid));
+  EXPECT_EQ(failure(), code(mission::failure::unknown_apid));
 }
 
 TEST_F(Router, ForwardsACommandOfAnotherNodeAndReportsItsStages) {
@@ -246,13 +246,13 @@ TEST_F(Router, ForwardsACommandOfAnotherNodeAndReportsItsStages) {
 TEST_F(Router, RefusesACommandWhenTooManyWaitForItsNode) {
   for (int i = 0; i < 40; ++i) EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}), Names{"1,1"});
   EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.queue_full));
+  EXPECT_EQ(failure(), code(mission::failure::queue_full));
   EXPECT_EQ(send("ttc.ping").size(), 4U) << "liveness answers go on";
 }
 
 TEST_F(Router, WithoutStorageOnlyRecoveryCommandsRun) {
   EXPECT_EQ(send("eps.switch_load", {"load=2", "state=on"}, wire::ack::all, false), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.storage_unavailable));
+  EXPECT_EQ(failure(), code(mission::failure::storage_unavailable));
   EXPECT_EQ(send("ttc.ping", {}, wire::ack::all, false).size(), 4U);
   EXPECT_EQ(router_.take_unstored_runs(), std::vector<std::uint64_t>{id_});
 }
@@ -261,7 +261,8 @@ TEST_F(Router, KeepsRoomForWhatWaitsForTheDisk) {
   std::vector<JudgedTelecommand> waiting;
   for (int i = 0; i < 40; ++i) waiting.push_back(judge(packet_of("eps.switch_load", {"load=2", "state=on"})));
   EXPECT_NE(waiting.back().command, nullptr);
-  EXPECT_EQ(judge(packet_of("eps.switch_load", {"load=2", "state=on"})).refusal.code, codes_.queue_full);
+  EXPECT_EQ(judge(packet_of("eps.switch_load", {"load=2", "state=on"})).refusal.code,
+            mission::failure::queue_full);
   EXPECT_TRUE(taken().empty()) << "nothing happens before it is carried out";
   for (const JudgedTelecommand& judged : waiting) router_.carry_out(judged, true, MonotonicTime{});
   EXPECT_EQ(taken(), Names(40, "1,1"));
@@ -272,20 +273,20 @@ TEST_F(Router, ATelecommandBehindAModeChangeIsJudgedByTheModeToCome) {
   const JudgedTelecommand change = judge(packet_of("ttc.set_mode", {"mode=safe"}));
   JudgedTelecommand behind = judge(packet_of("eps.switch_load", {"load=2", "state=on"}));
   mission::Command nominal_only = *behind.command;
-  nominal_only.modes = {static_cast<std::uint8_t>(Mode::nominal)};
+  nominal_only.modes = {static_cast<std::uint8_t>(MissionMode::nominal)};
   behind.command = &nominal_only;
   router_.carry_out(change, true, MonotonicTime{});
   (void)taken();
   router_.carry_out(behind, true, MonotonicTime{});
   EXPECT_EQ(taken(), (Names{"1,1", "1,4"})) << "the mode changed between the decision and the act";
-  EXPECT_EQ(failure(), code(codes_.wrong_mode, {static_cast<std::uint8_t>(Mode::safe)}));
+  EXPECT_EQ(failure(), code(mission::failure::wrong_mode, {static_cast<std::uint8_t>(MissionMode::safe)}));
 }
 
 TEST_F(Router, RefusesWhatTheJournalHasNoRoomFor) {
   const auto judged =
       router_.judge(packet_of("eps.switch_load", {"load=2", "state=on"}), MonotonicTime{}, false);
   EXPECT_EQ(judged.command, nullptr);
-  EXPECT_EQ(judged.refusal.code, codes_.queue_full);
+  EXPECT_EQ(judged.refusal.code, mission::failure::queue_full);
 }
 
 TEST_F(Router, AfterARestartAnIdempotentCommandOfItsOwnIsDoneAgain) {
@@ -303,7 +304,7 @@ TEST_F(Router, AfterARestartWhatMayNotBeDoneAgainHasAnUnknownOutcome) {
   const MonotonicTime expiry(seconds(10));
   router_.restore({.origin = origin, .packet = packet, .expiry = expiry, .progress = {}}, expiry);
   EXPECT_EQ(taken(), Names{"1,8"}) << "expired, and perhaps begun";
-  EXPECT_EQ(failure(), code(codes_.interrupted));
+  EXPECT_EQ(failure(), code(mission::failure::interrupted));
   router_.restore({.origin = origin, .packet = packet, .expiry = expiry, .progress = {.other_boot = true}},
                   MonotonicTime{});
   EXPECT_EQ(taken(), Names{"1,8"});
@@ -366,17 +367,18 @@ TEST_F(Router, StartsAndAbortsARetrieval) {
 TEST_F(Router, RefusesAPeriodThatEndsBeforeItStarts) {
   EXPECT_EQ(send("storage.retrieve", {"from=2026-11-21T09:00:00Z", "to=2026-11-21T08:00:00Z"}),
             (Names{"1,1", "1,4"}));
-  EXPECT_EQ(failure(), code(codes_.bad_time_range));
+  EXPECT_EQ(failure(), code(mission::failure::bad_time_range));
 }
 
 TEST_F(Router, AModeChangeCompletesWhenItIsStored) {
   EXPECT_EQ(send("ttc.set_mode", {"mode=safe"}), (Names{"1,1", "1,3"}));
-  EXPECT_EQ(mode_.mode(), Mode::safe);
-  const auto change = router_.take_mode_change();
+  EXPECT_EQ(mode_.mode(), MissionMode::safe);
+  const auto change = mode_service_.take_change();
   ASSERT_TRUE(change);
-  EXPECT_EQ(ModeManager(StoredModeState::present, change->stored_text, Mode::nominal).mode(), Mode::safe);
+  EXPECT_EQ(ModeManager(StoredModeState::present, change->stored_text, MissionMode::nominal).mode(),
+            MissionMode::safe);
 
-  router_.mode_stored(*change, true);
+  mode_service_.on_stored(*change, true);
   EXPECT_EQ(taken(), Names{"1,7"});
 }
 
@@ -390,7 +392,7 @@ TEST_F(Router, GivesRequestsAboutFilesToTheDiskAndTheirEndComesFromThere) {
   EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
   EXPECT_EQ(send(1, 23, 2, {0, 200, 'a'}), Names{"1,2"})
       << "a name of 200 octets is not one of the dictionary";
-  EXPECT_EQ(failure(), code(codes_.bad_argument, {2}));
+  EXPECT_EQ(failure(), code(mission::failure::bad_argument, {2}));
 }
 
 TEST_F(Router, ARequestAboutFilesThatMayHaveBeenDoneBeforeARestartIsDoneAgainAndSaysSo) {
@@ -418,11 +420,11 @@ TEST_F(Router, GivesRequestsAboutParametersToTheirNodes) {
 
 TEST_F(Router, AParameterOutOfItsRangeOrThatNobodyHasIsRefusedBeforeAnybodyIsAsked) {
   EXPECT_EQ(send(1, 20, 3, {0, 1, 0, 102, 61}), Names{"1,2"}) << "leap seconds end at 60";
-  EXPECT_EQ(failure(), code(codes_.bad_argument, {2}));
+  EXPECT_EQ(failure(), code(mission::failure::bad_argument, {2}));
   EXPECT_EQ(send(1, 20, 3, {0, 1, 0xFF, 0xFF, 1}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.bad_argument, {1}));
+  EXPECT_EQ(failure(), code(mission::failure::bad_argument, {1}));
   EXPECT_EQ(send(1, 20, 3, {0, 2, 0, 102, 38, 0, 101, 0}), Names{"1,2"}) << "the second is too short";
-  EXPECT_EQ(failure(), code(codes_.bad_arguments_length));
+  EXPECT_EQ(failure(), code(mission::failure::bad_arguments_length));
   EXPECT_EQ(send(1, 20, 1, {0, 1, 0xFF, 0xFF}), Names{"1,2"});
   EXPECT_FALSE(parameters_.next_call(MonotonicTime{}));
 }
@@ -451,7 +453,7 @@ class HazardousTelecommands : public Router {
 
 TEST_F(HazardousTelecommands, RunOnceAfterTheyWereArmed) {
   EXPECT_EQ(send(hazard), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.not_armed));
+  EXPECT_EQ(failure(), code(mission::failure::not_armed));
   EXPECT_EQ(arm(hazard), (Names{"1,1", "1,3", "1,7"}));
   EXPECT_EQ(news(), Reasons{std::nullopt});
 
@@ -459,29 +461,29 @@ TEST_F(HazardousTelecommands, RunOnceAfterTheyWereArmed) {
   EXPECT_EQ(forwarder_.under_way(), 1U);
   EXPECT_EQ(news(), Reasons{mission::DisarmReason::fired});
   EXPECT_EQ(send(hazard), Names{"1,2"}) << "once";
-  EXPECT_EQ(failure(), code(codes_.not_armed));
+  EXPECT_EQ(failure(), code(mission::failure::not_armed));
 }
 
 TEST_F(HazardousTelecommands, TheTransmitterIsSwitchedOffOnceItIsArmedAndOnWithoutThat) {
   EXPECT_EQ(send("ttc.transmitter_off", {"duration_s=60"}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.not_armed));
+  EXPECT_EQ(failure(), code(mission::failure::not_armed));
   arm("ttc.transmitter_off", {"duration_s=60"});
   EXPECT_EQ(send("ttc.transmitter_off", {"duration_s=60"}), (Names{"1,1", "1,3"}));
   const MonotonicTime silence = now_ + TransmitterSwitch::grace;
   EXPECT_FALSE(transmitter_.may_transmit(silence));
-  const auto off = router_.take_transmitter_change();
+  const auto off = transmitter_service_.take_change();
   ASSERT_TRUE(off);
   EXPECT_EQ(off->off, seconds(60));
   EXPECT_EQ(off->stored_text, transmitter_.stored_text());
-  router_.transmitter_stored(*off, true);
+  transmitter_service_.on_stored(*off, true);
   EXPECT_EQ(taken(), Names{"1,7"});
 
   EXPECT_EQ(send("ttc.transmitter_on"), (Names{"1,1", "1,3"}));
   EXPECT_TRUE(transmitter_.may_transmit(silence));
-  const auto on = router_.take_transmitter_change();
+  const auto on = transmitter_service_.take_change();
   ASSERT_TRUE(on);
   EXPECT_EQ(on->stored_text, "");
-  router_.transmitter_stored(*on, false);
+  transmitter_service_.on_stored(*on, false);
   EXPECT_EQ(taken(), Names{"1,8"});
 }
 
@@ -497,7 +499,7 @@ TEST_F(HazardousTelecommands, TwoThatComeTogetherFireOnce) {
 TEST_F(HazardousTelecommands, AreArmedWithTheirArgumentsAndNoOthers) {
   arm(hazard, {"off_ms=100"});
   EXPECT_EQ(send(hazard, {"off_ms=101"}), Names{"1,2"});
-  EXPECT_EQ(failure(), code(codes_.not_armed));
+  EXPECT_EQ(failure(), code(mission::failure::not_armed));
   EXPECT_EQ(send(hazard, {"off_ms=100"}), Names{"1,1"}) << "the other one did not disarm it";
 }
 
@@ -533,7 +535,7 @@ TEST_F(HazardousTelecommands, AreDisarmedByCommandAndByAChangeOfMode) {
 
 TEST_F(HazardousTelecommands, NothingElseIsArmed) {
   EXPECT_EQ(arm("ttc.ping"), (Names{"1,1", "1,4"}));
-  EXPECT_EQ(failure(), code(codes_.not_hazardous));
+  EXPECT_EQ(failure(), code(mission::failure::not_hazardous));
   EXPECT_TRUE(news().empty());
 }
 
@@ -544,7 +546,7 @@ TEST_F(HazardousTelecommands, AnArmingThatACrashInterruptedIsNotDoneAgain) {
   origin.id = 7;
   router_.restore({.origin = origin, .packet = packet, .expiry = now_ + seconds(10), .progress = {}}, now_);
   EXPECT_EQ(taken(), Names{"1,8"});
-  EXPECT_EQ(failure(), code(codes_.interrupted));
+  EXPECT_EQ(failure(), code(mission::failure::interrupted));
   EXPECT_TRUE(news().empty());
 }
 
@@ -552,22 +554,22 @@ TEST_F(HazardousTelecommands, AnArmingThatACrashInterruptedIsNotDoneAgain) {
 
 TEST_F(Router, ChangesTheKeysOfAChannelOnceTheChangeIsStored) {
   EXPECT_EQ(send("ttc.select_keys", {"set=b"}), (Names{"1,1", "1,3"}));
-  const auto change = router_.take_key_change();
+  const auto change = key_service_.take_change();
   ASSERT_TRUE(change);
   EXPECT_EQ(change->vc, 0);
   EXPECT_EQ(change->set, KeySet::b);
-  EXPECT_FALSE(router_.take_key_change());
-  router_.key_change_stored(*change, true);
+  EXPECT_FALSE(key_service_.take_change());
+  key_service_.on_stored(*change, true);
   EXPECT_EQ(taken(), Names{"1,7"});
-  router_.key_change_stored(*change, false);
+  key_service_.on_stored(*change, false);
   EXPECT_EQ(taken(), Names{"1,8"});
-  EXPECT_EQ(failure(), code(codes_.storage_unavailable));
+  EXPECT_EQ(failure(), code(mission::failure::storage_unavailable));
 }
 
 TEST_F(Router, RefusesKeysThatTheChannelDoesNotHave) {
   EXPECT_EQ(send("ttc.select_keys", {"vc=1", "set=b"}), (Names{"1,1", "1,4"}));
-  EXPECT_EQ(failure(), code(codes_.unknown_identifier, {0, 1}));
-  EXPECT_FALSE(router_.take_key_change());
+  EXPECT_EQ(failure(), code(mission::failure::unknown_identifier, {0, 1}));
+  EXPECT_FALSE(key_service_.take_change());
 }
 
 }  // namespace

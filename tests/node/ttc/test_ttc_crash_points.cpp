@@ -65,12 +65,12 @@ class ExecutingNode : public CommandedNode {
   [[nodiscard]] FailureCode check(std::uint16_t function, OctetView arguments) const override {
     return function == mission::ThermalSetSetpoint::function_id &&
                    mission::ThermalSetSetpoint::decode(arguments)
-               ? FailureCode::none
-               : FailureCode::unknown_function;
+               ? mission::failure::none
+               : mission::failure::unknown_function;
   }
   void execute(const StoredTelecommand& telecommand) override {
     ++executed[mission::ThermalSetSetpoint::decode(telecommand.arguments)->setpoint_k];
-    finished(FailureCode::none);
+    finished(mission::failure::none);
   }
 };
 

@@ -21,6 +21,8 @@
 
 #include <fmt/format.h>
 
+#include <mission/structures.hpp>
+
 #include "hw/can_bus.hpp"
 #include "nodes/can_switcher/task_flag_rotation.hpp"
 #include "nodes/can_switcher/tick_holdover.hpp"
@@ -1092,7 +1094,7 @@ class World {
       ASSERT_EQ(telecommand.executed, 1U) << "telecommand " << id << " was executed again";
     }
     ASSERT_FALSE(telecommand.end && !telecommand.end->success &&
-                 telecommand.end->failure != FailureCode::interrupted)
+                 telecommand.end->failure != mission::failure::interrupted)
         << "telecommand " << id << " was executed after it had failed";
   }
 

@@ -40,7 +40,7 @@ TEST(SimulatedDiscipline, IsWithinTwoMicrosecondsAfterSixtyPulses) {
       settings.drift_ppm = drift_ppm;
       TimingSimulation s(settings);
       s.run(600);
-      EXPECT_EQ(s.samples()[60].state, SyncState::locked);
+      EXPECT_EQ(s.samples()[60].state, mission::SyncState::locked);
       EXPECT_LE(s.rms_error_ns(60, 120), 2000) << seed << ' ' << drift_ppm;
       EXPECT_LE(s.rms_error_ns(60, 600), 2000) << seed << ' ' << drift_ppm;
       EXPECT_EQ(s.time().pulse_clock().counters().outliers, 0U);
@@ -56,11 +56,11 @@ TEST(SimulatedDiscipline, HoldsAMillisecondForAnHourWhenTheOscillatorSwingsByATe
     settings.wander_period = seconds(5700);
     TimingSimulation s(settings);
     s.run(1800 + static_cast<std::int64_t>(seed) * 700);  // a new phase of the orbit for each loss
-    EXPECT_EQ(s.last().state, SyncState::locked);
+    EXPECT_EQ(s.last().state, mission::SyncState::locked);
     EXPECT_LE(std::abs(s.last().error.count()), 5000);
     s.receiver().disturb({.fault = GpsFault::off});
     s.run(3600);
-    EXPECT_EQ(s.last().state, SyncState::holdover);
+    EXPECT_EQ(s.last().state, mission::SyncState::holdover);
     EXPECT_TRUE(s.last().time_valid);
     EXPECT_LE(std::abs(s.last().error.count()), 1'000'000) << seed;
     ASSERT_TRUE(s.last().estimated.has_value());
@@ -70,7 +70,7 @@ TEST(SimulatedDiscipline, HoldsAMillisecondForAnHourWhenTheOscillatorSwingsByATe
 
     s.receiver().disturb({});
     s.run(120);
-    EXPECT_EQ(s.last().state, SyncState::locked);
+    EXPECT_EQ(s.last().state, mission::SyncState::locked);
     EXPECT_LE(std::abs(s.last().error.count()), 5000);
     EXPECT_EQ(s.time().pulse_clock().counters().phase_adoptions, 0U);
     expect_smooth(s);
@@ -131,7 +131,7 @@ TEST(SimulatedDiscipline, NoTroubleOfTheReceiverDisturbsTheTime) {
       }
       s.receiver().disturb({});
       s.run(150);
-      EXPECT_EQ(s.last().state, SyncState::locked);
+      EXPECT_EQ(s.last().state, mission::SyncState::locked);
       EXPECT_LE(std::abs(s.last().error.count()), 6'000);
       EXPECT_LE(s.worst_rate(), 0.0006) << "nothing was believed";
       expect_smooth(s);
@@ -154,7 +154,7 @@ TEST(SimulatedDiscipline, FindsTheTimeWithTroubleFromTheStart) {
       EXPECT_TRUE(s.last().time_valid);
       s.receiver().disturb({});
       s.run(20);
-      EXPECT_EQ(s.last().state, SyncState::locked);
+      EXPECT_EQ(s.last().state, mission::SyncState::locked);
       EXPECT_LE(std::abs(s.last().error.count()), 10'000) << seed;
       expect_smooth(s);
     }
@@ -165,14 +165,14 @@ TEST(SimulatedDiscipline, WithoutAPulseOrWithoutATimeTheTimeStaysInvalid) {
   TimingSimulation no_pulse(ordinary());
   no_pulse.receiver().disturb({.fault = GpsFault::no_pulse});
   no_pulse.run(60);
-  EXPECT_EQ(no_pulse.last().state, SyncState::unlocked);
+  EXPECT_EQ(no_pulse.last().state, mission::SyncState::unlocked);
   EXPECT_FALSE(no_pulse.last().time_valid);
   EXPECT_GT(no_pulse.time().pulse_clock().counters().times_without_pulse, 50U);
 
   TimingSimulation no_time(ordinary());
   no_time.receiver().disturb({.cut_short = 1});
   no_time.run(60);
-  EXPECT_EQ(no_time.last().state, SyncState::locked) << "the ticks have their phase";
+  EXPECT_EQ(no_time.last().state, mission::SyncState::locked) << "the ticks have their phase";
   EXPECT_FALSE(no_time.last().time_valid);
   EXPECT_FALSE(no_time.last().estimated.has_value());
 }
@@ -187,7 +187,7 @@ TEST(SimulatedDiscipline, ALeapSecondIsSlewed) {
   EXPECT_GT(s.stream().counters().leap_seconds, 0U);
   // The simulation's true time ignores the leap second, so UTC is now one second behind it.
   EXPECT_NEAR(static_cast<double>((s.last().error + seconds(1)).count()), 0, 6'000);
-  EXPECT_EQ(s.last().state, SyncState::locked);
+  EXPECT_EQ(s.last().state, mission::SyncState::locked);
   expect_smooth(s);
 }
 
@@ -197,7 +197,7 @@ TEST(SimulatedDiscipline, AStepOfThePulseThatLastsIsFollowedWithoutAStepOfTheTim
   s.receiver().disturb({.pulse_step = milliseconds(300)});
   s.run(300);
   EXPECT_EQ(s.time().pulse_clock().counters().phase_adoptions, 1U);
-  EXPECT_EQ(s.last().state, SyncState::locked);
+  EXPECT_EQ(s.last().state, mission::SyncState::locked);
   EXPECT_NEAR(static_cast<double>(s.last().error.count()), -300e6, 10e3);
   expect_smooth(s);
 }
@@ -233,7 +233,7 @@ TEST(SimulatedDiscipline, SurvivesADayOfChangingTrouble) {
     s.run(static_cast<std::int64_t>(10 + random() % 300));
     s.receiver().disturb({});
     s.run(120);
-    ASSERT_EQ(s.last().state, SyncState::locked);
+    ASSERT_EQ(s.last().state, mission::SyncState::locked);
     ASSERT_LE(std::abs(s.last().error.count()), 10'000) << s.last().second;
   }
   EXPECT_LE(s.worst_interval(), tick_bound);

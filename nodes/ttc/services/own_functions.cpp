@@ -1,0 +1,111 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/ttc/services/own_functions.hpp"
+
+#include <algorithm>
+
+#include <mission/structures.hpp>
+
+namespace srfs {
+
+// ---- mode
+
+std::optional<MissionMode> ModeService::mode_of(const mission::Command& command, OctetView arguments) {
+  if (command.name != mission::TtcSetMode::name || arguments.empty()) return std::nullopt;
+  return arguments.front() == static_cast<std::uint8_t>(MissionMode::nominal) ? MissionMode::nominal
+                                                                              : MissionMode::safe;
+}
+
+bool ModeService::provides(const mission::Command& command) const {
+  return command.name == mission::TtcSetMode::name;
+}
+
+void ModeService::execute(const ServiceRequest& request) {
+  if (!start(request.origin)) return;
+  const MissionMode mode = mode_of(request.command, request.arguments).value_or(MissionMode::safe);
+  if (mode != mode_.mode()) hazards_.disarm(mission::DisarmReason::mode_changed);
+  set_change({.origin = request.origin, .mode = mode, .stored_text = mode_.change(mode, "commanded")});
+}
+
+// ---- arming
+
+bool ArmingService::provides(const mission::Command& command) const {
+  return command.name == mission::TtcArm::name || command.name == mission::TtcDisarm::name;
+}
+
+void ArmingService::execute(const ServiceRequest& request) {
+  if (request.command.name == mission::TtcArm::name) return arm(request);
+  hazards_.disarm(mission::DisarmReason::commanded);
+  report_queue_.done(request.origin);
+}
+
+std::optional<Refusal> ArmingService::why_not_armed(const mission::TtcArm& arm) const {
+  // Which of the functions is in the digest.
+  const auto is_meant = [&](const mission::Command& command) {
+    return command.hazardous && command.apid == arm.of_apid && command.service == arm.of_service &&
+           command.subtype == arm.of_subtype;
+  };
+  const auto mode = static_cast<std::uint8_t>(mode_.mode());
+  std::optional<Refusal> why = Refusal{mission::failure::not_hazardous, {}};
+  for (const mission::Command& command : dictionary_.commands()) {
+    if (!is_meant(command)) continue;
+    if (command.allowed_in(mode)) return std::nullopt;
+    why = Refusal{mission::failure::wrong_mode, {mode}};
+  }
+  return why;
+}
+
+void ArmingService::arm(const ServiceRequest& request) {
+  const auto arm = mission::TtcArm::decode(request.arguments);
+  const auto refusal = arm ? why_not_armed(*arm) : Refusal{mission::failure::bad_arguments_length, {}};
+  if (refusal) {
+    report_queue_.failure(request.origin, Stage::start, refusal->code, refusal->parameter);
+    return;
+  }
+  hazards_.arm(
+      {.apid = arm->of_apid, .service = arm->of_service, .subtype = arm->of_subtype, .digest = arm->digest},
+      request.now);
+  report_queue_.done(request.origin);
+}
+
+// ---- keys
+
+bool KeyService::provides(const mission::Command& command) const {
+  return command.name == mission::TtcSelectKeys::name;
+}
+
+void KeyService::execute(const ServiceRequest& request) {
+  const auto select = mission::TtcSelectKeys::decode(request.arguments);
+  const auto set = select && select->set == mission::KeySet::b ? KeySet::b : KeySet::a;
+  const auto vc = select ? select->vc : std::uint8_t{0};
+  const bool has_it = std::find(available_.begin(), available_.end(), std::pair(vc, set)) != available_.end();
+  if (!select || !has_it) {
+    report_queue().failure(request.origin, Stage::start, mission::failure::unknown_identifier,
+                           octets_of_u16(vc));
+  } else if (start(request.origin)) {
+    set_change({.origin = request.origin, .vc = vc, .set = set});
+  }
+}
+
+// ---- transmitter
+
+bool TransmitterService::provides(const mission::Command& command) const {
+  return command.name == mission::TtcTransmitterOff::name || command.name == mission::TtcTransmitterOn::name;
+}
+
+void TransmitterService::execute(const ServiceRequest& request) {
+  if (!start(request.origin)) return;
+  seconds off{0};
+  if (request.command.name == mission::TtcTransmitterOff::name) {
+    const auto command = mission::TtcTransmitterOff::decode(request.arguments);
+    off = seconds(command ? command->duration_s : 0);
+  }
+  if (off > seconds(0)) {
+    transmitter_.switch_off(off, request.now);
+  } else {
+    transmitter_.switch_on();
+  }
+  set_change({.origin = request.origin, .off = off, .stored_text = transmitter_.stored_text()});
+}
+
+}  // namespace srfs

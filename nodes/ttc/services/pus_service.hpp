@@ -1,0 +1,96 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include <mission/structures.hpp>
+
+#include "base/octets.hpp"
+#include "base/time.hpp"
+#include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
+
+namespace srfs {
+
+/// Why a telecommand is refused (1,2 or 1,10).
+struct Refusal {
+  std::uint16_t code = 0;
+  Octets parameter;
+  Stage stage = Stage::acceptance;  ///< routing: no application process can accept it
+};
+
+/// An accepted telecommand that ttc itself executes.
+struct ServiceRequest {
+  TelecommandOrigin origin;
+  const mission::Command& command;
+  OctetView arguments;  ///< as the dictionary has checked them
+  MonotonicTime now;
+  bool repeated = false;  ///< may have been done before a restart
+};
+
+/// How far a telecommand was known to be when the process before ended.
+struct RestoredProgress {
+  bool taken = false;
+  bool started = false;
+  std::uint8_t last_step = 0;
+  bool other_boot = false;  ///< its expiry means nothing any more: it may not begin now
+};
+
+/// A service of ECSS-E-ST-70-41C that ttc provides, or functions of service 8. A new one is a class with this
+/// interface and a row in TtcNode's table.
+class PusService {
+ public:
+  virtual ~PusService() = default;
+  /// Whether this command of ttc is its own.
+  [[nodiscard]] virtual bool provides(const mission::Command& command) const = 0;
+  /// Beyond what the dictionary checks.
+  [[nodiscard]] virtual std::optional<Refusal> why_refused(const mission::Command& /*command*/,
+                                                           OctetView /*arguments*/) const {
+    return std::nullopt;
+  }
+  /// Reports its start and its end into the report queue, now or later. Never blocks.
+  virtual void execute(const ServiceRequest& request) = 0;
+  /// Goes on with one of an earlier process. @return false: not known here, by the general rule it is done
+  /// again if that does no harm, else interrupted
+  [[nodiscard]] virtual bool restore(const ServiceRequest& /*request*/,
+                                     const RestoredProgress& /*progress*/) {
+    return false;
+  }
+};
+
+/// A service whose commands change something that lasts: the change is taken by the caller, stored, and then
+/// reported complete. One at a time.
+template <class Change>
+class StoredChangeService : public PusService {
+ public:
+  explicit StoredChangeService(ReportQueue& report_queue) : report_queue_(report_queue) {}
+
+  [[nodiscard]] std::optional<Change> take_change() { return std::exchange(change_, std::nullopt); }
+  /// It is on disk, or could not be stored; it holds either way.
+  void on_stored(const Change& change, bool success) {
+    if (success) return report_queue_.success(change.origin, Stage::completion);
+    report_queue_.failure(change.origin, Stage::completion, mission::failure::storage_unavailable);
+  }
+
+ protected:
+  /// @return false: the one before was not taken yet (reported)
+  bool start(const TelecommandOrigin& origin) {
+    if (change_) {
+      report_queue_.failure(origin, Stage::start, mission::failure::busy);
+      return false;
+    }
+    report_queue_.success(origin, Stage::start);
+    return true;
+  }
+  void set_change(Change change) { change_ = std::move(change); }
+  [[nodiscard]] ReportQueue& report_queue() { return report_queue_; }
+
+ private:
+  ReportQueue& report_queue_;
+  std::optional<Change> change_;
+};
+
+}  // namespace srfs
