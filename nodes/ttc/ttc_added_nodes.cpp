@@ -82,12 +82,6 @@ void TtcNode::take_dictionary(LoadedDictionary loaded) {
   report_refused_fragments();
 }
 
-void TtcNode::drop_retired_dictionaries() {
-  std::erase_if(retired_dictionaries_, [this](const RetiredDictionary& retired) {
-    return now() - retired.since > retired_lifetime;
-  });
-}
-
 void TtcNode::add_structure(const mission::Structure& structure) {
   // What ttc samples itself already comes at its period.
   const bool own = structure.node == name();
@@ -95,7 +89,7 @@ void TtcNode::add_structure(const mission::Structure& structure) {
   for (const mission::Field& field : structure.fields) {
     if (field.type == mission::FieldType::text) text_octets += field.max_text * field.count;
   }
-  link_->housekeeping.add_structure(
+  core_->housekeeping().add_structure(
       structure.id, structure.apid, structure.max_size() - text_octets, structure.max_size(),
       {.enabled = true, .interval = own ? milliseconds(0) : structure.interval});
 }
@@ -111,16 +105,16 @@ void TtcNode::fill_from_dictionary_again(const mission::Dictionary& old) {
     if (!is_sampled(structure)) continue;
     const mission::Structure* now_there = dictionary_.structure(structure.id);
     if (now_there == nullptr || !same(*now_there, structure))
-      link_->housekeeping.remove_structure(structure.id);
+      core_->housekeeping().remove_structure(structure.id);
   }
   for (const mission::Structure& structure : dictionary_.structures()) {
-    if (is_sampled(structure) && !link_->housekeeping.plan(structure.id)) add_structure(structure);
+    if (is_sampled(structure) && !core_->housekeeping().plan(structure.id)) add_structure(structure);
   }
   for (const mission::Event& event : old.events()) {
-    if (dictionary_.event(event.id) == nullptr) link_->events.remove_event(event.id);
+    if (dictionary_.event(event.id) == nullptr) core_->events().remove_event(event.id);
   }
   for (const mission::Event& event : dictionary_.events()) {
-    if (!link_->events.knows(event.id)) link_->events.add_event(event.id);
+    if (!core_->events().knows(event.id)) core_->events().add_event(event.id);
   }
 }
 
@@ -182,7 +176,9 @@ void TtcNode::listen_to(const std::string& node) {
 }
 
 void TtcNode::send_added_nodes() {
-  drop_retired_dictionaries();
+  std::erase_if(retired_dictionaries_, [this](const RetiredDictionary& retired) {
+    return now() - retired.since > retired_lifetime;
+  });
   if (joined_nodes_.empty()) return;
   mission::AddedNodesHousekeeping h;
   h.revision = deployment().added_revision;
@@ -193,8 +189,7 @@ void TtcNode::send_added_nodes() {
     h.node_state[i] = static_cast<mission::LifecycleState>(state_of(joined.facts, joined.state));
     h.node_restarts[i] = static_cast<std::uint8_t>(std::min<std::uint32_t>(joined.facts.restarts, UINT8_MAX));
   }
-  if (const auto report = link_->housekeeping.on_sample(h.apid, h.structure_id, h.encoded(), now()))
-    send(report->report, report->live, true, false);
+  core_->send_housekeeping(h, now());
 }
 
 }  // namespace srfs

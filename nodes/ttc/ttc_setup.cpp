@@ -56,59 +56,60 @@ KeySet to_key_set(ros::AssociationSet set) {
   return KeySet::a;
 }
 
-AvailableKeySets key_sets_of(const UplinkConfig& config) {
-  AvailableKeySets sets;
-  for (const UplinkChannel& channel : config.channels) {
-    for (const UplinkAssociation& association : channel.associations)
-      sets.emplace_back(channel.vc, association.set);
+/// A first start looks like the loss of everything that ttc wrote: it wants a floor, too.
+/// @param nothing no state of the link was found. @param ran although there was one
+FloorWanted floor_wanted(const std::filesystem::path& marker, bool nothing, bool ran) {
+  const auto noted = read_file(marker, 64);
+  const bool lost = (nothing && ran) || (noted && *noted != first_start_text);
+  if (!nothing && !noted) return FloorWanted::no;
+  if (lost) log::error("the counters of the uplink are lost: any is taken until the time is valid");
+  if (const auto written = write_file_atomically(marker, lost ? "" : first_start_text); !written)
+    log::error("that the counters want a floor is not durable: {}", written.error().message);
+  return lost ? FloorWanted::counters_lost : FloorWanted::first_start;
+}
+
+/// Chooses the set of each channel: as it was stored, else one that can be used.
+KeySelection load_keys(const std::filesystem::path& file, UplinkConfig& config,
+                       std::vector<TtcCore::KeyNews>& news) {
+  const FoundKeySelection found = load_key_selection(file);
+  const bool lost = found.damaged_copies > 0 && found.selection.generation == 0;
+  for (UplinkChannel& channel : config.channels) {
+    if (channel.associations.empty()) continue;
+    const auto has = [&channel](KeySet set) {
+      return std::any_of(channel.associations.begin(), channel.associations.end(),
+                         [set](const UplinkAssociation& a) { return a.set == set; });
+    };
+    const auto stored = found.selection.sets.find(channel.vc);
+    if (stored != found.selection.sets.end()) channel.selected = stored->second;
+    if (lost) news.push_back({channel.vc, channel.selected, "the stored selection is damaged"});
+    const KeySet other = channel.selected == KeySet::a ? KeySet::b : KeySet::a;
+    if (!has(channel.selected) && has(other)) {
+      channel.selected = other;
+      news.push_back({channel.vc, other, "the selected keys are unusable"});
+    }
   }
-  return sets;
+  if (found.damaged_copies == 0) return found.selection;
+  log::error("{} of 2 copies of the key selection are damaged", found.damaged_copies);
+  if (const auto stored = store_key_selection(file, found.selection); !stored)
+    log::error("{}", stored.error().message);
+  return found.selection;
+}
+
+void say_how_the_link_is_secured(const ros::LinkSettings& link) {
+  for (const ros::TelecommandChannel& channel : link.channels) {
+    if (channel.security == ros::ChannelSecurity::none) {
+      log::warn(
+          "TC VIRTUAL CHANNEL {} HAS NO SECURITY: anybody on the line can command this spacecraft. For tests "
+          "only.",
+          channel.virtual_channel);
+    } else {
+      log::info("TC virtual channel {}: SDLS, SPI {}, keys {}", channel.virtual_channel, channel.spi,
+                to_text(to_key_set(channel.set)));
+    }
+  }
 }
 
 }  // namespace
-
-TtcNode::Link::Link(const mission::Dictionary& dictionary, AcceptanceJournal restored,
-                    UplinkConfig uplink_config, DownlinkConfig downlink_config, ModeManager mode_manager,
-                    TransmitterSwitch transmitter_switch, std::string_view stored_stores,
-                    milliseconds persist_deadline, milliseconds schedule_late_max, milliseconds arm_window,
-                    SpacecraftClock start, const std::string& own_name)
-    : journal(std::move(restored)),
-      mode(std::move(mode_manager)),
-      transmitter(std::move(transmitter_switch)),
-      hazards(arm_window),
-      key_sets(key_sets_of(uplink_config)),
-      forwarder(report_queue),
-      housekeeping(report_queue),
-      events(report_queue),
-      mode_service(mode, hazards, report_queue),
-      arming(dictionary, mode, hazards, report_queue),
-      key_service(key_sets, report_queue),
-      transmitter_service(transmitter, report_queue),
-      time_reports(report_queue),
-      schedule(journal, report_queue, schedule_late_max),
-      retrieval(report_queue),
-      stores(dictionary, stored_stores, report_queue, retrieval),
-      connections(dictionary, own_name, report_queue),
-      parameters(dictionary, report_queue, mission::apid::ttc),
-      file_service(report_queue, mission::apid::ttc),
-      imaging(report_queue),
-      router({.dictionary = dictionary,
-              .mode = mode,
-              .hazards = hazards,
-              .forwarder = forwarder,
-              .report_queue = report_queue,
-              .services = {&housekeeping, &events, &mode_service, &arming, &key_service, &transmitter_service,
-                           &time_reports, &schedule, &retrieval, &stores, &connections, &parameters,
-                           &file_service, &imaging}},
-             own_name),
-      uplink(std::move(uplink_config), journal.link()),
-      gate(persist_deadline, journal.revision()),
-      downlink(downlink_config),
-      files(downlink_config.files_queue_octets / 2),
-      beacon(dictionary),
-      clock(start) {
-  schedule.set_request_check([this](OctetView packet) { return router.check_scheduled(packet); });
-}
 
 TtcNode::TtcNode(ros::NodeContext& context)
     : LifecycleNode(context),
@@ -133,14 +134,12 @@ TtcNode::TtcNode(ros::NodeContext& context)
                     "Octets of all files that are coming up, together; more is refused", true);
   declare_parameter("free_floor_mib", std::int64_t{64}, ros::ParameterRange{0, 65'536},
                     "So much of the disk files that come up leave free", true);
-  on_parameter_change([this](const std::string& parameter) { on_parameter_changed(parameter); });
-}
-
-void TtcNode::on_parameter_changed(const std::string& parameter) {
-  if (parameter == "repeat_window_ms" && link_)
-    link_->journal.set_repeat_window(milliseconds(get_parameter<std::int64_t>(parameter)));
-  if ((parameter == "beacon_period_ms" || parameter == "housekeeping_period_ms") && is_active())
-    start_periods();
+  on_parameter_change([this](const std::string& parameter) {
+    if (parameter == "repeat_window_ms" && core_)
+      core_->set_repeat_window(milliseconds(get_parameter<std::int64_t>(parameter)));
+    if ((parameter == "beacon_period_ms" || parameter == "housekeeping_period_ms") && is_active())
+      start_periods();
+  });
 }
 
 Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) const {
@@ -159,7 +158,7 @@ Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) co
   return std::move(*key);
 }
 
-Result<UplinkConfig, std::string> TtcNode::read_channels() {
+Result<UplinkConfig, std::string> TtcNode::read_channels(std::vector<TtcCore::UnusableKey>& unusable_keys) {
   const ros::LinkSettings& settings = deployment().link;
   if (auto unsafe = ros::unsafe_link(deployment(), var().root); !unsafe.empty())
     return Err(std::move(unsafe));
@@ -167,7 +166,6 @@ Result<UplinkConfig, std::string> TtcNode::read_channels() {
   config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
   config.cltu.randomized = settings.tc_randomizer;
   config.cltu.correct_single_bits = settings.tc_correct_single_bits;
-  unusable_keys_.clear();
   for (const ros::TelecommandChannel& entry : settings.channels) {
     const auto vc = static_cast<std::uint8_t>(entry.virtual_channel);
     auto channel = std::find_if(config.channels.begin(), config.channels.end(),
@@ -180,7 +178,7 @@ Result<UplinkConfig, std::string> TtcNode::read_channels() {
     auto key = read_key(entry.key_file);
     const auto spi = static_cast<std::uint16_t>(entry.spi);
     if (!key) {
-      unusable_keys_.push_back({.spi = spi, .vc = vc, .why = key.error()});
+      unusable_keys.push_back({.spi = spi, .vc = vc, .why = key.error()});
       continue;
     }
     // One association of a set carries both frame types; of two the first is for BD, the second for AD.
@@ -197,7 +195,7 @@ Result<UplinkConfig, std::string> TtcNode::read_channels() {
                                                       .set = to_key_set(entry.set)});
   }
   // A channel whose keys are all gone must not turn into one without security.
-  for (const UnusableKey& unusable : unusable_keys_) {
+  for (const TtcCore::UnusableKey& unusable : unusable_keys) {
     const bool closed = std::any_of(config.channels.begin(), config.channels.end(), [&](const auto& channel) {
       return channel.vc == unusable.vc && channel.associations.empty();
     });
@@ -242,7 +240,6 @@ Result<DownlinkConfig, std::string> TtcNode::read_downlink() const {
 
 wire::TmFrameCounts TtcNode::open_frame_counts() {
   frame_counts_.reset();
-  frame_count_reserve_ = {};
   frame_count_file_ = std::make_shared<FrameCountFile>(state_dir() / "frame_counts");
   auto page = FrameCountPage::open(var().memory() / "ttc_frame_counts", var().owner());
   if (!page) {
@@ -311,9 +308,50 @@ BootTold TtcNode::load_boot() const {
   return {.count = record->count, .cause = static_cast<mission::ResetCause>(record->reset_cause)};
 }
 
+TtcCore::Setup TtcNode::look_at_the_disk(UplinkConfig channels, DownlinkConfig downlink) {
+  const auto parameter = [this](const char* name) { return milliseconds(get_parameter<std::int64_t>(name)); };
+  const bool ran = ran_before();
+  downlink.first_counts = open_frame_counts();
+  std::vector<TtcCore::KeyNews> key_news;
+  KeySelection keys = load_keys(state_dir() / "key_selection", channels, key_news);
+  TtcCore::Setup setup{
+      .dictionary = dictionary_,
+      .node = name(),
+      .journal = AcceptanceJournal(kernel_boot_id().value_or("unknown"), parameter("repeat_window_ms")),
+      .uplink = std::move(channels),
+      .downlink = downlink,
+      .mode = load_mode(ran),
+      .transmitter = load_transmitter(),
+      .stores = read_file(state_dir() / "stores", 4096).value_or(""),
+      .keys = std::move(keys),
+      .boot = load_boot(),
+      .clock = SpacecraftClock(system_utc_now(), monotonic_now()),
+      .persist_deadline = parameter("persist_deadline_ms"),
+      .schedule_late_max = parameter("schedule_late_max_ms"),
+      .arm_window = parameter("arm_window_ms"),
+      .key_news = std::move(key_news)};
+  load_journal(setup, ran);
+  return setup;
+}
+
+void TtcNode::open_files() {
+  const auto mib = [this](const char* parameter) {
+    return static_cast<std::uint64_t>(get_parameter<std::int64_t>(parameter)) << 20;
+  };
+  files_ = std::make_shared<Files>();
+  files_->root = var().root / "files";
+  files_->checkpoint = state_dir() / "cfdp";
+  files_->uplink_quota_octets = mib("uplink_quota_mib");
+  files_->free_floor_octets = mib("free_floor_mib");
+  files_->manager.emplace(files_->root);
+  files_->images.emplace(var().root / "images", files_->root);
+  files_worker_ = create_worker("ttc_files", files_worker_capacity);
+}
+
 ros::CallbackReturn TtcNode::on_configure() {
-  auto channels = read_channels();
-  auto downlink = channels ? read_downlink() : Err(channels.error());
+  std::vector<TtcCore::UnusableKey> unusable_keys;
+  auto channels = read_channels(unusable_keys);
+  const auto downlink = channels ? read_downlink() : Err(channels.error());
   if (!downlink) {
     set_failure_reason(downlink.error());
     return ros::CallbackReturn::failure;
@@ -331,131 +369,65 @@ ros::CallbackReturn TtcNode::on_configure() {
     dictionary_ = mission::Dictionary::load_fitting(mission::Dictionary::default_folder(), fragments(),
                                                     refused_fragments_);
   }
-  const bool ran = ran_before();
-  downlink->first_counts = open_frame_counts();
-  load_key_selection(*channels);
-  AcceptanceJournal journal = load_journal(ran);
-  link_ = std::make_unique<Link>(dictionary_, std::move(journal), std::move(*channels), *downlink,
-                                 load_mode(ran), load_transmitter(), load_stores(),
-                                 milliseconds(get_parameter<std::int64_t>("persist_deadline_ms")),
-                                 milliseconds(get_parameter<std::int64_t>("schedule_late_max_ms")),
-                                 milliseconds(get_parameter<std::int64_t>("arm_window_ms")),
-                                 SpacecraftClock(system_utc_now(), monotonic_now()), name());
-  boot_ = load_boot();
+  TtcCore::Setup setup = look_at_the_disk(std::move(*channels), *downlink);
+  setup.unusable_keys = std::move(unusable_keys);
+  core_ = std::make_unique<TtcCore>(std::move(setup));
   fill_from_dictionary();
   stores_ = std::make_shared<PacketStores>(dictionary_, var().root / "store");
   journal_worker_ = create_worker("ttc_journal", journal_worker_capacity);
   state_worker_ = create_worker("ttc_state", state_worker_capacity);
   store_worker_ = create_worker("ttc_store", store_worker_capacity);
-  store_worker_->post([stores = stores_, file = frame_count_file_,
-                       counts = frame_count_reserve_.wanted(link_->downlink.frame_counts()).value()] {
+  store_worker_->post([stores = stores_, file = frame_count_file_, counts = core_->reserved_counts()] {
     (void)file->store(counts);  // the first commit writes them again, and says what fails
     stores->open();
   });
-  files_ = std::make_shared<Files>();
-  files_->root = var().root / "files";
-  files_->checkpoint = state_dir() / "cfdp";
-  const auto mib = [this](const char* parameter) {
-    return static_cast<std::uint64_t>(get_parameter<std::int64_t>(parameter)) << 20;
-  };
-  files_->uplink_quota_octets = mib("uplink_quota_mib");
-  files_->free_floor_octets = mib("free_floor_mib");
-  files_->manager.emplace(files_->root);
-  files_->images.emplace(var().root / "images", files_->root);
-  files_worker_ = create_worker("ttc_files", files_worker_capacity);
-  files_status_ = {};
+  open_files();
   subscribe();
   meet_added_nodes(false);
-  connect_imaging();
-  say_how_the_link_is_secured();
-  restore_telecommands();
+  capture_goals_.client = create_action_client<srfs_msgs::action::CaptureImage>("/image/capture");
+  process_goals_.client = create_action_client<srfs_msgs::action::ProcessImage>("/image/process");
+  say_how_the_link_is_secured(deployment().link);
+  core_->restore(monotonic_now());
+  run(core_->take_actions());
   malloc_trim(0);  // reading the dictionary took more than keeping it does
   return ros::CallbackReturn::success;
 }
 
-AcceptanceJournal TtcNode::load_journal(bool ran) {
-  AcceptanceJournal journal(kernel_boot_id().value_or("unknown"),
-                            milliseconds(get_parameter<std::int64_t>("repeat_window_ms")));
+void TtcNode::load_journal(TtcCore::Setup& setup, bool ran) {
+  AcceptanceJournal& journal = setup.journal;
   journal_file_ = std::make_shared<JournalOnDisk>(state_dir() / "telecommands");
   JournalLog::Found found = journal_file_->log.load();
-  journal_damaged_octets_ = found.damaged_octets;
+  setup.journal_damaged_octets = found.damaged_octets;
   for (const JournalRecord& record : found.records) {
-    if (!journal.apply(record)) journal_damaged_octets_ += record.payload.size() + journal_record_overhead;
+    if (!journal.apply(record))
+      setup.journal_damaged_octets += record.payload.size() + journal_record_overhead;
   }
   link_file_ = std::make_shared<LinkStateFile>(state_dir() / "link_state");
   const LinkStateFile::Found copy = link_file_->load();
   const bool lost = found.existed && !journal.has_state() && journal.link().generation == 0;
-  journal_damage_ = !lost                        ? journal_damaged_octets_ > 0 ? "the rest is read" : ""
-                    : copy.state.generation != 0 ? "telecommands lost, counters from their copy"
-                                                 : "telecommands and counters lost";
-  if (!journal_damage_.empty()) {
-    log::error("the journal of telecommands is damaged, {} octets skipped: {}", journal_damaged_octets_,
-               journal_damage_);
+  setup.journal_damage = !lost ? setup.journal_damaged_octets > 0 ? "the rest is read" : ""
+                         : copy.state.generation != 0 ? "telecommands lost, counters from their copy"
+                                                      : "telecommands and counters lost";
+  if (!setup.journal_damage.empty()) {
+    log::error("the journal of telecommands is damaged, {} octets skipped: {}", setup.journal_damaged_octets,
+               setup.journal_damage);
   }
-  copied_generation_ = copy.state.generation;
+  setup.copied_generation = copy.state.generation;
   journal.begin(copy.state,
                 first_telecommand_id(copy.state.next_telecommand_id, next_telecommand_id_, system_utc_now()),
                 monotonic_now());
   const bool nothing = !journal.has_state() && journal.link().generation == 0;
-  note_missing_counters(nothing, ran || found.existed);
+  setup.first_start = nothing && !(ran || found.existed);
+  setup.floor = floor_wanted(state_dir() / wanted_floor_file, nothing, ran || found.existed);
   // A first start that is killed from here on has left a journal, and is none any more.
   if (nothing) {
     const JournalBatch batch = journal.take_batch(true);
     const auto written = journal_file_->log.snapshot(*batch.snapshot);
     journal.on_written(batch, written.has_value(), journal_file_->log.used_octets());
   }
-  return journal;
 }
 
-/// A first start looks like the loss of everything that ttc wrote: it wants a floor, too.
-void TtcNode::note_missing_counters(bool nothing, bool ran) {
-  const auto marker = state_dir() / wanted_floor_file;
-  first_start_ = nothing && !ran;
-  const auto noted = read_file(marker, 64);
-  const bool lost = (nothing && ran) || (noted && *noted != first_start_text);
-  if (!nothing && !noted) {
-    floor_wanted_ = FloorWanted::no;
-    return;
-  }
-  floor_wanted_ = lost ? FloorWanted::counters_lost : FloorWanted::first_start;
-  if (lost) log::error("the counters of the uplink are lost: any is taken until the time is valid");
-  if (const auto written = write_file_atomically(marker, lost ? "" : first_start_text); !written)
-    log::error("that the counters want a floor is not durable: {}", written.error().message);
-}
-
-void TtcNode::report_counters(std::uint64_t floor, const std::string& why) {
-  mission::TtcCountersLostEvent event;
-  event.floor = floor;
-  event.why = why;
-  send_event(event);
-}
-
-/// The first valid time came. At a first start a ground station that was heard and counts no clock goes on
-/// with its counters: it would be locked out in the middle of its work.
-void TtcNode::raise_counters() {
-  const bool lost = std::exchange(floor_wanted_, FloorWanted::no) == FloorWanted::counters_lost;
-  const LinkState& state = link_->uplink.state();
-  const std::uint64_t before = state.generation;
-  const std::uint64_t floor = lost_counter_floor(link_->clock.utc_at(monotonic_now()));
-  const bool counts_no_clock =
-      std::any_of(state.associations.begin(), state.associations.end(),
-                  [](const LinkState::Association& a) { return a.counter < lowest_clock_counter; });
-  if (lost || !counts_no_clock) link_->uplink.raise_counters(floor);
-  raised_generation_ = state.generation;
-  if (state.generation == before) forget_wanted_floor();  // nothing to write
-  if (lost) {
-    log::warn("uplink counters that were lost go on behind {}", floor);
-    report_counters(floor, "time is valid");
-  } else if (!counts_no_clock) {
-    log::info("the counters of the uplink begin behind {}", floor);
-  } else {
-    log::info("the ground station counts no clock: the counters of the uplink get no floor");
-  }
-}
-
-/// The floor is on disk.
-void TtcNode::forget_wanted_floor() {
-  raised_generation_.reset();
+void TtcNode::carry_out(const ForgetWantedFloor& /*action*/) {
   state_worker_->post([marker = state_dir() / wanted_floor_file] {
     std::error_code ec;
     std::filesystem::remove(marker, ec);
@@ -463,31 +435,12 @@ void TtcNode::forget_wanted_floor() {
   });
 }
 
-/// What was accepted and has not ended goes on; what may not have reached the ground is reported again.
-void TtcNode::restore_telecommands() {
-  AcceptanceJournal& journal = link_->journal;
-  journal.tell_refused_again(link_->report_queue);
-  for (const AcceptedTelecommand* t : journal.known()) {
-    AcceptanceJournal::tell_again(*t, journal.told(), link_->report_queue);
-    if (t->end) continue;
-    link_->router.restore({.origin = t->origin,
-                           .packet = t->packet,
-                           .expiry = t->expiry,
-                           .progress = {.taken = t->taken,
-                                        .started = t->started,
-                                        .last_step = t->last_step,
-                                        .other_boot = t->other_boot}},
-                          monotonic_now());
-  }
-  if (journal.open() > 0) log::info("{} accepted telecommands go on", journal.open());
-}
-
 void TtcNode::fill_from_dictionary() {
   for (const mission::Structure& structure : dictionary_.structures()) {
     if (structure.kind == mission::StructureKind::housekeeping && structure.id != 0) add_structure(structure);
   }
-  for (const mission::Event& event : dictionary_.events()) link_->events.add_event(event.id);
-  link_->events.add_essential_event(mission::event::ttc_retrieval_done);
+  for (const mission::Event& event : dictionary_.events()) core_->events().add_event(event.id);
+  core_->events().add_essential_event(mission::event::ttc_retrieval_done);
 }
 
 void TtcNode::subscribe() {
@@ -496,11 +449,14 @@ void TtcNode::subscribe() {
   mode_publisher_ = create_publisher(ros::topics::mode);
   keep(
       create_subscription(ros::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
-  keep(create_subscription(ros::topics::event,
-                           [this](const srfs_msgs::msg::Event& m) { on_event_message(m); }));
+  keep(create_subscription(ros::topics::event, [this](const srfs_msgs::msg::Event& m) {
+    if (!is_active()) return;
+    core_->on_event(m.source, m.event_id, m.severity, m.data, now());
+    pump_downlink();
+  }));
   keep(create_subscription(ros::topics::telecommand_report,
                            [this](const srfs_msgs::msg::TelecommandReport& m) { on_telecommand_report(m); }));
-  for (const std::string& node : link_->beacon.nodes()) {
+  for (const std::string& node : core_->beacon().nodes()) {
     if (node == name()) continue;
     keep(create_subscription(ros::topics::telemetry(node),
                              [this, node](const srfs_msgs::msg::PayloadTelemetry& m) {
@@ -509,22 +465,8 @@ void TtcNode::subscribe() {
     keep(create_subscription(
         ros::Topic<lifecycle_msgs::msg::TransitionEvent>{"/" + node + "/transition_event", {}},
         [this, node](const lifecycle_msgs::msg::TransitionEvent& m) {
-          link_->beacon.on_lifecycle(node, m.goal_state.id);
+          core_->beacon().on_lifecycle(node, m.goal_state.id);
         }));
-  }
-}
-
-void TtcNode::say_how_the_link_is_secured() const {
-  for (const ros::TelecommandChannel& channel : deployment().link.channels) {
-    if (channel.security == ros::ChannelSecurity::none) {
-      log::warn(
-          "TC VIRTUAL CHANNEL {} HAS NO SECURITY: anybody on the line can command this spacecraft. For tests "
-          "only.",
-          channel.virtual_channel);
-    } else {
-      log::info("TC virtual channel {}: SDLS, SPI {}, keys {}", channel.virtual_channel, channel.spi,
-                to_text(to_key_set(channel.set)));
-    }
   }
 }
 
@@ -543,24 +485,49 @@ ros::CallbackReturn TtcNode::on_activate() {
       line_->fd(), EPOLLIN,
       [this](std::uint32_t) {
         read_line();
-        settle();
+        advance();
       },
       "rs422");
   timers_.push_back(create_timer(
-      seconds(1), [this] { commit_stores(); }, "commit stores"));
+      seconds(1),
+      [this] {
+        core_->commit_stores(outgoing_.empty(), monotonic_now());
+        run(core_->take_actions());
+      },
+      "commit stores"));
   timers_.push_back(create_timer(
-      ModeManager::publish_period, [this] { publish_mode(); }, "mode"));
+      ModeManager::publish_period,
+      [this] {
+        core_->publish_mode();
+        run(core_->take_actions());
+      },
+      "mode"));
   start_periods();
   // The first beacon does not wait for its period: an operator who listens wants to know that the spacecraft
   // is up.
   timers_.push_back(create_one_shot(
       monotonic_now() + seconds(6), [this] { send_beacon(); }, "beacon"));
   timers_.push_back(create_timer(
-      seconds(30), [this] { send_files_housekeeping(); }, "files housekeeping"));
+      seconds(30),
+      [this] {
+        core_->send_files_housekeeping(now());
+        advance();
+      },
+      "files housekeeping"));
   timers_.push_back(create_timer(
-      seconds(30), [this] { send_schedule_housekeeping(); }, "schedule housekeeping"));
+      seconds(30),
+      [this] {
+        core_->send_schedule_housekeeping(now());
+        advance();
+      },
+      "schedule housekeeping"));
   timers_.push_back(create_timer(
-      seconds(30), [this] { send_imaging_housekeeping(); }, "imaging housekeeping"));
+      seconds(30),
+      [this] {
+        core_->send_imaging_housekeeping(now());
+        advance();
+      },
+      "imaging housekeeping"));
   timers_.push_back(create_timer(
       seconds(2), [this] { look_at_imaging_nodes(); }, "look at imaging nodes"));
   timers_.push_back(create_timer(
@@ -568,27 +535,14 @@ ros::CallbackReturn TtcNode::on_activate() {
   timers_.push_back(create_timer(
       link_state_copy_period,
       [this] {
-        copy_link_state();
-        store_open_progress();
+        core_->copy_link_state();
+        core_->store_open_progress();
+        run(core_->take_actions());
       },
       "copy link state"));
   look_at_nodes();
-  publish_mode();
-  if (!journal_damage_.empty()) {
-    mission::TtcJournalDamagedEvent event;
-    event.skipped = as_u32(journal_damaged_octets_);
-    event.what = std::exchange(journal_damage_, {});
-    send_event(event);
-  }
-  if (first_start_) {
-    mission::TtcFirstStartEvent event;
-    event.boot_count = boot_.count;
-    send_event(event);
-    first_start_ = false;
-  }
-  if (floor_wanted_ == FloorWanted::counters_lost) report_counters(0, "any is taken until the time is valid");
-  report_keys_at_start();
-  settle();
+  core_->activate(monotonic_now());
+  advance();
   return ros::CallbackReturn::success;
 }
 
@@ -599,37 +553,37 @@ ros::CallbackReturn TtcNode::on_deactivate() {
   housekeeping_timer_.reset();
   beacon_timer_.reset();
   line_watch_.reset();
-  if (!to_store_.empty()) {
-    store_worker_->post([stores = stores_, items = std::exchange(to_store_, {})] {
-      for (const StoreItem& item : items) stores->append(item);
-      stores->commit();
-    });
-  }
+  store_worker_->post([stores = stores_, items = core_->deactivate()] {
+    for (const StoreItem& item : items) stores->append(item);
+    stores->commit();
+  });
   return ros::CallbackReturn::success;
 }
 
 ros::CallbackReturn TtcNode::on_cleanup() {
   subscriptions_.clear();
-  disconnect_imaging();
+  capture_goals_ = {};
+  process_goals_ = {};
   state_clients_.clear();
   connection_clients_.clear();
   get_clients_.clear();
   set_clients_.clear();
-  telecommands_.reset();
-  mode_publisher_.reset();
   // Nothing that was accepted or collected is lost by an orderly end.
-  if (link_ && journal_worker_) {
-    record_progress();
+  if (core_ && journal_worker_) {
     journal_worker_->drain();
-    persist_journal(true);
+    core_->flush_journal(monotonic_now());
+    run(core_->take_actions());
     journal_worker_->drain();
-    copy_link_state();
-    store_open_progress();
+    core_->copy_link_state();
+    core_->store_open_progress();
+    run(core_->take_actions());
     // No more is sent: the next start goes on exactly there.
-    store_worker_->post([file = frame_count_file_, counts = link_->downlink.frame_counts()] {
+    store_worker_->post([file = frame_count_file_, counts = core_->frame_counts()] {
       if (const auto stored = file->store(counts); !stored) log::warn("{}", stored.error().message);
     });
   }
+  telecommands_.reset();
+  mode_publisher_.reset();
   if (state_worker_) state_worker_->drain();
   if (store_worker_) store_worker_->drain();
   journal_worker_.reset();
@@ -643,15 +597,15 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   journal_file_.reset();
   link_file_.reset();
   line_.reset();
-  if (link_) next_telecommand_id_ = link_->journal.next_id();
-  link_.reset();
+  if (core_) next_telecommand_id_ = core_->journal().next_id();
+  core_.reset();
+  actions_.clear();
   outgoing_.clear();
-  commit_running_ = false;
   return ros::CallbackReturn::success;
 }
 
 ros::CallbackReturn TtcNode::on_shutdown() {
-  if (link_) {
+  if (core_) {
     on_deactivate();
     on_cleanup();
   }

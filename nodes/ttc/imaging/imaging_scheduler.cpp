@@ -291,7 +291,8 @@ void ImagingScheduler::begin_processing(Task& task, MonotonicTime now) {
                      .method = task.settings.method,
                      .parameters = task.settings.parameters,
                      .budget_octets = task.settings.budget_octets,
-                     .full_frames = task.kind == Kind::send_frame});
+                     .full_frames = task.kind == Kind::send_frame,
+                     .server = ImageServer::processing});
 }
 
 void ImagingScheduler::list_frames(Task& task, MonotonicTime now) {

@@ -46,7 +46,7 @@ struct ImagingOrder {
   std::uint32_t budget_octets = 0;
   bool full_frames = false;
   std::uint32_t run = 0;  ///< queue_products: of the processing, if the products show all it found; else 0
-  ImageServer server = ImageServer::acquisition;  ///< cancel_goal, cancel_all
+  ImageServer server = ImageServer::acquisition;  ///< of goals
 };
 
 /// How a goal ended.

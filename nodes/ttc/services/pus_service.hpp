@@ -40,7 +40,7 @@ struct RestoredProgress {
 };
 
 /// A service of ECSS-E-ST-70-41C that ttc provides, or functions of service 8. A new one is a class with this
-/// interface and a row in TtcNode's table.
+/// interface and an entry in TtcCore's list of services.
 class PusService {
  public:
   virtual ~PusService() = default;

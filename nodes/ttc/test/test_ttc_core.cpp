@@ -1,0 +1,331 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#include "nodes/ttc/ttc_core.hpp"
+
+#include <deque>
+#include <map>
+#include <random>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "nodes/ttc/test/simulated_medium.hpp"
+#include "wire/cadu.hpp"
+#include "wire/tc_uplink.hpp"
+
+namespace srfs {
+namespace {
+
+using testing_support::SimulatedMedium;
+
+constexpr std::uint16_t spacecraft = 0x0A5;
+constexpr std::uint8_t channel = 1;
+
+DownlinkConfig downlink_config() {
+  DownlinkConfig config;
+  config.spacecraft_id = spacecraft;
+  return config;
+}
+
+/// Everything around TtcCore: the ground with its line, the disk, the nodes that execute telecommands, and a
+/// hand that ends the process between any two actions. What is asked for happens later, in the order of its
+/// worker, or fails.
+class World {
+ public:
+  /// @param disk_fails  now and then, and is slow; else every wait for it is as long as it takes
+  World(const mission::Dictionary& dictionary, std::uint64_t seed, bool disk_fails)
+      : dictionary_(dictionary), disk_fails_(disk_fails), random_(seed), medium_(seed) {
+    start();
+  }
+
+  void step() {
+    now_ += milliseconds(below(400));
+    switch (below(9)) {
+      case 0:
+        return send();
+      case 1:
+      case 2:
+        return carry_out(journal_);
+      case 3:
+        return carry_out(others_);
+      case 4:
+        return report();
+      case 5:
+        listen();
+        return;
+      case 6:
+        core_->on_deadline(now_);
+        core_->on_line_idle(now_);
+        return go_on();
+      case 7:
+        if (below(12) == 0) return kill();
+        core_->commit_stores(true, now_);
+        return go_on();
+      default:
+        if (disk_fails_ && below(10) == 0) medium_.failing = !medium_.failing;
+        return;
+    }
+  }
+  /// No fault any more, and everybody answers.
+  void come_to_rest() {
+    medium_.failing = false;
+    for (int i = 0; i < 400; ++i) {
+      now_ += milliseconds(200);
+      while (!journal_.empty()) carry_out(journal_);
+      while (!others_.empty()) carry_out(others_);
+      while (!reports_.empty()) report();
+      core_->on_deadline(now_);
+      core_->on_line_idle(now_);
+      if (i % 5 == 0) core_->commit_stores(true, now_);
+      go_on();
+      listen();
+    }
+  }
+
+  [[nodiscard]] const TtcCore& core() const { return *core_; }
+  [[nodiscard]] const std::map<std::uint64_t, int>& executions() const { return executions_; }
+  [[nodiscard]] const std::map<std::uint16_t, std::set<std::uint64_t>>& ids() const { return ids_; }
+  [[nodiscard]] const std::map<std::uint16_t, std::set<int>>& ends() const { return ends_; }
+  [[nodiscard]] const std::set<std::uint16_t>& accepted() const { return accepted_; }
+  [[nodiscard]] int kills() const { return kills_; }
+
+ private:
+  std::size_t below(std::size_t n) { return random_() % n; }
+  void start() {
+    AcceptanceJournal journal("boot", seconds(60));
+    log_ = std::make_unique<JournalLog>(medium_);
+    for (const JournalRecord& record : log_->load().records) EXPECT_TRUE(journal.apply(record));
+    journal.begin({}, 1, now_);
+    UplinkConfig uplink;
+    uplink.spacecraft_id = spacecraft;
+    uplink.cltu.randomized = false;
+    uplink.channels.push_back(UplinkChannel{.vc = channel, .associations = {}});
+    core_.emplace(TtcCore::Setup{
+        .dictionary = dictionary_,
+        .node = "ttc",
+        .journal = std::move(journal),
+        .uplink = std::move(uplink),
+        .downlink = downlink_config(),
+        .mode = ModeManager(mode_.empty() ? StoredModeState::first_start : StoredModeState::present, mode_,
+                            MissionMode::nominal),
+        .transmitter = TransmitterSwitch("boot", "", now_),
+        .stores = "",
+        .keys = {},
+        .boot = {.count = 1},
+        .clock = SpacecraftClock(UtcTime(seconds(1'795'000'000)), now_),
+        .persist_deadline = disk_fails_ ? seconds(1) : seconds(3600)});
+    frames_.emplace(spacecraft, downlink_config().cadu.frame_octets);
+    ground_.emplace(downlink_config().cadu);
+    packets_ = wire::TmPacketReassembly();
+    core_->restore(now_);
+    core_->activate(now_);
+    go_on();
+  }
+  /// The process ends. The actions that wait never happen, but what a worker has begun may.
+  void kill() {
+    ++kills_;
+    if (below(2) == 0) carry_out(journal_, false);
+    journal_.clear();
+    others_.clear();
+    start();
+  }
+
+  /// The ground sends one telecommand, or the last one once more, soon enough to be a repeat.
+  void send() {
+    constexpr milliseconds repeat_time{900};
+    if (below(3) != 0 || last_.empty() || now_ - sent_ > repeat_time) {
+      static const std::vector<std::pair<const char*, std::vector<std::string>>> commands{
+          {"eps.switch_load", {"load=2", "state=on"}},
+          {"ttc.set_mode", {"mode=nominal"}},
+          {"ttc.disarm", {}},
+          {"eps.switch_load", {"load=3", "state=off"}}};
+      const auto& [name, arguments] = commands[below(commands.size())];
+      const auto encoded = dictionary_.encode(name, arguments);
+      ASSERT_TRUE(encoded) << encoded.error().message;
+      wire::TcPacket packet;
+      packet.apid = encoded->command->apid;
+      packet.sequence_count = ++sequence_;
+      packet.ack_flags = wire::ack::all;
+      packet.service = encoded->command->service;
+      packet.subtype = encoded->command->subtype;
+      packet.application = encoded->data;
+      last_ = wire::make_tc_packet(packet);
+    }
+    sent_ = now_;
+    const auto cltu = wire::make_uplink_cltu({.spacecraft_id = spacecraft, .vc = channel},
+                                             wire::TcFrameType::bd, 0, nullptr, last_);
+    ASSERT_TRUE(cltu);
+    core_->on_octets(*cltu, now_);
+    core_->on_line_idle(now_ + seconds(1));
+    go_on();
+  }
+
+  void go_on() {
+    take(core_->settle(now_));
+    core_->fill_downlink(now_);
+    take(core_->take_actions());
+  }
+  void take(TtcCore::Actions actions) {
+    for (TtcAction& action : actions) {
+      if (std::holds_alternative<WriteJournal>(action)) {
+        journal_.push_back(std::move(action));
+      } else if (const auto* published = std::get_if<PublishTelecommand>(&action)) {
+        arrive(published->command);
+      } else {
+        others_.push_back(std::move(action));
+      }
+    }
+  }
+
+  /// A node gets a telecommand: it is on the disk, unless its record could not be written in time.
+  void arrive(const ForwardedCommand& command) {
+    const auto packet = recorded(command.id);
+    EXPECT_TRUE(packet || disk_has_failed_) << command.id << " is executed and not on the disk";
+    if (packet) ids_[*packet].insert(command.id);
+    const bool known = !executions_.emplace(command.id, 1).second;
+    // A node that knows it says again how far it got; a report may be lost.
+    const auto say = [&](Stage stage) {
+      if (below(5) != 0) reports_.push_back({command.id, command.target, stage, true, 0, 0, {}});
+    };
+    if (!known) say(Stage::acceptance);
+    if (known || below(3) != 0) {
+      say(Stage::acceptance);
+      say(Stage::start);
+      say(Stage::completion);
+    }
+  }
+  /// Sequence count of the packet that the journal on the disk has under this id.
+  std::optional<std::uint16_t> recorded(std::uint64_t id) {
+    AcceptanceJournal journal("boot", seconds(60));
+    JournalLog log(medium_);
+    for (const JournalRecord& record : log.load().records) journal.apply(record);
+    for (const AcceptedTelecommand* t : journal.known()) {
+      if (t->origin.id == id)
+        return static_cast<std::uint16_t>(t->origin.request.packet_sequence_control & 0x3FFF);
+    }
+    return std::nullopt;
+  }
+
+  void report() {
+    if (reports_.empty()) return;
+    const std::size_t at = below(2) == 0 ? 0 : below(reports_.size());
+    const NodeReport one = reports_[at];
+    reports_.erase(reports_.begin() + static_cast<std::ptrdiff_t>(at));
+    core_->on_telecommand_report(one, now_);
+    go_on();
+  }
+
+  void carry_out(std::deque<TtcAction>& queue, bool answered = true) {
+    if (queue.empty()) return;
+    const TtcAction action = std::move(queue.front());
+    queue.pop_front();
+    if (const auto* write = std::get_if<WriteJournal>(&action)) {
+      const auto written = write->batch.snapshot ? log_->snapshot(*write->batch.snapshot)
+                                                 : log_->append(write->batch.records, write->batch.sync);
+      if (!written) disk_has_failed_ = true;
+      if (answered) core_->on_journal_written(write->batch, written, log_->used_octets(), now_);
+    } else if (const auto* state = std::get_if<WriteState>(&action)) {
+      if (!medium_.failing && state->name == "mode") mode_ = state->text;
+      core_->on_state_written(state->change, !medium_.failing);
+    } else if (const auto* commit = std::get_if<CommitStores>(&action)) {
+      core_->on_committed(*commit, {}, {});
+    } else if (std::holds_alternative<TakeFilesTurn>(action)) {
+      core_->on_files_turn_refused(now_);
+    }
+    if (answered) go_on();
+  }
+
+  /// The ground takes the frames on the line.
+  void listen() {
+    for (int i = 0; i < 20; ++i) {
+      const auto cadu = core_->next_cadu(now_);
+      if (!cadu) {
+        now_ += milliseconds(60);
+        continue;
+      }
+      for (const auto& found : ground_->push(*cadu)) {
+        const auto frame = frames_->decode(found.frame);
+        if (!frame || frame->vc != 0) continue;
+        for (const Octets& octets : packets_.push(*frame)) hear(octets);
+      }
+    }
+  }
+  void hear(const Octets& octets) {
+    const auto packet = wire::parse_tm_packet(octets);
+    ASSERT_TRUE(packet);
+    if (packet->service != 1) return;
+    OctetReader in(packet->source);
+    in.u16();
+    const auto sequence = static_cast<std::uint16_t>(in.u16() & 0x3FFF);
+    if (packet->subtype == 1) accepted_.insert(sequence);
+    if (packet->subtype == 4 || packet->subtype >= 7) ends_[sequence].insert(packet->subtype);
+  }
+
+  const mission::Dictionary& dictionary_;
+  bool disk_fails_;
+  std::mt19937_64 random_;
+  SimulatedMedium medium_;
+  std::string mode_;
+  MonotonicTime now_{seconds(100)};
+  std::unique_ptr<JournalLog> log_;
+  std::optional<TtcCore> core_;
+  std::deque<TtcAction> journal_;  ///< for its worker
+  std::deque<TtcAction> others_;
+  bool disk_has_failed_ = false;
+  int kills_ = 0;
+  // The ground
+  std::optional<wire::CaduSynchroniser> ground_;
+  std::optional<wire::TmFrameDecoder> frames_;
+  wire::TmPacketReassembly packets_;
+  std::uint16_t sequence_ = 0;
+  Octets last_;
+  MonotonicTime sent_;
+  std::set<std::uint16_t> accepted_;             ///< sequence counts with 1,1
+  std::map<std::uint16_t, std::set<int>> ends_;  ///< subtypes of service 1, per sequence count
+  // The nodes
+  std::map<std::uint64_t, int> executions_;               ///< by id
+  std::map<std::uint16_t, std::set<std::uint64_t>> ids_;  ///< under which a packet was executed
+  std::vector<NodeReport> reports_;
+};
+
+TEST(TtcCoreProperties, WhereverItIsKilledEachTelecommandRunsOnceAndItsEndReachesTheGround) {
+  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  int kills = 0;
+  std::size_t executed = 0;
+  for (std::uint64_t seed = 1; seed <= 2000; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    World world(dictionary, seed, false);
+    for (int i = 0; i < 400; ++i) world.step();
+    world.come_to_rest();
+    EXPECT_EQ(world.core().journal().open(), 0U);
+    for (const auto& [sequence, ids] : world.ids())
+      EXPECT_EQ(ids.size(), 1U) << "packet " << sequence << " was executed more than once";
+    for (const std::uint16_t sequence : world.accepted())
+      EXPECT_TRUE(world.ends().contains(sequence)) << "packet " << sequence << " has no end";
+    for (const auto& [sequence, ends] : world.ends())
+      EXPECT_EQ(ends.size(), 1U) << "packet " << sequence << " has ends " << *ends.begin() << " and "
+                                 << *ends.rbegin();
+    kills += world.kills();
+    executed += world.executions().size();
+    if (HasFailure()) return;
+  }
+  EXPECT_GT(kills, 300);
+  EXPECT_GT(executed, 1000U);
+}
+
+TEST(TtcCoreProperties, WithADiskThatFailsNowAndThenNothingIsStuckAndNothingRunsTwice) {
+  const auto dictionary = mission::Dictionary::load(std::string(SRFS_SOURCE_DIR) + "/msgs/mission");
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    World world(dictionary, seed, true);
+    for (int i = 0; i < 400; ++i) world.step();
+    world.come_to_rest();
+    EXPECT_EQ(world.core().journal().open(), 0U);
+    for (const auto& [sequence, ids] : world.ids())
+      EXPECT_EQ(ids.size(), 1U) << "packet " << sequence << " was executed more than once";
+    if (HasFailure()) return;
+  }
+}
+
+}  // namespace
+}  // namespace srfs

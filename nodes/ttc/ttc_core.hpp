@@ -1,0 +1,433 @@
+// SPDX-FileCopyrightText: 2026 SRFS contributors
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include <mission/structures.hpp>
+
+#include "base/file.hpp"
+#include "base/latency_histogram.hpp"
+#include "base/result.hpp"
+#include "cfdp/transfer_folders.hpp"
+#include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/command/acceptance_journal.hpp"
+#include "nodes/ttc/command/command_forwarder.hpp"
+#include "nodes/ttc/command/persistence_gate.hpp"
+#include "nodes/ttc/command/telecommand_router.hpp"
+#include "nodes/ttc/files/file_exchange.hpp"
+#include "nodes/ttc/files/file_service.hpp"
+#include "nodes/ttc/imaging/image_outbox.hpp"
+#include "nodes/ttc/imaging/imaging_scheduler.hpp"
+#include "nodes/ttc/link/downlink_scheduler.hpp"
+#include "nodes/ttc/link/frame_count_file.hpp"
+#include "nodes/ttc/link/packet_maker.hpp"
+#include "nodes/ttc/link/uplink_chain.hpp"
+#include "nodes/ttc/report/beacon_builder.hpp"
+#include "nodes/ttc/report/event_reporter.hpp"
+#include "nodes/ttc/services/connection_tester.hpp"
+#include "nodes/ttc/services/housekeeping_scheduler.hpp"
+#include "nodes/ttc/services/own_functions.hpp"
+#include "nodes/ttc/services/parameter_service.hpp"
+#include "nodes/ttc/services/schedule_service.hpp"
+#include "nodes/ttc/services/time_reporter.hpp"
+#include "nodes/ttc/spacecraft_clock.hpp"
+#include "nodes/ttc/store/packet_stores.hpp"
+#include "nodes/ttc/store/store_control.hpp"
+
+namespace srfs {
+
+/// What became of an imaging task's order to the disk.
+struct ImagingOutcome {
+  std::optional<std::vector<std::string>> frames;
+  QueuedProducts products{.failure = mission::failure::disk_failed};  ///< queued, or taken out again
+};
+
+// ---- What TtcCore wants done
+
+/// A batch of the journal goes to the disk. Answer: on_journal_written().
+struct WriteJournal {
+  JournalBatch batch;
+};
+/// What a telecommand has changed, or nothing that anybody waits for.
+using StateChange = std::variant<std::monostate, ModeChange, TransmitterChange, StoreChange>;
+/// A small file of the node's state. Answer: on_state_written().
+struct WriteState {
+  std::string name;
+  std::string text;
+  StateChange change;
+};
+/// The selection of keys. Answer: on_keys_written().
+struct WriteKeys {
+  KeySelection selection;
+  KeyChange change;
+};
+/// The second home of the link state, should the journal be damaged.
+struct CopyLinkState {
+  LinkState state;
+};
+/// The counters of the uplink have their floor on the disk.
+struct ForgetWantedFloor {};
+/// Packets of the last second. Answer: on_committed() or on_commit_refused().
+struct CommitStores {
+  std::vector<StoreItem> items;
+  std::vector<std::uint16_t> bounded;
+  std::optional<wire::TmFrameCounts> counts;
+  std::uint64_t told = 0;  ///< serial up to which the ground has, or can ask for, everything
+};
+/// A batch for the playback channel; items first: what was sent up to now belongs to the period. Answer:
+/// on_store_read() or on_read_refused().
+struct ReadStore {
+  PacketRetrieval::Batch batch;
+  bool open_retrieval = false;
+  std::vector<StoreItem> items;
+};
+/// To the node that executes it.
+struct PublishTelecommand {
+  ForwardedCommand command;
+};
+struct PublishMode {
+  MissionMode mode = MissionMode::safe;
+  std::string reason;
+};
+/// On the topic of events, where the other nodes hear it and this one too.
+struct RaiseEvent {
+  mission::EventSeverity severity = mission::EventSeverity::info;
+  std::uint16_t event_id = 0;
+  Octets data;
+};
+/// PUS 17: whether a node answers. Answer: on_connection_answer().
+struct TestConnection {
+  std::string node;
+};
+/// PUS 20. Answer: one of parameters'.
+struct CallParameter {
+  ParameterCall call;
+};
+/// PUS 23. Answer: on_file_outcome() or on_file_refused().
+struct ServeFile {
+  FileOrder order;
+};
+/// CFDP. Answer: on_files_turn() or on_files_turn_refused().
+struct TakeFilesTurn {
+  cfdp::TransferTurn turn;
+};
+/// A goal of an imaging node. Answers: those of ImagingScheduler.
+struct ServeImaging {
+  ImagingOrder order;
+};
+/// What an imaging task wants of the disk; one at a time. Answer: on_imaging_job().
+struct ServeImages {
+  ImagingOrder order;
+};
+struct LogLine {
+  enum class Level : std::uint8_t { info, warn, error };
+  Level level = Level::info;
+  std::string text;
+};
+
+using TtcAction =
+    std::variant<WriteJournal, WriteState, WriteKeys, CopyLinkState, ForgetWantedFloor, CommitStores,
+                 ReadStore, PublishTelecommand, PublishMode, RaiseEvent, TestConnection, CallParameter,
+                 ServeFile, TakeFilesTurn, ServeImaging, ServeImages, LogLine>;
+
+/// Why the counters of the uplink get a floor as soon as the time is valid.
+enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };
+
+/// The spacecraft's end of the link: what telecommands cause, and what of the telemetry of all nodes goes to
+/// the store and to the line. Inputs change it; settle() then says everything that is to be done, in its
+/// order. An input that comes while the node is not Active is remembered. Pure.
+///
+/// What always holds, whenever the process ends: a telecommand is executed only after its record is on the
+/// disk (or it is a recovery command), its end is reported only after that is on the disk (while the disk
+/// works), and the control word acknowledges a frame only when what it left is.
+class TtcCore {
+ public:
+  using Actions = std::vector<TtcAction>;
+
+  struct UnusableKey {
+    std::uint16_t spi = 0;
+    std::uint8_t vc = 0;
+    std::string why;
+  };
+  struct KeyNews {
+    std::uint8_t vc = 0;
+    KeySet set = KeySet::a;
+    std::string why;
+  };
+  /// What the start found.
+  struct Setup {
+    const mission::Dictionary& dictionary;  ///< outlives it; its content may be replaced
+    std::string node;                       ///< name of this one
+    AcceptanceJournal journal;
+    UplinkConfig uplink;
+    DownlinkConfig downlink;
+    ModeManager mode;
+    TransmitterSwitch transmitter;
+    std::string stores;  ///< StoreControl::stored_text()
+    KeySelection keys;
+    BootTold boot;
+    SpacecraftClock clock;
+    milliseconds persist_deadline{1000};
+    milliseconds schedule_late_max{60'000};
+    milliseconds arm_window{30'000};
+    FloorWanted floor = FloorWanted::no;
+    bool first_start = false;
+    std::string journal_damage{};  ///< what it means; empty: none
+    std::size_t journal_damaged_octets = 0;
+    std::uint64_t copied_generation = 0;  ///< of the link state in its second home
+    std::vector<UnusableKey> unusable_keys{};
+    std::vector<KeyNews> key_news{};  ///< of the start
+  };
+  explicit TtcCore(Setup setup);
+  TtcCore(const TtcCore&) = delete;
+  TtcCore& operator=(const TtcCore&) = delete;
+
+  /// What was accepted and has not ended goes on; what may not have reached the ground is reported again.
+  void restore(MonotonicTime now);
+  /// The node is Active: settle() works from now on, and what the start found is reported.
+  void activate(MonotonicTime now);
+  /// @return packets that no commit had
+  [[nodiscard]] std::vector<StoreItem> deactivate();
+  /// Before an orderly end: the rest of the journal, synced.
+  void flush_journal(MonotonicTime now);
+
+  /// Everything that is to be done after the inputs so far.
+  [[nodiscard]] Actions settle(MonotonicTime now);
+  /// The same without going on: what inputs of a node that is not Active want done.
+  [[nodiscard]] Actions take_actions() { return std::exchange(actions_, {}); }
+  /// When settle() has something without another input; nullopt: nothing has.
+  [[nodiscard]] std::optional<MonotonicTime> next_due(MonotonicTime now) const;
+  void on_deadline(MonotonicTime now);
+
+  // ---- line
+  void on_octets(OctetView octets, MonotonicTime now);
+  /// The line was found empty.
+  void on_line_idle(MonotonicTime now);
+  /// The next CADU, if one is due and the transmitter may be on. It counts as sent.
+  [[nodiscard]] std::optional<Octets> next_cadu(MonotonicTime now);
+  [[nodiscard]] wire::TmFrameCounts frame_counts() const { return downlink_.frame_counts(); }
+  /// To be stored before the first frame.
+  [[nodiscard]] wire::TmFrameCounts reserved_counts() {
+    return frame_count_reserve_.wanted(downlink_.frame_counts()).value();
+  }
+  /// To be called before and after next_cadu()s: fills the channels of playback and files.
+  void fill_downlink(MonotonicTime now);
+  [[nodiscard]] bool wants_playback() const {
+    return retrieval_.busy() && downlink_.empty(DownlinkChannel::playback);
+  }
+
+  // ---- answers of the disk
+  void on_journal_written(const JournalBatch& batch, const Result<void, FileError>& written,
+                          std::size_t used_octets, MonotonicTime now);
+  void on_state_written(const StateChange& change, bool stored);
+  void on_keys_written(const KeyChange& change, bool stored);
+  void on_committed(const CommitStores& commit, const PacketStoresStatus& status,
+                    const Result<void, FileError>& counts);
+  void on_commit_refused(CommitStores commit);
+  void on_store_read(const ReadStore& read, std::optional<RetrievedPackets> packets, MonotonicTime now);
+  void on_read_refused(ReadStore read);
+  void on_file_outcome(const FileOutcome& outcome, MonotonicTime now);
+  void on_file_refused(MonotonicTime now) { file_service_.on_refused(now); }
+  void on_files_turn(Result<cfdp::TransferTurnResult, std::string>& result, MonotonicTime now);
+  void on_files_turn_refused(MonotonicTime now) { files_.on_turn_refused(now); }
+  void on_imaging_job(const ImagingOrder& order, const ImagingOutcome& outcome);
+
+  // ---- other nodes
+  /// @return the time it gives is to be told the ground at once: by a beacon
+  bool on_tick(const ReceivedTick& tick, std::uint64_t cycle, MonotonicTime now);
+  void on_telemetry(const std::string& node, std::uint16_t apid, std::uint16_t structure_id, OctetView data,
+                    MonotonicTime now);
+  void on_event(const std::string& node, std::uint16_t event_id, std::uint8_t severity, OctetView data,
+                MonotonicTime now);
+  void on_telecommand_report(const NodeReport& report, MonotonicTime now) {
+    forwarder_.on_report(report, now);
+  }
+  void on_connection_answer(bool answered) { connections_.on_answer(answered); }
+  [[nodiscard]] ParameterService& parameters() { return parameters_; }
+  [[nodiscard]] ImagingScheduler& imaging() { return imaging_; }
+  [[nodiscard]] BeaconBuilder& beacon() { return beacon_; }
+  [[nodiscard]] HousekeepingScheduler& housekeeping() { return housekeeping_; }
+  [[nodiscard]] EventReporter& events() { return events_; }
+  void set_repeat_window(milliseconds window) { journal_.set_repeat_window(window); }
+
+  // ---- periodic
+  void commit_stores(bool line_empty, MonotonicTime now);
+  void copy_link_state();
+  /// Open retrieval's place, now and then.
+  void store_open_progress();
+  void publish_mode();
+  void send_beacon(std::uint8_t farm_channel, MonotonicTime now);
+  /// Counts of the adapter.
+  struct AdapterCounters {
+    std::uint64_t suppressed_events = 0;
+    std::uint64_t publish_drops = 0;
+    std::uint64_t malformed_samples = 0;
+    std::uint64_t lost_frames = 0;  ///< sent while the line was gone
+  };
+  void send_own_housekeeping(const AdapterCounters& adapter, MonotonicTime now);
+  void send_files_housekeeping(MonotonicTime now);
+  void send_schedule_housekeeping(MonotonicTime now);
+  void send_imaging_housekeeping(MonotonicTime now);
+  template <class Structure>
+  void send_housekeeping(const Structure& h, MonotonicTime now) {
+    send_sample(h.apid, h.structure_id, h.encoded(), now);
+  }
+
+  // ---- what others want to know
+  [[nodiscard]] const AcceptanceJournal& journal() const { return journal_; }
+  [[nodiscard]] const DownlinkScheduler& downlink() const { return downlink_; }
+  [[nodiscard]] bool waits_for_time() const { return !schedule_.schedule().empty() || imaging_.tasks() > 0; }
+
+ private:
+  void act(TtcAction action) { actions_.push_back(std::move(action)); }
+  template <class Event>
+  void raise(const Event& event) {
+    act(RaiseEvent{event.severity, event.event_id, event.encoded()});
+  }
+  /// An event that must not be held back by the rate limit of the event topic.
+  template <class Event>
+  void send_event(const Event& event) {
+    if (const auto report = own_event(event.severity, event.event_id, event.encoded()))
+      send(report->report, report->live, true, false);
+  }
+  /// The same, after the ends that wait for the disk.
+  template <class Event>
+  void send_behind_ends(const Event& event) {
+    if (auto report = own_event(event.severity, event.event_id, event.encoded()))
+      gate_.hold({.report = std::move(report->report), .live = report->live, .stored = true, .urgent = false},
+                 journal_.revision(), now_);
+  }
+  [[nodiscard]] std::optional<EventReport> own_event(mission::EventSeverity severity, std::uint16_t event_id,
+                                                     OctetView data);
+
+  // Uplink
+  void take_uplinked(std::vector<UplinkedPacket> packets);
+  void take_packet(UplinkedPacket packet);
+  /// What was refused, for the disk and for the ground after a kill.
+  void record_refusal(JudgedTelecommand& judged, const LinkState& link);
+  /// @param sync_all also what need not be on disk before something is executed
+  void persist_journal(bool sync_all = false);
+  void execute_passed();
+  void send_released();
+  /// What was reported since the last call goes into the journal.
+  void record_progress();
+  void raise_counters();
+  void report_counters(std::uint64_t floor, const std::string& why);
+  // Schedule
+  void run_schedule();
+  /// @return false: no room for it now
+  bool release(const ScheduledActivity& activity);
+  void report_dropped();
+  void fill_next_scheduled(BeaconInputs& inputs) const;
+  // Services
+  void serve_files();
+  void ask_nodes();
+  void test_connection();
+  void begin_imaging_tasks();
+  void carry_out_imaging_orders();
+  void run_imaging_job();
+  void store_mode_change();
+  void store_key_change();
+  void store_transmitter_change();
+  void store_stores_change();
+  void end_silence();
+  // Reports
+  void send_reports(const std::vector<Report>& reports, std::optional<MonotonicTime> received);
+  void send(const Report& report, bool live, bool stored, bool urgent);
+  void send_sample(std::uint16_t apid, std::uint16_t structure_id, OctetView data, MonotonicTime now);
+  void send_time_report();
+  void report_rejections();
+  void report_hazards();
+  void report_findings();
+  void report_keys_at_start();
+  void report_keys(std::uint8_t vc, KeySet set, const std::string& why);
+  void tell_of_file(const cfdp::News& news);
+  void feed_playback();
+  void fill_files();
+  void on_store_status(const PacketStoresStatus& status);
+  /// @param known what was known before; only a change is reported
+  /// @param what of the storage, for people
+  void note_storage(bool& known, bool works, const std::string& why, const std::string& what);
+  void log(LogLine::Level level, std::string text) { act(LogLine{level, std::move(text)}); }
+  [[nodiscard]] ImagingTime imaging_time(MonotonicTime now) const;
+  void add_link_counters(mission::TtcHousekeeping& h) const;
+  void add_store_counters(mission::TtcHousekeeping& h) const;
+  void add_latency(mission::TtcHousekeeping& h) const;
+
+  const mission::Dictionary& dictionary_;
+  std::string node_;
+  MonotonicTime now_;  ///< of the input
+  bool active_ = false;
+  Actions actions_;
+
+  AcceptanceJournal journal_;
+  ReportQueue report_queue_;
+  ModeManager mode_;
+  TransmitterSwitch transmitter_;
+  HazardGuard hazards_;
+  AvailableKeySets key_sets_;
+  CommandForwarder forwarder_;
+  // The services of ttc itself
+  HousekeepingScheduler housekeeping_;
+  EventReporter events_;
+  ModeService mode_service_;
+  ArmingService arming_;
+  KeyService key_service_;
+  TransmitterService transmitter_service_;
+  TimeReporter time_reports_;
+  ScheduleService schedule_;
+  PacketRetrieval retrieval_;
+  StoreControl stores_;
+  ConnectionTester connections_;
+  ParameterService parameters_;
+  FileService file_service_;
+  ImagingScheduler imaging_;
+  TelecommandRouter router_;
+  UplinkChain uplink_;
+  PersistenceGate gate_;
+  DownlinkScheduler downlink_;
+  FileExchange files_;
+  BeaconBuilder beacon_;
+  PacketMaker packets_;
+  SpacecraftClock clock_;
+  LatencyHistogram acceptance_latency_;  ///< last octet read to 1,1 handed to the framer
+
+  std::vector<StoreItem> to_store_;  ///< since the last commit, bounded
+  PacketStoresStatus store_status_;
+  bool commit_running_ = false;
+  int commits_missed_ = 0;
+  FrameCountReserve frame_count_reserve_;
+  bool frame_counts_stored_ = true;  ///< the last time they were written; only a change is reported
+  std::uint64_t unstored_packets_ = 0;
+  bool journal_durable_ = true;  ///< the journal reaches the disk in time
+  MonotonicTime flags_written_;  ///< of FARM-1, without data
+  bool stores_work_ = true;
+  bool files_work_ = true;
+  mission::TtcFilesHousekeeping files_status_;  ///< as of the last turn
+  std::uint64_t foreign_samples_ = 0;           ///< ticks, telemetry and reports that cannot be what they say
+  std::uint64_t copied_generation_ = 0;         ///< of the link state in its second home
+  std::size_t journal_damaged_octets_ = 0;
+  std::string journal_damage_;
+  BootTold boot_;
+  std::uint64_t cycle_ = 0;
+  bool first_start_ = false;
+  FloorWanted floor_wanted_ = FloorWanted::no;
+  /// Of the link state with their floor, until it is stored.
+  std::optional<std::uint64_t> raised_generation_;
+  KeySelection key_selection_;
+  std::vector<UnusableKey> unusable_keys_;               ///< their associations are left out
+  std::vector<KeyNews> key_news_;                        ///< of the start, to be reported
+  std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event
+  std::deque<ImagingOrder> imaging_jobs_;                ///< for the disk; a few for each task
+  bool imaging_job_runs_ = false;
+};
+
+}  // namespace srfs
