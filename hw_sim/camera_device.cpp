@@ -275,7 +275,7 @@ CameraMisbehaviour CameraDevice::next_misbehaviour() {
 void CameraDevice::finish() {
   const Exposure exposure = *exposure_;
   exposure_.reset();
-  if (!camera_) camera_ = std::make_unique<SkyCamera>(settings_);
+  if (!camera_) camera_ = std::make_unique<SkyCamera>(settings_, [this] { let_others_run(); });
   {
     const std::lock_guard lock(mutex_);
     if (std::exchange(pass_next_, false)) camera_->pass_next();
@@ -306,25 +306,33 @@ void CameraDevice::send_frame(const Exposure& exposure, const SkyPicture& pictur
   head.width = static_cast<std::uint16_t>(settings_.width);
   head.height = static_cast<std::uint16_t>(settings_.height);
   head.bits = static_cast<std::uint8_t>(settings_.bits);
-  const OctetView now = octets_of(picture.pixels);
-  head.crc = crc32c(now);
-  Octets pixels(now.begin(), now.end());
-  if (how == CameraMisbehaviour::repeated && !last_pixels_.empty()) {
+  const bool repeated = how == CameraMisbehaviour::repeated && !last_pixels_.empty();
+  if (repeated) {
     head.sequence = last_head_.sequence;
     head.crc = last_head_.crc;
-    pixels = last_pixels_;
+  } else {
+    last_pixels_.clear();
+    const OctetView pixels = octets_of(picture.pixels);
+    for (std::size_t at = 0; at < pixels.size(); at += piece_octets) {
+      let_others_run();
+      const OctetView piece = pixels.subspan(at, std::min(piece_octets, pixels.size() - at));
+      head.crc = crc32c(piece, head.crc);
+      last_pixels_.insert(last_pixels_.end(), piece.begin(), piece.end());
+    }
   }
   if (how == CameraMisbehaviour::torn) {
-    const auto half = static_cast<std::ptrdiff_t>(pixels.size() / 2);
-    std::rotate(pixels.begin() + half, pixels.end() - std::min<std::ptrdiff_t>(half, 64), pixels.end());
+    const auto half = static_cast<std::ptrdiff_t>(last_pixels_.size() / 2);
+    std::rotate(last_pixels_.begin() + half, last_pixels_.end() - std::min<std::ptrdiff_t>(half, 64),
+                last_pixels_.end());
   }
   last_head_ = head;
-  last_pixels_ = pixels;
   head.number = exposure.number;
   if (!send(head)) return;
-  const std::size_t sent = how == CameraMisbehaviour::cut_short ? pixels.size() * 3 / 4 : pixels.size();
+  const std::size_t sent =
+      how == CameraMisbehaviour::cut_short ? last_pixels_.size() * 3 / 4 : last_pixels_.size();
   for (std::size_t at = 0; at < sent; at += piece_octets) {
-    const OctetView piece = OctetView(pixels).subspan(at, std::min(piece_octets, sent - at));
+    let_others_run();
+    const OctetView piece = OctetView(last_pixels_).subspan(at, std::min(piece_octets, sent - at));
     if (!send(FramePiece{exposure.number, static_cast<std::uint32_t>(at), piece})) return;
   }
   if (!send(FrameEnd{exposure.number})) return;
@@ -333,6 +341,14 @@ void CameraDevice::send_frame(const Exposure& exposure, const SkyPicture& pictur
 }
 
 /// A client that takes nothing for a second is left.
+void CameraDevice::let_others_run() {
+  constexpr microseconds longest_hold{200};
+  constexpr timespec pause{.tv_sec = 0, .tv_nsec = 50'000};
+  if (monotonic_now() - resumed_ < longest_hold) return;
+  ::nanosleep(&pause, nullptr);
+  resumed_ = monotonic_now();
+}
+
 bool CameraDevice::send(const Reply& reply) {
   const Octets message = encode(reply);
   for (int turn = 0; client_ && turn <= patience_turns; ++turn) {

@@ -81,6 +81,9 @@ class CameraDevice {
   void send_frame(const Exposure& exposure, const SkyPicture& picture, CameraMisbehaviour how);
   [[nodiscard]] bool send(const hw::sim_camera::Reply& reply);
   [[nodiscard]] CameraMisbehaviour next_misbehaviour();
+  /// Its session stands for the hardware and goes before all nodes, which must not wait for a picture: a
+  /// pause after each longest_hold of work.
+  void let_others_run();
 
   const std::filesystem::path path_;
   const SkyCameraSettings settings_;
@@ -94,6 +97,7 @@ class CameraDevice {
   std::optional<Exposure> exposure_;
   std::uint32_t sequence_ = 0;
   Octets last_pixels_;
+  MonotonicTime resumed_;  ///< after the last pause
   hw::sim_camera::FrameHead last_head_;
 
   Fd wake_;                   // an event for the thread

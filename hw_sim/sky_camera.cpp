@@ -91,8 +91,9 @@ CameraPose pose_of(const FixedPointing& pointing, double seconds) {
   return pose;
 }
 
-SkyCamera::SkyCamera(const SkyCameraSettings& settings)
+SkyCamera::SkyCamera(const SkyCameraSettings& settings, std::function<void()> between_pieces)
     : settings_(settings),
+      between_pieces_(between_pieces ? std::move(between_pieces) : [] {}),
       focal_px_(settings.width / 2.0 / std::tan(settings.field_deg * degree / 2)),
       sigma_px_(settings.fwhm_px / 2.3548),
       sky_(std::make_unique<Sky>()),
@@ -160,6 +161,7 @@ void SkyCamera::draw_stars(const CameraPose& pose, double exposure_s, SkyTruth& 
                    [&](std::size_t star, double) { seen.push_back(star); });
   std::sort(seen.begin(), seen.end());  // the catalogue has the brightest first
   for (const std::size_t i : seen) {
+    between_pieces_();
     const image::CatalogueStar& star = sky_->stars[i];
     const auto from = project(pose.attitude, star.direction);
     const auto to = project(end, star.direction);
@@ -201,6 +203,7 @@ void SkyCamera::begin_passes(const CameraPose& pose, double begin_s) {
 void SkyCamera::draw_debris(const CameraPose& pose, double begin_s, double exposure_s, SkyTruth& truth) {
   const double rate = settings_.debris.rate_deg_s * degree;
   for (const Pass& pass : passes_) {
+    between_pieces_();
     const auto from = project(pose.attitude, pass.at(begin_s, rate));
     const auto to = project(pose.after(exposure_s), pass.at(begin_s + exposure_s, rate));
     if (!from || !to || !touches(*from, *to)) continue;
@@ -218,6 +221,7 @@ void SkyCamera::read_out(double exposure_s, double gain_db, image::Grid<std::uin
                   static_cast<float>(settings_.bias_adu), static_cast<float>((1 << settings_.bits) - 1)};
   const auto last_start = static_cast<double>(noise_.size() - static_cast<std::size_t>(settings_.width));
   for (int y = 0; y < settings_.height; ++y) {
+    between_pieces_();
     const auto start = static_cast<std::size_t>(random_.uniform() * last_start);
     read_row(light_e_.row(y), pattern_.row(y), noise_.data() + start, pixels.row(y), settings_.width, r);
   }
@@ -234,7 +238,10 @@ SkyPicture SkyCamera::expose(const CameraPose& pose, double begin_s, double expo
   picture.truth.roll_deg = std::atan2(up.dot(east), up.dot(middle.cross(east))) / degree;
   picture.truth.scale_arcsec_px = 3600 / degree / focal_px_;
 
-  std::fill(light_e_.cells().begin(), light_e_.cells().end(), 0.0F);
+  for (int y = 0; y < settings_.height; ++y) {
+    between_pieces_();
+    std::fill_n(light_e_.row(y), settings_.width, 0.0F);
+  }
   begin_passes(pose, begin_s);
   draw_stars(pose, exposure_s, picture.truth);
   draw_debris(pose, begin_s, exposure_s, picture.truth);

@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -79,7 +80,8 @@ struct SkyPicture {
 /// same calls give the same frames.
 class SkyCamera {
  public:
-  explicit SkyCamera(const SkyCameraSettings& settings);
+  /// @param between_pieces  called again and again while a frame is rendered, some 20 us of work apart
+  explicit SkyCamera(const SkyCameraSettings& settings, std::function<void()> between_pieces = {});
   ~SkyCamera();
   SkyCamera(const SkyCamera&) = delete;
   SkyCamera& operator=(const SkyCamera&) = delete;
@@ -110,6 +112,7 @@ class SkyCamera {
   [[nodiscard]] bool touches(const Eigen::Vector2d& from, const Eigen::Vector2d& to) const;
 
   SkyCameraSettings settings_;
+  std::function<void()> between_pieces_;
   double focal_px_;
   double sigma_px_;
   std::unique_ptr<Sky> sky_;
