@@ -56,8 +56,8 @@ class ThreadCpuFiles {
 
 /// Time that one thread spent runnable without a CPU, from repeated readings by another thread. The kernel
 /// adds a wait only when it ends; one that goes on is recognised by a runnable thread, and counts from the
-/// reading before, less what it ran since. A thread that sleeps, is stopped, blocks in the kernel or runs
-/// never waits. Pure.
+/// reading before, less what it ran since: what it slept in between is counted, too. A thread that sleeps,
+/// is stopped, blocks in the kernel or runs at both readings does not wait. Pure.
 class CpuWait {
  public:
   /// @param runnable  state 'R', read after @p cpu. Left false where @p cpu has changed, a wait that began

@@ -227,7 +227,7 @@ Result<std::unique_ptr<Participant>, std::string> Participant::create(const Part
   self->participant_ = factory->create_participant(static_cast<std::uint32_t>(options.domain),
                                                    participant_qos(options, self->number_, self->transport_),
                                                    self->discovery_.get(), dds::StatusMask::none());
-  self->transport_->gate.open();
+  self->transport_->discovery.open();
   if (self->participant_ == nullptr) {
     return Err(fmt::format(
         "no DDS participant on domain {}: are the interfaces up and {} participants not exceeded?",

@@ -171,7 +171,7 @@ class Channel {
   Executor::Handle watch_;
 };
 
-/// What discovery's socket hands its datagrams to: they wait at the gate, the others in the socket. No reader
+/// What discovery's socket hands its datagrams to: they wait here, the others in the socket. No reader
 /// of a node listens here. Discovery must hear of every participant, foreign ones too.
 class HeldReceiver final : public rtps::TransportReceiverInterface {
  public:
@@ -179,7 +179,7 @@ class HeldReceiver final : public rtps::TransportReceiverInterface {
       : receiver_(receiver), state_(std::move(state)) {}
   void OnDataReceived(const eprosima::fastrtps::rtps::octet* data, std::uint32_t size, const Locator_t& local,
                       const Locator_t& remote) override {
-    state_->gate.pass();
+    state_->discovery.pass();
     forget_stalled(local);
     const bool passes =
         !state_->filter || state_->filter->judge_discovery({data, size}) == DatagramFilter::Verdict::pass;
@@ -230,8 +230,8 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   }
   ~WorkThreadTransport() override {
     descriptor_.state->receive_waiting = [] {};
-    descriptor_.state->gate.open();
-    low_level_transport_.reset();  // its threads use the gated receivers
+    descriptor_.state->discovery.open();
+    low_level_transport_.reset();  // its threads use the held receivers
   }
   WorkThreadTransport(const WorkThreadTransport&) = delete;
   WorkThreadTransport& operator=(const WorkThreadTransport&) = delete;
@@ -249,8 +249,8 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
                         std::uint32_t max_message_octets) override {
     if (!is_user_unicast(locator)) {
       const std::lock_guard lock(mutex_);
-      gated_.push_back(std::make_unique<HeldReceiver>(*receiver, descriptor_.state));
-      return low_level_transport_->OpenInputChannel(locator, gated_.back().get(), max_message_octets);
+      held_.push_back(std::make_unique<HeldReceiver>(*receiver, descriptor_.state));
+      return low_level_transport_->OpenInputChannel(locator, held_.back().get(), max_message_octets);
     }
     if (IsInputChannelOpen(locator)) return true;
     std::vector<std::unique_ptr<Channel>> made;
@@ -270,7 +270,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
 
   bool CloseInputChannel(const Locator_t& locator) override {
     if (!is_user_unicast(locator)) {
-      descriptor_.state->gate.open();  // the receive thread may wait there
+      descriptor_.state->discovery.open();  // the receive thread may wait there
       return low_level_transport_->CloseInputChannel(locator);
     }
     const std::lock_guard lock(mutex_);
@@ -304,7 +304,7 @@ class WorkThreadTransport final : public rtps::ChainingTransport {
   std::unique_ptr<std::uint8_t[]> buffer_;
   mutable std::mutex mutex_;
   std::vector<std::unique_ptr<Channel>> channels_;
-  std::vector<std::unique_ptr<HeldReceiver>> gated_;
+  std::vector<std::unique_ptr<HeldReceiver>> held_;
 };
 
 rtps::TransportInterface* Descriptor::create_transport() const {

@@ -66,7 +66,7 @@ class DiscoveryHold {
 
 /// Shared by a participant and its transport, which Fast DDS owns.
 struct TransportState {
-  DiscoveryHold gate;  ///< opened by the participant when it has been made
+  DiscoveryHold discovery;  ///< opened by the participant when it has been made
   ArrivalLog arrivals;
   TransportStats stats;
   std::shared_ptr<DatagramFilter> filter;  ///< nullptr: everything passes

@@ -33,7 +33,8 @@ Worker::~Worker() {
   thread_.join();
 }
 
-bool Worker::post(std::function<void()> job, std::function<void()> done) {
+bool Worker::post(std::function<void()> job, std::function<void()> done,
+                  std::optional<milliseconds> deadline) {
   {
     const std::lock_guard lock(mutex_);
     if (jobs_.size() >= capacity_) {
@@ -41,7 +42,7 @@ bool Worker::post(std::function<void()> job, std::function<void()> done) {
       return false;
     }
     if (jobs_.empty()) first_waits_since_ = monotonic_now();
-    jobs_.push_back({std::move(job), std::move(done)});
+    jobs_.push_back({std::move(job), std::move(done), deadline.value_or(deadline_)});
   }
   changed_.notify_all();
   return true;
@@ -52,10 +53,12 @@ WorkerProgress Worker::progress() const {
   WorkerProgress progress = progress_;
   progress.waiting = jobs_.size();
   // A thread that does not take what waits is as frozen as one inside a job.
-  if (progress.busy)
+  if (progress.busy) {
     progress.owes_since = progress.busy_since;
-  else if (!jobs_.empty())
+  } else if (!jobs_.empty()) {
     progress.owes_since = first_waits_since_;
+    progress.deadline = jobs_.front().deadline;
+  }
   return progress;
 }
 
@@ -69,7 +72,13 @@ void Worker::review_cpu(MonotonicTime now) {
   }
   const auto cpu = files != nullptr ? files->read() : std::nullopt;
   if (!cpu) return;
-  wait_.on_reading(*cpu, owes && files->state() == 'R', now);
+  // What it waited while it owed nothing excuses nothing.
+  if (owes && !std::exchange(owed_, owes)) {
+    wait_.skip_to(*cpu, now);
+  } else {
+    owed_ = owes;
+    wait_.on_reading(*cpu, owes && files->state() == 'R', now);
+  }
   waits_.add(now, {wait_.total(), cpu->ran, wait_.total()});
 }
 
@@ -114,6 +123,7 @@ void Worker::run() {
     jobs_.pop_front();
     progress_.busy = true;
     progress_.busy_since = monotonic_now();
+    progress_.deadline = job.deadline;
     lock.unlock();
     std::function<void()> done = job.done;
     bool failed = false;

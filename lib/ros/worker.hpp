@@ -28,6 +28,7 @@ struct WorkerProgress {
   bool busy = false;
   MonotonicTime busy_since;                   ///< when busy
   std::optional<MonotonicTime> owes_since{};  ///< a job runs, or waits though none runs
+  milliseconds deadline{0};                   ///< of that job
 };
 
 /// How a worker shares the CPUs and the disk.
@@ -53,8 +54,10 @@ class Worker {
 
   /// Never blocks. @param job on the worker's thread; @param done afterwards on the work thread (may be
   /// empty)
+  /// @param deadline of this job; nullopt: the worker's
   /// @return false when the queue is full: the job is dropped and counted
-  bool post(std::function<void()> job, std::function<void()> done = {});
+  bool post(std::function<void()> job, std::function<void()> done = {},
+            std::optional<milliseconds> deadline = {});
   /// The same for a job with a result, which @p done gets. @param work returns it
   template <class Work, class Done>
   bool ask(Work work, Done done) {
@@ -78,6 +81,7 @@ class Worker {
   struct Job {
     std::function<void()> run;
     std::function<void()> done;
+    milliseconds deadline;
   };
   void run();
   void run_finished();
@@ -96,7 +100,8 @@ class Worker {
   MonotonicTime first_waits_since_;  // for the thread
   bool stop_ = false;
   std::optional<ThreadCpuFiles> cpu_;  ///< of the thread, once it runs
-  CpuWait wait_;                       ///< work thread's, as the next
+  CpuWait wait_;                       ///< work thread's, as the next two
+  bool owed_ = false;                  ///< at the last review
   CpuHistory waits_;
   std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  // work thread's: no `done` after destruction
   std::thread thread_;

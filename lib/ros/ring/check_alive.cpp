@@ -70,21 +70,23 @@ nanoseconds CheckAliveService::age_of(const Worker& worker, MonotonicTime since)
 void CheckAliveService::fill_worker(srfs_msgs::srv::CheckAlive_Response& response) {
   const Worker* worst = nullptr;
   nanoseconds age_of_worst{0};
+  milliseconds deadline_of_worst{0};
   nanoseconds least_left = nanoseconds::max();
   for (Worker* worker : node_.context().executor.workers()) {
     worker->review_cpu(node_.now());
     const WorkerProgress progress = worker->progress();
     if (!progress.owes_since) continue;
     const nanoseconds age = age_of(*worker, *progress.owes_since);
-    if (worker->deadline() - age >= least_left) continue;
-    least_left = worker->deadline() - age;
+    if (progress.deadline - age >= least_left) continue;
+    least_left = progress.deadline - age;
     worst = worker;
     age_of_worst = age;
+    deadline_of_worst = progress.deadline;
   }
   if (worst == nullptr) return;
   response.worker = worst->name();
   response.worker_busy_ms = as_ms(age_of_worst);
-  response.worker_deadline_ms = as_ms(worst->deadline());
+  response.worker_deadline_ms = as_ms(deadline_of_worst);
 }
 
 }  // namespace srfs::ros

@@ -48,7 +48,8 @@ std::optional<ThreadCpu> ProcessCpu::skip(Thread& thread, MonotonicTime now) {
 
 std::optional<CpuTotals> ProcessCpu::read(bool doubt, MonotonicTime now) {
   CpuTotals totals;
-  const auto cpu = read_thread(first_.files, first_.wait, doubt, now);
+  // The calling thread runs: it is no sign of a wait that goes on.
+  const auto cpu = read_thread(first_.files, first_.wait, doubt && pid_ != getpid(), now);
   if (!cpu) return std::nullopt;
   totals.ran = cpu->ran;
   totals.waited = first_.wait.total();

@@ -41,7 +41,7 @@ class Restarter {
   Restarter(const Restarter&) = delete;
   Restarter& operator=(const Restarter&) = delete;
 
-  /// Blocks for 2.5 s at most, mostly some 10 ms. Call it again while the node stays down: a refusal does not
+  /// Blocks for 3.8 s at most, mostly some 10 ms. Call it again while the node stays down: a refusal does not
   /// promise that another process will restart it.
   RestartOutcome restart(const Accusation& accusation);
   /// A node this process restarted is in its desired state again: the ledger's last figure. Never blocks.
