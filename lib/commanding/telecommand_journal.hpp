@@ -16,9 +16,7 @@
 
 namespace srfs {
 
-/// What holds when a crash falls between an act and its record (DESIGN section 6). Values of
-/// srfs_msgs/Telecommand.
-enum class RepeatClass : std::uint8_t { idempotent = 1, by_id = 2, at_most_once = 3 };
+using mission::RepeatClass;
 
 /// Stages of srfs_msgs/TelecommandReport.
 enum class TelecommandStage : std::uint8_t { accepted = 1, started = 3, completed = 7 };

@@ -68,6 +68,7 @@ TtcCore::TtcCore(Setup setup)
       files_(setup.downlink.files_queue_octets / 2),
       beacon_(dictionary_),
       clock_(setup.clock),
+      remembered_(std::move(setup.remembered)),
       copied_generation_(setup.copied_generation),
       journal_damaged_octets_(setup.journal_damaged_octets),
       journal_damage_(std::move(setup.journal_damage)),
@@ -103,7 +104,6 @@ void TtcCore::restore(MonotonicTime now) {
 
 void TtcCore::activate(MonotonicTime now) {
   now_ = now;
-  active_ = true;
   publish_mode();
   if (!journal_damage_.empty()) {
     mission::TtcJournalDamagedEvent event;
@@ -120,11 +120,6 @@ void TtcCore::activate(MonotonicTime now) {
   report_keys_at_start();
 }
 
-std::vector<StoreItem> TtcCore::deactivate() {
-  active_ = false;
-  return std::exchange(to_store_, {});
-}
-
 void TtcCore::flush_journal(MonotonicTime now) {
   now_ = now;
   record_progress();
@@ -138,7 +133,6 @@ void TtcCore::flush_journal(MonotonicTime now) {
 TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   now_ = now;
   run_schedule();
-  if (!active_) return take_actions();
   persist_journal();
   execute_passed();
   send_released();
@@ -285,13 +279,15 @@ void TtcCore::on_journal_written(const JournalBatch& batch, const Result<void, F
   }
   gate_.on_write_done(written.has_value(), now);
   schedule_.on_written(batch.revision, written.has_value());
-  note_storage(journal_durable_, written.has_value(), written ? "" : written.error().message, journal_name);
+  note_storage(remembered_.journal_durable, written.has_value(), written ? "" : written.error().message,
+               journal_name);
 }
 
 void TtcCore::execute_passed() {
   for (const GatedTelecommand& gated : gate_.take_passed()) {
     if (!gated.durable) {
-      note_storage(journal_durable_, false, "the journal of telecommands is not on disk", journal_name);
+      note_storage(remembered_.journal_durable, false, "the journal of telecommands is not on disk",
+                   journal_name);
       uplink_.on_stored(uplink_.state());
     }
     router_.carry_out(gated.judged, gated.durable, now_);
@@ -322,14 +318,14 @@ void TtcCore::send_reports(const std::vector<Report>& reports, std::optional<Mon
     // Verification reports are stored; answers to requests (17,2, a one-shot) are not.
     const bool verification = report.service == verification_service;
     if (report.ends != 0) record_progress();  // its record is what it waits for
-    if (report.ends != 0 && journal_durable_) {
+    if (report.ends != 0 && remembered_.journal_durable) {
       gate_.hold({.report = report}, journal_.revision(), now_);
       continue;
     }
     send(report, true, verification && !report.again, true);
     if (report.ends != 0) journal_.on_end_said(report.ends);
     const bool acceptance = verification && report.subtype <= 2;
-    if (received && acceptance) acceptance_latency_.add(now_ - *received);
+    if (received && acceptance) act(AcceptanceSent{*received});
   }
 }
 
@@ -378,7 +374,6 @@ void TtcCore::report_counters(std::uint64_t floor, const std::string& why) {
 
 void TtcCore::run_schedule() {
   schedule_.on_time(clock_.tai_at(now_), clock_.valid());
-  if (!active_) return;  // the time of what is restored; nothing is released yet
   schedule_.drop_overdue();
   report_dropped();
   // In the order of time: what finds no room holds up what is due after it.
@@ -499,6 +494,8 @@ void TtcCore::on_state_written(const StateChange& change, bool stored) {
   if (const auto* mode = std::get_if<ModeChange>(&change)) mode_service_.on_stored(*mode, stored);
   if (const auto* off = std::get_if<TransmitterChange>(&change)) transmitter_service_.on_stored(*off, stored);
   if (const auto* stores = std::get_if<StoreChange>(&change)) stores_.change_stored(*stores, stored);
+  if (std::holds_alternative<SilenceOver>(change) && !stored)
+    log(LogLine::Level::error, "the silence that is over is still on disk");
 }
 
 void TtcCore::publish_mode() {
@@ -526,7 +523,8 @@ void TtcCore::store_key_change() {
   act(WriteKeys{key_selection_, *change});
 }
 
-void TtcCore::on_keys_written(const KeyChange& change, bool stored) {
+void TtcCore::on_keys_written(const KeyChange& change, bool stored, MonotonicTime now) {
+  now_ = now;
   uplink_.select(change.vc, change.set);
   key_service_.on_stored(change, stored);
   report_keys(change.vc, change.set, stored ? "commanded" : "commanded, not stored");
@@ -553,7 +551,7 @@ void TtcCore::store_transmitter_change() {
 
 void TtcCore::end_silence() {
   if (!transmitter_.take_end(now_)) return;
-  act(WriteState{"transmitter", "", {}});  // its record would make the next boot silent
+  act(WriteState{"transmitter", "", SilenceOver{}});
   mission::TtcTransmitterOnEvent event;
   event.why = "its time is over";
   raise(event);

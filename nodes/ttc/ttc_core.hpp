@@ -56,8 +56,10 @@ struct ImagingOutcome {
 struct WriteJournal {
   JournalBatch batch;
 };
-/// What a telecommand has changed, or nothing that anybody waits for.
-using StateChange = std::variant<std::monostate, ModeChange, TransmitterChange, StoreChange>;
+/// A commanded silence is over; its record would make the next boot silent.
+struct SilenceOver {};
+/// What a telecommand has changed, or what nobody waits for.
+using StateChange = std::variant<std::monostate, ModeChange, TransmitterChange, StoreChange, SilenceOver>;
 /// A small file of the node's state. Answer: on_state_written().
 struct WriteState {
   std::string name;
@@ -127,6 +129,10 @@ struct ServeImaging {
 struct ServeImages {
   ImagingOrder order;
 };
+/// A 1,1 or 1,2 is in the downlink's queue. Answer: on_acceptance_sent().
+struct AcceptanceSent {
+  MonotonicTime received;  ///< when the last octet of its telecommand was read
+};
 struct LogLine {
   enum class Level : std::uint8_t { info, warn, error };
   Level level = Level::info;
@@ -136,14 +142,14 @@ struct LogLine {
 using TtcAction =
     std::variant<WriteJournal, WriteState, WriteKeys, CopyLinkState, ForgetWantedFloor, CommitStores,
                  ReadStore, PublishTelecommand, PublishMode, RaiseEvent, TestConnection, CallParameter,
-                 ServeFile, TakeFilesTurn, ServeImaging, ServeImages, LogLine>;
+                 ServeFile, TakeFilesTurn, ServeImaging, ServeImages, AcceptanceSent, LogLine>;
 
 /// Why the counters of the uplink get a floor as soon as the time is valid.
 enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };
 
 /// The spacecraft's end of the link: what telecommands cause, and what of the telemetry of all nodes goes to
 /// the store and to the line. Inputs change it; settle() then says everything that is to be done, in its
-/// order. An input that comes while the node is not Active is remembered. Pure.
+/// order. Pure.
 ///
 /// What always holds, whenever the process ends: a telecommand is executed only after its record is on the
 /// disk (or it is a recovery command), its end is reported only after that is on the disk (while the disk
@@ -161,6 +167,15 @@ class TtcCore {
     std::uint8_t vc = 0;
     KeySet set = KeySet::a;
     std::string why;
+  };
+  /// What outlives a clean-up of the node.
+  struct Remembered {
+    bool journal_durable = true;  ///< the journal reaches the disk in time
+    bool stores_work = true;
+    bool files_work = true;
+    std::uint64_t unstored_packets = 0;
+    std::uint64_t foreign_samples = 0;  ///< ticks, telemetry and reports that cannot be what they say
+    std::map<std::uint8_t, std::uint32_t> not_authentic{};  ///< per TC channel, for the event
   };
   /// What the start found.
   struct Setup {
@@ -185,6 +200,7 @@ class TtcCore {
     std::uint64_t copied_generation = 0;  ///< of the link state in its second home
     std::vector<UnusableKey> unusable_keys{};
     std::vector<KeyNews> key_news{};  ///< of the start
+    Remembered remembered{};
   };
   explicit TtcCore(Setup setup);
   TtcCore(const TtcCore&) = delete;
@@ -192,10 +208,10 @@ class TtcCore {
 
   /// What was accepted and has not ended goes on; what may not have reached the ground is reported again.
   void restore(MonotonicTime now);
-  /// The node is Active: settle() works from now on, and what the start found is reported.
+  /// The node becomes Active: what the start found is reported.
   void activate(MonotonicTime now);
-  /// @return packets that no commit had
-  [[nodiscard]] std::vector<StoreItem> deactivate();
+  /// Packets that no commit had.
+  [[nodiscard]] std::vector<StoreItem> take_unstored() { return std::exchange(to_store_, {}); }
   /// Before an orderly end: the rest of the journal, synced.
   void flush_journal(MonotonicTime now);
 
@@ -228,7 +244,7 @@ class TtcCore {
   void on_journal_written(const JournalBatch& batch, const Result<void, FileError>& written,
                           std::size_t used_octets, MonotonicTime now);
   void on_state_written(const StateChange& change, bool stored);
-  void on_keys_written(const KeyChange& change, bool stored);
+  void on_keys_written(const KeyChange& change, bool stored, MonotonicTime now);
   void on_committed(const CommitStores& commit, const PacketStoresStatus& status,
                     const Result<void, FileError>& counts);
   void on_commit_refused(CommitStores commit);
@@ -243,13 +259,15 @@ class TtcCore {
   // ---- other nodes
   /// @return the time it gives is to be told the ground at once: by a beacon
   bool on_tick(const ReceivedTick& tick, std::uint64_t cycle, MonotonicTime now);
-  void on_telemetry(const std::string& node, std::uint16_t apid, std::uint16_t structure_id, OctetView data,
+  /// @return whether something is to be sent, as on_event()
+  bool on_telemetry(const std::string& node, std::uint16_t apid, std::uint16_t structure_id, OctetView data,
                     MonotonicTime now);
-  void on_event(const std::string& node, std::uint16_t event_id, std::uint8_t severity, OctetView data,
+  bool on_event(const std::string& node, std::uint16_t event_id, std::uint8_t severity, OctetView data,
                 MonotonicTime now);
   void on_telecommand_report(const NodeReport& report, MonotonicTime now) {
     forwarder_.on_report(report, now);
   }
+  void on_acceptance_sent(nanoseconds latency) { acceptance_latency_.add(latency); }
   void on_connection_answer(bool answered) { connections_.on_answer(answered); }
   [[nodiscard]] ParameterService& parameters() { return parameters_; }
   [[nodiscard]] ImagingScheduler& imaging() { return imaging_; }
@@ -283,7 +301,7 @@ class TtcCore {
 
   // ---- what others want to know
   [[nodiscard]] const AcceptanceJournal& journal() const { return journal_; }
-  [[nodiscard]] const DownlinkScheduler& downlink() const { return downlink_; }
+  [[nodiscard]] const Remembered& remembered() const { return remembered_; }
   [[nodiscard]] bool waits_for_time() const { return !schedule_.schedule().empty() || imaging_.tasks() > 0; }
 
  private:
@@ -365,7 +383,6 @@ class TtcCore {
   const mission::Dictionary& dictionary_;
   std::string node_;
   MonotonicTime now_;  ///< of the input
-  bool active_ = false;
   Actions actions_;
 
   AcceptanceJournal journal_;
@@ -398,6 +415,7 @@ class TtcCore {
   BeaconBuilder beacon_;
   PacketMaker packets_;
   SpacecraftClock clock_;
+  Remembered remembered_;
   LatencyHistogram acceptance_latency_;  ///< last octet read to 1,1 handed to the framer
 
   std::vector<StoreItem> to_store_;  ///< since the last commit, bounded
@@ -406,13 +424,8 @@ class TtcCore {
   int commits_missed_ = 0;
   FrameCountReserve frame_count_reserve_;
   bool frame_counts_stored_ = true;  ///< the last time they were written; only a change is reported
-  std::uint64_t unstored_packets_ = 0;
-  bool journal_durable_ = true;  ///< the journal reaches the disk in time
-  MonotonicTime flags_written_;  ///< of FARM-1, without data
-  bool stores_work_ = true;
-  bool files_work_ = true;
+  MonotonicTime flags_written_;      ///< of FARM-1, without data
   mission::TtcFilesHousekeeping files_status_;  ///< as of the last turn
-  std::uint64_t foreign_samples_ = 0;           ///< ticks, telemetry and reports that cannot be what they say
   std::uint64_t copied_generation_ = 0;         ///< of the link state in its second home
   std::size_t journal_damaged_octets_ = 0;
   std::string journal_damage_;
@@ -423,10 +436,9 @@ class TtcCore {
   /// Of the link state with their floor, until it is stored.
   std::optional<std::uint64_t> raised_generation_;
   KeySelection key_selection_;
-  std::vector<UnusableKey> unusable_keys_;               ///< their associations are left out
-  std::vector<KeyNews> key_news_;                        ///< of the start, to be reported
-  std::map<std::uint8_t, std::uint32_t> not_authentic_;  ///< per TC channel, for the event
-  std::deque<ImagingOrder> imaging_jobs_;                ///< for the disk; a few for each task
+  std::vector<UnusableKey> unusable_keys_;  ///< their associations are left out
+  std::vector<KeyNews> key_news_;           ///< of the start, to be reported
+  std::deque<ImagingOrder> imaging_jobs_;   ///< for the disk; a few for each task
   bool imaging_job_runs_ = false;
 };
 

@@ -3,8 +3,6 @@
 // The goals of the two imaging nodes.
 #include "nodes/ttc/ttc_node.hpp"
 
-#include <mission/structures.hpp>
-
 namespace srfs {
 namespace {
 

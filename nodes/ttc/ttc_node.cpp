@@ -4,8 +4,6 @@
 
 #include <array>
 
-#include <mission/structures.hpp>
-
 namespace srfs {
 namespace {
 
@@ -142,9 +140,17 @@ void TtcNode::advance() {
 
 /// @return false: an outer call carries them out
 bool TtcNode::run(TtcCore::Actions actions) {
-  return actions_.run(std::move(actions), [this](const TtcAction& action) {
-    std::visit([this](const auto& a) { carry_out(a); }, action);
+  // What is decided counts as begun: an action behind one that failed is carried out all the same.
+  std::exception_ptr failed;
+  const bool outermost = actions_.run(std::move(actions), [&](const TtcAction& action) {
+    try {
+      std::visit([this](const auto& a) { carry_out(a); }, action);
+    } catch (...) {
+      if (!failed) failed = std::current_exception();
+    }
   });
+  if (failed) std::rethrow_exception(failed);
+  return outermost;
 }
 
 void TtcNode::carry_out(const WriteJournal& action) {
@@ -188,7 +194,7 @@ void TtcNode::carry_out(const WriteState& action) {
 
 void TtcNode::carry_out(const WriteKeys& action) {
   const auto done = [this, change = action.change](bool stored) {
-    core_->on_keys_written(change, stored);
+    core_->on_keys_written(change, stored, monotonic_now());
     advance();
   };
   const bool taken = state_worker_->ask(
@@ -334,6 +340,10 @@ void TtcNode::carry_out(const ServeImages& action) {
   if (!files_worker_->ask([files = files_, order] { return files->serve(*order); }, done)) done({});
 }
 
+void TtcNode::carry_out(const AcceptanceSent& action) {
+  core_->on_acceptance_sent(monotonic_now() - action.received);
+}
+
 void TtcNode::carry_out(const LogLine& action) {
   switch (action.level) {
     case LogLine::Level::info:
@@ -357,7 +367,7 @@ void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
   const bool raised = core_->on_tick(received, tick.cycle, monotonic_now());
   if (raised && is_active()) send_beacon();
   // The time may have become valid, or have made a step.
-  if (is_active() && core_->waits_for_time()) advance();
+  if (raised || (is_active() && core_->waits_for_time())) advance();
 }
 
 void TtcNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) {
@@ -366,8 +376,8 @@ void TtcNode::publish_telemetry(const srfs_msgs::msg::PayloadTelemetry& sample) 
 
 void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
   if (!is_active()) return;
-  core_->on_telemetry(message.source, message.apid, message.structure_id, message.data, now());
-  pump_downlink();
+  if (core_->on_telemetry(message.source, message.apid, message.structure_id, message.data, now()))
+    pump_downlink();
 }
 
 void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message) {

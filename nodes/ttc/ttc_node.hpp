@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -45,20 +44,14 @@ class TtcNode : public ros::LifecycleNode {
 
  private:
   // Set-up (ttc_setup.cpp)
-  [[nodiscard]] Result<UplinkConfig, std::string> read_channels(std::vector<TtcCore::UnusableKey>& unusable);
-  [[nodiscard]] Result<wire::SdlsKey, std::string> read_key(const std::string& file) const;
-  [[nodiscard]] Result<DownlinkConfig, std::string> read_downlink() const;
   [[nodiscard]] TtcCore::Setup look_at_the_disk(UplinkConfig channels, DownlinkConfig downlink);
-  [[nodiscard]] ModeManager load_mode(bool ran_before);
-  [[nodiscard]] TransmitterSwitch load_transmitter() const;
-  [[nodiscard]] BootTold load_boot() const;
-  [[nodiscard]] bool ran_before() const;
   void load_journal(TtcCore::Setup& setup, bool ran);
   [[nodiscard]] wire::TmFrameCounts open_frame_counts();
   void open_files();
   void fill_from_dictionary();
   void subscribe();
   void start_periods();
+  void store_rest();
 
   // Inputs and outputs
   /// Carries out what the inputs so far have caused, then sends.
@@ -96,6 +89,7 @@ class TtcNode : public ros::LifecycleNode {
   void carry_out(const TakeFilesTurn& action);
   void carry_out(const ServeImaging& action);
   void carry_out(const ServeImages& action);
+  void carry_out(const AcceptanceSent& action);
   void carry_out(const LogLine& action);
 
   // Goals of the imaging nodes (ttc_imaging.cpp)
@@ -187,6 +181,7 @@ class TtcNode : public ros::LifecycleNode {
   Octets outgoing_;                                   ///< of a CADU the line did not take whole
   std::uint64_t lost_frames_ = 0;                     ///< sent while the line was gone
   std::uint64_t next_telecommand_id_ = 0;             ///< after the last clean-up, 0: none yet
+  TtcCore::Remembered remembered_;
 
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::Telecommand>> telecommands_;
   std::shared_ptr<ros::Publisher<srfs_msgs::msg::SystemMode>> mode_publisher_;

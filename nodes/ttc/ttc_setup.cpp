@@ -12,7 +12,6 @@
 #include <mission/structures.hpp>
 
 #include "base/known_key.hpp"
-#include "base/saturate.hpp"
 #include "nodes/ttc/ttc_node.hpp"
 #include "ros/boot_store.hpp"
 
@@ -54,6 +53,157 @@ KeySet to_key_set(ros::AssociationSet set) {
       break;
   }
   return KeySet::a;
+}
+
+Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& path, bool is_hardware_line) {
+  if (const auto problem = permission_problem(path)) return Err(*problem);
+  auto text = read_file(path, 4096);
+  if (!text) return Err(text.error().message);
+  while (!text->empty() && (text->back() == '\n' || text->back() == '\r')) text->pop_back();
+  auto key = wire::SdlsKey::from_hex(*text);
+  std::fill(text->begin(), text->end(), '\0');
+  if (!key) return Err(fmt::format("{}: expected 64 hexadecimal digits", path.string()));
+  // Left out, and no more: see ros::unsafe_link().
+  const auto known = why_known(key->octets());
+  if (known && is_hardware_line)
+    return Err(fmt::format("{}: not used, everybody may know this key: {}", path.string(), *known));
+  return std::move(*key);
+}
+
+Result<UplinkConfig, std::string> read_channels(const ros::Deployment& deployment,
+                                                const std::filesystem::path& root,
+                                                std::vector<TtcCore::UnusableKey>& unusable_keys) {
+  const ros::LinkSettings& settings = deployment.link;
+  if (auto unsafe = ros::unsafe_link(deployment, root); !unsafe.empty()) return Err(std::move(unsafe));
+  const auto line = deployment.devices.find("rs422");
+  const bool is_hardware_line = line != deployment.devices.end() && ros::is_hardware_line(line->second, root);
+  UplinkConfig config;
+  config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
+  config.cltu.randomized = settings.tc_randomizer;
+  config.cltu.correct_single_bits = settings.tc_correct_single_bits;
+  for (const ros::TelecommandChannel& entry : settings.channels) {
+    const auto vc = static_cast<std::uint8_t>(entry.virtual_channel);
+    auto channel = std::find_if(config.channels.begin(), config.channels.end(),
+                                [&](const UplinkChannel& c) { return c.vc == vc; });
+    if (channel == config.channels.end()) {
+      config.channels.push_back(UplinkChannel{.vc = vc, .associations = {}});
+      channel = config.channels.end() - 1;
+    }
+    if (entry.security == ros::ChannelSecurity::none) continue;
+    auto key = read_key(root / entry.key_file, is_hardware_line);
+    const auto spi = static_cast<std::uint16_t>(entry.spi);
+    if (!key) {
+      unusable_keys.push_back({.spi = spi, .vc = vc, .why = key.error()});
+      continue;
+    }
+    // One association of a set carries both frame types; of two the first is for BD, the second for AD.
+    const auto same_set = [&](const ros::TelecommandChannel& other) {
+      return other.security == ros::ChannelSecurity::sdls && other.set == entry.set &&
+             other.virtual_channel == entry.virtual_channel;
+    };
+    const auto first = std::find_if(settings.channels.begin(), settings.channels.end(), same_set);
+    const bool alone = std::count_if(settings.channels.begin(), settings.channels.end(), same_set) == 1;
+    channel->associations.push_back(UplinkAssociation{.spi = spi,
+                                                      .key = std::move(*key),
+                                                      .for_ad = alone || first->spi != entry.spi,
+                                                      .for_bd = alone || first->spi == entry.spi,
+                                                      .set = to_key_set(entry.set)});
+  }
+  // A channel whose keys are all gone must not turn into one without security.
+  for (const TtcCore::UnusableKey& unusable : unusable_keys) {
+    const bool closed = std::any_of(config.channels.begin(), config.channels.end(), [&](const auto& channel) {
+      return channel.vc == unusable.vc && channel.associations.empty();
+    });
+    if (closed) return Err(unusable.why);
+  }
+  if (config.channels.empty())
+    return Err(fmt::format("{}: 'link.tc_channels': expected one at least", deployment.file.string()));
+  if (const auto shared = associations_with_one_key(config)) {
+    const auto key_of = [&settings](int spi) {
+      const auto entry = std::find_if(settings.channels.begin(), settings.channels.end(),
+                                      [spi](const ros::TelecommandChannel& c) { return c.spi == spi; });
+      return fmt::format("{} (SPI {})", entry->key_file, spi);
+    };
+    return Err(fmt::format(
+        "{}: 'link.tc_channels': expected another key for each SPI, found the same one in {} and {}",
+        deployment.file.string(), key_of(shared->first), key_of(shared->second)));
+  }
+  return config;
+}
+
+Result<DownlinkConfig, std::string> read_downlink(const ros::Deployment& deployment) {
+  const ros::LinkSettings& settings = deployment.link;
+  DownlinkConfig config;
+  config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
+  config.baud = static_cast<std::uint32_t>(settings.baud);
+  config.cadu = {.frame_octets = static_cast<std::size_t>(settings.tm_frame_length),
+                 .reed_solomon = settings.tm_reed_solomon,
+                 .interleave = static_cast<unsigned>(settings.tm_interleave),
+                 .randomize = settings.tm_randomizer};
+  config.continuous = settings.tm_continuous;
+  config.files_queue_octets =
+      std::clamp<std::size_t>(config.baud / 10 * static_cast<std::size_t>(files_queue_time.count()) / 1000,
+                              files_queue_octets_min, config.files_queue_octets);
+  const bool fits = config.cadu.frame_octets >= wire::tm_frame_octets_min &&
+                    config.cadu.frame_octets <= wire::tm_frame_octets_max && wire::is_valid(config.cadu);
+  if (!fits) {
+    return Err(fmt::format("{}: 'link.tm': frame_length {} does not fit reed_solomon and interleave {}",
+                           deployment.file.string(), settings.tm_frame_length, settings.tm_interleave));
+  }
+  return config;
+}
+
+bool ran_before(const std::filesystem::path& state, const std::filesystem::path& stores) {
+  std::error_code ec;
+  if (std::filesystem::exists(state / "link_state", ec) || std::filesystem::exists(state / "mode", ec))
+    return true;
+  // Its own state may be lost and the packets it stored not.
+  const auto stored = std::filesystem::directory_iterator(stores, ec);
+  return !ec && std::any_of(begin(stored), end(stored), [](const auto& store) {
+    std::error_code none;
+    return store.is_directory(none) && !std::filesystem::is_empty(store.path(), none);
+  });
+}
+
+ModeManager load_mode(const std::filesystem::path& file, const std::string& initial,
+                      const std::filesystem::path& deployment, bool ran) {
+  if (initial != "safe" && initial != "nominal") {
+    throw ConfigError(fmt::format("{}: ttc parameter 'initial_mode': expected safe or nominal, found '{}'",
+                                  deployment.string(), initial));
+  }
+  const auto stored = read_file(file, 256);
+  const StoredModeState state = stored ? StoredModeState::present
+                                : ran  ? StoredModeState::missing
+                                       : StoredModeState::first_start;
+  ModeManager manager(state, stored.value_or(""),
+                      initial == "nominal" ? MissionMode::nominal : MissionMode::safe);
+  if (const auto written = write_file_atomically(file, manager.stored_text()); !written) {
+    log::error("the mode is not durable: {}", written.error().message);
+  }
+  log::info("mode {}: {}", manager.mode() == MissionMode::nominal ? "nominal" : "safe", manager.reason());
+  return manager;
+}
+
+TransmitterSwitch load_transmitter(const std::filesystem::path& file) {
+  const auto stored = read_file(file, 256);
+  const MonotonicTime at = monotonic_now();
+  TransmitterSwitch transmitter(kernel_boot_id().value_or("unknown"), stored.value_or(""), at);
+  if (!transmitter.may_transmit(at))
+    log::warn("the transmitter stays off for {} s", transmitter.rest(at) / seconds(1));
+  // A silence that begins anew with this boot must not do so with the next.
+  if (const auto written = write_file_atomically(file, transmitter.stored_text()); !written)
+    log::error("the state of the transmitter is not durable: {}", written.error().message);
+  return transmitter;
+}
+
+/// The boot record, used until timing reports more: timing may be writing the record of this boot right now.
+BootTold load_boot(const ros::VarPaths& var) {
+  const auto record = ros::BootStore(var.boot()).load();
+  if (!record) return {.count = 1, .cause = mission::ResetCause::unknown};
+  const auto kernel = kernel_boot_id();
+  const bool same = kernel && record->boot_id.substr(0, kernel->size()) == *kernel;
+  if (!same) return {.count = record->count + 1, .cause = mission::ResetCause::unknown};
+  return {.count = record->count, .cause = static_cast<mission::ResetCause>(record->reset_cause)};
 }
 
 /// A first start looks like the loss of everything that ttc wrote: it wants a floor, too.
@@ -142,102 +292,6 @@ TtcNode::TtcNode(ros::NodeContext& context)
   });
 }
 
-Result<wire::SdlsKey, std::string> TtcNode::read_key(const std::string& file) const {
-  const std::filesystem::path path = var().root / file;
-  if (const auto problem = permission_problem(path)) return Err(*problem);
-  auto text = read_file(path, 4096);
-  if (!text) return Err(text.error().message);
-  while (!text->empty() && (text->back() == '\n' || text->back() == '\r')) text->pop_back();
-  auto key = wire::SdlsKey::from_hex(*text);
-  std::fill(text->begin(), text->end(), '\0');
-  if (!key) return Err(fmt::format("{}: expected 64 hexadecimal digits", path.string()));
-  // Left out, and no more: see ros::unsafe_link().
-  const auto known = why_known(key->octets());
-  if (known && ros::is_hardware_line(device("rs422"), var().root))
-    return Err(fmt::format("{}: not used, everybody may know this key: {}", path.string(), *known));
-  return std::move(*key);
-}
-
-Result<UplinkConfig, std::string> TtcNode::read_channels(std::vector<TtcCore::UnusableKey>& unusable_keys) {
-  const ros::LinkSettings& settings = deployment().link;
-  if (auto unsafe = ros::unsafe_link(deployment(), var().root); !unsafe.empty())
-    return Err(std::move(unsafe));
-  UplinkConfig config;
-  config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
-  config.cltu.randomized = settings.tc_randomizer;
-  config.cltu.correct_single_bits = settings.tc_correct_single_bits;
-  for (const ros::TelecommandChannel& entry : settings.channels) {
-    const auto vc = static_cast<std::uint8_t>(entry.virtual_channel);
-    auto channel = std::find_if(config.channels.begin(), config.channels.end(),
-                                [&](const UplinkChannel& c) { return c.vc == vc; });
-    if (channel == config.channels.end()) {
-      config.channels.push_back(UplinkChannel{.vc = vc, .associations = {}});
-      channel = config.channels.end() - 1;
-    }
-    if (entry.security == ros::ChannelSecurity::none) continue;
-    auto key = read_key(entry.key_file);
-    const auto spi = static_cast<std::uint16_t>(entry.spi);
-    if (!key) {
-      unusable_keys.push_back({.spi = spi, .vc = vc, .why = key.error()});
-      continue;
-    }
-    // One association of a set carries both frame types; of two the first is for BD, the second for AD.
-    const auto same_set = [&](const ros::TelecommandChannel& other) {
-      return other.security == ros::ChannelSecurity::sdls && other.set == entry.set &&
-             other.virtual_channel == entry.virtual_channel;
-    };
-    const auto first = std::find_if(settings.channels.begin(), settings.channels.end(), same_set);
-    const bool alone = std::count_if(settings.channels.begin(), settings.channels.end(), same_set) == 1;
-    channel->associations.push_back(UplinkAssociation{.spi = spi,
-                                                      .key = std::move(*key),
-                                                      .for_ad = alone || first->spi != entry.spi,
-                                                      .for_bd = alone || first->spi == entry.spi,
-                                                      .set = to_key_set(entry.set)});
-  }
-  // A channel whose keys are all gone must not turn into one without security.
-  for (const TtcCore::UnusableKey& unusable : unusable_keys) {
-    const bool closed = std::any_of(config.channels.begin(), config.channels.end(), [&](const auto& channel) {
-      return channel.vc == unusable.vc && channel.associations.empty();
-    });
-    if (closed) return Err(unusable.why);
-  }
-  if (config.channels.empty())
-    return Err(fmt::format("{}: 'link.tc_channels': expected one at least", deployment().file.string()));
-  if (const auto shared = associations_with_one_key(config)) {
-    const auto key_of = [&settings](int spi) {
-      const auto entry = std::find_if(settings.channels.begin(), settings.channels.end(),
-                                      [spi](const ros::TelecommandChannel& c) { return c.spi == spi; });
-      return fmt::format("{} (SPI {})", entry->key_file, spi);
-    };
-    return Err(fmt::format(
-        "{}: 'link.tc_channels': expected another key for each SPI, found the same one in {} and {}",
-        deployment().file.string(), key_of(shared->first), key_of(shared->second)));
-  }
-  return config;
-}
-
-Result<DownlinkConfig, std::string> TtcNode::read_downlink() const {
-  const ros::LinkSettings& settings = deployment().link;
-  DownlinkConfig config;
-  config.spacecraft_id = static_cast<std::uint16_t>(settings.spacecraft_id);
-  config.baud = static_cast<std::uint32_t>(settings.baud);
-  config.cadu = {.frame_octets = static_cast<std::size_t>(settings.tm_frame_length),
-                 .reed_solomon = settings.tm_reed_solomon,
-                 .interleave = static_cast<unsigned>(settings.tm_interleave),
-                 .randomize = settings.tm_randomizer};
-  config.continuous = settings.tm_continuous;
-  config.files_queue_octets =
-      std::clamp<std::size_t>(config.baud / 10 * static_cast<std::size_t>(files_queue_time.count()) / 1000,
-                              files_queue_octets_min, config.files_queue_octets);
-  const bool fits = config.cadu.frame_octets >= wire::tm_frame_octets_min &&
-                    config.cadu.frame_octets <= wire::tm_frame_octets_max && wire::is_valid(config.cadu);
-  if (!fits) {
-    return Err(fmt::format("{}: 'link.tm': frame_length {} does not fit reed_solomon and interleave {}",
-                           deployment().file.string(), settings.tm_frame_length, settings.tm_interleave));
-  }
-  return config;
-}
-
 wire::TmFrameCounts TtcNode::open_frame_counts() {
   frame_counts_.reset();
   frame_count_file_ = std::make_shared<FrameCountFile>(state_dir() / "frame_counts");
@@ -253,64 +307,9 @@ wire::TmFrameCounts TtcNode::open_frame_counts() {
   return counts;
 }
 
-bool TtcNode::ran_before() const {
-  std::error_code ec;
-  if (std::filesystem::exists(state_dir() / "link_state", ec) ||
-      std::filesystem::exists(state_dir() / "mode", ec))
-    return true;
-  // Its own state may be lost and the packets it stored not.
-  const auto stored = std::filesystem::directory_iterator(var().root / "store", ec);
-  return !ec && std::any_of(begin(stored), end(stored), [](const auto& store) {
-    std::error_code none;
-    return store.is_directory(none) && !std::filesystem::is_empty(store.path(), none);
-  });
-}
-
-ModeManager TtcNode::load_mode(bool ran) {
-  const auto initial = get_parameter<std::string>("initial_mode");
-  if (initial != "safe" && initial != "nominal") {
-    throw ConfigError(fmt::format("{}: ttc parameter 'initial_mode': expected safe or nominal, found '{}'",
-                                  deployment().file.string(), initial));
-  }
-  const auto stored = read_file(state_dir() / "mode", 256);
-  const StoredModeState state = stored ? StoredModeState::present
-                                : ran  ? StoredModeState::missing
-                                       : StoredModeState::first_start;
-  ModeManager manager(state, stored.value_or(""),
-                      initial == "nominal" ? MissionMode::nominal : MissionMode::safe);
-  if (const auto written = write_file_atomically(state_dir() / "mode", manager.stored_text()); !written) {
-    log::error("the mode is not durable: {}", written.error().message);
-  }
-  log::info("mode {}: {}", manager.mode() == MissionMode::nominal ? "nominal" : "safe", manager.reason());
-  return manager;
-}
-
-TransmitterSwitch TtcNode::load_transmitter() const {
-  const auto stored = read_file(state_dir() / "transmitter", 256);
-  const MonotonicTime at = monotonic_now();
-  TransmitterSwitch transmitter(kernel_boot_id().value_or("unknown"), stored.value_or(""), at);
-  if (!transmitter.may_transmit(at))
-    log::warn("the transmitter stays off for {} s", transmitter.rest(at) / seconds(1));
-  // A silence that begins anew with this boot must not do so with the next.
-  if (const auto written = write_file_atomically(state_dir() / "transmitter", transmitter.stored_text());
-      !written)
-    log::error("the state of the transmitter is not durable: {}", written.error().message);
-  return transmitter;
-}
-
-/// The boot record, used until timing reports more: timing may be writing the record of this boot right now.
-BootTold TtcNode::load_boot() const {
-  const auto record = ros::BootStore(var().boot()).load();
-  if (!record) return {.count = 1, .cause = mission::ResetCause::unknown};
-  const auto kernel = kernel_boot_id();
-  const bool same = kernel && record->boot_id.substr(0, kernel->size()) == *kernel;
-  if (!same) return {.count = record->count + 1, .cause = mission::ResetCause::unknown};
-  return {.count = record->count, .cause = static_cast<mission::ResetCause>(record->reset_cause)};
-}
-
 TtcCore::Setup TtcNode::look_at_the_disk(UplinkConfig channels, DownlinkConfig downlink) {
   const auto parameter = [this](const char* name) { return milliseconds(get_parameter<std::int64_t>(name)); };
-  const bool ran = ran_before();
+  const bool ran = ran_before(state_dir(), var().root / "store");
   downlink.first_counts = open_frame_counts();
   std::vector<TtcCore::KeyNews> key_news;
   KeySelection keys = load_keys(state_dir() / "key_selection", channels, key_news);
@@ -320,16 +319,18 @@ TtcCore::Setup TtcNode::look_at_the_disk(UplinkConfig channels, DownlinkConfig d
       .journal = AcceptanceJournal(kernel_boot_id().value_or("unknown"), parameter("repeat_window_ms")),
       .uplink = std::move(channels),
       .downlink = downlink,
-      .mode = load_mode(ran),
-      .transmitter = load_transmitter(),
+      .mode =
+          load_mode(state_dir() / "mode", get_parameter<std::string>("initial_mode"), deployment().file, ran),
+      .transmitter = load_transmitter(state_dir() / "transmitter"),
       .stores = read_file(state_dir() / "stores", 4096).value_or(""),
       .keys = std::move(keys),
-      .boot = load_boot(),
+      .boot = load_boot(var()),
       .clock = SpacecraftClock(system_utc_now(), monotonic_now()),
       .persist_deadline = parameter("persist_deadline_ms"),
       .schedule_late_max = parameter("schedule_late_max_ms"),
       .arm_window = parameter("arm_window_ms"),
-      .key_news = std::move(key_news)};
+      .key_news = std::move(key_news),
+      .remembered = remembered_};
   load_journal(setup, ran);
   return setup;
 }
@@ -350,8 +351,8 @@ void TtcNode::open_files() {
 
 ros::CallbackReturn TtcNode::on_configure() {
   std::vector<TtcCore::UnusableKey> unusable_keys;
-  auto channels = read_channels(unusable_keys);
-  const auto downlink = channels ? read_downlink() : Err(channels.error());
+  auto channels = read_channels(deployment(), var().root, unusable_keys);
+  const auto downlink = channels ? read_downlink(deployment()) : Err(channels.error());
   if (!downlink) {
     set_failure_reason(downlink.error());
     return ros::CallbackReturn::failure;
@@ -451,8 +452,7 @@ void TtcNode::subscribe() {
       create_subscription(ros::topics::time_tick, [this](const srfs_msgs::msg::TimeTick& m) { on_tick(m); }));
   keep(create_subscription(ros::topics::event, [this](const srfs_msgs::msg::Event& m) {
     if (!is_active()) return;
-    core_->on_event(m.source, m.event_id, m.severity, m.data, now());
-    pump_downlink();
+    if (core_->on_event(m.source, m.event_id, m.severity, m.data, now())) pump_downlink();
   }));
   keep(create_subscription(ros::topics::telecommand_report,
                            [this](const srfs_msgs::msg::TelecommandReport& m) { on_telecommand_report(m); }));
@@ -492,14 +492,14 @@ ros::CallbackReturn TtcNode::on_activate() {
       seconds(1),
       [this] {
         core_->commit_stores(outgoing_.empty(), monotonic_now());
-        run(core_->take_actions());
+        advance();
       },
       "commit stores"));
   timers_.push_back(create_timer(
       ModeManager::publish_period,
       [this] {
         core_->publish_mode();
-        run(core_->take_actions());
+        advance();
       },
       "mode"));
   start_periods();
@@ -537,13 +537,23 @@ ros::CallbackReturn TtcNode::on_activate() {
       [this] {
         core_->copy_link_state();
         core_->store_open_progress();
-        run(core_->take_actions());
+        advance();
       },
       "copy link state"));
   look_at_nodes();
   core_->activate(monotonic_now());
   advance();
   return ros::CallbackReturn::success;
+}
+
+/// Packets that no commit had.
+void TtcNode::store_rest() {
+  auto items = core_->take_unstored();
+  if (items.empty() || !store_worker_) return;
+  store_worker_->post([stores = stores_, items = std::move(items)] {
+    for (const StoreItem& item : items) stores->append(item);
+    stores->commit();
+  });
 }
 
 ros::CallbackReturn TtcNode::on_deactivate() {
@@ -553,10 +563,7 @@ ros::CallbackReturn TtcNode::on_deactivate() {
   housekeeping_timer_.reset();
   beacon_timer_.reset();
   line_watch_.reset();
-  store_worker_->post([stores = stores_, items = core_->deactivate()] {
-    for (const StoreItem& item : items) stores->append(item);
-    stores->commit();
-  });
+  store_rest();
   return ros::CallbackReturn::success;
 }
 
@@ -582,6 +589,7 @@ ros::CallbackReturn TtcNode::on_cleanup() {
       if (const auto stored = file->store(counts); !stored) log::warn("{}", stored.error().message);
     });
   }
+  if (core_) store_rest();
   telecommands_.reset();
   mode_publisher_.reset();
   if (state_worker_) state_worker_->drain();
@@ -597,7 +605,10 @@ ros::CallbackReturn TtcNode::on_cleanup() {
   journal_file_.reset();
   link_file_.reset();
   line_.reset();
-  if (core_) next_telecommand_id_ = core_->journal().next_id();
+  if (core_) {
+    next_telecommand_id_ = core_->journal().next_id();
+    remembered_ = core_->remembered();
+  }
   core_.reset();
   actions_.clear();
   outgoing_.clear();

@@ -34,7 +34,7 @@ void TtcCore::send(const Report& report, bool live, bool stored, bool urgent) {
                                               .monotonic = now_},
                                     .packet = packet});
     } else {
-      ++unstored_packets_;
+      ++remembered_.unstored_packets;
     }
   }
   if (live) downlink_.push(DownlinkChannel::live, std::move(packet), urgent, now_);
@@ -78,7 +78,7 @@ void TtcCore::commit_stores(bool line_empty, MonotonicTime now) {
   now_ = now;
   if (commit_running_) {  // a slow disk: what comes meanwhile waits, bounded
     if (++commits_missed_ == patience_commits)
-      note_storage(stores_work_, false, "the packet stores do not answer", stores_name);
+      note_storage(remembered_.stores_work, false, "the packet stores do not answer", stores_name);
     return;
   }
   commits_missed_ = 0;
@@ -131,7 +131,7 @@ void TtcCore::on_store_status(const PacketStoresStatus& status) {
     raise(event);
   }
   store_status_ = status;
-  note_storage(stores_work_, status.failure.empty(), status.failure, stores_name);
+  note_storage(remembered_.stores_work, status.failure.empty(), status.failure, stores_name);
 }
 
 void TtcCore::feed_playback() {
@@ -186,7 +186,7 @@ void TtcCore::fill_files() {
 
 void TtcCore::on_files_turn(Result<cfdp::TransferTurnResult, std::string>& result, MonotonicTime now) {
   now_ = now;
-  note_storage(files_work_, result.has_value(), result ? "" : result.error(), "files");
+  note_storage(remembered_.files_work, result.has_value(), result ? "" : result.error(), "files");
   if (!result) return files_.on_turn_refused(now);
   for (Octets& packet : files_.on_turn(*result))
     downlink_.push(DownlinkChannel::files, std::move(packet), false, now);
@@ -311,7 +311,7 @@ void TtcCore::report_findings() {
     } else {
       mission::TtcFrameNotAuthenticEvent event;
       event.vc = finding.vc;
-      event.count = ++not_authentic_[finding.vc];
+      event.count = ++remembered_.not_authentic[finding.vc];
       raise(event);
     }
   }
@@ -343,7 +343,7 @@ void TtcCore::report_keys(std::uint8_t vc, KeySet set, const std::string& why) {
 bool TtcCore::on_tick(const ReceivedTick& tick, std::uint64_t cycle, MonotonicTime now) {
   now_ = now;
   if (!clock_.on_tick(tick, now)) {
-    ++foreign_samples_;
+    ++remembered_.foreign_samples;
     return false;
   }
   cycle_ = cycle;
@@ -352,28 +352,30 @@ bool TtcCore::on_tick(const ReceivedTick& tick, std::uint64_t cycle, MonotonicTi
   return true;  // a ground station with lower counters sees at once where they go on
 }
 
-void TtcCore::on_telemetry(const std::string& node, std::uint16_t apid, std::uint16_t structure_id,
+bool TtcCore::on_telemetry(const std::string& node, std::uint16_t apid, std::uint16_t structure_id,
                            OctetView data, MonotonicTime now) {
   now_ = now;
   const mission::ApplicationProcess* source = dictionary_.apid_of_node(node);
   if (source == nullptr || source->apid != apid) {
-    ++foreign_samples_;
-    return;
+    ++remembered_.foreign_samples;
+    return false;
   }
   const auto report = housekeeping_.on_sample(apid, structure_id, data, now);
-  if (!report) return;
+  if (!report) return false;
   beacon_.on_telemetry(node, structure_id, data, now);
   boot_ = beacon_.boot().value_or(boot_);
   send(report->report, report->live, true, false);
+  return true;
 }
 
-void TtcCore::on_event(const std::string& node, std::uint16_t event_id, std::uint8_t severity, OctetView data,
+bool TtcCore::on_event(const std::string& node, std::uint16_t event_id, std::uint8_t severity, OctetView data,
                        MonotonicTime now) {
   now_ = now;
   const mission::ApplicationProcess* source = dictionary_.apid_of_node(node);
   const auto report =
       events_.on_event(source != nullptr ? source->apid : std::uint16_t{1}, event_id, severity, data, now);
   if (report) send(report->report, report->live, true, false);
+  return report.has_value();
 }
 
 // ---- housekeeping
@@ -471,7 +473,7 @@ void TtcCore::add_store_counters(mission::TtcHousekeeping& h) const {
     sum.cut_octets += counters.cut_octets;
     sum.written_octets += counters.written_octets;
   }
-  h.store_failures = as_u32(sum.refused + unstored_packets_);
+  h.store_failures = as_u32(sum.refused + remembered_.unstored_packets);
   h.store_dropped = as_u32(sum.overwritten);
   h.store_write_failures = as_u32(sum.write_failures);
   h.store_damaged = as_u32(sum.damaged);
@@ -495,7 +497,7 @@ void TtcCore::send_own_housekeeping(const AdapterCounters& adapter, MonotonicTim
   h.publish_drops = as_u32(adapter.publish_drops);
   h.dds_malformed = as_u32(adapter.malformed_samples);
   h.dds_foreign = as_u32(housekeeping_.counters().unknown + events_.counters().unknown +
-                         forwarder_.counters().stray_reports + foreign_samples_);
+                         forwarder_.counters().stray_reports + remembered_.foreign_samples);
   h.tm_lost = as_u32(adapter.lost_frames);
   add_latency(h);
   send_housekeeping(h, now);
@@ -559,7 +561,8 @@ void TtcCore::send_beacon(std::uint8_t farm_channel, MonotonicTime now) {
   in.sdls_spi = {used.bd, used.ad};
   for (std::size_t i = 0; i < in.sdls_spi.size(); ++i)
     in.sdls_counter[i] = uplink_.counter(in.sdls_spi[i]).value_or(0);
-  in.storage_state = static_cast<mission::StorageState>((journal_durable_ ? 0 : 1) + (stores_work_ ? 0 : 2));
+  in.storage_state = static_cast<mission::StorageState>((remembered_.journal_durable ? 0 : 1) +
+                                                        (remembered_.stores_work ? 0 : 2));
   const wire::FarmState& farm = uplink_.farm(farm_channel);
   in.farm_vr = farm.vr;
   in.farm_lockout = farm.lockout;

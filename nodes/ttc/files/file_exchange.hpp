@@ -20,8 +20,8 @@ struct FileExchangeCounters {
   std::uint64_t malformed = 0;  ///< packets of the APID that carry no PDU
 };
 
-/// Between the link, which never waits, and the transfer_folders, which may wait for the disk: collects PDUs
-/// and says when the transfer_folders's worker has something to do. One turn at a time. Pure.
+/// Between the link, which never waits, and the folders of files, which may wait for the disk: collects PDUs
+/// and says when the worker of the folders has something to do. One turn at a time. Pure.
 class FileExchange {
  public:
   static constexpr std::size_t received_max = 256;
@@ -39,7 +39,7 @@ class FileExchange {
   /// The ground was heard: files that rest go on.
   void on_contact() { contact_ = contact_ || resting_; }
 
-  /// Something was changed at the transfer_folders between turns.
+  /// Something was changed at the folders between turns.
   void on_change() { changed_ = true; }
 
   /// The next turn, when one is due. @param room_octets of the downlink's queue @param frame where its next
@@ -48,7 +48,7 @@ class FileExchange {
                                                             cfdp::FrameFill frame = {});
   /// @return Space Packets for the downlink
   [[nodiscard]] std::vector<Octets> on_turn(cfdp::TransferTurnResult& result);
-  /// The worker did not take the turn, or has no transfer_folders: what was in it is lost, as on the line.
+  /// The worker did not take the turn, or could not open the folders: what was in it is lost, as on the line.
   void on_turn_refused(MonotonicTime now);
   /// When next_turn() has something without another input; room that is missing is another input.
   [[nodiscard]] std::optional<MonotonicTime> next_due(std::size_t room_octets) const;

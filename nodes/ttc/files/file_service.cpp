@@ -10,8 +10,6 @@
 namespace srfs {
 namespace {
 
-constexpr std::uint8_t file_service = 23;
-
 template <class Groups>
 std::vector<std::uint64_t> operations_of(const Groups& groups) {
   std::vector<std::uint64_t> operations;
@@ -170,7 +168,7 @@ void FileService::on_outcome(const FileOutcome& outcome, MonotonicTime now) {
   if (!is_status && !current_->started) report_queue_.success(current_->origin, Stage::start);
   for (const Octets& data : outcome.reports) {
     report_queue_.put(Report{.apid = apid_,
-                             .service = file_service,
+                             .service = FileService::service_type,
                              .subtype = outcome.report_subtype,
                              .destination_id = is_status ? status_destination_ : current_->origin.source_id,
                              .data = data});

@@ -49,7 +49,7 @@ std::optional<EventReport> EventReporter::on_event(std::uint16_t apid, std::uint
   writer.u16(event_id);
   writer.bytes(data);
   return EventReport{.report = Report{.apid = apid,
-                                      .service = service,
+                                      .service = service_type,
                                       .subtype = severity,
                                       .destination_id = 0,
                                       .data = writer.take()},

@@ -34,13 +34,13 @@ struct EventReport {
 /// PUS 5 (ECSS-E-ST-70-41C 6.5): which events become reports. One event id that floods costs only itself.
 class EventReporter final : public PusService {
  public:
-  static constexpr std::uint8_t service = 5;
+  static constexpr std::uint8_t service_type = 5;
 
   explicit EventReporter(ReportQueue& report_queue, EventRateLimit limit = {})
       : report_queue_(report_queue), limit_(limit) {}
 
   [[nodiscard]] bool provides(const mission::Command& command) const override {
-    return command.service == service;
+    return command.service == service_type;
   }
   void execute(const ServiceRequest& request) override;
 

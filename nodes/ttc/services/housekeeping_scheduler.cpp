@@ -10,7 +10,7 @@ Report parameter_report_of(std::uint16_t apid, std::uint16_t structure_id, Octet
   writer.u16(structure_id);
   writer.bytes(parameters);
   return Report{.apid = apid,
-                .service = HousekeepingScheduler::service,
+                .service = HousekeepingScheduler::service_type,
                 .subtype = HousekeepingScheduler::parameter_report,
                 .destination_id = 0,
                 .data = writer.take()};

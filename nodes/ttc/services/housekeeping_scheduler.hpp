@@ -38,13 +38,13 @@ struct HousekeepingReport {
 /// time they are as many as the interval says.
 class HousekeepingScheduler final : public PusService {
  public:
-  static constexpr std::uint8_t service = 3;
+  static constexpr std::uint8_t service_type = 3;
   static constexpr std::uint8_t parameter_report = 25;
 
   explicit HousekeepingScheduler(ReportQueue& report_queue) : report_queue_(report_queue) {}
 
   [[nodiscard]] bool provides(const mission::Command& command) const override {
-    return command.service == service;
+    return command.service == service_type;
   }
   void execute(const ServiceRequest& request) override;
 

@@ -9,7 +9,6 @@
 namespace srfs {
 namespace {
 
-constexpr std::uint8_t parameter_service = 20;
 constexpr std::uint8_t value_report = 2;
 constexpr std::uint8_t set_values = 3;
 constexpr std::size_t reason_octets = 120;
@@ -164,7 +163,7 @@ void ParameterService::on_value(std::uint64_t call, const NodeValue& value) {
   if (!raw || !dictionary_.put_parameter(parameter, *raw, data))
     return end_item(mission::failure::parameter_mismatch);
   report_queue_.put(Report{.apid = apid_,
-                           .service = parameter_service,
+                           .service = ParameterService::service_type,
                            .subtype = value_report,
                            .destination_id = request.origin.source_id,
                            .data = data.take()});

@@ -93,7 +93,7 @@ TEST_F(FileExchangeTest, WhatGoesOutIsNumberedPacketsOfTheApid) {
   EXPECT_EQ(exchange_.counters().sent, 2U);
 }
 
-TEST_F(FileExchangeTest, APostboxWithPdusWaitsUntilTheLineHasTakenHalfOfTheQueue) {
+TEST_F(FileExchangeTest, AFolderWithPdusWaitsUntilTheLineHasTakenHalfOfTheQueue) {
   run({.next_due = start});
   EXPECT_FALSE(exchange_.next_turn(4095, start));
   const auto turn = exchange_.next_turn(4096, start);
