@@ -14,8 +14,8 @@
 
 namespace srfs::update {
 
-/// What the bounded build lane decides (tools/lane): command lines, and what a confined program's end means.
-/// Pure.
+/// What the bounded build lane decides (programs/lane): command lines, and what a confined program's end
+/// means. Pure.
 
 /// How an installation wants nodes compiled: its share/srfs/node_build.json, with absolute paths.
 struct NodeBuild {

@@ -12,7 +12,7 @@
 
 namespace srfs {
 
-/// How `srfs-lane` (tools/lane) is called and what it answers. Pure.
+/// How `srfs-lane` (programs/lane) is called and what it answers. Pure.
 
 struct LaneFolders {
   std::filesystem::path program;  ///< srfs-lane

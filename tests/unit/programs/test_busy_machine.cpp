@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tools/srfs/busy_machine.hpp"
+#include "programs/srfs/busy_machine.hpp"
 
 namespace srfs::tool {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/suite.hpp"
+#include "programs/srfs/suite.hpp"
 
 #include <algorithm>
 #include <csignal>
@@ -19,11 +19,11 @@
 #include "base/process.hpp"
 #include "hw/open.hpp"
 #include "hw/watchdog.hpp"
+#include "programs/srfs/bus.hpp"
+#include "programs/srfs/process_cpu.hpp"
+#include "programs/srfs/start.hpp"
+#include "programs/srfs/state_questions.hpp"
 #include "ros/launcher.hpp"
-#include "tools/srfs/bus.hpp"
-#include "tools/srfs/process_cpu.hpp"
-#include "tools/srfs/start.hpp"
-#include "tools/srfs/state_questions.hpp"
 
 namespace srfs::tool {
 namespace {

@@ -8,10 +8,10 @@
 #include <string>
 
 #include "base/result.hpp"
+#include "programs/srfs/suite.hpp"
 #include "ros/client.hpp"
 #include "ros/deployment.hpp"
 #include "ros/executor.hpp"
-#include "tools/srfs/suite.hpp"
 
 namespace srfs::tool {
 

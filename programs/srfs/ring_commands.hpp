@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "tools/srfs/suite.hpp"
+#include "programs/srfs/suite.hpp"
 
 namespace srfs::tool {
 

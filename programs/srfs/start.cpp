@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/start.hpp"
+#include "programs/srfs/start.hpp"
 
 #include <algorithm>
 #include <cstdio>
@@ -9,9 +9,9 @@
 #include <unistd.h>
 
 #include "base/file.hpp"
+#include "programs/srfs/busy_machine.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 #include "ros/ring/node_record.hpp"
-#include "tools/srfs/busy_machine.hpp"
 
 namespace srfs::tool {
 namespace {

@@ -10,16 +10,16 @@
 #include <nlohmann/json.hpp>
 
 #include "base/log.hpp"
+#include "programs/srfs/added_node_commands.hpp"
+#include "programs/srfs/doctor.hpp"
+#include "programs/srfs/node_commands.hpp"
+#include "programs/srfs/observer.hpp"
+#include "programs/srfs/ring_commands.hpp"
+#include "programs/srfs/suite.hpp"
+#include "programs/srfs/version_commands.hpp"
 #include "ros/added_nodes.hpp"
 #include "ros/launcher.hpp"
 #include "ros/run_node.hpp"
-#include "tools/srfs/added_node_commands.hpp"
-#include "tools/srfs/doctor.hpp"
-#include "tools/srfs/node_commands.hpp"
-#include "tools/srfs/observer.hpp"
-#include "tools/srfs/ring_commands.hpp"
-#include "tools/srfs/suite.hpp"
-#include "tools/srfs/version_commands.hpp"
 #include "update/version_table.hpp"
 
 namespace srfs::tool {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/start_patience.hpp"
+#include "programs/srfs/start_patience.hpp"
 
 #include <algorithm>
 

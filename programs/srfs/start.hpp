@@ -6,11 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "programs/srfs/process_cpu.hpp"
+#include "programs/srfs/start_patience.hpp"
+#include "programs/srfs/state_questions.hpp"
+#include "programs/srfs/suite.hpp"
 #include "ros/launcher.hpp"
-#include "tools/srfs/process_cpu.hpp"
-#include "tools/srfs/start_patience.hpp"
-#include "tools/srfs/state_questions.hpp"
-#include "tools/srfs/suite.hpp"
 
 namespace srfs::tool {
 

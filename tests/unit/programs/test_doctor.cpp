@@ -11,9 +11,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "programs/srfs/doctor.hpp"
 #include "ros/instance.hpp"
 #include "tests/temporary_folder.hpp"
-#include "tools/srfs/doctor.hpp"
 
 namespace srfs::tool {
 namespace {

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/node_commands.hpp"
+#include "programs/srfs/node_commands.hpp"
 
 #include <algorithm>
 #include <iostream>
@@ -18,12 +18,12 @@
 #include <srfs_msgs/srv/get_node_status.hpp>
 #include <srfs_msgs/srv/save_parameters.hpp>
 
+#include "programs/srfs/bus.hpp"
+#include "programs/srfs/ring_commands.hpp"
 #include "ros/callback_statistics.hpp"
 #include "ros/lifecycle.hpp"
 #include "ros/parameters.hpp"
 #include "ros/ring/heartbeat_page.hpp"
-#include "tools/srfs/bus.hpp"
-#include "tools/srfs/ring_commands.hpp"
 
 namespace srfs::tool {
 namespace {

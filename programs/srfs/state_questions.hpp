@@ -9,7 +9,7 @@
 
 #include <lifecycle_msgs/srv/get_state.hpp>
 
-#include "tools/srfs/bus.hpp"
+#include "programs/srfs/bus.hpp"
 
 namespace srfs::tool {
 

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "base/time.hpp"
+#include "programs/srfs/doctor_machine.hpp"
 #include "ros/deployment.hpp"
-#include "tools/srfs/doctor_machine.hpp"
 
 namespace srfs::tool {
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/process_cpu.hpp"
+#include "programs/srfs/process_cpu.hpp"
 
 #include <algorithm>
 

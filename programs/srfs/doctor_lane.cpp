@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// What the build lane needs (tools/lane, lib/update/sandbox), and the keys.
+// What the build lane needs (programs/lane, lib/update/sandbox), and the keys.
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@
 
 #include "base/fd.hpp"
 #include "base/known_key.hpp"
-#include "tools/srfs/doctor.hpp"
+#include "programs/srfs/doctor.hpp"
 #include "update/build_lane.hpp"
 #include "update/package_keys.hpp"
 

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/version_commands.hpp"
+#include "programs/srfs/version_commands.hpp"
 
 #include <charconv>
 #include <iostream>
@@ -8,9 +8,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "programs/srfs/node_commands.hpp"
 #include "ros/launcher.hpp"
 #include "ros/node_versions.hpp"
-#include "tools/srfs/node_commands.hpp"
 
 namespace srfs::tool {
 namespace {

@@ -14,9 +14,9 @@
 
 #include "base/cpu_wait.hpp"
 #include "base/fd.hpp"
+#include "programs/srfs/doctor.hpp"
 #include "ros/instance.hpp"
 #include "ros/real_time.hpp"
-#include "tools/srfs/doctor.hpp"
 
 namespace srfs::tool {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "base/time.hpp"
-#include "tools/srfs/suite.hpp"
+#include "programs/srfs/suite.hpp"
 
 namespace srfs::tool {
 

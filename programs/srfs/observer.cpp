@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/observer.hpp"
+#include "programs/srfs/observer.hpp"
 
 #include <cstdio>
 

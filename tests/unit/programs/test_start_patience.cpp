@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include "tools/srfs/start_patience.hpp"
+#include "programs/srfs/start_patience.hpp"
 
 namespace srfs::tool {
 namespace {

@@ -13,7 +13,7 @@
 
 #include "base/fd.hpp"
 #include "hw/open.hpp"
-#include "tools/srfs/doctor.hpp"
+#include "programs/srfs/doctor.hpp"
 
 namespace srfs::tool {
 namespace {

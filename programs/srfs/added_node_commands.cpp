@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/added_node_commands.hpp"
+#include "programs/srfs/added_node_commands.hpp"
 
 #include <iostream>
 
@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.hpp"
+#include "programs/srfs/node_commands.hpp"
 #include "ros/launcher.hpp"
 #include "ros/node_addition.hpp"
 #include "ros/node_versions.hpp"
-#include "tools/srfs/node_commands.hpp"
 
 namespace srfs::tool {
 namespace {

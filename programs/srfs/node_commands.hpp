@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/srfs/suite.hpp"
+#include "programs/srfs/suite.hpp"
 
 namespace srfs::tool {
 

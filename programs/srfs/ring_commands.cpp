@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/ring_commands.hpp"
+#include "programs/srfs/ring_commands.hpp"
 
 #include <charconv>
 #include <iostream>
@@ -9,9 +9,9 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "programs/srfs/node_commands.hpp"
 #include "ros/ring/fault_ledger.hpp"
 #include "ros/ring/node_record.hpp"
-#include "tools/srfs/node_commands.hpp"
 
 namespace srfs::tool {
 namespace {

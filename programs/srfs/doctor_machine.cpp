@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/doctor_machine.hpp"
+#include "programs/srfs/doctor_machine.hpp"
 
 #include <algorithm>
 #include <cerrno>

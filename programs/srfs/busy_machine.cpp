@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/srfs/busy_machine.hpp"
+#include "programs/srfs/busy_machine.hpp"
 
 #include <algorithm>
 #include <cstdlib>
