@@ -6,7 +6,7 @@
 #include <cstdlib>
 
 #include "cfdp/entity.hpp"
-#include "unit/cfdp/memory_file_store.hpp"
+#include "lib/cfdp/test/memory_file_store.hpp"
 #include "wire/cfdp_checksum.hpp"
 
 namespace {

@@ -12,8 +12,8 @@
 #include "image/frame_file.hpp"
 #include "image/frame_mark.hpp"
 #include "image/frame_strips.hpp"
+#include "lib/image/test/skies.hpp"
 #include "tests/temporary_folder.hpp"
-#include "tests/unit/image/skies.hpp"
 
 namespace srfs {
 namespace {

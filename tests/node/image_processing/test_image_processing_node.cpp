@@ -17,10 +17,10 @@
 #include "base/file.hpp"
 #include "image/frame_file.hpp"
 #include "image/frame_mark.hpp"
+#include "lib/image/test/skies.hpp"
 #include "nodes/image_processing/image_processing_node.hpp"
 #include "tests/dds_domain.hpp"
 #include "tests/temporary_folder.hpp"
-#include "tests/unit/image/skies.hpp"
 
 namespace srfs {
 namespace {

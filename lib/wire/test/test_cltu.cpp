@@ -5,7 +5,7 @@
 #include <optional>
 #include <random>
 
-#include "unit/wire/link_vectors.hpp"
+#include "lib/wire/test/link_vectors.hpp"
 #include "wire/cltu.hpp"
 #include "wire/sdls.hpp"
 #include "wire/tc_uplink.hpp"

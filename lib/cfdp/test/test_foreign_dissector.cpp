@@ -6,8 +6,8 @@
 #include <string>
 #include <variant>
 
-#include "unit/cfdp/simulated_link.hpp"
-#include "unit/foreign_dissector.hpp"
+#include "foreign_dissector.hpp"
+#include "lib/cfdp/test/simulated_link.hpp"
 
 namespace srfs::cfdp {
 namespace {

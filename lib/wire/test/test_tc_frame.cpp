@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include "unit/wire/link_vectors.hpp"
+#include "lib/wire/test/link_vectors.hpp"
 #include "wire/crc16.hpp"
 #include "wire/tc_frame.hpp"
 

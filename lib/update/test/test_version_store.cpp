@@ -7,9 +7,9 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include "lib/update/test/memory_version_files.hpp"
 #include "tests/build_kind.hpp"
 #include "tests/temporary_folder.hpp"
-#include "tests/unit/update/memory_version_files.hpp"
 #include "update/version_store.hpp"
 
 namespace srfs::update {

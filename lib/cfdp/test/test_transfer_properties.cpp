@@ -4,7 +4,7 @@
 // much waste.
 #include <gtest/gtest.h>
 
-#include "unit/cfdp/simulated_link.hpp"
+#include "lib/cfdp/test/simulated_link.hpp"
 
 namespace srfs::cfdp {
 namespace {

@@ -10,7 +10,7 @@
 #include <random>
 
 #include "cfdp/entity.hpp"
-#include "unit/cfdp/memory_file_store.hpp"
+#include "lib/cfdp/test/memory_file_store.hpp"
 
 namespace srfs::cfdp {
 

@@ -8,7 +8,7 @@
 
 #include <gmock/gmock.h>
 
-#include "tests/unit/image/skies.hpp"
+#include "lib/image/test/skies.hpp"
 
 namespace srfs::image {
 namespace {

@@ -3,7 +3,7 @@
 #include <functional>
 #include <random>
 
-#include "unit/wire/link_vectors.hpp"
+#include "lib/wire/test/link_vectors.hpp"
 #include "wire/cfdp_checksum.hpp"
 #include "wire/cfdp_pdu.hpp"
 

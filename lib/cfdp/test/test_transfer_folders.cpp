@@ -6,8 +6,8 @@
 
 #include <fstream>
 
+#include "lib/cfdp/test/simulated_link.hpp"
 #include "temporary_folder.hpp"
-#include "unit/cfdp/simulated_link.hpp"
 
 namespace srfs::cfdp {
 namespace {

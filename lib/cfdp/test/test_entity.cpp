@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "unit/cfdp/simulated_link.hpp"
+#include "lib/cfdp/test/simulated_link.hpp"
 
 namespace srfs::cfdp {
 namespace {

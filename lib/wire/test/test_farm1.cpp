@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "unit/wire/link_vectors.hpp"
+#include "lib/wire/test/link_vectors.hpp"
 #include "wire/farm1.hpp"
 
 namespace srfs::wire {

@@ -4,7 +4,7 @@
 
 #include <type_traits>
 
-#include "unit/wire/link_vectors.hpp"
+#include "lib/wire/test/link_vectors.hpp"
 #include "wire/sdls.hpp"
 
 namespace srfs::wire {

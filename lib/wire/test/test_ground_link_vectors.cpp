@@ -3,7 +3,7 @@
 #include <functional>
 
 #include "base/time.hpp"
-#include "unit/wire/link_vectors.hpp"
+#include "lib/wire/test/link_vectors.hpp"
 #include "wire/cadu.hpp"
 #include "wire/cltu.hpp"
 #include "wire/crc16.hpp"

@@ -5,7 +5,7 @@
 #include <map>
 #include <random>
 
-#include "unit/wire/link_vectors.hpp"
+#include "lib/wire/test/link_vectors.hpp"
 #include "wire/cadu.hpp"
 #include "wire/tm_frame.hpp"
 

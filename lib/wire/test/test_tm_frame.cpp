@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "unit/wire/link_vectors.hpp"
+#include "lib/wire/test/link_vectors.hpp"
 #include "wire/crc16.hpp"
 #include "wire/tm_frame.hpp"
 

@@ -7,7 +7,7 @@
 
 #include "image/method.hpp"
 #include "image/picture.hpp"
-#include "tests/unit/image/skies.hpp"
+#include "lib/image/test/skies.hpp"
 
 namespace srfs::image {
 namespace {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "unit/foreign_dissector.hpp"
+#include "foreign_dissector.hpp"
 #include "wire/pus.hpp"
 
 namespace srfs::wire {
