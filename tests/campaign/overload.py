@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -124,13 +125,14 @@ def fly_sim(options, out, seconds, say):
 
 
 def fly_demos(options, out, load, count, say):
-    """Runs the demo `count` times beside a load. Returns ok, seconds, failures and load of each run."""
+    """Runs the demo `count` times beside a load. Returns ok, seconds, failures and load of each run. The record of one that fails stays."""
     runs = []
     for number in range(1, count + 1):
         begin = time.monotonic()
+        var = out / f"demo{number}"
         with busy(load):
             time.sleep(2)  # the load starts before the suite
-            command = [sys.executable, "-B", str(mission.ROOT / "tools" / "demo" / "demo.py"), "--bin", str(options.bin), "--var", str(out / "demo"), "--json"]
+            command = [sys.executable, "-B", str(mission.ROOT / "tools" / "demo" / "demo.py"), "--bin", str(options.bin), "--var", str(var), "--json"]
             try:
                 done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=DEMO_DEADLINE_S)
                 failures = json.loads(done.stdout.splitlines()[-1])["failures"] if done.stdout else [done.stderr.strip()[-500:]]
@@ -138,7 +140,10 @@ def fly_demos(options, out, load, count, say):
             except subprocess.TimeoutExpired:
                 ok, failures = False, [f"not done within {DEMO_DEADLINE_S} s"]
         runs.append({"ok": ok, "seconds": round(time.monotonic() - begin, 1), "failures": failures, "load": load})
-        say(f"demo {number} of {count} beside {runs[-1]['load']}: {'ok' if ok else failures} after {runs[-1]['seconds']} s")
+        if ok:
+            shutil.rmtree(var, ignore_errors=True)
+        kept = "" if ok else f"; its record: {var}"
+        say(f"demo {number} of {count} beside {runs[-1]['load']}: {'ok' if ok else failures} after {runs[-1]['seconds']} s{kept}")
     return runs
 
 
