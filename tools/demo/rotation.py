@@ -56,6 +56,9 @@ class Rotation:
         # A payload that is not active, or not up yet, hands the slot back at once.
         status = "not used" if m["detail"] in ("inactive", "starting", "nothing to say") else m["status"]
         end = {"status": status, "released": m["said_ns"], "used_us": m["used_us"]}
+        known = self.grants.get(key) or self._early_ends.get(key)
+        if known and known["released"] is not None and known["released"] <= m["said_ns"]:
+            return  # said again, to a recall that crossed it
         if key not in self.grants:
             self._early_ends[key] = end
             return

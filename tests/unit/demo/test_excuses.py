@@ -57,6 +57,27 @@ class FailedSlotsTest(unittest.TestCase):
         self.assertEqual(seen.skips(), [3 * S])
         self.assertEqual(seen.skipped(), (0, 1))
 
+    def test_a_release_that_is_said_again_to_a_recall_moves_nothing(self):
+        def flags(number, holder, at):
+            seen.on_message({"type": "flags", "switcher": 1, "grant": number, "holder": holder, "cycle": number, "flags": [True, False], "at_ns": at,
+                             "published_ns": at, "lease_end_ns": at + 120 * MS})  # fmt: skip
+
+        def released(number, at, detail=""):
+            seen.on_message({"type": "bus", "switcher": 1, "grant": number, "status": "released", "detail": detail, "said_ns": at, "used_us": 50_000})
+
+        seen = rotation.Rotation()
+        flags(1, "a", S)
+        released(1, S + 83 * MS)
+        flags(2, "b", S + 100 * MS)
+        released(1, S + 105 * MS, "recalled")
+        released(2, S + 150 * MS)
+
+        self.assertEqual(seen.overlaps(), 0)
+        flags(3, "a", S + 200 * MS)
+        flags(4, "b", S + 250 * MS)
+        released(3, S + 260 * MS)
+        self.assertEqual(seen.overlaps(), 1, "the next grant came before the first release")
+
 
 if __name__ == "__main__":
     unittest.main()
