@@ -12,7 +12,7 @@
 namespace srfs {
 namespace {
 
-constexpr std::size_t frames_per_read = 512 / 26 + 2;  ///< the shortest CLTU has 26 octets
+constexpr std::size_t frames_per_read = TtcCore::read_octets / 26 + 2;  ///< the shortest CLTU has 26 octets
 constexpr std::uint8_t verification_service = 1;
 /// Control commands need no key: what they change is written no more often than this.
 constexpr seconds flags_period{1};
@@ -510,8 +510,7 @@ void TtcCore::store_mode_change() {
   event.mode = change->mode;
   event.reason = mode_.reason();
   raise(event);
-  const std::string text = change->stored_text;
-  act(WriteState{"mode", text, std::move(*change)});
+  write_state("mode", std::move(*change));
 }
 
 /// The old keys work until the change is on disk: a crash before is as if it had not come.
@@ -545,8 +544,7 @@ void TtcCore::store_transmitter_change() {
     event.why = "commanded";
     raise(event);
   }
-  const std::string text = change->stored_text;
-  act(WriteState{"transmitter", text, std::move(*change)});
+  write_state("transmitter", std::move(*change));
 }
 
 void TtcCore::end_silence() {
@@ -558,10 +556,7 @@ void TtcCore::end_silence() {
 }
 
 void TtcCore::store_stores_change() {
-  auto change = stores_.take_change();
-  if (!change) return;
-  const std::string text = change->stored_text;
-  act(WriteState{"stores", text, std::move(*change)});
+  if (auto change = stores_.take_change()) write_state("stores", std::move(*change));
 }
 
 void TtcCore::store_open_progress() {

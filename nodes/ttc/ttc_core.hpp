@@ -157,6 +157,7 @@ enum class FloorWanted : std::uint8_t { no, first_start, counters_lost };
 class TtcCore {
  public:
   using Actions = std::vector<TtcAction>;
+  static constexpr std::size_t read_octets = 512;  ///< of the line at most, for one on_octets()
 
   struct UnusableKey {
     std::uint16_t spi = 0;
@@ -352,6 +353,11 @@ class TtcCore {
   void begin_imaging_tasks();
   void carry_out_imaging_orders();
   void run_imaging_job();
+  template <class Change>
+  void write_state(const char* name, Change change) {
+    std::string text = change.stored_text;
+    act(WriteState{name, std::move(text), std::move(change)});
+  }
   void store_mode_change();
   void store_key_change();
   void store_transmitter_change();
@@ -370,6 +376,8 @@ class TtcCore {
   void tell_of_file(const cfdp::News& news);
   void feed_playback();
   void fill_files();
+  /// Of a commit or batch that its worker did not take: they go first.
+  void take_back(std::vector<StoreItem> items);
   void on_store_status(const PacketStoresStatus& status);
   /// @param known what was known before; only a change is reported
   /// @param what of the storage, for people

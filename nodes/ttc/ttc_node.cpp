@@ -10,8 +10,7 @@ namespace {
 using rcl_interfaces::srv::GetParameters;
 using rcl_interfaces::srv::SetParameters;
 
-constexpr int reads_per_wake = 8;  ///< so that a flood on the line cannot starve the tick
-constexpr std::size_t read_octets = 512;
+constexpr int reads_per_wake = 8;          ///< so that a flood on the line cannot starve the tick
 constexpr seconds connection_patience{2};  ///< of a test whether a node is there
 /// Of one call for a parameter, the search for the node's service in it.
 constexpr seconds answer_deadline{4};
@@ -67,7 +66,7 @@ void tell_set(ParameterService& parameters, std::uint64_t number,
 // ---- line
 
 bool TtcNode::read_line() {
-  std::array<std::uint8_t, read_octets> octets{};
+  std::array<std::uint8_t, TtcCore::read_octets> octets{};
   for (int i = 0; i < reads_per_wake; ++i) {
     const auto count = line_->read(octets);
     if (!count || *count == 0) return true;
@@ -365,7 +364,7 @@ void TtcNode::on_tick(const srfs_msgs::msg::TimeTick& tick) {
                               .time_valid = tick.time_valid,
                               .sync_state = tick.sync_state};
   const bool raised = core_->on_tick(received, tick.cycle, monotonic_now());
-  if (raised && is_active()) send_beacon();
+  if (raised && is_active()) return send_beacon();
   // The time may have become valid, or have made a step.
   if (raised || (is_active() && core_->waits_for_time())) advance();
 }

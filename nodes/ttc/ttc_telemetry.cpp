@@ -108,9 +108,13 @@ void TtcCore::on_committed(const CommitStores& commit, const PacketStoresStatus&
 
 void TtcCore::on_commit_refused(CommitStores commit) {
   commit_running_ = false;
-  commit.items.insert(commit.items.end(), std::make_move_iterator(to_store_.begin()),
-                      std::make_move_iterator(to_store_.end()));
-  to_store_ = std::move(commit.items);
+  take_back(std::move(commit.items));
+}
+
+void TtcCore::take_back(std::vector<StoreItem> items) {
+  items.insert(items.end(), std::make_move_iterator(to_store_.begin()),
+               std::make_move_iterator(to_store_.end()));
+  to_store_ = std::move(items);
 }
 
 void TtcCore::on_store_status(const PacketStoresStatus& status) {
@@ -169,9 +173,7 @@ void TtcCore::on_store_read(const ReadStore& read, std::optional<RetrievedPacket
 }
 
 void TtcCore::on_read_refused(ReadStore read) {
-  read.items.insert(read.items.end(), std::make_move_iterator(to_store_.begin()),
-                    std::make_move_iterator(to_store_.end()));
-  to_store_ = std::move(read.items);
+  take_back(std::move(read.items));
   read.open_retrieval ? stores_.on_batch_refused() : retrieval_.on_batch_refused();
 }
 

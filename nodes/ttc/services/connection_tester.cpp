@@ -51,8 +51,7 @@ void ConnectionTester::end(const Test& test, bool answered) {
                 .subtype = test.subtype == are_you_alive ? are_you_alive_report : connection_report,
                 .destination_id = test.origin.source_id,
                 .data = {}};
-  if (test.subtype == test_connection)
-    report.data = {static_cast<std::uint8_t>(test.apid >> 8), static_cast<std::uint8_t>(test.apid)};
+  if (test.subtype == test_connection) report.data = octets_of_u16(test.apid);
   report_queue_.put(std::move(report));
   report_queue_.success(test.origin, Stage::completion);
 }

@@ -152,9 +152,7 @@ void StoreControl::set_open_start(const TelecommandOrigin& origin, OctetReader& 
   const std::vector<Store*> stores = named(reader);
   for (const Store* store : stores) {
     if (!store->open) continue;
-    report_queue_.failure(
-        origin, Stage::start, mission::failure::busy,
-        Octets{static_cast<std::uint8_t>(store->id >> 8), static_cast<std::uint8_t>(store->id)});
+    report_queue_.failure(origin, Stage::start, mission::failure::busy, octets_of_u16(store->id));
     return;
   }
   for (Store* store : stores) {
