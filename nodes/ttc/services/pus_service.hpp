@@ -12,6 +12,7 @@
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/report/report_queue.hpp"
+#include "wire/cuc.hpp"
 
 namespace srfs {
 
@@ -92,5 +93,10 @@ class StoredChangeService : public PusService {
   ReportQueue& report_queue_;
   std::optional<Change> change_;
 };
+
+/// A time of a request. The dictionary has checked it; anything else would be a bug there.
+[[nodiscard]] inline TaiTime read_cuc(OctetReader& reader) {
+  return wire::decode_cuc(reader.bytes(wire::cuc_octets)).value_or(TaiTime{});
+}
 
 }  // namespace srfs

@@ -50,11 +50,6 @@ OctetView read_packet(OctetReader& reader) {
   return reader.bytes(wire::packet_octets(header));
 }
 
-TaiTime read_time(OctetReader& reader) {
-  // The dictionary has checked it; anything else would be a bug there.
-  return wire::decode_cuc(reader.bytes(wire::cuc_octets)).value_or(TaiTime{});
-}
-
 ScheduledRequestId read_request(OctetReader& reader) {
   ScheduledRequestId request;
   request.source = reader.u16();
@@ -106,7 +101,7 @@ std::optional<Refusal> ScheduleService::why_refused(const mission::Command& comm
   const unsigned count = reader.u16();
   for (unsigned number = 1; number <= count; ++number) {
     reader.u8();
-    read_time(reader);
+    reader.bytes(wire::cuc_octets);
     const OctetView packet = read_packet(reader);
     std::optional<RequestError> error = request_check_(packet);
     const auto parsed = wire::parse_tc_packet(packet);
@@ -226,7 +221,7 @@ Result<ScheduleChange, ScheduleService::Failure> ScheduleService::insert(OctetRe
     ScheduledActivity activity;
     activity.id = schedule().next_id() + number - 1;
     activity.group = reader.u8();
-    activity.release = read_time(reader);
+    activity.release = read_cuc(reader);
     const OctetView packet = read_packet(reader);
     const auto parsed = wire::parse_tc_packet(packet);
     if (!reader.ok() || !parsed) return Err(Failure{mission::failure::scheduled_request_refused, {}});
@@ -328,8 +323,8 @@ Result<ScheduleService::Selected, ScheduleService::Failure> ScheduleService::sel
 Result<ScheduleService::Selected, ScheduleService::Failure> ScheduleService::select_by_filter(
     OctetReader& reader) const {
   reader.u8();  // from ... to: the dictionary has no other type
-  const TaiTime from = read_time(reader);
-  const TaiTime to = read_time(reader);
+  const TaiTime from = read_cuc(reader);
+  const TaiTime to = read_cuc(reader);
   if (to < from) return Err(Failure{mission::failure::bad_time_range, {}});
   std::set<std::uint8_t> groups;
   for (unsigned count = reader.u16(); count > 0 && reader.ok(); --count) groups.insert(reader.u8());

@@ -7,19 +7,9 @@
 
 #include <mission/structures.hpp>
 
-#include "wire/cuc.hpp"
-
 namespace srfs {
-namespace {
 
 static_assert(mission::StorageRetrieve::max_groups == PacketRetrieval::max_periods);
-
-TaiTime checked_time(OctetReader& reader) {
-  // The dictionary has checked it; anything else would be a bug there.
-  return wire::decode_cuc(reader.bytes(wire::cuc_octets)).value_or(TaiTime{});
-}
-
-}  // namespace
 
 void PacketRetrieval::execute(const ServiceRequest& asked) {
   OctetReader reader(asked.arguments);
@@ -33,8 +23,8 @@ void PacketRetrieval::execute(const ServiceRequest& asked) {
   for (unsigned i = 0; i < count; ++i) {  // at most max_groups of the dictionary
     StorePeriod period;
     period.store = reader.u16();
-    period.range.from = checked_time(reader);
-    period.range.to = checked_time(reader);
+    period.range.from = read_cuc(reader);
+    period.range.to = read_cuc(reader);
     if (period.range.to < period.range.from) {
       report_queue_.failure(asked.origin, Stage::start, mission::failure::bad_time_range);
       return;

@@ -12,7 +12,6 @@
 
 #include "base/saturate.hpp"
 #include "nodes/ttc/checked_text.hpp"
-#include "wire/cuc.hpp"
 
 namespace srfs {
 namespace {
@@ -148,7 +147,7 @@ void StoreControl::execute(const ServiceRequest& request) {
 }
 
 void StoreControl::set_open_start(const TelecommandOrigin& origin, OctetReader& reader) {
-  const TaiTime from = wire::decode_cuc(reader.bytes(wire::cuc_octets)).value_or(TaiTime{});
+  const TaiTime from = read_cuc(reader);
   const std::vector<Store*> stores = named(reader);
   for (const Store* store : stores) {
     if (!store->open) continue;
