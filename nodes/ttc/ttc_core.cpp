@@ -22,8 +22,9 @@ constexpr const char* journal_name = "journal of telecommands";
 AvailableKeySets key_sets_of(const UplinkConfig& config) {
   AvailableKeySets sets;
   for (const UplinkChannel& channel : config.channels) {
-    for (const UplinkAssociation& association : channel.associations)
-      sets.emplace_back(channel.vc, association.set);
+    for (const UplinkAssociation& association : channel.associations) {
+      if (association.set) sets.emplace_back(channel.vc, *association.set);
+    }
   }
   return sets;
 }

@@ -43,16 +43,10 @@ std::optional<std::string> permission_problem(const std::filesystem::path& path)
   return std::nullopt;
 }
 
-KeySet to_key_set(ros::AssociationSet set) {
-  switch (set) {
-    case ros::AssociationSet::b:
-      return KeySet::b;
-    case ros::AssociationSet::contingency:
-      return KeySet::contingency;
-    case ros::AssociationSet::a:
-      break;
-  }
-  return KeySet::a;
+/// nullopt: the contingency association.
+std::optional<KeySet> to_key_set(ros::AssociationSet set) {
+  if (set == ros::AssociationSet::contingency) return std::nullopt;
+  return set == ros::AssociationSet::b ? KeySet::b : KeySet::a;
 }
 
 Result<wire::SdlsKey, std::string> read_key(const std::filesystem::path& path, bool is_hardware_line) {
@@ -253,8 +247,9 @@ void say_how_the_link_is_secured(const ros::LinkSettings& link) {
           "only.",
           channel.virtual_channel);
     } else {
+      const auto set = to_key_set(channel.set);
       log::info("TC virtual channel {}: SDLS, SPI {}, keys {}", channel.virtual_channel, channel.spi,
-                to_text(to_key_set(channel.set)));
+                set ? to_text(*set) : "contingency");
     }
   }
 }

@@ -335,7 +335,7 @@ void TtcCore::report_keys(std::uint8_t vc, KeySet set, const std::string& why) {
       "TC virtual channel " + std::to_string(vc) + " uses keys " + std::string(to_text(set)) + ": " + why);
   mission::TtcKeysSelectedEvent event;
   event.vc = vc;
-  event.set = set == KeySet::b ? mission::KeySet::b : mission::KeySet::a;
+  event.set = set;
   event.why = why;
   send_event(event);
 }

@@ -31,18 +31,6 @@ std::array<std::filesystem::path, 2> copies_of(const std::filesystem::path& path
 
 }  // namespace
 
-std::string_view to_text(KeySet set) {
-  switch (set) {
-    case KeySet::a:
-      return "a";
-    case KeySet::b:
-      return "b";
-    case KeySet::contingency:
-      return "contingency";
-  }
-  return "?";
-}
-
 std::string encode_key_selection(const KeySelection& selection) {
   std::string text = fmt::format("{}", selection.generation);
   for (const auto& [vc, set] : selection.sets) text += fmt::format(" {}:{}", vc, to_text(set));

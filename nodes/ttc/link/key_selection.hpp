@@ -11,15 +11,14 @@
 #include <utility>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/file.hpp"
 #include "base/result.hpp"
 
 namespace srfs {
 
-/// Which associations of a telecommand channel take frames: one of the sets a and b as selected, and the
-/// contingency association always.
-enum class KeySet : std::uint8_t { a = 0, b = 1, contingency = 2 };
-[[nodiscard]] std::string_view to_text(KeySet set);
+using mission::KeySet;
 
 /// Channels and their usable sets.
 using AvailableKeySets = std::vector<std::pair<std::uint8_t, KeySet>>;

@@ -164,7 +164,7 @@ std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& c
   const auto spi = wire::sdls_claimed_spi(frame.data);
   const auto association =
       std::find_if(channel.associations.begin(), channel.associations.end(), [&](const UplinkAssociation& a) {
-        const bool in_use = a.set == channel.selected || a.set == KeySet::contingency;
+        const bool in_use = !a.set || a.set == channel.selected;
         return in_use && spi == a.spi && (frame.type == wire::TcFrameType::ad ? a.for_ad : a.for_bd);
       });
   if (association == channel.associations.end()) return refuse();
@@ -214,7 +214,7 @@ UplinkChain::Associations UplinkChain::associations() const {
   for (const UplinkChannel& channel : config_.channels) {
     if (channel.associations.empty()) continue;
     for (const UplinkAssociation& a : channel.associations) {
-      if (a.set == KeySet::contingency) used.contingency = a.spi;
+      if (!a.set) used.contingency = a.spi;
       if (a.set != channel.selected) continue;
       if (a.for_bd) used.bd = a.spi;
       if (a.for_ad) used.ad = a.spi;

@@ -25,7 +25,7 @@ struct UplinkAssociation {
   wire::SdlsKey key;
   bool for_ad = true;  ///< AD frames may use it
   bool for_bd = true;
-  KeySet set = KeySet::a;
+  std::optional<KeySet> set = KeySet::a;  ///< nullopt: the contingency association, which always takes frames
 };
 
 /// One TC virtual channel in use.

@@ -76,7 +76,7 @@ bool KeyService::provides(const mission::Command& command) const {
 
 void KeyService::execute(const ServiceRequest& request) {
   const auto select = mission::TtcSelectKeys::decode(request.arguments);
-  const auto set = select && select->set == mission::KeySet::b ? KeySet::b : KeySet::a;
+  const auto set = select ? select->set : KeySet::a;
   const auto vc = select ? select->vc : std::uint8_t{0};
   const bool has_it = std::find(available_.begin(), available_.end(), std::pair(vc, set)) != available_.end();
   if (!select || !has_it) {

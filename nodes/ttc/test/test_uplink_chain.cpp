@@ -518,10 +518,10 @@ TEST(UplinkKeys, TheSelectedSetIsTakenAndTheContingencyAlways) {
   UplinkConfig config;
   config.spacecraft_id = spacecraft;
   UplinkChannel channel{.vc = 0, .associations = {}};
-  for (const auto& [spi, set, ad, bd] : {std::tuple{1, KeySet::a, false, true},
+  for (const auto& [spi, set, ad, bd] : {std::tuple{1, std::optional(KeySet::a), false, true},
                                          {2, KeySet::a, true, false},
                                          {3, KeySet::b, true, true},
-                                         {5, KeySet::contingency, true, true}}) {
+                                         {5, std::nullopt, true, true}}) {
     const auto number = static_cast<std::uint8_t>(spi);
     channel.associations.push_back(
         {.spi = number, .key = key_of(number), .for_ad = ad, .for_bd = bd, .set = set});
