@@ -12,77 +12,54 @@ namespace {
 
 constexpr std::uint8_t verification_service = 1;
 
-std::optional<Stage> stage_of(std::uint8_t subtype) {
-  switch (subtype) {
-    case 1:
-      return Stage::accepted;
-    case 2:
-      return Stage::rejected;
-    case 3:
-      return Stage::started;
-    case 4:
-      return Stage::start_failed;
-    case 5:
-      return Stage::progress;
-    case 6:
-      return Stage::progress_failed;
-    case 7:
-      return Stage::completed;
-    case 8:
-      return Stage::failed;
-    case 10:
-      return Stage::rejected;
-    default:
-      return std::nullopt;
-  }
+/// The subtype of a success is that of its stage, a failure's is one more; there is no success of routing.
+std::optional<std::pair<Stage, Outcome>> stage_of(std::uint8_t subtype) {
+  const bool failed = subtype % 2 == 0;
+  const auto stage = static_cast<Stage>(subtype - (failed ? 1 : 0));
+  if (!is_valid(stage) || (stage == Stage::routing && !failed)) return std::nullopt;
+  return std::pair(stage, failed ? Outcome::failed : Outcome::passed);
 }
 
-}  // namespace
-
-std::string_view to_text(Stage stage) {
+std::string_view to_text(Stage stage, bool failed) {
   switch (stage) {
-    case Stage::sent:
-      return "sent";
-    case Stage::scheduled:
-      return "scheduled";
-    case Stage::accepted:
-      return "accepted";
-    case Stage::rejected:
-      return "rejected";
-    case Stage::started:
-      return "started";
-    case Stage::start_failed:
-      return "start_failed";
+    case Stage::acceptance:
+    case Stage::routing:
+      return failed ? "rejected" : "accepted";
+    case Stage::start:
+      return failed ? "start_failed" : "started";
     case Stage::progress:
-      return "progress";
-    case Stage::progress_failed:
-      return "progress_failed";
-    case Stage::completed:
-      return "completed";
-    case Stage::failed:
-      return "failed";
-    case Stage::timed_out:
-      return "timed_out";
-    case Stage::not_sent:
-      return "not_sent";
+      return failed ? "progress_failed" : "progress";
+    case Stage::completion:
+      return failed ? "failed" : "completed";
   }
   return "?";
 }
 
-bool is_failure(Stage stage) {
-  return stage == Stage::rejected || stage == Stage::start_failed || stage == Stage::progress_failed ||
-         stage == Stage::failed || stage == Stage::timed_out || stage == Stage::not_sent;
-}
+}  // namespace
 
-bool is_final(Stage stage) {
-  return stage == Stage::completed || (is_failure(stage) && stage != Stage::progress_failed);
+std::string_view to_text(const StageReport& report) {
+  switch (report.outcome) {
+    case Outcome::sent:
+      return "sent";
+    case Outcome::scheduled:
+      return "scheduled";
+    case Outcome::passed:
+      return to_text(report.stage, false);
+    case Outcome::failed:
+      return to_text(report.stage, true);
+    case Outcome::timed_out:
+      return "timed_out";
+    case Outcome::not_sent:
+      return "not_sent";
+  }
+  return "?";
 }
 
 StageReport Commanding::sent(const wire::RequestId& request, const mission::Command& command,
                              milliseconds patience, std::uint64_t tag, MonotonicTime now) {
   if (outstanding_.size() == max_outstanding) outstanding_.pop_front();
   outstanding_.push_back({request, &command, tag, now, patience, now + patience});
-  return report_of(outstanding_.back(), Stage::sent, now);
+  return report_of(outstanding_.back(), Outcome::sent, now);
 }
 
 void Commanding::follow_scheduled(const wire::RequestId& request, const mission::Command& command,
@@ -96,7 +73,7 @@ std::optional<StageReport> Commanding::on_inserted(const wire::RequestId& reques
   const auto newest = std::find_if(outstanding_.rbegin(), outstanding_.rend(),
                                    [&](const auto& t) { return t.scheduled && t.request == request; });
   if (newest == outstanding_.rend()) return std::nullopt;
-  StageReport report = report_of(*newest, success ? Stage::scheduled : Stage::not_sent, now);
+  StageReport report = report_of(*newest, success ? Outcome::scheduled : Outcome::not_sent, now);
   if (success) return report;
   report.failure_text = "could not be scheduled";
   outstanding_.erase(std::next(newest).base());
@@ -118,10 +95,11 @@ std::optional<StageReport> Commanding::on_packet(const wire::TmPacket& packet, M
   const auto newest = std::find_if(outstanding_.rbegin(), outstanding_.rend(),
                                    [&](const auto& t) { return t.request == request; });
   if (!in.ok() || newest == outstanding_.rend()) return std::nullopt;
-  StageReport report = report_of(*newest, *stage, now);
-  if (*stage == Stage::progress || *stage == Stage::progress_failed) report.step = in.u8();
-  if (is_failure(*stage)) read_failure(in, report);
-  if (is_final(*stage)) outstanding_.erase(std::next(newest).base());
+  StageReport report = report_of(*newest, stage->second, now);
+  report.stage = stage->first;
+  if (report.stage == Stage::progress) report.step = in.u8();
+  if (report.is_failure()) read_failure(in, report);
+  if (report.is_final()) outstanding_.erase(std::next(newest).base());
   return report;
 }
 
@@ -142,7 +120,7 @@ void Commanding::extend(const wire::RequestId& request, MonotonicTime now) {
 std::vector<StageReport> Commanding::on_time(MonotonicTime now) {
   std::vector<StageReport> reports;
   for (const auto& telecommand : outstanding_) {
-    if (telecommand.deadline <= now) reports.push_back(report_of(telecommand, Stage::timed_out, now));
+    if (telecommand.deadline <= now) reports.push_back(report_of(telecommand, Outcome::timed_out, now));
   }
   std::erase_if(outstanding_, [&](const auto& t) { return t.deadline <= now; });
   return reports;
@@ -155,14 +133,14 @@ std::optional<MonotonicTime> Commanding::next_deadline() const {
       ->deadline;
 }
 
-StageReport Commanding::report_of(const Outstanding& telecommand, Stage stage, MonotonicTime now) const {
+StageReport Commanding::report_of(const Outstanding& telecommand, Outcome outcome, MonotonicTime now) const {
   StageReport report;
   report.request = telecommand.request;
   report.command = telecommand.command;
   report.tag = telecommand.tag;
-  report.stage = stage;
+  report.outcome = outcome;
   report.elapsed = now - telecommand.sent;
-  if (stage == Stage::timed_out)
+  if (outcome == Outcome::timed_out)
     report.failure_text = fmt::format("no final report within {} ms", report.elapsed / milliseconds(1));
   return report;
 }
@@ -215,15 +193,15 @@ bool Retrieval::on_packet(const ReceivedPacket& received, MonotonicTime now) {
 }
 
 void Retrieval::on_stage(const StageReport& report, MonotonicTime now) {
-  if (report.stage == Stage::started && report.command != nullptr &&
+  if (report.outcome == Outcome::passed && report.stage == Stage::start && report.command != nullptr &&
       report.command->service == mission::StorageRetrieve::service &&
       report.command->subtype == mission::StorageRetrieve::subtype) {
     counting_ = report.tag == tag_;
     started_ = started_ || counting_;
   }
-  if (report.tag != tag_ || !is_final(report.stage)) return;
+  if (report.tag != tag_ || !report.is_final()) return;
   last_news_ = now;
-  (is_failure(report.stage) ? failed_ : completed_) = true;
+  (report.is_failure() ? failed_ : completed_) = true;
 }
 
 bool Retrieval::is_over(MonotonicTime now) const {

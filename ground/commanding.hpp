@@ -6,7 +6,10 @@
 #include <deque>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
+
+#include <mission/structures.hpp>
 
 #include "base/time.hpp"
 #include "ground/downlink.hpp"
@@ -21,40 +24,44 @@ struct TelecommandText {
   std::vector<std::string> arguments;
 };
 
-/// Where a telecommand stands; sent, scheduled, not_sent and timed_out are the ground's own, the others are
-/// PUS 1 reports.
-enum class Stage : std::uint8_t {
+using mission::Stage;
+
+/// What became of a telecommand: passed and failed say it of the stage of a PUS 1 report, the others are the
+/// ground's own.
+enum class Outcome : std::uint8_t {
   sent,
-  scheduled,        ///< time-tagged: it is in the schedule on board
-  accepted,         ///< 1,1
-  rejected,         ///< 1,2; 1,10: no application process has its APID
-  started,          ///< 1,3
-  start_failed,     ///< 1,4
-  progress,         ///< 1,5
-  progress_failed,  ///< 1,6
-  completed,        ///< 1,7
-  failed,           ///< 1,8
-  timed_out,        ///< no further report came in time
-  not_sent,         ///< the AD service ended before its first transmission, or it was not scheduled
+  scheduled,  ///< time-tagged: it is in the schedule on board
+  passed,
+  failed,
+  timed_out,  ///< no further report came in time
+  not_sent,   ///< the AD service ended before its first transmission, or it was not scheduled
 };
-[[nodiscard]] std::string_view to_text(Stage stage);
-/// The telecommand is over and was not completed.
-[[nodiscard]] bool is_failure(Stage stage);
-/// No more reports come.
-[[nodiscard]] bool is_final(Stage stage);
 
 struct StageReport {
   wire::RequestId request;
   const mission::Command* command = nullptr;
   std::uint64_t tag = 0;  ///< the caller's, from sent()
-  Stage stage = Stage::sent;
-  nanoseconds elapsed{0};  ///< since it was sent
-  std::uint8_t step = 0;   ///< of progress
+  Outcome outcome = Outcome::sent;
+  Stage stage = Stage::acceptance;  ///< that passed or failed
+  nanoseconds elapsed{0};           ///< since it was sent
+  std::uint8_t step = 0;            ///< of progress
   std::uint16_t failure_code = 0;
   std::string failure_name;
   bool insertion = false;    ///< of the request that schedules a time-tagged telecommand, not of the latter
   std::string failure_text;  ///< with the parameter: "an argument is out of its range: argument 1 'load'"
+
+  /// The telecommand, or a step of it, did not succeed.
+  [[nodiscard]] bool is_failure() const {
+    return outcome == Outcome::failed || outcome == Outcome::timed_out || outcome == Outcome::not_sent;
+  }
+  [[nodiscard]] bool is_completed() const { return outcome == Outcome::passed && stage == Stage::completion; }
+  /// No more reports come.
+  [[nodiscard]] bool is_final() const {
+    return is_completed() || (is_failure() && !(outcome == Outcome::failed && stage == Stage::progress));
+  }
 };
+/// "accepted", "start_failed", "timed_out", ...
+[[nodiscard]] std::string_view to_text(const StageReport& report);
 
 /// Follows telecommands from sending to completion by their verification reports. Pure; at most
 /// max_outstanding, the oldest is given up for a new one.
@@ -70,7 +77,7 @@ class Commanding {
   /// A time-tagged telecommand: it is followed like one that was sent, and does not count as outstanding.
   void follow_scheduled(const wire::RequestId& request, const mission::Command& command,
                         milliseconds patience, std::uint64_t tag, MonotonicTime now);
-  /// What became of its insertion. @return stage scheduled or not_sent; nullopt: it is not followed any more
+  /// What became of its insertion. @return scheduled or not_sent; nullopt: it is not followed any more
   [[nodiscard]] std::optional<StageReport> on_inserted(const wire::RequestId& request, bool success,
                                                        MonotonicTime now);
   /// @return nullopt for a packet that is no verification report of an outstanding telecommand
@@ -94,7 +101,8 @@ class Commanding {
     MonotonicTime deadline;
     bool scheduled = false;
   };
-  [[nodiscard]] StageReport report_of(const Outstanding& telecommand, Stage stage, MonotonicTime now) const;
+  [[nodiscard]] StageReport report_of(const Outstanding& telecommand, Outcome outcome,
+                                      MonotonicTime now) const;
   void read_failure(OctetReader& in, StageReport& report) const;
 
   const mission::Dictionary& dictionary_;

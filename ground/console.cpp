@@ -133,9 +133,9 @@ Exit Console::arm(const std::string& name, const std::vector<std::string>& argum
 
 Exit Console::follow(bool wait) {
   if (failed_to_send_) return Exit::unusable;
-  const auto over = [&] { return last_stage_ && (is_final(last_stage_->stage) || (!wait && accepted_)); };
+  const auto over = [&] { return last_stage_ && (last_stage_->is_final() || (!wait && accepted_)); };
   if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
-  const bool success = wait ? last_stage_ && last_stage_->stage == Stage::completed : accepted_;
+  const bool success = wait ? last_stage_ && last_stage_->is_completed() : accepted_;
   return success ? Exit::done : Exit::refused;
 }
 
@@ -144,15 +144,15 @@ Exit Console::ping(std::optional<milliseconds> timeout) {
   send("ttc.ping", {}, timeout);
   if (failed_to_send_) return Exit::unusable;
   const MonotonicTime sent = monotonic_now();
-  const auto over = [&] { return pong_ || (last_stage_ && is_failure(last_stage_->stage)); };
+  const auto over = [&] { return pong_ || (last_stage_ && last_stage_->is_failure()); };
   // By the AD service it may have to be repeated.
   const milliseconds patience = timeout.value_or(
       options_.ad ? options_.fop.timer * options_.fop.transmission_limit : milliseconds(3000));
   const MonotonicTime deadline = sent + patience;
   if (!run(Watch::port, over, deadline)) return Exit::link_closed;
   if (!pong_) {
-    fail(last_stage_ && is_failure(last_stage_->stage) ? "no answer to the ping: " + last_stage_->failure_text
-                                                       : "no answer to the ping");
+    fail(last_stage_ && last_stage_->is_failure() ? "no answer to the ping: " + last_stage_->failure_text
+                                                  : "no answer to the ping");
     return Exit::refused;
   }
   if (!options_.json)
@@ -228,7 +228,7 @@ Exit Console::install(const std::string& file, const std::string& name, bool act
     return Exit::link_closed;
   // Its reports may be lost on the way: the spacecraft is asked.
   const bool unknown =
-      taken == Exit::refused && accepted_ && last_stage_ && last_stage_->stage == Stage::timed_out;
+      taken == Exit::refused && accepted_ && last_stage_ && last_stage_->outcome == Outcome::timed_out;
   if (taken != Exit::done && !unknown) return taken;
   return follow_installation(activate, deadline.value_or(monotonic_now() + default_installation));
 }
@@ -301,9 +301,9 @@ Exit Console::exchange_once(const TelecommandText& telecommand, std::optional<mi
   answers_.clear();
   send(telecommand.name, telecommand.arguments, timeout);
   if (failed_to_send_) return Exit::unusable;
-  const auto over = [&] { return last_stage_ && is_final(last_stage_->stage); };
+  const auto over = [&] { return last_stage_ && last_stage_->is_final(); };
   if (!run(Watch::port, over, std::nullopt)) return Exit::link_closed;
-  return last_stage_ && last_stage_->stage == Stage::completed ? Exit::done : Exit::refused;
+  return last_stage_ && last_stage_->is_completed() ? Exit::done : Exit::refused;
 }
 
 Exit Console::remote(const RemoteRequest& request, std::optional<milliseconds> timeout) {
@@ -614,16 +614,15 @@ void Console::on_telemetry(const TelemetryReport& report) {
 
 void Console::on_stage(const StageReport& report) {
   // How the insertion goes on is the time-tagged telecommand's news only when it fails.
-  const bool news = !report.insertion || is_failure(report.stage);
+  const bool news = !report.insertion || report.is_failure();
   if (news) last_stage_ = report;
   if (step_ != nullptr && report.tag == step_->line && !step_judgement_)
     step_judgement_ = judge(*step_, report);
   // Later reports prove the acceptance whose own was lost.
-  accepted_ = accepted_ || (news && (report.stage == Stage::accepted || report.stage == Stage::scheduled ||
-                                     report.stage == Stage::started || report.stage == Stage::progress ||
-                                     report.stage == Stage::completed));
+  accepted_ =
+      accepted_ || (news && (report.outcome == Outcome::passed || report.outcome == Outcome::scheduled));
   const bool asks = exchanging_ || report.command->name == installation_question().name;
-  if (asks && !options_.json && !is_failure(report.stage)) return;
+  if (asks && !options_.json && !report.is_failure()) return;
   options_.json ? write_json(to_json(report)) : write_lines(to_lines(report, options_.colour));
 }
 

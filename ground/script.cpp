@@ -167,28 +167,29 @@ Result<std::vector<ScriptStep>, ScriptError> parse_script(
 
 std::optional<bool> judge(const ScriptStep& step, const StageReport& report) {
   const bool name_fits = step.failure.empty() || step.failure == report.failure_name;
-  const bool runs = report.stage == Stage::accepted || report.stage == Stage::started ||
-                    report.stage == Stage::progress || report.stage == Stage::completed;
-  if (report.insertion && !is_failure(report.stage)) return std::nullopt;
+  const bool runs = report.outcome == Outcome::passed;
+  const bool failed = report.outcome == Outcome::failed;
+  const bool rejected = failed && (report.stage == Stage::acceptance || report.stage == Stage::routing);
+  if (report.insertion && !report.is_failure()) return std::nullopt;
   switch (step.expectation) {
     case Expectation::scheduled:
-      if (report.stage == Stage::scheduled || runs) return true;
+      if (report.outcome == Outcome::scheduled || runs) return true;
       break;
     case Expectation::completed:
-      if (report.stage == Stage::completed) return true;
+      if (report.is_completed()) return true;
       break;
     case Expectation::accepted:
       if (runs) return true;
       break;
     case Expectation::rejected:
-      if (report.stage == Stage::rejected) return name_fits;
+      if (rejected) return name_fits;
       if (runs) return false;
       break;
     case Expectation::failed:
-      if (report.stage == Stage::start_failed || report.stage == Stage::failed) return name_fits;
+      if (failed && (report.stage == Stage::start || report.stage == Stage::completion)) return name_fits;
       break;
   }
-  return is_final(report.stage) ? std::optional(false) : std::nullopt;
+  return report.is_final() ? std::optional(false) : std::nullopt;
 }
 
 }  // namespace srfs::ground

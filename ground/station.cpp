@@ -65,10 +65,10 @@ void Station::follow(const wire::RequestId& insertion, const std::optional<Sched
 
 void Station::on_insertion(const StageReport& report, MonotonicTime now) {
   const wire::RequestId telecommand = insertions_.at(report.request);
-  if (!is_final(report.stage)) return;
+  if (!report.is_final()) return;
   insertions_.erase(report.request);
-  if (report.stage == Stage::timed_out) return;  // it may be there all the same
-  const auto inserted = commanding_.on_inserted(telecommand, report.stage == Stage::completed, now);
+  if (report.outcome == Outcome::timed_out) return;  // it may be there all the same
+  const auto inserted = commanding_.on_inserted(telecommand, report.is_completed(), now);
   if (inserted && output_.stage) output_.stage(*inserted);
 }
 
@@ -180,7 +180,7 @@ void Station::handle_ad() {
         report.request = telecommand->second.request;
         report.command = telecommand->second.command;
         report.tag = telecommand->second.tag;
-        report.stage = Stage::not_sent;
+        report.outcome = Outcome::not_sent;
         report.failure_text = "the AD service ended before the telecommand was transmitted";
         ad_telecommands_.erase(telecommand);
         on_stage(report, now);
@@ -312,9 +312,9 @@ void Station::on_stage(const StageReport& stage, MonotonicTime now) {
   if (output_.stage) output_.stage(report);
   if (report.insertion) on_insertion(report, now);
   for (auto& retrieval : retrievals_) retrieval.on_stage(report, now);
-  if (const auto asked = asked_keys_.find(report.tag); asked != asked_keys_.end() && is_final(report.stage)) {
+  if (const auto asked = asked_keys_.find(report.tag); asked != asked_keys_.end() && report.is_final()) {
     // Even if it could not be stored, it holds until the spacecraft's next restart; the beacon shows it.
-    if (report.stage == Stage::completed) follow_keys(asked->second, "ttc.select_keys");
+    if (report.is_completed()) follow_keys(asked->second, "ttc.select_keys");
     asked_keys_.erase(report.tag);
   }
   end_retrievals(now);

@@ -234,13 +234,13 @@ nlohmann::json to_json(const StageReport& report) {
                       {"id", request_text(report.request)},
                       {"command", report.command->name},
                       {"line", report.tag},
-                      {"stage", to_text(report.stage)},
-                      {"success", !is_failure(report.stage)},
-                      {"final", is_final(report.stage)},
+                      {"stage", to_text(report)},
+                      {"success", !report.is_failure()},
+                      {"final", report.is_final()},
                       {"elapsed_ms", static_cast<double>(report.elapsed / microseconds(1)) / 1000.0}};
   if (report.insertion) json["insertion"] = true;
-  if (report.stage == Stage::progress || report.stage == Stage::progress_failed) json["step"] = report.step;
-  if (is_failure(report.stage)) {
+  if (report.stage == Stage::progress) json["step"] = report.step;
+  if (report.is_failure()) {
     json["code"] = report.failure_code;
     json["name"] = report.failure_name;
     json["text"] = report.failure_text;
@@ -299,14 +299,13 @@ std::string to_lines(const TelemetryReport& report, bool colour) {
 
 std::string to_lines(const StageReport& report, bool colour) {
   std::string line = fmt::format("{:>9.3f} s  {} {} {}", static_cast<double>(report.elapsed.count()) * 1e-9,
-                                 request_text(report.request), report.command->name, to_text(report.stage));
-  if (report.stage == Stage::progress || report.stage == Stage::progress_failed)
-    line += fmt::format(" step {}", report.step);
-  if (is_failure(report.stage)) {
-    if (report.stage != Stage::timed_out && report.stage != Stage::not_sent)
+                                 request_text(report.request), report.command->name, to_text(report));
+  if (report.stage == Stage::progress) line += fmt::format(" step {}", report.step);
+  if (report.is_failure()) {
+    if (report.outcome == Outcome::failed)
       line += fmt::format(": code {} {}", report.failure_code, report.failure_name);
     line = coloured(red, line + ": " + report.failure_text, colour);
-  } else if (report.stage == Stage::completed) {
+  } else if (report.is_completed()) {
     line = coloured(green, line, colour);
   }
   return line + "\n";

@@ -33,13 +33,13 @@ class CommandingTest : public ::testing::Test {
 };
 
 TEST_F(CommandingTest, FollowsATelecommandToItsCompletion) {
-  EXPECT_EQ(commanding.on_packet(report(1), start + milliseconds(20))->stage, Stage::accepted);
-  EXPECT_EQ(commanding.on_packet(report(3), start + milliseconds(200))->stage, Stage::started);
+  EXPECT_EQ(to_text(*commanding.on_packet(report(1), start + milliseconds(20))), "accepted");
+  EXPECT_EQ(to_text(*commanding.on_packet(report(3), start + milliseconds(200))), "started");
   const auto progress = commanding.on_packet(report(5, "02"), start + milliseconds(300));
-  EXPECT_EQ(progress->stage, Stage::progress);
+  EXPECT_EQ(to_text(*progress), "progress");
   EXPECT_EQ(progress->step, 2);
   const auto completed = commanding.on_packet(report(7), start + milliseconds(400));
-  EXPECT_EQ(completed->stage, Stage::completed);
+  EXPECT_EQ(to_text(*completed), "completed");
   EXPECT_EQ(completed->elapsed, milliseconds(400));
   EXPECT_EQ(completed->tag, 7U);
   EXPECT_EQ(commanding.outstanding(), 0U);
@@ -50,7 +50,7 @@ TEST_F(CommandingTest, NamesTheArgumentThatTheSpacecraftRefused) {
                                                     "0006"
                                                     "01"),
                                              start);
-  EXPECT_EQ(rejected->stage, Stage::rejected);
+  EXPECT_EQ(to_text(*rejected), "rejected");
   EXPECT_EQ(rejected->failure_name, "bad_argument");
   EXPECT_EQ(rejected->failure_text, "an argument is out of its range: argument 1 'load'");
   EXPECT_EQ(commanding.outstanding(), 0U);
@@ -59,7 +59,7 @@ TEST_F(CommandingTest, NamesTheArgumentThatTheSpacecraftRefused) {
 TEST_F(CommandingTest, ATelecommandThatCannotBeRoutedIsRejected) {
   const auto rejected = commanding.on_packet(report(10, "0001"), start);
   ASSERT_TRUE(rejected);
-  EXPECT_EQ(rejected->stage, Stage::rejected);
+  EXPECT_EQ(to_text(*rejected), "rejected");
   EXPECT_EQ(rejected->failure_name, "unknown_apid");
   EXPECT_EQ(commanding.outstanding(), 0U);
 }
@@ -95,7 +95,7 @@ TEST_F(CommandingTest, GivesUpAfterItsPatience) {
   EXPECT_EQ(commanding.next_deadline(), start + seconds(10));
   const auto late = commanding.on_time(start + seconds(10));
   ASSERT_EQ(late.size(), 1U);
-  EXPECT_EQ(late[0].stage, Stage::timed_out);
+  EXPECT_EQ(to_text(late[0]), "timed_out");
   EXPECT_EQ(late[0].failure_text, "no final report within 10000 ms");
   EXPECT_FALSE(commanding.on_packet(report(7), start + seconds(11)));
 }
@@ -114,14 +114,14 @@ TEST_F(CommandingTest, FollowsAScheduledTelecommandWithoutHoldingAnybodyUp) {
   EXPECT_EQ(commanding.on_inserted(request, true, start), std::nullopt) << "that was no time-tagged one";
   const auto scheduled = commanding.on_inserted(later, true, start);
   ASSERT_TRUE(scheduled);
-  EXPECT_EQ(scheduled->stage, Stage::scheduled);
+  EXPECT_EQ(to_text(*scheduled), "scheduled");
   EXPECT_EQ(scheduled->tag, 8U);
-  EXPECT_EQ(commanding.on_packet(report(7, "", "1811c009"), start + seconds(50))->stage, Stage::completed);
+  EXPECT_EQ(to_text(*commanding.on_packet(report(7, "", "1811c009"), start + seconds(50))), "completed");
 
   commanding.follow_scheduled(later, *dictionary().command("eps.switch_load"), seconds(100), 9, start);
   const auto refused = commanding.on_inserted(later, false, start);
   ASSERT_TRUE(refused);
-  EXPECT_EQ(refused->stage, Stage::not_sent);
+  EXPECT_EQ(to_text(*refused), "not_sent");
   EXPECT_EQ(commanding.on_packet(report(7, "", "1811c009"), start), std::nullopt);
 }
 
@@ -151,10 +151,11 @@ ReceivedPacket done_event(std::uint32_t packets) {
           {.apid = mission::apid::ttc, .service = 5, .subtype = 1, .source = source.take()}};
 }
 
-StageReport stage_report(Stage stage, std::uint64_t tag = 1) {
+StageReport stage_report(Stage stage, std::uint64_t tag = 1, Outcome outcome = Outcome::passed) {
   StageReport r;
   r.command = dictionary().command("storage.retrieve");
   r.tag = tag;
+  r.outcome = outcome;
   r.stage = stage;
   return r;
 }
@@ -162,10 +163,10 @@ StageReport stage_report(Stage stage, std::uint64_t tag = 1) {
 TEST(Retrieval, IsCompleteWhenAllAnnouncedPacketsHaveCome) {
   Retrieval retrieval(1, mission::store::housekeeping);
   retrieval.on_packet(playback_packet(), start);  // belongs to an older retrieval
-  retrieval.on_stage(stage_report(Stage::started), start);
+  retrieval.on_stage(stage_report(Stage::start), start);
   retrieval.on_packet(playback_packet(), start);
   EXPECT_TRUE(retrieval.on_packet(done_event(2), start));
-  retrieval.on_stage(stage_report(Stage::completed), start);
+  retrieval.on_stage(stage_report(Stage::completion), start);
   EXPECT_FALSE(retrieval.is_over(start));
   retrieval.on_packet(playback_packet(), start + milliseconds(100));
   EXPECT_TRUE(retrieval.is_over(start + milliseconds(100)));
@@ -174,9 +175,9 @@ TEST(Retrieval, IsCompleteWhenAllAnnouncedPacketsHaveCome) {
 
 TEST(Retrieval, EndsIncompleteWhenPacketsAreLost) {
   Retrieval retrieval(1, mission::store::housekeeping);
-  retrieval.on_stage(stage_report(Stage::started), start);
+  retrieval.on_stage(stage_report(Stage::start), start);
   retrieval.on_packet(done_event(2), start);
-  retrieval.on_stage(stage_report(Stage::completed), start);
+  retrieval.on_stage(stage_report(Stage::completion), start);
   EXPECT_FALSE(retrieval.is_over(start + milliseconds(1999)));
   EXPECT_TRUE(retrieval.is_over(start + milliseconds(2000)));
   EXPECT_FALSE(retrieval.is_complete());
@@ -186,10 +187,10 @@ TEST(Retrieval, LeavesThePacketsAndTheEventOfOtherRetrievalsAlone) {
   Retrieval first(1, mission::store::housekeeping);
   Retrieval second(2, mission::store::housekeeping);
   EXPECT_FALSE(second.on_packet(done_event(9), start)) << "it has not started";
-  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::started, 1), start);
+  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::start, 1), start);
   for (auto* retrieval : {&first, &second}) retrieval->on_packet(playback_packet(), start);
-  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::completed, 1), start);
-  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::started, 2), start);
+  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::completion, 1), start);
+  for (auto* retrieval : {&first, &second}) retrieval->on_stage(stage_report(Stage::start, 2), start);
   for (auto* retrieval : {&first, &second}) retrieval->on_packet(playback_packet(), start);
 
   EXPECT_TRUE(first.on_packet(done_event(1), start));
@@ -202,7 +203,7 @@ TEST(Retrieval, LeavesThePacketsAndTheEventOfOtherRetrievalsAlone) {
 
 TEST(Retrieval, EndsAtOnceWhenItIsRefused) {
   Retrieval retrieval(1, mission::store::housekeeping);
-  retrieval.on_stage(stage_report(Stage::rejected), start);
+  retrieval.on_stage(stage_report(Stage::acceptance, 1, Outcome::failed), start);
   EXPECT_TRUE(retrieval.is_over(start));
   EXPECT_FALSE(retrieval.is_complete());
 }

@@ -91,36 +91,39 @@ TEST(Script, IsBounded) {
 TEST(Script, JudgesATelecommandByItsStages) {
   struct Case {
     Expectation expectation;
+    Outcome outcome;
     Stage stage;
     std::optional<bool> judgement;
   };
   using E = Expectation;
+  using O = Outcome;
   using S = Stage;
-  for (const auto& [expectation, stage, judgement] : std::vector<Case>{
-           {E::completed, S::accepted, std::nullopt},
-           {E::completed, S::progress_failed, std::nullopt},
-           {E::completed, S::completed, true},
-           {E::completed, S::rejected, false},
-           {E::completed, S::timed_out, false},
-           {E::accepted, S::sent, std::nullopt},
-           {E::accepted, S::accepted, true},
-           {E::accepted, S::started, true},
-           {E::accepted, S::rejected, false},
-           {E::accepted, S::not_sent, false},
-           {E::rejected, S::rejected, true},
-           {E::rejected, S::accepted, false},
-           {E::rejected, S::timed_out, false},
-           {E::failed, S::accepted, std::nullopt},
-           {E::failed, S::start_failed, true},
-           {E::failed, S::failed, true},
-           {E::failed, S::completed, false},
-           {E::failed, S::rejected, false},
+  for (const auto& [expectation, outcome, stage, judgement] : std::vector<Case>{
+           {E::completed, O::passed, S::acceptance, std::nullopt},
+           {E::completed, O::failed, S::progress, std::nullopt},
+           {E::completed, O::passed, S::completion, true},
+           {E::completed, O::failed, S::acceptance, false},
+           {E::completed, O::timed_out, S::acceptance, false},
+           {E::accepted, O::sent, S::acceptance, std::nullopt},
+           {E::accepted, O::passed, S::acceptance, true},
+           {E::accepted, O::passed, S::start, true},
+           {E::accepted, O::failed, S::acceptance, false},
+           {E::accepted, O::not_sent, S::acceptance, false},
+           {E::rejected, O::failed, S::acceptance, true},
+           {E::rejected, O::passed, S::acceptance, false},
+           {E::rejected, O::timed_out, S::acceptance, false},
+           {E::failed, O::passed, S::acceptance, std::nullopt},
+           {E::failed, O::failed, S::start, true},
+           {E::failed, O::failed, S::completion, true},
+           {E::failed, O::passed, S::completion, false},
+           {E::failed, O::failed, S::acceptance, false},
        }) {
     ScriptStep step;
     step.expectation = expectation;
     StageReport report;
+    report.outcome = outcome;
     report.stage = stage;
-    EXPECT_EQ(judge(step, report), judgement) << to_text(expectation) << ' ' << to_text(stage);
+    EXPECT_EQ(judge(step, report), judgement) << to_text(expectation) << ' ' << to_text(report);
   }
 }
 
@@ -149,13 +152,15 @@ TEST(Script, OfAnInsertionOnlyAFailureCounts) {
   ScriptStep step;
   StageReport report;
   report.insertion = true;
-  report.stage = Stage::completed;
+  report.outcome = Outcome::passed;
+  report.stage = Stage::completion;
   EXPECT_EQ(judge(step, report), std::nullopt) << "its telecommand is not completed";
-  report.stage = Stage::rejected;
+  report.outcome = Outcome::failed;
+  report.stage = Stage::acceptance;
   EXPECT_EQ(judge(step, report), false);
   step.expectation = Expectation::scheduled;
   report = {};
-  report.stage = Stage::scheduled;
+  report.outcome = Outcome::scheduled;
   EXPECT_EQ(judge(step, report), true);
 }
 
@@ -164,7 +169,7 @@ TEST(Script, JudgesTheFailureCodeWhenOneIsNamed) {
   step.expectation = Expectation::rejected;
   step.failure = "busy";
   StageReport report;
-  report.stage = Stage::rejected;
+  report.outcome = Outcome::failed;
   report.failure_name = "bad_argument";
   EXPECT_EQ(judge(step, report), false);
   report.failure_name = "busy";

@@ -15,19 +15,10 @@ constexpr seconds connection_patience{2};  ///< of a test whether a node is ther
 /// Of one call for a parameter, the search for the node's service in it.
 constexpr seconds answer_deadline{4};
 
-std::optional<Stage> to_stage(std::uint8_t stage) {
-  switch (stage) {
-    case srfs_msgs::msg::TelecommandReport::ACCEPTED:
-      return Stage::acceptance;
-    case srfs_msgs::msg::TelecommandReport::STARTED:
-      return Stage::start;
-    case srfs_msgs::msg::TelecommandReport::PROGRESS:
-      return Stage::progress;
-    case srfs_msgs::msg::TelecommandReport::COMPLETED:
-      return Stage::completion;
-    default:
-      return std::nullopt;
-  }
+/// A node's report has the numbers of PUS 1. Routing is no matter of nodes.
+std::optional<Stage> to_stage(std::uint8_t number) {
+  const auto stage = static_cast<Stage>(number);
+  return is_valid(stage) && stage != Stage::routing ? std::optional(stage) : std::nullopt;
 }
 
 std::optional<NodeValue> to_node_value(const ros::ParameterValue& value) {

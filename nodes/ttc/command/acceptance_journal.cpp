@@ -168,8 +168,7 @@ RefusedTelecommand read_refused(OctetReader& reader) {
 // What no version of this program writes is not taken over, whatever its checksum says.
 
 bool is_sound(const TelecommandEnd& end) {
-  return end.stage == Stage::acceptance || end.stage == Stage::start || end.stage == Stage::progress ||
-         end.stage == Stage::completion;
+  return is_valid(end.stage) && end.stage != Stage::routing;
 }
 
 bool is_sound(const AcceptedTelecommand& t) {

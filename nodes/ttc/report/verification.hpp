@@ -4,15 +4,15 @@
 
 #include <cstdint>
 
+#include <mission/structures.hpp>
+
 #include "base/octets.hpp"
 #include "nodes/ttc/report/report.hpp"
 #include "wire/pus.hpp"
 
 namespace srfs {
 
-/// Stages of request verification; the value is the success report's subtype, one more is the failure's
-/// (ECSS-E-ST-70-41C 6.1). Routing is reported only when it fails (1,10).
-enum class Stage : std::uint8_t { acceptance = 1, start = 3, progress = 5, completion = 7, routing = 9 };
+using mission::Stage;
 
 /// Where the reports go, and which ones were asked for.
 struct TelecommandOrigin {
