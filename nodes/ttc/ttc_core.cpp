@@ -303,9 +303,9 @@ void TtcCore::execute_passed() {
 }
 
 void TtcCore::send_released() {
-  for (const HeldReport& held : gate_.take_released()) {
-    send(held.report, held.live, held.stored, held.urgent);
-    if (held.report.ends != 0) journal_.on_end_said(held.report.ends);
+  for (const Report& report : gate_.take_released()) {
+    send(report);
+    if (report.ends != 0) journal_.on_end_said(report.ends);
   }
 }
 
@@ -316,16 +316,14 @@ void TtcCore::record_progress() {
 
 void TtcCore::send_reports(const std::vector<Report>& reports, std::optional<MonotonicTime> received) {
   for (const Report& report : reports) {
-    // Verification reports are stored; answers to requests (17,2, a one-shot) are not.
-    const bool verification = report.service == verification_service;
     if (report.ends != 0) record_progress();  // its record is what it waits for
     if (report.ends != 0 && remembered_.journal_durable) {
-      gate_.hold({.report = report}, journal_.revision(), now_);
+      gate_.hold(report, journal_.revision(), now_);
       continue;
     }
-    send(report, true, verification && !report.again, true);
+    send(report);
     if (report.ends != 0) journal_.on_end_said(report.ends);
-    const bool acceptance = verification && report.subtype <= 2;
+    const bool acceptance = report.service == verification_service && report.subtype <= 2;
     if (received && acceptance) act(AcceptanceSent{*received});
   }
 }

@@ -265,8 +265,8 @@ class TtcCore {
                     MonotonicTime now);
   bool on_event(const std::string& node, std::uint16_t event_id, std::uint8_t severity, OctetView data,
                 MonotonicTime now);
-  void on_telecommand_report(const NodeReport& report, MonotonicTime now) {
-    forwarder_.on_report(report, now);
+  void on_telecommand_report(const std::string& from, const StageReached& report, MonotonicTime now) {
+    forwarder_.on_report(from, report, now);
   }
   void on_acceptance_sent(nanoseconds latency) { acceptance_latency_.add(latency); }
   void on_connection_answer(bool answered) { connections_.on_answer(answered); }
@@ -314,18 +314,16 @@ class TtcCore {
   /// An event that must not be held back by the rate limit of the event topic.
   template <class Event>
   void send_event(const Event& event) {
-    if (const auto report = own_event(event.severity, event.event_id, event.encoded()))
-      send(report->report, report->live, true, false);
+    if (const auto report = own_event(event.severity, event.event_id, event.encoded())) send(*report);
   }
   /// The same, after the ends that wait for the disk.
   template <class Event>
   void send_behind_ends(const Event& event) {
     if (auto report = own_event(event.severity, event.event_id, event.encoded()))
-      gate_.hold({.report = std::move(report->report), .live = report->live, .stored = true, .urgent = false},
-                 journal_.revision(), now_);
+      gate_.hold(std::move(*report), journal_.revision(), now_);
   }
-  [[nodiscard]] std::optional<EventReport> own_event(mission::EventSeverity severity, std::uint16_t event_id,
-                                                     OctetView data);
+  [[nodiscard]] std::optional<Report> own_event(mission::EventSeverity severity, std::uint16_t event_id,
+                                                OctetView data);
 
   // Uplink
   void take_uplinked(std::vector<UplinkedPacket> packets);
@@ -365,7 +363,7 @@ class TtcCore {
   void end_silence();
   // Reports
   void send_reports(const std::vector<Report>& reports, std::optional<MonotonicTime> received);
-  void send(const Report& report, bool live, bool stored, bool urgent);
+  void send(const Report& report);
   void send_sample(std::uint16_t apid, std::uint16_t structure_id, OctetView data, MonotonicTime now);
   void send_time_report();
   void report_rejections();

@@ -373,8 +373,8 @@ void TtcNode::on_telemetry(const srfs_msgs::msg::PayloadTelemetry& message) {
 void TtcNode::on_telecommand_report(const srfs_msgs::msg::TelecommandReport& message) {
   const auto stage = to_stage(message.stage);
   if (!is_active() || !stage) return;
-  core_->on_telecommand_report({.id = message.id,
-                                .node = message.node,
+  core_->on_telecommand_report(message.node,
+                               {.id = message.id,
                                 .stage = *stage,
                                 .success = message.success,
                                 .failure_code = message.failure_code,

@@ -21,10 +21,11 @@ constexpr std::uint8_t function_service = 8;
 
 // ---- to the stores and to the line
 
-void TtcCore::send(const Report& report, bool live, bool stored, bool urgent) {
+void TtcCore::send(const Report& report) {
   const TaiTime tai = clock_.tai_at(now_);
   Octets packet = packets_.make(report, tai, clock_.reference_at(now_));
-  const std::uint16_t store = stored ? store_of_service(dictionary_, report.service) : std::uint16_t{0};
+  const std::uint16_t store =
+      report.stored ? store_of_service(dictionary_, report.service) : std::uint16_t{0};
   if (store != 0 && stores_.take_packet(store)) {
     if (to_store_.size() < max_items_to_store) {
       to_store_.push_back(StoreItem{.store = store,
@@ -37,17 +38,16 @@ void TtcCore::send(const Report& report, bool live, bool stored, bool urgent) {
       ++remembered_.unstored_packets;
     }
   }
-  if (live) downlink_.push(DownlinkChannel::live, std::move(packet), urgent, now_);
+  if (report.live) downlink_.push(DownlinkChannel::live, std::move(packet), report.urgent, now_);
 }
 
 void TtcCore::send_sample(std::uint16_t apid, std::uint16_t structure_id, OctetView data, MonotonicTime now) {
   now_ = now;
-  if (const auto report = housekeeping_.on_sample(apid, structure_id, data, now))
-    send(report->report, report->live, true, false);
+  if (const auto report = housekeeping_.on_sample(apid, structure_id, data, now)) send(*report);
 }
 
-std::optional<EventReport> TtcCore::own_event(mission::EventSeverity severity, std::uint16_t event_id,
-                                              OctetView data) {
+std::optional<Report> TtcCore::own_event(mission::EventSeverity severity, std::uint16_t event_id,
+                                         OctetView data) {
   return events_.on_event(dictionary_.apid_of_node(node_)->apid, event_id,
                           static_cast<std::uint8_t>(severity), data, now_);
 }
@@ -366,7 +366,7 @@ bool TtcCore::on_telemetry(const std::string& node, std::uint16_t apid, std::uin
   if (!report) return false;
   beacon_.on_telemetry(node, structure_id, data, now);
   boot_ = beacon_.boot().value_or(boot_);
-  send(report->report, report->live, true, false);
+  send(*report);
   return true;
 }
 
@@ -376,7 +376,7 @@ bool TtcCore::on_event(const std::string& node, std::uint16_t event_id, std::uin
   const mission::ApplicationProcess* source = dictionary_.apid_of_node(node);
   const auto report =
       events_.on_event(source != nullptr ? source->apid : std::uint16_t{1}, event_id, severity, data, now);
-  if (report) send(report->report, report->live, true, false);
+  if (report) send(*report);
   return report.has_value();
 }
 
@@ -571,10 +571,10 @@ void TtcCore::send_beacon(std::uint8_t farm_channel, MonotonicTime now) {
   schedule_.on_time(clock_.tai_at(now), clock_.valid());
   fill_next_scheduled(in);
   using mission::Beacon;
-  const auto report =
-      housekeeping_.on_sample(Beacon::apid, Beacon::structure_id, beacon_.build(in, now), now);
-  // Unasked and in every mode: it cannot be switched off.
-  if (report) send(report->report, true, true, false);
+  auto report = housekeeping_.on_sample(Beacon::apid, Beacon::structure_id, beacon_.build(in, now), now);
+  if (!report) return;
+  report->live = true;  // unasked and in every mode: it cannot be switched off
+  send(*report);
 }
 
 }  // namespace srfs

@@ -120,7 +120,7 @@ bool read_progress(OctetReader& reader, AcceptedTelecommand& t) {
   return (flags & flag_ended) != 0;
 }
 
-void write_end(OctetWriter& writer, std::uint64_t serial, const TelecommandEnd& end) {
+void write_end(OctetWriter& writer, std::uint64_t serial, const StageReached& end) {
   writer.u64(serial);
   writer.u8(static_cast<std::uint8_t>(end.stage));
   writer.u8(end.success ? 1 : 0);
@@ -130,9 +130,9 @@ void write_end(OctetWriter& writer, std::uint64_t serial, const TelecommandEnd& 
   writer.bytes(end.data);
 }
 
-TelecommandEnd read_end(OctetReader& reader, std::uint64_t& serial) {
+StageReached read_end(OctetReader& reader, std::uint64_t& serial) {
   serial = reader.u64();
-  TelecommandEnd end;
+  StageReached end;
   end.stage = static_cast<Stage>(reader.u8());
   end.success = reader.u8() != 0;
   end.failure_code = reader.u16();
@@ -167,7 +167,7 @@ RefusedTelecommand read_refused(OctetReader& reader) {
 
 // What no version of this program writes is not taken over, whatever its checksum says.
 
-bool is_sound(const TelecommandEnd& end) {
+bool is_sound(const StageReached& end) {
   return is_valid(end.stage) && end.stage != Stage::routing;
 }
 
@@ -298,7 +298,7 @@ bool AcceptanceJournal::apply_change(std::uint8_t kind, OctetReader& reader) {
     return reader.ok();
   }
   if (kind != Kind::ended) return false;
-  TelecommandEnd end = read_end(reader, t->ended_serial);
+  StageReached end = read_end(reader, t->ended_serial);
   serial_ = std::max(serial_, t->ended_serial);
   if (!reader.ok() || !is_sound(end)) return false;
   this->end(*t, std::move(end));
@@ -373,7 +373,7 @@ std::uint64_t AcceptanceJournal::change_schedule(const ScheduleChange& change) {
   return ++revision_;
 }
 
-std::uint64_t AcceptanceJournal::refuse(const TelecommandOrigin& origin, const TelecommandEnd& end,
+std::uint64_t AcceptanceJournal::refuse(const TelecommandOrigin& origin, const StageReached& end,
                                         const LinkState& link) {
   link_ = link;
   add_refusal(0, {.origin = origin, .end = end});
@@ -430,13 +430,7 @@ void AcceptanceJournal::on_stage(const StageReached& stage) {
   if (stage.stage == Stage::acceptance) {  // that it is here says that it was accepted
     t->reported = true;
     if (stage.success) return;
-    RefusedTelecommand refused{.origin = t->origin,
-                               .end = {.stage = stage.stage,
-                                       .success = false,
-                                       .failure_code = stage.failure_code,
-                                       .step = stage.step,
-                                       .data = stage.data},
-                               .said = true};
+    RefusedTelecommand refused{.origin = t->origin, .end = stage, .said = true};
     entries_.erase(stage.id);
     --open_;
     add_refusal(stage.id, std::move(refused));
@@ -446,11 +440,8 @@ void AcceptanceJournal::on_stage(const StageReached& stage) {
     t->ended_serial = ++serial_;
     t->end_said = stage.silent;
     ++revision_;
-    TelecommandEnd how{.stage = stage.stage,
-                       .success = stage.success,
-                       .failure_code = stage.failure_code,
-                       .step = stage.step,
-                       .data = bounded_end_data(stage.data)};
+    StageReached how = stage;
+    how.data = bounded_end_data(stage.data);
     OctetWriter writer;
     writer.u64(stage.id);
     write_end(writer, t->ended_serial, how);
@@ -467,7 +458,7 @@ void AcceptanceJournal::on_stage(const StageReached& stage) {
   add(Kind::progressed, std::move(writer));
 }
 
-void AcceptanceJournal::end(AcceptedTelecommand& entry, TelecommandEnd end) {
+void AcceptanceJournal::end(AcceptedTelecommand& entry, StageReached end) {
   entry.end = std::move(end);
   entry.packet = {};
   --open_;
@@ -572,7 +563,7 @@ void AcceptanceJournal::tell_again(const AcceptedTelecommand& telecommand, std::
   if (telecommand.started && telecommand.started_serial > told)
     report_queue.success_again(origin, Stage::start, stored);
   if (!telecommand.end || !telecommand.end_said || telecommand.ended_serial <= told) return;
-  const TelecommandEnd& end = *telecommand.end;
+  const StageReached& end = *telecommand.end;
   if (end.success) {
     report_queue.success_again(origin, end.stage, stored);
   } else {

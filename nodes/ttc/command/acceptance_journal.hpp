@@ -19,16 +19,6 @@
 
 namespace srfs {
 
-/// How a telecommand ended, as it was reported.
-struct TelecommandEnd {
-  Stage stage = Stage::completion;
-  bool success = true;
-  std::uint16_t failure_code = 0;
-  std::uint8_t step = 0;
-  Octets data;
-  friend bool operator==(const TelecommandEnd&, const TelecommandEnd&) = default;
-};
-
 /// An accepted telecommand and what is known of it.
 struct AcceptedTelecommand {
   TelecommandOrigin origin;  ///< with its id
@@ -53,7 +43,7 @@ struct AcceptedTelecommand {
   bool taken = false;     ///< its node has persisted it
   bool started = false;
   std::uint8_t last_step = 0;
-  std::optional<TelecommandEnd> end;
+  std::optional<StageReached> end;
   // Serials of what must be reported to the ground.
   std::uint64_t accepted_serial = 0;
   std::uint64_t started_serial = 0;
@@ -65,7 +55,7 @@ struct AcceptedTelecommand {
 /// A telecommand that was refused, as it was or is to be reported.
 struct RefusedTelecommand {
   TelecommandOrigin origin;
-  TelecommandEnd end{.stage = Stage::acceptance, .success = false, .data = {}};
+  StageReached end{.success = false};
   std::uint64_t serial = 0;
   bool said = false;
 };
@@ -146,7 +136,7 @@ class AcceptanceJournal {
                        const std::string& target, MonotonicTime expiry, const LinkState& link,
                        MonotonicTime now, std::uint64_t activity = 0);
   /// It was refused. @param link holds the counters of its frame. @return its serial
-  std::uint64_t refuse(const TelecommandOrigin& origin, const TelecommandEnd& end, const LinkState& link);
+  std::uint64_t refuse(const TelecommandOrigin& origin, const StageReached& end, const LinkState& link);
   /// Those that the ground may not know of, in the order of their refusal.
   [[nodiscard]] const std::deque<RefusedTelecommand>& refused() const { return refused_; }
   /// The link state changed without a telecommand. It is written, and synced with what comes next.
@@ -211,7 +201,7 @@ class AcceptanceJournal {
   void add_refusal(std::uint64_t id, RefusedTelecommand refused);
   void keep_refused(RefusedTelecommand refused);
   void leave_schedule(std::uint64_t activity);
-  void end(AcceptedTelecommand& entry, TelecommandEnd end);
+  void end(AcceptedTelecommand& entry, StageReached end);
   void forget_oldest();
   [[nodiscard]] Octets encode_snapshot() const;
   bool apply_snapshot(OctetReader& reader);

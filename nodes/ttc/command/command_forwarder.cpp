@@ -95,9 +95,9 @@ void CommandForwarder::take(Node& node, Entry entry, MonotonicTime now) {
   node.executing.push_back(std::move(entry));
 }
 
-void CommandForwarder::on_report(const NodeReport& report, MonotonicTime now) {
+void CommandForwarder::on_report(const std::string& from, const StageReached& report, MonotonicTime now) {
   const auto has_id = [&](const Entry& entry) {
-    return entry.command.id == report.id && entry.command.target == report.node;
+    return entry.command.id == report.id && entry.command.target == from;
   };
   for (auto& [name, node] : nodes_) {
     const auto waiting = std::find_if(node.unacknowledged.begin(), node.unacknowledged.end(), has_id);
@@ -126,7 +126,7 @@ void CommandForwarder::on_report(const NodeReport& report, MonotonicTime now) {
   ++counters_.stray_reports;
 }
 
-bool CommandForwarder::apply(Entry& entry, const NodeReport& report) {
+bool CommandForwarder::apply(Entry& entry, const StageReached& report) {
   if (!report.success) {
     // ttc has reported the acceptance already, so a node that refuses the command fails its start.
     const Stage stage = report.stage == Stage::acceptance ? Stage::start : report.stage;

@@ -29,17 +29,6 @@ struct ForwardedCommand {
   Octets arguments;
 };
 
-/// What a node reports on /telecommand_report.
-struct NodeReport {
-  std::uint64_t id = 0;
-  std::string node;  ///< that reports it; only the target of the command is believed
-  Stage stage = Stage::acceptance;
-  bool success = true;
-  std::uint16_t failure_code = 0;
-  std::uint8_t step = 0;
-  Octets data;
-};
-
 struct ForwardingCounters {
   std::uint64_t submitted = 0;
   std::uint64_t refused = 0;    ///< a queue bound was reached
@@ -95,7 +84,8 @@ class CommandForwarder {
                MonotonicTime now);
   /// Whether submit() for @p target would be taken after @p reserved others.
   [[nodiscard]] bool has_room(const std::string& target, std::size_t reserved = 0) const;
-  void on_report(const NodeReport& report, MonotonicTime now);
+  /// @param from  the node that reports it on /telecommand_report; only the target of the command is believed
+  void on_report(const std::string& from, const StageReached& report, MonotonicTime now);
   /// Publishes again what is due, ends what expired.
   void on_time(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> next_due() const;
@@ -136,7 +126,7 @@ class CommandForwarder {
   void expire(const Entry& entry, Stage stage, std::uint16_t code);
   void fail(const Entry& entry, Stage stage, std::uint16_t code, OctetView data);
   /// @return whether the command is over
-  bool apply(Entry& entry, const NodeReport& report);
+  bool apply(Entry& entry, const StageReached& report);
   void report_start(Entry& entry);
 
   ReportQueue& report_queue_;

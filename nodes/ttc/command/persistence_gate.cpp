@@ -19,7 +19,7 @@ bool PersistenceGate::enter(JudgedTelecommand judged, std::uint64_t generation, 
   return true;
 }
 
-void PersistenceGate::hold(HeldReport report, std::uint64_t generation, MonotonicTime now) {
+void PersistenceGate::hold(Report report, std::uint64_t generation, MonotonicTime now) {
   held_.push_back(Held{.report = std::move(report), .generation = generation, .deadline = now + deadline_});
   if (held_.size() > held_capacity) release_front();
   while (!held_.empty() && held_.front().generation <= durable_) release_front();

@@ -20,14 +20,6 @@ struct GatedTelecommand {
   bool durable = true;     ///< its journal record is on disk
 };
 
-/// A report that must not leave before it is sure: the end of a telecommand, and what is reported after it.
-struct HeldReport {
-  Report report;
-  bool live = true;
-  bool stored = true;
-  bool urgent = true;
-};
-
 struct GateCounters {
   std::uint64_t passed = 0;
   std::uint64_t passed_undurable =
@@ -54,8 +46,9 @@ class PersistenceGate {
   /// @param generation of the journal with this one. @return false: full, it is dropped (counted)
   bool enter(JudgedTelecommand judged, std::uint64_t generation, MonotonicTime now);
   void refuse() { ++counters_.refused; }
+  /// A report that must not leave before it is sure: the end of a telecommand, and what is reported after it.
   /// @param generation of the journal with this end
-  void hold(HeldReport report, std::uint64_t generation, MonotonicTime now);
+  void hold(Report report, std::uint64_t generation, MonotonicTime now);
   [[nodiscard]] bool has_room(std::size_t packets = 1) const { return waiting_.size() + packets <= capacity; }
 
   /// Whether a write may begin now.
@@ -73,7 +66,7 @@ class PersistenceGate {
 
   [[nodiscard]] std::vector<GatedTelecommand> take_passed() { return std::exchange(passed_, {}); }
   /// Reports that may leave now, in their order.
-  [[nodiscard]] std::vector<HeldReport> take_released() { return std::exchange(released_, {}); }
+  [[nodiscard]] std::vector<Report> take_released() { return std::exchange(released_, {}); }
   [[nodiscard]] const GateCounters& counters() const { return counters_; }
 
  private:
@@ -83,7 +76,7 @@ class PersistenceGate {
     MonotonicTime deadline;
   };
   struct Held {
-    HeldReport report;
+    Report report;
     std::uint64_t generation = 0;
     MonotonicTime deadline;
   };
@@ -94,7 +87,7 @@ class PersistenceGate {
   std::deque<Waiting> waiting_;
   std::vector<GatedTelecommand> passed_;
   std::deque<Held> held_;
-  std::vector<HeldReport> released_;
+  std::vector<Report> released_;
   std::uint64_t durable_;                 ///< generation on disk
   std::optional<std::uint64_t> writing_;  ///< generation of the write under way
   std::optional<MonotonicTime> retry_;    ///< no write before

@@ -18,9 +18,8 @@ mission::LifecycleState beacon_state(std::optional<std::uint8_t> state, bool run
   return mission::is_valid(value) ? value : mission::LifecycleState::transition;
 }
 
-mission::TelecommandOutcome outcome_of(const LastTelecommand& last) {
+mission::TelecommandOutcome outcome_of(const StageReached& last) {
   using mission::TelecommandOutcome;
-  if (!last.any) return TelecommandOutcome::none;
   switch (last.stage) {
     case Stage::acceptance:
     case Stage::routing:
@@ -141,10 +140,12 @@ Octets BeaconBuilder::build(const BeaconInputs& inputs, MonotonicTime now) const
   beacon.storage_free_mib = inputs.storage_free_mib;
   beacon.storage_state = inputs.storage_state;
   beacon.store_records = inputs.store_records;
-  beacon.last_telecommand_apid = inputs.last_telecommand.origin.request.packet_identification & 0x7FF;
-  beacon.last_telecommand_sequence = inputs.last_telecommand.origin.request.packet_sequence_control & 0x3FFF;
-  beacon.last_telecommand_outcome = outcome_of(inputs.last_telecommand);
-  beacon.last_failure_code = inputs.last_telecommand.failure_code;
+  if (const auto& last = inputs.last_telecommand) {
+    beacon.last_telecommand_apid = last->origin.request.packet_identification & 0x7FF;
+    beacon.last_telecommand_sequence = last->origin.request.packet_sequence_control & 0x3FFF;
+    beacon.last_telecommand_outcome = outcome_of(last->reached);
+    beacon.last_failure_code = last->reached.failure_code;
+  }
   beacon.sdls_spi = inputs.sdls_spi;
   beacon.sdls_counter = inputs.sdls_counter;
   beacon.farm_vr = inputs.farm_vr;

@@ -42,7 +42,7 @@ struct BeaconInputs {
   std::uint32_t storage_free_mib = 0;
   mission::StorageState storage_state = mission::StorageState::works;
   std::uint32_t store_records = 0;
-  LastTelecommand last_telecommand;
+  std::optional<LastTelecommand> last_telecommand;
   std::array<std::uint16_t, 2> sdls_spi{};      ///< BD, AD; 0: none
   std::array<std::uint64_t, 2> sdls_counter{};  ///< BD, AD
   std::uint8_t farm_vr = 0;

@@ -30,8 +30,8 @@ void EventReporter::add_essential_event(std::uint16_t event_id) {
   events_[event_id].essential = true;
 }
 
-std::optional<EventReport> EventReporter::on_event(std::uint16_t apid, std::uint16_t event_id,
-                                                   std::uint8_t severity, OctetView data, MonotonicTime now) {
+std::optional<Report> EventReporter::on_event(std::uint16_t apid, std::uint16_t event_id,
+                                              std::uint8_t severity, OctetView data, MonotonicTime now) {
   const auto found = events_.find(event_id);
   const bool severity_valid = severity >= static_cast<std::uint8_t>(mission::EventSeverity::info) &&
                               severity <= static_cast<std::uint8_t>(mission::EventSeverity::high);
@@ -48,12 +48,8 @@ std::optional<EventReport> EventReporter::on_event(std::uint16_t apid, std::uint
   OctetWriter writer;
   writer.u16(event_id);
   writer.bytes(data);
-  return EventReport{.report = Report{.apid = apid,
-                                      .service = service_type,
-                                      .subtype = severity,
-                                      .destination_id = 0,
-                                      .data = writer.take()},
-                     .live = live};
+  return Report{
+      .apid = apid, .service = service_type, .subtype = severity, .data = writer.take(), .live = live};
 }
 
 bool EventReporter::set_enabled(std::uint16_t event_id, bool enabled) {

@@ -25,12 +25,6 @@ struct EventCounters {
   std::uint64_t unknown = 0;     ///< not in the dictionary, or with a severity other than 1-4
 };
 
-/// One event as a 5,1 to 5,4 report: stored, and sent live when the event is enabled.
-struct EventReport {
-  Report report;
-  bool live = false;
-};
-
 /// PUS 5 (ECSS-E-ST-70-41C 6.5): which events become reports. One event id that floods costs only itself.
 class EventReporter final : public PusService {
  public:
@@ -53,8 +47,9 @@ class EventReporter final : public PusService {
   void add_essential_event(std::uint16_t event_id);
 
   /// @param data the event's parameters, encoded
-  [[nodiscard]] std::optional<EventReport> on_event(std::uint16_t apid, std::uint16_t event_id,
-                                                    std::uint8_t severity, OctetView data, MonotonicTime now);
+  /// @return 5,1 to 5,4: stored, and sent live when the event is enabled
+  [[nodiscard]] std::optional<Report> on_event(std::uint16_t apid, std::uint16_t event_id,
+                                               std::uint8_t severity, OctetView data, MonotonicTime now);
   [[nodiscard]] bool knows(std::uint16_t event_id) const { return events_.contains(event_id); }
   /// 5,5 and 5,6. @return false: unknown event, or an essential one that would be disabled
   bool set_enabled(std::uint16_t event_id, bool enabled);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -22,26 +23,7 @@ struct VerificationCounters {
 /// The newest telecommand and the last stage it reached, for the beacon.
 struct LastTelecommand {
   TelecommandOrigin origin;
-  Stage stage = Stage::acceptance;
-  bool success = true;
-  std::uint16_t failure_code = 0;
-  bool any = false;
-};
-
-/// A stage that an accepted telecommand reached, or missed, for the journal.
-struct StageReached {
-  std::uint64_t id = 0;
-  Stage stage = Stage::acceptance;
-  bool success = true;
-  std::uint16_t failure_code = 0;
-  std::uint8_t step = 0;
-  Octets data;
-  bool silent = false;  ///< a success whose report was not wanted
-
-  /// Nothing comes after it.
-  [[nodiscard]] bool is_end() const {
-    return stage == Stage::completion || (!success && (stage == Stage::start || is_before_start(stage)));
-  }
+  StageReached reached;
 };
 
 /// Reports on their way to the ground, in order. Everything that handles telecommands writes into one queue,
@@ -61,14 +43,15 @@ class ReportQueue {
   void success_again(const TelecommandOrigin& origin, Stage stage, bool stored);
   void failure_again(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code, OctetView data,
                      std::uint8_t step, bool stored);
-  /// A report that is no verification: the answer to a request.
-  void put(Report report) { reports_.push_back(std::move(report)); }
+  /// A report that is no verification: the answer to a request, which is not stored.
+  void put(Report report);
 
   [[nodiscard]] std::vector<Report> take() { return std::exchange(reports_, {}); }
   /// Stages of telecommands with an id since the last call, whether or not their report was wanted.
   [[nodiscard]] std::vector<StageReached> take_stages() { return std::exchange(stages_, {}); }
   [[nodiscard]] const VerificationCounters& counters() const { return counters_; }
-  [[nodiscard]] const LastTelecommand& last() const { return last_; }
+  /// nullopt: none yet.
+  [[nodiscard]] const std::optional<LastTelecommand>& last() const { return last_; }
 
  private:
   void remember(const TelecommandOrigin& origin, const StageReached& reached);
@@ -76,7 +59,7 @@ class ReportQueue {
   std::vector<Report> reports_;
   std::vector<StageReached> stages_;
   VerificationCounters counters_;
-  LastTelecommand last_;
+  std::optional<LastTelecommand> last_;
 };
 
 }  // namespace srfs

@@ -28,7 +28,8 @@ Report success_report(const TelecommandOrigin& origin, Stage stage, std::uint8_t
                 .service = verification_service,
                 .subtype = static_cast<std::uint8_t>(stage),
                 .destination_id = origin.source_id,
-                .data = writer.take()};
+                .data = writer.take(),
+                .urgent = true};
 }
 
 Report failure_report(const TelecommandOrigin& origin, Stage stage, std::uint16_t failure_code,
@@ -40,7 +41,8 @@ Report failure_report(const TelecommandOrigin& origin, Stage stage, std::uint16_
                 .service = verification_service,
                 .subtype = static_cast<std::uint8_t>(static_cast<std::uint8_t>(stage) + 1),
                 .destination_id = origin.source_id,
-                .data = writer.take()};
+                .data = writer.take(),
+                .urgent = true};
 }
 
 }  // namespace srfs

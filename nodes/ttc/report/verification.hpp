@@ -23,6 +23,23 @@ struct TelecommandOrigin {
   std::uint64_t id = 0;         ///< of the accepted telecommand; 0: none yet
 };
 
+/// A stage that a telecommand reached or missed: in the report of a node, for the journal, and as its end.
+struct StageReached {
+  std::uint64_t id = 0;  ///< of the accepted telecommand; 0: where its holder knows it
+  Stage stage = Stage::acceptance;
+  bool success = true;
+  std::uint16_t failure_code = 0;
+  std::uint8_t step = 0;
+  Octets data = {};     ///< behind the failure code
+  bool silent = false;  ///< a success whose report was not wanted
+
+  /// Nothing comes after it.
+  [[nodiscard]] bool is_end() const {
+    return stage == Stage::completion || (!success && stage != Stage::progress);
+  }
+  friend bool operator==(const StageReached&, const StageReached&) = default;
+};
+
 /// Stages before any execution.
 [[nodiscard]] constexpr bool is_before_start(Stage stage) {
   return stage == Stage::acceptance || stage == Stage::routing;

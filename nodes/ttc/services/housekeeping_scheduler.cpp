@@ -62,9 +62,8 @@ void HousekeepingScheduler::add_structure(std::uint16_t structure_id, std::uint1
                                         .next = {}};
 }
 
-std::optional<HousekeepingReport> HousekeepingScheduler::on_sample(std::uint16_t apid,
-                                                                   std::uint16_t structure_id,
-                                                                   OctetView parameters, MonotonicTime now) {
+std::optional<Report> HousekeepingScheduler::on_sample(std::uint16_t apid, std::uint16_t structure_id,
+                                                       OctetView parameters, MonotonicTime now) {
   const auto found = structures_.find(structure_id);
   if (found == structures_.end() || found->second.apid != apid ||
       parameters.size() < found->second.min_octets || parameters.size() > found->second.max_octets) {
@@ -84,7 +83,9 @@ std::optional<HousekeepingReport> HousekeepingScheduler::on_sample(std::uint16_t
     if (structure.next <= now)
       structure.next = now + structure.plan.interval;  // a silence is not caught up with
   }
-  return HousekeepingReport{.report = parameter_report_of(apid, structure_id, parameters), .live = live};
+  Report report = parameter_report_of(apid, structure_id, parameters);
+  report.live = live;
+  return report;
 }
 
 Result<void, HousekeepingError> HousekeepingScheduler::set_enabled(std::uint16_t structure_id, bool enabled) {

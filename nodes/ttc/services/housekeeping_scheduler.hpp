@@ -27,12 +27,6 @@ struct HousekeepingCounters {
   std::uint64_t unknown = 0;  ///< samples the dictionary does not have: structure, source or length
 };
 
-/// One sample as a 3,25 report: always stored, sent live when its structure is enabled and due.
-struct HousekeepingReport {
-  Report report;
-  bool live = false;
-};
-
 /// PUS 3 (ECSS-E-ST-70-41C 6.3): which samples of the housekeeping structures go down at once, and the newest
 /// of each. Reports are made when a sample arrives, so that a report never shows an old value as new; over
 /// time they are as many as the interval says.
@@ -55,9 +49,10 @@ class HousekeepingScheduler final : public PusService {
 
   void remove_structure(std::uint16_t structure_id) { structures_.erase(structure_id); }
 
-  /// A new sample. @return nullopt: not in the dictionary (counted)
-  [[nodiscard]] std::optional<HousekeepingReport> on_sample(std::uint16_t apid, std::uint16_t structure_id,
-                                                            OctetView parameters, MonotonicTime now);
+  /// A new sample. @return 3,25: stored, and sent live when its structure is enabled and due; nullopt: not in
+  /// the dictionary (counted)
+  [[nodiscard]] std::optional<Report> on_sample(std::uint16_t apid, std::uint16_t structure_id,
+                                                OctetView parameters, MonotonicTime now);
 
   Result<void, HousekeepingError> set_enabled(std::uint16_t structure_id, bool enabled);  // 3,5 and 3,6
   Result<void, HousekeepingError> set_interval(std::uint16_t structure_id, milliseconds interval);  // 3,31

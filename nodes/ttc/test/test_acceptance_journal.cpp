@@ -133,8 +133,7 @@ TEST(AcceptanceJournal, GivesTheNextProcessWhatHasNotEndedWithItsIdAndProgress) 
   EXPECT_TRUE(t->taken && t->started && t->restored && !t->other_boot);
   ASSERT_NE(second.find(ended), nullptr);
   EXPECT_EQ(second.find(ended)->end,
-            (TelecommandEnd{
-                .stage = Stage::completion, .success = false, .failure_code = 33, .step = 0, .data = {}}));
+            (StageReached{.stage = Stage::completion, .success = false, .failure_code = 33}));
   EXPECT_EQ(second.journal().link(), link_of(2));
   EXPECT_GT(second.journal().next_id(), ended);
 }
@@ -245,7 +244,7 @@ TEST(AcceptanceJournal, AnswersATelecommandThatIsRepeatedFasterOnceASecondAndSto
     journal.answer_repeat(*journal.find_repeated_frame(uplinked(1, 1)), at(ms), report_queue);
     for (const Report& report : report_queue.take()) {
       ++answers;
-      EXPECT_TRUE(report.again);
+      EXPECT_FALSE(report.stored);
     }
   }
   EXPECT_EQ(answers, 3U);
@@ -310,7 +309,7 @@ TEST(AcceptanceJournal, ARefusalIsToldByTheNextProcessUnlessItWasTold) {
     EXPECT_EQ(reports[0].apid, 17);
     const Octets packet = uplinked(2, 2).packet;
     EXPECT_EQ(reports[0].data, (Octets{packet[0], packet[1], packet[2], packet[3], 0, 7, 9}));
-    EXPECT_FALSE(reports[0].again) << "it may not be in the packet store";
+    EXPECT_TRUE(reports[0].stored) << "it may not be in the packet store";
     ASSERT_TRUE(next.write(true));
   }
 }

@@ -42,13 +42,7 @@ class Forwarding : public testing::Test {
   }
   void report(std::uint64_t id, Stage stage, int ms, bool success = true, std::uint16_t code = 0,
               const std::string& node = "payload_eps") {
-    NodeReport report;
-    report.id = id;
-    report.node = node;
-    report.stage = stage;
-    report.success = success;
-    report.failure_code = code;
-    forwarder_.on_report(report, at(ms));
+    forwarder_.on_report(node, {.id = id, .stage = stage, .success = success, .failure_code = code}, at(ms));
   }
   [[nodiscard]] std::vector<int> subtypes() {
     std::vector<int> found;

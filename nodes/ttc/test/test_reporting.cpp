@@ -50,10 +50,10 @@ TEST_F(Housekeeping, StoresEverySampleAndSendsOneAnInterval) {
 TEST_F(Housekeeping, PutsTheStructureIdBeforeTheParameters) {
   const auto report = scheduler_.on_sample(16, 16, Octets{1, 2, 3, 4}, at(0));
   ASSERT_TRUE(report);
-  EXPECT_EQ(report->report.apid, 16);
-  EXPECT_EQ(report->report.service, 3);
-  EXPECT_EQ(report->report.subtype, 25);
-  EXPECT_EQ(report->report.data, (Octets{0, 16, 1, 2, 3, 4}));
+  EXPECT_EQ(report->apid, 16);
+  EXPECT_EQ(report->service, 3);
+  EXPECT_EQ(report->subtype, 25);
+  EXPECT_EQ(report->data, (Octets{0, 16, 1, 2, 3, 4}));
 }
 
 TEST_F(Housekeeping, ADisabledStructureIsStoredOnly) {
@@ -105,9 +105,9 @@ class Events : public testing::Test {
 TEST_F(Events, TheSeverityIsTheSubtype) {
   const auto report = reporter_.on_event(17, 101, 3, Octets{0xAB}, at(0));
   ASSERT_TRUE(report);
-  EXPECT_EQ(report->report.subtype, 3);
-  EXPECT_EQ(report->report.apid, 17);
-  EXPECT_EQ(report->report.data, (Octets{0, 101, 0xAB}));
+  EXPECT_EQ(report->subtype, 3);
+  EXPECT_EQ(report->apid, 17);
+  EXPECT_EQ(report->data, (Octets{0, 101, 0xAB}));
 }
 
 TEST_F(Events, AFloodOfOneEventCostsOnlyItself) {

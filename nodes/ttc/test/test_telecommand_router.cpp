@@ -230,17 +230,12 @@ TEST_F(Router, ForwardsACommandOfAnotherNodeAndReportsItsStages) {
   EXPECT_EQ(published[0].arguments, (Octets{2, 1}));
   EXPECT_EQ(published[0].repeat_class, 2);
 
-  for (const Stage stage : {Stage::acceptance, Stage::start, Stage::completion}) {
-    NodeReport report;
-    report.id = published[0].id;
-    report.node = published[0].target;
-    report.stage = stage;
-    forwarder_.on_report(report, MonotonicTime{});
-  }
+  for (const Stage stage : {Stage::acceptance, Stage::start, Stage::completion})
+    forwarder_.on_report(published[0].target, {.id = published[0].id, .stage = stage}, MonotonicTime{});
 
   EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
   EXPECT_EQ(reports_[0].apid, 17);
-  EXPECT_EQ(report_queue_.last().stage, Stage::completion);
+  EXPECT_EQ(report_queue_.last()->reached.stage, Stage::completion);
 }
 
 TEST_F(Router, RefusesACommandWhenTooManyWaitForItsNode) {

@@ -191,7 +191,8 @@ class World {
     }
     // A node that knows it says again how far it got; a report may be lost.
     const auto say = [&](Stage stage) {
-      if (below(5) != 0) reports_.push_back({command.id, command.target, stage, true, 0, 0, {}});
+      if (below(5) != 0)
+        reports_.emplace_back(command.target, StageReached{.id = command.id, .stage = stage});
     };
     if (!known) say(Stage::acceptance);
     if (known || below(3) != 0) {
@@ -215,9 +216,9 @@ class World {
   void report() {
     if (reports_.empty()) return;
     const std::size_t at = below(2) == 0 ? 0 : below(reports_.size());
-    const NodeReport one = reports_[at];
+    const auto [node, one] = reports_[at];
     reports_.erase(reports_.begin() + static_cast<std::ptrdiff_t>(at));
-    core_->on_telecommand_report(one, now_);
+    core_->on_telecommand_report(node, one, now_);
     go_on();
   }
 
@@ -293,9 +294,9 @@ class World {
   std::set<std::uint16_t> accepted_;             ///< sequence counts with 1,1
   std::map<std::uint16_t, std::set<int>> ends_;  ///< subtypes of service 1, per sequence count
   // The nodes
-  std::map<std::uint64_t, int> executions_;               ///< by id
-  std::map<std::uint16_t, std::set<std::uint64_t>> ids_;  ///< under which a packet was executed
-  std::vector<NodeReport> reports_;
+  std::map<std::uint64_t, int> executions_;                    ///< by id
+  std::map<std::uint16_t, std::set<std::uint64_t>> ids_;       ///< under which a packet was executed
+  std::vector<std::pair<std::string, StageReached>> reports_;  ///< with the node
 };
 
 TEST(TtcCoreProperties, WhereverItIsKilledEachTelecommandRunsOnceAndItsEndReachesTheGround) {

@@ -423,10 +423,10 @@ TEST(PersistenceGate, HoldsATelecommandUntilItsRecordIsOnDisk) {
   EXPECT_TRUE(passed[0].durable);
 }
 
-HeldReport end_of(std::uint64_t id) {
-  HeldReport held;
-  held.report.ends = id;
-  return held;
+Report end_of(std::uint64_t id) {
+  Report report;
+  report.ends = id;
+  return report;
 }
 
 TEST(PersistenceGate, HoldsTheReportOfAnEndUntilItsRecordIsOnDisk) {
@@ -440,7 +440,7 @@ TEST(PersistenceGate, HoldsTheReportOfAnEndUntilItsRecordIsOnDisk) {
   gate.on_write_done(true, MonotonicTime{});
   const auto released = gate.take_released();
   ASSERT_EQ(released.size(), 1U);
-  EXPECT_EQ(released[0].report.ends, 1U);
+  EXPECT_EQ(released[0].ends, 1U);
   gate.hold(end_of(3), 1, MonotonicTime{});
   EXPECT_TRUE(gate.take_released().empty()) << "in their order";
 
@@ -463,7 +463,7 @@ TEST(PersistenceGate, BeyondItsBoundTheOldestReportLeavesUnsure) {
     gate.hold(end_of(id), 1, MonotonicTime{});
   const auto released = gate.take_released();
   ASSERT_EQ(released.size(), 1U);
-  EXPECT_EQ(released[0].report.ends, 0U);
+  EXPECT_EQ(released[0].ends, 0U);
 }
 
 TEST(PersistenceGate, AFailingOrHangingDiskLetsTelecommandsPassAsNotDurable) {
