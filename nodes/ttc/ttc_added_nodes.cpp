@@ -12,7 +12,8 @@
 namespace srfs {
 namespace {
 
-/// Longer than any telecommand waits between its judgement and its last look at the dictionary.
+/// Longer than any telecommand waits between its judgement and its last look at the dictionary, but for the
+/// timeout of a command that a node executes.
 constexpr seconds retired_lifetime{600};
 constexpr std::size_t longest_reason = 160;
 
@@ -75,7 +76,11 @@ void TtcNode::take_dictionary(LoadedDictionary loaded) {
     auto old =
         std::make_unique<mission::Dictionary>(std::exchange(dictionary_, std::move(*loaded.dictionary)));
     fill_from_dictionary_again(*old);
-    retired_dictionaries_.push_back({now(), std::move(old)});
+    milliseconds longest{0};
+    for (const mission::Command& command : old->commands()) {
+      if (command.node != name()) longest = std::max(longest, command.timeout);
+    }
+    retired_dictionaries_.push_back({now() + retired_lifetime + longest, std::move(old)});
   }
   refused_fragments_ = std::move(loaded.refused);
   meet_added_nodes(true);
@@ -176,9 +181,8 @@ void TtcNode::listen_to(const std::string& node) {
 }
 
 void TtcNode::send_added_nodes() {
-  std::erase_if(retired_dictionaries_, [this](const RetiredDictionary& retired) {
-    return now() - retired.since > retired_lifetime;
-  });
+  std::erase_if(retired_dictionaries_,
+                [this](const RetiredDictionary& retired) { return now() > retired.until; });
   if (joined_nodes_.empty()) return;
   mission::AddedNodesHousekeeping h;
   h.revision = deployment().added_revision;

@@ -89,15 +89,7 @@ void TtcCore::restore(MonotonicTime now) {
   journal_.tell_refused_again(report_queue_);
   for (const AcceptedTelecommand* t : journal_.known()) {
     AcceptanceJournal::tell_again(*t, journal_.told(), report_queue_);
-    if (t->end) continue;
-    router_.restore({.origin = t->origin,
-                     .packet = t->packet,
-                     .expiry = t->expiry,
-                     .progress = {.taken = t->taken,
-                                  .started = t->started,
-                                  .last_step = t->last_step,
-                                  .other_boot = t->other_boot}},
-                    now);
+    if (!t->end) router_.restore(*t, now);
   }
   if (journal_.open() > 0)
     log(LogLine::Level::info, fmt::format("{} accepted telecommands go on", journal_.open()));
@@ -141,8 +133,8 @@ TtcCore::Actions TtcCore::settle(MonotonicTime now) {
   ask_nodes();
   test_connection();
   begin_imaging_tasks();
-  for (ForwardedCommand& command : forwarder_.take_publications())
-    act(PublishTelecommand{std::move(command)});
+  for (Telecommand& telecommand : forwarder_.take_publications())
+    act(PublishTelecommand{std::move(telecommand)});
   send_reports(report_queue_.take(), std::nullopt);
   store_mode_change();
   store_key_change();
@@ -224,9 +216,8 @@ void TtcCore::take_packet(UplinkedPacket packet) {
   }
   const bool may_wait = gate_.has_room();
   JudgedTelecommand judged = router_.judge(packet.packet, now_, may_wait && journal_.has_room());
-  if (judged.command != nullptr) {
-    judged.origin.id =
-        journal_.accept(packet, judged.origin, judged.command->node, judged.expiry, packet.link, now_);
+  if (!judged.refusal) {
+    judged.telecommand.origin.id = journal_.accept(judged.telecommand, packet, now_);
   } else {
     record_refusal(judged, packet.link);
   }
@@ -236,18 +227,17 @@ void TtcCore::take_packet(UplinkedPacket packet) {
   }
   // Refused: its record is on its way to the disk, and is not waited for.
   gate_.refuse();
-  router_.carry_out(judged, true, now_);
-  journal_.on_refusal_said(judged.refusal_serial);
+  const std::uint64_t serial = judged.refusal_serial;
+  router_.carry_out(std::move(judged), true, now_);
+  journal_.on_refusal_said(serial);
 }
 
 void TtcCore::record_refusal(JudgedTelecommand& judged, const LinkState& link) {
-  judged.refusal_serial = journal_.refuse(judged.origin,
-                                          {.stage = judged.refusal.stage,
-                                           .success = false,
-                                           .failure_code = judged.refusal.code,
-                                           .step = 0,
-                                           .data = judged.refusal.parameter},
-                                          link);
+  const Refusal& refusal = *judged.refusal;
+  judged.refusal_serial = journal_.refuse(
+      judged.telecommand.origin,
+      {.stage = refusal.stage, .success = false, .failure_code = refusal.code, .data = refusal.parameter},
+      link);
 }
 
 // ---- journal
@@ -285,14 +275,15 @@ void TtcCore::on_journal_written(const JournalBatch& batch, const Result<void, F
 }
 
 void TtcCore::execute_passed() {
-  for (const GatedTelecommand& gated : gate_.take_passed()) {
+  for (GatedTelecommand& gated : gate_.take_passed()) {
     if (!gated.durable) {
       note_storage(remembered_.journal_durable, false, "the journal of telecommands is not on disk",
                    journal_name);
       uplink_.on_stored(uplink_.state());
     }
-    router_.carry_out(gated.judged, gated.durable, now_);
-    if (gated.judged.refusal_serial != 0) journal_.on_refusal_said(gated.judged.refusal_serial);
+    const std::uint64_t serial = gated.judged.refusal_serial;
+    router_.carry_out(std::move(gated.judged), gated.durable, now_);
+    if (serial != 0) journal_.on_refusal_said(serial);
     send_reports(report_queue_.take(), gated.received);
   }
   for (const std::uint64_t id : router_.take_unstored_runs()) {
@@ -384,13 +375,12 @@ void TtcCore::run_schedule() {
 bool TtcCore::release(const ScheduledActivity& activity) {
   if (!gate_.has_room() || !journal_.has_room()) return false;
   JudgedTelecommand judged = router_.judge(activity.packet, now_);
-  if (judged.command != nullptr) {
-    UplinkedPacket packet;  // it came in no frame: nothing repeats it
-    packet.packet = activity.packet;
-    judged.origin.id = journal_.accept(packet, judged.origin, judged.command->node, judged.expiry,
-                                       uplink_.state(), now_, activity.id);
+  if (!judged.refusal) {
+    // It came in no frame: nothing repeats it.
+    const UplinkedPacket packet{.frame = {}, .packet = activity.packet, .link = uplink_.state()};
+    judged.telecommand.origin.id = journal_.accept(judged.telecommand, packet, now_, activity.id);
     schedule_.on_released();
-  } else if (judged.refusal.code == mission::failure::queue_full) {
+  } else if (judged.refusal->code == mission::failure::queue_full) {
     return false;
   } else {
     record_refusal(judged, journal_.link());  // before its place in the schedule goes

@@ -93,7 +93,7 @@ struct ReadStore {
 };
 /// To the node that executes it.
 struct PublishTelecommand {
-  ForwardedCommand command;
+  Telecommand telecommand;
 };
 struct PublishMode {
   MissionMode mode = MissionMode::safe;

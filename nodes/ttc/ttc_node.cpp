@@ -239,15 +239,15 @@ void TtcNode::carry_out(const ReadStore& action) {
 }
 
 void TtcNode::carry_out(const PublishTelecommand& action) {
-  const ForwardedCommand& command = action.command;
+  const mission::Command& command = *action.telecommand.command;
   srfs_msgs::msg::Telecommand message;
-  message.id = command.id;
-  message.target = command.target;
+  message.id = action.telecommand.origin.id;
+  message.target = command.node;
   message.apid = command.apid;
   message.function_id = command.function_id;
-  message.repeat_class = command.repeat_class;
-  message.expiry_ns = static_cast<std::uint64_t>(command.expiry.ns());
-  message.arguments = command.arguments;
+  message.repeat_class = static_cast<std::uint8_t>(command.repeat_class);
+  message.expiry_ns = static_cast<std::uint64_t>(action.telecommand.expiry.ns());
+  message.arguments = action.telecommand.arguments;
   telecommands_->publish(message);
 }
 

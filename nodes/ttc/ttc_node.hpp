@@ -142,7 +142,7 @@ class TtcNode : public ros::LifecycleNode {
   std::vector<mission::RefusedFragment> refused_fragments_;  ///< to be reported
   mission::Dictionary dictionary_;
   struct RetiredDictionary {
-    MonotonicTime since;
+    MonotonicTime until;
     std::unique_ptr<mission::Dictionary> dictionary;
   };
   std::vector<RetiredDictionary> retired_dictionaries_;  ///< commands under way may point into them

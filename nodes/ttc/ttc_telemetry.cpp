@@ -262,19 +262,8 @@ void TtcCore::note_storage(bool& known, bool works, const std::string& why, cons
 }
 
 void TtcCore::report_rejections() {
-  for (const RejectedTelecommand& rejected : router_.take_rejected()) {
-    mission::TtcTelecommandRejectedEvent event;
-    event.apid = rejected.apid;
-    event.sequence = rejected.sequence_count;
-    event.code = rejected.code;
-    raise(event);
-  }
-  for (const ExpiredCommand& expired : forwarder_.take_expired()) {
-    mission::TtcTelecommandExpiredEvent event;
-    event.telecommand = expired.id;
-    event.node = expired.target;
-    raise(event);
-  }
+  for (const auto& event : router_.take_rejected()) raise(event);
+  for (const auto& event : forwarder_.take_expired()) raise(event);
 }
 
 void TtcCore::report_hazards() {

@@ -83,7 +83,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
   if (journal.has_room()) {
     UplinkedPacket uplinked;
     uplinked.packet = {0x18, 1, 0xC0, 0, 0, 0, 0};
-    const std::uint64_t id = journal.accept(uplinked, {}, "ttc", now + seconds(10), journal.link(), now);
+    uplinked.link = journal.link();
+    mission::Command command;
+    command.node = "ttc";
+    const std::uint64_t id =
+        journal.accept({.origin = {}, .command = &command, .expiry = now + seconds(10)}, uplinked, now);
     require(std::find(ids.begin(), ids.end(), id) == ids.end());
     ids.push_back(id);
   }

@@ -30,13 +30,15 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
   const OctetView arguments = input.subspan(1);
   if (!dictionary.check_arguments(command, arguments)) return;
 
-  const TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all};
+  const Telecommand telecommand{.origin = {.request = {}, .apid = 1, .ack_flags = wire::ack::all},
+                                .command = &command,
+                                .arguments = {arguments.begin(), arguments.end()}};
   const MonotonicTime now(seconds(1));
   ReportQueue report_queue;
   FileService files(report_queue, 1);
   ParameterService parameters(dictionary, report_queue, 1);
   if (command.service == 23) {
-    files.execute({.origin = origin, .command = command, .arguments = arguments, .now = now});
+    files.execute(telecommand, now);
     if (const auto order = files.next_order(now)) {
       require(order->repository.size() <= 255 && order->name.size() <= 255 && order->operations.size() <= 16);
       require(order->action != FileAction::copy || order->operations.size() == 1);
@@ -45,7 +47,7 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
       files.on_outcome({}, now);
     }
   } else {
-    parameters.execute({.origin = origin, .command = command, .arguments = arguments, .now = now});
+    parameters.execute(telecommand, now);
     for (int calls = 0; const auto call = parameters.next_call(now); ++calls) {
       require(calls < 16);
       if (call->value) {

@@ -63,12 +63,12 @@ void execute(const mission::Dictionary& dictionary, OctetView octets) {
     const OctetView arguments = in.bytes(in.u8());
     const mission::Command* command =
         dictionary.request(mission::apid::ttc, ScheduleService::service_type, subtype);
-    TelecommandOrigin origin;
-    origin.id = ++id;
+    const Telecommand telecommand{
+        .origin = {.id = ++id}, .command = command, .arguments = {arguments.begin(), arguments.end()}};
     if (command == nullptr || !dictionary.check_arguments(*command, arguments)) continue;
-    if (service.why_refused(*command, arguments)) continue;
+    if (service.why_refused(telecommand)) continue;
     service.on_time(now, id % 8 != 0);
-    service.execute({.origin = origin, .command = *command, .arguments = arguments, .now = {}});
+    service.execute(telecommand, {});
     service.on_written(journal.revision(), true);
     service.drop_overdue();
     static_cast<void>(service.take_dropped());

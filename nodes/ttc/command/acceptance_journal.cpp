@@ -47,6 +47,10 @@ std::string read_text(OctetReader& reader) {
   return {octets.begin(), octets.end()};
 }
 
+bool is_sequenced(const UplinkFrame& frame) {
+  return frame.type == wire::TcFrameType::ad;
+}
+
 void write_telecommand(OctetWriter& writer, const AcceptedTelecommand& t) {
   writer.u64(t.origin.id);
   writer.u64(t.accepted_serial);
@@ -55,14 +59,14 @@ void write_telecommand(OctetWriter& writer, const AcceptedTelecommand& t) {
   writer.u16(t.origin.apid);
   writer.u8(t.origin.ack_flags);
   writer.u16(t.origin.source_id);
-  writer.u8(t.vc);
-  writer.u8(static_cast<std::uint8_t>((t.sequenced ? flag_sequenced : 0) | (t.spi ? flag_secured : 0) |
-                                      (t.other_boot ? flag_other_boot : 0) |
-                                      (t.activity != 0 ? flag_scheduled : 0)));
+  writer.u8(t.frame.vc);
+  writer.u8(static_cast<std::uint8_t>(
+      (is_sequenced(t.frame) ? flag_sequenced : 0) | (t.frame.spi ? flag_secured : 0) |
+      (t.progress.other_boot ? flag_other_boot : 0) | (t.activity != 0 ? flag_scheduled : 0)));
   if (t.activity != 0) writer.u64(t.activity);
-  writer.u8(t.frame_sequence);
-  writer.u16(t.spi.value_or(0));
-  writer.u64(t.counter);
+  writer.u8(t.frame.sequence);
+  writer.u16(t.frame.spi.value_or(0));
+  writer.u64(t.frame.counter);
   writer.u64(static_cast<std::uint64_t>(t.accepted_at.ns()));
   writer.u64(static_cast<std::uint64_t>(t.expiry.ns()));
   write_text(writer, t.target);
@@ -81,15 +85,15 @@ AcceptedTelecommand read_telecommand(OctetReader& reader) {
   t.origin.apid = reader.u16();
   t.origin.ack_flags = reader.u8();
   t.origin.source_id = reader.u16();
-  t.vc = reader.u8();
+  t.frame.vc = reader.u8();
   const std::uint8_t flags = reader.u8();
-  t.sequenced = (flags & flag_sequenced) != 0;
-  t.other_boot = (flags & flag_other_boot) != 0;
+  t.frame.type = (flags & flag_sequenced) != 0 ? wire::TcFrameType::ad : wire::TcFrameType::bd;
+  t.progress.other_boot = (flags & flag_other_boot) != 0;
   if ((flags & flag_scheduled) != 0) t.activity = reader.u64();
-  t.frame_sequence = reader.u8();
+  t.frame.sequence = reader.u8();
   const std::uint16_t spi = reader.u16();
-  if ((flags & flag_secured) != 0) t.spi = spi;
-  t.counter = reader.u64();
+  if ((flags & flag_secured) != 0) t.frame.spi = spi;
+  t.frame.counter = reader.u64();
   t.accepted_at = MonotonicTime(nanoseconds(static_cast<std::int64_t>(reader.u64())));
   t.expiry = MonotonicTime(nanoseconds(static_cast<std::int64_t>(reader.u64())));
   t.target = read_text(reader);
@@ -104,18 +108,18 @@ AcceptedTelecommand read_telecommand(OctetReader& reader) {
 }
 
 void write_progress(OctetWriter& writer, const AcceptedTelecommand& t) {
-  writer.u8(static_cast<std::uint8_t>((t.taken ? flag_taken : 0) | (t.started ? flag_started : 0) |
-                                      (t.end ? flag_ended : 0)));
-  writer.u8(t.last_step);
+  writer.u8(static_cast<std::uint8_t>((t.progress.taken ? flag_taken : 0) |
+                                      (t.progress.started ? flag_started : 0) | (t.end ? flag_ended : 0)));
+  writer.u8(t.progress.last_step);
   writer.u64(t.started_serial);
 }
 
 /// @return whether an end follows
 bool read_progress(OctetReader& reader, AcceptedTelecommand& t) {
   const std::uint8_t flags = reader.u8();
-  t.taken = (flags & flag_taken) != 0;
-  t.started = (flags & flag_started) != 0;
-  t.last_step = reader.u8();
+  t.progress.taken = (flags & flag_taken) != 0;
+  t.progress.started = (flags & flag_started) != 0;
+  t.progress.last_step = reader.u8();
   t.started_serial = reader.u64();
   return (flags & flag_ended) != 0;
 }
@@ -213,7 +217,7 @@ bool AcceptanceJournal::apply_snapshot(OctetReader& reader) {
   for (std::size_t n = reader.u16(); n > 0 && reader.ok(); --n) {
     AcceptedTelecommand t = read_telecommand(reader);
     if (read_progress(reader, t)) t.end = read_end(reader, t.ended_serial);
-    t.other_boot = t.other_boot || !same_boot;
+    t.progress.other_boot = t.progress.other_boot || !same_boot;
     if (t.end) ended.push_back(t.origin.id);
     if (!is_sound(t) || !entries.emplace(t.origin.id, std::move(t)).second) return false;
   }
@@ -265,7 +269,7 @@ bool AcceptanceJournal::apply_change(std::uint8_t kind, OctetReader& reader) {
     AcceptedTelecommand t = read_telecommand(reader);
     if (!is_sound(t) || !newer(read_link_state(reader)) || entries_.contains(t.origin.id) || !has_room())
       return false;
-    t.other_boot = t.other_boot || !applied_same_boot_;
+    t.progress.other_boot = t.progress.other_boot || !applied_same_boot_;
     next_id_ = std::max(next_id_, t.origin.id + 1);
     serial_ = std::max(serial_, t.accepted_serial);
     leave_schedule(t.activity);
@@ -311,7 +315,8 @@ void AcceptanceJournal::begin(const LinkState& older, std::uint64_t first_id, Mo
   next_id_ = std::max({next_id_, first_id, std::uint64_t{1}});
   for (auto& [id, t] : entries_) {
     if (!t.end) ++counters_.restored;
-    if (t.other_boot) t.accepted_at = now;  // the window for repeats begins anew: rather longer than missed
+    if (t.progress.other_boot)
+      t.accepted_at = now;  // the window for repeats begins anew: rather longer than missed
   }
   std::erase_if(refused_, [this](const RefusedTelecommand& r) { return r.serial <= told_; });
   counters_.forgotten = 0;
@@ -326,27 +331,22 @@ std::vector<const AcceptedTelecommand*> AcceptanceJournal::known() const {
 
 // ---- telecommands
 
-std::uint64_t AcceptanceJournal::accept(const UplinkedPacket& uplinked, const TelecommandOrigin& origin,
-                                        const std::string& target, MonotonicTime expiry,
-                                        const LinkState& link, MonotonicTime now, std::uint64_t activity) {
-  assert(has_room() && target.size() <= UINT8_MAX);
+std::uint64_t AcceptanceJournal::accept(const Telecommand& telecommand, const UplinkedPacket& uplinked,
+                                        MonotonicTime now, std::uint64_t activity) {
+  assert(has_room() && telecommand.command->node.size() <= UINT8_MAX);
   AcceptedTelecommand t;
-  t.origin = origin;
+  t.origin = telecommand.origin;
   t.origin.id = next_id_++;
-  t.vc = uplinked.vc;
-  t.sequenced = uplinked.frame_type == wire::TcFrameType::ad;
-  t.frame_sequence = uplinked.frame_sequence;
-  t.spi = uplinked.spi;
-  t.counter = uplinked.counter;
+  t.frame = uplinked.frame;
   t.accepted_at = now;
-  t.expiry = expiry;
-  t.target = target;
+  t.expiry = telecommand.expiry;
+  t.target = telecommand.command->node;
   t.activity = activity;
   t.packet = uplinked.packet;
   t.packet_crc = crc32c(uplinked.packet);
   t.packet_octets = static_cast<std::uint16_t>(uplinked.packet.size());
   t.accepted_serial = ++serial_;
-  link_ = link;
+  link_ = uplinked.link;
   leave_schedule(activity);
   ++revision_;
   ++open_;
@@ -416,8 +416,8 @@ void AcceptanceJournal::on_link(const LinkState& link) {
 
 void AcceptanceJournal::on_taken(std::uint64_t id) {
   AcceptedTelecommand* t = find(id);
-  if (t == nullptr || t->taken || t->end) return;
-  t->taken = true;
+  if (t == nullptr || t->progress.taken || t->end) return;
+  t->progress.taken = true;
   OctetWriter writer;
   writer.u64(id);
   write_progress(writer, *t);
@@ -449,9 +449,9 @@ void AcceptanceJournal::on_stage(const StageReached& stage) {
     end(*t, std::move(how));
     return;
   }
-  if (stage.stage == Stage::progress) t->last_step = stage.step;
-  if (!t->started) t->started_serial = ++serial_;
-  t->started = true;
+  if (stage.stage == Stage::progress) t->progress.last_step = stage.step;
+  if (!t->progress.started) t->started_serial = ++serial_;
+  t->progress.started = true;
   OctetWriter writer;
   writer.u64(stage.id);
   write_progress(writer, *t);
@@ -477,12 +477,12 @@ void AcceptanceJournal::forget_oldest() {
 // ---- repeats
 
 const AcceptedTelecommand* AcceptanceJournal::find_repeated_frame(const UplinkedPacket& uplinked) {
-  const bool sequenced = uplinked.frame_type == wire::TcFrameType::ad;
+  const UplinkFrame& frame = uplinked.frame;
   for (auto entry = entries_.rbegin(); entry != entries_.rend(); ++entry) {
     const AcceptedTelecommand& t = entry->second;
-    const bool same_counter = uplinked.spi && uplinked.spi == t.spi && uplinked.counter == t.counter;
-    const bool same_sequence =
-        sequenced && t.sequenced && t.vc == uplinked.vc && t.frame_sequence == uplinked.frame_sequence;
+    const bool same_counter = frame.spi && frame.spi == t.frame.spi && frame.counter == t.frame.counter;
+    const bool same_sequence = is_sequenced(frame) && is_sequenced(t.frame) && t.frame.vc == frame.vc &&
+                               t.frame.sequence == frame.sequence;
     if ((same_counter || same_sequence) && same_packet(t, uplinked.packet)) {
       ++counters_.repeats;
       return &t;
@@ -496,12 +496,12 @@ const AcceptedTelecommand* AcceptanceJournal::find_repeated_packet(const Uplinke
   for (auto entry = entries_.rbegin(); entry != entries_.rend(); ++entry) {
     AcceptedTelecommand& t = entry->second;
     const bool from_schedule = t.activity != 0;  // it came in no frame
-    if (from_schedule || t.spi.has_value() != uplinked.spi.has_value()) continue;
-    const bool recent =
-        t.spi ? now - t.accepted_at < repeat_window_
-              : t.vc == uplinked.vc && now - t.repeated_at.value_or(t.accepted_at) < repeat_answer_period;
+    if (from_schedule || t.frame.spi.has_value() != uplinked.frame.spi.has_value()) continue;
+    const bool recent = t.frame.spi ? now - t.accepted_at < repeat_window_
+                                    : t.frame.vc == uplinked.frame.vc &&
+                                          now - t.repeated_at.value_or(t.accepted_at) < repeat_answer_period;
     if (!recent || !same_packet(t, uplinked.packet)) continue;
-    if (!t.spi) t.repeated_at = now;
+    if (!t.frame.spi) t.repeated_at = now;
     ++counters_.repeats;
     return &t;
   }
@@ -560,7 +560,7 @@ void AcceptanceJournal::tell_again(const AcceptedTelecommand& telecommand, std::
   if (!telecommand.reported) return;  // it will be, when it is durable
   const TelecommandOrigin& origin = telecommand.origin;
   if (telecommand.accepted_serial > told) report_queue.success_again(origin, Stage::acceptance, stored);
-  if (telecommand.started && telecommand.started_serial > told)
+  if (telecommand.progress.started && telecommand.started_serial > told)
     report_queue.success_again(origin, Stage::start, stored);
   if (!telecommand.end || !telecommand.end_said || telecommand.ended_serial <= told) return;
   const StageReached& end = *telecommand.end;

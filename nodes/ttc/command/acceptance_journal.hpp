@@ -12,6 +12,7 @@
 #include "base/octets.hpp"
 #include "base/time.hpp"
 #include "nodes/ttc/command/journal_log.hpp"
+#include "nodes/ttc/command/telecommand.hpp"
 #include "nodes/ttc/link/link_state.hpp"
 #include "nodes/ttc/link/uplink_chain.hpp"
 #include "nodes/ttc/report/report_queue.hpp"
@@ -21,35 +22,26 @@ namespace srfs {
 
 /// An accepted telecommand and what is known of it.
 struct AcceptedTelecommand {
-  TelecommandOrigin origin;  ///< with its id
-  // The frame it came in.
-  std::uint8_t vc = 0;
-  bool sequenced = false;            ///< AD
-  std::uint8_t frame_sequence = 0;   ///< N(S)
-  std::optional<std::uint16_t> spi;  ///< nullopt: channel without security
-  std::uint64_t counter = 0;         ///< of the association: the IV
-  MonotonicTime accepted_at;         ///< of another boot: when it was restored
-  MonotonicTime expiry;
-  bool other_boot = false;     ///< accepted before this boot: the expiry means nothing any more
-  std::string target;          ///< node that executes it
+  TelecommandOrigin origin = {};  ///< with its id
+  UplinkFrame frame = {};
+  MonotonicTime accepted_at = {};  ///< of another boot: when it was restored
+  MonotonicTime expiry = {};
+  std::string target = {};     ///< node that executes it
   std::uint64_t activity = 0;  ///< of the schedule, which released it; 0: it came in a frame
   std::uint32_t packet_crc = 0;
   std::uint16_t packet_octets = 0;
-  Octets packet;  ///< kept until the end
-  // How far it got.
+  Octets packet = {};  ///< kept until the end
+  TelecommandProgress progress = {};
   bool restored = false;  ///< accepted by an earlier process
   bool reported = false;  ///< 1,1 was reported
   bool end_said = false;  ///< its end was reported, or its report was not wanted
-  bool taken = false;     ///< its node has persisted it
-  bool started = false;
-  std::uint8_t last_step = 0;
-  std::optional<StageReached> end;
+  std::optional<StageReached> end = {};
   // Serials of what must be reported to the ground.
   std::uint64_t accepted_serial = 0;
   std::uint64_t started_serial = 0;
   std::uint64_t ended_serial = 0;
-  std::optional<MonotonicTime> told_again_at;  ///< a repeat was answered
-  std::optional<MonotonicTime> repeated_at;    ///< on a channel without security
+  std::optional<MonotonicTime> told_again_at = {};  ///< a repeat was answered
+  std::optional<MonotonicTime> repeated_at = {};    ///< on a channel without security
 };
 
 /// A telecommand that was refused, as it was or is to be reported.
@@ -130,11 +122,10 @@ class AcceptanceJournal {
   // ---- telecommands
 
   [[nodiscard]] bool has_room() const { return open_ < max_open; }
-  /// @param link holds the counters of its frame. @param activity whose request it is; it leaves the
-  /// schedule. @return its id
-  std::uint64_t accept(const UplinkedPacket& uplinked, const TelecommandOrigin& origin,
-                       const std::string& target, MonotonicTime expiry, const LinkState& link,
-                       MonotonicTime now, std::uint64_t activity = 0);
+  /// @param uplinked  its packet, with the link state that has the counters of its frame. @param activity
+  /// whose request it is; it leaves the schedule. @return its id
+  std::uint64_t accept(const Telecommand& telecommand, const UplinkedPacket& uplinked, MonotonicTime now,
+                       std::uint64_t activity = 0);
   /// It was refused. @param link holds the counters of its frame. @return its serial
   std::uint64_t refuse(const TelecommandOrigin& origin, const StageReached& end, const LinkState& link);
   /// Those that the ground may not know of, in the order of their refusal.

@@ -26,38 +26,29 @@ bool CommandForwarder::has_room(const std::string& target, std::size_t reserved)
   return waiting < max_unacknowledged + max_queued && node.executing.size() < max_executing;
 }
 
-Result<void, ForwardError> CommandForwarder::submit(const TelecommandOrigin& origin, ForwardedCommand command,
-                                                    MonotonicTime now) {
-  if (!has_room(command.target)) {
+Result<void, ForwardError> CommandForwarder::submit(Telecommand telecommand, MonotonicTime now) {
+  const std::string& target = telecommand.command->node;
+  if (!has_room(target)) {
     ++counters_.refused;
     return Err(ForwardError::queue_full);
   }
   ++counters_.submitted;
-  command.id = origin.id;
-  Node& node = nodes_[command.target];
-  const MonotonicTime expiry = command.expiry;
-  node.queued.push_back(
-      Entry{.origin = origin, .command = std::move(command), .publish_next = now, .give_up = expiry});
+  Node& node = nodes_[target];
+  const MonotonicTime expiry = telecommand.expiry;
+  node.queued.push_back({.telecommand = std::move(telecommand), .publish_next = now, .give_up = expiry});
   fill(node, now);
   return {};
 }
 
-void CommandForwarder::restore(const TelecommandOrigin& origin, ForwardedCommand command,
-                               const RestoredProgress& progress, MonotonicTime now) {
+void CommandForwarder::restore(Telecommand telecommand, const TelecommandProgress& progress,
+                               MonotonicTime now) {
   ++counters_.submitted;
-  command.id = origin.id;
-  Node& node = nodes_[command.target];
-  Entry entry{.origin = origin,
-              .command = std::move(command),
-              .publish_next = now,
-              .give_up = {},
-              .taken = progress.taken,
-              .void_expiry = progress.other_boot,
-              .started = progress.started,
-              .last_step = progress.last_step};
-  if (progress.other_boot) entry.command.expiry = now;
+  Node& node = nodes_[telecommand.command->node];
+  Entry entry{
+      .telecommand = std::move(telecommand), .progress = progress, .publish_next = now, .give_up = {}};
+  if (progress.other_boot) entry.telecommand.expiry = now;
   // Its node may have it, or even have done it: only the node knows.
-  entry.give_up = std::max(entry.command.expiry, now) + completion_grace;
+  entry.give_up = std::max(entry.telecommand.expiry, now) + completion_grace;
   if (progress.taken) {
     // Not all at once: as many as may be unacknowledged in each period.
     const auto turn = static_cast<int>(node.executing.size() / max_unacknowledged);
@@ -77,28 +68,27 @@ void CommandForwarder::fill(Node& node, MonotonicTime now) {
 }
 
 void CommandForwarder::publish(Entry& entry, MonotonicTime now) {
-  constexpr std::uint8_t at_most_once = 3;  // srfs_msgs/Telecommand
-  entry.publish_next = now + (entry.taken ? ask_period : republish_period);
+  entry.publish_next = now + (entry.progress.taken ? ask_period : republish_period);
   ++counters_.published;
-  publications_.push_back(entry.command);
+  publications_.push_back(entry.telecommand);
   // A node that knows the id says how far it got, whatever the expiry. One that does not know it must not
   // begin what it, or the boot before, may have done already.
-  const bool may_not_begin = entry.void_expiry || (entry.taken && entry.command.repeat_class == at_most_once);
+  const bool may_not_begin =
+      entry.progress.other_boot ||
+      (entry.progress.taken && entry.telecommand.command->repeat_class == mission::RepeatClass::at_most_once);
   if (may_not_begin) publications_.back().expiry = MonotonicTime(nanoseconds(1));
 }
 
 void CommandForwarder::take(Node& node, Entry entry, MonotonicTime now) {
-  entry.taken = true;
-  entry.give_up = std::max(entry.give_up, entry.command.expiry + completion_grace);
+  entry.progress.taken = true;
+  entry.give_up = std::max(entry.give_up, entry.telecommand.expiry + completion_grace);
   entry.publish_next = now + ask_period;
-  taken_.push_back(entry.command.id);
+  taken_.push_back(entry.id());
   node.executing.push_back(std::move(entry));
 }
 
 void CommandForwarder::on_report(const std::string& from, const StageReached& report, MonotonicTime now) {
-  const auto has_id = [&](const Entry& entry) {
-    return entry.command.id == report.id && entry.command.target == from;
-  };
+  const auto has_id = [&](const Entry& entry) { return entry.id() == report.id && entry.target() == from; };
   for (auto& [name, node] : nodes_) {
     const auto waiting = std::find_if(node.unacknowledged.begin(), node.unacknowledged.end(), has_id);
     if (waiting != node.unacknowledged.end()) {
@@ -138,43 +128,47 @@ bool CommandForwarder::apply(Entry& entry, const StageReached& report) {
     case Stage::routing:
       return false;
     case Stage::start:
-      if (entry.started) ++counters_.duplicate_reports;
+      if (entry.progress.started) ++counters_.duplicate_reports;
       report_start(entry);
       return false;
     case Stage::progress:
-      if (report.step <= entry.last_step) {
+      if (report.step <= entry.progress.last_step) {
         ++counters_.duplicate_reports;
         return false;
       }
       report_start(entry);
-      entry.last_step = report.step;
-      report_queue_.success(entry.origin, Stage::progress, report.step);
+      entry.progress.last_step = report.step;
+      report_queue_.success(entry.telecommand.origin, Stage::progress, report.step);
       return false;
     case Stage::completion:
       report_start(entry);
       ++counters_.completed;
-      report_queue_.success(entry.origin, Stage::completion);
+      report_queue_.success(entry.telecommand.origin, Stage::completion);
       return true;
   }
   return false;
 }
 
 void CommandForwarder::report_start(Entry& entry) {
-  if (entry.started) return;
-  entry.started = true;
-  report_queue_.success(entry.origin, Stage::start);
+  if (entry.progress.started) return;
+  entry.progress.started = true;
+  report_queue_.success(entry.telecommand.origin, Stage::start);
 }
 
 void CommandForwarder::fail(const Entry& entry, Stage stage, std::uint16_t code, OctetView data) {
   ++counters_.failed;
-  report_queue_.failure(entry.origin, stage, code, data, static_cast<std::uint8_t>(entry.last_step + 1));
+  const TelecommandOrigin& origin = entry.telecommand.origin;
+  report_queue_.failure(origin, stage, code, data, static_cast<std::uint8_t>(entry.progress.last_step + 1));
   // A failed step ends the command, and every started command gets its completion report.
-  if (stage == Stage::progress) report_queue_.failure(entry.origin, Stage::completion, code, data);
+  if (stage == Stage::progress) report_queue_.failure(origin, Stage::completion, code, data);
 }
 
 void CommandForwarder::expire(const Entry& entry, Stage stage, std::uint16_t code) {
   ++counters_.expired;
-  expired_.push_back(ExpiredCommand{.id = entry.command.id, .target = entry.command.target});
+  mission::TtcTelecommandExpiredEvent event;
+  event.telecommand = entry.id();
+  event.node = entry.target();
+  expired_.push_back(std::move(event));
   fail(entry, stage, code, {});
 }
 
@@ -198,7 +192,8 @@ void CommandForwarder::end_expired(Node& node, MonotonicTime now) {
   };
   const auto not_completed = [&](const Entry& entry) {
     if (now < entry.give_up) return false;
-    expire(entry, entry.started ? Stage::completion : Stage::start, mission::failure::completion_unknown);
+    expire(entry, entry.progress.started ? Stage::completion : Stage::start,
+           mission::failure::completion_unknown);
     return true;
   };
   std::erase_if(node.unacknowledged, not_taken);

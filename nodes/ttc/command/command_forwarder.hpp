@@ -10,24 +10,15 @@
 #include <utility>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
-#include "nodes/ttc/services/pus_service.hpp"
+#include "nodes/ttc/command/telecommand.hpp"
+#include "nodes/ttc/report/report_queue.hpp"
 
 namespace srfs {
-
-/// One telecommand on its way to another node, as published on /telecommand.
-struct ForwardedCommand {
-  std::uint64_t id = 0;  ///< unique for ever, counts up; payloads distinguish commands by the low 32 bits.
-                         ///< That of the origin
-  std::string target;    ///< node name
-  std::uint16_t apid = 0;
-  std::uint16_t function_id = 0;
-  std::uint8_t repeat_class = 0;
-  MonotonicTime expiry;  ///< not started after this
-  Octets arguments;
-};
 
 struct ForwardingCounters {
   std::uint64_t submitted = 0;
@@ -38,12 +29,6 @@ struct ForwardingCounters {
   std::uint64_t expired = 0;            ///< of failed: not taken, or no completion report
   std::uint64_t duplicate_reports = 0;  ///< a stage already reported
   std::uint64_t stray_reports = 0;      ///< about a command that is not under way, or not from its target
-};
-
-/// A command that ended without its node, for the event that reports it.
-struct ExpiredCommand {
-  std::uint64_t id = 0;
-  std::string target;
 };
 
 /// Telecommand ids a written link state sets aside: more than can be given out before the next one is on disk
@@ -75,13 +60,11 @@ class CommandForwarder {
   /// @param report_queue takes the verification reports; outlives this
   explicit CommandForwarder(ReportQueue& report_queue) : report_queue_(report_queue) {}
 
-  /// Takes an accepted telecommand. @param origin has its id
-  Result<void, ForwardError> submit(const TelecommandOrigin& origin, ForwardedCommand command,
-                                    MonotonicTime now);
+  /// Takes an accepted telecommand.
+  Result<void, ForwardError> submit(Telecommand telecommand, MonotonicTime now);
   /// Goes on with one of an earlier process, in the order of the ids and whatever the bounds: they held when
   /// it was accepted. Its node is given time to report the outcome, also past its expiry.
-  void restore(const TelecommandOrigin& origin, ForwardedCommand command, const RestoredProgress& progress,
-               MonotonicTime now);
+  void restore(Telecommand telecommand, const TelecommandProgress& progress, MonotonicTime now);
   /// Whether submit() for @p target would be taken after @p reserved others.
   [[nodiscard]] bool has_room(const std::string& target, std::size_t reserved = 0) const;
   /// @param from  the node that reports it on /telecommand_report; only the target of the command is believed
@@ -90,11 +73,14 @@ class CommandForwarder {
   void on_time(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> next_due() const;
 
-  /// To be published now, in order.
-  [[nodiscard]] std::vector<ForwardedCommand> take_publications() { return std::exchange(publications_, {}); }
+  /// To be published on /telecommand now, in order. The id is unique for ever and counts up; payloads
+  /// distinguish telecommands by its low 32 bits.
+  [[nodiscard]] std::vector<Telecommand> take_publications() { return std::exchange(publications_, {}); }
 
-  /// Commands that expired since the last call; at most those that were under way.
-  [[nodiscard]] std::vector<ExpiredCommand> take_expired() { return std::exchange(expired_, {}); }
+  /// An event for each command that expired since the last call; at most those that were under way.
+  [[nodiscard]] std::vector<mission::TtcTelecommandExpiredEvent> take_expired() {
+    return std::exchange(expired_, {});
+  }
 
   /// Ids of commands that their node has accepted since the last call.
   [[nodiscard]] std::vector<std::uint64_t> take_taken() { return std::exchange(taken_, {}); }
@@ -105,14 +91,13 @@ class CommandForwarder {
 
  private:
   struct Entry {
-    TelecommandOrigin origin;
-    ForwardedCommand command;
+    Telecommand telecommand;
+    TelecommandProgress progress = {};
     MonotonicTime publish_next;
     MonotonicTime give_up;  ///< not taken, or then not ended until then: it failed
-    bool taken = false;     ///< its node has it
-    bool void_expiry = false;
-    bool started = false;
-    std::uint8_t last_step = 0;
+
+    [[nodiscard]] std::uint64_t id() const { return telecommand.origin.id; }
+    [[nodiscard]] const std::string& target() const { return telecommand.command->node; }
   };
   struct Node {
     std::deque<Entry> queued;
@@ -131,8 +116,8 @@ class CommandForwarder {
 
   ReportQueue& report_queue_;
   std::map<std::string, Node> nodes_;
-  std::vector<ForwardedCommand> publications_;
-  std::vector<ExpiredCommand> expired_;
+  std::vector<Telecommand> publications_;
+  std::vector<mission::TtcTelecommandExpiredEvent> expired_;
   std::vector<std::uint64_t> taken_;
   ForwardingCounters counters_;
 };

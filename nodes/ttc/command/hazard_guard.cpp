@@ -6,11 +6,15 @@
 
 namespace srfs {
 
-HazardName hazard_name(const wire::TcPacket& packet) {
-  return {.apid = packet.apid,
-          .service = packet.service,
-          .subtype = packet.subtype,
-          .digest = crc32c(packet.application)};
+HazardName hazard_name(const Telecommand& telecommand) {
+  const mission::Command& command = *telecommand.command;
+  OctetWriter application;
+  if (command.is_function()) application.u16(command.function_id);
+  application.bytes(telecommand.arguments);
+  return {.apid = command.apid,
+          .service = command.service,
+          .subtype = command.subtype,
+          .digest = crc32c(application.view())};
 }
 
 void HazardGuard::arm(const HazardName& name, MonotonicTime now) {

@@ -10,7 +10,7 @@
 #include <mission/structures.hpp>
 
 #include "base/time.hpp"
-#include "wire/pus.hpp"
+#include "nodes/ttc/command/telecommand.hpp"
 
 namespace srfs {
 
@@ -23,7 +23,7 @@ struct HazardName {
   friend bool operator==(const HazardName&, const HazardName&) = default;
 };
 
-[[nodiscard]] HazardName hazard_name(const wire::TcPacket& packet);
+[[nodiscard]] HazardName hazard_name(const Telecommand& telecommand);
 
 /// Something was armed, or (with a reason) is armed no more.
 struct HazardNews {

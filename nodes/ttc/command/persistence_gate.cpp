@@ -12,9 +12,7 @@ bool PersistenceGate::enter(JudgedTelecommand judged, std::uint64_t generation, 
     ++counters_.refused;
     return false;
   }
-  waiting_.push_back(Waiting{.telecommand = {.judged = std::move(judged), .received = now, .durable = true},
-                             .generation = generation,
-                             .deadline = now + deadline_});
+  waiting_.push_back({.judged = std::move(judged), .received = now, .generation = generation});
   while (!waiting_.empty() && waiting_.front().generation <= durable_) pass_front(true);
   return true;
 }
@@ -40,14 +38,14 @@ void PersistenceGate::on_write_done(bool success, MonotonicTime now) {
 
 void PersistenceGate::on_time(MonotonicTime now) {
   if (retry_ && *retry_ <= now) retry_.reset();
-  while (!waiting_.empty() && waiting_.front().deadline <= now) pass_front(false);
+  while (!waiting_.empty() && waiting_.front().received + deadline_ <= now) pass_front(false);
   while (!held_.empty() && held_.front().deadline <= now) release_front();
 }
 
 std::optional<MonotonicTime> PersistenceGate::next_due() const {
   std::optional<MonotonicTime> due = retry_;
   const auto sooner = [&due](MonotonicTime t) { due = due ? std::min(*due, t) : t; };
-  if (!waiting_.empty()) sooner(waiting_.front().deadline);
+  if (!waiting_.empty()) sooner(waiting_.front().received + deadline_);
   if (!held_.empty()) sooner(held_.front().deadline);
   return due;
 }
@@ -58,7 +56,7 @@ void PersistenceGate::release_front() {
 }
 
 void PersistenceGate::pass_front(bool durable) {
-  GatedTelecommand telecommand = std::move(waiting_.front().telecommand);
+  GatedTelecommand telecommand = std::move(waiting_.front());
   waiting_.pop_front();
   telecommand.durable = durable;
   ++(durable ? counters_.passed : counters_.passed_undurable);

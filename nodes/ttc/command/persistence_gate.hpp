@@ -9,15 +9,17 @@
 #include <vector>
 
 #include "base/time.hpp"
-#include "nodes/ttc/command/telecommand_router.hpp"
+#include "nodes/ttc/command/telecommand.hpp"
+#include "nodes/ttc/report/report.hpp"
 
 namespace srfs {
 
 /// A telecommand on its way to execution, with what measures and reports need.
 struct GatedTelecommand {
   JudgedTelecommand judged;
-  MonotonicTime received;  ///< when its last octet was read
-  bool durable = true;     ///< its journal record is on disk
+  MonotonicTime received;        ///< when its last octet was read
+  std::uint64_t generation = 0;  ///< of the journal that has its record
+  bool durable = true;           ///< that is on disk
 };
 
 struct GateCounters {
@@ -70,11 +72,6 @@ class PersistenceGate {
   [[nodiscard]] const GateCounters& counters() const { return counters_; }
 
  private:
-  struct Waiting {
-    GatedTelecommand telecommand;
-    std::uint64_t generation = 0;
-    MonotonicTime deadline;
-  };
   struct Held {
     Report report;
     std::uint64_t generation = 0;
@@ -84,7 +81,7 @@ class PersistenceGate {
   void release_front();
 
   milliseconds deadline_;
-  std::deque<Waiting> waiting_;
+  std::deque<GatedTelecommand> waiting_;
   std::vector<GatedTelecommand> passed_;
   std::deque<Held> held_;
   std::vector<Report> released_;

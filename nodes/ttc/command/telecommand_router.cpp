@@ -9,135 +9,81 @@
 #include <mission/structures.hpp>
 
 #include "base/config.hpp"
-#include "nodes/ttc/services/connection_tester.hpp"
 #include "nodes/ttc/services/own_functions.hpp"
 
 namespace srfs {
 namespace {
 
-constexpr std::uint8_t function_service = 8;
-constexpr std::uint8_t perform_function = 1;
+std::uint16_t apid_of(const mission::Dictionary& dictionary, const std::string& node) {
+  const mission::ApplicationProcess* process = dictionary.apid_of_node(node);
+  if (process == nullptr) throw ConfigError(fmt::format("mission dictionary: node '{}' has no APID", node));
+  return process->apid;
+}
 
 }  // namespace
 
 TelecommandRouter::TelecommandRouter(Parts parts, std::string own_node)
-    : parts_(parts), own_node_(std::move(own_node)) {
-  const mission::ApplicationProcess* own = parts_.dictionary.apid_of_node(own_node_);
-  if (own == nullptr) throw ConfigError(fmt::format("mission dictionary: node '{}' has no APID", own_node_));
-  own_apid_ = own->apid;
-}
-
-TelecommandOrigin TelecommandRouter::origin_of(const wire::TcPacket& packet) const {
-  TelecommandOrigin origin{.request = wire::request_id(packet),
-                           .apid = packet.apid,
-                           .ack_flags = packet.ack_flags,
-                           .source_id = packet.source_id};
-  // Only ttc can answer for an application process that does not exist.
-  if (parts_.dictionary.apid(origin.apid) == nullptr) origin.apid = own_apid_;
-  return origin;
-}
+    : parts_(std::move(parts)),
+      own_node_(std::move(own_node)),
+      parser_(parts_.dictionary, apid_of(parts_.dictionary, own_node_)) {}
 
 JudgedTelecommand TelecommandRouter::judge(OctetView packet, MonotonicTime now, bool room) {
-  const auto parsed = wire::parse_tc_packet(packet);
-  if (!parsed) return judge_malformed(packet, parsed.error());
-  JudgedTelecommand judged;
-  judged.origin = origin_of(*parsed);
-  auto checked = check(*parsed, room, now);
-  if (!checked) {
-    judged.refusal = checked.error();
-    return judged;
-  }
-  judged.command = checked->command;
-  judged.arguments = std::move(checked->arguments);
-  judged.expiry = now + judged.command->timeout;
-  if (judged.command->hazardous) parts_.hazards.disarm(mission::DisarmReason::fired);  // once
-  if (judged.command->node != own_node_) ++waiting_[judged.command->node];
-  if (const auto mode = ModeService::mode_of(*judged.command, judged.arguments))
-    modes_to_come_.push_back(*mode);
+  JudgedTelecommand judged = parser_.parse(packet);
+  Telecommand& telecommand = judged.telecommand;
+  if (!judged.refusal) judged.refusal = why_refused(telecommand, room, now);
+  if (judged.refusal) return judged;
+  const mission::Command& command = *telecommand.command;
+  telecommand.expiry = now + command.timeout;
+  if (command.hazardous) parts_.hazards.disarm(mission::DisarmReason::fired);  // once
+  if (command.node != own_node_) ++waiting_[command.node];
+  if (const auto mode = ModeService::mode_of(telecommand)) modes_to_come_.push_back(*mode);
   return judged;
 }
 
-void TelecommandRouter::carry_out(const JudgedTelecommand& judged, bool durable, MonotonicTime now) {
-  if (judged.command == nullptr) {
-    refuse(judged.origin, judged.refusal);
-    return;
-  }
-  const mission::Command& command = *judged.command;
+void TelecommandRouter::carry_out(JudgedTelecommand judged, bool durable, MonotonicTime now) {
+  Telecommand& telecommand = judged.telecommand;
+  const TelecommandOrigin origin = telecommand.origin;
+  if (judged.refusal) return refuse(origin, *judged.refusal);
+  const mission::Command& command = *telecommand.command;
   if (command.node != own_node_) --waiting_[command.node];
-  if (ModeService::mode_of(command, judged.arguments)) modes_to_come_.erase(modes_to_come_.begin());
-  if (!durable && !command.recovery) {
-    refuse(judged.origin, Refusal{mission::failure::storage_unavailable, {}});
-    return;
-  }
-  if (!durable) unstored_runs_.push_back(judged.origin.id);
-  parts_.report_queue.success(judged.origin, Stage::acceptance);
-  const ServiceRequest request{
-      .origin = judged.origin, .command = command, .arguments = judged.arguments, .now = now};
+  if (ModeService::mode_of(telecommand)) modes_to_come_.erase(modes_to_come_.begin());
+  if (!durable && !command.recovery)
+    return refuse(origin, Refusal{.code = mission::failure::storage_unavailable});
+  if (!durable) unstored_runs_.push_back(origin.id);
+  parts_.report_queue.success(origin, Stage::acceptance);
   const auto mode = static_cast<std::uint8_t>(parts_.mode.mode());
   if (!command.allowed_in(mode)) {  // a mode change that it counted on did not come
-    parts_.report_queue.failure(judged.origin, Stage::start, mission::failure::wrong_mode, Octets{mode});
+    parts_.report_queue.failure(origin, Stage::start, mission::failure::wrong_mode, Octets{mode});
   } else if (command.node == own_node_) {
-    execute(request);
-  } else if (!parts_.forwarder.submit(judged.origin, forwarded(request, judged.expiry), now)) {
-    parts_.report_queue.failure(judged.origin, Stage::start, mission::failure::queue_full);
+    execute(telecommand, now);
+  } else if (!parts_.forwarder.submit(std::move(telecommand), now)) {
+    parts_.report_queue.failure(origin, Stage::start, mission::failure::queue_full);
   }
 }
 
-void TelecommandRouter::restore(const RestoredTelecommand& restored, MonotonicTime now) {
-  const auto parsed = wire::parse_tc_packet(restored.packet);
-  const auto found = parsed ? find_command(*parsed) : Err(Refusal{});
-  if (!found) {  // the dictionary of now does not have it
-    parts_.report_queue.failure(restored.origin, Stage::completion, mission::failure::interrupted);
+void TelecommandRouter::restore(const AcceptedTelecommand& accepted, MonotonicTime now) {
+  JudgedTelecommand parsed = parser_.parse(accepted.packet);
+  if (parsed.refusal) {  // the dictionary of now does not have it
+    parts_.report_queue.failure(accepted.origin, Stage::completion, mission::failure::interrupted);
     return;
   }
-  const mission::Command& command = **found;
-  const Octets arguments = arguments_of(*parsed, command);
-  const ServiceRequest request{
-      .origin = restored.origin, .command = command, .arguments = arguments, .now = now, .repeated = true};
-  if (command.node != own_node_) {
-    parts_.forwarder.restore(restored.origin, forwarded(request, restored.expiry), restored.progress, now);
-    return;
-  }
+  Telecommand& telecommand = parsed.telecommand;
+  telecommand.origin = accepted.origin;
+  telecommand.expiry = accepted.expiry;
+  telecommand.repeated = true;
+  const mission::Command& command = *telecommand.command;
+  if (command.node != own_node_)
+    return parts_.forwarder.restore(std::move(telecommand), accepted.progress, now);
   PusService* const service = service_of(command);
-  if (service != nullptr && service->restore(request, restored.progress)) return;
+  if (service != nullptr && service->restore(telecommand, accepted.progress, now)) return;
   const bool again = command.repeat_class == mission::RepeatClass::idempotent &&
-                     !restored.progress.other_boot && now < restored.expiry &&
+                     !accepted.progress.other_boot && now < accepted.expiry &&
                      command.allowed_in(static_cast<std::uint8_t>(parts_.mode.mode()));
   if (again) {
-    execute(request);
+    execute(telecommand, now);
   } else {
-    parts_.report_queue.failure(restored.origin, Stage::completion, mission::failure::interrupted);
+    parts_.report_queue.failure(accepted.origin, Stage::completion, mission::failure::interrupted);
   }
-}
-
-Result<const mission::Command*, Refusal> TelecommandRouter::find_command(const wire::TcPacket& packet) const {
-  const mission::Dictionary& dictionary = parts_.dictionary;
-  if (dictionary.apid(packet.apid) == nullptr)
-    return Err(Refusal{mission::failure::unknown_apid, {}, Stage::routing});
-  if (packet.service == function_service && packet.subtype == perform_function) {
-    OctetReader reader(packet.application);
-    const std::uint16_t function_id = reader.u16();
-    if (!reader.ok()) return Err(Refusal{mission::failure::bad_arguments_length, {}});
-    const mission::Command* function = dictionary.function(packet.apid, function_id);
-    if (function == nullptr)
-      return Err(Refusal{mission::failure::unknown_function, octets_of_u16(function_id)});
-    return function;
-  }
-  const mission::Command* request = dictionary.request(packet.apid, packet.service, packet.subtype);
-  if (request != nullptr) return request;
-  // Every application process can be asked whether it is alive; ttc asks its node.
-  if (packet.service == ConnectionTester::service_type && packet.subtype == ConnectionTester::are_you_alive)
-    return dictionary.request(own_apid_, packet.service, packet.subtype);
-  const bool service_known =
-      packet.service == function_service || dictionary.has_service(packet.apid, packet.service);
-  return Err(
-      Refusal{service_known ? mission::failure::unknown_subtype : mission::failure::unknown_service, {}});
-}
-
-Octets TelecommandRouter::arguments_of(const wire::TcPacket& packet, const mission::Command& command) {
-  OctetView arguments(packet.application);
-  if (command.is_function()) arguments = arguments.subspan(2);
-  return {arguments.begin(), arguments.end()};
 }
 
 std::size_t TelecommandRouter::waiting_for(const std::string& node) const {
@@ -145,78 +91,42 @@ std::size_t TelecommandRouter::waiting_for(const std::string& node) const {
   return found == waiting_.end() ? 0 : found->second;
 }
 
-Result<TelecommandRouter::Checked, Refusal> TelecommandRouter::check(const wire::TcPacket& packet, bool room,
-                                                                     MonotonicTime now) const {
-  const auto command = find_command(packet);
-  if (!command) return Err(command.error());
-  const mission::Command& found = **command;
+std::optional<Refusal> TelecommandRouter::why_refused(const Telecommand& telecommand, bool room,
+                                                      MonotonicTime now) const {
+  const mission::Command& command = *telecommand.command;
   const MissionMode to_come = modes_to_come_.empty() ? parts_.mode.mode() : modes_to_come_.back();
   const auto mode = static_cast<std::uint8_t>(to_come);
-  if (!found.allowed_in(mode)) return Err(Refusal{mission::failure::wrong_mode, {mode}});
-
-  Octets arguments = arguments_of(packet, found);
-  if (const auto checked = parts_.dictionary.check_arguments(found, arguments); !checked) {
-    const std::uint8_t position = checked.error().parameter;
-    if (position == 0) return Err(Refusal{mission::failure::bad_arguments_length, {}});
-    return Err(Refusal{mission::failure::bad_argument, {position}});
-  }
-  const PusService* const service = found.node == own_node_ ? service_of(found) : nullptr;
+  if (!command.allowed_in(mode)) return Refusal{.code = mission::failure::wrong_mode, .parameter = {mode}};
+  if (auto refusal = parser_.check_arguments(telecommand)) return refusal;
+  const PusService* const service = command.node == own_node_ ? service_of(command) : nullptr;
   if (service != nullptr) {
-    if (auto refusal = service->why_refused(found, arguments)) return Err(std::move(*refusal));
+    if (auto refusal = service->why_refused(telecommand)) return refusal;
   }
-  if (found.hazardous && !parts_.hazards.is_armed(hazard_name(packet), now))
-    return Err(Refusal{mission::failure::not_armed, {}});
-  const bool taken =
-      room && (found.node == own_node_ || parts_.forwarder.has_room(found.node, waiting_for(found.node)));
-  if (!taken) return Err(Refusal{mission::failure::queue_full, {}});
-  return Checked{&found, std::move(arguments)};
+  if (command.hazardous && !parts_.hazards.is_armed(hazard_name(telecommand), now))
+    return Refusal{.code = mission::failure::not_armed};
+  const bool taken = room && (command.node == own_node_ ||
+                              parts_.forwarder.has_room(command.node, waiting_for(command.node)));
+  if (!taken) return Refusal{.code = mission::failure::queue_full};
+  return std::nullopt;
 }
 
 std::optional<std::pair<std::uint16_t, std::uint8_t>> TelecommandRouter::check_scheduled(
     OctetView packet) const {
-  const auto parsed = wire::parse_tc_packet(packet);
-  if (!parsed) return {{judge_malformed(packet, parsed.error()).refusal.code, std::uint8_t{0}}};
-  const auto command = find_command(*parsed);
-  if (!command) return {{command.error().code, std::uint8_t{0}}};
-  const auto checked = parts_.dictionary.check_arguments(**command, arguments_of(*parsed, **command));
-  if (checked) return std::nullopt;
-  const std::uint8_t position = checked.error().parameter;
-  return {
-      {position == 0 ? mission::failure::bad_arguments_length : mission::failure::bad_argument, position}};
+  const JudgedTelecommand parsed = parser_.parse(packet);
+  if (parsed.refusal) return {{parsed.refusal->code, std::uint8_t{0}}};
+  const auto refusal = parser_.check_arguments(parsed.telecommand);
+  if (!refusal) return std::nullopt;
+  return {{refusal->code, refusal->parameter.empty() ? std::uint8_t{0} : refusal->parameter.front()}};
 }
 
 void TelecommandRouter::refuse(const TelecommandOrigin& origin, const Refusal& refusal) {
   parts_.report_queue.failure(origin, refusal.stage, refusal.code, refusal.parameter);
   if (rejected_.size() == max_rejected) rejected_.erase(rejected_.begin());
-  rejected_.push_back(RejectedTelecommand{
-      .apid = static_cast<std::uint16_t>(origin.request.packet_identification & 0x7FF),
-      .sequence_count = static_cast<std::uint16_t>(origin.request.packet_sequence_control & 0x3FFF),
-      .code = refusal.code});
-}
-
-JudgedTelecommand TelecommandRouter::judge_malformed(OctetView packet, wire::TcPacketError error) const {
-  JudgedTelecommand judged;
-  judged.origin.request = wire::peek_request_id(packet).value_or(wire::RequestId{});
-  judged.origin.apid = own_apid_;
-  judged.refusal.code = mission::failure::bad_length;
-  if (error == wire::TcPacketError::bad_checksum) judged.refusal.code = mission::failure::bad_checksum;
-  if (error == wire::TcPacketError::idle_packet)
-    judged.refusal = {mission::failure::unknown_apid, {}, Stage::routing};
-  if (error == wire::TcPacketError::bad_pus_version || error == wire::TcPacketError::no_secondary_header) {
-    judged.refusal.code = mission::failure::unknown_service;
-  }
-  return judged;
-}
-
-ForwardedCommand TelecommandRouter::forwarded(const ServiceRequest& request, MonotonicTime expiry) {
-  const mission::Command& command = request.command;
-  return ForwardedCommand{.id = request.origin.id,
-                          .target = command.node,
-                          .apid = command.apid,
-                          .function_id = command.function_id,
-                          .repeat_class = static_cast<std::uint8_t>(command.repeat_class),
-                          .expiry = expiry,
-                          .arguments = {request.arguments.begin(), request.arguments.end()}};
+  mission::TtcTelecommandRejectedEvent event;
+  event.apid = origin.request.packet_identification & 0x7FF;
+  event.sequence = origin.request.packet_sequence_control & 0x3FFF;
+  event.code = refusal.code;
+  rejected_.push_back(event);
 }
 
 PusService* TelecommandRouter::service_of(const mission::Command& command) const {
@@ -225,11 +135,11 @@ PusService* TelecommandRouter::service_of(const mission::Command& command) const
   return found == parts_.services.end() ? nullptr : *found;
 }
 
-void TelecommandRouter::execute(const ServiceRequest& request) {
-  if (PusService* const service = service_of(request.command)) return service->execute(request);
+void TelecommandRouter::execute(const Telecommand& telecommand, MonotonicTime now) {
+  if (PusService* const service = service_of(*telecommand.command)) return service->execute(telecommand, now);
   // In the dictionary, but this version of ttc does not do it.
-  parts_.report_queue.failure(request.origin, Stage::start, mission::failure::unknown_function,
-                              octets_of_u16(request.command.function_id));
+  parts_.report_queue.failure(telecommand.origin, Stage::start, mission::failure::unknown_function,
+                              octets_of_u16(telecommand.command->function_id));
 }
 
 }  // namespace srfs

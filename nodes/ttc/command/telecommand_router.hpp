@@ -13,38 +13,15 @@
 
 #include "base/result.hpp"
 #include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/command/acceptance_journal.hpp"
 #include "nodes/ttc/command/command_forwarder.hpp"
 #include "nodes/ttc/command/hazard_guard.hpp"
+#include "nodes/ttc/command/telecommand_parser.hpp"
 #include "nodes/ttc/report/report_queue.hpp"
 #include "nodes/ttc/services/mode_manager.hpp"
 #include "nodes/ttc/services/pus_service.hpp"
 
 namespace srfs {
-
-/// A telecommand that was refused, for the event that reports it.
-struct RejectedTelecommand {
-  std::uint16_t apid = 0;
-  std::uint16_t sequence_count = 0;
-  std::uint16_t code = 0;
-};
-
-/// A telecommand packet after the decision and before anything is done.
-struct JudgedTelecommand {
-  TelecommandOrigin origin;                   ///< the id is filled in when it is recorded
-  const mission::Command* command = nullptr;  ///< of the dictionary; nullptr: refused
-  Octets arguments;
-  MonotonicTime expiry;  ///< not begun by its node after this
-  Refusal refusal;
-  std::uint64_t refusal_serial = 0;  ///< filled in when the refusal is recorded; 0: it is not
-};
-
-/// How far a telecommand of an earlier process got.
-struct RestoredTelecommand {
-  TelecommandOrigin origin;
-  OctetView packet;
-  MonotonicTime expiry;
-  RestoredProgress progress;
-};
 
 /// Decides what one telecommand packet causes: 1,2 with the reason, or 1,1 and then a service of ttc itself
 /// or a command for another node. Between the decision (judge) and what it causes (carry_out) the telecommand
@@ -77,37 +54,30 @@ class TelecommandRouter {
   /// 1,1 and what is asked for, or 1,2. Once for each that judge() gave, in that order; refused ones at any
   /// time.
   /// @param durable whether its record is on disk; if not, only recovery commands run
-  void carry_out(const JudgedTelecommand& judged, bool durable, MonotonicTime now);
+  void carry_out(JudgedTelecommand judged, bool durable, MonotonicTime now);
   /// Goes on with an accepted telecommand of an earlier process. One of ttc itself whose service does not
   /// know what became of it is done again if it is idempotent and not expired; else it ends as interrupted.
-  void restore(const RestoredTelecommand& restored, MonotonicTime now);
+  void restore(const AcceptedTelecommand& accepted, MonotonicTime now);
 
-  /// Telecommands refused since the last call, at most max_rejected (the newest).
-  [[nodiscard]] std::vector<RejectedTelecommand> take_rejected() { return std::exchange(rejected_, {}); }
+  /// An event for each telecommand refused since the last call, at most max_rejected (the newest).
+  [[nodiscard]] std::vector<mission::TtcTelecommandRejectedEvent> take_rejected() {
+    return std::exchange(rejected_, {});
+  }
   /// Ids of recovery commands that ran without storage since the last call.
   [[nodiscard]] std::vector<std::uint64_t> take_unstored_runs() { return std::exchange(unstored_runs_, {}); }
 
  private:
-  struct Checked {
-    const mission::Command* command = nullptr;
-    Octets arguments;
-  };
-  [[nodiscard]] Result<const mission::Command*, Refusal> find_command(const wire::TcPacket& packet) const;
-  [[nodiscard]] Result<Checked, Refusal> check(const wire::TcPacket& packet, bool room,
-                                               MonotonicTime now) const;
+  [[nodiscard]] std::optional<Refusal> why_refused(const Telecommand& telecommand, bool room,
+                                                   MonotonicTime now) const;
   [[nodiscard]] PusService* service_of(const mission::Command& command) const;
-  [[nodiscard]] TelecommandOrigin origin_of(const wire::TcPacket& packet) const;
-  [[nodiscard]] static Octets arguments_of(const wire::TcPacket& packet, const mission::Command& command);
   [[nodiscard]] std::size_t waiting_for(const std::string& node) const;
   void refuse(const TelecommandOrigin& origin, const Refusal& refusal);
-  [[nodiscard]] JudgedTelecommand judge_malformed(OctetView packet, wire::TcPacketError error) const;
-  [[nodiscard]] static ForwardedCommand forwarded(const ServiceRequest& request, MonotonicTime expiry);
-  void execute(const ServiceRequest& request);
+  void execute(const Telecommand& telecommand, MonotonicTime now);
 
   Parts parts_;
   std::string own_node_;
-  std::uint16_t own_apid_ = 0;
-  std::vector<RejectedTelecommand> rejected_;
+  TelecommandParser parser_;
+  std::vector<mission::TtcTelecommandRejectedEvent> rejected_;
   std::vector<std::uint64_t> unstored_runs_;
   std::map<std::string, std::size_t> waiting_;  ///< judged and not carried out, per node
   std::vector<MissionMode> modes_to_come_;      ///< of mode changes among them, in order

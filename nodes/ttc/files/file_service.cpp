@@ -99,14 +99,14 @@ std::optional<FileOrder> file_order_of(const mission::Command& command, OctetVie
   }
 }
 
-void FileService::execute(const ServiceRequest& request) {
-  const TelecommandOrigin& origin = request.origin;
-  if (request.command.subtype == mission::FileStopReports::subtype) {
+void FileService::execute(const Telecommand& telecommand, MonotonicTime now) {
+  const TelecommandOrigin& origin = telecommand.origin;
+  if (telecommand.command->subtype == mission::FileStopReports::subtype) {
     status_interval_.reset();
     report_queue_.done(origin);
     return;
   }
-  auto order = file_order_of(request.command, request.arguments);
+  auto order = file_order_of(*telecommand.command, telecommand.arguments);
   if (!order) {
     report_queue_.failure(origin, Stage::start, mission::failure::unknown_subtype);
     return;
@@ -115,14 +115,14 @@ void FileService::execute(const ServiceRequest& request) {
     report_queue_.failure(origin, Stage::start, mission::failure::busy);
     return;
   }
-  if (const auto status = mission::FileReportCopies::decode(request.arguments);
+  if (const auto status = mission::FileReportCopies::decode(telecommand.arguments);
       status && order->action == FileAction::report_copies) {
-    set_status_interval(origin, milliseconds(status->interval_ms), request.now);
+    set_status_interval(origin, milliseconds(status->interval_ms), now);
   }
   order->number = next_number_++;
-  order->repeated = request.repeated;
+  order->repeated = telecommand.repeated;
   waiting_.push_back(
-      {.origin = origin, .order = std::move(*order), .expiry = request.now + request.command.timeout});
+      {.origin = origin, .order = std::move(*order), .expiry = now + telecommand.command->timeout});
 }
 
 void FileService::set_status_interval(const TelecommandOrigin& origin, milliseconds interval,

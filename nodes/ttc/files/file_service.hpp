@@ -30,7 +30,7 @@ class FileService final : public PusService {
   [[nodiscard]] bool provides(const mission::Command& command) const override {
     return command.service == service_type;
   }
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
   /// The order to carry out next; then on_outcome() or on_refused().
   [[nodiscard]] std::optional<FileOrder> next_order(MonotonicTime now);

@@ -19,11 +19,12 @@ bool ImagingScheduler::provides(const mission::Command& command) const {
          command.name == mission::ImageCancel::name || command.name == mission::ImageSendFrame::name;
 }
 
-std::optional<ImagingScheduler::Task> ImagingScheduler::read(const TelecommandOrigin& origin,
-                                                             const mission::Command& command,
-                                                             OctetView arguments, MonotonicTime now) {
+std::optional<ImagingScheduler::Task> ImagingScheduler::read(const Telecommand& telecommand,
+                                                             MonotonicTime now) {
+  const mission::Command& command = *telecommand.command;
+  const OctetView arguments(telecommand.arguments);
   Task task;
-  task.origin = origin;
+  task.origin = telecommand.origin;
   task.expiry = now + command.timeout;
   if (command.name == mission::ImageCapture::name) {
     const auto capture = mission::ImageCapture::decode(arguments);
@@ -62,13 +63,10 @@ std::uint16_t ImagingScheduler::refusal_of(const Task& task) const {
   return mission::failure::none;
 }
 
-void ImagingScheduler::execute(const ServiceRequest& request) {
-  const auto& [origin, command, arguments, now, repeated] = request;
-  if (command.name == mission::ImageCancel::name) {
-    const auto wanted = mission::ImageCancel::decode(arguments);
-    return cancel(origin, wanted ? wanted->task : 0, repeated, command, now);
-  }
-  auto task = read(origin, command, arguments, now);
+void ImagingScheduler::execute(const Telecommand& telecommand, MonotonicTime now) {
+  if (telecommand.command->name == mission::ImageCancel::name) return cancel(telecommand, now);
+  const TelecommandOrigin& origin = telecommand.origin;
+  auto task = read(telecommand, now);
   const std::uint16_t refusal = task ? refusal_of(*task) : mission::failure::bad_arguments_length;
   if (refusal != mission::failure::none) {
     report_queue_.failure(origin, Stage::start, refusal);
@@ -80,15 +78,16 @@ void ImagingScheduler::execute(const ServiceRequest& request) {
   if (tasks_.back().kind != Kind::capture) list_frames(tasks_.back(), now);
 }
 
-bool ImagingScheduler::restore(const ServiceRequest& request, const RestoredProgress& progress) {
+bool ImagingScheduler::restore(const Telecommand& telecommand, const TelecommandProgress& progress,
+                               MonotonicTime now) {
   if (progress.other_boot) return false;
-  const auto& [origin, command, arguments, now, repeated] = request;
+  const TelecommandOrigin& origin = telecommand.origin;
   const std::uint8_t last_step = progress.last_step;
-  if (command.name == mission::ImageCancel::name) {
-    execute(request);
+  if (telecommand.command->name == mission::ImageCancel::name) {
+    cancel(telecommand, now);
     return true;
   }
-  auto task = read(origin, command, arguments, now);
+  auto task = read(telecommand, now);
   const bool may_have_captured =
       task && task->kind == Kind::capture && last_step >= step_capture && last_step < step_captured;
   if (may_have_captured) clear(ImageServer::acquisition, now);
@@ -121,8 +120,10 @@ void ImagingScheduler::clear(ImageServer server, MonotonicTime now) {
 
 // ---- cancelling
 
-void ImagingScheduler::cancel(const TelecommandOrigin& origin, std::uint32_t number, bool repeated,
-                              const mission::Command& command, MonotonicTime now) {
+void ImagingScheduler::cancel(const Telecommand& telecommand, MonotonicTime now) {
+  const TelecommandOrigin& origin = telecommand.origin;
+  const auto wanted = mission::ImageCancel::decode(telecommand.arguments);
+  const std::uint32_t number = wanted ? wanted->task : 0;
   if (cancels_.size() == max_cancels) {
     report_queue_.failure(origin, Stage::start, mission::failure::busy);
     return;
@@ -133,8 +134,9 @@ void ImagingScheduler::cancel(const TelecommandOrigin& origin, std::uint32_t num
     if (task.settings.task == number) meant.push_back(task.origin.id);
   }
   for (const std::uint64_t id : meant) cancel(*find(id));
-  cancels_.push_back(
-      {.origin = origin, .found = repeated || !meant.empty(), .expiry = now + command.timeout});
+  cancels_.push_back({.origin = origin,
+                      .found = telecommand.repeated || !meant.empty(),
+                      .expiry = now + telecommand.command->timeout});
   orders_.push_back({.action = ImagingAction::stop_sending, .id = origin.id, .task = number});
 }
 

@@ -107,10 +107,11 @@ class ImagingScheduler final : public PusService {
   explicit ImagingScheduler(ReportQueue& report_queue) : report_queue_(report_queue) {}
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
   /// Of this boot. A capture that was asked for is not asked for again: it ends as interrupted, unless all
   /// its frames were stored. What runs for it is cancelled.
-  [[nodiscard]] bool restore(const ServiceRequest& request, const RestoredProgress& progress) override;
+  [[nodiscard]] bool restore(const Telecommand& telecommand, const TelecommandProgress& progress,
+                             MonotonicTime now) override;
 
   /// Ends what is overdue, gives orders that are due. @param may_capture in this mode
   void on_time(const ImagingTime& time, bool may_capture);
@@ -183,12 +184,9 @@ class ImagingScheduler final : public PusService {
     MonotonicTime expiry;
   };
 
-  [[nodiscard]] static std::optional<Task> read(const TelecommandOrigin& origin,
-                                                const mission::Command& command, OctetView arguments,
-                                                MonotonicTime now);
+  [[nodiscard]] static std::optional<Task> read(const Telecommand& telecommand, MonotonicTime now);
   [[nodiscard]] std::uint16_t refusal_of(const Task& task) const;
-  void cancel(const TelecommandOrigin& origin, std::uint32_t number, bool repeated,
-              const mission::Command& command, MonotonicTime now);
+  void cancel(const Telecommand& telecommand, MonotonicTime now);
   void cancel(Task& task);
   void clear(ImageServer server, MonotonicTime now);
   [[nodiscard]] static bool waits(const Task& task);

@@ -104,18 +104,14 @@ std::optional<UplinkedPacket> UplinkChain::on_frame(OctetView octets) {
 
 std::optional<UplinkedPacket> UplinkChain::on_data_frame(const UplinkChannel& channel,
                                                          const wire::TcFrame& frame) {
-  UplinkedPacket packet{.vc = channel.vc,
-                        .frame_type = frame.type,
-                        .spi = std::nullopt,
-                        .counter = 0,
-                        .frame_sequence = frame.sequence,
+  UplinkedPacket packet{.frame = {.vc = channel.vc, .type = frame.type, .sequence = frame.sequence},
                         .packet = {}};
   std::optional<wire::SdlsOpened> opened;
   if (!channel.associations.empty()) {
     opened = open_secured(channel, frame);
     if (!opened) return std::nullopt;
-    packet.spi = opened->spi;
-    packet.counter = opened->counter;
+    packet.frame.spi = opened->spi;
+    packet.frame.counter = opened->counter;
   }
 
   const wire::FarmOutcome outcome =
@@ -178,11 +174,11 @@ std::optional<wire::SdlsOpened> UplinkChain::open_secured(const UplinkChannel& c
   if (!wire::is_fresh(counter(association->spi), opened->counter)) {
     ++counters_.replayed;
     find({.kind = SecurityFinding::Kind::replayed, .vc = channel.vc, .counter = opened->counter});
-    keep_refused({.vc = channel.vc,
-                  .frame_type = frame.type,
-                  .spi = opened->spi,
-                  .counter = opened->counter,
-                  .frame_sequence = frame.sequence,
+    keep_refused({.frame = {.vc = channel.vc,
+                            .type = frame.type,
+                            .spi = opened->spi,
+                            .counter = opened->counter,
+                            .sequence = frame.sequence},
                   .packet = std::move(opened->packet)});
     return std::nullopt;
   }

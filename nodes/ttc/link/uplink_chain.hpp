@@ -63,15 +63,20 @@ struct UplinkCounters {
   std::uint32_t packets = 0;           ///< handed out
 };
 
+/// The frame that brought a packet, by which its repeat is known.
+struct UplinkFrame {
+  std::uint8_t vc = 0;
+  wire::TcFrameType type = wire::TcFrameType::bd;
+  std::optional<std::uint16_t> spi = {};  ///< nullopt: channel without security
+  std::uint64_t counter = 0;              ///< of the association: the IV
+  std::uint8_t sequence = 0;              ///< N(S) of an AD frame
+};
+
 /// A space packet that came up, and on which way.
 struct UplinkedPacket {
-  std::uint8_t vc = 0;
-  wire::TcFrameType frame_type = wire::TcFrameType::bd;
-  std::optional<std::uint16_t> spi;  ///< nullopt: channel without security
-  std::uint64_t counter = 0;         ///< of the association
-  std::uint8_t frame_sequence = 0;   ///< N(S) of an AD frame
-  Octets packet;                     ///< not judged yet
-  LinkState link{};                  ///< as its frame left it; of a refused one empty
+  UplinkFrame frame;
+  Octets packet;     ///< not judged yet
+  LinkState link{};  ///< as its frame left it; of a refused one empty
 };
 
 /// A frame that security refused, for the events that report it.

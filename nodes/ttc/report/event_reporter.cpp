@@ -6,18 +6,18 @@
 
 namespace srfs {
 
-void EventReporter::execute(const ServiceRequest& request) {
+void EventReporter::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
   constexpr std::uint8_t enable = 5;
-  OctetReader reader(request.arguments);
+  OctetReader reader(telecommand.arguments);
   const unsigned count = reader.u16();
   for (unsigned i = 0; i < count; ++i) {
     const std::uint16_t event = reader.u16();
-    if (set_enabled(event, request.command.subtype == enable)) continue;
-    report_queue_.failure(request.origin, Stage::start, mission::failure::unknown_identifier,
+    if (set_enabled(event, telecommand.command->subtype == enable)) continue;
+    report_queue_.failure(telecommand.origin, Stage::start, mission::failure::unknown_identifier,
                           octets_of_u16(event));
     return;
   }
-  report_queue_.done(request.origin);
+  report_queue_.done(telecommand.origin);
 }
 
 void EventReporter::add_event(std::uint16_t event_id, bool enabled) {

@@ -36,7 +36,7 @@ class EventReporter final : public PusService {
   [[nodiscard]] bool provides(const mission::Command& command) const override {
     return command.service == service_type;
   }
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
   /// Event ids are unique in the whole dictionary. @param apid of the node that raises it
   void add_event(std::uint16_t event_id, bool enabled = true);

@@ -16,7 +16,7 @@ using mission::Stage;
 
 /// Where the reports go, and which ones were asked for.
 struct TelecommandOrigin {
-  wire::RequestId request;
+  wire::RequestId request = {};
   std::uint16_t apid = 0;       ///< addressed by the telecommand; its reports come from there
   std::uint8_t ack_flags = 0;   ///< wire::ack
   std::uint16_t source_id = 0;  ///< of the sender; the destination of the reports

@@ -8,10 +8,11 @@
 
 namespace srfs {
 
-void ConnectionTester::execute(const ServiceRequest& request) {
-  const TelecommandOrigin& origin = request.origin;
-  const std::uint8_t subtype = request.command.subtype;
-  const std::uint16_t apid = subtype == test_connection ? OctetReader(request.arguments).u16() : origin.apid;
+void ConnectionTester::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  const TelecommandOrigin& origin = telecommand.origin;
+  const std::uint8_t subtype = telecommand.command->subtype;
+  const std::uint16_t apid =
+      subtype == test_connection ? OctetReader(telecommand.arguments).u16() : origin.apid;
   const mission::ApplicationProcess* process = dictionary_.apid(apid);
   if (process == nullptr) {
     report_queue_.failure(origin, Stage::start, mission::failure::unknown_identifier, octets_of_u16(apid));

@@ -31,7 +31,7 @@ class ConnectionTester final : public PusService {
   [[nodiscard]] bool provides(const mission::Command& command) const override {
     return command.service == service_type;
   }
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
   /// The node to ask now; nullopt: none, or one is being asked.
   [[nodiscard]] std::optional<std::string> take_question();
   /// What became of it.

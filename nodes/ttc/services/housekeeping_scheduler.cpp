@@ -24,29 +24,29 @@ constexpr std::uint8_t modify_interval = 31;
 
 }  // namespace
 
-void HousekeepingScheduler::execute(const ServiceRequest& request) {
-  OctetReader reader(request.arguments);
+void HousekeepingScheduler::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  OctetReader reader(telecommand.arguments);
   const unsigned count = reader.u16();
   for (unsigned i = 0; i < count; ++i) {
     const std::uint16_t structure_id = reader.u16();
-    if (execute_one(request, structure_id, reader)) continue;
-    report_queue_.failure(request.origin, Stage::start, mission::failure::unknown_identifier,
+    if (execute_one(telecommand, structure_id, reader)) continue;
+    report_queue_.failure(telecommand.origin, Stage::start, mission::failure::unknown_identifier,
                           octets_of_u16(structure_id));
     return;
   }
-  report_queue_.done(request.origin);
+  report_queue_.done(telecommand.origin);
 }
 
-Result<void, HousekeepingError> HousekeepingScheduler::execute_one(const ServiceRequest& request,
+Result<void, HousekeepingError> HousekeepingScheduler::execute_one(const Telecommand& telecommand,
                                                                    std::uint16_t structure_id,
                                                                    OctetReader& reader) {
-  const std::uint8_t subtype = request.command.subtype;
+  const std::uint8_t subtype = telecommand.command->subtype;
   if (subtype == enable || subtype == disable) return set_enabled(structure_id, subtype == enable);
   if (subtype == modify_interval) return set_interval(structure_id, milliseconds(reader.u32()));
   if (subtype != one_shot_report) return {};
   auto report = one_shot(structure_id);
   if (!report) return Err(report.error());
-  report->destination_id = request.origin.source_id;
+  report->destination_id = telecommand.origin.source_id;
   report_queue_.put(std::move(*report));
   return {};
 }

@@ -40,7 +40,7 @@ class HousekeepingScheduler final : public PusService {
   [[nodiscard]] bool provides(const mission::Command& command) const override {
     return command.service == service_type;
   }
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
   /// @param apid of the node whose structure it is. @param octets smallest and largest length of its
   /// parameters
@@ -71,7 +71,7 @@ class HousekeepingScheduler final : public PusService {
     Octets newest;  ///< empty: none yet
     MonotonicTime next;
   };
-  [[nodiscard]] Result<void, HousekeepingError> execute_one(const ServiceRequest& request,
+  [[nodiscard]] Result<void, HousekeepingError> execute_one(const Telecommand& telecommand,
                                                             std::uint16_t structure_id, OctetReader& reader);
 
   ReportQueue& report_queue_;

@@ -10,21 +10,23 @@ namespace srfs {
 
 // ---- mode
 
-std::optional<MissionMode> ModeService::mode_of(const mission::Command& command, OctetView arguments) {
-  if (command.name != mission::TtcSetMode::name || arguments.empty()) return std::nullopt;
-  return arguments.front() == static_cast<std::uint8_t>(MissionMode::nominal) ? MissionMode::nominal
-                                                                              : MissionMode::safe;
+std::optional<MissionMode> ModeService::mode_of(const Telecommand& telecommand) {
+  if (telecommand.command->name != mission::TtcSetMode::name || telecommand.arguments.empty())
+    return std::nullopt;
+  return telecommand.arguments.front() == static_cast<std::uint8_t>(MissionMode::nominal)
+             ? MissionMode::nominal
+             : MissionMode::safe;
 }
 
 bool ModeService::provides(const mission::Command& command) const {
   return command.name == mission::TtcSetMode::name;
 }
 
-void ModeService::execute(const ServiceRequest& request) {
-  if (!start(request.origin)) return;
-  const MissionMode mode = mode_of(request.command, request.arguments).value_or(MissionMode::safe);
+void ModeService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  if (!start(telecommand.origin)) return;
+  const MissionMode mode = mode_of(telecommand).value_or(MissionMode::safe);
   if (mode != mode_.mode()) hazards_.disarm(mission::DisarmReason::mode_changed);
-  set_change({.origin = request.origin, .mode = mode, .stored_text = mode_.change(mode, "commanded")});
+  set_change({.origin = telecommand.origin, .mode = mode, .stored_text = mode_.change(mode, "commanded")});
 }
 
 // ---- arming
@@ -33,10 +35,10 @@ bool ArmingService::provides(const mission::Command& command) const {
   return command.name == mission::TtcArm::name || command.name == mission::TtcDisarm::name;
 }
 
-void ArmingService::execute(const ServiceRequest& request) {
-  if (request.command.name == mission::TtcArm::name) return arm(request);
+void ArmingService::execute(const Telecommand& telecommand, MonotonicTime now) {
+  if (telecommand.command->name == mission::TtcArm::name) return arm(telecommand, now);
   hazards_.disarm(mission::DisarmReason::commanded);
-  report_queue_.done(request.origin);
+  report_queue_.done(telecommand.origin);
 }
 
 std::optional<Refusal> ArmingService::why_not_armed(const mission::TtcArm& arm) const {
@@ -55,17 +57,17 @@ std::optional<Refusal> ArmingService::why_not_armed(const mission::TtcArm& arm) 
   return why;
 }
 
-void ArmingService::arm(const ServiceRequest& request) {
-  const auto arm = mission::TtcArm::decode(request.arguments);
+void ArmingService::arm(const Telecommand& telecommand, MonotonicTime now) {
+  const auto arm = mission::TtcArm::decode(telecommand.arguments);
   const auto refusal = arm ? why_not_armed(*arm) : Refusal{mission::failure::bad_arguments_length, {}};
   if (refusal) {
-    report_queue_.failure(request.origin, Stage::start, refusal->code, refusal->parameter);
+    report_queue_.failure(telecommand.origin, Stage::start, refusal->code, refusal->parameter);
     return;
   }
   hazards_.arm(
       {.apid = arm->of_apid, .service = arm->of_service, .subtype = arm->of_subtype, .digest = arm->digest},
-      request.now);
-  report_queue_.done(request.origin);
+      now);
+  report_queue_.done(telecommand.origin);
 }
 
 // ---- keys
@@ -74,16 +76,16 @@ bool KeyService::provides(const mission::Command& command) const {
   return command.name == mission::TtcSelectKeys::name;
 }
 
-void KeyService::execute(const ServiceRequest& request) {
-  const auto select = mission::TtcSelectKeys::decode(request.arguments);
+void KeyService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  const auto select = mission::TtcSelectKeys::decode(telecommand.arguments);
   const auto set = select ? select->set : KeySet::a;
   const auto vc = select ? select->vc : std::uint8_t{0};
   const bool has_it = std::find(available_.begin(), available_.end(), std::pair(vc, set)) != available_.end();
   if (!select || !has_it) {
-    report_queue().failure(request.origin, Stage::start, mission::failure::unknown_identifier,
+    report_queue().failure(telecommand.origin, Stage::start, mission::failure::unknown_identifier,
                            octets_of_u16(vc));
-  } else if (start(request.origin)) {
-    set_change({.origin = request.origin, .vc = vc, .set = set});
+  } else if (start(telecommand.origin)) {
+    set_change({.origin = telecommand.origin, .vc = vc, .set = set});
   }
 }
 
@@ -93,19 +95,19 @@ bool TransmitterService::provides(const mission::Command& command) const {
   return command.name == mission::TtcTransmitterOff::name || command.name == mission::TtcTransmitterOn::name;
 }
 
-void TransmitterService::execute(const ServiceRequest& request) {
-  if (!start(request.origin)) return;
+void TransmitterService::execute(const Telecommand& telecommand, MonotonicTime now) {
+  if (!start(telecommand.origin)) return;
   seconds off{0};
-  if (request.command.name == mission::TtcTransmitterOff::name) {
-    const auto command = mission::TtcTransmitterOff::decode(request.arguments);
+  if (telecommand.command->name == mission::TtcTransmitterOff::name) {
+    const auto command = mission::TtcTransmitterOff::decode(telecommand.arguments);
     off = seconds(command ? command->duration_s : 0);
   }
   if (off > seconds(0)) {
-    transmitter_.switch_off(off, request.now);
+    transmitter_.switch_off(off, now);
   } else {
     transmitter_.switch_on();
   }
-  set_change({.origin = request.origin, .off = off, .stored_text = transmitter_.stored_text()});
+  set_change({.origin = telecommand.origin, .off = off, .stored_text = transmitter_.stored_text()});
 }
 
 }  // namespace srfs

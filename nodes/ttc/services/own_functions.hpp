@@ -28,12 +28,11 @@ class ModeService final : public StoredChangeService<ModeChange> {
  public:
   ModeService(ModeManager& mode, HazardGuard& hazards, ReportQueue& report_queue)
       : StoredChangeService(report_queue), mode_(mode), hazards_(hazards) {}
-  /// The mode that @p command orders; nullopt: it is another one.
-  [[nodiscard]] static std::optional<MissionMode> mode_of(const mission::Command& command,
-                                                          OctetView arguments);
+  /// The mode that @p telecommand orders; nullopt: it is another one.
+  [[nodiscard]] static std::optional<MissionMode> mode_of(const Telecommand& telecommand);
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
  private:
   ModeManager& mode_;
@@ -48,12 +47,12 @@ class ArmingService final : public PusService {
       : dictionary_(dictionary), mode_(mode), hazards_(hazards), report_queue_(report_queue) {}
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
  private:
   /// The telecommand that @p arm names, if it is hazardous and allowed now.
   [[nodiscard]] std::optional<Refusal> why_not_armed(const mission::TtcArm& arm) const;
-  void arm(const ServiceRequest& request);
+  void arm(const Telecommand& telecommand, MonotonicTime now);
 
   const mission::Dictionary& dictionary_;
   const ModeManager& mode_;
@@ -75,7 +74,7 @@ class KeyService final : public StoredChangeService<KeyChange> {
       : StoredChangeService(report_queue), available_(available) {}
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
  private:
   const AvailableKeySets& available_;
@@ -95,7 +94,7 @@ class TransmitterService final : public StoredChangeService<TransmitterChange> {
       : StoredChangeService(report_queue), transmitter_(transmitter) {}
 
   [[nodiscard]] bool provides(const mission::Command& command) const override;
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
  private:
   TransmitterSwitch& transmitter_;

@@ -101,9 +101,9 @@ std::optional<std::deque<ParameterService::Item>> ParameterService::items_of(con
   return items;
 }
 
-void ParameterService::execute(const ServiceRequest& request) {
-  const TelecommandOrigin& origin = request.origin;
-  auto items = items_of(request.command, request.arguments);
+void ParameterService::execute(const Telecommand& telecommand, MonotonicTime now) {
+  const TelecommandOrigin& origin = telecommand.origin;
+  auto items = items_of(*telecommand.command, telecommand.arguments);
   if (!items) {  // not what the dictionary has checked
     report_queue_.failure(origin, Stage::start, mission::failure::unknown_identifier);
     return;
@@ -113,9 +113,9 @@ void ParameterService::execute(const ServiceRequest& request) {
     return;
   }
   requests_.push_back({.origin = origin,
-                       .sets = request.command.subtype == set_values,
+                       .sets = telecommand.command->subtype == set_values,
                        .items = std::move(*items),
-                       .expiry = request.now + request.command.timeout,
+                       .expiry = now + telecommand.command->timeout,
                        .started = false,
                        .silent_nodes = {},
                        .failure = 0,

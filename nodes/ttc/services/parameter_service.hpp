@@ -53,7 +53,7 @@ class ParameterService final : public PusService {
   [[nodiscard]] bool provides(const mission::Command& command) const override {
     return command.service == service_type;
   }
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
   /// The call to make next; then one of the answers. The caller sees to it that one comes.
   [[nodiscard]] std::optional<ParameterCall> next_call(MonotonicTime now);
   /// Answers; those to another call than the last are ignored.

@@ -11,34 +11,11 @@
 #include "base/octets.hpp"
 #include "base/time.hpp"
 #include "msgs/mission/dictionary.hpp"
+#include "nodes/ttc/command/telecommand.hpp"
 #include "nodes/ttc/report/report_queue.hpp"
 #include "wire/cuc.hpp"
 
 namespace srfs {
-
-/// Why a telecommand is refused (1,2 or 1,10).
-struct Refusal {
-  std::uint16_t code = 0;
-  Octets parameter;
-  Stage stage = Stage::acceptance;  ///< routing: no application process can accept it
-};
-
-/// An accepted telecommand that ttc itself executes.
-struct ServiceRequest {
-  TelecommandOrigin origin;
-  const mission::Command& command;
-  OctetView arguments;  ///< as the dictionary has checked them
-  MonotonicTime now;
-  bool repeated = false;  ///< may have been done before a restart
-};
-
-/// How far a telecommand was known to be when the process before ended.
-struct RestoredProgress {
-  bool taken = false;
-  bool started = false;
-  std::uint8_t last_step = 0;
-  bool other_boot = false;  ///< its expiry means nothing any more: it may not begin now
-};
 
 /// A service of ECSS-E-ST-70-41C that ttc provides, or functions of service 8. A new one is a class with this
 /// interface and an entry in TtcCore's list of services.
@@ -48,16 +25,16 @@ class PusService {
   /// Whether this command of ttc is its own.
   [[nodiscard]] virtual bool provides(const mission::Command& command) const = 0;
   /// Beyond what the dictionary checks.
-  [[nodiscard]] virtual std::optional<Refusal> why_refused(const mission::Command& /*command*/,
-                                                           OctetView /*arguments*/) const {
+  [[nodiscard]] virtual std::optional<Refusal> why_refused(const Telecommand& /*telecommand*/) const {
     return std::nullopt;
   }
-  /// Reports its start and its end into the report queue, now or later. Never blocks.
-  virtual void execute(const ServiceRequest& request) = 0;
+  /// Executes an accepted telecommand whose arguments the dictionary has checked: reports its start and its
+  /// end into the report queue, now or later. Never blocks.
+  virtual void execute(const Telecommand& telecommand, MonotonicTime now) = 0;
   /// Goes on with one of an earlier process. @return false: not known here, by the general rule it is done
   /// again if that does no harm, else interrupted
-  [[nodiscard]] virtual bool restore(const ServiceRequest& /*request*/,
-                                     const RestoredProgress& /*progress*/) {
+  [[nodiscard]] virtual bool restore(const Telecommand& /*telecommand*/,
+                                     const TelecommandProgress& /*progress*/, MonotonicTime /*now*/) {
     return false;
   }
 };

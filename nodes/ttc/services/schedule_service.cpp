@@ -94,10 +94,9 @@ bool is_report(std::uint8_t subtype) {
 
 // ---- requests
 
-std::optional<Refusal> ScheduleService::why_refused(const mission::Command& command,
-                                                    OctetView arguments) const {
-  if (command.subtype != Subtype::insert_activities) return std::nullopt;
-  OctetReader reader(arguments);
+std::optional<Refusal> ScheduleService::why_refused(const Telecommand& telecommand) const {
+  if (telecommand.command->subtype != Subtype::insert_activities) return std::nullopt;
+  OctetReader reader(telecommand.arguments);
   const unsigned count = reader.u16();
   for (unsigned number = 1; number <= count; ++number) {
     reader.u8();
@@ -117,17 +116,18 @@ std::optional<Refusal> ScheduleService::why_refused(const mission::Command& comm
   return std::nullopt;
 }
 
-bool ScheduleService::restore(const ServiceRequest& request, const RestoredProgress& progress) {
-  if (!journal_.schedule().has_applied(request.origin.id)) return false;
-  if (!progress.started) report_queue_.success(request.origin, Stage::start);
-  report_queue_.success(request.origin, Stage::completion);
+bool ScheduleService::restore(const Telecommand& telecommand, const TelecommandProgress& progress,
+                              MonotonicTime /*now*/) {
+  if (!journal_.schedule().has_applied(telecommand.origin.id)) return false;
+  if (!progress.started) report_queue_.success(telecommand.origin, Stage::start);
+  report_queue_.success(telecommand.origin, Stage::completion);
   return true;
 }
 
-void ScheduleService::execute(const ServiceRequest& request) {
-  const TelecommandOrigin& origin = request.origin;
-  const std::uint8_t subtype = request.command.subtype;
-  OctetReader reader(request.arguments);
+void ScheduleService::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  const TelecommandOrigin& origin = telecommand.origin;
+  const std::uint8_t subtype = telecommand.command->subtype;
+  OctetReader reader(telecommand.arguments);
   if (is_report(subtype)) {
     const auto selected = selection_asked_for(subtype, reader);
     if (!selected) return fail(origin, selected.error());

@@ -58,15 +58,15 @@ class ScheduleService final : public PusService {
   using RequestError = std::pair<std::uint16_t, std::uint8_t>;
   using RequestCheck = std::function<std::optional<RequestError>(OctetView packet)>;
   void set_request_check(RequestCheck check) { request_check_ = std::move(check); }
-  [[nodiscard]] std::optional<Refusal> why_refused(const mission::Command& command,
-                                                   OctetView arguments) const override;
+  [[nodiscard]] std::optional<Refusal> why_refused(const Telecommand& telecommand) const override;
 
   [[nodiscard]] bool provides(const mission::Command& command) const override {
     return command.service == service_type;
   }
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
   /// One that is on disk was carried out.
-  [[nodiscard]] bool restore(const ServiceRequest& request, const RestoredProgress& progress) override;
+  [[nodiscard]] bool restore(const Telecommand& telecommand, const TelecommandProgress& progress,
+                             MonotonicTime now) override;
   /// What of the journal was written, or could not be.
   void on_written(std::uint64_t revision, bool success);
 

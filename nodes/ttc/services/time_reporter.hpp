@@ -21,9 +21,9 @@ class TimeReporter final : public PusService {
   [[nodiscard]] bool provides(const mission::Command& command) const override {
     return command.service == service_type;
   }
-  void execute(const ServiceRequest& request) override {
-    set_rate(request.arguments.front());
-    report_queue_.done(request.origin);
+  void execute(const Telecommand& telecommand, MonotonicTime /*now*/) override {
+    set_rate(telecommand.arguments.front());
+    report_queue_.done(telecommand.origin);
   }
   void set_rate(std::uint8_t rate) { rate_ = rate; }
   /// @param frames of the live channel made up to now @param now when the last one was made

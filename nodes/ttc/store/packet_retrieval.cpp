@@ -11,12 +11,12 @@ namespace srfs {
 
 static_assert(mission::StorageRetrieve::max_groups == PacketRetrieval::max_periods);
 
-void PacketRetrieval::execute(const ServiceRequest& asked) {
-  OctetReader reader(asked.arguments);
+void PacketRetrieval::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  OctetReader reader(telecommand.arguments);
   const unsigned count = reader.u16();
-  if (asked.command.subtype == abort_retrieval) {
+  if (telecommand.command->subtype == abort_retrieval) {
     for (unsigned i = 0; i < count; ++i) abort(reader.u16(), mission::failure::aborted);
-    report_queue_.done(asked.origin);
+    report_queue_.done(telecommand.origin);
     return;
   }
   std::vector<StorePeriod> periods;
@@ -26,13 +26,13 @@ void PacketRetrieval::execute(const ServiceRequest& asked) {
     period.range.from = read_cuc(reader);
     period.range.to = read_cuc(reader);
     if (period.range.to < period.range.from) {
-      report_queue_.failure(asked.origin, Stage::start, mission::failure::bad_time_range);
+      report_queue_.failure(telecommand.origin, Stage::start, mission::failure::bad_time_range);
       return;
     }
     periods.push_back(period);
   }
-  if (!request(asked.origin, std::move(periods)))
-    report_queue_.failure(asked.origin, Stage::start, mission::failure::busy);
+  if (!request(telecommand.origin, std::move(periods)))
+    report_queue_.failure(telecommand.origin, Stage::start, mission::failure::busy);
 }
 
 bool PacketRetrieval::request(const TelecommandOrigin& origin, std::vector<StorePeriod> periods) {

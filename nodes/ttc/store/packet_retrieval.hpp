@@ -53,7 +53,7 @@ class PacketRetrieval final : public PusService {
     return command.service == service_type &&
            (command.subtype == retrieve || command.subtype == abort_retrieval);
   }
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
   /// @param periods 1 to max_periods. @return false: too many wait
   [[nodiscard]] bool request(const TelecommandOrigin& origin, std::vector<StorePeriod> periods);

@@ -104,10 +104,10 @@ bool StoreControl::provides(const mission::Command& command) const {
   return command.service == PacketRetrieval::service_type && !retrieval_.provides(command);
 }
 
-void StoreControl::execute(const ServiceRequest& request) {
-  const TelecommandOrigin& origin = request.origin;
-  const std::uint8_t subtype = request.command.subtype;
-  OctetReader reader(request.arguments);
+void StoreControl::execute(const Telecommand& telecommand, MonotonicTime /*now*/) {
+  const TelecommandOrigin& origin = telecommand.origin;
+  const std::uint8_t subtype = telecommand.command->subtype;
+  OctetReader reader(telecommand.arguments);
   switch (subtype) {
     case Subtype::summary:
       for (const Store* store : named(reader)) report_summary(origin, *store);

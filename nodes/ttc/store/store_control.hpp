@@ -37,7 +37,7 @@ class StoreControl final : public PusService {
 
   /// Service 15 without what is PacketRetrieval's.
   [[nodiscard]] bool provides(const mission::Command& command) const override;
-  void execute(const ServiceRequest& request) override;
+  void execute(const Telecommand& telecommand, MonotonicTime now) override;
 
   /// Whether @p store takes a packet now; one that it does not take is counted.
   [[nodiscard]] bool take_packet(std::uint16_t store);

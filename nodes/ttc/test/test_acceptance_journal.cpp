@@ -23,22 +23,6 @@ MonotonicTime at(int ms) {
   return MonotonicTime(milliseconds(ms));
 }
 
-/// A telecommand in a BD frame of a secured channel.
-UplinkedPacket uplinked(std::uint16_t sequence, std::uint64_t counter, std::size_t data_octets = 0) {
-  wire::TcPacket packet;
-  packet.apid = 17;
-  packet.sequence_count = static_cast<std::uint16_t>(sequence & 0x3FFF);
-  packet.service = 8;
-  packet.subtype = 1;
-  packet.application = Octets(2 + data_octets, 1);
-  return {.vc = 0,
-          .frame_type = wire::TcFrameType::bd,
-          .spi = 1,
-          .counter = counter,
-          .frame_sequence = 0,
-          .packet = wire::make_tc_packet(packet)};
-}
-
 LinkState link_of(std::uint64_t counter) {
   LinkState link;
   link.generation = counter;
@@ -47,11 +31,30 @@ LinkState link_of(std::uint64_t counter) {
   return link;
 }
 
-TelecommandOrigin origin_of(const UplinkedPacket& packet) {
-  return {.request = wire::peek_request_id(packet.packet).value(),
-          .apid = 17,
-          .ack_flags = wire::ack::all,
-          .source_id = 0};
+/// A telecommand in a BD frame of a secured channel.
+UplinkedPacket uplinked(std::uint16_t sequence, std::uint64_t counter, std::size_t data_octets = 0) {
+  wire::TcPacket packet;
+  packet.apid = 17;
+  packet.sequence_count = static_cast<std::uint16_t>(sequence & 0x3FFF);
+  packet.service = 8;
+  packet.subtype = 1;
+  packet.application = Octets(2 + data_octets, 1);
+  return {.frame = {.vc = 0, .spi = 1, .counter = counter},
+          .packet = wire::make_tc_packet(packet),
+          .link = link_of(counter)};
+}
+
+Telecommand telecommand_of(const UplinkedPacket& packet, MonotonicTime expiry = at(1)) {
+  static const mission::Command command = [] {
+    mission::Command c;
+    c.node = "payload_eps";
+    return c;
+  }();
+  return {.origin = {.request = wire::peek_request_id(packet.packet).value(),
+                     .apid = 17,
+                     .ack_flags = wire::ack::all},
+          .command = &command,
+          .expiry = expiry};
 }
 
 /// One of several successive processes that use a journal on a simulated medium.
@@ -70,8 +73,7 @@ class Process {
   [[nodiscard]] std::size_t damaged() const { return damaged_; }
 
   std::uint64_t accept(const UplinkedPacket& packet, int expiry_ms = 10'000) {
-    const std::uint64_t id = journal_.accept(packet, origin_of(packet), "payload_eps", at(expiry_ms),
-                                             link_of(packet.counter), at(0));
+    const std::uint64_t id = journal_.accept(telecommand_of(packet, at(expiry_ms)), packet, at(0));
     stage(id, Stage::acceptance);
     return id;
   }
@@ -108,6 +110,27 @@ std::vector<int> subtypes(ReportQueue& report_queue) {
   return found;
 }
 
+/// As an earlier version wrote them: it must find its way in what this one writes, and the reverse.
+TEST(AcceptanceJournal, KeepsTheOctetsOfARecordOnDisk) {
+  AcceptanceJournal journal("boot", window);
+  journal.begin({}, 1, at(0));
+  journal.on_written(journal.take_batch(true), true, 0);  // the snapshot of the start
+  UplinkedPacket packet = uplinked(2, 102, 2);
+  packet.frame.type = wire::TcFrameType::ad;
+  packet.frame.sequence = 9;
+  const std::uint64_t id = journal.accept(telecommand_of(packet, at(5002)), packet, at(2), 4);
+  journal.on_taken(id);
+  journal.on_stage({.id = id, .stage = Stage::start, .success = false, .failure_code = 33, .data = {1, 2}});
+  const JournalBatch batch = journal.take_batch(true);
+  ASSERT_EQ(batch.records.size(), 3U);
+  EXPECT_EQ(to_hex(batch.records[0].payload),
+            "000000000000000100000000000000011811c00200110f0000000b00000000000000040900010000000000000066"
+            "00000000001e8480000000012a2476800b7061796c6f61645f657073b46c9bae001100111811c002000a2f080100"
+            "00010101011c460000000000000066000000000000000001000066000000000100010000000000000066");
+  EXPECT_EQ(to_hex(batch.records[1].payload), "000000000000000101000000000000000000");
+  EXPECT_EQ(to_hex(batch.records[2].payload), "000000000000000100000000000000020300002100020102");
+}
+
 TEST(AcceptanceJournal, GivesTheNextProcessWhatHasNotEndedWithItsIdAndProgress) {
   SimulatedMedium medium(1);
   std::uint64_t open = 0;
@@ -130,7 +153,7 @@ TEST(AcceptanceJournal, GivesTheNextProcessWhatHasNotEndedWithItsIdAndProgress) 
   EXPECT_EQ(t->packet, uplinked(1, 1).packet);
   EXPECT_EQ(t->target, "payload_eps");
   EXPECT_EQ(t->expiry, at(5000));
-  EXPECT_TRUE(t->taken && t->started && t->restored && !t->other_boot);
+  EXPECT_TRUE(t->progress.taken && t->progress.started && t->restored && !t->progress.other_boot);
   ASSERT_NE(second.find(ended), nullptr);
   EXPECT_EQ(second.find(ended)->end,
             (StageReached{.stage = Stage::completion, .success = false, .failure_code = 33}));
@@ -149,35 +172,35 @@ TEST(AcceptanceJournal, AnotherBootVoidsTheExpiry) {
   Process(medium, "boot b").write(true);
   Process third(medium, "boot b");
   ASSERT_NE(third.find(id), nullptr);
-  EXPECT_TRUE(third.find(id)->other_boot) << "also when a process of this boot has written it again";
+  EXPECT_TRUE(third.find(id)->progress.other_boot) << "also when a process of this boot has written it again";
 }
 
 TEST(AcceptanceJournal, RecognisesARepeatByCounterByNumberAndByPacket) {
   SimulatedMedium medium(1);
   Process process(medium, "boot");
   UplinkedPacket sequenced = uplinked(1, 5);
-  sequenced.frame_type = wire::TcFrameType::ad;
-  sequenced.frame_sequence = 9;
+  sequenced.frame.type = wire::TcFrameType::ad;
+  sequenced.frame.sequence = 9;
   process.accept(sequenced);
   process.accept(uplinked(2, 6));
   AcceptanceJournal& journal = process.journal();
 
   EXPECT_NE(journal.find_repeated_frame(uplinked(2, 6)), nullptr) << "same SPI and IV";
   UplinkedPacket again = sequenced;
-  again.counter = 7;
+  again.frame.counter = 7;
   EXPECT_NE(journal.find_repeated_frame(again), nullptr) << "same N(S), secured anew";
-  again.frame_sequence = 10;
+  again.frame.sequence = 10;
   EXPECT_EQ(journal.find_repeated_frame(again), nullptr);
   UplinkedPacket other = uplinked(3, 8);
-  other.frame_type = wire::TcFrameType::ad;
-  other.frame_sequence = 9;
+  other.frame.type = wire::TcFrameType::ad;
+  other.frame.sequence = 9;
   EXPECT_EQ(journal.find_repeated_frame(other), nullptr) << "the number came round: another packet";
 
   EXPECT_NE(journal.find_repeated_packet(uplinked(2, 100), at(59'999)), nullptr);
   EXPECT_EQ(journal.find_repeated_packet(uplinked(2, 100), at(60'000)), nullptr);
   EXPECT_EQ(journal.find_repeated_packet(uplinked(4, 100), at(1)), nullptr);
   UplinkedPacket open = uplinked(2, 0);
-  open.spi.reset();
+  open.frame.spi.reset();
   EXPECT_EQ(journal.find_repeated_packet(open, at(1)), nullptr) << "anybody may send there";
   EXPECT_EQ(journal.counters().repeats, 3U);
 }
@@ -187,7 +210,7 @@ TEST(AcceptanceJournal, OnAnOpenChannelAPacketIsARepeatWithinASecondOfTheLastOne
   Process process(medium, "boot");
   AcceptanceJournal& journal = process.journal();
   UplinkedPacket open = uplinked(1, 0);
-  open.spi.reset();
+  open.frame.spi.reset();
   const std::uint64_t id = process.accept(open);
 
   for (int ms = 900; ms <= 9000; ms += 900) {
@@ -197,13 +220,13 @@ TEST(AcceptanceJournal, OnAnOpenChannelAPacketIsARepeatWithinASecondOfTheLastOne
   }
   EXPECT_EQ(journal.find_repeated_packet(open, at(10'000)), nullptr) << "sent again a second later";
   UplinkedPacket other_channel = open;
-  other_channel.vc = 1;
+  other_channel.frame.vc = 1;
   EXPECT_EQ(journal.find_repeated_packet(other_channel, at(9001)), nullptr);
   EXPECT_EQ(journal.find_repeated_packet(uplinked(1, 5), at(9001)), nullptr) << "with a key";
 
   UplinkedPacket released = uplinked(2, 0);
-  released.spi.reset();
-  journal.accept(released, origin_of(released), "payload_eps", at(10'000), link_of(1), at(0), 7);
+  released.frame.spi.reset();
+  journal.accept(telecommand_of(released, at(10'000)), released, at(0), 7);
   EXPECT_EQ(journal.find_repeated_packet(released, at(1)), nullptr) << "the schedule released it";
 }
 
@@ -213,7 +236,7 @@ TEST(AcceptanceJournal, TellsAgainHowFarATelecommandGotAndNothingBeforeItWasSaid
   ReportQueue report_queue;
   const UplinkedPacket packet = uplinked(1, 1);
   AcceptanceJournal& journal = process.journal();
-  const std::uint64_t id = journal.accept(packet, origin_of(packet), "payload_eps", at(1), link_of(1), at(0));
+  const std::uint64_t id = journal.accept(telecommand_of(packet), packet, at(0));
   AcceptanceJournal::tell_again(*process.find(id), 0, report_queue);
   EXPECT_TRUE(subtypes(report_queue).empty()) << "it is not on disk yet";
 
@@ -277,7 +300,7 @@ TEST(AcceptanceJournal, AfterARestartOnlyWhatWasNotToldIsToldAgain) {
 }
 
 RefusedTelecommand refused_of(const UplinkedPacket& packet, std::uint16_t code) {
-  return {.origin = origin_of(packet),
+  return {.origin = telecommand_of(packet).origin,
           .end = {.stage = Stage::acceptance, .success = false, .failure_code = code, .data = {9}}};
 }
 
@@ -334,7 +357,7 @@ TEST(AcceptanceJournal, WhatWaitsForTheDiskIsNotCountedAsTold) {
   Process process(medium, "boot");
   AcceptanceJournal& journal = process.journal();
   const UplinkedPacket packet = uplinked(1, 1);
-  const std::uint64_t id = journal.accept(packet, origin_of(packet), "payload_eps", at(1), link_of(1), at(0));
+  const std::uint64_t id = journal.accept(telecommand_of(packet), packet, at(0));
   EXPECT_EQ(journal.said(), 0U);
   process.stage(id, Stage::acceptance);
   EXPECT_EQ(journal.said(), journal.serial());
@@ -354,8 +377,7 @@ TEST(AcceptanceJournal, WhatWasRefusedAfterAllDoesNotComeBack) {
     Process first(medium, "boot");
     ASSERT_TRUE(first.write(true));
     const UplinkedPacket packet = uplinked(1, 1);
-    const std::uint64_t id =
-        first.journal().accept(packet, origin_of(packet), "payload_eps", at(1), link_of(1), at(0));
+    const std::uint64_t id = first.journal().accept(telecommand_of(packet), packet, at(0));
     ASSERT_TRUE(first.write(true));
     first.stage(id, Stage::acceptance, false, 11);
     first.write(true);
@@ -445,7 +467,7 @@ void check(const Process& after, AcceptanceJournal& journal, const Model& model)
     ASSERT_TRUE(model.accepted.contains(t->origin.id)) << "nobody sent " << t->origin.id;
     const UplinkedPacket& sent = model.accepted.at(t->origin.id);
     ASSERT_TRUE(t->end ? model.ended.contains(t->origin.id) : t->packet == sent.packet) << t->origin.id;
-    ASSERT_EQ(t->counter, sent.counter);
+    ASSERT_EQ(t->frame.counter, sent.frame.counter);
     ASSERT_FALSE(model.refused_durably.contains(t->origin.id)) << "a refused one comes back";
     ASSERT_LT(t->origin.id, journal.next_id());
   }
@@ -474,8 +496,7 @@ void step(Process& process, Model& model, std::mt19937_64& random) {
             uplinked(static_cast<std::uint16_t>(model.counter), model.counter, random() % 200);
         // The id is known before the call can end in a power loss.
         model.accepted[journal.next_id()] = packet;
-        const std::uint64_t id = journal.accept(packet, origin_of(packet), "payload_eps", at(1000),
-                                                link_of(packet.counter), at(0));
+        const std::uint64_t id = journal.accept(telecommand_of(packet, at(1000)), packet, at(0));
         ASSERT_FALSE(model.durable.contains(id)) << "an id is given twice";
         waiting.push_back(id);
       }

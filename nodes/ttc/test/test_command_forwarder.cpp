@@ -3,6 +3,7 @@
 #include "nodes/ttc/command/command_forwarder.hpp"
 
 #include <algorithm>
+#include <map>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -12,33 +13,35 @@
 namespace srfs {
 namespace {
 
-constexpr std::uint8_t at_most_once = 3;
+constexpr auto at_most_once = mission::RepeatClass::at_most_once;
 
 class Forwarding : public testing::Test {
  protected:
   [[nodiscard]] static MonotonicTime at(int ms) { return MonotonicTime(milliseconds(ms)); }
   std::uint64_t submit(const std::string& target, int ms, int lifetime_ms = 10'000) {
-    const TelecommandOrigin origin{.request = {0x1811, static_cast<std::uint16_t>(0xC000 + sequence_++)},
-                                   .apid = 17,
-                                   .ack_flags = wire::ack::all,
-                                   .source_id = 0,
-                                   .id = next_id_};
-    ForwardedCommand command;
-    command.target = target;
-    command.expiry = at(ms + lifetime_ms);
-    return forwarder_.submit(origin, command, at(ms)) ? next_id_++ : 0;
+    Telecommand telecommand = telecommand_to(target);
+    telecommand.expiry = at(ms + lifetime_ms);
+    return forwarder_.submit(std::move(telecommand), at(ms)) ? next_id_++ : 0;
   }
   /// Restores a telecommand of an earlier process, which expires at 10 s.
-  std::uint64_t restore(const RestoredProgress& progress, int ms, std::uint8_t repeat_class = 2) {
-    const TelecommandOrigin origin{
-        .request = {0x1811, 0xC000}, .apid = 17, .ack_flags = wire::ack::all, .source_id = 0, .id = next_id_};
-    ForwardedCommand command;
-    command.target = "payload_eps";
-    command.expiry = at(10'000);
-    command.repeat_class = repeat_class;
-    forwarder_.restore(origin, command, progress, at(ms));
+  std::uint64_t restore(const TelecommandProgress& progress, int ms,
+                        mission::RepeatClass repeat_class = mission::RepeatClass::by_id) {
+    Telecommand telecommand = telecommand_to("payload_eps", repeat_class);
+    telecommand.expiry = at(10'000);
+    forwarder_.restore(std::move(telecommand), progress, at(ms));
     forwarder_.on_time(at(ms));
     return next_id_++;
+  }
+  Telecommand telecommand_to(const std::string& target,
+                             mission::RepeatClass repeat_class = mission::RepeatClass::by_id) {
+    mission::Command& command = commands_[{target, repeat_class}];
+    command.node = target;
+    command.repeat_class = repeat_class;
+    return {.origin = {.request = {0x1811, static_cast<std::uint16_t>(0xC000 + sequence_++)},
+                       .apid = 17,
+                       .ack_flags = wire::ack::all,
+                       .id = next_id_},
+            .command = &command};
   }
   void report(std::uint64_t id, Stage stage, int ms, bool success = true, std::uint16_t code = 0,
               const std::string& node = "payload_eps") {
@@ -49,6 +52,7 @@ class Forwarding : public testing::Test {
     for (const Report& report : report_queue_.take()) found.push_back(report.subtype);
     return found;
   }
+  std::map<std::pair<std::string, mission::RepeatClass>, mission::Command> commands_;
   ReportQueue report_queue_;
   CommandForwarder forwarder_{report_queue_};
   std::uint64_t next_id_ = 7;
@@ -121,7 +125,7 @@ TEST_F(Forwarding, AsksTheNodeOfAnAcceptedCommandNowAndThenUntilItHasSaidTheEnd)
     forwarder_.on_time(at(ms));
     const auto asked = forwarder_.take_publications();
     ASSERT_EQ(asked.size(), 1U);
-    EXPECT_EQ(asked[0].id, id);
+    EXPECT_EQ(asked[0].origin.id, id);
     EXPECT_EQ(asked[0].expiry, at(10'000));
     report(id, Stage::acceptance, ms);
   }
@@ -135,7 +139,7 @@ TEST_F(Forwarding, AfterARestartPublishesWhatNoNodeIsKnownToHaveWithTheSameId) {
   const std::uint64_t id = restore({}, 1000);
   const auto published = forwarder_.take_publications();
   ASSERT_EQ(published.size(), 1U);
-  EXPECT_EQ(published[0].id, id);
+  EXPECT_EQ(published[0].origin.id, id);
   EXPECT_EQ(published[0].expiry, at(10'000));
   for (int i = 0; i < 20; ++i) restore({}, 1000);
   EXPECT_EQ(forwarder_.take_publications().size(), 7U) << "eight unacknowledged";
@@ -225,7 +229,7 @@ TEST_F(Forwarding, AnAcceptedCommandMakesRoomForTheNextQueuedOne) {
 
   const auto published = forwarder_.take_publications();
   ASSERT_EQ(published.size(), 1U);
-  EXPECT_EQ(published[0].id, ids[8]);
+  EXPECT_EQ(published[0].origin.id, ids[8]);
 }
 
 TEST_F(Forwarding, ANodeThatIsNotThereMeansAFailedStartAfterExpiry) {
@@ -241,7 +245,7 @@ TEST_F(Forwarding, ANodeThatIsNotThereMeansAFailedStartAfterExpiry) {
   EXPECT_EQ(reports[0].data.back(), mission::failure::node_unavailable);
   const auto expired = forwarder_.take_expired();
   ASSERT_EQ(expired.size(), 1U);
-  EXPECT_EQ(expired[0].target, "image_acquisition");
+  EXPECT_EQ(expired[0].node, "image_acquisition");
   EXPECT_EQ(forwarder_.under_way(), 0U);
 }
 

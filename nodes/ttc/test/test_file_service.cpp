@@ -24,11 +24,9 @@ class FileServiceTest : public testing::Test {
     EXPECT_TRUE(dictionary_.check_arguments(*encoded->command, encoded->data));
     TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all, .source_id = 7};
     origin.request.packet_sequence_control = ++number_;
-    service_.execute({.origin = origin,
-                      .command = *encoded->command,
-                      .arguments = encoded->data,
-                      .now = now,
-                      .repeated = repeated});
+    service_.execute(
+        {.origin = origin, .command = encoded->command, .arguments = encoded->data, .repeated = repeated},
+        now);
     return number_;
   }
   /// The reports since the last call, each as "3:1,7": number of the telecommand, service, subtype. A failure

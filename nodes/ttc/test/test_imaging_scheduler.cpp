@@ -26,19 +26,16 @@ class ImagingSchedulerTest : public testing::Test {
   /// Sends a telecommand given as text. @return its id
   std::uint64_t send(const std::string& name, const std::vector<std::string>& arguments) {
     const auto [origin, encoded] = telecommand(name, arguments);
-    scheduler_.execute(
-        {.origin = origin, .command = *encoded.command, .arguments = arguments_of(encoded), .now = now_});
+    scheduler_.execute({.origin = origin, .command = encoded.command, .arguments = arguments_of(encoded)},
+                       now_);
     return origin.id;
   }
   std::uint64_t restore(const std::string& name, const std::vector<std::string>& arguments,
                         std::uint8_t last_step) {
     const auto [origin, encoded] = telecommand(name, arguments);
-    EXPECT_TRUE(scheduler_.restore({.origin = origin,
-                                    .command = *encoded.command,
-                                    .arguments = arguments_of(encoded),
-                                    .now = now_,
-                                    .repeated = true},
-                                   {.started = true, .last_step = last_step}));
+    EXPECT_TRUE(scheduler_.restore(
+        {.origin = origin, .command = encoded.command, .arguments = arguments_of(encoded), .repeated = true},
+        {.started = true, .last_step = last_step}, now_));
     return origin.id;
   }
   std::pair<TelecommandOrigin, mission::EncodedCommand> telecommand(
@@ -563,10 +560,10 @@ TEST_F(ImagingSchedulerTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
           }();
           id = origin.id;
           scheduler.execute({.origin = origin,
-                             .command = *encoded.command,
+                             .command = encoded.command,
                              .arguments = arguments_of(encoded),
-                             .now = now,
-                             .repeated = any(2) == 0});
+                             .repeated = any(2) == 0},
+                            now);
           break;
         }
         case 2:

@@ -22,7 +22,7 @@ class ParameterServiceTest : public testing::Test {
     origin.request.packet_sequence_control = ++number_;
     const mission::Command& known = *dictionary_.command(command);
     ASSERT_TRUE(dictionary_.check_arguments(known, data));
-    service_.execute({.origin = origin, .command = known, .arguments = data, .now = now});
+    service_.execute({.origin = origin, .command = &known, .arguments = data}, now);
   }
   void ask(const std::vector<std::string>& names, MonotonicTime now = start) {
     OctetWriter data;

@@ -241,18 +241,18 @@ class Process {
   std::uint64_t accept(const Octets& packet, std::uint64_t activity = 0) {
     UplinkedPacket uplinked;
     uplinked.packet = packet;
-    TelecommandOrigin origin;
-    origin.request = wire::peek_request_id(packet).value();
-    return journal_.accept(uplinked, origin, activity == 0 ? "ttc" : "payload_eps", {}, {}, {}, activity);
+    mission::Command command;
+    command.node = activity == 0 ? "ttc" : "payload_eps";
+    return journal_.accept(
+        {.origin = {.request = wire::peek_request_id(packet).value()}, .command = &command}, uplinked, {},
+        activity);
   }
   /// Carries out a request of service 11. @return whether it was refused
   bool carry_out(std::uint64_t id, std::uint8_t subtype, const Octets& arguments) {
-    TelecommandOrigin origin;
-    origin.id = id;
     mission::Command command;
     command.service = ScheduleService::service_type;
     command.subtype = subtype;
-    schedule_.execute({.origin = origin, .command = command, .arguments = arguments, .now = {}});
+    schedule_.execute({.origin = {.id = id}, .command = &command, .arguments = arguments}, {});
     const bool refused = report_queue_.counters().failed > failed_;
     failed_ = report_queue_.counters().failed;
     for (const StageReached& stage : report_queue_.take_stages()) journal_.on_stage(stage);

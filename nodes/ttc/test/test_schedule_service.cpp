@@ -39,7 +39,7 @@ class Schedule : public RouterWithParts {
   /// @return service,subtype of the reports it caused, in order
   std::vector<std::string> send(const Octets& packet, bool on_disk = true) {
     JudgedTelecommand judged = router_.judge(packet, MonotonicTime{});
-    judged.origin.id = ++id_;
+    judged.telecommand.origin.id = ++id_;
     router_.carry_out(judged, true, MonotonicTime{});
     if (on_disk) schedule_.on_written(journal_.revision(), true);
     return taken();
@@ -92,7 +92,8 @@ class Schedule : public RouterWithParts {
       released.push_back(activity->packet);
       UplinkedPacket packet;
       packet.packet = activity->packet;
-      journal_.accept(packet, {}, "payload_eps", {}, {}, {}, activity->id);
+      journal_.accept({.origin = {}, .command = dictionary_.command("eps.switch_load")}, packet, {},
+                      activity->id);
       schedule_.on_released();
     }
     return released;
@@ -198,7 +199,7 @@ TEST_F(Schedule, AHazardousRequestIsInsertedAndTakenAtItsReleaseOnlyIfItIsArmedT
 
   EXPECT_EQ(send(hazard), Names{"1,2"});
   EXPECT_EQ(failure(), code(mission::failure::not_armed));
-  hazards_.arm(hazard_name(*wire::parse_tc_packet(hazard)), MonotonicTime{});
+  hazards_.arm(hazard_name(router_.judge(hazard, MonotonicTime{}).telecommand), MonotonicTime{});
   EXPECT_EQ(send(hazard), Names{"1,1"});
 }
 
@@ -398,13 +399,13 @@ TEST_F(Schedule, ARequestThatWasCarriedOutBeforeAKillIsNotCarriedOutAgain) {
   TelecommandOrigin origin;
   origin.ack_flags = wire::ack::all;
   origin.id = shifted_by;
-  router_.restore({.origin = origin, .packet = shift, .expiry = MonotonicTime(seconds(10)), .progress = {}},
+  router_.restore({.origin = origin, .expiry = MonotonicTime(seconds(10)), .packet = shift, .progress = {}},
                   {});
   EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
   EXPECT_EQ(schedule_.next_due_in(), seconds(110));
 
   origin.id = shifted_by + 1;  // accepted, but not carried out before the kill
-  router_.restore({.origin = origin, .packet = shift, .expiry = MonotonicTime(seconds(10)), .progress = {}},
+  router_.restore({.origin = origin, .expiry = MonotonicTime(seconds(10)), .packet = shift, .progress = {}},
                   {});
   schedule_.on_written(journal_.revision(), true);
   EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));

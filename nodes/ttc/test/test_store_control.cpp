@@ -28,7 +28,8 @@ class StoreControlTest : public testing::Test {
     const mission::Command& command =
         *dictionary_.request(mission::apid::ttc, PacketRetrieval::service_type, subtype);
     ASSERT_TRUE(control_.provides(command));
-    control_.execute({.origin = origin(), .command = command, .arguments = arguments, .now = {}});
+    control_.execute(
+        {.origin = origin(), .command = &command, .arguments = {arguments.begin(), arguments.end()}}, {});
   }
   template <class Command>
   void command(const std::vector<std::uint16_t>& stores) {

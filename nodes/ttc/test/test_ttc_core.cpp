@@ -181,18 +181,19 @@ class World {
   }
 
   /// A node gets a telecommand: it is on the disk, unless its record could not be written in time.
-  void arrive(const ForwardedCommand& command) {
-    if (!executions_.contains(command.id) && now_ >= command.expiry) return;  // it begins nothing any more
-    const bool known = !executions_.emplace(command.id, 1).second;
+  void arrive(const Telecommand& telecommand) {
+    const std::uint64_t id = telecommand.origin.id;
+    if (!executions_.contains(id) && now_ >= telecommand.expiry) return;  // it begins nothing any more
+    const bool known = !executions_.emplace(id, 1).second;
     if (!known) {
-      const auto packet = recorded(command.id);
-      EXPECT_TRUE(packet || disk_has_failed_) << command.id << " is executed and not on the disk";
-      if (packet) ids_[*packet].insert(command.id);
+      const auto packet = recorded(id);
+      EXPECT_TRUE(packet || disk_has_failed_) << id << " is executed and not on the disk";
+      if (packet) ids_[*packet].insert(id);
     }
     // A node that knows it says again how far it got; a report may be lost.
     const auto say = [&](Stage stage) {
       if (below(5) != 0)
-        reports_.emplace_back(command.target, StageReached{.id = command.id, .stage = stage});
+        reports_.emplace_back(telecommand.command->node, StageReached{.id = id, .stage = stage});
     };
     if (!known) say(Stage::acceptance);
     if (known || below(3) != 0) {
@@ -227,7 +228,7 @@ class World {
     const TtcAction action = std::move(queue.front());
     queue.pop_front();
     if (const auto* published = std::get_if<PublishTelecommand>(&action)) {
-      arrive(published->command);
+      arrive(published->telecommand);
       answered = false;
     } else if (const auto* write = std::get_if<WriteJournal>(&action)) {
       const auto written = write->batch.snapshot ? log_->snapshot(*write->batch.snapshot)

@@ -74,8 +74,8 @@ TEST_F(Uplink, HandsOutThePacketOfTheIndependentVector) {
 
   ASSERT_EQ(got.size(), 1U);
   EXPECT_EQ(to_hex(got[0].packet), "1801c01600062f11010000ab62");
-  EXPECT_EQ(got[0].frame_type, wire::TcFrameType::ad);
-  EXPECT_FALSE(got[0].spi);
+  EXPECT_EQ(got[0].frame.type, wire::TcFrameType::ad);
+  EXPECT_FALSE(got[0].frame.spi);
   EXPECT_EQ(chain_.farm(1).vr, 6);
 }
 
@@ -122,16 +122,16 @@ TEST_F(Uplink, KeepsThePacketsOfAuthenticFramesThatCameBefore) {
   EXPECT_EQ(push(secured(5)), 0U);
   auto refused = chain_.take_refused();
   ASSERT_EQ(refused.size(), 1U);
-  EXPECT_EQ(refused[0].spi, 1);
-  EXPECT_EQ(refused[0].counter, 5U);
+  EXPECT_EQ(refused[0].frame.spi, 1);
+  EXPECT_EQ(refused[0].frame.counter, 5U);
   EXPECT_EQ(refused[0].packet, ping());
 
   EXPECT_EQ(push(secured(6, wire::TcFrameType::ad, 0)), 1U);
   EXPECT_EQ(push(secured(7, wire::TcFrameType::ad, 0)), 0U) << "FARM-1 has it";
   refused = chain_.take_refused();
   ASSERT_EQ(refused.size(), 1U);
-  EXPECT_EQ(refused[0].frame_type, wire::TcFrameType::ad);
-  EXPECT_EQ(refused[0].frame_sequence, 0);
+  EXPECT_EQ(refused[0].frame.type, wire::TcFrameType::ad);
+  EXPECT_EQ(refused[0].frame.sequence, 0);
   EXPECT_EQ(refused[0].packet, ping());
 
   Octets forged = secured(5);
