@@ -228,7 +228,7 @@ void TtcCore::take_packet(UplinkedPacket packet) {
   // Refused: its record is on its way to the disk, and is not waited for.
   gate_.refuse();
   const std::uint64_t serial = judged.refusal_serial;
-  router_.carry_out(std::move(judged), true, now_);
+  router_.carry_out(std::move(judged), now_);
   journal_.on_refusal_said(serial);
 }
 
@@ -275,16 +275,17 @@ void TtcCore::on_journal_written(const JournalBatch& batch, const Result<void, F
 }
 
 void TtcCore::execute_passed() {
-  for (GatedTelecommand& gated : gate_.take_passed()) {
-    if (!gated.durable) {
+  for (JudgedTelecommand& judged : gate_.take_passed()) {
+    if (!judged.durable) {
       note_storage(remembered_.journal_durable, false, "the journal of telecommands is not on disk",
                    journal_name);
       uplink_.on_stored(uplink_.state());
     }
-    const std::uint64_t serial = gated.judged.refusal_serial;
-    router_.carry_out(std::move(gated.judged), gated.durable, now_);
+    const std::uint64_t serial = judged.refusal_serial;
+    const MonotonicTime received = judged.received;
+    router_.carry_out(std::move(judged), now_);
     if (serial != 0) journal_.on_refusal_said(serial);
-    send_reports(report_queue_.take(), gated.received);
+    send_reports(report_queue_.take(), received);
   }
   for (const std::uint64_t id : router_.take_unstored_runs()) {
     mission::TtcRecoveryWithoutStorageEvent event;
@@ -365,7 +366,7 @@ void TtcCore::report_counters(std::uint64_t floor, const std::string& why) {
 void TtcCore::run_schedule() {
   schedule_.on_time(clock_.tai_at(now_), clock_.valid());
   schedule_.drop_overdue();
-  report_dropped();
+  for (const auto& event : schedule_.take_dropped()) raise(event);
   // In the order of time: what finds no room holds up what is due after it.
   while (const ScheduledActivity* activity = schedule_.due()) {
     if (!release(*activity)) break;
@@ -390,17 +391,6 @@ bool TtcCore::release(const ScheduledActivity& activity) {
   return true;
 }
 
-void TtcCore::report_dropped() {
-  for (const DroppedActivity& dropped : schedule_.take_dropped()) {
-    mission::ScheduleActivityDroppedEvent event;
-    event.apid = dropped.request.apid;
-    event.sequence = dropped.request.sequence;
-    event.release = dropped.release;
-    event.reason = dropped.disabled ? mission::ScheduleDrop::disabled : mission::ScheduleDrop::late;
-    raise(event);
-  }
-}
-
 // ---- services that need something done
 
 void TtcCore::serve_files() {
@@ -414,12 +404,7 @@ void TtcCore::on_file_outcome(const FileOutcome& outcome, MonotonicTime now) {
 
 void TtcCore::ask_nodes() {
   if (auto call = parameters_.next_call(now_)) act(CallParameter{std::move(*call)});
-  for (const RefusedValue& refused : parameters_.take_refused()) {
-    mission::ParameterRefusedEvent event;
-    event.parameter = refused.parameter;
-    event.reason = refused.reason;
-    raise(event);
-  }
+  for (const auto& event : parameters_.take_refused()) raise(event);
 }
 
 void TtcCore::test_connection() {

@@ -342,7 +342,6 @@ class TtcCore {
   void run_schedule();
   /// @return false: no room for it now
   bool release(const ScheduledActivity& activity);
-  void report_dropped();
   void fill_next_scheduled(BeaconInputs& inputs) const;
   // Services
   void serve_files();

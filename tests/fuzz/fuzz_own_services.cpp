@@ -30,7 +30,7 @@ void serve(const mission::Dictionary& dictionary, OctetView input) {
   const OctetView arguments = input.subspan(1);
   if (!dictionary.check_arguments(command, arguments)) return;
 
-  const Telecommand telecommand{.origin = {.request = {}, .apid = 1, .ack_flags = wire::ack::all},
+  const Telecommand telecommand{.origin = {.apid = 1, .ack_flags = wire::ack::all},
                                 .command = &command,
                                 .arguments = {arguments.begin(), arguments.end()}};
   const MonotonicTime now(seconds(1));

@@ -12,7 +12,9 @@ bool PersistenceGate::enter(JudgedTelecommand judged, std::uint64_t generation, 
     ++counters_.refused;
     return false;
   }
-  waiting_.push_back({.judged = std::move(judged), .received = now, .generation = generation});
+  judged.received = now;
+  judged.generation = generation;
+  waiting_.push_back(std::move(judged));
   while (!waiting_.empty() && waiting_.front().generation <= durable_) pass_front(true);
   return true;
 }
@@ -56,11 +58,11 @@ void PersistenceGate::release_front() {
 }
 
 void PersistenceGate::pass_front(bool durable) {
-  GatedTelecommand telecommand = std::move(waiting_.front());
+  JudgedTelecommand judged = std::move(waiting_.front());
   waiting_.pop_front();
-  telecommand.durable = durable;
+  judged.durable = durable;
   ++(durable ? counters_.passed : counters_.passed_undurable);
-  passed_.push_back(std::move(telecommand));
+  passed_.push_back(std::move(judged));
 }
 
 }  // namespace srfs

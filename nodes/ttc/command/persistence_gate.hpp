@@ -14,14 +14,6 @@
 
 namespace srfs {
 
-/// A telecommand on its way to execution, with what measures and reports need.
-struct GatedTelecommand {
-  JudgedTelecommand judged;
-  MonotonicTime received;        ///< when its last octet was read
-  std::uint64_t generation = 0;  ///< of the journal that has its record
-  bool durable = true;           ///< that is on disk
-};
-
 struct GateCounters {
   std::uint64_t passed = 0;
   std::uint64_t passed_undurable =
@@ -66,7 +58,7 @@ class PersistenceGate {
   void on_time(MonotonicTime now);
   [[nodiscard]] std::optional<MonotonicTime> next_due() const;
 
-  [[nodiscard]] std::vector<GatedTelecommand> take_passed() { return std::exchange(passed_, {}); }
+  [[nodiscard]] std::vector<JudgedTelecommand> take_passed() { return std::exchange(passed_, {}); }
   /// Reports that may leave now, in their order.
   [[nodiscard]] std::vector<Report> take_released() { return std::exchange(released_, {}); }
   [[nodiscard]] const GateCounters& counters() const { return counters_; }
@@ -81,8 +73,8 @@ class PersistenceGate {
   void release_front();
 
   milliseconds deadline_;
-  std::deque<GatedTelecommand> waiting_;
-  std::vector<GatedTelecommand> passed_;
+  std::deque<JudgedTelecommand> waiting_;
+  std::vector<JudgedTelecommand> passed_;
   std::deque<Held> held_;
   std::vector<Report> released_;
   std::uint64_t durable_;                 ///< generation on disk

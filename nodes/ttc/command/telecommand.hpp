@@ -29,11 +29,15 @@ struct Refusal {
   Stage stage = Stage::acceptance;  ///< routing: no application process can accept it
 };
 
-/// A telecommand after the decision and before anything is done.
+/// A telecommand after the decision and before anything is done: it waits for its record.
 struct JudgedTelecommand {
   Telecommand telecommand;
   std::optional<Refusal> refusal = {};
   std::uint64_t refusal_serial = 0;  ///< filled in when the refusal is recorded; 0: it is not
+  // Filled in by the PersistenceGate.
+  MonotonicTime received = {};   ///< when its last octet was read
+  std::uint64_t generation = 0;  ///< of the journal that has its record
+  bool durable = true;           ///< that is on disk
 };
 
 /// How far an accepted telecommand got.

@@ -40,16 +40,16 @@ JudgedTelecommand TelecommandRouter::judge(OctetView packet, MonotonicTime now, 
   return judged;
 }
 
-void TelecommandRouter::carry_out(JudgedTelecommand judged, bool durable, MonotonicTime now) {
+void TelecommandRouter::carry_out(JudgedTelecommand judged, MonotonicTime now) {
   Telecommand& telecommand = judged.telecommand;
   const TelecommandOrigin origin = telecommand.origin;
   if (judged.refusal) return refuse(origin, *judged.refusal);
   const mission::Command& command = *telecommand.command;
   if (command.node != own_node_) --waiting_[command.node];
   if (ModeService::mode_of(telecommand)) modes_to_come_.erase(modes_to_come_.begin());
-  if (!durable && !command.recovery)
+  if (!judged.durable && !command.recovery)
     return refuse(origin, Refusal{.code = mission::failure::storage_unavailable});
-  if (!durable) unstored_runs_.push_back(origin.id);
+  if (!judged.durable) unstored_runs_.push_back(origin.id);
   parts_.report_queue.success(origin, Stage::acceptance);
   const auto mode = static_cast<std::uint8_t>(parts_.mode.mode());
   if (!command.allowed_in(mode)) {  // a mode change that it counted on did not come

@@ -52,9 +52,8 @@ class TelecommandRouter {
   /// are checked then. @return the failure code and the argument it is about, 0: none
   [[nodiscard]] std::optional<std::pair<std::uint16_t, std::uint8_t>> check_scheduled(OctetView packet) const;
   /// 1,1 and what is asked for, or 1,2. Once for each that judge() gave, in that order; refused ones at any
-  /// time.
-  /// @param durable whether its record is on disk; if not, only recovery commands run
-  void carry_out(JudgedTelecommand judged, bool durable, MonotonicTime now);
+  /// time. Without a record on disk only recovery commands run.
+  void carry_out(JudgedTelecommand judged, MonotonicTime now);
   /// Goes on with an accepted telecommand of an earlier process. One of ttc itself whose service does not
   /// know what became of it is done again if it is idempotent and not expired; else it ends as interrupted.
   void restore(const AcceptedTelecommand& accepted, MonotonicTime now);

@@ -173,8 +173,10 @@ void ParameterService::on_value(std::uint64_t call, const NodeValue& value) {
 void ParameterService::on_set(std::uint64_t call, const Result<void, std::string>& result) {
   if (!is_under_way(call)) return;
   if (result) return end_item(mission::failure::none);
-  refused_.push_back({.parameter = requests_.front().items.front().parameter->id,
-                      .reason = result.error().substr(0, reason_octets)});
+  mission::ParameterRefusedEvent event;
+  event.parameter = requests_.front().items.front().parameter->id;
+  event.reason = result.error().substr(0, reason_octets);
+  refused_.push_back(std::move(event));
   end_item(mission::failure::parameter_refused);
 }
 

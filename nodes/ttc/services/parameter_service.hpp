@@ -10,6 +10,8 @@
 #include <variant>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/octets.hpp"
 #include "base/result.hpp"
 #include "base/time.hpp"
@@ -31,12 +33,6 @@ struct ParameterCall {
 
 /// What became of a call.
 enum class ParameterCallError : std::uint8_t { no_answer, no_such_parameter };
-
-/// A value that a node refused, for the event that reports it.
-struct RefusedValue {
-  std::uint16_t parameter = 0;
-  std::string reason;
-};
 
 /// The PUS service 20 (ECSS-E-ST-70-41C 6.20): turns requests into calls of the nodes' parameter services,
 /// one after another in the order of the telecommands, and reports what the nodes say. A node that was silent
@@ -62,7 +58,10 @@ class ParameterService final : public PusService {
   void on_set(std::uint64_t call, const Result<void, std::string>& result);
   void on_error(std::uint64_t call, ParameterCallError error);
 
-  [[nodiscard]] std::vector<RefusedValue> take_refused() { return std::exchange(refused_, {}); }
+  /// An event for each value that a node refused since the last call.
+  [[nodiscard]] std::vector<mission::ParameterRefusedEvent> take_refused() {
+    return std::exchange(refused_, {});
+  }
 
  private:
   struct Item {
@@ -94,7 +93,7 @@ class ParameterService final : public PusService {
   std::deque<Request> requests_;  ///< the first one runs
   std::uint64_t number_ = 0;      ///< of the last call
   bool call_under_way_ = false;
-  std::vector<RefusedValue> refused_;
+  std::vector<mission::ParameterRefusedEvent> refused_;
 };
 
 /// Between the value on the link and that of the node. nullopt: no equivalent.

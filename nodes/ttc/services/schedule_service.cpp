@@ -405,24 +405,28 @@ void ScheduleService::on_written(std::uint64_t revision, bool success) {
 void ScheduleService::drop_overdue() {
   if (!time_valid_) return;
   ScheduleChange change;
-  const std::size_t before = dropped_.size();
-  std::vector<TelecommandOrigin> origins;
+  std::vector<Held> held;
   for (const ScheduledActivity* activity : schedule().in_order()) {
     if (activity->release > now_) break;
     const bool disabled = !schedule().enabled(*activity);
     if (!disabled && now_ - activity->release <= late_max_) continue;
     change.removed.push_back(activity->id);
-    origins.push_back(origin_of(*activity));
-    dropped_.push_back({activity->request, activity->release, disabled});
+    held.push_back({.revision = 0,
+                    .origin = origin_of(*activity),
+                    .refusal = disabled ? mission::failure::schedule_disabled : mission::failure::expired});
+    mission::ScheduleActivityDroppedEvent event;
+    event.apid = activity->request.apid;
+    event.sequence = activity->request.sequence;
+    event.release = activity->release;
+    event.reason = disabled ? mission::ScheduleDrop::disabled : mission::ScheduleDrop::late;
+    dropped_.push_back(event);
     ++(disabled ? counters_.disabled : counters_.late);
   }
   if (change.empty()) return;
   const std::uint64_t revision = journal_.change_schedule(change);
-  for (std::size_t i = 0; i < origins.size(); ++i) {
-    const bool disabled = dropped_[before + i].disabled;
-    held_.push_back({.revision = revision,
-                     .origin = origins[i],
-                     .refusal = disabled ? mission::failure::schedule_disabled : mission::failure::expired});
+  for (Held& one : held) {
+    one.revision = revision;
+    held_.push_back(one);
   }
 }
 

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include <mission/structures.hpp>
+
 #include "base/result.hpp"
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/ttc/command/acceptance_journal.hpp"
@@ -16,13 +18,6 @@
 #include "nodes/ttc/services/time_schedule.hpp"
 
 namespace srfs {
-
-/// An activity that was not released, for the event that reports it.
-struct DroppedActivity {
-  ScheduledRequestId request;
-  TaiTime release;
-  bool disabled = false;  ///< it, or the schedule, was; else it was late
-};
 
 struct ScheduleCounters {
   std::uint32_t inserted = 0;
@@ -80,8 +75,10 @@ class ScheduleService final : public PusService {
   void on_released() { ++counters_.released; }
   /// Its request was refused.
   void on_refused(const ScheduledActivity& activity);
-  /// Since the last call.
-  [[nodiscard]] std::vector<DroppedActivity> take_dropped() { return std::exchange(dropped_, {}); }
+  /// An event for each activity that was dropped since the last call.
+  [[nodiscard]] std::vector<mission::ScheduleActivityDroppedEvent> take_dropped() {
+    return std::exchange(dropped_, {});
+  }
 
   // ---- what others want to know
 
@@ -132,7 +129,7 @@ class ScheduleService final : public PusService {
   TaiTime now_;
   bool time_valid_ = false;
   std::deque<Held> held_;
-  std::vector<DroppedActivity> dropped_;
+  std::vector<mission::ScheduleActivityDroppedEvent> dropped_;
   ScheduleCounters counters_;
 };
 

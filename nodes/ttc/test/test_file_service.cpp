@@ -22,7 +22,7 @@ class FileServiceTest : public testing::Test {
     const auto encoded = dictionary_.encode(name, arguments);
     EXPECT_TRUE(encoded) << (encoded ? "" : encoded.error().message);
     EXPECT_TRUE(dictionary_.check_arguments(*encoded->command, encoded->data));
-    TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all, .source_id = 7};
+    TelecommandOrigin origin{.apid = 1, .ack_flags = wire::ack::all, .source_id = 7};
     origin.request.packet_sequence_control = ++number_;
     service_.execute(
         {.origin = origin, .command = encoded->command, .arguments = encoded->data, .repeated = repeated},

@@ -42,7 +42,7 @@ class ImagingSchedulerTest : public testing::Test {
       const std::string& name, const std::vector<std::string>& arguments) {
     const auto encoded = dictionary_.encode(name, arguments);
     EXPECT_TRUE(encoded) << (encoded ? "" : encoded.error().message);
-    TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all, .source_id = 7};
+    TelecommandOrigin origin{.apid = 1, .ack_flags = wire::ack::all, .source_id = 7};
     origin.id = ++last_id_;
     origin.request.packet_sequence_control = static_cast<std::uint16_t>(last_id_);
     return {origin, *encoded};

@@ -18,7 +18,7 @@ constexpr MonotonicTime start(seconds(100));
 class ParameterServiceTest : public testing::Test {
  protected:
   void submit(const std::string& command, const Octets& data, MonotonicTime now = start) {
-    TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all, .source_id = 7};
+    TelecommandOrigin origin{.apid = 1, .ack_flags = wire::ack::all, .source_id = 7};
     origin.request.packet_sequence_control = ++number_;
     const mission::Command& known = *dictionary_.command(command);
     ASSERT_TRUE(dictionary_.check_arguments(known, data));

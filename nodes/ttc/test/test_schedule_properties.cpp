@@ -386,7 +386,7 @@ class Mission {
     }
     process.schedule().drop_overdue();
     std::set<std::uint16_t> told;
-    for (const DroppedActivity& d : process.schedule().take_dropped()) told.insert(d.request.sequence);
+    for (const auto& event : process.schedule().take_dropped()) told.insert(event.sequence);
     ASSERT_EQ(told, dropped);
     Model dropped_only = before_;
     for (const std::uint16_t sequence : dropped) dropped_only.scheduled.erase(sequence);

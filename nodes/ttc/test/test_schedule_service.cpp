@@ -40,7 +40,7 @@ class Schedule : public RouterWithParts {
   std::vector<std::string> send(const Octets& packet, bool on_disk = true) {
     JudgedTelecommand judged = router_.judge(packet, MonotonicTime{});
     judged.telecommand.origin.id = ++id_;
-    router_.carry_out(judged, true, MonotonicTime{});
+    router_.carry_out(judged, MonotonicTime{});
     if (on_disk) schedule_.on_written(journal_.revision(), true);
     return taken();
   }
@@ -258,7 +258,7 @@ TEST_F(Schedule, WaitsForValidTimeAndDropsWhatIsTooLateThen) {
   const auto dropped = schedule_.take_dropped();
   ASSERT_EQ(dropped.size(), 1U);
   EXPECT_EQ(dropped[0].release, at(5));
-  EXPECT_FALSE(dropped[0].disabled);
+  EXPECT_EQ(dropped[0].reason, mission::ScheduleDrop::late);
   EXPECT_EQ(schedule_.counters().late, 1U);
 }
 

@@ -15,7 +15,7 @@ constexpr std::uint16_t verification = 3;
 
 class StoreControlTest : public testing::Test {
  protected:
-  static TelecommandOrigin origin() { return {.request = {}, .apid = 1, .ack_flags = 0xF, .source_id = 7}; }
+  static TelecommandOrigin origin() { return {.apid = 1, .ack_flags = 0xF, .source_id = 7}; }
 
   void tell(std::uint16_t store, std::uint32_t next_sequence) {
     control_.on_status(store, {.octets = 1U << 20,

@@ -47,7 +47,9 @@ class Router : public RouterWithParts {
     return process(wire::make_tc_packet(packet), durable);
   }
   std::vector<std::string> process(const Octets& packet, bool durable = true) {
-    router_.carry_out(judge(packet), durable, now_);
+    JudgedTelecommand judged = judge(packet);
+    judged.durable = durable;
+    router_.carry_out(std::move(judged), now_);
     return taken();
   }
   JudgedTelecommand judge(const Octets& packet) {
@@ -212,7 +214,7 @@ TEST_F(Router, WithoutRoomWhatIsRightIsQueueFullAndTheRestHasItsOwnReason) {
     ping.subtype = 1;
     const JudgedTelecommand judged = router_.judge(wire::make_tc_packet(ping), now_, false);
     EXPECT_TRUE(judged.refusal);
-    router_.carry_out(judged, true, now_);
+    router_.carry_out(judged, now_);
     return taken();
   };
   EXPECT_EQ(judged_without_room(mission::apid::ttc), Names{"1,2"});
@@ -257,7 +259,7 @@ TEST_F(Router, KeepsRoomForWhatWaitsForTheDisk) {
   EXPECT_EQ(judge(packet_of("eps.switch_load", {"load=2", "state=on"})).refusal->code,
             mission::failure::queue_full);
   EXPECT_TRUE(taken().empty()) << "nothing happens before it is carried out";
-  for (const JudgedTelecommand& judged : waiting) router_.carry_out(judged, true, MonotonicTime{});
+  for (const JudgedTelecommand& judged : waiting) router_.carry_out(judged, MonotonicTime{});
   EXPECT_EQ(taken(), Names(40, "1,1"));
 }
 
@@ -268,9 +270,9 @@ TEST_F(Router, ATelecommandBehindAModeChangeIsJudgedByTheModeToCome) {
   mission::Command nominal_only = *behind.telecommand.command;
   nominal_only.modes = {static_cast<std::uint8_t>(MissionMode::nominal)};
   behind.telecommand.command = &nominal_only;
-  router_.carry_out(change, true, MonotonicTime{});
+  router_.carry_out(change, MonotonicTime{});
   (void)taken();
-  router_.carry_out(behind, true, MonotonicTime{});
+  router_.carry_out(behind, MonotonicTime{});
   EXPECT_EQ(taken(), (Names{"1,1", "1,4"})) << "the mode changed between the decision and the act";
   EXPECT_EQ(failure(), code(mission::failure::wrong_mode, {static_cast<std::uint8_t>(MissionMode::safe)}));
 }
@@ -284,7 +286,7 @@ TEST_F(Router, RefusesWhatTheJournalHasNoRoomFor) {
 
 TEST_F(Router, AfterARestartAnIdempotentCommandOfItsOwnIsDoneAgain) {
   const Octets packet = packet_of("housekeeping.disable", {"structure=payload_adcs"});
-  const TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all, .id = 5};
+  const TelecommandOrigin origin{.apid = 1, .ack_flags = wire::ack::all, .id = 5};
   const MonotonicTime expiry(seconds(10));
   router_.restore({.origin = origin, .expiry = expiry, .packet = packet, .progress = {}}, MonotonicTime{});
   EXPECT_EQ(taken(), (Names{"1,3", "1,7"}));
@@ -293,7 +295,7 @@ TEST_F(Router, AfterARestartAnIdempotentCommandOfItsOwnIsDoneAgain) {
 
 TEST_F(Router, AfterARestartWhatMayNotBeDoneAgainHasAnUnknownOutcome) {
   const Octets packet = packet_of("housekeeping.disable", {"structure=payload_adcs"});
-  const TelecommandOrigin origin{.request = {}, .apid = 1, .ack_flags = wire::ack::all, .id = 5};
+  const TelecommandOrigin origin{.apid = 1, .ack_flags = wire::ack::all, .id = 5};
   const MonotonicTime expiry(seconds(10));
   router_.restore({.origin = origin, .expiry = expiry, .packet = packet, .progress = {}}, expiry);
   EXPECT_EQ(taken(), Names{"1,8"}) << "expired, and perhaps begun";
@@ -308,7 +310,7 @@ TEST_F(Router, AfterARestartWhatMayNotBeDoneAgainHasAnUnknownOutcome) {
 }
 
 TEST_F(Router, AfterARestartACommandOfANodeGoesOnWithItsId) {
-  const TelecommandOrigin origin{.request = {}, .apid = 17, .ack_flags = wire::ack::all, .id = 99};
+  const TelecommandOrigin origin{.apid = 17, .ack_flags = wire::ack::all, .id = 99};
   router_.restore({.origin = origin,
                    .expiry = MonotonicTime(seconds(10)),
                    .packet = packet_of("eps.switch_load", {"load=2", "state=on"}),
@@ -390,7 +392,7 @@ TEST_F(Router, GivesRequestsAboutFilesToTheDiskAndTheirEndComesFromThere) {
 
 TEST_F(Router, ARequestAboutFilesThatMayHaveBeenDoneBeforeARestartIsDoneAgainAndSaysSo) {
   const Octets packet = packet_of("file.delete", {"file=a"});
-  router_.restore({.origin = {.request = {}, .apid = 1, .ack_flags = wire::ack::all, .source_id = 0, .id = 5},
+  router_.restore({.origin = {.apid = 1, .ack_flags = wire::ack::all, .source_id = 0, .id = 5},
                    .expiry = MonotonicTime(seconds(10)),
                    .packet = packet,
                    .progress = {}},
