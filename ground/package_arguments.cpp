@@ -31,9 +31,10 @@ void define_make(CLI::App& make, PackageCommand& command) {
 
 }  // namespace
 
-void define_package(CLI::App& app, PackageArguments& arguments, double& timeout_s) {
+CLI::App& define_package(CLI::App& app, PackageArguments& arguments, double& timeout_s) {
   PackageCommand& command = arguments.command;
-  auto* package = app.add_subcommand("package", "Packages of sources that become a node's program");
+  auto* package =
+      app.add_subcommand("package", "Packages of sources that become a node's program")->fallthrough();
   package->require_subcommand(1);
   define_make(*package->add_subcommand("make", "Make and sign a package"), command);
   auto* keygen = package->add_subcommand("keygen", "Make a key pair; never replaces a file");
@@ -57,15 +58,7 @@ void define_package(CLI::App& app, PackageArguments& arguments, double& timeout_
   install->add_option("--timeout", timeout_s, "Seconds for the whole installation")
       ->check(CLI::Range(0.001, 86400.0));
   for (auto* sub : package->get_subcommands({})) sub->fallthrough();
-}
-
-std::optional<Exit> run_package(const CLI::App& package, const PackageArguments& arguments) {
-  const PackageCommand& command = arguments.command;
-  if (package.got_subcommand("make")) return make_package(command);
-  if (package.got_subcommand("keygen")) return make_keys(command);
-  if (package.got_subcommand("show")) return show_package(command);
-  if (package.got_subcommand("verify")) return verify_package(command);
-  return std::nullopt;
+  return *package;
 }
 
 }  // namespace srfs::ground

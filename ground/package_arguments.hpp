@@ -14,10 +14,7 @@ struct PackageArguments {
   bool no_activate = false;
 };
 
-/// Adds `package` with its subcommands. @param timeout_s of install
-void define_package(CLI::App& app, PackageArguments& arguments, double& timeout_s);
-
-/// Runs what needs no spacecraft. nullopt: install, which does.
-[[nodiscard]] std::optional<Exit> run_package(const CLI::App& package, const PackageArguments& arguments);
+/// Adds `package` with its subcommands, which have no callback yet. @param timeout_s of install
+CLI::App& define_package(CLI::App& app, PackageArguments& arguments, double& timeout_s);
 
 }  // namespace srfs::ground
