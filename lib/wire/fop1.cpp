@@ -329,33 +329,21 @@ void Fop1::act(FopAction action, FopEvent event, const FopCell& cell, Input& inp
     case A::look_for_directive:
       return look_for_directive();
     case A::retransmit_ad:
-      ++transmission_count_;
-      start_timer(now);
-      for (Sent& sent : sent_) sent.retransmit = true;
-      return;
+      return retransmit_ad(now);
     case A::retransmit_bc:
-      ++transmission_count_;
-      start_timer(now);
-      if (bc_) bc_->retransmit = true;
-      return;
+      return retransmit_bc(now);
     case A::start_timer:
       return start_timer(now);
     case A::cancel_timer:
-      timer_.reset();
-      return;
+      return timer_.reset();
     case A::alert:
       return raise_alert(cell.reason, event);
     case A::confirm_initiate:
-      if (initiating_) signals_.push_back({.kind = Kind::directive_confirmed, .tag = *initiating_});
-      initiating_.reset();
-      return;
+      return confirm_initiate();
     case A::release_bc:
-      bc_.reset();
-      return;
+      return bc_.reset();
     case A::suspend:
-      suspended_in_ = state_;
-      signals_.push_back({.kind = Kind::suspended, .event = event, .state = state_});
-      return;
+      return suspend(event);
     case A::resume:
       suspended_in_.reset();
       return start_timer(now);
@@ -369,26 +357,14 @@ void Fop1::act(FopAction action, FopEvent event, const FopCell& cell, Input& inp
     case A::confirm:
       return answer(Kind::directive_confirmed, Kind::confirmed, input);
     case A::initialise:
-      purge();
-      transmission_count_ = 1;
-      suspended_in_.reset();
-      return;
+      return initialise();
     case A::take_vs:
-      vs_ = input.value;
-      nnr_ = input.value;
+      vs_ = nnr_ = input.value;
       return;
     case A::transmit_bc:
-      bc_ = ControlFrame{.command = input.control};
-      transmission_count_ = 1;
-      start_timer(now);
-      bc_ready_ = false;
-      signals_.push_back({.kind = Kind::transmit_bc, .control = input.control});
-      return;
+      return transmit_bc(input.control, now);
     case A::transmit_bd:
-      bd_ready_ = false;
-      bd_tag_ = input.tag;
-      signals_.push_back({.kind = Kind::transmit_bd, .tag = input.tag, .data = std::move(input.data)});
-      return;
+      return transmit_bd(input);
     case A::take_value:
       settings_ = input.settings;
       return;
@@ -402,6 +378,48 @@ void Fop1::act(FopAction action, FopEvent event, const FopCell& cell, Input& inp
       bd_ready_ = true;
       return;
   }
+}
+
+void Fop1::retransmit_ad(MonotonicTime now) {
+  ++transmission_count_;
+  start_timer(now);
+  for (Sent& sent : sent_) sent.retransmit = true;
+}
+
+void Fop1::retransmit_bc(MonotonicTime now) {
+  ++transmission_count_;
+  start_timer(now);
+  if (bc_) bc_->retransmit = true;
+}
+
+void Fop1::confirm_initiate() {
+  if (initiating_) signals_.push_back({.kind = FopSignal::Kind::directive_confirmed, .tag = *initiating_});
+  initiating_.reset();
+}
+
+void Fop1::suspend(FopEvent event) {
+  suspended_in_ = state_;
+  signals_.push_back({.kind = FopSignal::Kind::suspended, .event = event, .state = state_});
+}
+
+void Fop1::initialise() {
+  purge();
+  transmission_count_ = 1;
+  suspended_in_.reset();
+}
+
+void Fop1::transmit_bc(const ControlCommand& command, MonotonicTime now) {
+  bc_ = ControlFrame{.command = command};
+  transmission_count_ = 1;
+  start_timer(now);
+  bc_ready_ = false;
+  signals_.push_back({.kind = FopSignal::Kind::transmit_bc, .control = command});
+}
+
+void Fop1::transmit_bd(Input& input) {
+  bd_ready_ = false;
+  bd_tag_ = input.tag;
+  signals_.push_back({.kind = FopSignal::Kind::transmit_bd, .tag = input.tag, .data = std::move(input.data)});
 }
 
 void Fop1::remove_acknowledged(std::uint8_t nr) {

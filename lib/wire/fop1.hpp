@@ -269,6 +269,13 @@ class Fop1 {
   [[nodiscard]] FopEvent classify(const Clcw& clcw) const;
   void apply(FopEvent event, Input input, MonotonicTime now);
   void act(FopAction action, FopEvent event, const FopCell& cell, Input& input, MonotonicTime now);
+  void retransmit_ad(MonotonicTime now);
+  void retransmit_bc(MonotonicTime now);
+  void confirm_initiate();
+  void suspend(FopEvent event);
+  void initialise();
+  void transmit_bc(const ControlCommand& command, MonotonicTime now);
+  void transmit_bd(Input& input);
   void remove_acknowledged(std::uint8_t nr);
   void look_for_frame(MonotonicTime now);
   void look_for_directive();
