@@ -100,6 +100,78 @@ void only_keys(const nlohmann::json& section, std::initializer_list<const char*>
   }
 }
 
+nlohmann::json counters_of(const Peripheral& peripheral, const CanPeripheral& on_bus) {
+  const PeripheralCounters& c = peripheral.counters();
+  const wire::IsoTpCounters& t = on_bus.transport_counters();
+  return {{"powered", peripheral.powered()},
+          {"fault", to_string(peripheral.fault())},
+          {"requests", c.requests},
+          {"invalid_requests", c.invalid_requests},
+          {"unheard_requests", c.unheard_requests},
+          {"answers", c.answers},
+          {"dropped_answers", c.dropped_answers},
+          {"executed", c.executed},
+          {"repeats", c.repeats},
+          {"resets", c.resets},
+          {"power_cycles", c.power_cycles},
+          {"babbled", on_bus.babbled()},
+          {"frames_sent", t.frames_sent},
+          {"frames_received", t.frames_received},
+          {"transport_timeouts", t.timeouts_as + t.timeouts_bs + t.timeouts_cr}};
+}
+
+nlohmann::json counters_of(const CanHub& hub) {
+  const BusCounters& b = hub.bus_counters();
+  const CanHubCounters& h = hub.counters();
+  return {{"submitted", b.submitted},
+          {"delivered", b.delivered},
+          {"refused_full", b.refused_full},
+          {"refused_invalid", b.refused_invalid},
+          {"muted", b.muted},
+          {"lost", b.lost},
+          {"corrupted", b.corrupted},
+          {"error_frames", b.error_frames},
+          {"discarded", b.discarded},
+          {"refused_bus_off", b.refused_bus_off},
+          {"lost_in_bus_off", b.lost_in_bus_off},
+          {"withdrawn", b.withdrawn},
+          {"bus_off", b.bus_off},
+          {"restarts", b.restarts},
+          {"babbled", b.babbled},
+          {"computer_tec", hub.computer().transmit_errors()},
+          {"computer_rec", hub.computer().receive_errors()},
+          {"busy_us", b.busy.count() / 1000},
+          {"clients", hub.clients()},
+          {"malformed", h.malformed},
+          {"receive_overruns", h.receive_overruns}};
+}
+
+nlohmann::json counters_of(const SerialLineCounters& c) {
+  return {{"sent", c.sent}, {"carried", c.carried}, {"dropped", c.dropped}, {"flipped_bits", c.flipped_bits}};
+}
+
+nlohmann::json counters_of(const GpsDevice& gps) {
+  const GpsDeviceCounters& c = gps.counters();
+  return {{"pulses", c.pulses},
+          {"suppressed_pulses", c.suppressed_pulses},
+          {"stray_pulses", c.stray_pulses},
+          {"sentences", c.sentences},
+          {"unread_sentences", c.unread_sentences},
+          {"late_sentences", c.late_sentences},
+          {"fault", to_string(gps.receiver().fault())}};
+}
+
+nlohmann::json counters_of(const WatchdogDevice& watchdog) {
+  const WatchdogDeviceCounters& c = watchdog.counters();
+  return {{"armed", watchdog.timer().deadline().has_value()},
+          {"feeds", watchdog.timer().feeds()},
+          {"bites", watchdog.timer().bite_count()},
+          {"disarmed", c.disarmed},
+          {"restarts_started", c.restarts_started},
+          {"restarts_failed", c.restarts_failed},
+          {"restarts_killed", c.restarts_killed}};
+}
+
 }  // namespace
 
 Simulator::Simulator(EventLoop& loop, const SimulationSettings& settings, MonotonicTime now)
@@ -367,75 +439,15 @@ void Simulator::set_camera(const nlohmann::json& wanted) {
 
 nlohmann::json Simulator::counters() const {
   nlohmann::json out;
-  for (std::size_t i = 0; i < peripherals_.size(); ++i) {
-    const PeripheralCounters& c = peripherals_[i]->counters();
-    const wire::IsoTpCounters& t = on_bus_[i]->transport_counters();
-    out["peripherals"][peripheral_names[i]] = {
-        {"powered", peripherals_[i]->powered()},
-        {"fault", to_string(peripherals_[i]->fault())},
-        {"requests", c.requests},
-        {"invalid_requests", c.invalid_requests},
-        {"unheard_requests", c.unheard_requests},
-        {"answers", c.answers},
-        {"dropped_answers", c.dropped_answers},
-        {"executed", c.executed},
-        {"repeats", c.repeats},
-        {"resets", c.resets},
-        {"power_cycles", c.power_cycles},
-        {"babbled", on_bus_[i]->babbled()},
-        {"frames_sent", t.frames_sent},
-        {"frames_received", t.frames_received},
-        {"transport_timeouts", t.timeouts_as + t.timeouts_bs + t.timeouts_cr}};
-  }
+  for (std::size_t i = 0; i < peripherals_.size(); ++i)
+    out["peripherals"][peripheral_names[i]] = counters_of(*peripherals_[i], *on_bus_[i]);
   if (hub_) {
-    const BusCounters& b = hub_->bus_counters();
-    const CanHubCounters& h = hub_->counters();
-    out["can"] = {{"submitted", b.submitted},
-                  {"delivered", b.delivered},
-                  {"refused_full", b.refused_full},
-                  {"refused_invalid", b.refused_invalid},
-                  {"muted", b.muted},
-                  {"lost", b.lost},
-                  {"corrupted", b.corrupted},
-                  {"error_frames", b.error_frames},
-                  {"discarded", b.discarded},
-                  {"refused_bus_off", b.refused_bus_off},
-                  {"lost_in_bus_off", b.lost_in_bus_off},
-                  {"withdrawn", b.withdrawn},
-                  {"bus_off", b.bus_off},
-                  {"restarts", b.restarts},
-                  {"babbled", b.babbled},
-                  {"computer_tec", hub_->computer().transmit_errors()},
-                  {"computer_rec", hub_->computer().receive_errors()},
-                  {"busy_us", b.busy.count() / 1000},
-                  {"clients", hub_->clients()},
-                  {"malformed", h.malformed},
-                  {"receive_overruns", h.receive_overruns}};
+    out["can"] = counters_of(*hub_);
     if (can_log_) out["can"]["log_octets_lost"] = can_log_->lost();
   }
-  const auto line = [](const SerialLineCounters& c) {
-    return nlohmann::json{
-        {"sent", c.sent}, {"carried", c.carried}, {"dropped", c.dropped}, {"flipped_bits", c.flipped_bits}};
-  };
-  out["rs422"] = {{"uplink", line(rs422_->uplink())}, {"downlink", line(rs422_->downlink())}};
-  const GpsDeviceCounters& g = gps_->counters();
-  out["gps"] = {{"pulses", g.pulses},
-                {"suppressed_pulses", g.suppressed_pulses},
-                {"stray_pulses", g.stray_pulses},
-                {"sentences", g.sentences},
-                {"unread_sentences", g.unread_sentences},
-                {"late_sentences", g.late_sentences},
-                {"fault", to_string(gps_->receiver().fault())}};
-  if (watchdog_) {
-    const WatchdogDeviceCounters& w = watchdog_->counters();
-    out["watchdog"] = {{"armed", watchdog_->timer().deadline().has_value()},
-                       {"feeds", watchdog_->timer().feeds()},
-                       {"bites", watchdog_->timer().bite_count()},
-                       {"disarmed", w.disarmed},
-                       {"restarts_started", w.restarts_started},
-                       {"restarts_failed", w.restarts_failed},
-                       {"restarts_killed", w.restarts_killed}};
-  }
+  out["rs422"] = {{"uplink", counters_of(rs422_->uplink())}, {"downlink", counters_of(rs422_->downlink())}};
+  out["gps"] = counters_of(*gps_);
+  if (watchdog_) out["watchdog"] = counters_of(*watchdog_);
   out["gpio"] = {{"requests", gpio_.counters().requests}, {"refused", gpio_.counters().refused}};
   if (camera_) out["camera"] = camera_->counters();
   out["late_steps"] = late_steps_;
