@@ -61,8 +61,8 @@ FailureCode change_version(
 
 /// @param accepted  by ttc. A version of ttc or maintenance proves itself by the telecommand that came
 /// through it: one that was on its way before it ran proves nothing.
-FailureCode confirm_version(const ros::VarPaths& var, const ros::RingSettings& ring,
-                            const mission::NodeConfirmVersion& command, MonotonicTime accepted) {
+FailureCode confirm(const ros::VarPaths& var, const ros::RingSettings& ring,
+                    const mission::NodeConfirmVersion& command, MonotonicTime accepted) {
   const auto table = ros::read_versions(var, command.node).table;
   if (table.find(command.version) == nullptr) return mission::failure::no_version;
   if (table.last_good() == command.version) return mission::failure::none;
@@ -173,91 +173,73 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
   const OctetView arguments = telecommand.arguments;
   switch (telecommand.function) {
     case mission::RingHold::function_id:
-      run([this, plan = deployment(), node = mission::RingHold::decode(arguments)->node] {
-        return outcome_of(ros::hold(var(), plan, node, "held by telecommand", monotonic_now()));
-      });
-      break;
+      return hold(mission::RingHold::decode(arguments)->node);
     case mission::RingRelease::function_id:
-      run([this, node = mission::RingRelease::decode(arguments)->node] {
-        return outcome_of(ros::release(var(), node, release_patience));
-      });
-      break;
+      return release(mission::RingRelease::decode(arguments)->node);
     case mission::RingReleaseInactive::function_id:
-      run([this, plan = deployment(), node = mission::RingReleaseInactive::decode(arguments)->node] {
-        if (ros::find_instance(var(), node)) return mission::failure::node_runs;
-        const FailureCode set =
-            outcome_of(ros::set_desired_state(var(), plan, node, ros::State::inactive, monotonic_now()));
-        return set != mission::failure::none ? set : outcome_of(ros::release(var(), node, release_patience));
-      });
-      break;
+      return release_inactive(mission::RingReleaseInactive::decode(arguments)->node);
     case mission::RingReportFaults::function_id:
-      report_faults(mission::RingReportFaults::decode(arguments)->count);
-      break;
+      return report_faults(mission::RingReportFaults::decode(arguments)->count);
     case mission::NodeSetLogLevel::function_id:
-      set_log_level(*mission::NodeSetLogLevel::decode(arguments));
-      break;
+      return set_log_level(*mission::NodeSetLogLevel::decode(arguments));
     case mission::NodeSendReport::function_id:
-      send_report(*mission::NodeSendReport::decode(arguments));
-      break;
-    case mission::NodeUseVersion::function_id: {
-      const auto command = mission::NodeUseVersion::decode(arguments);
-      use_version(command->node, command->version,
-                  command->probation_s == 0 ? ros::default_probation(deployment().ring, command->node)
-                                            : seconds(command->probation_s));
-      break;
-    }
-    case mission::NodePreviousVersion::function_id: {
-      const std::string node = mission::NodePreviousVersion::decode(arguments)->node;
-      use_version(node, std::nullopt, ros::default_probation(deployment().ring, node));
-      break;
-    }
+      return send_report(*mission::NodeSendReport::decode(arguments));
+    case mission::NodeUseVersion::function_id:
+      return use_version(*mission::NodeUseVersion::decode(arguments));
+    case mission::NodePreviousVersion::function_id:
+      return use_previous_version(mission::NodePreviousVersion::decode(arguments)->node);
     case mission::NodeConfirmVersion::function_id:
-      run([this, command = *mission::NodeConfirmVersion::decode(arguments),
-           accepted = telecommand.expiry - mission::NodeConfirmVersion::timeout] {
-        return confirm_version(var(), deployment().ring, command, accepted);
-      });
-      break;
+      return confirm_version(*mission::NodeConfirmVersion::decode(arguments),
+                             telecommand.expiry - mission::NodeConfirmVersion::timeout);
     case mission::NodeRemoveVersion::function_id:
-      run([this, command = *mission::NodeRemoveVersion::decode(arguments)] {
-        return change_version(var(), command.node, command.version, &update::VersionStore::remove);
-      });
-      break;
+      return remove_version(*mission::NodeRemoveVersion::decode(arguments));
     case mission::NodeReportVersions::function_id:
-      report_versions(mission::NodeReportVersions::decode(arguments)->node);
-      break;
+      return report_versions(mission::NodeReportVersions::decode(arguments)->node);
     case mission::PackageInstall::function_id: {
       const auto command = mission::PackageInstall::decode(arguments);
-      run(transaction_->install(command->file, command->activate));
-      break;
+      return run(transaction_->install(command->file, command->activate));
     }
     case mission::NodeRemove::function_id:
-      remove_node(mission::NodeRemove::decode(arguments)->node);
-      break;
+      return remove_node(mission::NodeRemove::decode(arguments)->node);
     case mission::PackageCancel::function_id:
-      run(transaction_->cancel());
-      break;
+      return run(transaction_->cancel());
     case mission::PackageReport::function_id:
-      lines_.push_back(telemetry(update_status()));
-      send_next();
-      break;
+      return send(telemetry(update_status()));
     case mission::ScrubRun::function_id:
-      run_scrubbing(false);
-      break;
+      return run_scrubbing(false);
     case mission::ScrubReport::function_id:
-      lines_.push_back(telemetry(scrub_status()));
-      send_next();
-      break;
+      return send(telemetry(scrub_status()));
     case mission::ScrubRetake::function_id:
-      run_scrubbing(true);
-      break;
+      return run_scrubbing(true);
     default:
-      execute_parameters(telecommand);
+      return execute_parameters(telecommand);
   }
 }
 
 void MaintenanceNode::run(std::function<FailureCode()> job) {
   const bool taken = worker_->ask(std::move(job), [this](FailureCode outcome) { finished(outcome); });
   if (!taken) finished(mission::failure::queue_full);
+}
+
+// ---------------------------------------------------------------- the ring
+
+void MaintenanceNode::hold(const std::string& node) {
+  run([this, plan = deployment(), node] {
+    return outcome_of(ros::hold(var(), plan, node, "held by telecommand", monotonic_now()));
+  });
+}
+
+void MaintenanceNode::release(const std::string& node) {
+  run([this, node] { return outcome_of(ros::release(var(), node, release_patience)); });
+}
+
+void MaintenanceNode::release_inactive(const std::string& node) {
+  run([this, plan = deployment(), node] {
+    if (ros::find_instance(var(), node)) return mission::failure::node_runs;
+    const FailureCode set =
+        outcome_of(ros::set_desired_state(var(), plan, node, ros::State::inactive, monotonic_now()));
+    return set != mission::failure::none ? set : outcome_of(ros::release(var(), node, release_patience));
+  });
 }
 
 // ---------------------------------------------------------------- the fault ledger
@@ -292,6 +274,11 @@ srfs_msgs::msg::PayloadTelemetry MaintenanceNode::telemetry(const Structure& str
 }
 
 /// One at a time: ttc sends a structure live no more often than its interval.
+void MaintenanceNode::send(srfs_msgs::msg::PayloadTelemetry line) {
+  lines_.push_back(std::move(line));
+  send_next();
+}
+
 void MaintenanceNode::send_next() {
   if (lines_.empty()) {
     sending_.reset();
@@ -310,6 +297,16 @@ void MaintenanceNode::send_next() {
 // ---------------------------------------------------------------- versions
 
 /// @param version  nullopt: the previous one
+void MaintenanceNode::use_version(const mission::NodeUseVersion& command) {
+  use_version(command.node, command.version,
+              command.probation_s == 0 ? ros::default_probation(deployment().ring, command.node)
+                                       : seconds(command.probation_s));
+}
+
+void MaintenanceNode::use_previous_version(const std::string& node) {
+  use_version(node, std::nullopt, ros::default_probation(deployment().ring, node));
+}
+
 void MaintenanceNode::use_version(const std::string& node, std::optional<std::uint32_t> version,
                                   milliseconds probation) {
   const bool taken = worker_->ask(
@@ -338,6 +335,16 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
             now() + before_own_end, [] { kill(getpid(), SIGTERM); }, "own end");
       });
   if (!taken) finished(mission::failure::queue_full);
+}
+
+void MaintenanceNode::confirm_version(const mission::NodeConfirmVersion& command, MonotonicTime accepted) {
+  run([this, command, accepted] { return confirm(var(), deployment().ring, command, accepted); });
+}
+
+void MaintenanceNode::remove_version(const mission::NodeRemoveVersion& command) {
+  run([this, command] {
+    return change_version(var(), command.node, command.version, &update::VersionStore::remove);
+  });
 }
 
 void MaintenanceNode::report_versions(const std::string& node) {

@@ -42,13 +42,23 @@ class MaintenanceNode : public CommandedNode {
 
   /// A job that may wait for a disk or a lock; its outcome ends the telecommand.
   void run(std::function<FailureCode()> job);
+  void hold(const std::string& node);
+  void release(const std::string& node);
+  void release_inactive(const std::string& node);
   void report_faults(std::size_t count);
   void send_report(const mission::NodeSendReport& command);
   void set_log_level(const mission::NodeSetLogLevel& command);
+  void use_version(const mission::NodeUseVersion& command);
+  void use_previous_version(const std::string& node);
+  /// @param version  nullopt: the previous one
   void use_version(const std::string& node, std::optional<std::uint32_t> version, milliseconds probation);
+  /// @param accepted  by ttc
+  void confirm_version(const mission::NodeConfirmVersion& command, MonotonicTime accepted);
+  void remove_version(const mission::NodeRemoveVersion& command);
   void report_versions(const std::string& node);
   template <class Structure>
   [[nodiscard]] srfs_msgs::msg::PayloadTelemetry telemetry(const Structure& structure) const;
+  void send(srfs_msgs::msg::PayloadTelemetry line);
   void send_next();
   // maintenance_parameters.cpp
   [[nodiscard]] FailureCode check_parameters(std::uint16_t function, OctetView arguments) const;
