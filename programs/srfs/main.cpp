@@ -3,6 +3,7 @@
 // The engineer's command: start, stop and look at a deployment.
 
 #include <cstdio>
+#include <functional>
 #include <iostream>
 
 #include <fmt/format.h>
@@ -133,176 +134,6 @@ int run_status(const Target& target, bool json) {
   return all_up ? 0 : 1;
 }
 
-/// What the command line of `srfs param` says.
-struct ParameterArguments {
-  std::string node;
-  std::string name;
-  std::string value;
-  std::vector<std::string> names;
-  std::uint32_t generation = 0;
-  bool next_start = false;
-  CLI::App* command = nullptr;
-};
-
-void add_parameter_commands(CLI::App& app, ParameterArguments& a) {
-  a.command = app.add_subcommand("param", "Parameters of a node");
-  a.command->require_subcommand(1);
-  const auto add = [&](const char* name, const char* help) {
-    CLI::App* sub = a.command->add_subcommand(name, help);
-    sub->add_option("node", a.node, "Node name")->required();
-    return sub;
-  };
-  add("list", "Show all parameters with their values");
-  for (const auto& [verb, help] : {std::pair{"get", "Show the value of a parameter"},
-                                   {"describe", "Show type, range and meaning of a parameter"},
-                                   {"set", "Change a parameter, until the node's next start"}}) {
-    CLI::App* sub = add(verb, help);
-    sub->add_option("name", a.name, "Parameter")->required();
-    if (std::string(verb) != "set") continue;
-    sub->add_option("value", a.value, "As in YAML: 5, true, text, [1, 2]")->required();
-    sub->add_flag("--next-start", a.next_start, "Store it for the next start only, without a change now");
-  }
-  add("keep", "Keep present values across restarts of the node; guarded ones once they are confirmed")
-      ->add_option("names", a.names, "Parameters; default: all that differ from the deployment");
-  add("confirm", "Confirm the values on trial, and keep those that wait to be kept");
-  add("history", "Show the last ten kept sets of values");
-  add("restore", "Use the values of a set of the history, now and at the next starts")
-      ->add_option("generation", a.generation, "Number of the set")
-      ->required();
-  add("reset", "Return to the deployment's values, now and at the next starts");
-  add("forget", "Forget stored values; the next start uses those of the deployment")
-      ->add_option("names", a.names, "Parameters; default: all");
-}
-
-int run_parameters(const Target& target, const ParameterArguments& a, bool json) {
-  if (a.command->got_subcommand("list")) return list_parameters(target, a.node, json);
-  if (a.command->got_subcommand("get")) return get_parameter(target, a.node, a.name, json);
-  if (a.command->got_subcommand("describe")) return describe_parameter(target, a.node, a.name, json);
-  if (a.command->got_subcommand("set"))
-    return set_parameter(target, a.node, a.name, a.value, a.next_start, json);
-  if (a.command->got_subcommand("keep")) return keep_parameters(target, a.node, a.names, json);
-  if (a.command->got_subcommand("confirm")) return confirm_parameters(target, a.node, json);
-  if (a.command->got_subcommand("history")) return show_parameter_history(target, a.node, json);
-  if (a.command->got_subcommand("restore")) return restore_parameters(target, a.node, a.generation, json);
-  if (a.command->got_subcommand("reset")) return reset_parameters(target, a.node, json);
-  return forget_parameters(target, a.node, a.names, json);
-}
-
-/// What the command line of `srfs ring` and `srfs faults` says.
-struct RingArguments {
-  std::string node;
-  std::string reason = "by the operator";
-  std::string state;
-  std::string since;
-  CLI::App* ring = nullptr;
-  CLI::App* faults = nullptr;
-};
-
-void add_ring_commands(CLI::App& app, RingArguments& a) {
-  a.faults = app.add_subcommand("faults", "Show the fault ledger; also works when nothing runs");
-  a.faults->add_option("--since", a.since, "A time (2026-11-21T08:00:00Z) or how long ago (90s, 15m, 2h)");
-  a.faults->add_option("--node", a.node, "Only faults of this node");
-  a.ring = app.add_subcommand("ring", "What the ring does with a node that dies");
-  a.ring->require_subcommand(1);
-  a.ring->add_subcommand("status", "Show deaths, back-off, quarantine and holds of every node");
-  CLI::App* hold = a.ring->add_subcommand("hold", "Keep the node from being restarted until it is released");
-  hold->add_option("node", a.node, "Node name")->required();
-  hold->add_option("--reason", a.reason, "Note for the next operator")->capture_default_str();
-  CLI::App* release = a.ring->add_subcommand("release", "Lift hold, back-off and quarantine");
-  release->add_option("node", a.node, "Node name")->required();
-  release->add_option("--state", a.state, "State of its next start; default: unchanged")
-      ->check(CLI::IsMember({"active", "inactive", "unconfigured"}));
-}
-
-int run_ring(const Target& target, const RingArguments& a, bool json) {
-  if (a.ring->got_subcommand("hold")) return hold_node(target, a.node, a.reason, json);
-  if (a.ring->got_subcommand("release")) return release_node(target, a.node, a.state, json);
-  return show_ring(target, json);
-}
-
-/// What the command line of `srfs versions` says.
-struct VersionArguments {
-  std::string node;
-  std::string version;
-  std::string file;
-  std::string origin;
-  bool check = false;
-  std::optional<int> probation_s;
-  CLI::App* command = nullptr;
-};
-
-void add_version_commands(CLI::App& app, VersionArguments& a) {
-  a.command =
-      app.add_subcommand("versions", "Versions of the nodes' programs; without a subcommand: list them");
-  a.command->require_subcommand(0, 1);
-  a.command->add_option("--node", a.node, "Only this node");
-  a.command->add_flag("--check", a.check,
-                      "Compare the programs with their SHA-256; exit code 1: one is damaged");
-  const auto add = [&](const char* name, const char* help, const char* version) {
-    CLI::App* sub = a.command->add_subcommand(name, help);
-    sub->add_option("node", a.node, "Node name")->required();
-    if (version != nullptr) sub->add_option("version", a.version, version)->required();
-    return sub;
-  };
-  CLI::App* store = add("add", "Store a program as a version; it is not started", nullptr);
-  store->add_option("file", a.file, "Program")->required();
-  store->add_option("--origin", a.origin, "Origin shown in the list; default: the file's path");
-  add("use", "Restart the node in a version, on probation unless it is golden or the last good one",
-      "Number, golden or previous")
-      ->add_option("--probation", a.probation_s,
-                   "Seconds; if the node dies within this time, the last good version returns. Default: 300, "
-                   "or 1800 for nodes whose versions must be confirmed")
-      ->check(CLI::Range(1, static_cast<int>(update::VersionTable::longest_probation / seconds(1))));
-  add("confirm", "End a probation with success: it becomes the last good version", "Number");
-  add("remove", "Remove a version; not the active or the last good one", "Number");
-}
-
-int run_versions(const Target& target, const VersionArguments& a, bool json) {
-  if (a.command->got_subcommand("add")) return add_version(target, a.node, a.file, a.origin, json);
-  if (a.command->got_subcommand("use"))
-    return use_version(target, a.node, a.version,
-                       a.probation_s ? std::optional(seconds(*a.probation_s)) : std::nullopt, json);
-  if (a.command->got_subcommand("confirm")) return confirm_version(target, a.node, a.version, json);
-  if (a.command->got_subcommand("remove")) return remove_version(target, a.node, a.version, json);
-  return show_versions(target, a.node, a.check, json);
-}
-
-/// What the command line of `srfs node` says.
-struct NodeArguments {
-  std::string node;
-  std::string folder;
-  std::string program;
-  int probation_s = 0;
-  CLI::App* command = nullptr;
-};
-
-void add_node_commands(CLI::App& app, NodeArguments& a) {
-  a.command = app.add_subcommand("node", "Nodes added to the suite, besides those of the deployment");
-  a.command->require_subcommand(1);
-  CLI::App* add =
-      a.command->add_subcommand("add", "Add a node to the suite, also to a running one, and start it");
-  add->add_option("folder", a.folder, "Folder with package.yaml, the manifest of the node's package")
-      ->required()
-      ->check(CLI::ExistingDirectory);
-  add->add_option("--program", a.program, "Its program, which becomes its active version")
-      ->required()
-      ->check(CLI::ExistingFile);
-  add->add_option("--probation", a.probation_s, "Seconds; 0: none. A node that dies on probation stays down")
-      ->check(CLI::Range(0, static_cast<int>(update::VersionTable::longest_probation / seconds(1))))
-      ->capture_default_str();
-  a.command->add_subcommand("remove", "Stop an added node and remove it from the suite")
-      ->add_option("node", a.node, "Node name")
-      ->required();
-  a.command->add_subcommand("list", "List the added nodes");
-}
-
-int run_node_command(const Target& target, const NodeArguments& a, bool json) {
-  if (a.command->got_subcommand("add"))
-    return add_node(target, a.folder, a.program, seconds(a.probation_s), json);
-  if (a.command->got_subcommand("remove")) return remove_node(target, a.node, json);
-  return list_added_nodes(target, json);
-}
-
 /// What `--deployment` means: a file, or the name of one in launch_config here, of the installation, or of
 /// the tree that this was built from.
 std::string deployment_file_of(const std::string& named) {
@@ -317,122 +148,333 @@ std::string deployment_file_of(const std::string& named) {
   return named;
 }
 
-constexpr const char* doctor_help =
-    "Check whether this machine is ready for the deployment. One line per check: OK, note, unknown, WARN or "
-    "FAIL, what was found, what is expected, and the command that fixes it. Starts and changes nothing. "
-    "--deployment, --var and --json as for every command. Exit code 0: no FAIL; 1: at least one";
+/// What the command line says to all commands, and the exit code of the one that it names.
+struct CommandLine {
+  std::string deployment = "sim";
+  std::string var = "var";
+  bool json = false;
+  int exit_code = 0;
+};
+
+using Action = std::function<int(const Target&)>;
+
+/// Does @p action when the command line names @p command, and no subcommand of it.
+void on(CLI::App* command, CommandLine& line, Action action) {
+  command->final_callback([command, &line, action = std::move(action)] {
+    if (!command->get_subcommands().empty()) return;
+    line.deployment = deployment_file_of(line.deployment);
+    const ros::VarPaths paths = ros::VarPaths::at(line.var);
+    auto reading = ros::load_deployment(line.deployment, paths);
+    for (const std::string& problem : reading.problems) fmt::print(stderr, "srfs: {}\n", problem);
+    line.exit_code = action({std::move(reading.deployment), paths});
+  });
+}
+
+/// Of `srfs up`, `down` and `restart`.
+struct SuiteArguments {
+  UpOptions up;
+  int deadline_s = static_cast<int>(UpOptions{}.deadline.count());
+  int patience_ms = 3000;
+  bool only_if_up = false;
+};
+
+int run_up(const Target& target, SuiteArguments& a, const CommandLine& line) {
+  a.up.deadline = seconds(a.deadline_s);
+  for (const std::string& name : a.up.only) {
+    if (target.deployment.find(name) == nullptr)
+      throw ConfigError(fmt::format("{}: 'nodes': expected a node named '{}'", line.deployment, name));
+  }
+  return show_up(up(target, a.up), line.json);
+}
+
+void add_up(CLI::App& app, SuiteArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand("up",
+                                         "Start all nodes, those that flight needs first; wait until these "
+                                         "are in their desired state, then exit");
+  command
+      ->add_option("--domain", a.up.domain,
+                   "DDS domain; default: the deployment's, or the first free from 42")
+      ->check(CLI::Range(0, 101));
+  command
+      ->add_option("--deadline", a.deadline_s,
+                   "Seconds to wait without progress of an awaited node; ten times as long in all")
+      ->check(CLI::Range(1, 600))
+      ->capture_default_str();
+  command->add_option("--only", a.up.only, "Start only these nodes; a ring starts the others");
+  command->add_flag("--all", a.up.all, "Wait also for nodes that flight does not need");
+  on(command, line, [&](const Target& target) { return run_up(target, a, line); });
+}
+
+void add_down_and_restart(CLI::App& app, SuiteArguments& a, CommandLine& line) {
+  CLI::App* down_command = app.add_subcommand("down", "Stop all nodes in reverse order");
+  down_command
+      ->add_option("--patience", a.patience_ms,
+                   "Milliseconds before SIGKILL, not counting time in which a node waits for a CPU")
+      ->check(CLI::Range(10, 60000))
+      ->capture_default_str();
+  on(down_command, line,
+     [&](const Target& target) { return show_down(down(target, milliseconds(a.patience_ms)), line.json); });
+  CLI::App* restart_command =
+      app.add_subcommand("restart", "Down and up again, as after a reset of the computer");
+  restart_command->add_flag(
+      "--if-up", a.only_if_up,
+      "Do nothing if the suite was stopped by `srfs down`: for a watchdog, whose order may come late");
+  restart_command->add_option("--cause", a.up.cause, "Cause to write into the nodes' start records")
+      ->default_str("restart by command");
+  on(restart_command, line,
+     [&](const Target& target) { return run_restart(target, a.up, a.only_if_up, line.json); });
+}
+
+/// Of `srfs lifecycle`, `stats` and `record`.
+struct ObserverArguments {
+  std::string node;
+  std::string transition;
+  int transition_ms = 2000;
+  bool reset = false;
+  int duration_s = 0;
+};
+
+void add_status_and_lifecycle(CLI::App& app, ObserverArguments& a, CommandLine& line) {
+  on(app.add_subcommand("status", "Show lifecycle state, pid, incarnation, version, restarts of every node"),
+     line, [&](const Target& target) { return run_status(target, line.json); });
+  CLI::App* lifecycle = app.add_subcommand("lifecycle", "Request a lifecycle transition");
+  lifecycle->add_option("node", a.node, "Node name")->required();
+  lifecycle->add_option("transition", a.transition, "configure, activate, deactivate, cleanup or shutdown")
+      ->required()
+      ->check(CLI::IsMember({"configure", "activate", "deactivate", "cleanup", "shutdown"}));
+  lifecycle
+      ->add_option("--deadline", a.transition_ms,
+                   "Milliseconds to wait for its end; exit code 3 if it is still running then")
+      ->check(CLI::Range(1, 600000))
+      ->capture_default_str();
+  on(lifecycle, line, [&](const Target& target) {
+    return change_state(target, a.node, a.transition, milliseconds(a.transition_ms), line.json);
+  });
+}
+
+void add_stats(CLI::App& app, ObserverArguments& a, CommandLine& line) {
+  CLI::App* stats =
+      app.add_subcommand("stats", "Show run times of a node's callbacks and losses at its inputs");
+  stats->add_option("node", a.node, "Node name")->required();
+  stats->add_flag("--reset", a.reset, "Reset the counters afterwards");
+  on(stats, line, [&](const Target& target) { return show_statistics(target, a.node, a.reset, line.json); });
+}
+
+void add_record(CLI::App& app, ObserverArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
+  command->add_option("--duration", a.duration_s, "Seconds; 0: until Ctrl-C")
+      ->check(CLI::Range(0, 86400))
+      ->capture_default_str();
+  on(command, line, [&](const Target& target) { return record(target, seconds(a.duration_s)); });
+}
+
+/// Of `srfs param`.
+struct ParameterArguments {
+  std::string node;
+  std::string name;
+  std::string value;
+  std::vector<std::string> names;
+  std::uint32_t generation = 0;
+  bool next_start = false;
+};
+
+void add_parameter_commands(CLI::App& app, ParameterArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand("param", "Parameters of a node");
+  command->require_subcommand(1);
+  const auto add = [&](const char* name, const char* help, Action action) {
+    CLI::App* sub = command->add_subcommand(name, help);
+    sub->add_option("node", a.node, "Node name")->required();
+    on(sub, line, std::move(action));
+    return sub;
+  };
+  const auto add_name = [&](CLI::App* sub) { sub->add_option("name", a.name, "Parameter")->required(); };
+  add("list", "Show all parameters with their values",
+      [&](const Target& target) { return list_parameters(target, a.node, line.json); });
+  add_name(add("get", "Show the value of a parameter",
+               [&](const Target& target) { return get_parameter(target, a.node, a.name, line.json); }));
+  add_name(add("describe", "Show type, range and meaning of a parameter",
+               [&](const Target& target) { return describe_parameter(target, a.node, a.name, line.json); }));
+  CLI::App* set = add("set", "Change a parameter, until the node's next start", [&](const Target& target) {
+    return set_parameter(target, a.node, a.name, a.value, a.next_start, line.json);
+  });
+  add_name(set);
+  set->add_option("value", a.value, "As in YAML: 5, true, text, [1, 2]")->required();
+  set->add_flag("--next-start", a.next_start, "Store it for the next start only, without a change now");
+  add("keep", "Keep present values across restarts of the node; guarded ones once they are confirmed",
+      [&](const Target& target) { return keep_parameters(target, a.node, a.names, line.json); })
+      ->add_option("names", a.names, "Parameters; default: all that differ from the deployment");
+  add("confirm", "Confirm the values on trial, and keep those that wait to be kept",
+      [&](const Target& target) { return confirm_parameters(target, a.node, line.json); });
+  add("history", "Show the last ten kept sets of values",
+      [&](const Target& target) { return show_parameter_history(target, a.node, line.json); });
+  add("restore", "Use the values of a set of the history, now and at the next starts",
+      [&](const Target& target) { return restore_parameters(target, a.node, a.generation, line.json); })
+      ->add_option("generation", a.generation, "Number of the set")
+      ->required();
+  add("reset", "Return to the deployment's values, now and at the next starts",
+      [&](const Target& target) { return reset_parameters(target, a.node, line.json); });
+  add("forget", "Forget stored values; the next start uses those of the deployment",
+      [&](const Target& target) { return forget_parameters(target, a.node, a.names, line.json); })
+      ->add_option("names", a.names, "Parameters; default: all");
+}
+
+/// Of `srfs ring` and `srfs faults`.
+struct RingArguments {
+  std::string node;
+  std::string reason = "by the operator";
+  std::string state;
+  std::string since;
+};
+
+void add_ring_commands(CLI::App& app, RingArguments& a, CommandLine& line) {
+  CLI::App* faults = app.add_subcommand("faults", "Show the fault ledger; also works when nothing runs");
+  faults->add_option("--since", a.since, "A time (2026-11-21T08:00:00Z) or how long ago (90s, 15m, 2h)");
+  faults->add_option("--node", a.node, "Only faults of this node");
+  on(faults, line, [&](const Target& target) { return show_faults(target, a.since, a.node, line.json); });
+  CLI::App* ring = app.add_subcommand("ring", "What the ring does with a node that dies");
+  ring->require_subcommand(1);
+  on(ring->add_subcommand("status", "Show deaths, back-off, quarantine and holds of every node"), line,
+     [&](const Target& target) { return show_ring(target, line.json); });
+  CLI::App* hold = ring->add_subcommand("hold", "Keep the node from being restarted until it is released");
+  hold->add_option("node", a.node, "Node name")->required();
+  hold->add_option("--reason", a.reason, "Note for the next operator")->capture_default_str();
+  on(hold, line, [&](const Target& target) { return hold_node(target, a.node, a.reason, line.json); });
+  CLI::App* release = ring->add_subcommand("release", "Lift hold, back-off and quarantine");
+  release->add_option("node", a.node, "Node name")->required();
+  release->add_option("--state", a.state, "State of its next start; default: unchanged")
+      ->check(CLI::IsMember({"active", "inactive", "unconfigured"}));
+  on(release, line, [&](const Target& target) { return release_node(target, a.node, a.state, line.json); });
+}
+
+/// Of `srfs versions`.
+struct VersionArguments {
+  std::string node;
+  std::string version;
+  std::string file;
+  std::string origin;
+  bool check = false;
+  std::optional<int> probation_s;
+};
+
+void add_version_commands(CLI::App& app, VersionArguments& a, CommandLine& line) {
+  CLI::App* command =
+      app.add_subcommand("versions", "Versions of the nodes' programs; without a subcommand: list them");
+  command->require_subcommand(0, 1);
+  command->add_option("--node", a.node, "Only this node");
+  command->add_flag("--check", a.check,
+                    "Compare the programs with their SHA-256; exit code 1: one is damaged");
+  on(command, line, [&](const Target& target) { return show_versions(target, a.node, a.check, line.json); });
+  const auto add = [&](const char* name, const char* help, Action action) {
+    CLI::App* sub = command->add_subcommand(name, help);
+    sub->add_option("node", a.node, "Node name")->required();
+    on(sub, line, std::move(action));
+    return sub;
+  };
+  const auto add_version = [&](CLI::App* sub, const char* help) {
+    sub->add_option("version", a.version, help)->required();
+  };
+  CLI::App* store = add("add", "Store a program as a version; it is not started", [&](const Target& target) {
+    return tool::add_version(target, a.node, a.file, a.origin, line.json);
+  });
+  store->add_option("file", a.file, "Program")->required();
+  store->add_option("--origin", a.origin, "Origin shown in the list; default: the file's path");
+  CLI::App* use = add(
+      "use", "Restart the node in a version, on probation unless it is golden or the last good one",
+      [&](const Target& target) {
+        return use_version(target, a.node, a.version,
+                           a.probation_s ? std::optional(seconds(*a.probation_s)) : std::nullopt, line.json);
+      });
+  add_version(use, "Number, golden or previous");
+  use->add_option("--probation", a.probation_s,
+                  "Seconds; if the node dies within this time, the last good version returns. Default: 300, "
+                  "or 1800 for nodes whose versions must be confirmed")
+      ->check(CLI::Range(1, static_cast<int>(update::VersionTable::longest_probation / seconds(1))));
+  add_version(
+      add("confirm", "End a probation with success: it becomes the last good version",
+          [&](const Target& target) { return confirm_version(target, a.node, a.version, line.json); }),
+      "Number");
+  add_version(add("remove", "Remove a version; not the active or the last good one",
+                  [&](const Target& target) { return remove_version(target, a.node, a.version, line.json); }),
+              "Number");
+}
+
+/// Of `srfs node`.
+struct NodeArguments {
+  std::string node;
+  std::string folder;
+  std::string program;
+  int probation_s = 0;
+};
+
+void add_node_commands(CLI::App& app, NodeArguments& a, CommandLine& line) {
+  CLI::App* command = app.add_subcommand("node", "Nodes added to the suite, besides those of the deployment");
+  command->require_subcommand(1);
+  CLI::App* add =
+      command->add_subcommand("add", "Add a node to the suite, also to a running one, and start it");
+  add->add_option("folder", a.folder, "Folder with package.yaml, the manifest of the node's package")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  add->add_option("--program", a.program, "Its program, which becomes its active version")
+      ->required()
+      ->check(CLI::ExistingFile);
+  add->add_option("--probation", a.probation_s, "Seconds; 0: none. A node that dies on probation stays down")
+      ->check(CLI::Range(0, static_cast<int>(update::VersionTable::longest_probation / seconds(1))))
+      ->capture_default_str();
+  on(add, line, [&](const Target& target) {
+    return add_node(target, a.folder, a.program, seconds(a.probation_s), line.json);
+  });
+  CLI::App* remove = command->add_subcommand("remove", "Stop an added node and remove it from the suite");
+  remove->add_option("node", a.node, "Node name")->required();
+  on(remove, line, [&](const Target& target) { return remove_node(target, a.node, line.json); });
+  on(command->add_subcommand("list", "List the added nodes"), line,
+     [&](const Target& target) { return list_added_nodes(target, line.json); });
+}
+
+void add_doctor(CLI::App& app, CommandLine& line) {
+  constexpr const char* help =
+      "Check whether this machine is ready for the deployment. One line per check: OK, note, unknown, WARN "
+      "or FAIL, what was found, what is expected, and the command that fixes it. Starts and changes nothing. "
+      "--deployment, --var and --json as for every command. Exit code 0: no FAIL; 1: at least one";
+  on(app.add_subcommand("doctor", help), line,
+     [&](const Target& target) { return doctor(target.deployment, target.var.root, line.json); });
+}
 
 int run(int argc, char** argv) {
   CLI::App app{"Starts, stops and shows a deployment of SRFS."};
   app.require_subcommand(1);
   app.fallthrough();
   app.set_version_flag("--version", ros::version());
-  std::string deployment_file = "sim";
-  std::string var = "var";
-  bool json = false;
-  app.add_option("--deployment", deployment_file, "Deployment file, or its name: sim")
+  CommandLine line;
+  app.add_option("--deployment", line.deployment, "Deployment file, or its name: sim")
       ->capture_default_str()
       ->envname("SRFS_DEPLOYMENT");
-  app.add_option("--var", var, "Folder of the running deployment")
+  app.add_option("--var", line.var, "Folder of the running deployment")
       ->capture_default_str()
       ->envname("SRFS_VAR");
-  app.add_flag("--json", json, "Machine-readable output");
+  app.add_flag("--json", line.json, "Machine-readable output");
 
-  UpOptions up_options;
-  bool only_if_up = false;
-  int deadline_s = 15;
-  int patience_ms = 3000;
-  std::string node;
-  std::string label;
-  int duration_s = 0;
-  int transition_ms = 2000;
-  auto* up_command = app.add_subcommand("up",
-                                        "Start all nodes, those that flight needs first; wait until these "
-                                        "are in their desired state, then exit");
-  up_command
-      ->add_option("--domain", up_options.domain,
-                   "DDS domain; default: the deployment's, or the first free from 42")
-      ->check(CLI::Range(0, 101));
-  up_command
-      ->add_option("--deadline", deadline_s,
-                   "Seconds to wait without progress of an awaited node; ten times as long in all")
-      ->check(CLI::Range(1, 600))
-      ->capture_default_str();
-  up_command->add_option("--only", up_options.only, "Start only these nodes; a ring starts the others");
-  up_command->add_flag("--all", up_options.all, "Wait also for nodes that flight does not need");
-  auto* down_command = app.add_subcommand("down", "Stop all nodes in reverse order");
-  down_command
-      ->add_option("--patience", patience_ms,
-                   "Milliseconds before SIGKILL, not counting time in which a node waits for a CPU")
-      ->check(CLI::Range(10, 60000))
-      ->capture_default_str();
-  auto* restart_command =
-      app.add_subcommand("restart", "Down and up again, as after a reset of the computer");
-  restart_command->add_flag(
-      "--if-up", only_if_up,
-      "Do nothing if the suite was stopped by `srfs down`: for a watchdog, whose order may come late");
-  restart_command->add_option("--cause", up_options.cause, "Cause to write into the nodes' start records")
-      ->default_str("restart by command");
-  auto* status_command =
-      app.add_subcommand("status", "Show lifecycle state, pid, incarnation, version, restarts of every node");
-  auto* lifecycle_command = app.add_subcommand("lifecycle", "Request a lifecycle transition");
-  lifecycle_command->add_option("node", node, "Node name")->required();
-  lifecycle_command->add_option("transition", label, "configure, activate, deactivate, cleanup or shutdown")
-      ->required()
-      ->check(CLI::IsMember({"configure", "activate", "deactivate", "cleanup", "shutdown"}));
-  lifecycle_command
-      ->add_option("--deadline", transition_ms,
-                   "Milliseconds to wait for its end; exit code 3 if it is still running then")
-      ->check(CLI::Range(1, 600000))
-      ->capture_default_str();
-  bool reset = false;
-  auto* stats_command =
-      app.add_subcommand("stats", "Show run times of a node's callbacks and losses at its inputs");
-  stats_command->add_option("node", node, "Node name")->required();
-  stats_command->add_flag("--reset", reset, "Reset the counters afterwards");
+  SuiteArguments suite;
+  ObserverArguments observer;
   ParameterArguments parameters;
-  add_parameter_commands(app, parameters);
   RingArguments ring;
-  add_ring_commands(app, ring);
   VersionArguments versions;
-  add_version_commands(app, versions);
   NodeArguments nodes;
-  add_node_commands(app, nodes);
-  auto* doctor_command = app.add_subcommand("doctor", doctor_help);
-  auto* record_command = app.add_subcommand("record", "Print what the nodes publish as JSON lines");
-  record_command->add_option("--duration", duration_s, "Seconds; 0: until Ctrl-C")
-      ->check(CLI::Range(0, 86400))
-      ->capture_default_str();
+  add_up(app, suite, line);  // the order is that of --help
+  add_down_and_restart(app, suite, line);
+  add_status_and_lifecycle(app, observer, line);
+  add_stats(app, observer, line);
+  add_parameter_commands(app, parameters, line);
+  add_ring_commands(app, ring, line);
+  add_version_commands(app, versions, line);
+  add_node_commands(app, nodes, line);
+  add_doctor(app, line);
+  add_record(app, observer, line);
   try {
     app.parse(argc, argv);
+    return line.exit_code;
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : static_cast<int>(CommandExit::usage);
   }
-
-  deployment_file = deployment_file_of(deployment_file);
-  const ros::VarPaths paths = ros::VarPaths::at(var);
-  auto reading = ros::load_deployment(deployment_file, paths);
-  for (const std::string& problem : reading.problems) fmt::print(stderr, "srfs: {}\n", problem);
-  const Target target{std::move(reading.deployment), paths};
-  if (*doctor_command) return doctor(target.deployment, target.var.root, json);
-  up_options.deadline = seconds(deadline_s);
-  for (const std::string& name : up_options.only) {
-    if (target.deployment.find(name) == nullptr)
-      throw ConfigError(fmt::format("{}: 'nodes': expected a node named '{}'", deployment_file, name));
-  }
-  if (*up_command) return show_up(up(target, up_options), json);
-  if (*down_command) return show_down(down(target, milliseconds(patience_ms)), json);
-  if (*status_command) return run_status(target, json);
-  if (*lifecycle_command) return change_state(target, node, label, milliseconds(transition_ms), json);
-  if (*stats_command) return show_statistics(target, node, reset, json);
-  if (*parameters.command) return run_parameters(target, parameters, json);
-  if (*ring.ring) return run_ring(target, ring, json);
-  if (*ring.faults) return show_faults(target, ring.since, ring.node, json);
-  if (*versions.command) return run_versions(target, versions, json);
-  if (*nodes.command) return run_node_command(target, nodes, json);
-  if (*record_command) return record(target, seconds(duration_s));
-  if (*restart_command) return run_restart(target, up_options, only_if_up, json);
-  return 2;
 }
 
 }  // namespace
