@@ -32,6 +32,8 @@ using namespace srfs::lane;
 using update::LaneExit;
 
 struct Arguments {
+  LaneExit exit =
+      LaneExit::environment;  // of the subcommand, which CLI11 runs when it has read all arguments
   std::string prefix = fs::read_symlink("/proc/self/exe").parent_path().parent_path();
   std::string work;
   std::string report;
@@ -45,6 +47,14 @@ struct Arguments {
   std::int64_t wall_s = 600;
   std::int64_t cpu_s = 300;
   update::Confinement confinement;
+  // build
+  BuildOrder order;
+  std::string sources, out, log;
+  unsigned log_kib = 256;
+  bool without_header = false;
+  // self-test; log too
+  SelfTestOrder test;
+  std::string program, deployment, added_nodes;
 };
 
 void add_common(CLI::App& app, Arguments& a) {
@@ -81,84 +91,17 @@ void add_common(CLI::App& app, Arguments& a) {
   app.add_flag("--normal-priority", a.normal_priority, "Run without SCHED_IDLE");
 }
 
-constexpr seconds lock_patience{10};
-
-int fail(const std::string& message) {
+LaneExit fail(const std::string& message) {
   fmt::print(stderr, "srfs-lane: {}\n", message);
-  return static_cast<int>(LaneExit::environment);
+  return LaneExit::environment;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CLI::App app("Builds and tests nodes in a sandbox");
-  app.require_subcommand(1);
-  app.set_version_flag("--version", version());
-  Arguments a;
-  BuildOrder order;
-  SelfTestOrder test;
-  unsigned log_kib = 256;
-  std::string added_nodes;
-  std::string sources, out, log, program, deployment;
-
-  CLI::App* const build_app =
-      app.add_subcommand("build", "Compiles all *.cpp below a folder into one program");
-  add_common(*build_app, a);
-  build_app->add_option("--sources", sources, "Folder of the sources; build rules in it are ignored")
-      ->required()
-      ->check(CLI::ExistingDirectory);
-  build_app->add_option("--name", order.node, "Name of the node")->required();
-  build_app->add_option("--option", order.options, "Option of the compiler")
-      ->check(CLI::IsMember(update::allowed_options()));
-  build_app->add_option("--out", out, "The program, stripped; replaced atomically")->required();
-  build_app->add_option("--log", log, "File for the output of the compiler")->required();
-  build_app->add_option("--log-kib", log_kib, "Limit of the log; its head and tail are kept")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 65536));
-  build_app->add_option("--jobs", order.jobs, "Compilers in parallel")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 64));
-  build_app->add_option("--seconds", a.wall_s, "Time limit of the build")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 86400));
-  bool without_header = false;
-  build_app->add_flag("--no-precompiled-header", without_header);
-
-  CLI::App* const test_app =
-      app.add_subcommand("self-test", "Runs a program with --self-test and judges its end");
-  add_common(*test_app, a);
-  test_app->add_option("--program", program)->required()->check(CLI::ExistingFile);
-  test_app->add_option("--name", test.node)->required();
-  test_app->add_option("--deployment", deployment)->required()->check(CLI::ExistingFile);
-  test_app->add_option("--seconds", a.wall_s)->required()->check(CLI::Range(1, 86400));
-  test_app
-      ->add_option("--domain", test.domain,
-                   "DDS domain; must be unused where the program sees the host's loopback interface")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 232));
-  test_app->add_option("--added-nodes", added_nodes,
-                       "List of added nodes for the program (lib/ros/added_nodes)");
-  test_app->add_option("--log", log, "File for the output of the program, 64 KiB");
-  test.domain = 232;
-
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : static_cast<int>(LaneExit::environment);
-  }
-
-  umask(022);  // what the confined user must read
-  if (a.caller != 0 && (prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || getppid() != a.caller))
-    return fail("the caller has ended");
-  const Fd termination = termination_signals();
-  ignore_broken_pipes();
+Lane lane_of(const Arguments& a) {
   Lane lane;
   lane.prefix = fs::absolute(a.prefix).lexically_normal();
   lane.work = fs::absolute(a.work).lexically_normal();
-  lane.cancel_fd = termination.get();
   lane.confinement = a.confinement;
   lane.confinement.namespaces = !a.no_namespaces;
-  lane.confinement.network = test_app->parsed();
   update::Limits& limits = lane.confinement.limits;
   limits.memory_octets = a.memory_mib << 20U;
   limits.work_octets = a.work_mib << 20U;
@@ -168,48 +111,135 @@ int main(int argc, char** argv) {
   limits.lowest_priority = !a.normal_priority;
   for (const std::string& name : a.required)
     lane.confinement.required |= update::set_of({*update::layer_of(name)});
+  return lane;
+}
 
+/// What the installation says of how nodes are built. @return why not
+std::optional<std::string> read_installation(Lane& lane) {
   const fs::path settings = lane.prefix / "share/srfs/node_build.json";
   const auto text = read_file(settings, 1U << 20);
-  if (!text) return fail(text.error().message);
+  if (!text) return text.error().message;
   const auto installation = update::decode_node_build(*text, lane.prefix);
-  if (!installation) return fail(fmt::format("{}: {}", settings.string(), installation.error()));
+  if (!installation) return fmt::format("{}: {}", settings.string(), installation.error());
   lane.installation = *installation;
   lane.confinement.readable = installation->readable;
+  return std::nullopt;
+}
 
+/// One run at a time in a work folder.
+Result<Fd, std::string> lock(const fs::path& work, seconds patience) {
   std::error_code ec;
-  fs::create_directories(lane.work, ec);
-  const Fd lock(open((lane.work / "lock").c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
-  if (!lock) return fail(fmt::format("{}: {}", lane.work.string(), errno_text(errno)));
-  // One that was killed with its caller may be on its way out.
-  const MonotonicTime give_up = monotonic_now() + (a.caller != 0 ? lock_patience : seconds(0));
+  fs::create_directories(work, ec);
+  Fd lock(open((work / "lock").c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0600));
+  if (!lock) return Err(fmt::format("{}: {}", work.string(), errno_text(errno)));
+  const MonotonicTime give_up = monotonic_now() + patience;
   while (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
-    if (monotonic_now() >= give_up) return fail(lane.work.string() + ": another srfs-lane is using it");
+    if (monotonic_now() >= give_up) return Err(work.string() + ": another srfs-lane is using it");
     poll(nullptr, 0, 20);
   }
+  return lock;
+}
+
+using Use = LaneExit (*)(Lane& lane, Arguments& a, Report& report);
+
+/// Sets the lane up, uses it, reports.
+LaneExit run(Arguments& a, Use use) {
+  constexpr seconds lock_patience{10};  // one that was killed with its caller may be on its way out
+  umask(022);                           // what the confined user must read
+  if (a.caller != 0 && (prctl(PR_SET_PDEATHSIG, SIGKILL) != 0 || getppid() != a.caller))
+    return fail("the caller has ended");
+  const Fd termination = termination_signals();
+  ignore_broken_pipes();
+  Lane lane = lane_of(a);
+  lane.cancel_fd = termination.get();
+  if (const auto wrong = read_installation(lane)) return fail(*wrong);
+  const auto locked = lock(lane.work, a.caller != 0 ? lock_patience : seconds(0));
+  if (!locked) return fail(locked.error());
   update::ControlGroup::remove_abandoned();
 
   Report report;
-  LaneExit exit = LaneExit::environment;
-  if (build_app->parsed()) {
-    order.sources = fs::absolute(sources);
-    order.out = fs::absolute(out);
-    order.log = fs::absolute(log);
-    order.log_octets = std::size_t{log_kib} << 10U;
-    order.program_octets = limits.file_octets;
-    order.precompile = !without_header;
-    exit = build(lane, order, report);
-  } else {
-    test.program = fs::absolute(program);
-    test.deployment = fs::absolute(deployment);
-    if (!added_nodes.empty()) test.added_nodes = fs::absolute(added_nodes);
-    if (!log.empty()) test.log = fs::absolute(log);
-    exit = self_test(lane, test, report);
-  }
+  const LaneExit exit = use(lane, a, report);
   say(fmt::format("{}{}{}", report.outcome, report.reason.empty() ? "" : ": ", report.reason));
   if (!a.report.empty()) {
     if (const auto written = write_file_atomically(a.report, to_json(report)); !written)
       return fail(written.error().message);
   }
-  return static_cast<int>(exit);
+  return exit;
+}
+
+LaneExit run_build(Lane& lane, Arguments& a, Report& report) {
+  a.order.sources = fs::absolute(a.sources);
+  a.order.out = fs::absolute(a.out);
+  a.order.log = fs::absolute(a.log);
+  a.order.log_octets = std::size_t{a.log_kib} << 10U;
+  a.order.program_octets = lane.confinement.limits.file_octets;
+  a.order.precompile = !a.without_header;
+  return build(lane, a.order, report);
+}
+
+LaneExit run_self_test(Lane& lane, Arguments& a, Report& report) {
+  lane.confinement.network = true;
+  a.test.program = fs::absolute(a.program);
+  a.test.deployment = fs::absolute(a.deployment);
+  if (!a.added_nodes.empty()) a.test.added_nodes = fs::absolute(a.added_nodes);
+  if (!a.log.empty()) a.test.log = fs::absolute(a.log);
+  return self_test(lane, a.test, report);
+}
+
+void add_build(CLI::App& app, Arguments& a) {
+  CLI::App& sub = *app.add_subcommand("build", "Compiles all *.cpp below a folder into one program");
+  add_common(sub, a);
+  sub.add_option("--sources", a.sources, "Folder of the sources; build rules in it are ignored")
+      ->required()
+      ->check(CLI::ExistingDirectory);
+  sub.add_option("--name", a.order.node, "Name of the node")->required();
+  sub.add_option("--option", a.order.options, "Option of the compiler")
+      ->check(CLI::IsMember(update::allowed_options()));
+  sub.add_option("--out", a.out, "The program, stripped; replaced atomically")->required();
+  sub.add_option("--log", a.log, "File for the output of the compiler")->required();
+  sub.add_option("--log-kib", a.log_kib, "Limit of the log; its head and tail are kept")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 65536));
+  sub.add_option("--jobs", a.order.jobs, "Compilers in parallel")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
+  sub.add_option("--seconds", a.wall_s, "Time limit of the build")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 86400));
+  sub.add_flag("--no-precompiled-header", a.without_header);
+  sub.final_callback([&a] { a.exit = run(a, run_build); });
+}
+
+void add_self_test(CLI::App& app, Arguments& a) {
+  CLI::App& sub = *app.add_subcommand("self-test", "Runs a program with --self-test and judges its end");
+  add_common(sub, a);
+  sub.add_option("--program", a.program)->required()->check(CLI::ExistingFile);
+  sub.add_option("--name", a.test.node)->required();
+  sub.add_option("--deployment", a.deployment)->required()->check(CLI::ExistingFile);
+  sub.add_option("--seconds", a.wall_s)->required()->check(CLI::Range(1, 86400));
+  sub.add_option("--domain", a.test.domain,
+                 "DDS domain; must be unused where the program sees the host's loopback interface")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 232));
+  sub.add_option("--added-nodes", a.added_nodes, "List of added nodes for the program (lib/ros/added_nodes)");
+  sub.add_option("--log", a.log, "File for the output of the program, 64 KiB");
+  a.test.domain = 232;
+  sub.final_callback([&a] { a.exit = run(a, run_self_test); });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Builds and tests nodes in a sandbox");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", version());
+  Arguments arguments;
+  add_build(app, arguments);
+  add_self_test(app, arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : static_cast<int>(LaneExit::environment);
+  }
+  return static_cast<int>(arguments.exit);
 }
