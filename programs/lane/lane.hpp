@@ -56,7 +56,7 @@ struct SelfTestOrder {
   std::filesystem::path program;
   std::string node;
   std::filesystem::path deployment;
-  int domain = 0;
+  int domain = 232;
   std::size_t log_octets = 64U << 10;
   std::filesystem::path log;          ///< empty: none
   std::filesystem::path added_nodes;  ///< list of added nodes that the program finds; empty: none

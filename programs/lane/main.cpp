@@ -223,7 +223,6 @@ void add_self_test(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(0, 232));
   sub.add_option("--added-nodes", a.added_nodes, "List of added nodes for the program (lib/ros/added_nodes)");
   sub.add_option("--log", a.log, "File for the output of the program, 64 KiB");
-  a.test.domain = 232;
   sub.final_callback([&a] { a.exit = run(a, run_self_test); });
 }
 
