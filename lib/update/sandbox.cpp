@@ -310,6 +310,9 @@ Forked fork_keeper(bool namespaces) {
 struct Pair {
   Fd ours, theirs;
 };
+struct Pairs {
+  Pair channel, output, log;
+};
 Pair make_pipe() {
   int ends[2] = {-1, -1};
   if (pipe2(ends, O_CLOEXEC) != 0) return {};
@@ -352,6 +355,124 @@ std::string missing_layers(LayerSet missing) {
     if (missing.test(i)) text += fmt::format("{}{}", text.empty() ? "" : ", ", layer_names[i]);
   return text;
 }
+
+/// The side of the process that started the keeper.
+class Observer {
+ public:
+  Observer(const Confinement& confinement, const WorkFolder& work, const Listener& listener,
+           Channels channels, pid_t keeper, MonotonicTime begin)
+      : confinement_(confinement),
+        work_(work),
+        listener_(listener),
+        channels_(std::move(channels)),
+        keeper_(keeper),
+        begin_(begin) {}
+
+  /// Lets the keeper begin, passes on what the program writes, ends it at its limits. Returns when nothing is
+  /// left.
+  void follow() {
+    constexpr milliseconds look_period{50};
+    (void)send(channels_.channel.get(), "g", 1, MSG_NOSIGNAL);
+    std::array<pollfd, 4> entries{{{channels_.channel.get(), POLLIN, 0},
+                                   {channels_.output.get(), POLLIN, 0},
+                                   {channels_.log.get(), POLLIN, 0},
+                                   {listener_.cancel_fd, POLLIN, 0}}};
+    while (true) {
+      (void)poll(entries.data(), entries.size(), static_cast<int>(look_period.count()));
+      if (entries[1].revents != 0 && !pass_on(channels_.output.get(), listener_.output)) entries[1].fd = -1;
+      if (entries[2].revents != 0 && !pass_on(channels_.log.get(), listener_.log)) entries[2].fd = -1;
+      if (entries[3].revents != 0) {
+        entries[3].fd = -1;
+        end_it(Ended::Stop::cancelled);
+      }
+      if (entries[0].revents != 0 && !take_message()) break;
+      look_at_limits();
+    }
+    waitpid(keeper_, nullptr, 0);
+    (void)pass_on(channels_.output.get(), listener_.output);
+    (void)pass_on(channels_.log.get(), listener_.log);
+    if (last_) ended_.layers = layers_of(*last_);
+  }
+
+  /// How it ended, after follow().
+  [[nodiscard]] Result<Ended, SandboxFailure> judge(const ControlGroup& group) {
+    if (!confined_) return judge_setup();
+    if (last_->stage == Message::Stage::ended) {
+      if (WIFEXITED(last_->status)) ended_.exit_code = WEXITSTATUS(last_->status);
+      if (WIFSIGNALED(last_->status)) ended_.signal = WTERMSIG(last_->status);
+    } else {
+      ended_.signal = SIGKILL;  // with its keeper
+    }
+    ended_.seconds = std::chrono::duration<double>(monotonic_now() - begin_).count();
+    ended_.cpu_s = last_->cpu_s;
+    ended_.peak_octets = group.peak_octets().value_or(last_->peak_octets);
+    ended_.out_of_memory = group.out_of_memory();
+    ended_.too_many_processes = group.too_many_processes();
+    if (ended_.stop == Ended::Stop::none && work_.is_full(confinement_.limits))
+      ended_.stop = Ended::Stop::quota;
+    return ended_;
+  }
+
+ private:
+  void end_it(Ended::Stop why) {
+    if (told_) return;
+    ended_.stop = why;
+    told_ = monotonic_now();
+    shutdown(channels_.channel.get(), SHUT_WR);
+  }
+
+  /// @return false: the keeper has ended
+  bool take_message() {
+    Message message;
+    if (recv(channels_.channel.get(), &message, sizeof message, MSG_DONTWAIT) !=
+        static_cast<ssize_t>(sizeof message))
+      return false;
+    confined_ = confined_ || message.stage == Message::Stage::confined;
+    // What the program said of its layers is kept; the keeper adds how it ended.
+    if (last_ && message.stage == Message::Stage::ended) {
+      message.in_force = last_->in_force;
+      message.failures = last_->failures;
+      if (last_->stage == Message::Stage::refused) {
+        message.stage = Message::Stage::refused;
+        message.fatal = last_->fatal;
+      }
+    }
+    last_ = message;
+    return true;
+  }
+
+  void look_at_limits() {
+    constexpr seconds patience{5};  // with its end, once it is asked to
+    const MonotonicTime now = monotonic_now();
+    if (now - begin_ > confinement_.limits.wall) end_it(Ended::Stop::wall_time);
+    if (!told_ && work_.is_full(confinement_.limits)) end_it(Ended::Stop::quota);
+    if (told_ && now - *told_ > patience) kill(keeper_, SIGKILL);
+  }
+
+  /// Why the program did not run.
+  [[nodiscard]] Result<Ended, SandboxFailure> judge_setup() const {
+    if (ended_.stop != Ended::Stop::none) return ended_;
+    if (!last_) return Err(SandboxFailure{"ended during setup", ended_.layers});
+    const LayerSet missing = confinement_.required & ~last_->in_force;
+    if (!last_->fatal.ok())
+      return Err(SandboxFailure{fmt::format("{}: {}", last_->fatal.name, errno_text(last_->fatal.error)),
+                                ended_.layers});
+    return Err(SandboxFailure{
+        missing.any() ? "required but not available: " + missing_layers(missing) : "ended during setup",
+        ended_.layers});
+  }
+
+  const Confinement& confinement_;
+  const WorkFolder& work_;
+  const Listener& listener_;
+  Channels channels_;
+  const pid_t keeper_;
+  const MonotonicTime begin_;
+  Ended ended_;
+  std::optional<Message> last_;
+  bool confined_ = false;
+  std::optional<MonotonicTime> told_;  // to end
+};
 
 }  // namespace
 
@@ -446,16 +567,11 @@ bool WorkFolder::is_full(const Limits& limits) const {
 
 Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const WorkFolder& work,
                                            const std::function<int()>& program, const Listener& listener) {
-  constexpr milliseconds look_period{50};
-  constexpr seconds patience{5};  // with its end, once it is asked to
-  const Limits& limits = confinement.limits;
   if (geteuid() == 0 && confinement.user == 0) return Err(SandboxFailure{"root cannot be confined", {}});
-  Pair channel = make_channel();
-  Pair output = make_pipe();
-  Pair log = make_pipe();
-  if (!channel.ours || !output.ours || !log.ours)
+  Pairs pairs{make_channel(), make_pipe(), make_pipe()};
+  if (!pairs.channel.ours || !pairs.output.ours || !pairs.log.ours)
     return Err(SandboxFailure{"cannot create pipes: " + errno_text(errno), {}});
-  ControlGroup group(limits.memory_octets, limits.processes);
+  ControlGroup group(confinement.limits.memory_octets, confinement.limits.processes);
 
   const uid_t user = geteuid();
   const gid_t user_group = getegid();
@@ -464,7 +580,7 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
   const Forked keeper = fork_keeper(confinement.namespaces);
   if (keeper.pid < 0) return Err(SandboxFailure{"cannot create a process: " + errno_text(errno), {}});
   if (keeper.pid == 0) {
-    channel.ours.reset();
+    pairs.channel.ours.reset();
     Message message;
     const auto note = [&](Layer layer, const Step& step) {
       message.failures[index_of(layer)] = step;
@@ -475,88 +591,18 @@ Result<Ended, SandboxFailure> run_confined(const Confinement& confinement, const
     note(Layer::quota, {"file system in memory", work.refusal()});
     message.fatal = mapped;
     Confined(confinement, work, program, group,
-             {std::move(channel.theirs), std::move(output.theirs), std::move(log.theirs)}, message,
-             keeper.processes.ok() && getpid() == 1, keeper.own_user_namespace)
+             {std::move(pairs.channel.theirs), std::move(pairs.output.theirs), std::move(pairs.log.theirs)},
+             message, keeper.processes.ok() && getpid() == 1, keeper.own_user_namespace)
         .keep();
   }
-  channel.theirs.reset();
-  output.theirs.reset();
-  log.theirs.reset();
-  (void)send(channel.ours.get(), "g", 1, MSG_NOSIGNAL);
-
-  Ended ended;
-  std::optional<Message> last;
-  bool confined = false;
-  std::optional<MonotonicTime> told;
-  const auto end_it = [&](Ended::Stop why) {
-    if (told) return;
-    ended.stop = why;
-    told = monotonic_now();
-    shutdown(channel.ours.get(), SHUT_WR);
-  };
-  std::array<pollfd, 4> entries{{{channel.ours.get(), POLLIN, 0},
-                                 {output.ours.get(), POLLIN, 0},
-                                 {log.ours.get(), POLLIN, 0},
-                                 {listener.cancel_fd, POLLIN, 0}}};
-  while (true) {
-    (void)poll(entries.data(), entries.size(), static_cast<int>(look_period.count()));
-    if (entries[1].revents != 0 && !pass_on(output.ours.get(), listener.output)) entries[1].fd = -1;
-    if (entries[2].revents != 0 && !pass_on(log.ours.get(), listener.log)) entries[2].fd = -1;
-    if (entries[3].revents != 0) {
-      entries[3].fd = -1;
-      end_it(Ended::Stop::cancelled);
-    }
-    if (entries[0].revents != 0) {
-      Message message;
-      if (recv(channel.ours.get(), &message, sizeof message, MSG_DONTWAIT) !=
-          static_cast<ssize_t>(sizeof message))
-        break;
-      confined = confined || message.stage == Message::Stage::confined;
-      // What the program said of its layers is kept; the keeper adds how it ended.
-      if (last && message.stage == Message::Stage::ended) {
-        message.in_force = last->in_force;
-        message.failures = last->failures;
-        if (last->stage == Message::Stage::refused) {
-          message.stage = Message::Stage::refused;
-          message.fatal = last->fatal;
-        }
-      }
-      last = message;
-    }
-    const MonotonicTime now = monotonic_now();
-    if (now - begin > limits.wall) end_it(Ended::Stop::wall_time);
-    if (!told && work.is_full(limits)) end_it(Ended::Stop::quota);
-    if (told && now - *told > patience) kill(keeper.pid, SIGKILL);
-  }
-  waitpid(keeper.pid, nullptr, 0);
-  (void)pass_on(output.ours.get(), listener.output);
-  (void)pass_on(log.ours.get(), listener.log);
-
-  if (last) ended.layers = layers_of(*last);
-  if (!confined) {
-    if (ended.stop != Ended::Stop::none) return ended;
-    if (!last) return Err(SandboxFailure{"ended during setup", ended.layers});
-    const LayerSet missing = confinement.required & ~last->in_force;
-    if (!last->fatal.ok())
-      return Err(SandboxFailure{fmt::format("{}: {}", last->fatal.name, errno_text(last->fatal.error)),
-                                ended.layers});
-    return Err(SandboxFailure{
-        missing.any() ? "required but not available: " + missing_layers(missing) : "ended during setup",
-        ended.layers});
-  }
-  if (last->stage == Message::Stage::ended) {
-    if (WIFEXITED(last->status)) ended.exit_code = WEXITSTATUS(last->status);
-    if (WIFSIGNALED(last->status)) ended.signal = WTERMSIG(last->status);
-  } else {
-    ended.signal = SIGKILL;  // with its keeper
-  }
-  ended.seconds = std::chrono::duration<double>(monotonic_now() - begin).count();
-  ended.cpu_s = last->cpu_s;
-  ended.peak_octets = group.peak_octets().value_or(last->peak_octets);
-  ended.out_of_memory = group.out_of_memory();
-  ended.too_many_processes = group.too_many_processes();
-  if (ended.stop == Ended::Stop::none && work.is_full(limits)) ended.stop = Ended::Stop::quota;
-  return ended;
+  pairs.channel.theirs.reset();
+  pairs.output.theirs.reset();
+  pairs.log.theirs.reset();
+  Observer observer(confinement, work, listener,
+                    {std::move(pairs.channel.ours), std::move(pairs.output.ours), std::move(pairs.log.ours)},
+                    keeper.pid, begin);
+  observer.follow();
+  return observer.judge(group);
 }
 
 int execute(const std::vector<std::string>& command, const fs::path& work) {
