@@ -39,6 +39,17 @@ const char* to_text(ros::GoalState state) {
   }
 }
 
+void print(const ros::GoalResult<Capture>& end) {
+  const Capture::Result& result = end.result;
+  std::cout << nlohmann::json{{"state", to_text(end.state)},
+                              {"failure_code", result.failure_code},
+                              {"reason", result.reason},
+                              {"files", result.files},
+                              {"start_error_us", result.start_error_us}}
+                   .dump()
+            << '\n';
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -104,13 +115,6 @@ int main(int argc, char** argv) {
     std::cerr << (ended ? "no result: the goal ended without one\n" : "no result in time\n");
     return 1;
   }
-  const Capture::Result& result = (*ended)->result;
-  std::cout << nlohmann::json{{"state", to_text((*ended)->state)},
-                              {"failure_code", result.failure_code},
-                              {"reason", result.reason},
-                              {"files", result.files},
-                              {"start_error_us", result.start_error_us}}
-                   .dump()
-            << '\n';
+  print(**ended);
   return 0;
 }

@@ -174,111 +174,111 @@ TEST(CfdpPdus, HoldNoMoreSegmentsAndDataThanSaid) {
   }
 }
 
+constexpr auto malformed_pdus = std::to_array<std::pair<std::string_view, CfdpPduError>>({
+    {"", CfdpPduError::too_short},
+    {"200012", CfdpPduError::too_short},
+    {"2000001100010007", CfdpPduError::too_short},
+    {"0000031100010007000206400100", CfdpPduError::bad_version},
+    {"280003110001000700020640", CfdpPduError::length_differs},
+    {"2800031100010007000206400100", CfdpPduError::length_differs},
+    {"2800032100010007000206400100", CfdpPduError::bad_id_length},
+    {"28000312000100070002064001", CfdpPduError::bad_id_length},
+    {"2a000511000100070002064001abcd", CfdpPduError::bad_crc},
+    {"2a0001110001000700020a", CfdpPduError::truncated},
+    {"30000d9100010007000200000000313233343536373839", CfdpPduError::record_structure},
+    {"30000d1900010007000200000000313233343536373839", CfdpPduError::segment_metadata},
+    {"30000411000100070002"
+     "00000000",
+     CfdpPduError::empty_file_data},
+    {"30000311000100070002"
+     "000000",
+     CfdpPduError::truncated},
+    {"30000511000100070002"
+     "ffffffff31",
+     CfdpPduError::bad_segment},
+    {"20000011000100070002", CfdpPduError::truncated},
+    {"2000011100010007000200", CfdpPduError::unknown_directive},
+    {"200001110001000700020a", CfdpPduError::unknown_directive},
+    {"20000311000100070002064001", CfdpPduError::wrong_direction},
+    {"2800051100010007000200000000"
+     "31",
+     CfdpPduError::unknown_directive},
+    {"3800051100010007000200000000"
+     "31",
+     CfdpPduError::wrong_direction},
+    {"28000a110001000700020400cbf4392600000009", CfdpPduError::wrong_direction},
+    {"20000a110001000700020401cbf4392600000009", CfdpPduError::reserved_value},
+    {"20000a1100010007000204c0cbf4392600000009", CfdpPduError::reserved_value},
+    {"200009110001000700020400cbf43926000000", CfdpPduError::truncated},
+    {"20000c110001000700020410cbf43926000000090602", CfdpPduError::truncated},
+    {"20000c110001000700020410cbf43926000000090600", CfdpPduError::bad_option},
+    {"20000d110001000700020410cbf4392600000009020101", CfdpPduError::bad_option},
+    {"2800021100010007000205"
+     "08",
+     CfdpPduError::reserved_value},
+    {"2800021100010007000205"
+     "d0",
+     CfdpPduError::reserved_value},
+    {"28000311000100070002067001", CfdpPduError::reserved_value},
+    {"28000311000100070002064005", CfdpPduError::reserved_value},
+    {"2800041100010007000206400100", CfdpPduError::trailing_octets},
+    {"20001211000100070002"
+     "0783"
+     "00000009"
+     "05612e62696e"
+     "05622e62696e",
+     CfdpPduError::reserved_value},
+    {"20001111000100070002"
+     "0703"
+     "00000009"
+     "05612e62696e"
+     "05622e6269",
+     CfdpPduError::truncated},
+    {"20001511000100070002"
+     "0703"
+     "00000009"
+     "05612e62696e"
+     "05622e62696e"
+     "000101",
+     CfdpPduError::filestore_request},
+    {"20001511000100070002"
+     "0703"
+     "00000009"
+     "05612e62696e"
+     "05622e62696e"
+     "020201",
+     CfdpPduError::truncated},
+    {"20001511000100070002"
+     "0703"
+     "00000009"
+     "05612e62696e"
+     "05622e62696e"
+     "060101",
+     CfdpPduError::bad_option},
+    {"28000a11000100070002"
+     "08"
+     "0000000000000009"
+     "00",
+     CfdpPduError::truncated},
+    {"28000911000100070002"
+     "08"
+     "0000000a00000009",
+     CfdpPduError::bad_segment},
+    {"28001111000100070002"
+     "08"
+     "0000000000000009"
+     "0000000600000003",
+     CfdpPduError::bad_segment},
+    {"20000211000100070002"
+     "0901",
+     CfdpPduError::reserved_value},
+    {"28000411000100070002"
+     "0c000000",
+     CfdpPduError::truncated},
+});
+
 TEST(CfdpPdus, MalformedOnesAreRefusedWithTheirReason) {
-  using Error = CfdpPduError;
-  const std::vector<std::pair<std::string_view, Error>> cases = {
-      {"", Error::too_short},
-      {"200012", Error::too_short},
-      {"2000001100010007", Error::too_short},
-      {"0000031100010007000206400100", Error::bad_version},
-      {"280003110001000700020640", Error::length_differs},
-      {"2800031100010007000206400100", Error::length_differs},
-      {"2800032100010007000206400100", Error::bad_id_length},
-      {"28000312000100070002064001", Error::bad_id_length},
-      {"2a000511000100070002064001abcd", Error::bad_crc},
-      {"2a0001110001000700020a", Error::truncated},
-      {"30000d9100010007000200000000313233343536373839", Error::record_structure},
-      {"30000d1900010007000200000000313233343536373839", Error::segment_metadata},
-      {"30000411000100070002"
-       "00000000",
-       Error::empty_file_data},
-      {"30000311000100070002"
-       "000000",
-       Error::truncated},
-      {"30000511000100070002"
-       "ffffffff31",
-       Error::bad_segment},
-      {"20000011000100070002", Error::truncated},
-      {"2000011100010007000200", Error::unknown_directive},
-      {"200001110001000700020a", Error::unknown_directive},
-      {"20000311000100070002064001", Error::wrong_direction},
-      {"2800051100010007000200000000"
-       "31",
-       Error::unknown_directive},
-      {"3800051100010007000200000000"
-       "31",
-       Error::wrong_direction},
-      {"28000a110001000700020400cbf4392600000009", Error::wrong_direction},
-      {"20000a110001000700020401cbf4392600000009", Error::reserved_value},
-      {"20000a1100010007000204c0cbf4392600000009", Error::reserved_value},
-      {"200009110001000700020400cbf43926000000", Error::truncated},
-      {"20000c110001000700020410cbf43926000000090602", Error::truncated},
-      {"20000c110001000700020410cbf43926000000090600", Error::bad_option},
-      {"20000d110001000700020410cbf4392600000009020101", Error::bad_option},
-      {"2800021100010007000205"
-       "08",
-       Error::reserved_value},
-      {"2800021100010007000205"
-       "d0",
-       Error::reserved_value},
-      {"28000311000100070002067001", Error::reserved_value},
-      {"28000311000100070002064005", Error::reserved_value},
-      {"2800041100010007000206400100", Error::trailing_octets},
-      {"20001211000100070002"
-       "0783"
-       "00000009"
-       "05612e62696e"
-       "05622e62696e",
-       Error::reserved_value},
-      {"20001111000100070002"
-       "0703"
-       "00000009"
-       "05612e62696e"
-       "05622e6269",
-       Error::truncated},
-      {"20001511000100070002"
-       "0703"
-       "00000009"
-       "05612e62696e"
-       "05622e62696e"
-       "000101",
-       Error::filestore_request},
-      {"20001511000100070002"
-       "0703"
-       "00000009"
-       "05612e62696e"
-       "05622e62696e"
-       "020201",
-       Error::truncated},
-      {"20001511000100070002"
-       "0703"
-       "00000009"
-       "05612e62696e"
-       "05622e62696e"
-       "060101",
-       Error::bad_option},
-      {"28000a11000100070002"
-       "08"
-       "0000000000000009"
-       "00",
-       Error::truncated},
-      {"28000911000100070002"
-       "08"
-       "0000000a00000009",
-       Error::bad_segment},
-      {"28001111000100070002"
-       "08"
-       "0000000000000009"
-       "0000000600000003",
-       Error::bad_segment},
-      {"20000211000100070002"
-       "0901",
-       Error::reserved_value},
-      {"28000411000100070002"
-       "0c000000",
-       Error::truncated},
-  };
-  for (const auto& [hex, error] : cases) {
+  for (const auto& [hex, error] : malformed_pdus) {
     const auto pdu = decode_cfdp_pdu(octets_of(hex));
     ASSERT_FALSE(pdu) << hex;
     EXPECT_EQ(to_string(pdu.error()), to_string(error)) << hex;

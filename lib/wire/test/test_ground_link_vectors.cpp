@@ -100,6 +100,10 @@ Octets tm_idle_frame() {
   TmFrameBuilder builder({.spacecraft_id = spacecraft, .frame_octets = 40});
   return builder.build_idle(0x01040006);
 }
+Octets cuc(const char* utc) {
+  const auto time = encode_cuc(tai(utc));
+  return {time.begin(), time.end()};
+}
 template <class Sequence>
 Octets first_of(const Sequence& sequence, std::size_t octets) {
   return Octets(sequence.begin(), sequence.begin() + static_cast<std::ptrdiff_t>(octets));
@@ -140,16 +144,8 @@ const std::map<std::string, std::function<Octets()>>& makers() {
       {"PUS TM 1,1", [] { return make_tm_packet(tm(1, 4, 1, 1, 0, octets_of("1801c016"))); }},
       {"PUS TM 5,2 \"CAN timeout\"",
        [] { return make_tm_packet(tm(16, 5, 5, 2, 1, octets_of("002a43414e2074696d656f7574"))); }},
-      {"CUC 2026-11-21T08:00:00Z",
-       [] {
-         const auto time = encode_cuc(tai("2026-11-21T08:00:00Z"));
-         return Octets(time.begin(), time.end());
-       }},
-      {"CUC 2026-11-21T08:00:00.5Z",
-       [] {
-         const auto time = encode_cuc(tai("2026-11-21T08:00:00.5Z"));
-         return Octets(time.begin(), time.end());
-       }},
+      {"CUC 2026-11-21T08:00:00Z", [] { return cuc("2026-11-21T08:00:00Z"); }},
+      {"CUC 2026-11-21T08:00:00.5Z", [] { return cuc("2026-11-21T08:00:00.5Z"); }},
       {"TC frame AD N(S)=5 seg c0 of the ping", ad_frame},
       {"TC frame BD of the ping", [] { return tc_frame(TcFrameType::bd, 0, segment(ping())); }},
       {"TC frame BC unlock", unlock_frame},

@@ -204,37 +204,75 @@ TEST_F(TickHoldoverTest, OfWhatItSleptThroughItMakesOneTickAndKeepsThePhase) {
   EXPECT_EQ(holdover.next_substitute(), last + seconds(3) + period);
 }
 
-/// The timing node dies, hangs, is late, or returns with another phase or count; ticks are repeated and
-/// forged. The beat stays regular.
+/// A timing node that dies, hangs, is late, or returns with another phase or count.
+struct UnreliableTiming {
+  explicit UnreliableTiming(std::mt19937_64& random_) : random(random_) {}
+
+  std::mt19937_64& random;
+  MonotonicTime due{seconds(1)};  // of the next tick
+  MonotonicTime arrives = due;
+  MissionCycle cycle = 100;
+  MissionCycle step = 1;
+
+  std::int64_t between(std::int64_t low, std::int64_t high) {
+    return low + static_cast<std::int64_t>(random() % static_cast<std::uint64_t>(high - low + 1));
+  }
+  HeardTick tick() {
+    cycle += step;
+    step = 1;
+    return {.cycle = cycle, .due = due, .period = period, .received = arrives};
+  }
+  /// To the next tick. @return whether the count starts anew
+  bool go_on() {
+    due += period + microseconds(between(-1000, 1000));  // slewed
+    switch (random() % 20) {
+      case 0:  // killed: another phase, the count at its next reservation
+        due += milliseconds(between(1, 2000));
+        step = static_cast<MissionCycle>(between(1, 1000));
+        arrives = due + microseconds(between(0, 1000));
+        return false;
+      case 1: {  // stopped: the same phase, but late
+        const std::int64_t missed = between(0, 20);
+        due += period * missed;
+        step = static_cast<MissionCycle>(missed) + 1;
+        arrives = due + milliseconds(between(0, 90));
+        return false;
+      }
+      case 2:  // disk lost: the count starts anew
+        due += milliseconds(between(1, 500));
+        cycle = random() % 50;
+        arrives = due;
+        return true;
+      default:
+        arrives = due + microseconds(between(0, 1000));
+        return false;
+    }
+  }
+};
+
+/// Ticks are repeated and forged, too. The beat stays regular.
 TEST(TickHoldoverProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
     std::mt19937_64 random(seed);
-    const auto between = [&](std::int64_t low, std::int64_t high) {
-      return low + static_cast<std::int64_t>(random() % static_cast<std::uint64_t>(high - low + 1));
-    };
+    UnreliableTiming timing(random);
     TickHoldover holdover;
-    MonotonicTime due{seconds(1)};  // due time of the next real tick
-    MonotonicTime arrives = due;
-    MissionCycle cycle = 100;
-    MissionCycle step = 1;
     std::vector<MonotonicTime> beats;
-    const MonotonicTime end = due + seconds(60);
+    const MonotonicTime end = timing.due + seconds(60);
     bool lost_count = false;
 
-    while (due < end) {
+    while (timing.due < end) {
       const auto substitute = holdover.next_substitute();
-      if (substitute && *substitute < arrives) {
+      if (substitute && *substitute < timing.arrives) {
         // Up to a millisecond late, as on a loaded machine.
-        const MonotonicTime at = std::min(*substitute + microseconds(between(0, 1000)), arrives);
+        const MonotonicTime at =
+            std::min(*substitute + microseconds(timing.between(0, 1000)), timing.arrives);
         ASSERT_NE(holdover.on_deadline(at), Substitute::not_due);
         beats.push_back(at);
         continue;
       }
-      cycle += step;
-      step = 1;
-      const HeardTick tick{.cycle = cycle, .due = due, .period = period, .received = arrives};
+      const HeardTick tick = timing.tick();
       const Verdict verdict = holdover.on_tick(tick).verdict;
-      if (verdict == Verdict::beat) beats.push_back(arrives);
+      if (verdict == Verdict::beat) beats.push_back(tick.received);
       ASSERT_TRUE(verdict != Verdict::repeated || lost_count) << "seed " << seed;
       lost_count = verdict == Verdict::repeated;  // accepted when the next tick continues the count
       if (random() % 10 == 0) {
@@ -242,33 +280,10 @@ TEST(TickHoldoverProperty, WhateverTimingDoesTheBeatNeitherStopsNorDoubles) {
       }
       if (random() % 50 == 0) {
         HeardTick forged = tick;
-        forged.cycle = cycle + 5'000'000;
+        forged.cycle += 5'000'000;
         ASSERT_EQ(holdover.on_tick(forged).verdict, Verdict::repeated);
       }
-      due += period + microseconds(between(-1000, 1000));  // slewed
-      switch (random() % 20) {
-        case 0:  // killed: another phase, the count at its next reservation
-          due += milliseconds(between(1, 2000));
-          step = static_cast<MissionCycle>(between(1, 1000));
-          arrives = due + microseconds(between(0, 1000));
-          break;
-        case 1: {  // stopped: the same phase, but late
-          const std::int64_t missed = between(0, 20);
-          due += period * missed;
-          step = static_cast<MissionCycle>(missed) + 1;
-          arrives = due + milliseconds(between(0, 90));
-          break;
-        }
-        case 2:  // disk lost: the count starts anew
-          due += milliseconds(between(1, 500));
-          cycle = random() % 50;
-          lost_count = true;
-          arrives = due;
-          break;
-        default:
-          arrives = due + microseconds(between(0, 1000));
-          break;
-      }
+      lost_count = timing.go_on() || lost_count;
     }
 
     ASSERT_GT(beats.size(), 500U);

@@ -154,6 +154,54 @@ TEST(TimeDiscipline, APulseFindsTheSecondAgainAfterATimeSetInHoldover) {
 
 // ---------------------------------------------------------------- arbitrary input
 
+/// @param train_phase  of a pulse train that may be right or wrong
+void give_anything(TimeDiscipline& time, std::mt19937_64& random, MonotonicTime now,
+                   nanoseconds& train_phase) {
+  const auto below = [&](std::uint64_t n) { return static_cast<std::int64_t>(random() % n); };
+  switch (below(12)) {
+    case 0:  // an edge at any time
+      time.on_pulse(now - nanoseconds(below(3'000'000'000)), now);
+      break;
+    case 1:
+      train_phase = nanoseconds(below(1'000'000'000));
+      break;
+    case 2:
+    case 3:
+    case 4: {  // an edge of the train
+      const nanoseconds since = now.since_epoch() - train_phase;
+      time.on_pulse(MonotonicTime(since - since % seconds(1) + train_phase), now);
+      break;
+    }
+    case 5:  // a time of day near the mission's
+      time.on_time_of_day({.fix_valid = random() % 8 != 0,
+                           .utc = UtcTime(std::chrono::floor<seconds>(time.utc_at(now).since_epoch()) +
+                                          seconds(below(5) - 2))},
+                          now);
+      break;
+    case 6:  // any time of day
+      time.on_time_of_day({.fix_valid = true, .utc = UtcTime(nanoseconds(below(7'200'000'000'000'000'000)))},
+                          now);
+      break;
+    case 7:
+      (void)time.set_time({time.utc_at(now) + nanoseconds(below(6'000'000'000) - 3'000'000'000),
+                           now + nanoseconds(below(2'000'000'000) - 1'000'000'000),
+                           {},
+                           false},
+                          now);
+      break;
+    case 8:
+      (void)time.set_time({UtcTime(nanoseconds(static_cast<std::int64_t>(random()))),
+                           MonotonicTime(nanoseconds(static_cast<std::int64_t>(random() >> 2U))),
+                           {},
+                           false},
+                          now);
+      break;
+    default:
+      time.on_time_passing(now);
+      break;
+  }
+}
+
 /// Every possible input of the timing node except an operator's time jump.
 TEST(TimeDisciplineProperty, NoInputMakesTheTimeStepOrGoBackNorATickLeaveItsBound) {
   for (unsigned seed = 1; seed <= 60; ++seed) {
@@ -170,52 +218,10 @@ TEST(TimeDisciplineProperty, NoInputMakesTheTimeStepOrGoBackNorATickLeaveItsBoun
     MonotonicTime asked = now;
     UtcTime shown = f.time.utc_at(asked);
     std::optional<Tick> previous;
-    nanoseconds train_phase{0};  // of a pulse train that may be right or wrong
+    nanoseconds train_phase{0};
     for (int i = 0; i < 4000; ++i) {
       now += nanoseconds(below(random() % 50 == 0 ? 5'000'000'000 : 50'000'000));
-      switch (below(12)) {
-        case 0:  // an edge at any time
-          f.time.on_pulse(now - nanoseconds(below(3'000'000'000)), now);
-          break;
-        case 1:
-          train_phase = nanoseconds(below(1'000'000'000));
-          break;
-        case 2:
-        case 3:
-        case 4: {  // an edge of the train
-          const nanoseconds since = now.since_epoch() - train_phase;
-          f.time.on_pulse(MonotonicTime(since - since % seconds(1) + train_phase), now);
-          break;
-        }
-        case 5:  // a time of day near the mission's
-          f.time.on_time_of_day(
-              {.fix_valid = random() % 8 != 0,
-               .utc = UtcTime(std::chrono::floor<seconds>(f.time.utc_at(now).since_epoch()) +
-                              seconds(below(5) - 2))},
-              now);
-          break;
-        case 6:  // any time of day
-          f.time.on_time_of_day(
-              {.fix_valid = true, .utc = UtcTime(nanoseconds(below(7'200'000'000'000'000'000)))}, now);
-          break;
-        case 7:
-          (void)f.time.set_time({f.time.utc_at(now) + nanoseconds(below(6'000'000'000) - 3'000'000'000),
-                                 now + nanoseconds(below(2'000'000'000) - 1'000'000'000),
-                                 {},
-                                 false},
-                                now);
-          break;
-        case 8:
-          (void)f.time.set_time({UtcTime(nanoseconds(static_cast<std::int64_t>(random()))),
-                                 MonotonicTime(nanoseconds(static_cast<std::int64_t>(random() >> 2U))),
-                                 {},
-                                 false},
-                                now);
-          break;
-        default:
-          f.time.on_time_passing(now);
-          break;
-      }
+      give_anything(f.time, random, now, train_phase);
       const UtcTime next = f.time.utc_at(now);
       const auto elapsed = static_cast<double>((now - asked).count());
       ASSERT_GE(static_cast<double>((next - shown).count()), elapsed * 0.994 - 2) << seed << ' ' << i;

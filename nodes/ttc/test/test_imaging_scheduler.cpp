@@ -22,7 +22,7 @@ constexpr MonotonicTime start(seconds(100));
 constexpr UtcTime morning(seconds(1'795'000'000));
 
 class ImagingSchedulerTest : public testing::Test {
- protected:
+ public:
   /// Sends a telecommand given as text. @return its id
   std::uint64_t send(const std::string& name, const std::vector<std::string>& arguments) {
     const auto [origin, encoded] = telecommand(name, arguments);
@@ -504,116 +504,141 @@ TEST_F(ImagingSchedulerTest, StoredFramesAreProcessedAfterARestart) {
 
 // ---- random sequences of events
 
-/// Random telecommands and random answers, including wrong and late ones. Every accepted telecommand ends
-/// exactly once, each server has one goal at a time, and no capture is ordered twice.
-TEST_F(ImagingSchedulerTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
-  for (std::uint32_t seed = 0; seed < (testing_support::slow ? 60 : 300); ++seed) {
-    SCOPED_TRACE(seed);
-    std::mt19937 random(seed);
-    const auto any = [&](std::uint32_t below) { return static_cast<std::uint32_t>(random() % below); };
-    ReportQueue report_queue;
-    ImagingScheduler scheduler(report_queue);
-    MonotonicTime now = start;
-    std::map<std::uint64_t, int> ends;
-    std::map<std::uint64_t, int> rejected;
-    std::map<std::uint64_t, int> captures;
-    std::map<std::uint64_t, Server> goals;
-    std::uint64_t id = 0;
-    const auto note_ends = [&] {
-      static_cast<void>(report_queue.take());
-      for (const StageReached& stage : report_queue.take_stages()) {
-        if (stage.stage == Stage::completion || !stage.success) ++ends[stage.id];
-      }
-    };
-    const auto carry_out = [&] {
-      for (const ImagingOrder& order : scheduler.take_orders()) {
-        if (order.action == ImagingAction::capture) {
-          EXPECT_LE(++captures[order.id], 1 + rejected[order.id]);
-        }
-        if (order.action == ImagingAction::capture) goals[order.id] = Server::acquisition;
-        if (order.action == ImagingAction::process) goals[order.id] = Server::processing;
-        EXPECT_LE(scheduler.tasks(), ImagingScheduler::max_tasks);
-      }
-    };
-    for (int step = 0; step < 400; ++step) {
-      now += milliseconds(any(4000));
-      const ImagingTime time{.now = now, .utc = morning + (now - start), .utc_valid = any(10) != 0};
-      const std::uint64_t about =
-          id == 0 ? 1 : id - any(static_cast<std::uint32_t>(std::min<std::uint64_t>(id, 20)));
-      const std::string number = "task=" + std::to_string(1 + any(20));
-      switch (any(10)) {
-        case 0:
-        case 1: {
-          const auto [origin, encoded] = [&] {
-            switch (any(6)) {
-              case 0:
-                return telecommand("image.cancel", {number});
-              case 1:
-                return telecommand("image.process", {number});
-              case 2:
-                return telecommand("image.send_frame", {number, "frame=1"});
-              case 3:
-                return telecommand("image.capture", {number, at(now - start + seconds(any(100)))});
-              default:
-                return telecommand("image.capture", {number, any(4) == 0 ? "method=" : "method=streak"});
-            }
-          }();
-          id = origin.id;
-          scheduler.execute({.origin = origin,
-                             .command = encoded.command,
-                             .arguments = arguments_of(encoded),
-                             .repeated = any(2) == 0},
-                            now);
-          break;
-        }
-        case 2:
-          scheduler.on_accepted(about, now);
-          break;
-        case 3:
-          scheduler.on_feedback(about, static_cast<std::uint16_t>(any(300)), now);
-          break;
-        case 4:
-        case 5: {
-          const auto goal = goals.find(about);
-          const Server server = goal != goals.end() && any(8) != 0 ? goal->second : Server::processing;
-          const auto how = static_cast<How>(any(4));
-          const bool fits = scheduler.knows(about) && goal != goals.end() && goal->second == server;
-          if (fits && how == How::rejected && server == Server::acquisition) ++rejected[about];
-          scheduler.on_goal_end(about, server,
-                                {.how = how,
-                                 .failure_code = static_cast<std::uint16_t>(any(3) == 0 ? 110 : 0),
-                                 .files = std::vector<std::string>(any(3), "x")},
-                                now);
-          break;
-        }
-        case 6:
-          scheduler.on_frames_listed(
-              about, any(4) == 0 ? std::nullopt : std::optional(std::vector<std::string>(any(3), "x")));
-          break;
-        case 7:
-          scheduler.on_products_queued(about, static_cast<std::uint16_t>(any(4) == 0 ? 95 : 0), "", any(3));
-          break;
-        case 8:
-          scheduler.on_sending_stopped(about, any(3), static_cast<std::uint16_t>(any(4) == 0 ? 56 : 0));
-          break;
-        default:
-          scheduler.on_instance(static_cast<Server>(any(2)), any(3), now);
-      }
-      scheduler.on_time(time, any(20) != 0);
-      note_ends();
-      if (any(3) != 0) carry_out();
-    }
-    // From here on only time passes.
-    for (int i = 0; i < 200 && scheduler.next_due({now, morning + (now - start), true}); ++i) {
-      now = std::max(now, *scheduler.next_due({now, morning + (now - start), true})) + milliseconds(1);
-      scheduler.on_time({now, morning + (now - start), true}, true);
+/// Random telecommands and random answers, including wrong and late ones.
+class RandomRun {
+ public:
+  /// @param telecommands  makes them
+  RandomRun(std::uint32_t seed, ImagingSchedulerTest& telecommands)
+      : random_(seed), telecommands_(telecommands) {}
+
+  void step() {
+    now_ += milliseconds(any(4000));
+    const ImagingTime time{.now = now_, .utc = morning + (now_ - start), .utc_valid = any(10) != 0};
+    do_anything();
+    scheduler_.on_time(time, any(20) != 0);
+    note_ends();
+    if (any(3) != 0) carry_out();
+  }
+  /// Only time passes until nothing is due.
+  void let_time_pass() {
+    const auto time = [&] { return ImagingTime{now_, morning + (now_ - start), true}; };
+    for (int i = 0; i < 200 && scheduler_.next_due(time()); ++i) {
+      now_ = std::max(now_, *scheduler_.next_due(time())) + milliseconds(1);
+      scheduler_.on_time(time(), true);
       carry_out();
     }
     note_ends();
-    EXPECT_EQ(scheduler.tasks(), 0U);
-    EXPECT_EQ(ends.size(), id);
-    for (const auto& [each, count] : ends) EXPECT_EQ(count, 1) << "telecommand " << each;
+  }
+  [[nodiscard]] std::size_t tasks() const { return scheduler_.tasks(); }
+  /// How often each telecommand has ended.
+  [[nodiscard]] const std::map<std::uint64_t, int>& ends() const { return ends_; }
+
+ private:
+  std::uint32_t any(std::uint32_t below) { return static_cast<std::uint32_t>(random_() % below); }
+  void note_ends() {
+    static_cast<void>(report_queue_.take());
+    for (const StageReached& stage : report_queue_.take_stages()) {
+      if (stage.stage == Stage::completion || !stage.success) ++ends_[stage.id];
+    }
+  }
+  void carry_out() {
+    for (const ImagingOrder& order : scheduler_.take_orders()) {
+      if (order.action == ImagingAction::capture) {
+        EXPECT_LE(++captures_[order.id], 1 + rejected_[order.id]);
+      }
+      if (order.action == ImagingAction::capture) goals_[order.id] = Server::acquisition;
+      if (order.action == ImagingAction::process) goals_[order.id] = Server::processing;
+      EXPECT_LE(scheduler_.tasks(), ImagingScheduler::max_tasks);
+    }
+  }
+  std::pair<TelecommandOrigin, mission::EncodedCommand> any_telecommand() {
+    const std::string number = "task=" + std::to_string(1 + any(20));
+    switch (any(6)) {
+      case 0:
+        return telecommands_.telecommand("image.cancel", {number});
+      case 1:
+        return telecommands_.telecommand("image.process", {number});
+      case 2:
+        return telecommands_.telecommand("image.send_frame", {number, "frame=1"});
+      case 3:
+        return telecommands_.telecommand(
+            "image.capture", {number, ImagingSchedulerTest::at(now_ - start + seconds(any(100)))});
+      default:
+        return telecommands_.telecommand("image.capture",
+                                         {number, any(4) == 0 ? "method=" : "method=streak"});
+    }
+  }
+  void execute_any() {
+    const auto [origin, encoded] = any_telecommand();
+    scheduler_.execute({.origin = origin,
+                        .command = encoded.command,
+                        .arguments = ImagingSchedulerTest::arguments_of(encoded),
+                        .repeated = any(2) == 0},
+                       now_);
+  }
+  void end_any_goal(std::uint64_t about) {
+    const auto goal = goals_.find(about);
+    const Server server = goal != goals_.end() && any(8) != 0 ? goal->second : Server::processing;
+    const auto how = static_cast<How>(any(4));
+    const bool fits = scheduler_.knows(about) && goal != goals_.end() && goal->second == server;
+    if (fits && how == How::rejected && server == Server::acquisition) ++rejected_[about];
+    scheduler_.on_goal_end(about, server,
+                           {.how = how,
+                            .failure_code = static_cast<std::uint16_t>(any(3) == 0 ? 110 : 0),
+                            .files = std::vector<std::string>(any(3), "x")},
+                           now_);
+  }
+  void do_anything() {
+    const std::uint64_t id = telecommands_.last_id_;
+    const std::uint64_t about =
+        id == 0 ? 1 : id - any(static_cast<std::uint32_t>(std::min<std::uint64_t>(id, 20)));
+    switch (any(10)) {
+      case 0:
+      case 1:
+        return execute_any();
+      case 2:
+        return scheduler_.on_accepted(about, now_);
+      case 3:
+        return scheduler_.on_feedback(about, static_cast<std::uint16_t>(any(300)), now_);
+      case 4:
+      case 5:
+        return end_any_goal(about);
+      case 6:
+        return scheduler_.on_frames_listed(
+            about, any(4) == 0 ? std::nullopt : std::optional(std::vector<std::string>(any(3), "x")));
+      case 7:
+        return scheduler_.on_products_queued(about, static_cast<std::uint16_t>(any(4) == 0 ? 95 : 0), "",
+                                             any(3));
+      case 8:
+        return scheduler_.on_sending_stopped(about, any(3), static_cast<std::uint16_t>(any(4) == 0 ? 56 : 0));
+      default:
+        return scheduler_.on_instance(static_cast<Server>(any(2)), any(3), now_);
+    }
+  }
+
+  std::mt19937 random_;
+  ImagingSchedulerTest& telecommands_;
+  ReportQueue report_queue_;
+  ImagingScheduler scheduler_{report_queue_};
+  MonotonicTime now_ = start;
+  std::map<std::uint64_t, int> ends_;
+  std::map<std::uint64_t, int> rejected_;
+  std::map<std::uint64_t, int> captures_;
+  std::map<std::uint64_t, Server> goals_;
+};
+
+/// Every accepted telecommand ends exactly once, each server has one goal at a time, and no capture is
+/// ordered twice.
+TEST_F(ImagingSchedulerTest, EveryTelecommandEndsExactlyOnceWhateverHappens) {
+  for (std::uint32_t seed = 0; seed < (testing_support::slow ? 60 : 300); ++seed) {
+    SCOPED_TRACE(seed);
     last_id_ = 0;
+    RandomRun run(seed, *this);
+    for (int step = 0; step < 400; ++step) run.step();
+    run.let_time_pass();
+    EXPECT_EQ(run.tasks(), 0U);
+    EXPECT_EQ(run.ends().size(), last_id_);
+    for (const auto& [each, count] : run.ends()) EXPECT_EQ(count, 1) << "telecommand " << each;
   }
 }
 
