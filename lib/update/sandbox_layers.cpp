@@ -4,18 +4,16 @@
 
 #include <array>
 #include <cerrno>
-#include <cstddef>
+#include <memory>
 
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <grp.h>
-#include <linux/audit.h>
 #include <linux/capability.h>
-#include <linux/filter.h>
 #include <linux/landlock.h>
-#include <linux/seccomp.h>
 #include <net/if.h>
 #include <sched.h>
+#include <seccomp.h>
 #include <sys/ioctl.h>
 #include <sys/mount.h>
 #include <sys/prctl.h>
@@ -48,6 +46,23 @@ constexpr std::array public_files{"/etc/ld.so.cache", "/etc/alternatives", "/etc
                                   "/etc/nsswitch.conf"};
 constexpr std::array system_folders{"/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32"};
 constexpr std::array devices{"/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom"};
+
+/// libseccomp leaves out those that an architecture does not have.
+constexpr std::array refused_calls{
+    // other processes
+    "ptrace", "process_vm_readv", "process_vm_writev", "pidfd_getfd", "perf_event_open", "userfaultfd",
+    // mounts and namespaces
+    "mount", "umount2", "pivot_root", "chroot", "move_mount", "open_tree", "fsopen", "fsconfig", "fsmount",
+    "fspick", "mount_setattr", "unshare", "setns",
+    // files by other ways
+    "name_to_handle_at", "open_by_handle_at", "mknod", "mknodat", "fanotify_init", "lookup_dcookie",
+    "quotactl", "acct",
+    // kernel
+    "bpf", "keyctl", "add_key", "request_key", "io_uring_setup", "io_uring_enter", "io_uring_register",
+    "kexec_load", "kexec_file_load", "init_module", "finit_module", "delete_module",
+    // machine
+    "reboot", "swapon", "swapoff", "syslog", "vhangup", "sethostname", "setdomainname", "settimeofday",
+    "clock_settime", "clock_adjtime", "adjtimex", "iopl", "ioperm", "modify_ldt", "uselib", "ustat"};
 
 /// @p path of the old root at the same place of the new one.
 int show(const fs::path& path, const fs::path& root, std::uint64_t attributes) {
@@ -218,78 +233,31 @@ Step drop_privileges(std::optional<std::pair<uid_t, gid_t>> user) {
 }
 
 Step filter_system_calls(AllowedSockets sockets) {
-#if defined(__x86_64__)
-  constexpr std::uint32_t architecture = AUDIT_ARCH_X86_64;
-#elif defined(__aarch64__)
-  constexpr std::uint32_t architecture = AUDIT_ARCH_AARCH64;
-#else
-#error "the number of this architecture is missing"
-#endif
-  constexpr std::array denied {
-    SYS_ptrace, SYS_process_vm_readv, SYS_process_vm_writev, SYS_pidfd_getfd, SYS_perf_event_open,
-        SYS_userfaultfd, SYS_mount, SYS_umount2, SYS_pivot_root, SYS_chroot, SYS_move_mount, SYS_open_tree,
-        SYS_fsopen, SYS_fsconfig, SYS_fsmount, SYS_fspick, SYS_mount_setattr, SYS_unshare, SYS_setns,
-        SYS_name_to_handle_at, SYS_open_by_handle_at, SYS_bpf, SYS_keyctl, SYS_add_key, SYS_request_key,
-        SYS_io_uring_setup, SYS_io_uring_enter, SYS_io_uring_register, SYS_kexec_load, SYS_kexec_file_load,
-        SYS_init_module, SYS_finit_module, SYS_delete_module, SYS_reboot, SYS_swapon, SYS_swapoff, SYS_acct,
-        SYS_quotactl, SYS_syslog, SYS_vhangup, SYS_sethostname, SYS_setdomainname, SYS_settimeofday,
-        SYS_clock_settime, SYS_clock_adjtime, SYS_adjtimex, SYS_mknodat, SYS_fanotify_init,
-        SYS_lookup_dcookie,
-#if defined(__x86_64__)
-        SYS_mknod, SYS_iopl, SYS_ioperm, SYS_modify_ldt, SYS_uselib, SYS_ustat,
-#endif
+  const std::unique_ptr<void, decltype(&seccomp_release)> filter(seccomp_init(SCMP_ACT_ALLOW),
+                                                                 &seccomp_release);
+  if (!filter) return {"seccomp", ENOMEM};
+  int result = 0;
+  const auto set = [&](scmp_filter_attr attribute, std::uint32_t value) {
+    if (result == 0) result = seccomp_attr_set(filter.get(), attribute, value);
   };
-  constexpr std::uint32_t namespaces = CLONE_NEWNS | CLONE_NEWUSER | CLONE_NEWPID | CLONE_NEWNET |
-                                       CLONE_NEWIPC | CLONE_NEWUTS | CLONE_NEWCGROUP;
-
-  std::vector<sock_filter> program;
-  const auto load = [&](std::size_t offset) {
-    program.push_back(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<std::uint32_t>(offset)));
+  const auto refuse = [&](int call, int error, const std::vector<scmp_arg_cmp>& when = {}) {
+    if (result == 0)
+      result = seccomp_rule_add_array(filter.get(), SCMP_ACT_ERRNO(static_cast<unsigned>(error)), call,
+                                      static_cast<unsigned>(when.size()), when.data());
   };
-  const auto answer = [&](std::uint32_t action) { program.push_back(BPF_STMT(BPF_RET | BPF_K, action)); };
-  /// The next @p skipped instructions are for this value only.
-  const auto if_equal = [&](std::uint32_t value, std::uint8_t skipped) {
-    program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, 0, skipped));
-  };
-  constexpr std::size_t number = offsetof(seccomp_data, nr);
-  constexpr std::size_t first_argument =
-      offsetof(seccomp_data, args);  // the lower half: both are little-endian
-
-  load(offsetof(seccomp_data, arch));
-  program.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, architecture, 1, 0));
-  answer(SECCOMP_RET_KILL_PROCESS);
-  load(number);
-#if defined(__x86_64__)
-  constexpr std::uint32_t x32 = 0x4000'0000;
-  program.push_back(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, x32, 0, 1));
-  answer(SECCOMP_RET_KILL_PROCESS);
-#endif
-  for (const long call : denied) {
-    if_equal(static_cast<std::uint32_t>(call), 1);
-    answer(SECCOMP_RET_ERRNO | EPERM);
-  }
-  if_equal(SYS_clone3, 1);  // its flags lie in memory; the C library then takes clone
-  answer(SECCOMP_RET_ERRNO | ENOSYS);
-  if_equal(SYS_clone, 4);
-  load(first_argument);
-  program.push_back(BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, namespaces, 0, 1));
-  answer(SECCOMP_RET_ERRNO | EPERM);
-  answer(SECCOMP_RET_ALLOW);
-  std::vector<std::uint32_t> families;
-  if (sockets.internet) families = {AF_INET, AF_INET6, AF_NETLINK};
-  if (sockets.local) families.push_back(AF_UNIX);
-  if_equal(SYS_socket, static_cast<std::uint8_t>(2 + 2 * families.size()));
-  load(first_argument);
-  for (const std::uint32_t family : families) {
-    if_equal(family, 1);
-    answer(SECCOMP_RET_ALLOW);
-  }
-  answer(SECCOMP_RET_ERRNO | EACCES);
-  answer(SECCOMP_RET_ALLOW);
-
-  const sock_fprog filter{static_cast<unsigned short>(program.size()), program.data()};
-  if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &filter, 0, 0) != 0) return failed("seccomp");
-  return {};
+  set(SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS);  // x32, too
+  set(SCMP_FLTATR_API_SYSRAWRC, 1);                     // the kernel's errno
+  for (const char* call : refused_calls) refuse(seccomp_syscall_resolve_name(call), EPERM);
+  refuse(SCMP_SYS(clone3), ENOSYS);  // its flags lie in memory; the C library then takes clone
+  for (const std::uint64_t name_space :
+       {CLONE_NEWNS, CLONE_NEWUSER, CLONE_NEWPID, CLONE_NEWNET, CLONE_NEWIPC, CLONE_NEWUTS, CLONE_NEWCGROUP})
+    refuse(SCMP_SYS(clone), EPERM, {{0, SCMP_CMP_MASKED_EQ, name_space, name_space}});
+  // libseccomp has no rule for "none of these".
+  for (std::uint64_t family = 0; family < AF_MAX; ++family)
+    if (!sockets.allow(family)) refuse(SCMP_SYS(socket), EACCES, {{0, SCMP_CMP_EQ, family, 0}});
+  refuse(SCMP_SYS(socket), EACCES, {{0, SCMP_CMP_GE, AF_MAX, 0}});
+  if (result == 0) result = seccomp_load(filter.get());
+  return {"seccomp", -result};
 }
 
 }  // namespace srfs::update

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <sys/socket.h>
+
 #include "update/sandbox.hpp"
 
 namespace srfs::update {
@@ -32,6 +34,11 @@ struct Step {
 struct AllowedSockets {
   bool internet = false;
   bool local = false;  ///< AF_UNIX; where no process of the suite can be reached by it
+
+  [[nodiscard]] bool allow(std::uint64_t family) const {
+    const bool is_internet = family == AF_INET || family == AF_INET6 || family == AF_NETLINK;
+    return (internet && is_internet) || (local && family == AF_UNIX);
+  }
 };
 [[nodiscard]] Step filter_system_calls(AllowedSockets sockets);
 

@@ -250,6 +250,20 @@ TEST_P(SandboxTest, ItHasNoSocketsAndNoRareSystemCalls) {
   EXPECT_EQ(ended.exit_code, 0);
 }
 
+#if defined(__x86_64__)
+TEST_P(SandboxTest, ACallOfAnotherArchitectureKillsIt) {
+  constexpr long x32 = 0x4000'0000;
+  EXPECT_EQ(run([] { return syscall(x32 | SYS_getpid) > 0 ? 1 : 2; }).signal, SIGSYS);
+  const Ended ended = run([] {
+    long result = 20;  // getpid of i386
+    asm volatile("int $0x80" : "+a"(result) : : "memory");
+    return result > 0 ? 1 : 2;
+  });
+  // SIGSEGV: this kernel has no i386.
+  EXPECT_TRUE(ended.signal == SIGSYS || ended.signal == SIGSEGV) << ended.signal;
+}
+#endif
+
 TEST_P(SandboxTest, ItsLoopbackIsItsOwn) {
   confinement_.network = true;
   const Ended ended = run([] {

@@ -32,6 +32,7 @@ OF_CMAKE = {
     "aec": "libaec-dev",
     "GTest": "libgtest-dev",
     "fec": "libfec-dev",
+    "seccomp": "libseccomp-dev",
 }
 # Needed, but not required by CMake: programs, header-only libraries, Python modules of the generators.
 OF_OTHERS = {
