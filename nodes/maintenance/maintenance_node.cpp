@@ -13,6 +13,7 @@
 
 #include "nodes/maintenance/fault_line.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
+#include "nodes/maintenance/scrub_list.hpp"
 #include "nodes/maintenance/version_line.hpp"
 #include "ros/launcher.hpp"
 #include "ros/mission_time.hpp"
@@ -61,8 +62,8 @@ FailureCode change_version(
 
 /// @param accepted  by ttc. A version of ttc or maintenance proves itself by the telecommand that came
 /// through it: one that was on its way before it ran proves nothing.
-FailureCode confirm(const ros::VarPaths& var, const ros::RingSettings& ring,
-                    const mission::NodeConfirmVersion& command, MonotonicTime accepted) {
+FailureCode confirm_version(const ros::VarPaths& var, const ros::RingSettings& ring,
+                            const mission::NodeConfirmVersion& command, MonotonicTime accepted) {
   const auto table = ros::read_versions(var, command.node).table;
   if (table.find(command.version) == nullptr) return mission::failure::no_version;
   if (table.last_good() == command.version) return mission::failure::none;
@@ -173,73 +174,93 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
   const OctetView arguments = telecommand.arguments;
   switch (telecommand.function) {
     case mission::RingHold::function_id:
-      return hold(mission::RingHold::decode(arguments)->node);
+      run([this, plan = deployment(), node = mission::RingHold::decode(arguments)->node] {
+        return outcome_of(ros::hold(var(), plan, node, "held by telecommand", monotonic_now()));
+      });
+      break;
     case mission::RingRelease::function_id:
-      return release(mission::RingRelease::decode(arguments)->node);
+      run([this, node = mission::RingRelease::decode(arguments)->node] {
+        return outcome_of(ros::release(var(), node, release_patience));
+      });
+      break;
     case mission::RingReleaseInactive::function_id:
-      return release_inactive(mission::RingReleaseInactive::decode(arguments)->node);
+      run([this, plan = deployment(), node = mission::RingReleaseInactive::decode(arguments)->node] {
+        if (ros::find_instance(var(), node)) return mission::failure::node_runs;
+        const FailureCode set =
+            outcome_of(ros::set_desired_state(var(), plan, node, ros::State::inactive, monotonic_now()));
+        return set != mission::failure::none ? set : outcome_of(ros::release(var(), node, release_patience));
+      });
+      break;
     case mission::RingReportFaults::function_id:
-      return report_faults(mission::RingReportFaults::decode(arguments)->count);
+      report_faults(mission::RingReportFaults::decode(arguments)->count);
+      break;
     case mission::NodeSetLogLevel::function_id:
-      return set_log_level(*mission::NodeSetLogLevel::decode(arguments));
+      set_log_level(*mission::NodeSetLogLevel::decode(arguments));
+      break;
     case mission::NodeSendReport::function_id:
-      return send_report(*mission::NodeSendReport::decode(arguments));
-    case mission::NodeUseVersion::function_id:
-      return use_version(*mission::NodeUseVersion::decode(arguments));
-    case mission::NodePreviousVersion::function_id:
-      return use_previous_version(mission::NodePreviousVersion::decode(arguments)->node);
+      send_report(*mission::NodeSendReport::decode(arguments));
+      break;
+    case mission::NodeUseVersion::function_id: {
+      const auto command = mission::NodeUseVersion::decode(arguments);
+      use_version(command->node, command->version,
+                  command->probation_s == 0 ? ros::default_probation(deployment().ring, command->node)
+                                            : seconds(command->probation_s));
+      break;
+    }
+    case mission::NodePreviousVersion::function_id: {
+      const std::string node = mission::NodePreviousVersion::decode(arguments)->node;
+      use_version(node, std::nullopt, ros::default_probation(deployment().ring, node));
+      break;
+    }
     case mission::NodeConfirmVersion::function_id:
-      return confirm_version(*mission::NodeConfirmVersion::decode(arguments),
-                             telecommand.expiry - mission::NodeConfirmVersion::timeout);
+      run([this, command = *mission::NodeConfirmVersion::decode(arguments),
+           accepted = telecommand.expiry - mission::NodeConfirmVersion::timeout] {
+        return confirm_version(var(), deployment().ring, command, accepted);
+      });
+      break;
     case mission::NodeRemoveVersion::function_id:
-      return remove_version(*mission::NodeRemoveVersion::decode(arguments));
+      run([this, command = *mission::NodeRemoveVersion::decode(arguments)] {
+        return change_version(var(), command.node, command.version, &update::VersionStore::remove);
+      });
+      break;
     case mission::NodeReportVersions::function_id:
-      return report_versions(mission::NodeReportVersions::decode(arguments)->node);
+      report_versions(mission::NodeReportVersions::decode(arguments)->node);
+      break;
     case mission::PackageInstall::function_id: {
       const auto command = mission::PackageInstall::decode(arguments);
-      return run(transaction_->install(command->file, command->activate));
+      run(transaction_->install(command->file, command->activate));
+      break;
     }
     case mission::NodeRemove::function_id:
-      return remove_node(mission::NodeRemove::decode(arguments)->node);
+      remove_node(mission::NodeRemove::decode(arguments)->node);
+      break;
     case mission::PackageCancel::function_id:
-      return run(transaction_->cancel());
+      run(transaction_->cancel());
+      break;
     case mission::PackageReport::function_id:
-      return send(telemetry(update_status()));
+      lines_.push_back(telemetry(update_status()));
+      send_next();
+      break;
     case mission::ScrubRun::function_id:
-      return run_scrubbing(false);
+      run(scrubbing_->run(false));
+      finished(mission::failure::none);
+      break;
     case mission::ScrubReport::function_id:
-      return send(telemetry(scrub_status()));
+      lines_.push_back(telemetry(to_mission(scrubbing_->status())));
+      send_next();
+      break;
     case mission::ScrubRetake::function_id:
-      return run_scrubbing(true);
+      run(scrubbing_->run(true));
+      finished(mission::failure::none);
+      break;
     default:
-      return execute_parameters(telecommand);
+      execute_parameters(telecommand);
   }
 }
 
 void MaintenanceNode::run(std::function<FailureCode()> job) {
   const bool taken = worker_->ask(std::move(job), [this](FailureCode outcome) { finished(outcome); });
   if (!taken) finished(mission::failure::queue_full);
-}
-
-// ---------------------------------------------------------------- the ring
-
-void MaintenanceNode::hold(const std::string& node) {
-  run([this, plan = deployment(), node] {
-    return outcome_of(ros::hold(var(), plan, node, "held by telecommand", monotonic_now()));
-  });
-}
-
-void MaintenanceNode::release(const std::string& node) {
-  run([this, node] { return outcome_of(ros::release(var(), node, release_patience)); });
-}
-
-void MaintenanceNode::release_inactive(const std::string& node) {
-  run([this, plan = deployment(), node] {
-    if (ros::find_instance(var(), node)) return mission::failure::node_runs;
-    const FailureCode set =
-        outcome_of(ros::set_desired_state(var(), plan, node, ros::State::inactive, monotonic_now()));
-    return set != mission::failure::none ? set : outcome_of(ros::release(var(), node, release_patience));
-  });
 }
 
 // ---------------------------------------------------------------- the fault ledger
@@ -274,11 +295,6 @@ srfs_msgs::msg::PayloadTelemetry MaintenanceNode::telemetry(const Structure& str
 }
 
 /// One at a time: ttc sends a structure live no more often than its interval.
-void MaintenanceNode::send(srfs_msgs::msg::PayloadTelemetry line) {
-  lines_.push_back(std::move(line));
-  send_next();
-}
-
 void MaintenanceNode::send_next() {
   if (lines_.empty()) {
     sending_.reset();
@@ -297,16 +313,6 @@ void MaintenanceNode::send_next() {
 // ---------------------------------------------------------------- versions
 
 /// @param version  nullopt: the previous one
-void MaintenanceNode::use_version(const mission::NodeUseVersion& command) {
-  use_version(command.node, command.version,
-              command.probation_s == 0 ? ros::default_probation(deployment().ring, command.node)
-                                       : seconds(command.probation_s));
-}
-
-void MaintenanceNode::use_previous_version(const std::string& node) {
-  use_version(node, std::nullopt, ros::default_probation(deployment().ring, node));
-}
-
 void MaintenanceNode::use_version(const std::string& node, std::optional<std::uint32_t> version,
                                   milliseconds probation) {
   const bool taken = worker_->ask(
@@ -335,16 +341,6 @@ void MaintenanceNode::use_version(const std::string& node, std::optional<std::ui
             now() + before_own_end, [] { kill(getpid(), SIGTERM); }, "own end");
       });
   if (!taken) finished(mission::failure::queue_full);
-}
-
-void MaintenanceNode::confirm_version(const mission::NodeConfirmVersion& command, MonotonicTime accepted) {
-  run([this, command, accepted] { return confirm(var(), deployment().ring, command, accepted); });
-}
-
-void MaintenanceNode::remove_version(const mission::NodeRemoveVersion& command) {
-  run([this, command] {
-    return change_version(var(), command.node, command.version, &update::VersionStore::remove);
-  });
 }
 
 void MaintenanceNode::report_versions(const std::string& node) {

@@ -15,6 +15,7 @@
 #include "base/action_queue.hpp"
 #include "base/child_process.hpp"
 #include "commanding/commanded_node.hpp"
+#include "nodes/maintenance/scrub_schedule.hpp"
 #include "nodes/maintenance/update_transaction.hpp"
 #include "update/scrubber.hpp"
 
@@ -40,25 +41,24 @@ class MaintenanceNode : public CommandedNode {
  private:
   using SetParameters = rcl_interfaces::srv::SetParameters;
 
+  /// Carries out what logic decided.
+  template <class Action>
+  void run(ActionQueue<Action>& queue, std::vector<Action> actions) {
+    queue.run(std::move(actions),
+              [this](const Action& action) { std::visit([this](const auto& a) { carry_out(a); }, action); });
+  }
+  void run(UpdateTransaction::Actions actions) { run(update_actions_, std::move(actions)); }
+  void run(ScrubSchedule::Actions actions) { run(scrub_actions_, std::move(actions)); }
+
   /// A job that may wait for a disk or a lock; its outcome ends the telecommand.
   void run(std::function<FailureCode()> job);
-  void hold(const std::string& node);
-  void release(const std::string& node);
-  void release_inactive(const std::string& node);
   void report_faults(std::size_t count);
   void send_report(const mission::NodeSendReport& command);
   void set_log_level(const mission::NodeSetLogLevel& command);
-  void use_version(const mission::NodeUseVersion& command);
-  void use_previous_version(const std::string& node);
-  /// @param version  nullopt: the previous one
   void use_version(const std::string& node, std::optional<std::uint32_t> version, milliseconds probation);
-  /// @param accepted  by ttc
-  void confirm_version(const mission::NodeConfirmVersion& command, MonotonicTime accepted);
-  void remove_version(const mission::NodeRemoveVersion& command);
   void report_versions(const std::string& node);
   template <class Structure>
   [[nodiscard]] srfs_msgs::msg::PayloadTelemetry telemetry(const Structure& structure) const;
-  void send(srfs_msgs::msg::PayloadTelemetry line);
   void send_next();
   // maintenance_parameters.cpp
   [[nodiscard]] FailureCode check_parameters(std::uint16_t function, OctetView arguments) const;
@@ -72,7 +72,6 @@ class MaintenanceNode : public CommandedNode {
   [[nodiscard]] mission::UpdateStatusHousekeeping update_status() const;
   [[nodiscard]] LaneFolders lane_folders() const;
   [[nodiscard]] IntakeRules intake_rules() const;
-  void run(UpdateTransaction::Actions actions);
   void carry_out(const AnswerTelecommand& action);
   void carry_out(const TakeInPackage& action);
   void carry_out(const WriteUpdateJournal& action);
@@ -114,18 +113,21 @@ class MaintenanceNode : public CommandedNode {
   ros::Timer awaiting_active_;
 
   // maintenance_scrub.cpp
-  struct Scrubbing;
   void declare_scrubbing();
   void open_scrubbing();
   void close_scrubbing();
-  void scrub_later(nanoseconds wait);
-  void scrub_slice();
-  void end_scrubbing_round();
-  void report_finding(const update::ScrubFinding& finding);
-  void run_scrubbing(bool retake);
-  [[nodiscard]] mission::ScrubStatusHousekeeping scrub_status() const;
+  [[nodiscard]] ScrubSchedule::Pace scrub_pace() const;
+  void carry_out(const CheckSlice& action);
+  void carry_out(const AwaitSlice& action);
+  void carry_out(const ReportFinding& action);
+  void carry_out(const ReportFilesTaken& action);
+  void carry_out(const ReportScrubRound& action);
 
-  std::shared_ptr<Scrubbing> scrub_;  ///< while configured
+  std::optional<ScrubSchedule> scrubbing_;  ///< while configured
+  ActionQueue<ScrubAction> scrub_actions_;
+  std::shared_ptr<update::Scrubber> scrubber_;  ///< the worker's alone
+  std::shared_ptr<ros::Worker> scrub_worker_;
+  ros::Timer scrub_timer_;
 
   // maintenance_limits.cpp
   struct Limits;

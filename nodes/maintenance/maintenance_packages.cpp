@@ -142,12 +142,6 @@ void MaintenanceNode::resume_update() {
   run(transaction_->resume(ros::read_versions(var(), node).table, deployment().find(node) != nullptr));
 }
 
-void MaintenanceNode::run(UpdateTransaction::Actions actions) {
-  update_actions_.run(std::move(actions), [this](const UpdateAction& action) {
-    std::visit([this](const auto& a) { carry_out(a); }, action);
-  });
-}
-
 // ---------------------------------------------------------------- begin, end
 
 void MaintenanceNode::carry_out(const AnswerTelecommand& action) {

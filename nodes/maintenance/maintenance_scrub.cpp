@@ -1,7 +1,7 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// Scrubbing in the node (lib/update/scrubber): one slice at a time on a worker that gives way to all other
-// work.
+// Carries out what the schedule of scrubbing decides (scrub_schedule.hpp): each slice on a worker that gives
+// way to all other work.
 #include <algorithm>
 
 #include <dlfcn.h>
@@ -31,20 +31,6 @@ std::filesystem::path library_folder() {
 
 }  // namespace
 
-struct MaintenanceNode::Scrubbing {
-  explicit Scrubbing(update::Scrubber::Settings settings)
-      : scrubber(std::make_shared<update::Scrubber>(std::move(settings))) {}
-
-  std::shared_ptr<update::Scrubber> scrubber;  ///< the worker's alone
-  update::ScrubStatus status;                  ///< after the last slice
-  update::ScrubMode mode = update::ScrubMode::start;
-  bool under_way = false;
-  bool first = true;
-  bool retake = false;  ///< asked for
-  std::shared_ptr<ros::Worker> worker;
-  ros::Timer timer;
-};
-
 void MaintenanceNode::declare_scrubbing() {
   constexpr std::int64_t day_s = 86400;
   declare_parameter("scrub_first_after_s", std::int64_t{300}, ros::ParameterRange{0, day_s},
@@ -55,130 +41,81 @@ void MaintenanceNode::declare_scrubbing() {
                     "Pause between slices of 128 KiB");
 }
 
+ScrubSchedule::Pace MaintenanceNode::scrub_pace() const {
+  return {.first_after = seconds(get_parameter<std::int64_t>("scrub_first_after_s")),
+          .interval = seconds(get_parameter<std::int64_t>("scrub_interval_s")),
+          .pause = milliseconds(get_parameter<std::int64_t>("scrub_pause_ms"))};
+}
+
 void MaintenanceNode::open_scrubbing() {
-  scrub_ = std::make_shared<Scrubbing>(update::Scrubber::Settings{.folder = var().root / "golden"});
-  scrub_->worker =
+  scrub_worker_ =
       create_background_worker("scrubber", 2, std::max<milliseconds>(worker_deadline(), longest_slice));
-  if (get_parameter<std::int64_t>("scrub_interval_s") > 0)
-    scrub_later(seconds(get_parameter<std::int64_t>("scrub_first_after_s")));
+  scrubber_ = std::make_shared<update::Scrubber>(update::Scrubber::Settings{.folder = var().root / "golden"});
+  scrubbing_.emplace();
+  run(ScrubSchedule::start(scrub_pace()));
 }
 
 void MaintenanceNode::close_scrubbing() {
-  if (!scrub_) return;
-  scrub_->timer.reset();
-  scrub_->worker.reset();
-  scrub_.reset();
+  scrub_timer_.reset();
+  scrub_worker_.reset();
+  scrub_actions_.clear();
+  scrubbing_.reset();
+  scrubber_.reset();
 }
 
-void MaintenanceNode::scrub_later(nanoseconds wait) {
-  scrub_->timer = create_one_shot(
-      now() + wait, [this] { scrub_slice(); }, "scrubbing");
-}
-
-/// The next slice, or the first of a round.
-void MaintenanceNode::scrub_slice() {
-  struct Outcome {
-    bool more = false;
-    update::ScrubStatus status;
-    std::vector<update::ScrubFinding> findings;
-  };
-  auto outcome = std::make_shared<Outcome>();
-  const bool begins = !scrub_->under_way;
-  if (begins) {
-    scrub_->under_way = true;
-    scrub_->mode = std::exchange(scrub_->retake, false) ? update::ScrubMode::retake
-                   : scrub_->first                      ? update::ScrubMode::start
-                                                        : update::ScrubMode::watch;
-    scrub_->first = false;
-  }
-  const bool taken = scrub_->worker->post(
-      [this, scrubber = scrub_->scrubber, begins, mode = scrub_->mode, outcome] {
+void MaintenanceNode::carry_out(const CheckSlice& action) {
+  scrub_timer_.reset();
+  auto slice = std::make_shared<ScrubSchedule::Slice>();
+  auto deployment = action.begins ? std::make_shared<const ros::Deployment>(this->deployment()) : nullptr;
+  const bool taken = scrub_worker_->post(
+      [var = var(), deployment, scrubber = scrubber_, begins = action.begins, slice] {
         const UtcTime at = system_utc_now();
         if (begins) {
           const Installation installation{ros::suite_bin_folder(), library_folder(),
                                           mission::Dictionary::default_folder()};
-          scrubber->begin(files_to_scrub(deployment(), var(), installation), mode, at);
-          outcome->more = scrubber->status().running;
+          scrubber->begin(files_to_scrub(*deployment, var, installation), *begins, at);
+          slice->more = scrubber->status().running;
         } else {
-          outcome->more = scrubber->step(at);
+          slice->more = scrubber->step(at);
         }
-        outcome->status = scrubber->status();
-        outcome->findings = scrubber->take_findings();
+        slice->status = scrubber->status();
+        slice->findings = scrubber->take_findings();
       },
-      [this, outcome] {
-        if (!scrub_) return;
-        scrub_->status = std::move(outcome->status);
-        for (const update::ScrubFinding& finding : outcome->findings) report_finding(finding);
-        if (outcome->more) {
-          scrub_later(milliseconds(get_parameter<std::int64_t>("scrub_pause_ms")));
-        } else {
-          end_scrubbing_round();
-        }
+      [this, slice] {
+        if (scrubbing_) run(scrubbing_->on_slice(std::move(*slice), scrub_pace()));
       });
-  if (taken) return;
-  if (begins) scrub_->under_way = false;
-  scrub_later(seconds(1));
+  if (!taken) run(scrubbing_->on_refused());
 }
 
-void MaintenanceNode::end_scrubbing_round() {
-  scrub_->under_way = false;
-  const update::ScrubStatus& status = scrub_->status;
-  if (status.taken > 0 || scrub_->mode == update::ScrubMode::retake) {
-    mission::MaintenanceFilesTakenEvent event;
-    event.files = static_cast<std::uint16_t>(status.taken);
-    event.build = status.build.substr(0, longest_build);
-    raise(event);
-  }
+void MaintenanceNode::carry_out(const AwaitSlice& action) {
+  scrub_timer_ = create_one_shot(
+      now() + action.wait, [this] { run(scrubbing_->on_due()); }, "scrubbing");
+}
+
+void MaintenanceNode::carry_out(const ReportFilesTaken& action) {
+  raise(mission::MaintenanceFilesTakenEvent{.files = static_cast<std::uint16_t>(action.files),
+                                            .build = action.build.substr(0, longest_build)});
+}
+
+void MaintenanceNode::carry_out(const ReportScrubRound& action) {
+  const update::ScrubStatus& status = action.status;
   log::info("scrubbing: {} files, {} KiB, {} accepted as good, {} lost, {} not repaired", status.files,
             status.octets / 1024, status.taken, status.lost, status.unmended);
-  if (scrub_->retake) {
-    scrub_slice();
-  } else if (const auto interval = get_parameter<std::int64_t>("scrub_interval_s"); interval > 0) {
-    scrub_later(seconds(interval));
-  }
 }
 
-void MaintenanceNode::report_finding(const update::ScrubFinding& finding) {
+void MaintenanceNode::carry_out(const ReportFinding& action) {
+  const update::ScrubFinding& finding = action.finding;
   const std::string file = end_of(finding.path, longest_file);
   const std::string why = finding.why.substr(0, longest_why);
   log::warn("scrubbing: {}{}{}", finding.path, finding.why.empty() ? " was repaired" : ": ", finding.why);
   switch (finding.what) {
-    case update::ScrubFinding::What::damaged: {
-      mission::MaintenanceFileDamagedEvent event;
-      event.file = file;
-      event.why = why;
-      raise(event);
-      break;
-    }
-    case update::ScrubFinding::What::mended: {
-      mission::MaintenanceFileMendedEvent event;
-      event.file = file;
-      raise(event);
-      break;
-    }
-    case update::ScrubFinding::What::left: {
-      mission::MaintenanceFileLostEvent event;
-      event.file = file;
-      event.why = why;
-      raise(event);
-      break;
-    }
+    case update::ScrubFinding::What::damaged:
+      return raise(mission::MaintenanceFileDamagedEvent{.file = file, .why = why});
+    case update::ScrubFinding::What::mended:
+      return raise(mission::MaintenanceFileMendedEvent{.file = file});
+    case update::ScrubFinding::What::left:
+      return raise(mission::MaintenanceFileLostEvent{.file = file, .why = why});
   }
-}
-
-// ---------------------------------------------------------------- telecommands
-
-void MaintenanceNode::run_scrubbing(bool retake) {
-  scrub_->retake = scrub_->retake || retake;
-  if (!scrub_->under_way) {
-    scrub_->timer.reset();
-    scrub_slice();
-  }
-  finished(mission::failure::none);
-}
-
-mission::ScrubStatusHousekeeping MaintenanceNode::scrub_status() const {
-  return to_mission(scrub_->status);
 }
 
 }  // namespace srfs
