@@ -14,6 +14,7 @@
 #include "nodes/maintenance/fault_line.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
 #include "nodes/maintenance/scrub_list.hpp"
+#include "nodes/maintenance/update_line.hpp"
 #include "nodes/maintenance/version_line.hpp"
 #include "ros/launcher.hpp"
 #include "ros/mission_time.hpp"
@@ -238,7 +239,7 @@ void MaintenanceNode::execute(const StoredTelecommand& telecommand) {
       run(transaction_->cancel());
       break;
     case mission::PackageReport::function_id:
-      lines_.push_back(telemetry(update_status()));
+      lines_.push_back(telemetry(to_mission(transaction_->update())));
       send_next();
       break;
     case mission::ScrubRun::function_id:

@@ -69,7 +69,6 @@ class MaintenanceNode : public CommandedNode {
   void open_packages();
   void close_packages();
   void resume_update();
-  [[nodiscard]] mission::UpdateStatusHousekeeping update_status() const;
   [[nodiscard]] LaneFolders lane_folders() const;
   [[nodiscard]] IntakeRules intake_rules() const;
   void carry_out(const AnswerTelecommand& action);

@@ -13,9 +13,9 @@
 #include <mission/structures.hpp>
 
 #include "base/file.hpp"
-#include "base/saturate.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
+#include "nodes/maintenance/update_line.hpp"
 #include "ros/launcher.hpp"
 #include "ros/node_addition.hpp"
 #include "ros/node_versions.hpp"
@@ -23,8 +23,6 @@
 
 namespace srfs {
 namespace {
-
-using update::UpdateStep;
 
 constexpr auto longest_package_job = seconds(10);
 constexpr auto longest_build =
@@ -35,16 +33,8 @@ constexpr auto look_for_active = milliseconds(5);
 constexpr auto before_own_end = seconds(1);
 constexpr auto between_reviews = seconds(2);
 constexpr auto longest_wait_for_lock = seconds(3);
-constexpr std::size_t longest_event_text = 120;
 constexpr std::size_t longest_line = 200;
 constexpr std::size_t largest_report = 64U << 10;
-constexpr std::uint32_t unknown_ms = UINT32_MAX;
-
-std::uint32_t to_ms(const std::optional<milliseconds>& value) {
-  return value ? static_cast<std::uint32_t>(std::clamp<std::int64_t>(value->count(), 0, UINT32_MAX - 1))
-               : unknown_ms;
-}
-
 /// Waits for disks and locks, so it runs on the worker.
 Result<StoredProgram, std::string> store(const ros::VarPaths& var, const update::Update& u,
                                          const std::filesystem::path& program) {
@@ -189,73 +179,18 @@ void MaintenanceNode::carry_out(const RemoveWorkFolder& /*action*/) {
 
 void MaintenanceNode::carry_out(const ReportRefusal& action) {
   log::error("package refused: {}", action.reason);
-  mission::UpdateRefusedEvent event;
-  event.file = action.file;
-  event.reason = action.reason.substr(0, longest_event_text);
-  raise(event);
+  raise(mission::UpdateRefusedEvent{.file = action.file,
+                                    .reason = action.reason.substr(0, longest_update_text)});
 }
 
 void MaintenanceNode::carry_out(const ReportUpdate& action) {
-  const update::Update& u = action.update;
-  switch (u.step) {
-    case UpdateStep::installed: {
-      log::info("{} runs version {} from {}, outage {} ms", u.node, u.version, u.file,
-                u.outage ? u.outage->count() : -1);
-      mission::UpdateInstalledEvent event;
-      event.file = u.file;
-      event.node = u.node;
-      event.version = u.version;
-      event.probation_s = static_cast<std::uint32_t>(u.probation.count());
-      event.outage_ms = to_ms(u.outage);
-      raise(event);
-      break;
-    }
-    case UpdateStep::candidate: {
-      log::info("version {} of {} from {} is a candidate", u.version, u.node, u.file);
-      mission::UpdateCandidateEvent event;
-      event.file = u.file;
-      event.node = u.node;
-      event.version = u.version;
-      raise(event);
-      break;
-    }
-    case UpdateStep::failed:
-    case UpdateStep::cancelled: {
-      log::error("update of {} from {} {} in {}: {}", u.node, u.file, to_text(u.step), to_text(u.ended_in),
-                 u.reason);
-      mission::UpdateFailedEvent event;
-      event.file = u.file;
-      event.step = u.ended_in;
-      event.reason = u.reason.substr(0, longest_event_text);
-      raise(event);
-      break;
-    }
-    default: {
-      log::info("update of {} from {}: {}", u.node, u.file, to_text(u.step));
-      mission::UpdateStepEvent event;
-      event.file = u.file;
-      event.step = u.step;
-      raise(event);
-    }
+  const UpdateNews news = news_of(action.update);
+  if (news.is_bad) {
+    log::error("{}", news.line);
+  } else {
+    log::info("{}", news.line);
   }
-}
-
-mission::UpdateStatusHousekeeping MaintenanceNode::update_status() const {
-  const update::Update& u = transaction_->update();
-  mission::UpdateStatusHousekeeping status;
-  status.file = u.file.substr(0, 60);
-  status.node = u.node.substr(0, 32);
-  status.counter = u.counter;
-  status.step = u.step;
-  status.failed_in = u.ended_in;
-  status.version = u.version;
-  status.octets = static_cast<std::uint32_t>(u.octets);
-  status.program_octets = as_u32(u.program_octets);
-  status.build_ms = to_ms(u.build);
-  status.outage_ms = to_ms(u.outage);
-  status.starts = static_cast<std::uint8_t>(std::min<std::uint32_t>(u.starts, UINT8_MAX));
-  status.reason = u.reason.substr(0, 60);
-  return status;
+  raise_event(news.event.id, news.event.severity, news.event.data);
 }
 
 // ---------------------------------------------------------------- the steps
@@ -350,13 +285,11 @@ void MaintenanceNode::review_added_nodes() {
     const std::string reason =
         table.versions().empty() ? "no version left" : "rolled back: " + table.versions().back().reason;
     log::error("removing {}: {}", node.name, reason);
-    (void)package_worker_->post([var = var(), node = node.name] { (void)ros::remove_node(var, node); },
-                                [this, node = node.name, reason] {
-                                  mission::UpdateRemovedEvent event;
-                                  event.node = node;
-                                  event.reason = reason.substr(0, longest_event_text);
-                                  raise(event);
-                                });
+    (void)package_worker_->post(
+        [var = var(), node = node.name] { (void)ros::remove_node(var, node); },
+        [this, node = node.name, reason] {
+          raise(mission::UpdateRemovedEvent{.node = node, .reason = reason.substr(0, longest_update_text)});
+        });
     return;  // one at a time: the list changes
   }
 }
@@ -448,10 +381,8 @@ void MaintenanceNode::carry_out(const SendLaneLog& action) {
       },
       [this](const auto& queued) {
         if (!queued) return;
-        mission::UpdateLogQueuedEvent event;
-        event.name = queued->name;
-        event.octets = static_cast<std::uint32_t>(queued->octets);
-        raise(event);
+        raise(mission::UpdateLogQueuedEvent{.name = queued->name,
+                                            .octets = static_cast<std::uint32_t>(queued->octets)});
       });
 }
 
