@@ -6,6 +6,7 @@
 #include "msgs/mission/dictionary.hpp"
 #include "nodes/maintenance/limit_watch.hpp"
 #include "nodes/maintenance/maintenance_node.hpp"
+#include "nodes/maintenance/version_rules.hpp"
 #include "ros/node_versions.hpp"
 
 namespace srfs {
@@ -70,7 +71,7 @@ void MaintenanceNode::on_sample(const srfs_msgs::msg::PayloadTelemetry& message)
 void MaintenanceNode::blame_version(const std::string& node, const std::string& violation) {
   const auto table = ros::read_versions(var(), node).table;
   const auto trial = ros::trial_of(var(), deployment().ring, node, table, true, now());
-  if (!trial || (trial->lived >= trial->probation && !trial->to_confirm)) return;
+  if (!is_on_probation(trial)) return;
   const auto started = ros::last_started(var(), node);
   if (!started || ros::violation_of(var(), node, started->pid)) return;
   log::warn("{}: blaming version {} for {}", node, trial->version, violation);

@@ -16,6 +16,7 @@
 #include "base/child_process.hpp"
 #include "commanding/commanded_node.hpp"
 #include "nodes/maintenance/scrub_schedule.hpp"
+#include "nodes/maintenance/suite_files.hpp"
 #include "nodes/maintenance/update_transaction.hpp"
 #include "update/scrubber.hpp"
 
@@ -50,20 +51,26 @@ class MaintenanceNode : public CommandedNode {
   void run(UpdateTransaction::Actions actions) { run(update_actions_, std::move(actions)); }
   void run(ScrubSchedule::Actions actions) { run(scrub_actions_, std::move(actions)); }
 
-  /// A job that may wait for a disk or a lock; its outcome ends the telecommand.
-  void run(std::function<FailureCode()> job);
-  void report_faults(std::size_t count);
-  void send_report(const mission::NodeSendReport& command);
-  void set_log_level(const mission::NodeSetLogLevel& command);
-  void use_version(const std::string& node, std::optional<std::uint32_t> version, milliseconds probation);
-  void report_versions(const std::string& node);
-  template <class Structure>
-  [[nodiscard]] srfs_msgs::msg::PayloadTelemetry telemetry(const Structure& structure) const;
+  void run(SuiteActions actions);
+
+  // Telecommands
+  void carry_out(const AnswerTelecommand& action);
+  /// On the worker.
+  template <SuiteOrder Order>
+  void carry_out(const Order& order);
+  void carry_out(const mission::PackageInstall& action);
+  void carry_out(const mission::PackageCancel& action);
+  void carry_out(const mission::PackageReport& action);
+  void carry_out(const RunScrubbing& action);
+  void carry_out(const mission::ScrubReport& action);
+  void carry_out(const SetLogLevel& action);
+  void carry_out(const SaveNodeParameters& action);
+  void carry_out(const ReportParametersRefused& action);
+  void carry_out(const ReportQueuedForDownlink& action);
+  void carry_out(const LogFailure& action);
+  void carry_out(const EndOwnProcess& action);
+  void carry_out(const SendLines& action);
   void send_next();
-  // maintenance_parameters.cpp
-  [[nodiscard]] FailureCode check_parameters(std::uint16_t function, OctetView arguments) const;
-  void execute_parameters(const StoredTelecommand& telecommand);
-  void report_generations(const std::string& node, const srfs_msgs::srv::SaveParameters::Response& said);
 
   // maintenance_packages.cpp: one package at a time, from the folder of files to a running program.
   void open_packages();
@@ -71,7 +78,6 @@ class MaintenanceNode : public CommandedNode {
   void resume_update();
   [[nodiscard]] LaneFolders lane_folders() const;
   [[nodiscard]] IntakeRules intake_rules() const;
-  void carry_out(const AnswerTelecommand& action);
   void carry_out(const TakeInPackage& action);
   void carry_out(const WriteUpdateJournal& action);
   void carry_out(const ReportRefusal& action);
@@ -84,7 +90,6 @@ class MaintenanceNode : public CommandedNode {
   void carry_out(const SwapProgram& action);
   void carry_out(const AddProgram& action);
   void carry_out(const AwaitActive& action);
-  void carry_out(const EndOwnProcess& action);
   void carry_out(const RemoveWorkFolder& action);
   void swap_on_worker(std::function<Result<std::optional<StartedProgram>, std::string>()> job);
   [[nodiscard]] std::optional<std::string> describe_new_node(const TestProgram& action) const;
@@ -92,7 +97,6 @@ class MaintenanceNode : public CommandedNode {
   void read_lane_output();
   void on_lane_end();
   void review_added_nodes();
-  void remove_node(const std::string& node);
 
   /// The lane's process, and what waits for its end.
   struct Lane {
@@ -137,8 +141,9 @@ class MaintenanceNode : public CommandedNode {
   void close_limits();
 
   std::shared_ptr<Limits> limits_;  ///< nullptr: not configured, or no dictionary
+  ActionQueue<SuiteAction> suite_actions_;
   std::shared_ptr<ros::Worker> worker_;
-  std::deque<srfs_msgs::msg::PayloadTelemetry> lines_;  ///< still to be sent, 100 at most
+  std::deque<EncodedLine> lines_;  ///< still to be sent, 100 at most
   ros::Timer sending_;
   ros::Timer own_end_;
   std::shared_ptr<ros::Client<SetParameters>> parameters_of_;  ///< while a call is under way

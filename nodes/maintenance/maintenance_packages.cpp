@@ -16,6 +16,7 @@
 #include "nodes/maintenance/maintenance_node.hpp"
 #include "nodes/maintenance/report_downlink.hpp"
 #include "nodes/maintenance/update_line.hpp"
+#include "nodes/maintenance/version_rules.hpp"
 #include "ros/launcher.hpp"
 #include "ros/node_addition.hpp"
 #include "ros/node_versions.hpp"
@@ -30,7 +31,6 @@ constexpr auto longest_build =
 constexpr auto beyond_self_test = seconds(30);
 constexpr auto cancel_patience = seconds(5);
 constexpr auto look_for_active = milliseconds(5);
-constexpr auto before_own_end = seconds(1);
 constexpr auto between_reviews = seconds(2);
 constexpr auto longest_wait_for_lock = seconds(3);
 constexpr std::size_t longest_line = 200;
@@ -119,7 +119,7 @@ LaneFolders MaintenanceNode::lane_folders() const {
 }
 
 IntakeRules MaintenanceNode::intake_rules() const {
-  IntakeRules rules{var().root / "files", var().root / "keys" / "package.pub", {}};
+  IntakeRules rules{var().root / "files", var().root / "keys" / "package.pub", {}, deployment().ring};
   for (const ros::NodeEntry& node : deployment().nodes) rules.nodes.push_back(node.name);
   return rules;
 }
@@ -134,20 +134,10 @@ void MaintenanceNode::resume_update() {
 
 // ---------------------------------------------------------------- begin, end
 
-void MaintenanceNode::carry_out(const AnswerTelecommand& action) {
-  finished(action.code);
-}
-
 void MaintenanceNode::carry_out(const TakeInPackage& action) {
   const bool taken = package_worker_->ask(
-      [action, rules = intake_rules(), folders = lane_folders(), ring = deployment().ring] {
-        auto intake = take_in_package(rules, action.file, action.journal, folders);
-        // Of those that the operator has to confirm the package cannot shorten the time for it.
-        if (intake && ros::needs_confirmation(ring, intake->update.node))
-          intake->update.probation =
-              std::max(intake->update.probation,
-                       std::chrono::ceil<seconds>(ros::default_probation(ring, intake->update.node)));
-        return intake;
+      [action, rules = intake_rules(), folders = lane_folders()] {
+        return take_in_package(rules, action.file, action.journal, folders);
       },
       [this](auto intake) { run(transaction_->on_taken_in(std::move(intake))); });
   if (!taken)
@@ -243,16 +233,6 @@ void MaintenanceNode::swap_on_worker(std::function<Swapped()> job) {
   if (!taken) run(transaction_->on_swapped(Err(std::string("the worker is busy")), now()));
 }
 
-void MaintenanceNode::carry_out(const EndOwnProcess& /*action*/) {
-  own_end_ = create_one_shot(
-      now() + before_own_end,
-      [] {
-        log::info("exiting so that the ring starts the other version");
-        kill(getpid(), SIGTERM);
-      },
-      "own end");
-}
-
 void MaintenanceNode::carry_out(const AwaitActive& action) {
   awaiting_active_ = create_timer(
       look_for_active,
@@ -276,35 +256,19 @@ void MaintenanceNode::carry_out(const AwaitActive& action) {
 
 // ---------------------------------------------------------------- added nodes
 
-/// An added node has no golden version: one whose last version failed leaves the suite again.
 void MaintenanceNode::review_added_nodes() {
   for (const ros::NodeEntry& node : deployment().nodes) {
     if (!node.added || transaction_->is_busy()) continue;
-    const auto table = ros::read_versions(var(), node.name).table;
-    if (table.active() != update::golden) continue;
-    const std::string reason =
-        table.versions().empty() ? "no version left" : "rolled back: " + table.versions().back().reason;
-    log::error("removing {}: {}", node.name, reason);
+    const auto reason = why_removed(ros::read_versions(var(), node.name).table);
+    if (!reason) continue;
+    log::error("removing {}: {}", node.name, *reason);
     (void)package_worker_->post(
         [var = var(), node = node.name] { (void)ros::remove_node(var, node); },
-        [this, node = node.name, reason] {
+        [this, node = node.name, reason = *reason] {
           raise(mission::UpdateRemovedEvent{.node = node, .reason = reason.substr(0, longest_update_text)});
         });
     return;  // one at a time: the list changes
   }
-}
-
-void MaintenanceNode::remove_node(const std::string& node) {
-  const ros::NodeEntry* entry = deployment().find(node);
-  if (entry != nullptr && !entry->added) {
-    finished(mission::failure::not_added);
-    return;
-  }
-  run([var = var(), node] {
-    const auto removed = ros::remove_node(var, node);
-    if (!removed) log::error("{}", removed.error());
-    return removed ? mission::failure::none : mission::failure::not_done;
-  });
 }
 
 // ---------------------------------------------------------------- the build lane

@@ -24,7 +24,7 @@ const std::string source = "int main() {}\n";
 struct PackageIntakeTest : testing::Test {
   testing_support::TemporaryFolder folder;
   update::SigningSeed seed{1, 2, 3};
-  IntakeRules rules{folder.path() / "files", folder.path() / "package.pub", {"payload_eps", "ttc"}};
+  IntakeRules rules{folder.path() / "files", folder.path() / "package.pub", {"payload_eps", "ttc"}, {}};
   LaneFolders folders{"srfs-lane", "/opt/srfs", folder.path() / "update" / "job",
                       folder.path() / "update" / "lane"};
   update::UpdateJournal journal;
@@ -62,6 +62,15 @@ TEST_F(PackageIntakeTest, a_good_package_is_unpacked_into_a_work_folder_made_ane
   EXPECT_EQ(*read_file(folders.sources() / "main.cpp"), source);
   EXPECT_TRUE(std::filesystem::is_directory(folders.lane));
   EXPECT_FALSE(std::filesystem::exists(folders.work / "left over"));
+}
+
+TEST_F(PackageIntakeTest, a_package_cannot_shorten_the_time_in_which_the_operator_has_to_confirm_it) {
+  update::Manifest m = manifest();
+  m.probation = seconds(60);
+  put("eps.pkg", m);
+  EXPECT_EQ(take_in("eps.pkg")->update.probation, seconds(60));
+  rules.ring.confirmed = {"payload_eps"};
+  EXPECT_EQ(take_in("eps.pkg")->update.probation, update::VersionTable::default_confirmed_probation);
 }
 
 TEST_F(PackageIntakeTest, a_name_that_leads_elsewhere_is_not_found) {
