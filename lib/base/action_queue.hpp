@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <deque>
+#include <cstddef>
 #include <utility>
 #include <vector>
 
@@ -21,14 +21,17 @@ class ActionQueue {
     if (runs_) return false;
     const Running running(*this);
     while (!waiting_.empty()) {
-      const Action action = std::move(waiting_.front());
-      waiting_.pop_front();
+      const Action action = std::move(waiting_[next_++]);
+      if (next_ == waiting_.size()) clear();
       carry_out(action);
     }
     return true;
   }
   /// Forgets what waits.
-  void clear() { waiting_.clear(); }
+  void clear() {
+    waiting_.clear();
+    next_ = 0;
+  }
 
  private:
   /// Until the outer call ends. An exception leaves actions behind: without the one that failed they have no
@@ -36,7 +39,7 @@ class ActionQueue {
   struct Running {
     explicit Running(ActionQueue& its_queue) : queue(its_queue) { queue.runs_ = true; }
     ~Running() {
-      queue.waiting_.clear();
+      queue.clear();
       queue.runs_ = false;
     }
     Running(const Running&) = delete;
@@ -44,7 +47,8 @@ class ActionQueue {
     ActionQueue& queue;
   };
 
-  std::deque<Action> waiting_;
+  std::vector<Action> waiting_;  ///< keeps its memory: a queue that was this long before takes none
+  std::size_t next_ = 0;         ///< of waiting_
   bool runs_ = false;
 };
 

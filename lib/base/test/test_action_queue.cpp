@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/action_queue.hpp"
 
+#include <functional>
 #include <stdexcept>
 
 #include <gmock/gmock.h>
@@ -43,6 +44,19 @@ TEST(ActionQueueTest, WhatIsForgottenWithinAnActionIsNotCarriedOut) {
     queue.clear();
   }));
   EXPECT_THAT(done, testing::ElementsAre(1));
+}
+
+TEST(ActionQueueTest, WhatFollowsAfterThatIsCarriedOut) {
+  ActionQueue<int> queue;
+  std::vector<int> done;
+  const std::function<void(int)> carry_out = [&](int action) {
+    done.push_back(action);
+    if (action != 1) return;
+    queue.clear();
+    EXPECT_FALSE(queue.run({3}, carry_out));
+  };
+  EXPECT_TRUE(queue.run({1, 2}, carry_out));
+  EXPECT_THAT(done, testing::ElementsAre(1, 3));
 }
 
 }  // namespace
