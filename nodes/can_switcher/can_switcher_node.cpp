@@ -12,6 +12,7 @@
 
 #include "base/saturate.hpp"
 #include "hw/open.hpp"
+#include "nodes/can_switcher/holder_kill.hpp"
 #include "ros/ring/heartbeat_page.hpp"
 
 namespace srfs {
@@ -105,7 +106,7 @@ CallbackReturn CanSwitcherNode::on_configure() {
   }
   make_rotation();
   apply_parameters();
-  make_fence();
+  if (!fence_) fence_.emplace(milliseconds(get_parameter<std::int64_t>("fence_wait_ms")));
   open_topics();
   open_bus();
   if (draining_ || (rotation_->awaits_fence() && !fence_->busy())) drain_transmit_queue();
@@ -155,24 +156,6 @@ std::optional<InheritedGrant> CanSwitcherNode::inherited(
   if (instance && instance->incarnation != 0 && is_holder(instance->incarnation, process))
     granted.process = instance->incarnation;
   return granted;
-}
-
-void CanSwitcherNode::make_fence() {
-  if (fence_) return;
-  HolderFence::Hooks hooks;
-  hooks.find = [this](const std::string& payload) -> std::optional<pid_t> {
-    const auto instance = ros::find_instance(var(), payload);
-    if (!instance || !is_holder(instance->incarnation, fenced_process_)) return std::nullopt;
-    return instance->pid;
-  };
-  hooks.watch = [this](int fd, std::function<void()> readable) {
-    return watch_fd(
-        fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); }, "fence");
-  };
-  hooks.after = [this](nanoseconds delay, std::function<void()> due) {
-    return create_one_shot(monotonic_now() + delay, std::move(due), "fence");
-  };
-  fence_.emplace(std::move(hooks), milliseconds(get_parameter<std::int64_t>("fence_wait_ms")));
 }
 
 void CanSwitcherNode::open_topics() {
@@ -286,27 +269,26 @@ void CanSwitcherNode::on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTim
   time_.on_tick(tick);
   if (!is_active()) return;
   const auto due = static_cast<std::int64_t>(std::min<std::uint64_t>(tick.monotonic_ns, INT64_MAX));
-  const TickHoldover::Heard heard = holdover_.on_tick({.cycle = tick.cycle,
-                                                       .due = MonotonicTime(nanoseconds(due)),
-                                                       .period = microseconds(tick.period_us),
-                                                       .received = received});
-  report_outage(heard.ended);
-  if (heard.verdict == TickHoldover::Verdict::beat) {
-    const bool given = beat(received);
-    if (given) flag_latency_.add(monotonic_now() - received);
-  }
+  run(holdover_.on_tick({.cycle = tick.cycle,
+                         .due = MonotonicTime(nanoseconds(due)),
+                         .period = microseconds(tick.period_us),
+                         .received = received}));
   arm_substitute();
 }
 
-bool CanSwitcherNode::beat(MonotonicTime received) {
+void CanSwitcherNode::run(HoldoverActions actions) {
+  holdover_actions_.run(std::move(actions), [this](const HoldoverAction& action) {
+    std::visit([this](const auto& a) { carry_out(a); }, action);
+  });
+}
+
+void CanSwitcherNode::carry_out(const Beat& action) {
   // A deadline that passed while the tick was on its way comes first.
   on_deadline();
-  const Decision decision = rotation_->on_tick(monotonic_now(), holdover_.cycle(), received);
-  const Grant* grant = std::get_if<Grant>(&decision);
-  if (grant != nullptr) give(*grant, received);
-  if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall, received);
-  arm_deadline();
-  return grant != nullptr;
+  RotationActions actions = rotation_->on_tick(monotonic_now(), holdover_.cycle(), action.received);
+  const bool grants = !actions.empty() && std::holds_alternative<Grant>(actions.front());
+  run(std::move(actions));
+  if (grants && !action.is_substitute) flag_latency_.add(monotonic_now() - action.received);
 }
 
 void CanSwitcherNode::arm_substitute() {
@@ -329,15 +311,7 @@ void CanSwitcherNode::on_tick_missing() {
   ticks_->take_waiting();
   const MonotonicTime t = monotonic_now();
   if (const auto due = holdover_.next_substitute(); due && *due <= t) {
-    if (ticks_were_stopped()) {
-      report_outage(holdover_.stop(t));
-    } else {
-      if (holdover_.on_deadline(t) == TickHoldover::Substitute::beat_in_outage) {
-        log::warn("no tick since cycle {}: the rotation continues with substitute ticks", holdover_.cycle());
-        raise(mission::CanSwitcherTicksMissingEvent{.cycle = holdover_.cycle()});
-      }
-      beat(t);
-    }
+    run(ticks_were_stopped() ? holdover_.stop(t) : holdover_.on_deadline(t));
   }
   arm_substitute();
 }
@@ -351,22 +325,22 @@ bool CanSwitcherNode::ticks_were_stopped() const {
   return by_command || std::filesystem::exists(var().stopping_flag(), ec);
 }
 
-void CanSwitcherNode::report_outage(const std::optional<TickHoldover::Outage>& ended) {
-  if (!ended) return;
-  const auto lasted_ms = static_cast<std::uint32_t>(ended->lasted / milliseconds(1));
-  log::info("ticks are back after {} substitute ticks in {} ms", ended->substitutes, lasted_ms);
-  raise(mission::CanSwitcherTicksBackEvent{.substitutes = ended->substitutes, .lasted_ms = lasted_ms});
+void CanSwitcherNode::carry_out(const ReportTicksMissing& action) {
+  log::warn("no tick since cycle {}: the rotation continues with substitute ticks", action.cycle);
+  raise(mission::CanSwitcherTicksMissingEvent{.cycle = action.cycle});
 }
 
-void CanSwitcherNode::give(const Grant& grant, MonotonicTime received) {
-  // This process may have been stopped since the decision: the holder must not be killed for that.
-  if (monotonic_now() >= grant.granted + grant.allotted) {
-    rotation_->withdraw(grant.id);
-    return;
-  }
-  record_holder();
-  publish_flag(grant, received);
-  watch_holder();
+void CanSwitcherNode::carry_out(const ReportTicksBack& action) {
+  const auto lasted_ms = static_cast<std::uint32_t>(action.lasted / milliseconds(1));
+  log::info("ticks are back after {} substitute ticks in {} ms", action.substitutes, lasted_ms);
+  raise(mission::CanSwitcherTicksBackEvent{.substitutes = action.substitutes, .lasted_ms = lasted_ms});
+}
+
+void CanSwitcherNode::run(RotationActions actions) {
+  rotation_actions_.run(std::move(actions), [this](const RotationAction& action) {
+    std::visit([this](const auto& a) { carry_out(a); }, action);
+  });
+  arm_deadline();
 }
 
 /// Opens the accounting of the holder's process, which lives as long as the process, and records its values
@@ -399,32 +373,41 @@ std::optional<HolderCpu> CanSwitcherNode::holder_cpu() {
                    watch.cpu->is_runnable()};
 }
 
-void CanSwitcherNode::publish_recall(const Recall& recall, MonotonicTime tick_received) {
-  srfs_msgs::msg::TaskFlags m;
+/// A flag without holder and without times. The message keeps its memory.
+srfs_msgs::msg::TaskFlags& CanSwitcherNode::flag_of(GrantId id, MonotonicTime tick_received) {
+  srfs_msgs::msg::TaskFlags& m = flag_;
   m.cycle = time_.cycle();
-  m.switcher_incarnation = recall.id.incarnation;
-  m.grant_counter = recall.id.counter;
+  m.switcher_incarnation = id.incarnation;
+  m.grant_counter = id.counter;
   m.flags.assign(rotation_->slots().size(), false);
+  m.holder.clear();
   m.tick_received_ns = static_cast<std::uint64_t>(tick_received.ns());
+  m.allotted_us = 0;
   m.published_ns = static_cast<std::uint64_t>(monotonic_now().ns());
   m.lease_end_ns = m.published_ns;
-  flags_->publish(m);
+  return m;
+}
+
+void CanSwitcherNode::carry_out(const Recall& action) {
+  flags_->publish(flag_of(action.id, action.received));
   watch_holder();
 }
 
-void CanSwitcherNode::publish_flag(const Grant& grant, MonotonicTime tick_received) {
-  srfs_msgs::msg::TaskFlags m;
-  m.cycle = grant.cycle;
-  m.switcher_incarnation = grant.id.incarnation;
-  m.grant_counter = grant.id.counter;
-  m.flags.assign(rotation_->slots().size(), false);
-  m.flags[grant.slot] = true;
-  m.holder = grant.payload;
-  m.tick_received_ns = static_cast<std::uint64_t>(tick_received.ns());
-  m.allotted_us = as_us(grant.allotted);
-  m.lease_end_ns = static_cast<std::uint64_t>(grant.lease_end.ns());
-  m.published_ns = static_cast<std::uint64_t>(monotonic_now().ns());
+void CanSwitcherNode::carry_out(const Grant& action) {
+  // This process may have been stopped since the decision: the holder must not be killed for that.
+  if (monotonic_now() >= action.granted + action.allotted) {
+    rotation_->withdraw(action.id);
+    return;
+  }
+  record_holder();
+  srfs_msgs::msg::TaskFlags& m = flag_of(action.id, action.received);
+  m.cycle = action.cycle;
+  m.flags[action.slot] = true;
+  m.holder = action.payload;
+  m.allotted_us = as_us(action.allotted);
+  m.lease_end_ns = static_cast<std::uint64_t>(action.lease_end.ns());
   flags_->publish(m);
+  watch_holder();
 }
 
 void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
@@ -443,9 +426,7 @@ void CanSwitcherNode::on_bus_status(const srfs_msgs::msg::BusStatus& status) {
   record_holder();
   if (verdict == ReportVerdict::applied && report.kind != Kind::taken) note_slot_use(status);
   if (verdict == ReportVerdict::applied && report.kind == Kind::failed) report_failed_slot(status);
-  const Decision decision = is_active() ? rotation_->on_early_release(monotonic_now()) : Decision(Nothing{});
-  if (const Grant* grant = std::get_if<Grant>(&decision)) give(*grant, grant->granted);
-  arm_deadline();
+  run(is_active() ? rotation_->on_early_release(monotonic_now()) : RotationActions());
 }
 
 void CanSwitcherNode::note_slot_use(const srfs_msgs::msg::BusStatus& status) {
@@ -490,52 +471,88 @@ void CanSwitcherNode::on_deadline() {
   }
   // This thread may be the late one: a release that waits in the reader counts before the holder is blamed.
   statuses_->take_waiting();
-  const std::uint32_t deaf_before = rotation_->counters().deaf_deadlines;
-  const std::uint32_t starved_before = rotation_->counters().starved_holders;
-  const std::uint32_t late_before = rotation_->counters().late_deadlines;
   const auto cpu = holder_cpu();
-  const Decision decision =
-      rotation_->on_deadline(monotonic_now(), context().participant.transport_stats().last_datagram, cpu);
-  if (rotation_->counters().starved_holders != starved_before)
-    log::warn("{} got no CPU to release the bus at the end of its lease: waiting for it",
-              rotation_->current()->payload);
-  if (rotation_->counters().deaf_deadlines != deaf_before)
-    log::warn("no datagram received at the end of the lease of {}: not accusing it",
-              rotation_->current()->payload);
-  if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
-  if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f, cpu);
-  if (rotation_->counters().late_deadlines != late_before)
-    log::warn("this switcher was deaf or late at the end of the lease of {}: asking before killing it",
-              rotation_->current()->payload);
-  if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall, monotonic_now());
+  run(rotation_->on_deadline(monotonic_now(), context().participant.transport_stats().last_datagram, cpu));
   record_holder();
-  arm_deadline();
 }
 
-void CanSwitcherNode::order_reset(const OrderReset& order) {
+void CanSwitcherNode::carry_out(const ReportDoubt& action) {
+  switch (action.why) {
+    case ReportDoubt::Why::starved:
+      log::warn("{} got no CPU to release the bus at the end of its lease: waiting for it", action.payload);
+      break;
+    case ReportDoubt::Why::deaf:
+      log::warn("no datagram received at the end of the lease of {}: not accusing it", action.payload);
+      break;
+    case ReportDoubt::Why::held_up:
+      log::warn("this switcher was deaf or late at the end of the lease of {}: asking before killing it",
+                action.payload);
+      break;
+  }
+}
+
+void CanSwitcherNode::carry_out(const OrderReset& action) {
   srfs_msgs::msg::PeripheralReset m;
-  m.switcher_incarnation = order.id.incarnation;
-  m.grant_counter = order.id.counter;
-  m.payload = order.payload;
-  m.reason = fmt::format("bus held for {} ms", order.held / milliseconds(1));
+  m.switcher_incarnation = action.id.incarnation;
+  m.grant_counter = action.id.counter;
+  m.payload = action.payload;
+  m.reason = fmt::format("bus held for {} ms", action.held / milliseconds(1));
   resets_->publish(m);
   ++resets_sent_;
-  log::warn("{} overran its slot (grant {}.{}): {}", order.payload, order.id.incarnation, order.id.counter,
+  log::warn("{} overran its slot (grant {}.{}): {}", action.payload, action.id.incarnation, action.id.counter,
             m.reason);
   raise(mission::CanSwitcherOverrunEvent{
-      .payload = order.payload, .grant = order.id.counter, .held_us = as_us(order.held)});
+      .payload = action.payload, .grant = action.id.counter, .held_us = as_us(action.held)});
 }
 
-void CanSwitcherNode::fence(const Fence& f, const std::optional<HolderCpu>& cpu) {
+// ---------------------------------------------------------------- the fence
+
+void CanSwitcherNode::carry_out(const Fence& action) {
+  const auto& cpu = action.cpu;
   const std::string had = cpu ? fmt::format(", in which it ran {} and waited {} ms for a CPU",
                                             cpu->ran / milliseconds(1), cpu->waited / milliseconds(1))
                               : std::string();
-  log::error("{} did not release the bus before the end of its lease (grant {}.{}){}: killing it", f.payload,
-             f.id.incarnation, f.id.counter, had);
-  raise(mission::CanSwitcherHolderFencedEvent{.payload = f.payload, .grant = f.id.counter});
-  fenced_process_ = f.process;
-  fence_->fence(f.payload, {.gone = [this] { drain_transmit_queue(); },
-                            .unproven = [this](const std::string& why) { report_unproven(why); }});
+  log::error("{} did not release the bus before the end of its lease (grant {}.{}){}: killing it",
+             action.payload, action.id.incarnation, action.id.counter, had);
+  raise(mission::CanSwitcherHolderFencedEvent{.payload = action.payload, .grant = action.id.counter});
+  run(fence_->fence(action.payload, action.process));
+}
+
+void CanSwitcherNode::run(FenceActions actions) {
+  fence_actions_.run(std::move(actions), [this](const FenceAction& action) {
+    std::visit([this](const auto& a) { carry_out(a); }, action);
+  });
+}
+
+void CanSwitcherNode::carry_out(const KillHolder& action) {
+  exit_watch_.reset();
+  HolderKill kill = kill_holder([&]() -> std::optional<pid_t> {
+    const auto instance = ros::find_instance(var(), action.payload);
+    if (!instance || !is_holder(instance->incarnation, action.process)) return std::nullopt;
+    return instance->pid;
+  });
+  holder_pidfd_ = std::move(kill.pidfd);
+  run(fence_->on_killed(kill.is_there, kill.problem));
+}
+
+void CanSwitcherNode::carry_out(const AwaitExit& action) {
+  if (holder_pidfd_) {
+    exit_watch_ = watch_fd(
+        holder_pidfd_.get(), EPOLLIN, [this](std::uint32_t) { run(fence_->on_exit()); }, "fence");
+  }
+  fence_timer_ = create_one_shot(
+      monotonic_now() + action.wait, [this] { run(fence_->on_wait_over()); }, "fence");
+}
+
+void CanSwitcherNode::carry_out(const HolderGone& /*action*/) {
+  exit_watch_.reset();
+  fence_timer_.reset();
+  holder_pidfd_.reset();
+  drain_transmit_queue();
+}
+
+void CanSwitcherNode::carry_out(const FenceUnproven& action) {
+  report_unproven(action.why);
 }
 
 void CanSwitcherNode::report_unproven(const std::string& why) {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "base/action_queue.hpp"
 #include "base/latency_histogram.hpp"
 #include "nodes/can_switcher/bus_listener.hpp"
 #include "nodes/can_switcher/holder_fence.hpp"
@@ -43,18 +44,18 @@ class CanSwitcherNode : public ros::LifecycleNode {
   [[nodiscard]] std::vector<std::string> turns() const;
   void take_plan();
   void on_tick(const srfs_msgs::msg::TimeTick& tick, MonotonicTime received);
-  /// A tick, heard or made. @return whether a slot was given
-  bool beat(MonotonicTime received);
+  void run(HoldoverActions actions);
+  void carry_out(const Beat& action);
+  void carry_out(const ReportTicksMissing& action);
+  void carry_out(const ReportTicksBack& action);
   void arm_substitute();
   void on_tick_missing();
   /// Timing is Inactive by command, or the suite is being stopped: then no tick is to be expected.
   [[nodiscard]] bool ticks_were_stopped() const;
-  void report_outage(const std::optional<TickHoldover::Outage>& ended);
   void on_bus_status(const srfs_msgs::msg::BusStatus& status);
   void on_deadline();
   void arm_deadline();
   void make_rotation();
-  void make_fence();
   void open_topics();
   void open_bus();
   /// A grant that was not monitored since, judged by the process that runs now.
@@ -64,11 +65,18 @@ class CanSwitcherNode : public ros::LifecycleNode {
   void record_holder();
   void watch_holder();
   [[nodiscard]] std::optional<HolderCpu> holder_cpu();
-  void give(const Grant& grant, MonotonicTime received);
-  void publish_flag(const Grant& grant, MonotonicTime tick_received);
-  void publish_recall(const Recall& recall, MonotonicTime tick_received);
-  void order_reset(const OrderReset& order);
-  void fence(const Fence& fence, const std::optional<HolderCpu>& cpu);
+  void run(RotationActions actions);
+  void carry_out(const Grant& action);
+  void carry_out(const OrderReset& action);
+  void carry_out(const Fence& action);
+  void carry_out(const Recall& action);
+  void carry_out(const ReportDoubt& action);
+  void run(FenceActions actions);
+  void carry_out(const KillHolder& action);
+  void carry_out(const AwaitExit& action);
+  void carry_out(const HolderGone& action);
+  void carry_out(const FenceUnproven& action);
+  srfs_msgs::msg::TaskFlags& flag_of(GrantId id, MonotonicTime tick_received);
   /// The process of the fenced holder is gone: the bus goes on when nothing of it waits to be sent.
   void drain_transmit_queue();
   void step_drain();
@@ -86,6 +94,7 @@ class CanSwitcherNode : public ros::LifecycleNode {
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::TimeTick>> ticks_;
   std::shared_ptr<ros::Subscription<srfs_msgs::msg::BusStatus>> statuses_;
   TickHoldover holdover_;
+  ActionQueue<HoldoverAction> holdover_actions_;
   ros::Timer substitute_timer_;
   std::optional<MonotonicTime> substitute_armed_;
   ros::Timer deadline_timer_;
@@ -113,9 +122,14 @@ class CanSwitcherNode : public ros::LifecycleNode {
 
   /// Lives as long as the process: its grant counter must never start again.
   std::optional<TaskFlagRotation> rotation_;
-  std::optional<HolderRecord> holder_record_;    ///< none: it could not be opened
-  std::optional<std::uint32_t> fenced_process_;  ///< incarnation that is being fenced
+  ActionQueue<RotationAction> rotation_actions_;
+  srfs_msgs::msg::TaskFlags flag_;             ///< the last
+  std::optional<HolderRecord> holder_record_;  ///< none: it could not be opened
   std::optional<HolderFence> fence_;
+  ActionQueue<FenceAction> fence_actions_;
+  Fd holder_pidfd_;  ///< of the process that is being fenced
+  ros::Executor::Handle exit_watch_;
+  ros::Timer fence_timer_;
   bool draining_ = false;  ///< also while this node is unconfigured
   std::optional<TransmitDrain> drain_;
   ros::Timer drain_timer_;

@@ -2,26 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "nodes/can_switcher/holder_fence.hpp"
 
-#include <sys/syscall.h>
-#include <unistd.h>
-
 #include <cassert>
-#include <cerrno>
-#include <csignal>
-#include <utility>
-
-#include <fmt/format.h>
-
-#include "base/fd.hpp"
 
 namespace srfs {
-namespace {
-
-Fd open_pidfd(pid_t pid) {
-  return Fd(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)));
-}  // close-on-exec by itself
-
-}  // namespace
 
 bool is_holder(std::uint32_t incarnation, const std::optional<std::uint32_t>& holder) {
   if (!holder) return true;  // any process
@@ -29,54 +12,28 @@ bool is_holder(std::uint32_t incarnation, const std::optional<std::uint32_t>& ho
   return incarnation != 0 && incarnation <= *holder;
 }
 
-int HolderFence::send_sigkill(int pidfd) {
-  return ::syscall(SYS_pidfd_send_signal, pidfd, SIGKILL, nullptr, 0) == 0 ? 0 : errno;
+FenceActions HolderFence::fence(const std::string& payload, std::optional<std::uint32_t> process) {
+  assert(!busy());
+  target_ = KillHolder{payload, process};
+  return {*target_};
 }
 
-void HolderFence::fence(const std::string& payload, Outcome outcome) {
-  assert(!busy() && outcome.gone);
-  payload_ = payload;
-  outcome_ = std::move(outcome);
-  attempt();
+FenceActions HolderFence::on_killed(bool is_there, const std::optional<std::string>& problem) {
+  if (!busy()) return {};
+  if (!is_there) return on_exit();
+  why_ = problem.value_or("killed, but still there");
+  return {AwaitExit{wait_}};
 }
 
-void HolderFence::attempt() {
-  watch_.reset();
-  pidfd_.reset();
-  const auto problem = kill_holder();
-  // The instance lock ends with the process, not before: without it there is no such process.
-  if (!hooks_.find(payload_)) {
-    finish();
-    return;
-  }
-  if (pidfd_) watch_ = hooks_.watch(pidfd_.get(), [this] { finish(); });
-  timeout_ = hooks_.after(wait_, [this, why = problem.value_or("killed, but still there")] {
-    if (outcome_.unproven) outcome_.unproven(why);
-    attempt();
-  });
+FenceActions HolderFence::on_exit() {
+  if (!busy()) return {};
+  target_.reset();
+  return {HolderGone{}};
 }
 
-std::optional<std::string> HolderFence::kill_holder() {
-  const auto pid = hooks_.find(payload_);
-  if (!pid) return std::nullopt;
-  pidfd_ = open_pidfd(*pid);
-  if (!pidfd_) return fmt::format("pidfd of {}: {}", *pid, errno_text(errno));
-  // Asked again: between the two questions the process may have ended and its number may have been reused.
-  if (hooks_.find(payload_) != pid) {
-    pidfd_.reset();
-    return "another process holds its lock";
-  }
-  const int error = hooks_.kill(pidfd_.get());
-  if (error == 0) return std::nullopt;
-  return fmt::format("cannot kill pid {}: {}", *pid, errno_text(error));
-}
-
-void HolderFence::finish() {
-  watch_.reset();
-  timeout_.reset();
-  pidfd_.reset();
-  const Outcome outcome = std::exchange(outcome_, {});
-  outcome.gone();
+FenceActions HolderFence::on_wait_over() {
+  if (!busy()) return {};
+  return {FenceUnproven{why_}, *target_};
 }
 
 }  // namespace srfs

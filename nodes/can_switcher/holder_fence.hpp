@@ -2,16 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <string>
+#include <variant>
+#include <vector>
 
-#include "base/fd.hpp"
 #include "base/time.hpp"
-#include "ros/executor.hpp"
 
 namespace srfs {
 
@@ -20,47 +17,48 @@ namespace srfs {
 /// @param holder       incarnation of the holder; nullopt: not known
 [[nodiscard]] bool is_holder(std::uint32_t incarnation, const std::optional<std::uint32_t>& holder);
 
-/// Ends a payload's process so surely that it can never write to the bus again. Does not block: sends SIGKILL
-/// by pidfd (a reused number is never hit), then waits for the exit. A process that cannot be killed, or does
-/// not go away, may still write: it is not reported as gone before it is, and is killed again after each
-/// wait. Work thread.
+// What the fence decides; carried out by the adapter in the given order.
+
+/// Send SIGKILL to the process that is_holder() (holder_kill.hpp). Answer with on_killed(). What was awaited
+/// of an earlier try is not awaited any more.
+struct KillHolder {
+  std::string payload;
+  std::optional<std::uint32_t> process;  ///< its incarnation; nullopt: any
+};
+/// Call on_exit() when the process has ended, on_wait_over() if that takes longer.
+struct AwaitExit {
+  nanoseconds wait{0};
+};
+/// The process is gone. The last action.
+struct HolderGone {};
+/// Another wait ended without proof; it goes on.
+struct FenceUnproven {
+  std::string why;
+};
+
+using FenceAction = std::variant<KillHolder, AwaitExit, HolderGone, FenceUnproven>;
+using FenceActions = std::vector<FenceAction>;
+
+/// Ends a payload's process so surely that it can never write to the bus again. A process that cannot be
+/// killed, or does not go away, may still write: it is not taken for gone before it is, and is killed again
+/// after each wait. Pure; one thread.
 class HolderFence {
  public:
-  /// What it needs from its surroundings.
-  struct Hooks {
-    std::function<std::optional<pid_t>(const std::string& payload)>
-        find;  ///< holder of the payload's instance lock now
-    std::function<ros::Executor::Handle(int fd, std::function<void()> readable)> watch;
-    std::function<ros::Timer(nanoseconds delay, std::function<void()> due)> after;
-    std::function<int(int pidfd)> kill = send_sigkill;  ///< @return 0 or errno
-  };
-  struct Outcome {
-    std::function<void()> gone;  ///< once, and nothing after it
-    /// After each wait without proof; it goes on.
-    std::function<void(const std::string& why)> unproven = {};
-  };
+  explicit HolderFence(nanoseconds wait) : wait_(wait) {}
 
-  HolderFence(Hooks hooks, nanoseconds wait) : hooks_(std::move(hooks)), wait_(wait) {}
-
-  /// One at a time. gone() is called at once when no such process runs.
-  void fence(const std::string& payload, Outcome outcome);
-  [[nodiscard]] bool busy() const { return static_cast<bool>(outcome_.gone); }
-
-  static int send_sigkill(int pidfd);
+  /// One at a time. @param process  as in KillHolder
+  [[nodiscard]] FenceActions fence(const std::string& payload, std::optional<std::uint32_t> process);
+  /// @param is_there  the process still has its instance lock, which ends with it and not before
+  /// @param problem   why it is not known to be on its way out; nullopt: it is
+  [[nodiscard]] FenceActions on_killed(bool is_there, const std::optional<std::string>& problem);
+  [[nodiscard]] FenceActions on_exit();
+  [[nodiscard]] FenceActions on_wait_over();
+  [[nodiscard]] bool busy() const { return target_.has_value(); }
 
  private:
-  void attempt();
-  /// @return why the process is not known to be on its way out, nothing when it is
-  std::optional<std::string> kill_holder();
-  void finish();
-
-  Hooks hooks_;
   nanoseconds wait_;
-  std::string payload_;
-  Fd pidfd_;
-  ros::Executor::Handle watch_;
-  ros::Timer timeout_;
-  Outcome outcome_;
+  std::optional<KillHolder> target_;
+  std::string why_;  ///< it may still be there
 };
 
 }  // namespace srfs

@@ -39,6 +39,7 @@ void TaskFlagRotation::inherit(const InheritedGrant& granted, MonotonicTime now)
                    .slot = *slot,
                    .payload = granted.payload,
                    .cycle = 0,
+                   .received = now,
                    .granted = now,
                    .lease_end = now,
                    .allotted = nanoseconds(0)};
@@ -54,62 +55,62 @@ void TaskFlagRotation::await_empty_queue(MonotonicTime now) {
                    .slot = 0,
                    .payload = {},
                    .cycle = 0,
+                   .received = now,
                    .granted = now,
                    .lease_end = now,
                    .allotted = nanoseconds(0)};
   phase_ = Phase::fencing;
 }
 
-Decision TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
+RotationActions TaskFlagRotation::on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   last_cycle_ = cycle;
   ++counters_.ticks;
 
-  if (phase_ == Phase::recalling) return suspended_ ? Decision(Nothing{}) : recall(now);
+  if (phase_ == Phase::recalling) return suspended_ ? RotationActions() : recall(now, received);
   if (phase_ != Phase::free) {
     ++counters_.blocked_ticks;
-    return Blocked{current_->payload, now - current_->granted};
+    return {};
   }
   if (now < not_before_) {
     ++counters_.waiting_ticks;
-    return WaitingOut{not_before_};
+    return {};
   }
   return grant_next(now, cycle, received);
 }
 
 /// With each tick, as a flag may be lost; later seldom: all payloads answer, and the holder may be too late
 /// for all that it hears.
-Decision TaskFlagRotation::recall(MonotonicTime now) {
+RotationActions TaskFlagRotation::recall(MonotonicTime now, MonotonicTime received) {
   ++counters_.waiting_ticks;
   if (!std::exchange(recalled_, true)) {
     current_->lease_end = now + recall_time_;
     recalled_first_ = now;
   } else if (now - recalled_first_ > recalled_often && now - recalled_last_ < recall_pause) {
-    return WaitingOut{recalled_last_ + recall_pause};
+    return {};
   }
   recalled_last_ = now;
-  return Recall{current_->id, current_->payload};
+  return {Recall{current_->id, current_->payload, received}};
 }
 
-Decision TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
+RotationActions TaskFlagRotation::grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   const bool from_before = resumed_ && received < *resumed_;
   if (suspended_ || from_before) {
     ++counters_.idle_ticks;
-    return Nothing{};
+    return {};
   }
   had_this_tick_.assign(slots_.size(), false);
-  return grant(now, cycle);
+  return {grant(now, cycle, received)};
 }
 
-Decision TaskFlagRotation::on_early_release(MonotonicTime now) {
+RotationActions TaskFlagRotation::on_early_release(MonotonicTime now) {
   const bool unused = std::exchange(slot_left_unused_, false);
-  if (!unused || !early_handover_ || suspended_ || phase_ != Phase::free || now < not_before_)
-    return Nothing{};
-  if (had_this_tick_[order_[next_place_]]) return Nothing{};
+  if (!unused || !early_handover_ || suspended_ || phase_ != Phase::free || now < not_before_) return {};
+  if (had_this_tick_[order_[next_place_]]) return {};
   ++counters_.early_grants;
-  return grant(now, last_cycle_);
+  return {grant(now, last_cycle_, now)};
 }
 
-Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle) {
+Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle, MonotonicTime received) {
   assert(phase_ == Phase::free);
   const std::size_t slot = order_[next_place_];
   const Slot& plan = slots_[slot];
@@ -117,6 +118,7 @@ Grant TaskFlagRotation::grant(MonotonicTime now, MissionCycle cycle) {
               .slot = slot,
               .payload = plan.payload,
               .cycle = cycle,
+              .received = received,
               .granted = now,
               .lease_end = now + plan.lease(),
               .allotted = plan.allotted};
@@ -228,40 +230,46 @@ void TaskFlagRotation::withdraw(GrantId id) {
   free_bus();
 }
 
-Decision TaskFlagRotation::on_deadline(MonotonicTime now, MonotonicTime last_heard,
-                                       const std::optional<HolderCpu>& holder) {
+RotationActions TaskFlagRotation::on_deadline(MonotonicTime now, MonotonicTime last_heard,
+                                              const std::optional<HolderCpu>& holder) {
   const auto deadline = next_deadline();
-  if (!deadline || now < *deadline) return Nothing{};
-  if (now >= current_->lease_end) {
-    if (waits_to_hear(now, last_heard)) return Nothing{};
-    switch (holder ? judge(now, *holder) : HolderVerdict::could_run) {
-      case HolderVerdict::starved:
-        return on_starved_holder(now);
-      case HolderVerdict::may_starve:
-        return Nothing{};
-      case HolderVerdict::could_run:
-        return end_of_lease(now);
-    }
+  if (!deadline || now < *deadline) return {};
+  if (now < current_->lease_end) {
+    // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
+    assert(phase_ == Phase::taken);
+    phase_ = Phase::reset_ordered;
+    ++slot_counters_[current_->slot].overruns;
+    return {OrderReset{current_->id, current_->payload, now - current_->granted}};
   }
-  // Only a payload that took the bus can overrun it; one that never took it has nothing to reset.
-  assert(phase_ == Phase::taken);
-  phase_ = Phase::reset_ordered;
-  ++slot_counters_[current_->slot].overruns;
-  return OrderReset{current_->id, current_->payload, now - current_->granted};
+  RotationActions actions;
+  if (waits_to_hear(now, last_heard, actions)) return actions;
+  switch (holder ? judge(now, *holder, actions) : HolderVerdict::could_run) {
+    case HolderVerdict::starved:
+      ask_starved_holder(now, actions);
+      break;
+    case HolderVerdict::may_starve:
+      break;
+    case HolderVerdict::could_run:
+      end_lease(now, holder, actions);
+      break;
+  }
+  return actions;
 }
 
-bool TaskFlagRotation::waits_to_hear(MonotonicTime now, MonotonicTime last_heard) {
+bool TaskFlagRotation::waits_to_hear(MonotonicTime now, MonotonicTime last_heard, RotationActions& actions) {
   const bool deaf = deaf_since_ ? last_heard <= *deaf_since_ : now - last_heard > deaf_limit;
   if (!deaf || (deaf_since_ && now - *deaf_since_ >= deaf_patience)) return false;
   if (!deaf_since_) {
     deaf_since_ = now;
     ++counters_.deaf_deadlines;
+    actions.emplace_back(ReportDoubt{ReportDoubt::Why::deaf, current_->payload});
   }
   current_->lease_end = now + deaf_look;
   return true;
 }
 
-TaskFlagRotation::HolderVerdict TaskFlagRotation::judge(MonotonicTime now, const HolderCpu& holder) {
+TaskFlagRotation::HolderVerdict TaskFlagRotation::judge(MonotonicTime now, const HolderCpu& holder,
+                                                        RotationActions& actions) {
   if (phase_ != Phase::recalling && now - current_->lease_end > held_up_limit)
     return HolderVerdict::could_run;  // this process was held up itself: it asks first
   const bool first_look = !starved_end_;
@@ -278,6 +286,7 @@ TaskFlagRotation::HolderVerdict TaskFlagRotation::judge(MonotonicTime now, const
   if (!starved_since_) {
     starved_since_ = end;
     ++counters_.starved_holders;
+    actions.emplace_back(ReportDoubt{ReportDoubt::Why::starved, current_->payload});
   }
   starved_end_ = end;
   current_->lease_end = now + starved_look;
@@ -285,10 +294,10 @@ TaskFlagRotation::HolderVerdict TaskFlagRotation::judge(MonotonicTime now, const
 }
 
 /// It is asked: its release, or the flag, may be lost, and then it would say nothing once it has a CPU.
-Decision TaskFlagRotation::on_starved_holder(MonotonicTime now) {
+void TaskFlagRotation::ask_starved_holder(MonotonicTime now, RotationActions& actions) {
   const auto process = process_of_holder();
-  if (phase_ == Phase::recalling || !process) return Nothing{};
-  return ask(*process, now, std::min(recall_time_, held_up_recall_time));
+  if (phase_ == Phase::recalling || !process) return;
+  actions.emplace_back(ask(*process, now, std::min(recall_time_, held_up_recall_time)));
 }
 
 /// A recall does not renew the patience with a starved holder.
@@ -300,10 +309,11 @@ Recall TaskFlagRotation::ask(std::uint32_t process, MonotonicTime now, nanosecon
   recalled_ = true;
   recalled_first_ = recalled_last_ = now;
   current_->lease_end = now + time;
-  return {current_->id, current_->payload};
+  return {current_->id, current_->payload, now};
 }
 
-Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
+void TaskFlagRotation::end_lease(MonotonicTime now, const std::optional<HolderCpu>& holder,
+                                 RotationActions& actions) {
   const auto process = process_of_holder();
   const bool was_deaf = std::exchange(deaf_since_, std::nullopt).has_value();
   if (phase_ != Phase::recalling && process && (was_deaf || now - current_->lease_end > held_up_limit)) {
@@ -311,7 +321,10 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
     // killed.
     const bool long_ago = now - current_->lease_end > held_up_recall_time;
     ++counters_.late_deadlines;
-    return ask(*process, now, long_ago ? recall_time_ : std::min(recall_time_, held_up_recall_time));
+    actions.emplace_back(ReportDoubt{ReportDoubt::Why::held_up, current_->payload});
+    actions.emplace_back(
+        ask(*process, now, long_ago ? recall_time_ : std::min(recall_time_, held_up_recall_time)));
+    return;
   }
   SlotCounters& counters = slot_counters_[current_->slot];
   if (phase_ == Phase::granted) {
@@ -320,12 +333,12 @@ Decision TaskFlagRotation::end_of_lease(MonotonicTime now) {
     // that never reported since its start is not up yet (or not configured): there is nothing to fence.
     if (!known_process_[current_->slot]) {
       free_bus();
-      return Nothing{};
+      return;
     }
   }
   phase_ = Phase::fencing;
   ++counters.fences;
-  return Fence{current_->id, current_->payload, process};
+  actions.emplace_back(Fence{current_->id, current_->payload, process, holder});
 }
 
 void TaskFlagRotation::on_fenced(GrantId id, MonotonicTime now) {

@@ -23,29 +23,26 @@ struct Slot {
   friend bool operator==(const Slot&, const Slot&) = default;
 };
 
-// What the rotation decides.
-
-struct Nothing {
-  friend bool operator==(Nothing, Nothing) = default;
+/// CPU use of the holder, as the kernel reports it, since its grant or since its recall: of its work thread
+/// and of the middleware's threads, which may hold a lock that the work thread needs.
+struct HolderCpu {
+  nanoseconds waited{0};  ///< one of them: ready to run, without a CPU
+  nanoseconds ran{0};     ///< the work thread
+  bool runnable = false;  ///< now: one of them runs, or waits
 };
+
+// What the rotation decides; carried out by the adapter in the given order.
+
 /// Publish the flag of this payload.
 struct Grant {
   GrantId id;
   std::size_t slot = 0;  ///< index in the configured order
   std::string payload;
   MissionCycle cycle = 0;
-  MonotonicTime granted;    ///< the tick's receipt; for an early grant, that of the previous release
+  MonotonicTime received;  ///< the tick's receipt; for an early grant, that of the previous release
+  MonotonicTime granted;
   MonotonicTime lease_end;  ///< never renewed
   nanoseconds allotted{0};
-};
-/// No flag on this tick: the holder keeps the bus (the paper's Fig. 14b).
-struct Blocked {
-  std::string holder;
-  nanoseconds held{0};
-};
-/// No flag on this tick: leases of an earlier switcher, or the guard time after a fence, may still run.
-struct WaitingOut {
-  MonotonicTime until;
 };
 /// Send PeripheralReset to the holder.
 struct OrderReset {
@@ -59,6 +56,7 @@ struct Fence {
   GrantId id;
   std::string payload;
   std::optional<std::uint32_t> process;  ///< holder's incarnation, if known: spare a later one
+  std::optional<HolderCpu> cpu;          ///< on which it was judged
 };
 
 /// Publish a flag without holder under this id. The payload gives up its earlier grant and reports RELEASED
@@ -66,17 +64,22 @@ struct Fence {
 struct Recall {
   GrantId id;
   std::string payload;
+  MonotonicTime received;  ///< the tick's receipt; at a deadline, that one's time
+};
+/// Why the holder is not accused at the end of its lease, for the log. Once for each such end.
+struct ReportDoubt {
+  enum class Why : std::uint8_t {
+    starved,  ///< it had no CPU to release the bus
+    deaf,     ///< this process had no input
+    held_up,  ///< this process was deaf or late itself, and asks first
+  };
+  Why why = Why::starved;
+  std::string payload;
 };
 
-/// CPU use of the holder, as the kernel reports it, since its grant or since its recall: of its work thread
-/// and of the middleware's threads, which may hold a lock that the work thread needs.
-struct HolderCpu {
-  nanoseconds waited{0};  ///< one of them: ready to run, without a CPU
-  nanoseconds ran{0};     ///< the work thread
-  bool runnable = false;  ///< now: one of them runs, or waits
-};
-
-using Decision = std::variant<Nothing, Grant, Blocked, WaitingOut, OrderReset, Fence, Recall>;
+using RotationAction = std::variant<Grant, OrderReset, Fence, Recall, ReportDoubt>;
+/// At most two at a time.
+using RotationActions = std::vector<RotationAction>;
 
 /// A grant that was not monitored since: the switcher was killed, or unconfigured. Past its lease a holder
 /// refuses to write. But a holder that was stopped between that check and the write still writes when it
@@ -120,20 +123,21 @@ class TaskFlagRotation {
 
   /// A tick that TickHoldover believed, or made.
   /// @param received  when the tick arrived, before now if it had to wait
-  /// @return Grant, Blocked, WaitingOut, Recall, or Nothing (suspended, a tick from before resume())
-  [[nodiscard]] Decision on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
-  /// @return OrderReset, Fence or Recall when due, else Nothing. Call it at next_deadline(); harmless at any
+  /// @return Grant or Recall; nothing: the holder keeps the bus (the paper's Fig. 14b), leases of an earlier
+  /// switcher or the guard time after a fence may still run, suspended, or a tick from before resume()
+  [[nodiscard]] RotationActions on_tick(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
+  /// What is due of OrderReset, Fence, Recall and ReportDoubt. Call it at next_deadline(); harmless at any
   /// other time.
   /// @param last_heard  last input of any kind from the network; a switcher that hears nothing blames no
   /// payload
   /// @param holder      nullopt: not known, so only the clock counts
-  [[nodiscard]] Decision on_deadline(MonotonicTime now, MonotonicTime last_heard,
-                                     const std::optional<HolderCpu>& holder = std::nullopt);
-  [[nodiscard]] Decision on_deadline(MonotonicTime now) { return on_deadline(now, now); }
+  [[nodiscard]] RotationActions on_deadline(MonotonicTime now, MonotonicTime last_heard,
+                                            const std::optional<HolderCpu>& holder = std::nullopt);
+  [[nodiscard]] RotationActions on_deadline(MonotonicTime now) { return on_deadline(now, now); }
   ReportVerdict on_bus_status(const BusReport& report, MonotonicTime now);
-  /// The next grant if the last report left a slot unused and early hand-over is on, else Nothing. Serves the
+  /// The next grant if the last report left a slot unused and early hand-over is on, else nothing. Serves the
   /// rest of the round until the next tick, every payload at most once a tick. Call it after each report.
-  [[nodiscard]] Decision on_early_release(MonotonicTime now);
+  [[nodiscard]] RotationActions on_early_release(MonotonicTime now);
   /// The flag of this grant was not published because this process was too late. No payload can have taken
   /// the bus.
   void withdraw(GrantId id);
@@ -253,14 +257,14 @@ class TaskFlagRotation {
   enum class Phase : std::uint8_t { free, granted, taken, reset_ordered, fencing, recalling };
 
   /// Nothing came in around the end of the lease; it is checked again a little later.
-  [[nodiscard]] bool waits_to_hear(MonotonicTime now, MonotonicTime last_heard);
+  [[nodiscard]] bool waits_to_hear(MonotonicTime now, MonotonicTime last_heard, RotationActions& actions);
   /// Of a holder whose lease is over, by the time in which it had a CPU.
   enum class HolderVerdict : std::uint8_t { could_run, starved, may_starve };
-  [[nodiscard]] HolderVerdict judge(MonotonicTime now, const HolderCpu& holder);
-  Decision on_starved_holder(MonotonicTime now);
+  [[nodiscard]] HolderVerdict judge(MonotonicTime now, const HolderCpu& holder, RotationActions& actions);
+  void ask_starved_holder(MonotonicTime now, RotationActions& actions);
   Recall ask(std::uint32_t process, MonotonicTime now, nanoseconds time);
-  Decision grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
-  Grant grant(MonotonicTime now, MissionCycle cycle);
+  RotationActions grant_next(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
+  Grant grant(MonotonicTime now, MissionCycle cycle, MonotonicTime received);
   [[nodiscard]] std::optional<std::size_t> slot_of(const std::string& payload) const;
   /// Its incarnation; nullopt: it has not reported yet.
   [[nodiscard]] std::optional<std::uint32_t> process_of_holder() const {
@@ -268,8 +272,8 @@ class TaskFlagRotation {
   }
   ReportVerdict on_current_report(const BusReport& report, MonotonicTime now);
   ReportVerdict count(ReportVerdict verdict);
-  Decision end_of_lease(MonotonicTime now);
-  Decision recall(MonotonicTime now);
+  void end_lease(MonotonicTime now, const std::optional<HolderCpu>& holder, RotationActions& actions);
+  RotationActions recall(MonotonicTime now, MonotonicTime received);
   ReportVerdict on_recall_answer(const BusReport& report, MonotonicTime now);
   void free_bus() {
     phase_ = Phase::free;

@@ -11,7 +11,7 @@ nanoseconds TickHoldover::grace(nanoseconds period) {
   return std::max<nanoseconds>(period / 4, milliseconds(5));
 }
 
-TickHoldover::Heard TickHoldover::on_tick(const HeardTick& tick) {
+HoldoverActions TickHoldover::on_tick(const HeardTick& tick) {
   if (!follows(tick.cycle)) {
     ++counters_.repeated;
     return {};
@@ -28,22 +28,23 @@ TickHoldover::Heard TickHoldover::on_tick(const HeardTick& tick) {
   const bool plausible = tick.due <= tick.received && tick.received - tick.due <= tick.period;
   const MonotonicTime due = plausible ? tick.due : tick.received;
 
-  Heard heard{.verdict = Verdict::beat, .ended = end_outage(due)};
+  HoldoverActions actions = end_outage(due);
   if (last_beat_ && due < *last_beat_ + period / 2) {
     ++counters_.made;
-    heard.verdict = Verdict::made;
   } else {
     last_beat_ = due;
+    actions.emplace_back(Beat{tick.received});
   }
   period_ = known ? tick.period : nanoseconds(0);
   phase_ = last_real_ = due;
   turning_ = true;
-  return heard;
+  return actions;
 }
 
-std::optional<TickHoldover::Outage> TickHoldover::end_outage(MonotonicTime at) {
-  const Outage outage{std::exchange(in_a_row_, 0), at - last_real_};
-  return std::exchange(told_, false) ? std::optional(outage) : std::nullopt;
+HoldoverActions TickHoldover::end_outage(MonotonicTime at) {
+  const ReportTicksBack outage{std::exchange(in_a_row_, 0), at - last_real_};
+  if (!std::exchange(told_, false)) return {};
+  return {outage};
 }
 
 std::optional<MonotonicTime> TickHoldover::next_substitute() const {
@@ -51,20 +52,21 @@ std::optional<MonotonicTime> TickHoldover::next_substitute() const {
   return phase_ + period_ + (in_a_row_ == 0 ? grace(period_) : nanoseconds(0));
 }
 
-TickHoldover::Substitute TickHoldover::on_deadline(MonotonicTime now) {
+HoldoverActions TickHoldover::on_deadline(MonotonicTime now) {
   const auto due = next_substitute();
-  if (!due || now < *due) return Substitute::not_due;
+  if (!due || now < *due) return {};
   phase_ = phase_ + period_ * ((now - phase_) / period_);
   last_beat_ = now;
   ++in_a_row_;
   ++counters_.substitutes;
-  if (told_ || now - last_real_ < std::max(2 * period_, least_outage)) return Substitute::beat;
+  const Beat beat{now, true};
+  if (told_ || now - last_real_ < std::max(2 * period_, least_outage)) return {beat};
   told_ = true;
   ++counters_.outages;
-  return Substitute::beat_in_outage;
+  return {ReportTicksMissing{cycle()}, beat};
 }
 
-std::optional<TickHoldover::Outage> TickHoldover::stop(MonotonicTime now) {
+HoldoverActions TickHoldover::stop(MonotonicTime now) {
   turning_ = false;
   return end_outage(now);
 }

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <optional>
+#include <variant>
+#include <vector>
 
 #include "base/time.hpp"
 
@@ -16,6 +18,27 @@ struct HeardTick {
   nanoseconds period{0};  ///< as timing says; out of range: not known, nothing is substituted
   MonotonicTime received;
 };
+
+// What the holdover decides; carried out by the adapter in the given order.
+
+/// The next slot is due.
+struct Beat {
+  MonotonicTime received;      ///< when its tick arrived, or when a substitute took its place
+  bool is_substitute = false;  ///< no tick was heard
+};
+/// It is certain that this is not just one late tick. Once for each outage, before its next Beat.
+struct ReportTicksMissing {
+  MissionCycle cycle = 0;  ///< heard last
+};
+/// The outage that was reported is over, by a tick or because timing was stopped on purpose.
+struct ReportTicksBack {
+  std::uint32_t substitutes = 0;
+  nanoseconds lasted{0};  ///< from the last real tick on
+};
+
+using HoldoverAction = std::variant<Beat, ReportTicksMissing, ReportTicksBack>;
+/// At most two at a time.
+using HoldoverActions = std::vector<HoldoverAction>;
 
 /// The beat of the switching: timing's ticks, and while they stay away substitutes at their period and phase.
 /// So a dead, stopped or late timing node costs no slot. It starts with a real tick only. A substitute has no
@@ -31,33 +54,16 @@ struct HeardTick {
 /// Pure; one thread.
 class TickHoldover {
  public:
-  enum class Verdict : std::uint8_t {
-    beat,
-    repeated,  ///< heard before, or far from the numbers so far
-    made,      ///< the beat it stands for was made already
-  };
-  /// A time without ticks.
-  struct Outage {
-    std::uint32_t substitutes = 0;
-    nanoseconds lasted{0};  ///< from the last real tick on
-  };
-  struct Heard {
-    Verdict verdict = Verdict::repeated;
-    std::optional<Outage> ended;
-  };
-  Heard on_tick(const HeardTick& tick);
+  /// A Beat, unless the tick was heard before, is far from the numbers so far, or stands for a beat that was
+  /// made already.
+  [[nodiscard]] HoldoverActions on_tick(const HeardTick& tick);
 
   /// When the next substitute is due; nullopt: none will be made. To be armed after each call.
   [[nodiscard]] std::optional<MonotonicTime> next_substitute() const;
-  enum class Substitute : std::uint8_t {
-    not_due,
-    beat,
-    beat_in_outage,  ///< likewise, and it is certain now that this is not just one late tick; once an outage
-  };
-  /// However late it is called, one beat at most: those before it were missed.
-  [[nodiscard]] Substitute on_deadline(MonotonicTime now);
-  /// Timing was stopped on purpose: no substitutes until the next real tick. @return the outage it ends
-  std::optional<Outage> stop(MonotonicTime now);
+  /// A Beat when it is due. However late it is called, one at most: those before it were missed.
+  [[nodiscard]] HoldoverActions on_deadline(MonotonicTime now);
+  /// Timing was stopped on purpose: no substitutes until the next real tick.
+  [[nodiscard]] HoldoverActions stop(MonotonicTime now);
   /// From the activation on: what was heard before counts for the numbers only.
   void rest();
 
@@ -84,7 +90,7 @@ class TickHoldover {
   /// tick must not stop the rotation), and believed when the next one goes on from there (timing lost its
   /// count).
   bool follows(MissionCycle cycle);
-  std::optional<Outage> end_outage(MonotonicTime at);
+  [[nodiscard]] HoldoverActions end_outage(MonotonicTime at);
   static constexpr MissionCycle longest_gap = 1'000'000;
 
   nanoseconds period_{0};                   ///< 0: not known

@@ -1,6 +1,6 @@
 // SPDX-FileCopyrightText: 2026 SRFS contributors
 // SPDX-License-Identifier: Apache-2.0
-// HolderFence against real processes.
+// HolderFence and kill_holder against real processes.
 
 #include <sys/epoll.h>
 #include <sys/wait.h>
@@ -13,8 +13,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/action_queue.hpp"
 #include "nodes/can_switcher/holder_fence.hpp"
+#include "nodes/can_switcher/holder_kill.hpp"
 #include "nodes/can_switcher/holder_record.hpp"
+#include "ros/executor.hpp"
 #include "tests/signal_child.hpp"
 #include "tests/temporary_folder.hpp"
 
@@ -59,45 +62,56 @@ class Holder {
   bool reaped_ = false;
 };
 
+/// The fence with the kernel's answers, as in CanSwitcherNode.
 class HolderFenceTest : public testing::Test {
  protected:
-  HolderFence::Hooks hooks() {
-    HolderFence::Hooks h;
-    h.find = [this](const std::string&) { return find_(); };
-    h.watch = [this](int fd, std::function<void()> readable) {
-      return executor_.add_fd(fd, EPOLLIN, [f = std::move(readable)](std::uint32_t) { f(); });
-    };
-    h.after = [this](nanoseconds delay, std::function<void()> due) {
-      return executor_.add_timer(monotonic_now() + delay, nanoseconds(0), std::move(due));
-    };
-    return h;
+  void fence(nanoseconds wait) {
+    fence_.emplace(wait);
+    run(fence_->fence("payload_eps", std::nullopt));
   }
-  void fence(HolderFence& fence) {
-    fence.fence("payload_eps", {.gone = [this] { ++gone_; },
-                                .unproven = [this](const std::string& why) { unproven_.push_back(why); }});
+  void run(FenceActions actions) {
+    actions_.run(std::move(actions), [this](const FenceAction& action) {
+      std::visit([this](const auto& a) { carry_out(a); }, action);
+    });
   }
+  void carry_out(const KillHolder& /*action*/) {
+    watch_.reset();
+    HolderKill kill = kill_holder(find_, kill_);
+    pidfd_ = std::move(kill.pidfd);
+    run(fence_->on_killed(kill.is_there, kill.problem));
+  }
+  void carry_out(const AwaitExit& action) {
+    if (pidfd_)
+      watch_ = executor_.add_fd(pidfd_.get(), EPOLLIN, [this](std::uint32_t) { run(fence_->on_exit()); });
+    timer_ = executor_.add_timer(monotonic_now() + action.wait, nanoseconds(0),
+                                 [this] { run(fence_->on_wait_over()); });
+  }
+  void carry_out(const HolderGone& /*action*/) {
+    watch_.reset();
+    timer_.reset();
+    ++gone_;
+  }
+  void carry_out(const FenceUnproven& action) { unproven_.push_back(action.why); }
   bool wait(const std::function<bool()>& condition) {
     return executor_.spin_until(condition, monotonic_now() + seconds(20));
   }
 
   ros::Executor executor_;
   std::function<std::optional<pid_t>()> find_ = [] { return std::nullopt; };
+  std::function<int(int pidfd)> kill_ = send_sigkill;
+  std::optional<HolderFence> fence_;
+  ActionQueue<FenceAction> actions_;
+  Fd pidfd_;
+  ros::Executor::Handle watch_;
+  ros::Timer timer_;
   int gone_ = 0;
   std::vector<std::string> unproven_;
 };
 
-TEST_F(HolderFenceTest, SaysGoneAtOnceWhenNoSuchProcessRuns) {
-  HolderFence holder_fence(hooks(), seconds(10));
-  fence(holder_fence);
-  EXPECT_EQ(gone_, 1);
-  EXPECT_FALSE(holder_fence.busy());
-}
-
 TEST_F(HolderFenceTest, KillsTheHolderAndSaysGoneWhenItHasEnded) {
   Holder holder;
   find_ = [&] { return holder.lock_owner(); };
-  HolderFence holder_fence(hooks(), seconds(10));
-  fence(holder_fence);
+  fence(seconds(10));
   ASSERT_TRUE(wait([&] { return gone_ == 1; }));
   EXPECT_FALSE(holder.lock_owner().has_value());
   EXPECT_EQ(holder.reap(), SIGKILL);
@@ -107,12 +121,10 @@ TEST_F(HolderFenceTest, KillsTheHolderAndSaysGoneWhenItHasEnded) {
 TEST_F(HolderFenceTest, SaysGoneOnlyWhenTheHolderThatCouldNotBeKilledIsGone) {
   Holder holder;
   find_ = [&] { return holder.lock_owner(); };
-  HolderFence::Hooks refused = hooks();
   bool may_kill = false;
-  refused.kill = [&](int pidfd) { return may_kill ? HolderFence::send_sigkill(pidfd) : EPERM; };
-  HolderFence holder_fence(std::move(refused), milliseconds(5));
+  kill_ = [&](int pidfd) { return may_kill ? send_sigkill(pidfd) : EPERM; };
 
-  fence(holder_fence);
+  fence(milliseconds(5));
   ASSERT_TRUE(wait([&] { return unproven_.size() >= 3; }));
   EXPECT_EQ(gone_, 0) << "it lives and may write";
   EXPECT_THAT(unproven_.back(), HasSubstr("cannot kill"));
@@ -125,10 +137,8 @@ TEST_F(HolderFenceTest, SaysGoneOnlyWhenTheHolderThatCouldNotBeKilledIsGone) {
 TEST_F(HolderFenceTest, SeesAHolderThatEndsByItselfAfterTheKillFailed) {
   Holder holder;
   find_ = [&] { return holder.lock_owner(); };
-  HolderFence::Hooks refused = hooks();
-  refused.kill = [](int) { return EPERM; };
-  HolderFence holder_fence(std::move(refused), seconds(30));
-  fence(holder_fence);
+  kill_ = [](int) { return EPERM; };
+  fence(seconds(30));
   EXPECT_EQ(gone_, 0);
 
   testing_support::signal_child(holder.pid(), SIGTERM);
@@ -142,19 +152,9 @@ TEST_F(HolderFenceTest, NeverKillsAStrangerThatGotTheNumber) {
   find_ = [&]() -> std::optional<pid_t> {
     return asked++ == 0 ? std::optional(stranger.pid()) : std::nullopt;
   };
-  HolderFence holder_fence(hooks(), seconds(10));
-  fence(holder_fence);
+  fence(seconds(10));
   EXPECT_EQ(gone_, 1);
   EXPECT_TRUE(stranger.lock_owner().has_value());
-}
-
-TEST(HolderIdentity, ASuccessorIsInnocentEvenBeforeItHasSaidItsNumber) {
-  EXPECT_TRUE(is_holder(7, 7));
-  EXPECT_TRUE(is_holder(6, 7));
-  EXPECT_FALSE(is_holder(8, 7));
-  EXPECT_FALSE(is_holder(0, 7));
-  EXPECT_TRUE(is_holder(7, std::nullopt));
-  EXPECT_TRUE(is_holder(0, std::nullopt));
 }
 
 class HolderRecordTest : public testing::Test {

@@ -614,9 +614,8 @@ class World {
 
   void take_tick(const Event& event) {
     switcher_.heard_a_tick = true;
-    const auto heard = switcher_.holdover.on_tick(
-        {.cycle = event.number, .due = event.granted, .period = tick_period, .received = event.at});
-    if (heard.verdict == TickHoldover::Verdict::beat) switcher_beat(event.at);
+    carry_out(switcher_.holdover.on_tick(
+        {.cycle = event.number, .due = event.granted, .period = tick_period, .received = event.at}));
   }
 
   void tick_missing() {
@@ -635,17 +634,19 @@ class World {
       take_tick(e);
     }
     if (!switcher_.alive || switcher_.frozen) return;
-    if (switcher_.holdover.on_deadline(now_) == TickHoldover::Substitute::not_due) return;
-    ++statistics_.substitutes;
-    switcher_beat(now_);
+    carry_out(switcher_.holdover.on_deadline(now_));
   }
 
-  void switcher_beat(MonotonicTime received) {
+  void carry_out(const HoldoverActions& actions) {
+    for (const HoldoverAction& action : actions) std::visit([this](const auto& a) { carry_out(a); }, action);
+  }
+  void carry_out(const ReportTicksMissing& /*action*/) {}
+  void carry_out(const ReportTicksBack& /*action*/) {}
+  void carry_out(const Beat& beat) {
+    if (beat.is_substitute) ++statistics_.substitutes;
     switcher_deadline();
     if (!switcher_.alive || switcher_.frozen) return;
-    const Decision decision = switcher_.rotation->on_tick(now_, switcher_.holdover.cycle(), received);
-    if (const Grant* grant = std::get_if<Grant>(&decision)) on_grant(*grant);
-    if (const Recall* recall = std::get_if<Recall>(&decision)) publish_recall(*recall);
+    carry_out(switcher_.rotation->on_tick(now_, switcher_.holdover.cycle(), beat.received));
   }
 
   void drain() {
@@ -673,8 +674,7 @@ class World {
     const ReportVerdict verdict = rotation.on_bus_status(report, now_);
     if (verdict == ReportVerdict::applied && event.report != BusReport::Kind::taken) last_release_ = now_;
     record();
-    const Decision decision = rotation.on_early_release(now_);
-    if (const Grant* grant = std::get_if<Grant>(&decision)) on_grant(*grant);
+    carry_out(rotation.on_early_release(now_));
   }
 
   void switcher_deadline() {
@@ -699,9 +699,7 @@ class World {
       }
     }
     if (!switcher_.alive || switcher_.frozen) return;
-    const Decision decision = rotation.on_deadline(now_);
-    if (const OrderReset* order = std::get_if<OrderReset>(&decision)) order_reset(*order);
-    if (const Fence* f = std::get_if<Fence>(&decision)) fence(*f);
+    carry_out(rotation.on_deadline(now_));
     record();
   }
 
@@ -731,7 +729,12 @@ class World {
     record_ = holder;
   }
 
-  void on_grant(const Grant& grant) {
+  void carry_out(const RotationActions& actions) {
+    for (const RotationAction& action : actions) std::visit([this](const auto& a) { carry_out(a); }, action);
+  }
+  void carry_out(const ReportDoubt& /*action*/) {}
+
+  void carry_out(const Grant& grant) {
     if (faults_on_ && chance(2000)) {
       switcher_.decided = grant;
       freeze(switcher_index);
@@ -782,12 +785,12 @@ class World {
              .number = static_cast<std::uint64_t>(grant.allotted.count())});
   }
 
-  void publish_recall(const Recall& recall) {
+  void carry_out(const Recall& recall) {
     ++statistics_.recalls;
     publish({.kind = Kind::flag, .grant = recall.id, .holder = nobody});
   }
 
-  void order_reset(const OrderReset& order) {
+  void carry_out(const OrderReset& order) {
     ++statistics_.resets;
     const auto who = static_cast<std::uint8_t>(switcher_.rotation->current()->slot);
     if (faults_on_ && chance(20)) return;
@@ -798,7 +801,7 @@ class World {
               .grant = order.id});
   }
 
-  void fence(const Fence& f) {
+  void carry_out(const Fence& f) {
     ++statistics_.fences;
     fencing_ = true;
     const auto who = static_cast<std::uint8_t>(switcher_.rotation->current()->slot);
